@@ -1,0 +1,39 @@
+# Two commands on a bare machine with Python 3.11+, pip and make: `make adapt` and `make test`.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: adapt test lint types units lock clean
+
+adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
+	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
+
+test: lint types units ## everything that must hold: style, types, tests
+
+lint: .venv/dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/dev
+	$(BIN)/pyright
+
+units: .venv/dev
+	$(BIN)/pytest
+
+lock: .venv/dev ## after a change of dependencies in pyproject.toml
+	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes pyproject.toml -o requirements.lock
+	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
+
+.venv/bin/python:
+	$(PYTHON) -m venv .venv
+
+.venv/runtime: .venv/bin/python requirements.lock pyproject.toml
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/pip install -q --disable-pip-version-check --no-deps -e .
+	touch $@
+
+.venv/dev: .venv/runtime requirements-dev.lock
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	touch $@
+
+clean:
+	rm -rf .venv out build dist

@@ -1,0 +1,322 @@
+"""Adaptation of the girdle to subjects: min E = D + w mean(J_p) over ellipsoid and conoid (thesis Eq. 6.5).
+
+Lanes: every subject with every model is one element of a flat batch.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, Shaped
+
+from adapt import status
+from adapt.batch import Batch
+from adapt.fit import FEWEST_ANGLES, Fitted, fit_lanes, lanes_of
+from adapt.linalg import Factor, diagonal, jacobian, matmul, trace, transpose
+from adapt.objective import READINGS, WEIGHT, jitted_geometric_fit, thorax_distance_mm2
+from adapt.posture import mean_square_deg2, objective_weights
+from adapt.subject import Problem, Subject, joint, solve_subjects
+from models.ellipsoid import signed_distance_mm
+from models.girdle import ADAPTED, Girdle, constraint_residuals_mm
+from models.parameters import ParameterSet
+
+STARTS_MM = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [30.0, 0.0, 0.0, -30.0, 0.0, 1.0],
+        [-30.0, 0.0, 0.0, 30.0, 0.0, -1.0],
+        [0.0, 8.0, -8.0, 0.0, 8.0, 1.0],
+    ]
+)
+"""Offsets of the starts from the geometric fit, in the order of ADAPTED. E has many local minima (thesis 6.2.6): the
+ellipsoid's free direction (M_y against A_y) and its depth are where other ones were found."""
+
+_ROUNDS = 4
+"""A lane that did not converge, or has a posture in the higher of two valleys, goes on from fresh posture fits."""
+
+_LOWER_DEG2 = 1e-6
+"""A fresh posture fit lower by less than this is the same one."""
+
+_ROOT_ROUNDS = 100
+"""Most fixed-point iterations of the weight of a reading with roots."""
+
+_ROOT_SETTLED = 1e-4
+"""Relative change of that weight at which it has settled."""
+
+_LEAST_WEIGHT = 1e-6
+"""The weight goes to 0 where the root of D has its kink, at the geometric fit; below this nothing moves any more."""
+
+_AT_BOUND_MM = 1e-9
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """Adaptations of L lanes (subject x model), numpy."""
+
+    theta_mm: Float[np.ndarray, "6 lanes"]
+    """ADAPTED, mm."""
+    sd_mm: Float[np.ndarray, "6 lanes"]
+    """Standard deviation from the curvature of E: see :func:`standard_deviations`; NaN at a bound."""
+    at_bound: Bool[np.ndarray, "6 lanes"]
+    angles: Float[np.ndarray, "6 postures lanes"]
+    """Fitted postures at theta, rad."""
+    D_mm2: Float[np.ndarray, " lanes"]
+    mean_j_deg2: Float[np.ndarray, " lanes"]
+    E: Float[np.ndarray, " lanes"]
+    """In the units of the reading."""
+    iterations: Int[np.ndarray, " lanes"]
+    status: Shaped[np.ndarray, " lanes"]
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """The data and models of L lanes, padding included."""
+
+    girdle: Girdle
+    """Each model's girdle after its geometric fit, (component, lanes)."""
+    points_mm: Float[Array, " 3 points lanes"]
+    shares: Float[Array, "points lanes"]
+    bounds_mm: Float[Array, " 2 6 lanes"]
+    angles: Float[Array, " 6 postures lanes"]
+    measured: Bool[Array, " 6 postures lanes"]
+    counted: Bool[Array, "postures lanes"]
+
+
+def lanes(batch: Batch, models: list[ParameterSet]) -> Lanes:
+    """Every subject of the batch with every model: lane = model * subjects + subject."""
+    subjects = batch.angles.shape[-1]
+    points = max(model.points_mm.shape[1] for model in models)
+
+    def each_subject(values):
+        stacked = jnp.stack(values, axis=-1)
+        return jnp.repeat(stacked, subjects, axis=-1)
+
+    def each_model(values):
+        return jnp.tile(values, [1] * (values.ndim - 1) + [len(models)])
+
+    def padded(model: ParameterSet):
+        return jnp.pad(model.points_mm, ((0, 0), (0, points - model.points_mm.shape[1])), mode="edge")
+
+    def shares(model: ParameterSet):
+        count = model.points_mm.shape[1]
+        return jnp.where(jnp.arange(points) < count, 1.0 / count, 0.0)
+
+    girdles = [jitted_geometric_fit(model.girdle, jnp.asarray(model.points_mm)) for model in models]
+    return Lanes(
+        girdle=jax.tree.map(lambda *x: each_subject(x), *girdles),
+        points_mm=each_subject([padded(model) for model in models]),
+        shares=each_subject([shares(model) for model in models]),
+        bounds_mm=each_subject([jnp.asarray(model.bounds_mm) for model in models]),
+        angles=each_model(batch.angles),
+        measured=each_model(batch.measured),
+        counted=each_model(batch.counted),
+    )
+
+
+def adapt_lanes(
+    data: Lanes,
+    weight: float = WEIGHT,
+    reading: str = "mm2_deg2",
+    progress: Callable[[str], None] = lambda _: None,
+) -> Adapted:
+    """The lowest E found for each lane from several starts, with exact derivatives and the bounds of the model.
+
+    A lane is ``ok`` when the optimality conditions of the whole-subject problem hold to tolerance.
+    """
+    chosen = READINGS[reading]
+    lanes_shape = data.counted.shape[1:]
+    if not chosen.root:
+        factor = np.broadcast_to(chosen.weight(weight, np.nan, np.nan), lanes_shape)
+        return _lowest(data, weight, chosen, factor, progress)
+    factor = np.full(lanes_shape, WEIGHT)
+    adapted = _lowest(data, weight, chosen, factor, progress)
+    moving = np.ones(lanes_shape, bool)
+    for number in range(_ROOT_ROUNDS):
+        progress(f"weight of the roots, round {number + 1}")
+        before, factor = factor, np.maximum(chosen.weight(weight, adapted.D_mm2, adapted.mean_j_deg2), _LEAST_WEIGHT)
+        adapted = _from_theta(data, weight, chosen, factor, jnp.asarray(adapted.theta_mm))
+        moving = np.abs(np.log(factor / before)) > _ROOT_SETTLED
+        if not moving.any():
+            return adapted
+    return replace(adapted, status=np.where(moving, status.NOT_CONVERGED, adapted.status))
+
+
+def _lowest(data: Lanes, weight, reading, factor, progress) -> Adapted:
+    lower, upper = data.bounds_mm
+    best: Adapted | None = None
+    for number, offset in enumerate(STARTS_MM):
+        progress(f"start {number + 1} of {len(STARTS_MM)}")
+        start = jnp.clip(data.girdle.adapted_mm + offset[:, None], lower, upper)
+        found = _from_theta(data, weight, reading, factor, start)
+        best = found if best is None else _better(best, found)
+    assert best is not None
+    return best
+
+
+def _better(one: Adapted, other: Adapted) -> Adapted:
+    """Lane by lane the converged one, then the one with the lower E."""
+    gains = (other.status == status.OK) & ((one.status != status.OK) | (other.E < one.E))
+    return Adapted(
+        **{k: np.where(gains, value, getattr(one, k)) for k, value in vars(other).items()}  # lanes are last
+    )
+
+
+def _from_theta(data: Lanes, weight, reading, factor, theta: Float[Array, "6 lanes"]) -> Adapted:
+    weights = _weights(data, factor)
+    problem = _problem(data, weights)
+
+    def going_from(theta, angles):
+        return _solve(data.girdle, data.points_mm, data.shares, problem, theta, angles)
+
+    result = going_from(theta, fitted_angles(data, theta))
+    for _ in range(_ROUNDS - 1):
+        angles, lower = _lower_postures(data, result)
+        again = ~result.converged | lower
+        if not bool(again.any()):
+            break
+        further = going_from(result.theta, angles)
+        result = _where(again & further.converged | ~result.converged, further, result)
+    return _as_adapted(data, weight, reading, weights, result)
+
+
+def _lower_postures(data: Lanes, solved: Subject) -> tuple[Float[Array, "6 postures lanes"], Bool[Array, " lanes"]]:
+    """The postures fitted anew at the solution, where that lowers their J, and the lanes where it does.
+
+    A posture can be carried along in a valley that has become the higher one; E is the sum of the lowest.
+    """
+    fresh = fitted_angles(data, solved.theta)
+    weights = objective_weights(data.measured)
+    before, after = (mean_square_deg2(angles, data.angles, weights) for angles in (solved.angles, fresh))
+    lower = (after < before - _LOWER_DEG2) & data.counted
+    return jnp.where(lower[None], fresh, solved.angles), jnp.any(lower, axis=0)
+
+
+def _where(lanes: Bool[Array, " lanes"], one: Subject, other: Subject) -> Subject:
+    return jax.tree.map(lambda a, b: jnp.where(lanes, a, b), one, other)
+
+
+def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, " 6 postures lanes"]:
+    """The posture fits of every lane with its own girdle at theta."""
+    postures, count = data.counted.shape
+    lane = np.tile(np.arange(count), postures)
+    girdle = lanes_of(data.girdle.with_adapted(theta), lane)
+    fitted = fit_lanes(girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1))
+    return jnp.asarray(fitted.angles).reshape(6, postures, count)
+
+
+def fitted_lanes(data: Lanes, adapted: Adapted, chosen: Int[np.ndarray, " lanes"]) -> Fitted:
+    """The postures of the adapted girdles as posture fits, flat over postures x chosen lanes."""
+    postures = data.counted.shape[0]
+    lane = np.tile(chosen, postures)
+    girdle = lanes_of(data.girdle.with_adapted(jnp.asarray(adapted.theta_mm)), lane)
+
+    def flat(x):
+        return np.asarray(x)[..., chosen].reshape(6, -1)
+
+    return fit_lanes(girdle, flat(data.angles), flat(data.measured), start=flat(adapted.angles))
+
+
+def _weights(data: Lanes, factor) -> Float[Array, " 6 postures lanes"]:
+    """W of each angle in E: w / postures times that in J."""
+    count = jnp.sum(data.counted, axis=0)
+    return objective_weights(data.measured) * (jnp.asarray(factor) / count)[None, None]
+
+
+def _problem(data: Lanes, weights) -> Problem:
+    return Problem(data.angles, weights, data.counted, *data.bounds_mm)
+
+
+def _functions(girdle: Girdle, points_mm, shares):
+    """The constraints of z = (q, theta) and the thorax term of theta."""
+    spread = girdle.over_postures()
+
+    def residual(z):
+        return constraint_residuals_mm(spread.with_adapted(z[6:]), z[:6])
+
+    def thorax(theta):
+        return thorax_distance_mm2(girdle.with_adapted(theta), points_mm, shares)
+
+    return residual, thorax
+
+
+@jax.jit
+def _solve(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -> Subject:
+    residual, thorax = _functions(girdle, points_mm, shares)
+    return solve_subjects(residual, thorax, problem, theta, angles)
+
+
+@jax.jit
+def standard_deviations(
+    girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject
+) -> Float[Array, " 6 lanes"]:
+    """SD of each free parameter, mm, from the curvature of E (Gauss-Newton sandwich).
+
+    cov = H^-1 V H^-1 over the free parameters. With R_p = (G W^-1 G')^-1 the stiffness that posture p has left against
+    moving its constraints by T dtheta, and d_i the distance of thorax point i,
+
+        H = sum_p T' R_p T + 2 sum_i share_i d'_i d'_i'      (curvature of E)
+        V = W s2 sum_p T' R_p T + 4 d2 sum_i share_i^2 d'_i d'_i'   (covariance of dE/dtheta)
+
+    for angles with variance s2 = sum of squared gaps / (3 P - free) and distances with variance d2 = n D / (n - 5).
+    The gaps stand for the noise: what the model cannot do counts as if it were independent from posture to posture.
+    """
+    residual, _ = _functions(girdle, points_mm, shares)
+    slopes = jacobian(residual, joint(solved.angles, solved.theta))
+    G, T = slopes[:, :6], slopes[:, 6:]
+    weight = jnp.max(problem.weights, axis=(0, 1))
+    softness = jnp.where(problem.weights > 0.0, 1.0 / problem.weights, 1e6 / weight)
+    stiffness = matmul(G * softness[None], transpose(G))
+    factor = Factor(stiffness, 1e-12 * trace(stiffness))
+    from_angles = problem.total(matmul(transpose(T), factor.solve(T)))
+
+    def distances(theta):
+        moved = girdle.with_adapted(theta).over_postures()
+        return signed_distance_mm(points_mm, moved.centre_mm, moved.semi_axes_mm)
+
+    d = distances(solved.theta)
+    slope = jacobian(distances, solved.theta)
+    from_points = 2.0 * jnp.einsum("nil,nl,njl->ijl", slope, shares, slope)
+    scatter = 4.0 * jnp.einsum("nil,nl,njl->ijl", slope, shares**2, slope)
+
+    free = (solved.theta > problem.lower + _AT_BOUND_MM) & (solved.theta < problem.upper - _AT_BOUND_MM)
+    squares = problem.total(jnp.sum(problem.weights * (solved.angles - problem.measured) ** 2, axis=0))
+    freedom = 3.0 * jnp.sum(problem.counted, axis=0) - jnp.sum(free, axis=0)
+    points = jnp.sum(shares > 0.0, axis=0)
+    point_variance = jnp.sum(shares * d**2, axis=0) * points / jnp.maximum(points - 5, 1)
+    # W s2 = (sum of W gap^2) / freedom.
+    V = jnp.where(freedom > 0, squares / freedom, jnp.nan) * from_angles + point_variance * scatter
+
+    both = free[:, None] & free[None]
+    curvature = from_angles + from_points
+    size = jnp.max(jnp.abs(curvature), axis=(0, 1))
+    reduced = jnp.where(both, curvature, 0.0) + diagonal(jnp.where(free, 0.0, size[None]))
+    curved = Factor(reduced, 1e-12 * size)
+    covariance = curved.solve(transpose(curved.solve(jnp.where(both, V, 0.0))))
+    variance = jnp.stack([covariance[k, k] for k in range(len(ADAPTED))])
+    return jnp.where(free & curved.positive[None], jnp.sqrt(variance), jnp.nan)
+
+
+def _as_adapted(data: Lanes, weight, reading, weights, solved: Subject) -> Adapted:
+    problem = _problem(data, weights)
+    sd = standard_deviations(data.girdle, data.points_mm, data.shares, problem, solved)
+    D = np.asarray(thorax_distance_mm2(data.girdle.with_adapted(solved.theta), data.points_mm, data.shares))
+    j = mean_square_deg2(solved.angles, data.angles, objective_weights(data.measured))
+    mean_j = np.asarray(problem.total(j) / jnp.sum(data.counted, axis=0))
+    lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
+    theta = np.asarray(solved.theta)
+    determined = np.asarray(jnp.all(jnp.sum(data.measured, axis=0) >= FEWEST_ANGLES, axis=0))
+    converged = np.asarray(solved.converged) & np.isfinite(D) & np.isfinite(mean_j)
+    words = np.where(converged, status.OK, status.NOT_CONVERGED)
+    return Adapted(
+        theta_mm=theta,
+        sd_mm=np.asarray(sd),
+        at_bound=(theta <= lower + _AT_BOUND_MM) | (theta >= upper - _AT_BOUND_MM),
+        angles=np.asarray(solved.angles),
+        D_mm2=D,
+        mean_j_deg2=mean_j,
+        E=reading.value(weight, D, mean_j),
+        iterations=np.asarray(solved.iterations),
+        status=np.where(determined, words, status.INVALID).astype("U16"),
+    )

@@ -1,0 +1,190 @@
+"""The command line: ``girdle fit | adapt | simulate | effects | models``, thin over ``adapt``."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import jax
+import platformdirs
+import typer
+from rich.console import Console
+
+from adapt import status
+from adapt.api import PostureFits, adapt_subjects, fit_postures
+from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.output import prepare_folder, write_run, write_table
+from adapt.simulation import simulate_model_subjects
+from adapt.terminal import print_parameters, print_summary, progress
+from models import ParameterSet, load_model, model_names
+from models.effects import EFFECTS
+from motions import InputError, Motions, read_motions, write_motions
+
+EXIT_BAD_INPUT = 2
+EXIT_SOME_NOT_HANDLED = 3
+
+NO_EFFECT = "none"
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="""Fit the shoulder girdle model to measured motions, and adapt it to each person.
+
+A motion file is a CSV with one row a posture: subject, motion, posture, humerus_elevation_deg and the six
+Cardan angles clavicle_y_deg ... scapula_x_deg (right shoulder, thorax frame, degrees).
+
+Exit status: 0 every subject was handled, 3 some were not (named on stderr and in the files), 2 bad input.""",
+)
+
+MotionFiles = Annotated[
+    list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files, one or many subjects each.")
+]
+Models = Annotated[
+    list[str],
+    typer.Option("--model", help="Name of a parameter set (see `girdle models`) or a TOML file; repeatable."),
+]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results; made if it is not there.")]
+
+# Names from files are printed as they are, never read as markup.
+console = Console(markup=False, highlight=False)
+errors = Console(stderr=True, markup=False, highlight=False)
+
+
+@app.command()
+def fit(motions: MotionFiles, out: Out, model: Models = ["R2"]) -> None:  # noqa: B006 (typer reads it, never changes it)
+    """Fit every posture with the models as they are (Tables 6.1 and 6.2).
+
+    Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
+    """
+    table, models, folder = _inputs(motions, model, out)
+    with progress(errors) as report:
+        result = fit_postures(table, models, report)
+    _write(folder, result)
+    write_run(folder, "fit", motions, model, {}, table.rejected)
+    print_summary(console, result.summary)
+    _finish(table, _failed_subjects(result.fits))
+
+
+@app.command()
+def adapt(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006
+    weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
+    reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+) -> None:
+    """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
+
+    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv and run.json.
+    """
+    if reading not in READINGS:
+        raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
+    table, models, folder = _inputs(motions, model, out)
+    with progress(errors) as report:
+        result = adapt_subjects(table, models, weight, reading, report)
+    _write(folder, result)
+    write_table(result.parameters, folder / "parameters.csv")
+    write_run(folder, "adapt", motions, model, {"weight": weight, "reading": reading}, table.rejected)
+    print_summary(console, result.summary)
+    print_parameters(console, result.parameters)
+    failed = _failed_subjects(result.fits[result.fits["adapted"] == 1])
+    for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
+        if word != status.OK:
+            failed[subject] = f"adaptation {word}"
+    _finish(table, failed)
+
+
+@app.command("models")
+def list_models() -> None:
+    """List the parameter sets, one line each."""
+    for name in model_names():
+        girdle = load_model(name).girdle
+        axes = ", ".join(f"{a:.0f}" for a in girdle.semi_axes_mm)
+        console.print(
+            f"{name:22} clavicle {float(girdle.ac_mm[0]):.0f} mm, semi-axes ({axes}) mm, "
+            f"conoid {float(girdle.conoid_length_mm):.1f} mm",
+            soft_wrap=True,
+        )
+
+
+@app.command()
+def simulate(
+    out: Out,
+    model: Annotated[str, typer.Option(help="Name of a parameter set or a TOML file.")] = "R2",
+    effect: Annotated[str, typer.Option(help="An effect of `girdle effects`, or none.")] = "none",
+    subjects: Annotated[int, typer.Option(min=1, help="How many subjects.")] = 10,
+    noise_deg: Annotated[float, typer.Option(min=0.0, help="SD of the noise on each angle, degrees.")] = 1.5,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same subjects.")] = 0,
+) -> None:
+    """Simulate subjects with the model, an unmodelled effect at work in them, and noise.
+
+    Writes motions.csv (what a laboratory would have measured; every row says it is simulated), truth.csv (the
+    parameters and amplitudes behind it, one row a subject) and run.json.
+    """
+    if effect != NO_EFFECT and effect not in EFFECTS:
+        raise InputError(
+            "--effect", None, f"there is no effect '{effect}'", f"Use one of {', '.join([NO_EFFECT, *EFFECTS])}"
+        )
+    parameters, folder = load_model(model), prepare_folder(out)
+    with progress(errors) as report:
+        report("simulating")
+        result = simulate_model_subjects(parameters, EFFECTS.get(effect), subjects, noise_deg, seed)
+    write_motions(result.motions, folder / "motions.csv")
+    write_table(result.truth, folder / "truth.csv")
+    options = {"effect": effect, "subjects": subjects, "noise_deg": noise_deg, "seed": seed}
+    write_run(folder, "simulate", [], [model], options)
+    console.print(
+        f"{len(result.motions.posture)} simulated postures of {subjects} subjects in {folder / 'motions.csv'}"
+    )
+
+
+@app.command("effects")
+def list_effects() -> None:
+    """List the candidate unmodelled effects, one line each."""
+    for one in EFFECTS.values():
+        scale = " / ".join(f"{value:g}" for value in one.scale)
+        console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit}", soft_wrap=True)
+
+
+def _inputs(motions: list[Path], models: list[str], out: Path) -> tuple[Motions, list[ParameterSet], Path]:
+    sets = [load_model(name) for name in models]
+    names = [one.name for one in sets]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
+    return read_motions(*motions), sets, prepare_folder(out)
+
+
+def _write(folder: Path, result: PostureFits) -> None:
+    write_table(result.fits, folder / "fits.csv")
+    write_table(result.summary, folder / "summary.csv")
+
+
+def _failed_subjects(fits) -> dict[str, str]:
+    bad = fits[fits["status"] != status.OK]
+    return {
+        subject: f"{len(rows)} posture fits {', '.join(sorted(set(rows['status'])))}"
+        for subject, rows in bad.groupby("subject", sort=False)
+    }
+
+
+def _finish(motions: Motions, failed: dict[str, str]) -> None:
+    """Name who was not handled on stderr and end with the exit status."""
+    for error in motions.rejected:
+        errors.print(f"left out: {error}", soft_wrap=True)
+    for subject, why in failed.items():
+        errors.print(f"not handled: {subject}: {why}", soft_wrap=True)
+    if motions.rejected or failed:
+        raise typer.Exit(EXIT_SOME_NOT_HANDLED)
+
+
+def main(application: typer.Typer = app) -> None:
+    """Entry point: compiled code is kept between runs; bad input is one message and exit status 2."""
+    cache = platformdirs.user_cache_path("girdle") / "jax"
+    jax.config.update("jax_compilation_cache_dir", str(cache))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    try:
+        application()
+    except InputError as error:
+        errors.print(f"error: {error}", soft_wrap=True)
+        sys.exit(EXIT_BAD_INPUT)

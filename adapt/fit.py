@@ -1,0 +1,245 @@
+"""Posture fits that can be relied on: from several starts, on one branch along a motion, each with a status.
+
+Lanes: every posture of every subject with every girdle is one element of a flat batch.
+"""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, Shaped
+
+from adapt import status
+from adapt.posture import (
+    Postures,
+    close_chain,
+    mean_square_deg2,
+    objective_weights,
+    solve_from_two_starts,
+    solve_postures,
+)
+from models.effects import ExtendedGirdle
+from models.girdle import Girdle
+from motions.rhythm import REST_DEG
+from motions.rotations import DEG
+
+FEWEST_ANGLES = 3
+"""A girdle has three degrees of freedom: with fewer measured angles its posture is not determined."""
+
+OPEN_CHAIN_MM = 1e-6
+"""A chain still open by more than this after closing it from every start cannot be closed here."""
+
+SAME_BRANCH_RAD = 1e-6
+"""Two solutions this close are one: converged ones agree to 1e-9 rad."""
+
+OFFSETS_SEED = 0
+
+_OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
+"""Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
+
+_TRACKING_STEPS = 4
+"""A posture is followed to the next one in this many steps along the straight line of measured angles."""
+
+
+Chain = Girdle | ExtendedGirdle
+"""A girdle of each lane, with or without effects."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Posture fits of B lanes."""
+
+    angles: Float[np.ndarray, "6 lanes"]
+    """rad."""
+    multipliers: Float[np.ndarray, "3 lanes"]
+    """Of A1-A3, deg^2 a mm."""
+    residual_mm: Float[np.ndarray, "3 lanes"]
+    stationarity: Float[np.ndarray, " lanes"]
+    """deg^2 a degree."""
+    j_deg2: Float[np.ndarray, " lanes"]
+    status: Shaped[np.ndarray, " lanes"]
+    jump: Bool[np.ndarray, " lanes"]
+    """True where the posture is not on the branch of the posture before it in its motion."""
+
+
+def lanes_of(girdle: Chain, index: Int[np.ndarray, " lanes"]) -> Chain:
+    """The girdles of the given lanes of a flat batch."""
+    return jax.tree.map(lambda x: x[..., index], girdle)
+
+
+def fit_lanes(
+    girdle: Chain,
+    angles: Float[np.ndarray, "6 lanes"],
+    measured: Bool[np.ndarray, "6 lanes"],
+    start: Float[np.ndarray, "6 lanes"] | None = None,
+) -> Fitted:
+    """The closest closed posture of each lane to its measured angles (rad), with multipliers and status.
+
+    Every lane starts from ``start``, else from its measured angles and from where its chain closes nearest to them, and
+    the lower J wins. One that does not converge starts again where it closes from nine other places. A lane whose chain
+    closes from nowhere is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles
+    is ``invalid``.
+    """
+    target = np.where(measured, angles, REST_DEG[:, None] / DEG)
+    weights = np.asarray(objective_weights(jnp.asarray(measured)))
+    determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0)
+    target = np.where(determined, target, REST_DEG[:, None] / DEG)
+    if start is None:
+        solved = _padded(_solve_twice, girdle, target, weights)
+    else:
+        solved = _padded(_solve, girdle, target, weights, start)
+    fitted = _as_fitted(solved, target, weights)
+    fitted.status[~determined] = status.INVALID
+    least_open = np.full(len(determined), np.inf)
+    for offset in (np.zeros(6), *_OFFSETS_DEG / DEG):
+        again = np.flatnonzero(fitted.status == status.NOT_CONVERGED)
+        if not len(again):
+            return fitted
+        part = lanes_of(girdle, again), target[:, again], weights[:, again]
+        closed, residual = _padded(_close, part[0], part[1] + offset[:, None])
+        tried = _as_fitted(_padded(_solve, *part, closed), *part[1:])
+        converged = tried.status == status.OK
+        _put(fitted, again[converged], _pick(tried, converged))
+        open_mm = np.abs(residual).max(axis=0)
+        less = ~converged & (open_mm < least_open[again])
+        least_open[again[less]] = open_mm[less]
+        _put(fitted, again[less], _pick(_unsolved(closed, residual, *part[1:]), less))
+    fitted.status[(fitted.status == status.NOT_CONVERGED) & (least_open > OPEN_CHAIN_MM)] = status.UNREACHABLE
+    return fitted
+
+
+def follow_motions(
+    fitted: Fitted,
+    girdle: Chain,
+    angles: Float[np.ndarray, "6 lanes"],
+    measured: Bool[np.ndarray, "6 lanes"],
+    previous: Int[np.ndarray, " lanes"],
+) -> Fitted:
+    """The same fits on one branch along each motion, where there is one, and jumps marked where there is not.
+
+    ``previous`` is the lane of the posture before, or -1 at the start of a motion. Two neighbours are on one branch
+    when continuation from one leads to the other. A motion with a jump is followed outward from its best posture
+    (lowest J): where continuation succeeds, its solution replaces the one found on its own.
+    """
+    target = np.where(measured, angles, REST_DEG[:, None] / DEG)
+    weights = np.asarray(objective_weights(jnp.asarray(measured)))
+    problem = girdle, target, weights
+    fitted = replace(fitted, **{name: value.copy() for name, value in vars(fitted).items()})
+    fitted.jump[:] = _breaks(fitted, problem, previous)
+    for lanes in _motions_of(previous):
+        if fitted.jump[lanes].any():
+            _follow_from_best(fitted, problem, lanes)
+    fitted.jump[:] = _breaks(fitted, problem, previous)
+    return fitted
+
+
+def _follow_from_best(fitted: Fitted, problem, lanes: Int[np.ndarray, " postures"]) -> None:
+    best = int(np.argmin(np.where(fitted.status[lanes] == status.OK, fitted.j_deg2[lanes], np.inf)))
+    for order in (lanes[best:], lanes[best::-1]):
+        for before, after in itertools.pairwise(order):
+            tracked = _track_lanes(fitted, problem, np.array([before]), np.array([after]))
+            if tracked.status[0] == status.OK:
+                _put(fitted, np.array([after]), tracked)
+
+
+def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
+    after = np.flatnonzero(previous >= 0)
+    good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
+    after = after[good]
+    broken = np.zeros(len(previous), bool)
+    if len(after):
+        tracked = _track_lanes(fitted, problem, previous[after], after)
+        apart = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) > SAME_BRANCH_RAD
+        broken[after] = apart | (tracked.status != status.OK)
+    return broken
+
+
+def _track_lanes(fitted: Fitted, problem, before, after) -> Fitted:
+    girdle, target, weights = problem
+    part = lanes_of(girdle, after), target[:, after], weights[:, after]
+    return _as_fitted(_padded(_track, *part, target[:, before], fitted.angles[:, before]), *part[1:])
+
+
+def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
+    """The lanes of each motion in order."""
+    following = {int(p): i for i, p in enumerate(previous) if p >= 0}
+    chains = []
+    for first in np.flatnonzero(previous < 0):
+        chain = [int(first)]
+        while chain[-1] in following:
+            chain.append(following[chain[-1]])
+        chains.append(np.array(chain))
+    return chains
+
+
+def _as_fitted(solved: Postures, target, weights) -> Fitted:
+    j = np.asarray(mean_square_deg2(solved.angles, target, weights))
+    words = np.where(np.asarray(solved.converged) & np.isfinite(j), status.OK, status.NOT_CONVERGED).astype("U16")
+    return Fitted(
+        np.array(solved.angles),
+        np.array(solved.multipliers),
+        np.array(solved.residual_mm),
+        np.array(solved.stationarity),
+        j.copy(),
+        words,
+        np.zeros(len(j), bool),
+    )
+
+
+def _unsolved(closed, residual, target, weights) -> Fitted:
+    """Angles where the chain closes, or gapes least, as a fit that did not converge."""
+    j = np.asarray(mean_square_deg2(closed, target, weights))
+    words = np.full(len(j), status.NOT_CONVERGED, "U16")
+    return Fitted(closed, np.zeros_like(residual), residual, np.full_like(j, np.nan), j, words, np.zeros(len(j), bool))
+
+
+def _pick(fitted: Fitted, lanes) -> Fitted:
+    return Fitted(**{name: value[..., lanes] for name, value in vars(fitted).items()})
+
+
+def _put(fitted: Fitted, lanes, values: Fitted) -> None:
+    for name, value in vars(values).items():
+        getattr(fitted, name)[..., lanes] = value
+
+
+@jax.jit
+def _solve(girdle: Chain, target: Array, weights: Array, start: Array) -> Postures:
+    return solve_postures(girdle.residuals_mm, target, weights, start)
+
+
+@jax.jit
+def _solve_twice(girdle: Chain, target: Array, weights: Array) -> Postures:
+    beside = jax.tree.map(lambda x: x[..., None], girdle)
+    return solve_from_two_starts(beside.residuals_mm, target, weights)
+
+
+@jax.jit
+def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
+    closed = close_chain(girdle.residuals_mm, start)
+    return closed, girdle.residuals_mm(closed)
+
+
+@jax.jit
+def _track(girdle: Chain, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
+    """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
+
+    def step(q, share):
+        on_the_way = target_before + share * (target - target_before)
+        solved = solve_postures(girdle.residuals_mm, on_the_way, weights, q)
+        return solved.angles, solved
+
+    shares = jnp.arange(1, _TRACKING_STEPS + 1) / _TRACKING_STEPS
+    _, along = jax.lax.scan(step, start, shares)
+    return jax.tree.map(lambda x: x[-1], along)
+
+
+def _padded(function: Callable[..., Any], girdle: Chain, *arrays: Any) -> Any:
+    """Call a jitted function with the lanes padded to a power of two, so that few shapes are compiled."""
+    lanes = arrays[0].shape[-1]
+    index = np.minimum(np.arange(max(8, 1 << (lanes - 1).bit_length())), lanes - 1)
+    padded = function(lanes_of(girdle, index), *(jnp.asarray(np.asarray(x)[..., index]) for x in arrays))
+    return jax.tree.map(lambda x: np.array(x)[..., :lanes], padded)

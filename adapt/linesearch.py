@@ -1,0 +1,49 @@
+"""The step length of a constrained Newton step: the longest one that lowers the merit function enough.
+
+The merit is the exact l1 penalty, objective + sum of penalty |g|. All lengths are tried at once, since evaluating
+constraints is cheap next to differentiating them. The first trial is the full step brought back to the surface: near
+a curved constraint the merit refuses good full steps without it (Maratos effect; Nocedal & Wright, Numerical
+Optimization, 2006, section 18.3).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from adapt.linalg import largest
+
+LENGTHS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.005)
+"""Plain step lengths, tried after the corrected full step."""
+
+_SUFFICIENT = 1e-4
+"""Share of the predicted decrease a step must reach (Armijo)."""
+
+_ROUNDING = 1e-13
+"""Relative error of a merit value: a rise below it is no rise."""
+
+TINY_RAD = 1e-7
+"""A step this short is the tail of a quadratic convergence, below what the merit resolves: it is taken whole."""
+
+
+def choose(
+    merit_before: Float[Array, " *batch"],
+    predicted: Float[Array, " *batch"],
+    merits: Float[Array, " trials *batch"],
+    tiny: Bool[Array, " *batch"],
+) -> Float[Array, " *batch"]:
+    """Index of the first trial with sufficient decrease, else of the lowest merit; 0 for a tiny step."""
+    lengths = jnp.array(LENGTHS).reshape(-1, *[1] * merit_before.ndim)
+    allowed = merit_before + _SUFFICIENT * lengths * jnp.minimum(predicted, 0.0)[None]
+    good = merits <= allowed + _ROUNDING * (1.0 + jnp.abs(merit_before))[None]
+    lowest = jnp.argmin(jnp.where(jnp.isnan(merits), jnp.inf, merits), axis=0)
+    return jnp.where(tiny, 0, jnp.where(jnp.any(good, axis=0), jnp.argmax(good, axis=0), lowest))
+
+
+def pick(candidates: Float[Array, " trials n *batch"], index: Float[Array, " *batch"]) -> Float[Array, " n *batch"]:
+    """The chosen trial of each element of the batch."""
+    return jnp.take_along_axis(candidates, index[None, None], axis=0)[0]
+
+
+def grown_penalty(penalty: Float[Array, " *batch"], multipliers: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
+    """A penalty above the multipliers, as exactness of the l1 merit needs, that forgets old ones by halves."""
+    needed = 1.5 * largest(multipliers)
+    return jnp.maximum(needed, 0.5 * (penalty + needed))

@@ -1,0 +1,211 @@
+"""The whole-subject problem: adapted parameters and all postures of a subject at once (thesis Eq. 6.5).
+
+    minimise  P(theta) + sum_p 1/2 (q_p - s_p)' W_p (q_p - s_p),   g(q_p, theta) = 0 for every posture p,
+    lower <= theta <= upper
+
+with P the thorax term D and W_p the weight (w / postures) of J_p. Its optimality conditions have an arrow shape: one
+9 x 9 block a posture, bordered by theta. Each iteration eliminates the postures (``adapt.newton``), takes a Newton
+step in theta alone, projected on the bounds (Bertsekas, SIAM J. Control Optim. 20, 1982), and moves all postures with
+it: one sweep over the postures instead of an optimisation inside an optimisation. The optimum is the nested one.
+
+Arrays are component first, then the postures of a subject, then any batch of subjects.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from adapt.linalg import Factor, diagonal, gradient, hessian, largest, matvec
+from adapt.linesearch import LENGTHS, TINY_RAD, choose, grown_penalty, pick
+from adapt.newton import Eliminated, back_to_surface, eliminate, limited, linearise
+from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
+from motions.rotations import DEG
+
+THETA_TOLERANCE = 1e-8
+"""|dE/dtheta| of a converged free parameter: mm^2 (of E) a mm. A parameter 1 mm away would change E by 1e-8."""
+
+MAX_ITERATIONS = 60
+"""Measured: 6-15 iterations from the geometric fit."""
+
+FIRST_RADIUS_MM = 30.0
+"""Longest first step in theta; later ones are twice or a quarter of it, as the last step went."""
+
+_DAMPINGS = (0.0, *(10.0**k for k in range(-5, 4)))
+"""Levenberg shifts of the matrix in theta, E per mm^2. Its eigenvalues are 1e-4 (M_y and A_y together, nearly free) to
+1e2: the smallest shift that is positive definite and keeps within the radius brakes the free direction alone."""
+
+_PIVOT_FLOOR = 1e-9
+"""Smallest pivot of the matrix in theta, relative to its largest diagonal entry."""
+
+Residual = Callable[[Float[Array, " n postures *batch"]], Float[Array, " 3 postures *batch"]]
+"""g of z = (q, theta), elementwise over postures and batch."""
+
+
+class Problem(NamedTuple):
+    """What the data and the model fix, for one subject or a trailing batch of them."""
+
+    measured: Float[Array, " 6 postures *batch"]
+    """s, rad, finite everywhere."""
+    weights: Float[Array, " 6 postures *batch"]
+    """W, with w / postures in it: E per rad^2. Zero for angles not measured."""
+    counted: Bool[Array, " postures *batch"]
+    """False for padding: a copy of some posture, solved along, that has no part in E."""
+    lower: Float[Array, " m *batch"]
+    upper: Float[Array, " m *batch"]
+
+    def total(self, of_postures: Float[Array, " ..."]) -> Float[Array, " ..."]:
+        """Sum over the postures that count; axes before the postures stay."""
+        axis = of_postures.ndim - self.counted.ndim
+        return jnp.sum(jnp.where(self.counted, of_postures, 0.0), axis=axis)
+
+    def worst(self, of_postures: Float[Array, " postures *batch"]) -> Float[Array, " *batch"]:
+        """Maximum over the postures that count."""
+        return jnp.max(jnp.where(self.counted, of_postures, 0.0), axis=0)
+
+
+class Subject(NamedTuple):
+    """Iterate, and at the end result, of whole-subject fits."""
+
+    theta: Float[Array, " m *batch"]
+    angles: Float[Array, " 6 postures *batch"]
+    multipliers: Float[Array, " 3 postures *batch"]
+    """Of A1-A3 in E per mm: w / postures times those of the posture fit."""
+    penalty: Float[Array, " postures *batch"]
+    residual_mm: Float[Array, " 3 postures *batch"]
+    stationarity: Float[Array, " postures *batch"]
+    """max |dE/dq + G' lambda|, E a degree."""
+    slope: Float[Array, " m *batch"]
+    """dE/dtheta by the envelope theorem: dP/dtheta + sum_p T' lambda. Zero for a parameter held by its bound."""
+    radius_mm: Float[Array, " *batch"]
+    """Trust radius of the next step in theta."""
+    iterations: Int[Array, " *batch"]
+    converged: Bool[Array, " *batch"]
+
+
+def solve_subjects(
+    residual: Residual,
+    penalty_term: Callable[[Float[Array, " m *batch"]], Float[Array, " *batch"]],
+    problem: Problem,
+    theta: Float[Array, " m *batch"],
+    angles: Float[Array, " 6 postures *batch"],
+) -> Subject:
+    """The local optimum of each subject reached from ``theta`` (within the bounds) and ``angles``.
+
+    Subjects that did not converge are returned as they stand: look at ``converged``.
+    """
+
+    def advance(state: Subject) -> Subject:
+        new = _iterate(residual, penalty_term, problem, state)
+        return jax.tree.map(lambda old, new: jnp.where(state.converged, old, new), state, new)
+
+    def unfinished(state: Subject):
+        return jnp.any(~state.converged & (state.iterations < MAX_ITERATIONS))
+
+    first = _evaluated(residual, penalty_term, problem, theta, angles, jnp.zeros_like(angles[:3]))
+    return jax.lax.while_loop(unfinished, advance, first)
+
+
+def joint(angles, theta):
+    """z = (q, theta) with theta repeated over the postures."""
+    postures = jnp.broadcast_to(theta[:, None], (theta.shape[0], *angles.shape[1:]))
+    return jnp.concatenate([angles, postures])
+
+
+def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
+    """Parameters at a bound that E pushes outward: the active set."""
+    at_lower = (theta <= problem.lower) & (slope > 0.0)
+    at_upper = (theta >= problem.upper) & (slope < 0.0)
+    return at_lower | at_upper
+
+
+def _evaluated(residual, penalty_term, problem: Problem, theta, angles, multipliers) -> Subject:
+    z = joint(angles, theta)
+    pull = gradient(lambda z: jnp.sum(multipliers * residual(z), axis=0), z)
+    stationarity = largest(problem.weights * (angles - problem.measured) + pull[:6]) / DEG
+    slope = gradient(penalty_term, theta) + problem.total(pull[6:])
+    slope = jnp.where(_held(problem, theta, slope), 0.0, slope)
+    g = residual(z)
+    converged = (
+        (problem.worst(largest(g)) <= CONSTRAINT_TOLERANCE_MM)
+        & (problem.worst(stationarity) <= STATIONARITY_TOLERANCE)
+        & (largest(slope) <= THETA_TOLERANCE)
+    )
+    start = {"penalty": jnp.zeros_like(angles[0]), "radius_mm": jnp.full_like(theta[0], FIRST_RADIUS_MM)}
+    iterations = jnp.zeros_like(theta[0], int)
+    return Subject(
+        theta,
+        angles,
+        multipliers,
+        start["penalty"],
+        g,
+        stationarity,
+        slope,
+        start["radius_mm"],
+        iterations,
+        converged,
+    )
+
+
+def theta_system(
+    penalty_term, problem: Problem, theta: Float[Array, " m *batch"], eliminated: Eliminated
+) -> tuple[Float[Array, " m m *batch"], Float[Array, " m *batch"]]:
+    """Hessian of E in theta with the postures eliminated, and the slope after their own steps."""
+    matrix = hessian(penalty_term, theta) + problem.total(eliminated.hessian)
+    return matrix, gradient(penalty_term, theta) + problem.total(eliminated.slope)
+
+
+def _theta_step(problem: Problem, state: Subject, matrix, slope) -> Float[Array, " m *batch"]:
+    """Newton step of the parameters off their bounds, braked to the trust radius and cut at the bounds."""
+    free = ~_held(problem, state.theta, slope)
+    size = jnp.max(jnp.abs(matrix), axis=(0, 1))
+    reduced = jnp.where(free[:, None] & free[None], matrix, 0.0) + diagonal(jnp.where(free, 0.0, size[None]))
+    target = jnp.where(free, slope, 0.0)
+
+    def braked(damping):
+        factor = Factor(reduced + diagonal(jnp.full_like(slope, damping)), _PIVOT_FLOOR * size)
+        step = -factor.solve_vector(target)
+        return step, factor.positive & (largest(step) <= state.radius_mm)
+
+    steps, good = jax.vmap(braked)(jnp.array(_DAMPINGS))
+    first_good = jnp.where(jnp.any(good, axis=0), jnp.argmax(good, axis=0), len(_DAMPINGS) - 1)
+    return jnp.clip(state.theta + pick(steps, first_good), problem.lower, problem.upper) - state.theta
+
+
+def _iterate(residual, penalty_term, problem: Problem, state: Subject) -> Subject:
+    z = joint(state.angles, state.theta)
+    at = linearise(residual, z, state.multipliers)
+    eliminated = eliminate(at, problem.weights * (state.angles - problem.measured), problem.weights)
+    matrix, slope = theta_system(penalty_term, problem, state.theta, eliminated)
+    theta_step = _theta_step(problem, state, matrix, slope)
+    over_postures = jnp.broadcast_to(theta_step[:, None], z[6:].shape)
+    step = limited(eliminated.step + matvec(eliminated.step_theta, over_postures))
+    multipliers = eliminated.multipliers + matvec(eliminated.multipliers_theta, over_postures)
+    penalty = grown_penalty(state.penalty, multipliers)
+    theta, angles, length = _search(residual, penalty_term, problem, state, at.G, theta_step, step, penalty)
+    radius = state.radius_mm * jnp.where(length == 1.0, 2.0, jnp.where(length < 0.5, 0.25, 1.0))
+    new = _evaluated(residual, penalty_term, problem, theta, angles, multipliers)
+    return new._replace(penalty=penalty, radius_mm=radius, iterations=state.iterations + 1)
+
+
+def _search(residual, penalty_term, problem: Problem, state: Subject, G, theta_step, step, penalty):
+    def merit(angles, theta):
+        gap = 0.5 * jnp.sum(problem.weights * (angles - problem.measured) ** 2, axis=0)
+        open_chain = penalty * jnp.sum(jnp.abs(residual(joint(angles, theta))), axis=0)
+        return penalty_term(theta) + problem.total(gap + open_chain)
+
+    def corrected(length):
+        angles, theta = state.angles + length * step, state.theta + length * theta_step
+        return angles + limited(back_to_surface(G, residual(joint(angles, theta)))), theta
+
+    angle_candidates, theta_candidates = jax.vmap(corrected)(jnp.array(LENGTHS))
+    predicted = jnp.sum(gradient(penalty_term, state.theta) * theta_step, axis=0)
+    gap_slope = jnp.sum(problem.weights * (state.angles - problem.measured) * step, axis=0)
+    predicted += problem.total(gap_slope - penalty * jnp.sum(jnp.abs(state.residual_mm), axis=0))
+    tiny = (problem.worst(largest(step)) < TINY_RAD) & (largest(theta_step) < 100.0 * TINY_RAD)
+    merits = jax.vmap(merit)(angle_candidates, theta_candidates)
+    index = choose(merit(state.angles, state.theta), predicted, merits, tiny)
+    postures_index = jnp.broadcast_to(index[None], step.shape[1:])
+    return pick(theta_candidates, index), pick(angle_candidates, postures_index), jnp.array(LENGTHS)[index]

@@ -1,0 +1,70 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""What a person sees on the terminal: progress while it runs, tables when it is done."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pandas as pd
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from adapt.tables import ALL_MOTIONS, STATISTICS, parameter_statistics
+from motions.table import ANGLES
+
+HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
+"""The thesis's abbreviations: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
+
+
+@contextmanager
+def progress(errors: Console) -> Iterator[Callable[[str], None]]:
+    """A line on stderr that says what is being done and for how long."""
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=errors, transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda stage: bar.update(task, description=stage)
+
+
+def print_summary(console: Console, summary: pd.DataFrame) -> None:
+    """Tables 6.1-6.4: mean absolute differences of all motions of a subject, a table a model and state."""
+    everything = summary[summary["motion"] == ALL_MOTIONS]
+    for (model, adapted), rows in everything.groupby(["model", "adapted"], sort=False):
+        state = "after adaptation" if adapted else "before adaptation"
+        table = Table(
+            title=f"{model}, {state}: mean |simulated - measured|, degrees", title_justify="left", box=SIMPLE_HEAD
+        )
+        table.add_column("subject", no_wrap=True)
+        for header in (*HEADERS, "clav", "scap"):
+            table.add_column(header, justify="right")
+        subjects = len(rows) - len(STATISTICS)
+        for number, row in enumerate(rows.to_dict("records")):
+            values = [row[f"{name}_deg"] for name in (*ANGLES, "clavicle", "scapula")]
+            table.add_row(row["subject"], *(f"{v:.1f}" for v in values), end_section=number == subjects - 1)
+        console.print(table)
+        _print_missing(console, rows[~rows["subject"].isin(STATISTICS)])
+
+
+def _print_missing(console: Console, rows: pd.DataFrame) -> None:
+    for row in rows[rows["postures"] > rows["postures_ok"]].to_dict("records"):
+        missing = row["postures"] - row["postures_ok"]
+        console.print(f"  {row['subject']}: {missing} of {row['postures']} postures not fitted, not counted above")
+
+
+def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
+    """Tables 6.5 and 6.6: adapted parameters, mean and standard deviation over subjects, beside the model's own."""
+    statistics = parameter_statistics(parameters)
+    table = Table(title="Adapted parameters over subjects, mm", title_justify="left", box=SIMPLE_HEAD)
+    table.add_column("model", no_wrap=True)
+    table.add_column("parameter", no_wrap=True)
+    for header in ("model's own", "adapted mean", "SD", "at bound"):
+        table.add_column(header, justify="right")
+    for model, rows in statistics.groupby("model", sort=False):
+        for number, row in enumerate(rows.to_dict("records")):
+            values = (f"{row[key]:.1f}" for key in ("prior_mm", "mean_mm", "sd_mm"))
+            bound = f"{row['at_bound']} of {row['subjects']}" if row["at_bound"] else ""
+            name = "" if number else str(model)
+            table.add_row(name, row["parameter"], *values, bound, end_section=number == len(rows) - 1)
+    console.print(table)

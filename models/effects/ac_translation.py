@@ -1,0 +1,22 @@
+"""The AC joint is no ball and socket: the acromion glides on the clavicle."""
+
+from dataclasses import replace
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
+    return replace(girdle, ac_mm=girdle.ac_mm + mm), rotations
+
+
+EFFECT = Effect(
+    name="ac_translation",
+    what="AC centre moves in the clavicle with elevation",
+    unit="mm",
+    channels=("along", "up", "back"),
+    scale=(4.0, 4.0, 4.0),
+    over_elevation=True,
+    source="Sahara 2006: antero-posterior -1.9 to +1.6 mm; bone pins 2.7-6.5 mm",
+    adjust=_adjust,
+)

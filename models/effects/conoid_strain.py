@@ -1,0 +1,22 @@
+"""The conoid is not rigid: its length changes as the arm is raised."""
+
+from dataclasses import replace
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
+    return replace(girdle, conoid_length_mm=girdle.conoid_length_mm + mm[0]), rotations
+
+
+EFFECT = Effect(
+    name="conoid_strain",
+    what="conoid length changes with elevation",
+    unit="mm",
+    channels=("length",),
+    scale=(3.0,),
+    over_elevation=True,
+    source="stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi 10.1109/TBME.2014.2309727); in vivo strain not found",
+    adjust=_adjust,
+)

@@ -1,0 +1,22 @@
+"""The SC joint is no ball and socket: the medial clavicle glides on the sternum, and the girdle with it."""
+
+from dataclasses import replace
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
+    return replace(girdle, sc_mm=girdle.sc_mm + mm), rotations
+
+
+EFFECT = Effect(
+    name="sc_translation",
+    what="SC centre moves in the thorax with elevation",
+    unit="mm",
+    channels=("lateral", "up", "back"),
+    scale=(5.0, 5.0, 5.0),
+    over_elevation=True,
+    source="bone pins 5.9-12.8 mm (two shoulders)",
+    adjust=_adjust,
+)

@@ -1,0 +1,26 @@
+"""The measured scapula frame is turned in the bone by a constant: AC for AA, or a landmark palpated wrong."""
+
+import jax.numpy as jnp
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+from motions.rotations import DEG, compose, rotation_from_vector
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
+    """R_measured = R_true B, so R_true = R_measured B'."""
+    R_thorax_clavicle, R_thorax_measured = rotations
+    R_measured_scapula = jnp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
+    return girdle, (R_thorax_clavicle, compose(R_thorax_measured, R_measured_scapula))
+
+
+EFFECT = Effect(
+    name="scapula_landmark_bias",
+    what="constant rotation of the measured scapula in its own frame",
+    unit="deg",
+    channels=("about x", "about y", "about z"),
+    scale=(7.0, 7.0, 7.0),
+    over_elevation=False,
+    source="Ludewig 2010: 12.4 / 6.1 / 11.6 deg between AC and AA frames",
+    adjust=_adjust,
+)

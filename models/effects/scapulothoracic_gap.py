@@ -1,0 +1,23 @@
+"""TS and AI change their distance to the thorax: muscle between scapula and ribs thins and thickens."""
+
+from dataclasses import replace
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
+    ts, ai = girdle.ts_distance_mm + mm[0], girdle.ai_distance_mm + mm[1]
+    return replace(girdle, ts_distance_mm=ts, ai_distance_mm=ai), rotations
+
+
+EFFECT = Effect(
+    name="scapulothoracic_gap",
+    what="TS and AI distance to the thorax change with elevation",
+    unit="mm",
+    channels=("TS", "AI"),
+    scale=(7.0, 7.0),
+    over_elevation=True,
+    source="no healthy figure found; 3-5 mm SD computed on bone-pin data",
+    adjust=_adjust,
+)

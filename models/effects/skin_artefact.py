@@ -1,0 +1,23 @@
+"""A marker on the skin lags behind the scapula, more the higher the arm."""
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+from motions.rotations import DEG, compose, rotation_from_vector
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
+    """R_true = R_measured exp(lag): the bone has turned further, about its own axes, than the skin shows."""
+    R_thorax_clavicle, R_thorax_measured = rotations
+    return girdle, (R_thorax_clavicle, compose(R_thorax_measured, rotation_from_vector(deg / DEG)))
+
+
+EFFECT = Effect(
+    name="skin_artefact",
+    what="a skin marker lags the scapula, more above 90 deg",
+    unit="deg",
+    channels=("about x", "about y", "about z"),
+    scale=(7.0, 7.0, 7.0),
+    over_elevation=True,
+    source="Meskers 2007, van Andel 2009, Warner 2012: 6-13 deg",
+    adjust=_adjust,
+)

@@ -1,0 +1,25 @@
+"""The thorax is not symmetric: the ellipsoid's centre is not in the sagittal plane (A4 of the thesis does not hold)."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
+    M_x, M_y, M_z = girdle.centre_mm
+    return replace(girdle, centre_mm=jnp.stack(jnp.broadcast_arrays(M_x + mm[0], M_y, M_z))), rotations
+
+
+EFFECT = Effect(
+    name="thorax_asymmetry",
+    what="M_x is not 0",
+    unit="mm",
+    channels=("M_x",),
+    scale=(7.0,),
+    over_elevation=False,
+    source="assumed: 5-10 mm, no figure found",
+    adjust=_adjust,
+)

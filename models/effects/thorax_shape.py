@@ -1,0 +1,47 @@
+"""The thorax is not an ellipsoid but squarer or more pointed: a superquadric.
+
+sum |x_i / a_i|^(2 + n) = 1 lies off the ellipsoid, along its normal, by
+
+    h = -n sum u_i^2 ln |u_i| / (2 |x_i / a_i^2|),   u_i = x_i / a_i
+
+to first order in n; the surface of this effect is the ellipsoid moved by just that.
+"""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+
+from models.effects.effect import Effect, Rotations
+from models.ellipsoid import closest_point
+from models.girdle import Girdle, chain_landmarks
+
+_SMALLEST_SQUARE = 1e-12
+"""u^2 ln u^2 goes to 0 with u; below this it is 0 to rounding and the logarithm must not be taken."""
+
+
+def _offset_mm(point_mm, girdle: Girdle, exponent):
+    """h at the point of the ellipsoid closest to the given one."""
+    relative, axes = jnp.broadcast_arrays(point_mm - girdle.centre_mm, girdle.semi_axes_mm)
+    x = closest_point(relative, axes)
+    squares = jnp.maximum((x / axes) ** 2, _SMALLEST_SQUARE)
+    steepness = 2.0 * jnp.sqrt(jnp.sum((x / axes**2) ** 2, axis=0))
+    return -exponent * 0.5 * jnp.sum(squares * jnp.log(squares), axis=0) / steepness
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, exponent) -> tuple[Girdle, Rotations]:
+    at = chain_landmarks(girdle, *rotations)
+    ts = girdle.ts_distance_mm + _offset_mm(at.TS, girdle, exponent[0])
+    ai = girdle.ai_distance_mm + _offset_mm(at.AI, girdle, exponent[0])
+    return replace(girdle, ts_distance_mm=ts, ai_distance_mm=ai), rotations
+
+
+EFFECT = Effect(
+    name="thorax_shape",
+    what="the surface is not an ellipsoid (superquadric exponent - 2)",
+    unit="1",
+    channels=("exponent",),
+    scale=(0.3,),
+    over_elevation=False,
+    source="sphere misfit 8-10 mm (Paquet 2019)",
+    adjust=_adjust,
+)

@@ -1,0 +1,29 @@
+"""The thorax ellipsoid's axes are not those of the thorax frame."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+
+from models.effects.effect import Effect, Rotations
+from models.girdle import Girdle
+from motions.rotations import DEG, compose, rotate, rotation_from_vector
+
+
+def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
+    """Everything else turned back about the ellipsoid's centre: the same chain, seen along the ellipsoid's axes."""
+    R_ellipsoid_thorax = jnp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
+    sc = girdle.centre_mm + rotate(R_ellipsoid_thorax, girdle.sc_mm - girdle.centre_mm)
+    R_clavicle, R_scapula = (compose(R_ellipsoid_thorax, R) for R in rotations)
+    return replace(girdle, sc_mm=sc), (R_clavicle, R_scapula)
+
+
+EFFECT = Effect(
+    name="thorax_tilt",
+    what="ellipsoid axes rotated from the thorax frame",
+    unit="deg",
+    channels=("about x", "about y", "about z"),
+    scale=(7.0, 7.0, 7.0),
+    over_elevation=False,
+    source="assumed: 5-10 deg, no figure found",
+    adjust=_adjust,
+)

@@ -1,0 +1,139 @@
+"""The shoulder girdle: thorax ellipsoid, clavicle, scapula and conoid, and the constraints A1-A3 that close the chain.
+
+Right shoulder, thorax frame (origin IJ, x lateral, y up, z backward), mm and radians. Six angles, three
+constraints: three degrees of freedom (thesis 6.2.3). Arrays are component first, batch last.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from models.ellipsoid import signed_distance_mm
+from motions.rotations import rotate, rotation_from_cardan
+
+CONSTRAINTS = ("A1", "A2", "A3")
+"""TS to the ellipsoid, AI to the ellipsoid, length of the conoid (thesis Eq. 6.2)."""
+
+ADAPTED = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid_length")
+"""The parameters an adaptation changes, in mm (thesis 6.2.6; M_x = 0 is A4)."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Girdle:
+    """Geometry of one girdle, or of a batch of them. Vectors are ``(3, *batch)``, lengths ``(*batch)``, in mm."""
+
+    centre_mm: Float[Array, " 3 *batch"]
+    """M, centre of the thorax ellipsoid, thorax frame."""
+    semi_axes_mm: Float[Array, " 3 *batch"]
+    """A, semi-axes of the ellipsoid, along the thorax axes."""
+    sc_mm: Float[Array, " 3 *batch"]
+    """Sternoclavicular joint, thorax frame."""
+    ac_mm: Float[Array, " 3 *batch"]
+    """Acromioclavicular joint, clavicle frame: (length of the clavicle, 0, 0)."""
+    clavicle_conoid_mm: Float[Array, " 3 *batch"]
+    """Attachment of the conoid, clavicle frame."""
+    ts_mm: Float[Array, " 3 *batch"]
+    """Trigonum spinae, scapula frame (origin AC)."""
+    ai_mm: Float[Array, " 3 *batch"]
+    """Angulus inferior, scapula frame."""
+    scapula_conoid_mm: Float[Array, " 3 *batch"]
+    """Attachment of the conoid, scapula frame."""
+    ts_distance_mm: Float[Array, " *batch"]
+    """const1 of A1, outside the ellipsoid positive."""
+    ai_distance_mm: Float[Array, " *batch"]
+    """const2 of A2."""
+    conoid_length_mm: Float[Array, " *batch"]
+    """const3 of A3."""
+
+    def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
+        """A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`."""
+        return constraint_residuals_mm(self, angles)
+
+    @property
+    def adapted_mm(self) -> Float[Array, " 6 *batch"]:
+        """The adapted parameters, in the order of ``ADAPTED``."""
+        return jnp.stack([*self.centre_mm[1:], *self.semi_axes_mm, self.conoid_length_mm])
+
+    def with_adapted(self, adapted_mm: Float[Array, " 6 *#batch"]) -> "Girdle":
+        """This girdle with other adapted parameters. M_x stays what it is (0 in the thesis: A4)."""
+        M_y, M_z, A_x, A_y, A_z, conoid = adapted_mm
+        return replace(
+            self,
+            centre_mm=jnp.stack(jnp.broadcast_arrays(self.centre_mm[0], M_y, M_z)),
+            semi_axes_mm=jnp.stack([A_x, A_y, A_z]),
+            conoid_length_mm=conoid,
+        )
+
+    def over_postures(self) -> "Girdle":
+        """This girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
+        lengths = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
+        return Girdle(**{k: v[None] if k in lengths else v[:, None] for k, v in vars(self).items()})
+
+
+@dataclass(frozen=True)
+class Landmarks:
+    """Positions in the thorax frame, mm, each ``(3, *batch)``."""
+
+    AC: Float[Array, " 3 *batch"]
+    TS: Float[Array, " 3 *batch"]
+    AI: Float[Array, " 3 *batch"]
+    clavicle_conoid: Float[Array, " 3 *batch"]
+    scapula_conoid: Float[Array, " 3 *batch"]
+
+
+def chain_landmarks(
+    girdle: Girdle, R_thorax_clavicle: Float[Array, " 3 3 *batch"], R_thorax_scapula: Float[Array, " 3 3 *batch"]
+) -> Landmarks:
+    """Where the bones are: AC = SC + R_C ac, and TS, AI and the conoid ride on the bones."""
+    AC = girdle.sc_mm + rotate(R_thorax_clavicle, girdle.ac_mm)
+    return Landmarks(
+        AC=AC,
+        TS=AC + rotate(R_thorax_scapula, girdle.ts_mm),
+        AI=AC + rotate(R_thorax_scapula, girdle.ai_mm),
+        clavicle_conoid=girdle.sc_mm + rotate(R_thorax_clavicle, girdle.clavicle_conoid_mm),
+        scapula_conoid=AC + rotate(R_thorax_scapula, girdle.scapula_conoid_mm),
+    )
+
+
+def bone_rotations(
+    angles: Float[Array, " 6 *batch"],
+) -> tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]:
+    """R_thorax_clavicle and R_thorax_scapula of clavicle (y, z, x) and scapula (y, z, x) in radians."""
+    return rotation_from_cardan(angles[:3]), rotation_from_cardan(angles[3:])
+
+
+def chain_residuals_mm(
+    girdle: Girdle, R_thorax_clavicle: Float[Array, " 3 3 *batch"], R_thorax_scapula: Float[Array, " 3 3 *batch"]
+) -> Float[Array, " 3 *batch"]:
+    """A1, A2, A3 in mm, zero where the chain is closed (thesis Eq. 6.2)."""
+    at = chain_landmarks(girdle, R_thorax_clavicle, R_thorax_scapula)
+    ts = signed_distance_mm(at.TS, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ts_distance_mm
+    ai = signed_distance_mm(at.AI, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ai_distance_mm
+    conoid = at.scapula_conoid - at.clavicle_conoid
+    return jnp.stack([ts, ai, _length(conoid) - girdle.conoid_length_mm])
+
+
+def landmarks(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Landmarks:
+    """Where the bones are at six angles in radians."""
+    return chain_landmarks(girdle, *bone_rotations(angles))
+
+
+def constraint_residuals_mm(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
+    """A1, A2, A3 in mm of six angles in radians: clavicle (y, z, x), scapula (y, z, x) (thesis, Appendix A)."""
+    return chain_residuals_mm(girdle, *bone_rotations(angles))
+
+
+@jax.custom_jvp
+def _length(v: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
+    """|v|, with derivative 0 instead of 0/0 where the two attachments coincide."""
+    return jnp.sqrt(jnp.sum(v * v, axis=0))
+
+
+@_length.defjvp
+def _length_jvp(primals, tangents):
+    (v,), (dv,) = primals, tangents
+    length = _length(v)
+    return length, jnp.sum(v * dv, axis=0) / jnp.where(length > 0.0, length, 1.0)

@@ -1,0 +1,20 @@
+"""The one error of a user's input: where it is, what is wrong, what to do about it."""
+
+
+class InputError(ValueError):
+    """A file or folder named by the user cannot be used as it is.
+
+    file: the path as the user wrote it. row: the line in the file, from 1 (the header is line 1), or None
+    when the whole file is meant. cause: what is wrong. remedy: what the user does to put it right.
+    """
+
+    def __init__(self, file: str, row: int | None, cause: str, remedy: str) -> None:
+        super().__init__(file, row, cause, remedy)
+        self.file = file
+        self.row = row
+        self.cause = cause
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        where = self.file if self.row is None else f"{self.file}, line {self.row}"
+        return f"{where}: {self.cause.rstrip('.')}. {self.remedy.rstrip('.')}."

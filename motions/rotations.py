@@ -1,0 +1,76 @@
+"""Rotations of the bones: Cardan angles Y-Z'-X'' (thesis, Appendix A).
+
+Arrays are *component first, batch last*: a vector is ``(3, *batch)``, a matrix ``(3, 3, *batch)``. Every
+function is elementwise over the batch, so one posture and a million postures are the same code.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+DEG = 180.0 / jnp.pi
+"""Degrees in one radian. Files and tables are in degrees, everything inside is in radians."""
+
+
+def rotation_from_cardan(angles: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
+    """R = Ry(a) Rz(b) Rx(c), bone to thorax, from angles (a, b, c) in radians (thesis, Appendix A).
+
+    a > 0 protraction, b > 0 elevation / lateral rotation, c > 0 backward axial rotation / tipping.
+    """
+    (ca, cb, cc), (sa, sb, sc) = jnp.cos(angles), jnp.sin(angles)
+    return jnp.stack(
+        [
+            jnp.stack([ca * cb, sa * sc - ca * sb * cc, sa * cc + ca * sb * sc]),
+            jnp.stack([sb, cb * cc, -cb * sc]),
+            jnp.stack([-sa * cb, ca * sc + sa * sb * cc, ca * cc - sa * sb * sc]),
+        ]
+    )
+
+
+def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
+    """The angles (a, b, c) in radians of R = Ry(a) Rz(b) Rx(c), with |b| <= pi/2.
+
+    At |b| = pi/2 only a + c or a - c is determined (gimbal lock); no measured clavicle or scapula comes near.
+    """
+    a = jnp.arctan2(-R[2, 0], R[0, 0])
+    b = jnp.arctan2(R[1, 0], jnp.hypot(R[0, 0], R[2, 0]))
+    c = jnp.arctan2(-R[1, 2], R[1, 1])
+    return jnp.stack([a, b, c])
+
+
+def rotate(R: Float[Array, " 3 3 *batch"], v: Float[Array, " 3 *#batch"]) -> Float[Array, " 3 *batch"]:
+    """R v, elementwise over the batch (no call of a matrix library for each 3 x 3)."""
+    return R[:, 0] * v[0][None] + R[:, 1] * v[1][None] + R[:, 2] * v[2][None]
+
+
+def compose(R_a_b: Float[Array, " 3 3 *batch"], R_b_c: Float[Array, " 3 3 *#batch"]) -> Float[Array, " 3 3 *batch"]:
+    """R_a_c = R_a_b R_b_c, elementwise over the batch."""
+    return jnp.stack([rotate(R_a_b, R_b_c[:, k]) for k in range(3)], axis=1)
+
+
+def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
+    """exp([v]x): the rotation by |v| radians about v (Rodrigues), smooth through v = 0."""
+    squared = jnp.sum(v * v, axis=0)
+    small = squared < _SMALL_ANGLE_SQUARED
+    safe = jnp.where(small, 1.0, squared)
+    angle = jnp.sqrt(safe)
+    sinc = jnp.where(small, 1.0 - squared / 6.0 + squared**2 / 120.0, jnp.sin(angle) / angle)
+    versinc = jnp.where(small, 0.5 - squared / 24.0 + squared**2 / 720.0, (1.0 - jnp.cos(angle)) / safe)
+    x, y, z = v
+    zero = jnp.zeros_like(x)
+    cross = jnp.stack([jnp.stack([zero, -z, y]), jnp.stack([z, zero, -x]), jnp.stack([-y, x, zero])])
+    outer = v[:, None] * v[None, :]
+    identity = jnp.eye(3).reshape(3, 3, *[1] * squared.ndim)
+    return identity * (1.0 - versinc * squared) + sinc * cross + versinc * outer
+
+
+_SMALL_ANGLE_SQUARED = 1e-3
+"""rad^2. Below it the series, cut after the 4th power, is exact to 1e-12 and its derivatives stay finite."""
+
+
+def mean_angle(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " *batch"]:
+    """The angle in radians of the rotation R, in [0, pi], accurate near 0 and near pi."""
+    axis = jnp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine2 = jnp.sqrt(jnp.sum(axis * axis, axis=0))
+    cosine2 = R[0, 0] + R[1, 1] + R[2, 2] - 1.0
+    return jax.lax.atan2(sine2, cosine2)

@@ -1,0 +1,83 @@
+"""The postures of one or many subjects as typed arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Int, Shaped
+
+from motions.errors import InputError
+
+ANGLES = ("clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x")
+"""Cardan angles Y-Z'-X'' of the clavicle and the scapula, the order of every array of six angles."""
+
+LANDMARKS = ("SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
+"""Bony landmarks whose positions a motion file may hold (thesis, Appendix A)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """N postures in the order of the files, all as a right shoulder; NaN means 'not measured'.
+
+    humerus_elevation_deg: angle of the humerus with the vertical, degrees.
+    angles_deg: the six ANGLES relative to the thorax, degrees.
+    landmarks_mm: positions in the thorax frame (x right, y up, z backward, origin IJ), mm; a landmark
+    without columns in the files has no entry.
+    extra: the columns that mean nothing here, as text, one row a posture, in the order of the files.
+    rejected: the subjects and files that were left out, each with its reason.
+    """
+
+    subject: Shaped[np.ndarray, " postures"]
+    motion: Shaped[np.ndarray, " postures"]
+    posture: Int[np.ndarray, " postures"]
+    humerus_elevation_deg: Float[np.ndarray, " postures"]
+    angles_deg: Float[np.ndarray, "postures 6"]
+    landmarks_mm: dict[str, Float[np.ndarray, "postures 3"]]
+    extra: pd.DataFrame
+    rejected: tuple[InputError, ...] = ()
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """The names of the subjects, each once, in the order in which they first appear."""
+        return tuple(dict.fromkeys(self.subject.tolist()))
+
+    def select(self, mask: Bool[np.ndarray, " postures"]) -> Motions:
+        """The postures where the mask is true, in the same order."""
+        return replace(
+            self,
+            subject=self.subject[mask],
+            motion=self.motion[mask],
+            posture=self.posture[mask],
+            humerus_elevation_deg=self.humerus_elevation_deg[mask],
+            angles_deg=self.angles_deg[mask],
+            landmarks_mm={name: position[mask] for name, position in self.landmarks_mm.items()},
+            extra=self.extra.iloc[np.flatnonzero(mask)].reset_index(drop=True),
+        )
+
+    @staticmethod
+    def concatenate(parts: Sequence[Motions]) -> Motions:
+        """All postures of the parts, one part after the other.
+
+        A landmark that only some parts have is NaN in the others; an extra column is empty text there.
+        """
+        names = [name for name in LANDMARKS if any(name in part.landmarks_mm for part in parts)]
+        extra = pd.concat([part.extra for part in parts], ignore_index=True).fillna("")
+        return Motions(
+            subject=np.concatenate([part.subject for part in parts]),
+            motion=np.concatenate([part.motion for part in parts]),
+            posture=np.concatenate([part.posture for part in parts]),
+            humerus_elevation_deg=np.concatenate([part.humerus_elevation_deg for part in parts]),
+            angles_deg=np.concatenate([part.angles_deg for part in parts]),
+            landmarks_mm={name: np.concatenate([_landmark(part, name) for part in parts]) for name in names},
+            extra=extra,
+            # A part selected twice from one table carries the same errors: each is named once.
+            rejected=tuple(dict.fromkeys(error for part in parts for error in part.rejected)),
+        )
+
+
+def _landmark(part: Motions, name: str) -> Float[np.ndarray, "postures 3"]:
+    """The positions of one landmark in mm, NaN throughout if the part has none."""
+    return part.landmarks_mm.get(name, np.full((len(part.posture), 3), np.nan))

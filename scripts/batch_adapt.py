@@ -1,0 +1,41 @@
+"""`girdle adapt` over all motion files (*.csv) of a folder: the same tables, files and exit statuses."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from adapt import cli
+from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
+from motions import InputError
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def batch(
+    folder: Annotated[Path, typer.Argument(help="Folder of the subjects' motion files, *.csv.")],
+    out: cli.Out,
+    model: cli.Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
+    weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
+    reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+) -> None:
+    """Adapt the models to every subject in a folder. A file that cannot be read is named and left out."""
+    found = sorted(folder.glob("*.csv"))
+    files = [path for path in found if path.is_file()]
+    if not files:
+        raise InputError(str(folder), None, "there is no motion file (*.csv) here", "Name the folder that holds them")
+    if out.exists() and out.samefile(folder):
+        cause = "the results would be taken for motion files the next time"
+        raise InputError(str(out), None, cause, "Give another folder with --out")
+    unreachable = [path for path in found if not path.is_file()]
+    for path in unreachable:
+        print(f"left out: {path}: there is no file behind this name. Remove it.", file=sys.stderr)
+    cli.adapt(files, out, model, weight, reading)
+    if unreachable:
+        raise typer.Exit(cli.EXIT_SOME_NOT_HANDLED)
+
+
+if __name__ == "__main__":
+    cli.main(app)

@@ -1,0 +1,144 @@
+"""The tables of results on numbers small enough to check by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from adapt import status
+from adapt.tables import ALL_MOTIONS, DIFFERENCES, STATISTICS, parameter_statistics, summary_table
+from models.girdle import ADAPTED
+from motions import ANGLES
+
+MEANS = [f"{angle}_deg" for angle in ANGLES]
+
+
+def fits(*rows: tuple[str, str, float, str], model: str = "R2", adapted: int = 0) -> pd.DataFrame:
+    """Rows of ``fits.csv``: (subject, motion, d, status) with the differences d, -2 d, 3 d, -4 d, 5 d, -6 d degrees."""
+    signed = np.array([1.0, -2.0, 3.0, -4.0, 5.0, -6.0])
+    table = pd.DataFrame(
+        {
+            "model": model,
+            "adapted": adapted,
+            "subject": [row[0] for row in rows],
+            "motion": [row[1] for row in rows],
+            "status": [row[3] for row in rows],
+        }
+    )
+    table[DIFFERENCES] = np.array([row[2] for row in rows])[:, None] * signed
+    return table
+
+
+def block(summary: pd.DataFrame, **chosen) -> pd.DataFrame:
+    """The rows with these values, by subject (or statistic)."""
+    mask = np.all([summary[column] == value for column, value in chosen.items()], axis=0)
+    return summary[mask].set_index("subject")
+
+
+THREE = fits(
+    ("one", "abduction", 1.0, status.OK),
+    ("one", "abduction", -3.0, status.OK),
+    ("two", "abduction", 4.0, status.OK),
+    ("three", "abduction", 9.0, status.OK),
+)
+"""Mean absolute difference of the first angle: 2, 4 and 9 degrees, of the k-th k times that."""
+
+
+def test_a_subject_is_the_mean_of_its_absolute_differences():
+    table = block(summary_table(THREE), motion=ALL_MOTIONS)
+    assert table.index.tolist() == ["one", "two", "three", *STATISTICS]
+    for subject, expected in {"one": 2.0, "two": 4.0, "three": 9.0}.items():
+        np.testing.assert_allclose(table.loc[subject, MEANS].to_numpy(float), expected * np.arange(1, 7), rtol=1e-15)
+        assert table.loc[subject, "clavicle_deg"] == pytest.approx(2.0 * expected, rel=1e-15)
+        assert table.loc[subject, "scapula_deg"] == pytest.approx(5.0 * expected, rel=1e-15)
+
+
+def test_statistics_are_those_of_the_subjects():
+    """2, 4, 9: mean 5, std sqrt((9 + 1 + 16) / 2) = sqrt(13), n - 1 as in Table 6.1 (its first column: 1.9)."""
+    table = block(summary_table(THREE), motion=ALL_MOTIONS)
+    for row, expected in {"mean": 5.0, "std": np.sqrt(13.0), "max": 9.0, "min": 2.0}.items():
+        values = table.loc[row, [*MEANS, "clavicle_deg", "scapula_deg"]].to_numpy(float)
+        np.testing.assert_allclose(values, expected * np.array([1, 2, 3, 4, 5, 6, 2, 5]), rtol=1e-14)
+
+
+def test_table_6_1_first_column():
+    """Ten subjects as printed: 4.0, 1.9, 7.4, 1.5 to one digit, so std is with n - 1 (with n it is 1.8)."""
+    printed = (6.6, 3.9, 1.5, 7.4, 5.0, 3.1, 1.9, 4.9, 3.6, 2.5)
+    rows = [(f"{k}", "abduction", value, status.OK) for k, value in enumerate(printed, 1)]
+    table = block(summary_table(fits(*rows)), motion=ALL_MOTIONS)
+    assert [round(table.loc[row, "clavicle_y_deg"], 1) for row in STATISTICS] == [4.0, 1.9, 7.4, 1.5]
+
+
+def test_postures_that_are_not_ok_do_not_count():
+    bad = fits(
+        ("one", "abduction", 100.0, status.UNREACHABLE),
+        ("two", "abduction", np.nan, status.INVALID),
+        ("four", "abduction", 100.0, status.NOT_CONVERGED),
+    )
+    table = block(summary_table(pd.concat([THREE, bad], ignore_index=True)), motion=ALL_MOTIONS)
+    assert table.loc[["one", "two", "three"], "clavicle_y_deg"].tolist() == [2.0, 4.0, 9.0]
+    assert table.loc[["one", "two", "three", "four"], "postures"].tolist() == [3, 2, 1, 1]
+    assert table.loc[["one", "two", "three", "four"], "postures_ok"].tolist() == [2, 1, 1, 0]
+    assert np.isnan(table.loc["four", "clavicle_y_deg"])
+    assert table.loc["mean", "clavicle_y_deg"] == 5.0
+    assert (table.loc["mean", "postures"], table.loc["mean", "postures_ok"]) == (7, 4)
+
+
+def test_an_angle_that_was_not_measured_does_not_count():
+    rows = fits(("one", "abduction", 1.0, status.OK), ("one", "abduction", 3.0, status.OK))
+    rows.loc[1, DIFFERENCES[0]] = np.nan
+    table = block(summary_table(rows), motion=ALL_MOTIONS)
+    assert table.loc["one", MEANS[:2]].tolist() == [1.0, 4.0]
+
+
+def test_motions_apart_and_together():
+    both = fits(("one", "abduction", 1.0, status.OK), ("one", "flexion", 2.0, status.OK))
+    summary = summary_table(both)
+    assert list(dict.fromkeys(summary["motion"])) == [ALL_MOTIONS, "abduction", "flexion"]
+    values = [
+        block(summary, motion=name).loc["one", "clavicle_y_deg"] for name in (ALL_MOTIONS, "abduction", "flexion")
+    ]
+    assert values == [1.5, 1.0, 2.0]
+    assert list(dict.fromkeys(summary_table(THREE)["motion"])) == [ALL_MOTIONS]
+
+
+def test_models_and_states_apart():
+    after = fits(("one", "abduction", 1.0, status.OK), adapted=1)
+    other = fits(("one", "abduction", 5.0, status.OK), model="R4")
+    summary = summary_table(pd.concat([THREE, after, other], ignore_index=True))
+    blocks = summary[["model", "adapted"]].drop_duplicates().to_numpy().tolist()
+    assert blocks == [["R2", 0], ["R2", 1], ["R4", 0]]
+    assert block(summary, model="R2", adapted=1).loc["one", "clavicle_y_deg"] == 1.0
+    assert block(summary, model="R4").loc["mean", "clavicle_y_deg"] == 5.0
+    assert np.isnan(block(summary, model="R4").loc["std", "clavicle_y_deg"])
+
+
+def parameters(model: str, M_y_mm: list[float], words: list[str]) -> pd.DataFrame:
+    """``parameters.csv`` with M_y as given, and every other parameter at its own value, 7 mm."""
+    columns: dict[str, object] = {"model": [model] * len(words), "status": words}
+    for name in ADAPTED:
+        columns[f"{name}_mm"] = M_y_mm if name == "M_y" else 7.0
+        columns[f"{name}_mm_prior"] = -296.0 if name == "M_y" else 7.0
+        columns[f"{name}_mm_at_bound"] = [int(value > -200.0) if name == "M_y" else 0 for value in M_y_mm]
+    return pd.DataFrame(columns)
+
+
+def test_parameter_statistics_by_hand():
+    """-300, -290, -190: mean -260, SD sqrt((40^2 + 30^2 + 70^2) / 2) = sqrt(3700); the failed subject is out."""
+    words = [status.OK, status.OK, status.OK, status.NOT_CONVERGED]
+    R2 = parameters("R2", [-300.0, -290.0, -190.0, 1e6], words)
+    found = parameter_statistics(pd.concat([R2, parameters("R4", [-230.0], [status.OK])], ignore_index=True))
+    assert found["model"].tolist() == ["R2"] * 6 + ["R4"] * 6
+    assert found["parameter"].tolist() == [*ADAPTED, *ADAPTED]
+    M_y, others = found.iloc[0], found.iloc[1:6]
+    assert M_y["mean_mm"] == pytest.approx(-260.0)
+    assert M_y["sd_mm"] == pytest.approx(np.sqrt(3700.0))
+    assert (M_y["prior_mm"], M_y["at_bound"], M_y["subjects"]) == (-296.0, 1, 3)
+    assert others["sd_mm"].tolist() == [0.0] * 5
+    assert others["mean_mm"].tolist() == [7.0] * 5
+    assert np.isnan(found.iloc[6]["sd_mm"])
+    assert found.iloc[6]["subjects"] == 1
+
+
+def test_parameter_statistics_of_nobody():
+    found = parameter_statistics(parameters("R2", [-300.0], [status.NOT_CONVERGED]))
+    assert found["model"].tolist() == []
