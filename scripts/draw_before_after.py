@@ -1,0 +1,163 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportReturnType=false
+# pyright: reportGeneralTypeIssues=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""One subject before and after adaptation, drawn from the fits.csv that `girdle adapt` writes.
+
+Six panels, scapula above clavicle, over humerus elevation: measured angles as dots, simulated ones as a dashed line
+before adaptation and a solid line after it. All panels span the same number of degrees, so gaps compare across them.
+The same table gives the same bytes.
+
+    python scripts/draw_before_after.py results/fits.csv --subject NAME --model R2 --out before_after.svg
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import matplotlib as mpl
+import pandas as pd
+import typer
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+from adapt import cli, status
+from adapt.output import prepare_folder
+from motions import InputError
+
+PANELS = {
+    "scapula_y": "Protraction",
+    "scapula_z": "Lateral rotation",
+    "scapula_x": "Tipping (+ back)",
+    "clavicle_y": "Protraction",
+    "clavicle_z": "Elevation",
+    "clavicle_x": "Axial rotation (+ back)",
+}
+"""The angles in reading order, each named by the direction in which it grows."""
+
+BONES = ("scapula", "clavicle")
+"""One a row."""
+
+NAMES = ("model", "subject", "motion")
+
+BEFORE = {"color": "#e69f00", "linestyle": (0, (4, 2)), "label": "simulated, before adaptation"}
+AFTER = {"color": "#0072b2", "linestyle": "-", "label": "simulated, after adaptation"}
+MEASURED = {"color": "black", "linestyle": "none", "marker": "o", "markersize": 3.5, "label": "measured"}
+"""Okabe and Ito's colours: told apart by the colour-blind, and, by lightness and line style, in grey print."""
+
+NOTE = {"color": "0.35", "fontsize": 7.5}
+
+STYLE = {
+    "svg.fonttype": "none",  # text stays text: small, and it can be searched
+    "svg.hashsalt": "girdle",  # without it the ids change from run to run
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],  # the first comes with matplotlib: one layout everywhere
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+}
+
+TICK_DEG = 10
+ELEVATION_TICK_DEG = 30
+MARGIN_DEG = 2.0
+"""Room above and below the curves."""
+
+app = typer.Typer(add_completion=False)
+
+
+def read_fits(path: Path) -> pd.DataFrame:
+    """The table of all fits; names stay text, whatever they look like."""
+    remedy = "Name a fits.csv of `girdle adapt`"
+    try:
+        fits = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
+    except (OSError, ValueError) as error:
+        raise InputError(str(path), None, "this is no table that can be read", remedy) from error
+    if not {*NAMES, "adapted", "status"} <= set(fits.columns):
+        raise InputError(str(path), None, "this is no table of fits", remedy)
+    return fits
+
+
+def chosen(fits: pd.DataFrame, column: str, wanted: str | None, file: str) -> pd.DataFrame:
+    """The rows with this name, the first one of the table if none is wanted."""
+    known = list(dict.fromkeys(fits[column]))
+    if wanted is not None and wanted not in known:
+        raise InputError(file, None, f"there is no {column} '{wanted}'", f"Use one of {', '.join(known)}")
+    return fits[fits[column] == (wanted or known[0])]
+
+
+def draw_panel(axes: Axes, rows: pd.DataFrame, angle: str) -> None:
+    """One angle; beside its name stands the mean |simulated - measured|, before and after. Failed fits leave a hole."""
+    rows = rows.sort_values("posture")
+    elevation, measured = rows["humerus_elevation_deg"], rows[f"{angle}_measured_deg"]
+    simulated = rows[f"{angle}_simulated_deg"].where(rows["status"] == status.OK)
+    before, after = rows["adapted"] == 0, rows["adapted"] == 1
+    axes.plot(elevation[after], measured[after], zorder=3, **MEASURED)
+    axes.plot(elevation[before], simulated[before], **BEFORE)
+    axes.plot(elevation[after], simulated[after], **AFTER)
+    gap = (simulated - measured).abs()
+    axes.set_title(PANELS[angle], loc="left")
+    if measured.isna().all():
+        axes.set_title("not measured", loc="right", **NOTE)
+    else:
+        axes.set_title(f"{gap[before].mean():.1f}° → {gap[after].mean():.1f}°", loc="right", **NOTE)
+
+
+def share_span(panels: list[Axes]) -> None:
+    """Give every panel the same height in degrees, about the middle of its own curves."""
+    extents = [axes.dataLim.intervaly for axes in panels]
+    half = max(high - low for low, high in extents) / 2.0 + MARGIN_DEG
+    for axes, (low, high) in zip(panels, extents, strict=True):
+        middle = (low + high) / 2.0
+        axes.set_ylim(middle - half, middle + half)
+        ticks = range(math.ceil((middle - half) / TICK_DEG), math.floor((middle + half) / TICK_DEG) + 1)
+        axes.set_yticks([TICK_DEG * tick for tick in ticks])
+
+
+def draw(rows: pd.DataFrame, title: str) -> Figure:
+    """The figure of one subject, model and motion, in the current style."""
+    figure = Figure(figsize=(8.0, 5.4), layout="constrained")
+    grid = figure.subplots(2, 3, sharex=True)
+    panels = list(grid.flat)
+    for axes, angle in zip(panels, PANELS, strict=True):
+        draw_panel(axes, rows, angle)
+    share_span(panels)
+    for axes, bone in zip(grid[:, 0], BONES, strict=True):
+        axes.set_ylabel(f"{bone} to thorax, degrees")
+    for axes in grid[-1]:
+        axes.set_xlabel("humerus elevation, degrees")
+        axes.xaxis.set_major_locator(MultipleLocator(ELEVATION_TICK_DEG))
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.0)
+    figure.text(0.99, 0.985, "grey: mean |simulated − measured|, before → after", ha="right", va="top", **NOTE)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+@app.command()
+def main(
+    fits: Annotated[Path, typer.Argument(metavar="fits.csv", help="Table of fits that `girdle adapt` wrote.")],
+    out: Annotated[Path, typer.Option("--out", help="The SVG to write.")],
+    subject: Annotated[str | None, typer.Option(help="Name of a subject. Default: the first.")] = None,
+    model: Annotated[str | None, typer.Option(help="Name of a parameter set. Default: the first.")] = None,
+    motion: Annotated[str | None, typer.Option(help="Name of a motion of the subject. Default: its first.")] = None,
+    title: Annotated[str | None, typer.Option(help="Who this is. Default: the subject's name.")] = None,
+) -> None:
+    """Draw the measured and simulated angles of one subject over humerus elevation, before and after adaptation."""
+    rows = read_fits(fits)
+    for column, wanted in (("model", model), ("subject", subject), ("motion", motion)):
+        rows = chosen(rows, column, wanted, str(fits))
+    if set(rows["adapted"]) != {0, 1}:
+        raise InputError(str(fits), None, "there are no fits before and after adaptation", "Run `girdle adapt`")
+    first = rows.iloc[0]
+    text = f"{title or first['subject']}, {first['motion']}, parameter set {first['model']}"
+    prepare_folder(out.parent)
+    with mpl.rc_context(STYLE):
+        draw(rows, text).savefig(out, format="svg", metadata={"Date": None})
+
+
+if __name__ == "__main__":
+    cli.main(app)
