@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from models.girdle import ADAPTED
 from motions import ANGLES, InputError
-from scripts import draw_before_after
+from scripts import draw_before_after, summarise_gap
 
 GAP_DEG = {0: 3.0, 1: 1.0}
 """Simulated less measured, every angle, before and after adaptation."""
@@ -27,10 +28,42 @@ def fits(subject: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def summary(adapted: int, mean_deg: float, max_deg: float) -> pd.DataFrame:
+    """The statistics rows of all motions, beside a motion and a subject that must not be taken for them.
+
+    The clavicle has half the scapula's mean, and each angle a tenth less than the one before it.
+    """
+    means = {f"{angle}_deg": max_deg - 0.1 * k for k, angle in enumerate(reversed(ANGLES))}
+    bones = {"clavicle_deg": mean_deg / 2.0, "scapula_deg": mean_deg}
+    wrong = dict.fromkeys((*means, *bones), 99.0)
+    rows = [("all", "001", wrong), ("all", "mean", wrong | bones), ("all", "max", wrong | means)]
+    rows += [("abduction", "mean", wrong), ("abduction", "max", wrong)]
+    return pd.DataFrame(
+        [{"model": "R2", "adapted": adapted, "motion": motion, "subject": name} | row for motion, name, row in rows]
+    )
+
+
+def parameters(
+    subject: str, moved_mm: tuple[float, float], at_bound: tuple[str, ...], status: str
+) -> dict[str, object]:
+    """One row of parameters.csv."""
+    row: dict[str, object] = {"model": "R2", "subject": subject, "status": status}
+    for name in ADAPTED:
+        row |= {f"{name}_mm": 100.0, f"{name}_mm_prior": 100.0, f"{name}_mm_at_bound": int(name in at_bound)}
+    return row | {"M_y_mm": 100.0 + moved_mm[0], "M_z_mm": 100.0 + moved_mm[1]}
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """fits.csv of the subjects 001 and b."""
+    """What `girdle adapt` writes for the subjects 001, b and c; c did not converge."""
     pd.concat([fits("001"), fits("b")]).to_csv(tmp_path / "fits.csv", index=False)
+    pd.concat([summary(0, 6.0, 20.0), summary(1, 3.0, 10.0)]).to_csv(tmp_path / "summary.csv", index=False)
+    rows = [
+        parameters("001", (3.0, 4.0), ("A_y",), "ok"),
+        parameters("b", (0.0, -15.0), ("A_y", "conoid_length"), "ok"),
+        parameters("c", (1000.0, 0.0), ("M_y",), "not_converged"),
+    ]
+    pd.DataFrame(rows).to_csv(tmp_path / "parameters.csv", index=False)
     return tmp_path
 
 
@@ -75,3 +108,19 @@ def test_a_failed_fit_and_an_angle_not_measured_are_left_out(folder):
 def test_a_name_that_is_not_there_is_named_with_those_that_are(folder, option, column):
     with pytest.raises(InputError, match=f"no {column} 'nobody'. Use one of"):
         drawn(folder, "a.svg", option, "nobody")
+
+
+def test_the_table_of_the_gap_is_the_one_worked_out_by_hand(folder, capsys):
+    """Scapula: tipping is the worst angle; clavicle: axial rotation, 0.3 deg less. Centre: (5 + 15) / 2 mm."""
+    summarise_gap.main(folder)
+    *_, row, _, endings = capsys.readouterr().out.splitlines()
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    gaps = ["6.0 -> 3.0", "20.0 -> 10.0", "3.0 -> 1.5", "19.7 -> 9.7"]
+    assert cells == ["R2", *gaps, "10 mm", "2 of 2 (A_y 2, conoid_length 1)"]
+    assert endings.startswith("ok: 2 of 3 adaptations, 12 of 12 posture fits; 0 jumps along a motion.")
+
+
+def test_a_folder_of_something_else_is_named(folder):
+    (folder / "summary.csv").unlink()
+    with pytest.raises(InputError, match=r"summary\.csv"):
+        summarise_gap.main(folder)
