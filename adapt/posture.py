@@ -51,6 +51,8 @@ class Postures(NamedTuple):
     stationarity: Float[Array, " *batch"]
     """max |dJ/dq + G' lambda|, deg^2 a degree."""
     penalty: Float[Array, " *batch"]
+    last_step_rad: Float[Array, " *batch"]
+    """Largest change of an angle in the last iteration."""
     iterations: Int[Array, " *batch"]
 
     @property
@@ -58,6 +60,12 @@ class Postures(NamedTuple):
         """Closed chain and stationary J, both to tolerance."""
         closed = largest(self.residual_mm) <= CONSTRAINT_TOLERANCE_MM
         return closed & (self.stationarity <= STATIONARITY_TOLERANCE)
+
+    @property
+    def finished(self) -> Bool[Array, " *batch"]:
+        """Converged by a step so short that, quadratically, nothing is left: the angles are exact to rounding, the
+        same whatever the batch around them."""
+        return (self.converged & (self.last_step_rad < TINY_RAD)) | (self.iterations >= MAX_ITERATIONS)
 
 
 def objective_weights(measured: Bool[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
@@ -90,11 +98,12 @@ def solve_postures(
         penalty = grown_penalty(state.penalty, multipliers)
         angles = _search(residual, state, step, penalty, measured, weights)
         new = _evaluated(residual, angles, multipliers, measured, weights)
-        new = new._replace(penalty=penalty, iterations=state.iterations + 1)
-        return jax.tree.map(lambda old, new: jnp.where(state.converged, old, new), state, new)
+        moved = largest(angles - state.angles)
+        new = new._replace(penalty=penalty, last_step_rad=moved, iterations=state.iterations + 1)
+        return jax.tree.map(lambda old, new: jnp.where(state.finished, old, new), state, new)
 
     def unfinished(state: Postures):
-        return jnp.any(~state.converged & (state.iterations < MAX_ITERATIONS))
+        return jnp.any(~state.finished)
 
     first = _evaluated(residual, start, jnp.zeros_like(start[:3]), measured, weights)
     return jax.lax.while_loop(unfinished, advance, first)
@@ -122,7 +131,7 @@ def _evaluated(residual, angles, multipliers, measured, weights) -> Postures:
     pull = gradient(lambda q: jnp.sum(multipliers * residual(q), axis=0), angles)
     stationarity = largest(weights * (angles - measured) + pull) / DEG
     zero = jnp.zeros_like(stationarity)
-    return Postures(angles, multipliers, residual(angles), stationarity, zero, zero.astype(int))
+    return Postures(angles, multipliers, residual(angles), stationarity, zero, zero + jnp.inf, zero.astype(int))
 
 
 def _newton(residual, state: Postures, measured, weights):

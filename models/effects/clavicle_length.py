@@ -1,4 +1,8 @@
-"""The subject's clavicle is longer or shorter than the cadaver's; the conoid keeps its place relative to its length."""
+"""The subject's clavicle is longer or shorter than the cadaver's: in its shaft, so the conoid keeps its place near AC.
+
+Scaled as a whole, a clavicle 8 % longer would take the conoid's attachment farther from the scapula than any conoid of
+the adapted lengths reaches.
+"""
 
 from dataclasses import replace
 
@@ -7,8 +11,8 @@ from models.girdle import Girdle
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rotations]:
-    size = 1.0 + percent / 100.0
-    longer = replace(girdle, ac_mm=girdle.ac_mm * size, clavicle_conoid_mm=girdle.clavicle_conoid_mm * size)
+    more_mm = girdle.ac_mm * percent / 100.0
+    longer = replace(girdle, ac_mm=girdle.ac_mm + more_mm, clavicle_conoid_mm=girdle.clavicle_conoid_mm + more_mm)
     return longer, rotations
 
 

@@ -11,7 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from models.girdle import Girdle, bone_rotations, chain_residuals_mm
+from models.girdle import Girdle, bone_rotations, chain_landmarks, chain_residuals_mm
+from motions.rotations import rotate
 
 Rotations = tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]
 """R_thorax_clavicle, R_thorax_scapula."""
@@ -19,8 +20,25 @@ Rotations = tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]
 Adjust = Callable[[Girdle, Rotations, Float[Array, " channels *batch"]], tuple[Girdle, Rotations]]
 """The girdle and the true rotations, from the base girdle, the rotations as measured, and the amplitude there."""
 
-PROFILE_TERMS = 3
-"""Terms of an amplitude's course over elevation."""
+SHOWN = ("SC", "AC", "TS", "AI")
+"""The landmarks whose positions the model predicts."""
+
+Points = Float[Array, " 3 shown *batch"]
+"""Positions of SHOWN in the thorax frame, mm."""
+
+Show = Callable[[Points, Girdle, Rotations, Float[Array, " channels *batch"]], Points]
+"""Where the landmarks are seen, from where they are in the adjusted chain, the base girdle and the rotations as
+measured, and the amplitude there."""
+
+
+def where_they_are(points: Points, girdle: Girdle, rotations: Rotations, amplitude) -> Points:
+    """Most effects move the bones or misjudge their frames: landmarks are then seen where they are."""
+    return points
+
+
+COURSE_SD = (1.0, 0.3, 0.2)
+"""Prior SD of the terms of a course over elevation, as shares of the effect's scale. Powers of the elevation from 1/2 to
+3, a hinge at half the range and a smooth step have second terms of 0.2, -0.4, -0.5 and 0, third ones up to 0.2."""
 
 _FULL_ELEVATION_DEG = 150.0
 """Elevation at which the first term of a course is at its height."""
@@ -44,19 +62,18 @@ class Effect:
     over_elevation: bool
     source: str
     adjust: Adjust
+    show: Show = where_they_are
 
     @property
     def amplitudes(self) -> int:
         """How many numbers describe this effect in one subject."""
-        return len(self.channels) * (PROFILE_TERMS if self.over_elevation else 1)
+        return len(self.channels) * (len(COURSE_SD) if self.over_elevation else 1)
 
     @property
     def prior_sd(self) -> Float[Array, " amplitudes"]:
         """Prior SD of each amplitude: the channel's scale, smaller for the later terms of a course."""
         scale = jnp.asarray(self.scale)
-        if not self.over_elevation:
-            return scale
-        return (scale[:, None] / (2.0 * jnp.arange(PROFILE_TERMS) + 1.0) ** 1.5).reshape(-1)
+        return jnp.outer(scale, jnp.asarray(COURSE_SD)).reshape(-1) if self.over_elevation else scale
 
     def at(
         self, amplitude: Float[Array, " amplitudes *batch"], elevation_deg: Float[Array, " *batch"]
@@ -64,18 +81,16 @@ class Effect:
         """The amplitude of each channel at the given elevations, in ``unit``."""
         if not self.over_elevation:
             return amplitude
-        terms = amplitude.reshape(len(self.channels), PROFILE_TERMS, *amplitude.shape[1:])
+        terms = amplitude.reshape(len(self.channels), len(COURSE_SD), *amplitude.shape[1:])
         return jnp.sum(terms * course(elevation_deg)[None], axis=1)
 
 
 def course(elevation_deg: Float[Array, " *batch"]) -> Float[Array, " terms *batch"]:
-    """sin((2 k - 1) pi / 2 * elevation / 150 deg), k = 1, 2, ...: zero with the arm hanging, then any smooth course.
-
-    The Karhunen-Loeve basis of a random walk from zero; the prior of the later terms falls faster than a random
-    walk's, for a course that is smooth.
-    """
-    fraction = elevation_deg / _FULL_ELEVATION_DEG
-    return jnp.stack([jnp.sin((k + 0.5) * jnp.pi * fraction) for k in range(PROFILE_TERMS)])
+    """f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) of f = elevation / 150 deg: a straight line, how much it bends, and
+    where. All are zero with the arm hanging; the first alone is not with the arm up."""
+    f = elevation_deg / _FULL_ELEVATION_DEG
+    bend = 4.0 * f * (1.0 - f)
+    return jnp.stack([f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
 
 
 @jax.tree_util.register_dataclass
@@ -92,7 +107,28 @@ class ExtendedGirdle:
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
-        girdle, rotations = self.girdle, bone_rotations(angles)
-        for effect, amplitude in zip(self.effects, self.amplitudes, strict=True):
-            girdle, rotations = effect.adjust(girdle, rotations, effect.at(amplitude, self.elevation_deg))
+        *_, (girdle, rotations) = self._adjusted(angles)
         return chain_residuals_mm(girdle, *rotations)
+
+    def landmarks_mm(self, angles: Float[Array, " 6 *batch"]) -> Points:
+        """Where SHOWN would be seen at angles as they would be measured."""
+        *before, (girdle, rotations) = self._adjusted(angles)
+        at = chain_landmarks(girdle, *rotations)
+        points = jnp.stack(jnp.broadcast_arrays(girdle.sc_mm, at.AC, at.TS, at.AI), axis=1)
+        for effect, amplitude, (girdle, rotations) in reversed(
+            list(zip(self.effects, self.amplitudes, before, strict=True))
+        ):
+            points = effect.show(points, girdle, rotations, effect.at(amplitude, self.elevation_deg))
+        return points
+
+    def _adjusted(self, angles: Float[Array, " 6 *batch"]) -> list[tuple[Girdle, Rotations]]:
+        """The girdle and the bones' rotations before the first effect, after it, ..., after the last."""
+        steps = [(self.girdle, bone_rotations(angles))]
+        for effect, amplitude in zip(self.effects, self.amplitudes, strict=True):
+            steps.append(effect.adjust(*steps[-1], effect.at(amplitude, self.elevation_deg)))
+        return steps
+
+
+def turned(R: Float[Array, " 3 3 *batch"], points: Points) -> Points:
+    """Every point turned by R about the origin."""
+    return rotate(R[:, :, None], points)

@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 
-from models.effects.effect import Effect, Rotations
+from models.effects.effect import Effect, Points, Rotations, turned
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotation_from_vector
 
@@ -14,6 +14,11 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
     return girdle, (R_clavicle, R_scapula)
 
 
+def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
+    """Seen from the turned frame, landmarks turn with the bones, about IJ."""
+    return turned(rotation_from_vector(deg / DEG), points)
+
+
 EFFECT = Effect(
     name="thorax_extension",
     what="the thorax frame turns with elevation, both bones alike",
@@ -23,4 +28,5 @@ EFFECT = Effect(
     over_elevation=True,
     source="bilateral 12.8 +- 7.6 deg, unilateral up to 6 deg",
     adjust=_adjust,
+    show=_show,
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 
-from models.effects.effect import Effect, Rotations
+from models.effects.effect import Effect, Points, Rotations, turned
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotate, rotation_from_vector
 
@@ -17,6 +17,12 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
     return replace(girdle, sc_mm=sc), (R_clavicle, R_scapula)
 
 
+def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
+    """Back into the thorax frame."""
+    centre = girdle.centre_mm[:, None]
+    return centre + turned(rotation_from_vector(deg / DEG), points - centre)
+
+
 EFFECT = Effect(
     name="thorax_tilt",
     what="ellipsoid axes rotated from the thorax frame",
@@ -26,4 +32,5 @@ EFFECT = Effect(
     over_elevation=False,
     source="assumed: 5-10 deg, no figure found",
     adjust=_adjust,
+    show=_show,
 )

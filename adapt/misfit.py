@@ -1,0 +1,164 @@
+"""How far measured postures are from what the girdle with its effects can take, in units of the noise.
+
+What is measured in one posture, x = (six angles, landmark coordinates), obeys g(x, z) = 0 with z the adapted parameters
+and the amplitudes of the effects: A1-A3, and one equation for each coordinate. With x* the nearest such point to the
+measured s (distances in units of the noise N), G = dg/dx N and V = G G' there,
+
+    y = V^(-1/2) G N^-1 (s - x*),   |y| = the distance,   dy/dz = V^(-1/2) dg/dz
+
+up to the curvature of g: y is standard normal for the right z, and y' dy/dz is the exact derivative of |y|^2 / 2
+(envelope theorem). Six angles leave three numbers a posture: y is the posture fit in units of the noise.
+"""
+
+import itertools
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from adapt.linalg import jacobian
+from adapt.newton import STEP_LIMIT_RAD
+from adapt.observed import Noise, Observed
+from models.effects import Effect, ExtendedGirdle
+from models.girdle import ADAPTED, Girdle
+
+_LANES = 64
+"""Lanes compiled together: fewer are padded, more go in chunks."""
+
+_COLUMNS = 9
+"""The number of derivatives compiled is six plus a multiple of this."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """L lanes (a subject under a hypothesis), P postures with m informative numbers each; padding postures are 0."""
+
+    nearest: Float[np.ndarray, "quantities postures lanes"]
+    """x*."""
+    y: Float[np.ndarray, "lanes postures m"]
+    slopes: Float[np.ndarray, "lanes postures m columns"]
+    """dy/dz of the chosen columns of z; a column of -1 gives zeros."""
+    root: Float[np.ndarray, "lanes postures m m"]
+    """V^(-1/2), lower triangular: what one unit of each equation of g adds to y."""
+
+
+def columns_of(effects: tuple[Effect, ...], active: tuple[str, ...]) -> Int[np.ndarray, " amplitudes"]:
+    """Columns of z that hold the amplitudes of the active effects."""
+    ends = _ends(effects)
+    spans = [range(a, b) for effect, (a, b) in zip(effects, itertools.pairwise(ends), strict=True)
+             if effect.name in active]  # fmt: skip
+    return np.array([column for span in spans for column in span], int)
+
+
+def _ends(effects: tuple[Effect, ...]) -> list[int]:
+    return np.cumsum([len(ADAPTED), *(effect.amplitudes for effect in effects)]).tolist()
+
+
+def prior_z(girdle: Girdle, effects: tuple[Effect, ...]) -> Float[np.ndarray, " parameters"]:
+    """z of the model as it is: its own adapted parameters, every amplitude 0."""
+    return np.concatenate([np.asarray(girdle.adapted_mm), np.zeros(_ends(effects)[-1] - len(ADAPTED))])
+
+
+def misfit(
+    girdle: Girdle,
+    effects: tuple[Effect, ...],
+    data: Observed,
+    noise: Noise,
+    z: Float[np.ndarray, "parameters lanes"],
+    columns: Int[np.ndarray, "columns lanes"],
+    nearest: Float[np.ndarray, "quantities postures lanes"] | None = None,
+    projections: int = 4,
+) -> Misfit:
+    """The misfit of each lane at its z. ``data`` has one subject a lane; ``nearest`` is where to begin."""
+    sd = data.noise(noise)
+    x = data.values if nearest is None else nearest
+    for _ in range(projections):
+        g, G = _in_chunks(partial(_equations, effects), girdle, x, z, data.elevation_deg)
+        scaled = G * sd.T[:, :, None, :]
+        gape = g + np.einsum("lpmn,npl->lpm", G, data.values - x)
+        V = scaled @ np.swapaxes(scaled, -1, -2)
+        multipliers = np.linalg.solve(V, gape[..., None])[..., 0]
+        target = data.values - sd * np.einsum("lpmn,lpm->npl", scaled, multipliers)
+        step = target - x
+        longest = np.abs(step[:6]).max(axis=0)
+        x = x + step * np.minimum(1.0, STEP_LIMIT_RAD / np.maximum(longest, STEP_LIMIT_RAD))
+    g, G = _in_chunks(partial(_equations, effects), girdle, x, z, data.elevation_deg)
+    scaled = G * sd.T[:, :, None, :]
+    gape = g + np.einsum("lpmn,npl->lpm", G, data.values - x)
+    width = len(ADAPTED) + -(-(len(columns) - len(ADAPTED)) // _COLUMNS) * _COLUMNS
+    padded = np.pad(columns, ((0, width - len(columns)), (0, 0)), constant_values=-1)
+    (T,) = _in_chunks(partial(_sensitivities, effects), girdle, x, z, data.elevation_deg, padded)
+    real = data.counted.T[..., None]
+    root = np.linalg.inv(np.linalg.cholesky(scaled @ np.swapaxes(scaled, -1, -2)))
+    return Misfit(
+        nearest=x,
+        y=np.where(real, (root @ gape[..., None])[..., 0], 0.0),
+        slopes=np.where(real[..., None], root @ T[..., : len(columns)], 0.0),
+        root=np.where(real[..., None], root, 0.0),
+    )
+
+
+def _in_chunks(function, girdle: Girdle, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The function over ``_LANES`` lanes at a time; results with the lanes and postures first."""
+    lanes = arrays[0].shape[-1]
+    parts = []
+    for first in range(0, lanes, _LANES):
+        index = np.minimum(np.arange(first, first + _LANES), lanes - 1)
+        parts.append(function(girdle, *(jnp.asarray(x[..., index]) for x in arrays)))
+    results = (np.concatenate([np.asarray(x) for x in part], axis=-1)[..., :lanes] for part in zip(*parts, strict=True))
+    return tuple(np.moveaxis(x, (-1, -2), (0, 1)) for x in results)
+
+
+def _chain(effects, girdle: Girdle, z, elevation_deg) -> ExtendedGirdle:
+    base = jax.tree.map(lambda x: x.reshape(*x.shape, 1, 1), girdle)
+    amplitudes = tuple(z[a:b] for a, b in itertools.pairwise(_ends(effects)))
+    return ExtendedGirdle(base.with_adapted(z[: len(ADAPTED)]), amplitudes, elevation_deg, effects)
+
+
+def _g(effects, girdle: Girdle, angles, landmarks, z, elevation_deg):
+    """A1-A3 and, where there are landmarks, their coordinates less those predicted."""
+    chain = _chain(effects, girdle, z, elevation_deg)
+    closed = chain.residuals_mm(angles)
+    if not len(landmarks):
+        return closed
+    predicted = jnp.swapaxes(chain.landmarks_mm(angles), 0, 1).reshape(landmarks.shape)
+    return jnp.concatenate([closed, landmarks - predicted])
+
+
+def _over_postures(z, elevation_deg):
+    return jnp.broadcast_to(z[:, None], (z.shape[0], *elevation_deg.shape))
+
+
+@partial(jax.jit, static_argnums=0)
+def _equations(effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array) -> tuple[Array, Array]:
+    """g (m) and dg/dx (m, quantities) of every posture."""
+    angles, landmarks = x[:6], x[6:]
+    spread = _over_postures(z, elevation_deg)
+
+    def of_angles(q):
+        return _g(effects, girdle, q, landmarks, spread, elevation_deg)
+
+    itself = np.zeros((3 + len(landmarks), len(landmarks)))
+    itself[3:] = np.eye(len(landmarks))
+    by_landmarks = jnp.broadcast_to(itself[:, :, None, None], (*itself.shape, *elevation_deg.shape))
+    return of_angles(angles), jnp.concatenate([jacobian(of_angles, angles), by_landmarks], axis=1)
+
+
+@partial(jax.jit, static_argnums=0)
+def _sensitivities(
+    effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array, columns: Array
+) -> tuple[Float[Array, " m columns postures lanes"]]:
+    """dg/dz of each lane's own columns."""
+    spread = _over_postures(z, elevation_deg)
+
+    def of_parameters(z):
+        return _g(effects, girdle, x[:6], x[6:], z, elevation_deg)
+
+    def along(column):
+        direction = (jnp.arange(len(z))[:, None] == column[None]).astype(z.dtype)
+        return jax.jvp(of_parameters, (spread,), (_over_postures(direction, elevation_deg),))[1]
+
+    return (jax.vmap(along, out_axes=1)(columns),)

@@ -1,0 +1,83 @@
+"""What the diagnosis sees of the subjects: angles and landmark positions, with their noise, as padded arrays."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.batch import Batch, pack
+from models.effects.effect import SHOWN
+from motions.rotations import DEG
+from motions.table import Motions
+
+_UNMEASURED_NOISES = 60.0
+"""Noise of a quantity that was not measured, in units of that of its kind: what it would say is worth nothing."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one measurement."""
+
+    angle_deg: float
+    landmark_mm: float = 2.0
+
+    def of(self, quantities: int) -> Float[np.ndarray, " quantities"]:
+        """Of six angles in rad, then of landmark coordinates in mm."""
+        return np.array([self.angle_deg / DEG] * 6 + [self.landmark_mm] * (quantities - 6))
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The postures of S subjects, padded to P."""
+
+    values: Float[np.ndarray, "quantities postures subjects"]
+    """Six angles in rad and, where any landmark was measured, the coordinates of SHOWN in mm; finite everywhere."""
+    measured: Bool[np.ndarray, "quantities postures subjects"]
+    elevation_deg: Float[np.ndarray, "postures subjects"]
+    counted: Bool[np.ndarray, "postures subjects"]
+    motion: Int[np.ndarray, "postures subjects"]
+    """Number of the motion among all of the data."""
+    subjects: tuple[str, ...]
+    motions: tuple[str, ...]
+
+    @property
+    def informative(self) -> int:
+        """Numbers a posture that say something of the model: its quantities less its three degrees of freedom."""
+        return len(self.values) - 3
+
+    def of_subjects(self, index: Int[np.ndarray, " chosen"]) -> "Observed":
+        """Some of the subjects, one perhaps more than once."""
+        arrays = {k: v[..., index] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays, subjects=tuple(self.subjects[i] for i in index))
+
+    def without(self, left_out: Bool[np.ndarray, "postures subjects"]) -> "Observed":
+        """The same with some postures not counted."""
+        return replace(self, counted=self.counted & ~left_out)
+
+    def noise(self, noise: Noise) -> Float[np.ndarray, "quantities postures subjects"]:
+        """SD of each quantity."""
+        each = noise.of(len(self.values))[:, None, None]
+        return np.where(self.measured, each, _UNMEASURED_NOISES * each)
+
+
+def observe(motions: Motions, batch: Batch | None = None) -> Observed:
+    """The subjects of the motions. A missing elevation counts as the arm hanging."""
+    batch = pack(motions) if batch is None else batch
+    rows = batch.rows[:, : len(batch.subjects)]
+    values = motions.angles_deg / DEG
+    if any(name in motions.landmarks_mm for name in SHOWN):
+        nothing = np.full((len(values), 3), np.nan)
+        positions = [motions.landmarks_mm.get(name, nothing) for name in SHOWN]
+        values = np.concatenate([values, np.stack(positions, axis=2).reshape(len(values), -1)], axis=1)
+    values = np.moveaxis(np.asarray(values)[rows], -1, 0)
+    names = tuple(dict.fromkeys(motions.motion.tolist()))
+    number = np.array([names.index(name) for name in motions.motion.tolist()])
+    return Observed(
+        values=np.nan_to_num(values),
+        measured=np.isfinite(values),
+        elevation_deg=np.nan_to_num(motions.humerus_elevation_deg)[rows],
+        counted=np.asarray(batch.counted)[:, : len(batch.subjects)],
+        motion=number[rows],
+        subjects=batch.subjects,
+        motions=names,
+    )
