@@ -68,7 +68,7 @@ def observe(motions: Motions, batch: Batch | None = None) -> Observed:
     if any(name in motions.landmarks_mm for name in SHOWN):
         nothing = np.full((len(values), 3), np.nan)
         positions = [motions.landmarks_mm.get(name, nothing) for name in SHOWN]
-        values = np.concatenate([values, np.stack(positions, axis=2).reshape(len(values), -1)], axis=1)
+        values = np.concatenate([values, np.stack(positions, axis=1).reshape(len(values), -1)], axis=1)
     values = np.moveaxis(np.asarray(values)[rows], -1, 0)
     names = tuple(dict.fromkeys(motions.motion.tolist()))
     number = np.array([names.index(name) for name in motions.motion.tolist()])

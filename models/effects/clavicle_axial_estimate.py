@@ -24,4 +24,5 @@ EFFECT = Effect(
     over_elevation=True,
     source="true 17-35 deg over elevation (Ludewig, Matsuki, Sahara)",
     adjust=_adjust,
+    sign=(1,),
 )

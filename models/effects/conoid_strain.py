@@ -19,4 +19,5 @@ EFFECT = Effect(
     over_elevation=True,
     source="stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi 10.1109/TBME.2014.2309727); in vivo strain not found",
     adjust=_adjust,
+    sign=(1,),
 )

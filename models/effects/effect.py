@@ -37,8 +37,8 @@ def where_they_are(points: Points, girdle: Girdle, rotations: Rotations, amplitu
 
 
 COURSE_SD = (1.0, 0.3, 0.2)
-"""Prior SD of the terms of a course over elevation, as shares of the effect's scale. Powers of the elevation from 1/2 to
-3, a hinge at half the range and a smooth step have second terms of 0.2, -0.4, -0.5 and 0, third ones up to 0.2."""
+"""Prior SD of the terms of a course over elevation, as shares of the effect's scale. Powers of the elevation from 1/2
+to 3, a hinge at half the range and a smooth step have second terms of 0.2, -0.4, -0.5 and 0, third ones up to 0.2."""
 
 _FULL_ELEVATION_DEG = 150.0
 """Elevation at which the first term of a course is at its height."""
@@ -63,11 +63,20 @@ class Effect:
     source: str
     adjust: Adjust
     show: Show = where_they_are
+    sign: tuple[int, ...] = ()
+    """Of each channel, where the effect's nature gives one: +1, -1, or 0 for either; empty for all 0."""
 
     @property
     def amplitudes(self) -> int:
         """How many numbers describe this effect in one subject."""
         return len(self.channels) * (len(COURSE_SD) if self.over_elevation else 1)
+
+    @property
+    def signs(self) -> tuple[int, ...]:
+        """The expected sign of each amplitude; the later terms of a course have none."""
+        sign = self.sign or (0,) * len(self.channels)
+        more = (0,) * (self.amplitudes // len(self.channels) - 1)
+        return tuple(value for channel in sign for value in (channel, *more))
 
     @property
     def prior_sd(self) -> Float[Array, " amplitudes"]:

@@ -31,4 +31,5 @@ EFFECT = Effect(
     source="Meskers 2007, van Andel 2009, Warner 2012: 6-13 deg",
     adjust=_adjust,
     show=_show,
+    sign=(1, 0, 1),
 )

@@ -1,0 +1,117 @@
+"""The measurement noise, from the residual degrees of freedom that neither the girdle nor any smooth effect takes up.
+
+Six angles leave three numbers a posture. A subject's adapted parameters and a parabola over elevation in each motion
+and constraint take some of them up; so does what all subjects have in common at an elevation of a motion, which is no
+noise. The rest is noise, whatever effect is at work. Landmark noise comes from SC, which hardly moves in the thorax
+frame.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.discrepancy import SMOOTH, discrepancy_columns
+from adapt.evidence import Linear, fit_hypotheses
+from adapt.observed import Noise, Observed
+from models.effects import Effect
+from models.girdle import CONSTRAINTS, Girdle
+
+ASSUMED = Noise(angle_deg=1.5, landmark_mm=2.0)
+"""Where neither the data nor the user say: one palpated posture has 2-3 deg, the mean of repeats less."""
+
+FEWEST_DEGREES = 12
+"""Of freedom, below which an estimate (20 % uncertain there) is none."""
+
+LEAST = Noise(angle_deg=0.1, landmark_mm=0.1)
+"""Noise below this is rounding of the files, not measurement."""
+
+_BIN_DEG = 15.0
+"""Postures of one motion within this much elevation are the same posture in all subjects."""
+
+_SC_TERMS = 3
+"""Of the smooth course that SC may have over elevation: a parabola."""
+
+_RANK_SHARE = 1e-6
+"""Singular values below this share of the largest are columns that say nothing new."""
+
+_ANGLES = 6
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """The noise, and the residual degrees of freedom it rests on: infinite where it was given."""
+
+    noise: Noise
+    freedom: float
+    source: str
+    """'estimated', 'given' or 'assumed', of the angles."""
+
+
+def estimate_noise(
+    girdle: Girdle, effects: tuple[Effect, ...], data: Observed, given_deg: float | None = None
+) -> NoiseEstimate:
+    """The SD of the angles, given, estimated or assumed, and that of the landmarks, estimated or assumed."""
+    landmark_mm = _landmark_noise_mm(data)
+    if given_deg is not None:
+        return NoiseEstimate(Noise(given_deg, landmark_mm), np.inf, "given")
+    angles_only = replace(data, values=data.values[:_ANGLES], measured=data.measured[:_ANGLES])
+    fitted = fit_hypotheses(girdle, effects, [()], angles_only, ASSUMED)[0]
+    squares, freedom = _unexplained(fitted, angles_only)
+    if freedom < FEWEST_DEGREES:
+        return NoiseEstimate(Noise(ASSUMED.angle_deg, landmark_mm), float(FEWEST_DEGREES), "assumed")
+    angle_deg = max(LEAST.angle_deg, ASSUMED.angle_deg * float(np.sqrt(squares / freedom)))
+    return NoiseEstimate(Noise(angle_deg, landmark_mm), float(freedom), "estimated")
+
+
+def _unexplained(fitted: Linear, data: Observed) -> tuple[float, int]:
+    """Sum of squares of y beyond each subject's own columns and those common to all, and its degrees of freedom."""
+    own = np.concatenate([fitted.X, discrepancy_columns(fitted, data, SMOOTH)], axis=2)
+    common = _posture_columns(fitted, data)
+    rows, left, shared = [], [], []
+    for s, y in enumerate(fitted.y):
+        real = np.repeat(_complete(data)[:, s], len(CONSTRAINTS))
+        free = _complement(own[s][real])
+        rows.append(free.shape[1])
+        left.append(free.T @ y[real])
+        shared.append(free.T @ common[s][real])
+    if not sum(rows):
+        return 0.0, 0
+    free = _complement(np.concatenate(shared)) if len(rows) > 1 else np.eye(sum(rows))
+    return float(((free.T @ np.concatenate(left)) ** 2).sum()), free.shape[1]
+
+
+def _complete(data: Observed):
+    """Postures that count and have all their angles."""
+    return data.counted & data.measured.all(axis=0)
+
+
+def _posture_columns(fitted: Linear, data: Observed) -> Float[np.ndarray, "subjects residuals more"]:
+    """One column for each constraint at each elevation of each motion."""
+    where = np.round(data.elevation_deg / _BIN_DEG) + 1000.0 * data.motion
+    chosen = where.T[..., None] == np.unique(where[data.counted])
+    columns = fitted.root[..., : len(CONSTRAINTS), None] * chosen[:, :, None, None]
+    return columns.reshape(*fitted.y.shape, -1)
+
+
+def _complement(columns: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n free"]:
+    """Orthonormal basis of what the columns do not span."""
+    U, S, _ = np.linalg.svd(columns, full_matrices=True)
+    return U[:, int((_RANK_SHARE * S.max(initial=0.0) < S).sum()) :]
+
+
+def _landmark_noise_mm(data: Observed) -> float:
+    """RMS of SC beyond a parabola over elevation in each subject and motion."""
+    squares, freedom = 0.0, 0
+    for subject in range(data.counted.shape[1]):
+        for motion in range(len(data.motions)):
+            chosen = data.counted[:, subject] & (data.motion[:, subject] == motion)
+            for value, known in zip(data.values[_ANGLES:][:3], data.measured[_ANGLES:][:3], strict=True):
+                at = chosen & known[:, subject]
+                terms = np.polynomial.legendre.legvander(data.elevation_deg[at, subject] / 90.0, _SC_TERMS - 1)
+                free = _complement(terms) if at.any() else np.zeros((0, 0))
+                squares += float(((free.T @ value[at, subject]) ** 2).sum())
+                freedom += free.shape[1]
+    if freedom < FEWEST_DEGREES:
+        return ASSUMED.landmark_mm
+    return max(LEAST.landmark_mm, float(np.sqrt(squares / freedom)))
