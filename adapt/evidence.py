@@ -10,16 +10,10 @@ the evidence is closed form; per subject only two sufficient statistics of the a
 by adding them.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
-
-from adapt.misfit import columns_of, misfit, prior_z
-from adapt.observed import Noise, Observed
-from models.effects import Effect
-from models.girdle import ADAPTED, Girdle
+from jaxtyping import Float
 
 Hypothesis = tuple[str, ...]
 """Names of the effects at work; empty for none."""
@@ -30,12 +24,6 @@ subjects of Table 6.5 (R2: 31, 6, 3, 24, 17, 2 mm), rounded."""
 
 BETWEEN_SUBJECTS = 0.3
 """Prior SD of a subject's amplitude about the common one, as a share of the effect's scale."""
-
-_ALONE_STEPS, _TOGETHER_STEPS = 6, 8
-"""Most Gauss-Newton steps of each subject alone, then of all together."""
-
-_SETTLED = 0.02
-"""Change of -2 log posterior below which a step changes no answer."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +52,7 @@ def unlike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
 
 @dataclass(frozen=True)
 class Linear:
-    """A hypothesis fitted to all subjects, linear around its most probable parameters."""
+    """A hypothesis fitted to all subjects, linear around its most probable parameters (``adapt.most_probable``)."""
 
     hypothesis: Hypothesis
     z: Float[np.ndarray, "parameters subjects"]
@@ -97,150 +85,8 @@ class Posterior:
     """Means of the adapted parameters, in prior standard deviations."""
     a: Float[np.ndarray, "subjects amplitudes"]
     """Means of each subject's amplitudes."""
-
-
-def fit_hypotheses(
-    girdle: Girdle,
-    effects: tuple[Effect, ...],
-    hypotheses: Sequence[Hypothesis],
-    data: Observed,
-    noise: Noise,
-) -> list[Linear]:
-    """The most probable parameters of every subject under every hypothesis, and the linear model there.
-
-    Gauss-Newton: first each subject alone with step halving by damping, then all subjects of a hypothesis together
-    under the hierarchical prior, so that the linearisation is where the pooled answer is.
-    """
-    subjects = data.counted.shape[1]
-    lanes = data.of_subjects(np.tile(np.arange(subjects), len(hypotheses)))
-    columns, scales = _layout(effects, hypotheses)
-    lane_columns, lane_scales = (np.repeat(x, subjects, axis=1) for x in (columns, scales))
-    prior = prior_z(girdle, effects)
-    z = np.repeat(prior[:, None], lane_columns.shape[1], axis=1)
-
-    def look(z, nearest, projections):
-        return misfit(girdle, effects, lanes, noise, z, lane_columns, nearest, projections)
-
-    start, nearest = _alone(look, z, prior, lane_columns, np.hypot(1.0, _between(columns))[:, :1] * lane_scales)
-
-    def together(z, nearest) -> tuple[list[Linear], np.ndarray]:
-        at = look(z, nearest, 2)
-        fitted = [_linear(effects, hypothesis, h, at, z, prior, subjects) for h, hypothesis in enumerate(hypotheses)]
-        return fitted, np.array([_cost(found) for found in fitted])
-
-    best, cost = together(start, nearest)
-    share = np.ones(len(hypotheses))
-    for _ in range(_TOGETHER_STEPS):
-        trial = np.concatenate(
-            [found.z + t * (_pooled_z(effects, found, prior) - found.z) for found, t in zip(best, share, strict=True)],
-            axis=1,
-        )
-        tried, cost_tried = together(trial, np.concatenate([found.nearest for found in best], axis=2))
-        better = cost_tried < cost
-        settled = np.abs(cost - cost_tried) < _SETTLED
-        best = [new if good else old for new, old, good in zip(tried, best, better, strict=True)]
-        cost, share = np.where(better, cost_tried, cost), np.where(better, np.minimum(1.0, 2.0 * share), 0.25 * share)
-        if settled.all():
-            break
-    return best
-
-
-def _pooled_z(effects, found: Linear, prior) -> Float[np.ndarray, "parameters subjects"]:
-    """Where the linear model puts the most probable parameters of all subjects together."""
-    mean = posterior(found, alike(found.scale))
-    z = np.repeat(prior[:, None], found.z.shape[1], axis=1)
-    z[: len(ADAPTED)] += (mean.u * THETA_SD_MM).T
-    z[columns_of(effects, found.hypothesis)] = mean.a.T
-    return z
-
-
-def _cost(found: Linear) -> float:
-    """-2 log of the joint posterior at z, but for a constant: misfit, adapted parameters, amplitudes."""
-    u, a = found.u, found.a / found.scale
-    block = alike(np.ones(a.shape[1]))
-    spread, common = block.between**2, block.common**2
-    mu = common * a.sum(axis=0) / (spread + len(a) * common)
-    cost = (found.y**2).sum() + (u**2).sum() + ((a - mu) ** 2 / spread).sum() + (mu**2 / common).sum()
-    return float(np.where(np.isfinite(cost), cost, np.inf))
-
-
-def _layout(
-    effects, hypotheses
-) -> tuple[Int[np.ndarray, "columns hypotheses"], Float[np.ndarray, "columns hypotheses"]]:
-    """The columns of z that each hypothesis frees, padded with -1, and their prior SD."""
-    theta = np.arange(len(ADAPTED))
-    free = [np.concatenate([theta, columns_of(effects, hypothesis)]) for hypothesis in hypotheses]
-    sd = np.concatenate([THETA_SD_MM, *(np.asarray(effect.prior_sd) for effect in effects)])
-    width = max(map(len, free))
-    columns = np.stack([np.pad(f, (0, width - len(f)), constant_values=-1) for f in free], axis=1)
-    return columns, np.where(columns >= 0, sd[columns], 1.0)
-
-
-def _between(columns):
-    """Share of the between-subject variation in a subject's own prior: none for the adapted parameters."""
-    return np.where(np.arange(len(columns))[:, None] < len(ADAPTED), 0.0, BETWEEN_SUBJECTS) + 0.0 * columns
-
-
-def _alone(look, z, prior, columns, sd):
-    """The most probable z of each lane by itself, and its nearest postures."""
-    lanes = np.arange(z.shape[1])
-
-    def weighed(at, z):
-        away = np.where(columns >= 0, (z[columns, lanes] - prior[columns]) / sd, 0.0)
-        cost = (at.y**2).sum(axis=(1, 2)) + (away**2).sum(axis=0)
-        return away, np.where(np.isfinite(cost), cost, np.inf)
-
-    at = look(z, None, 4)
-    away, cost = weighed(at, z)
-    damping = np.full(len(cost), 1e-3)
-    y, slopes, nearest = at.y, at.slopes, at.nearest
-    for _ in range(_ALONE_STEPS):
-        J = slopes.reshape(len(lanes), -1, len(columns)) * sd.T[:, None]
-        curvature = np.swapaxes(J, 1, 2) @ J + (1.0 + damping)[:, None, None] * np.eye(len(columns))
-        slope = np.einsum("lrk,lr->lk", J, y.reshape(len(lanes), -1)) + away.T
-        step = -np.linalg.solve(curvature, slope[..., None])[..., 0].T
-        trial = z.copy()
-        for column, move in zip(columns, np.where(columns >= 0, sd * step, 0.0), strict=True):
-            trial[np.maximum(column, 0), lanes] += move
-        at = look(trial, nearest, 2)
-        away_trial, cost_trial = weighed(at, trial)
-        better = cost_trial <= cost
-        damping = np.where(better, damping * 0.1, np.maximum(damping * 100.0, 1e-2))
-        z, cost, away = (
-            np.where(better, trial, z),
-            np.where(better, cost_trial, cost),
-            np.where(better, away_trial, away),
-        )
-        nearest = np.where(better, at.nearest, nearest)
-        y = np.where(better[:, None, None], at.y, y)
-        slopes = np.where(better[:, None, None, None], at.slopes, slopes)
-        if better.all() and np.abs(step).max() < 1e-2:
-            break
-    return z, nearest
-
-
-def _linear(effects, hypothesis: Hypothesis, h: int, at, z, prior, subjects: int) -> Linear:
-    span = slice(h * subjects, (h + 1) * subjects)
-    chosen = columns_of(effects, hypothesis)
-    scale = np.concatenate([np.zeros(0), *(np.asarray(e.prior_sd) for e in effects if e.name in hypothesis)])
-    y = at.y[span].reshape(subjects, -1)
-    slopes = at.slopes[span].reshape(*y.shape, -1)
-    X, A = slopes[..., : len(ADAPTED)] * THETA_SD_MM, slopes[..., len(ADAPTED) : len(ADAPTED) + len(chosen)]
-    u = (z[: len(ADAPTED), span].T - prior[: len(ADAPTED)]) / THETA_SD_MM
-    a = z[chosen][:, span].T
-    return Linear(
-        hypothesis=hypothesis,
-        z=z[:, span].copy(),
-        nearest=at.nearest[..., span],
-        y=y,
-        X=X,
-        A=A,
-        scale=scale,
-        u=u,
-        a=a,
-        linear=np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, a) - y,
-        root=at.root[span],
-    )
+    mean_covariance: Float[np.ndarray, "amplitudes amplitudes"]
+    """Of the mean of a over these subjects."""
 
 
 @dataclass(frozen=True)
@@ -294,4 +140,6 @@ def posterior(fitted: Linear, prior: Block) -> Posterior:
     rest = fitted.linear - np.einsum("srk,sk->sr", fitted.A, a)
     XX = np.swapaxes(fitted.X, 1, 2) @ fitted.X + np.eye(fitted.X.shape[2])
     u = np.linalg.solve(XX, np.einsum("srk,sr->sk", fitted.X, rest)[..., None])[..., 0]
-    return Posterior(log, common, covariance, u, a)
+    follows = np.eye(len(common)) - (own @ of.information).mean(axis=0)
+    mean_covariance = follows @ covariance @ follows.T + own.sum(axis=0) / len(own) ** 2
+    return Posterior(log, common, covariance, u, a, mean_covariance)

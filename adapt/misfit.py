@@ -43,6 +43,10 @@ class Misfit:
     """dy/dz of the chosen columns of z; a column of -1 gives zeros."""
     root: Float[np.ndarray, "lanes postures m m"]
     """V^(-1/2), lower triangular: what one unit of each equation of g adds to y."""
+    open_mm: Float[np.ndarray, "lanes postures"]
+    """How far the chain still gapes at x*: more than rounding where no posture closes it."""
+    noise_variance: Float[np.ndarray, "quantities postures lanes"]
+    """Variance of s - x* that noise alone leaves: N G' V^-1 G N, on the diagonal."""
 
 
 def columns_of(effects: tuple[Effect, ...], active: tuple[str, ...]) -> Int[np.ndarray, " amplitudes"]:
@@ -98,6 +102,8 @@ def misfit(
         y=np.where(real, (root @ gape[..., None])[..., 0], 0.0),
         slopes=np.where(real[..., None], root @ T[..., : len(columns)], 0.0),
         root=np.where(real[..., None], root, 0.0),
+        open_mm=np.where(data.counted.T, np.abs(g).max(axis=2), 0.0),
+        noise_variance=np.einsum("lpmn->npl", (root @ scaled) ** 2) * sd**2,
     )
 
 

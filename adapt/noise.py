@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.discrepancy import SMOOTH, discrepancy_columns
-from adapt.evidence import Linear, fit_hypotheses
+from adapt.evidence import Linear
+from adapt.most_probable import fit_hypotheses
 from adapt.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import CONSTRAINTS, Girdle

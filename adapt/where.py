@@ -3,12 +3,13 @@
 Only counted postures and measured angles take part. ``dataclasses.asdict`` turns every result into plain JSON types.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from adapt.observed import Observed
 from models.girdle import CONSTRAINTS
@@ -36,9 +37,8 @@ _RANK = 1e-6
 """Singular value, as a share of the largest, below which elevations do not tell a term of the course."""
 
 Side = Literal["left", "right"]
+SIDES: tuple[Side, ...] = ("left", "right")
 """'left': on the thorax side of the bone's rotation, R_measured = L R_simulated; 'right': on its bone side."""
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -98,75 +98,66 @@ class Profile:
 
 @dataclass(frozen=True)
 class Parts:
-    """What share of the squared gap rotations T = sum |v|^2 is what, clipped and normalised as :func:`shares` says."""
+    """What share of the squared gap rotations T = sum |v|^2 is what (:func:`shares`), over some bone orientations.
 
-    postures: int
-    """Bone orientations with all three angles measured."""
+    ``left_explains`` and ``right_explains`` are sum_s n_s |c_s|^2 / T of either form's constants, not corrected for
+    noise; ``side`` is the larger (left where equal). They differ only if the bone turns: else the side is not told.
+    """
+
+    orientations: int
     rms_deg: float
-    """sqrt(T / postures)."""
     noise: float
     constant: float
     systematic: float
     left_over: float
     side: Side
-    """The form whose constant explains more; left where both explain the same."""
     left_explains: float
     right_explains: float
-    """sum_s n_s |c_s|^2 / T of the constants c_s of each form, not corrected for noise. They are the same where the
-    bone does not turn over the postures: the side then is not told."""
 
 
 @dataclass(frozen=True)
 class Constant:
-    """Mean over subjects of a bone's constant rotation vector (x, y, z), and its SD over them (None: one subject).
+    """Mean over subjects of a bone's constant rotation vector, and its SD over them (None: one subject).
 
-    In thorax axes on the left side, in bone axes on the right one.
+    x, y, z in thorax axes if the side is left, in bone axes if right. ``thorax_side_deg`` is the length of the mean
+    left vector, whichever the side.
     """
 
     side: Side
-    mean_deg: Vector
-    sd_deg: Vector | None
-
-
-@dataclass(frozen=True)
-class ThoraxSide:
-    """Whether the bones agree on a thorax-side (left) constant: an error of the thorax frame turns both alike."""
-
-    clavicle_deg: float
-    scapula_deg: float
-    """Lengths of the mean left vectors."""
-    angle_deg: float | None
-    """Between them; None where one is zero."""
+    mean_deg: list[float]
+    sd_deg: list[float] | None
+    thorax_side_deg: float
 
 
 @dataclass(frozen=True)
 class Shares:
-    """See :func:`shares`. A bone that was never measured in all three angles is in none of it."""
+    """See :func:`shares`. A bone that was never measured in all three angles is in none of it.
+
+    ``thorax_sides_apart_deg`` is the angle between the bones' mean left vectors (None where one is zero or missing): an
+    error of the thorax frame turns both bones alike, so that angle is small and their lengths are the same.
+    """
 
     all: Parts | None
     bones: dict[str, Parts]
     constants: dict[str, Constant]
-    thorax_side: ThoraxSide | None
+    thorax_sides_apart_deg: float | None
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Statistics over postures; SD with n - 1 (None: one posture)."""
+class ConstraintResidual:
+    """One of A1-A3 at the measured angles, in one motion or (motion None) in all; SD with n - 1 (None: one posture).
 
+    slope = 90 sum (e - mean e) (a - mean a) / sum (e - mean e)^2 over elevation e, means within subject and motion;
+    None where the elevations do not spread.
+    """
+
+    constraint: str
+    motion: str | None
     postures: int
     mean_mm: float
     sd_mm: float | None
     min_mm: float
     max_mm: float
-
-
-@dataclass(frozen=True)
-class ConstraintResidual:
-    """One of A1-A3 at the measured angles. ``slope`` is over elevation, pooled within subject and motion:
-    90 sum (e - mean e) (a - mean a) / sum (e - mean e)^2; None where the elevations do not spread."""
-
-    overall: Spread
-    motions: dict[str, Spread]
     slope_mm_per_90deg: float | None
 
 
@@ -174,42 +165,28 @@ def cells(gap: Gap) -> list[Cell]:
     """Every angle x motion x elevation bin that was measured, the largest share of the explainable gap first."""
     angle, motion, low_deg, _, difference, noise = _values(gap)
     keys, group = np.unique(np.stack([angle, motion, low_deg]), axis=1, return_inverse=True)
-    excess = np.maximum(0.0, np.bincount(group, difference**2 - noise))
-    share = excess / excess.sum() if excess.any() else excess
-    found = []
-    for k, (a, m, low) in enumerate(keys.T):
-        at = group == k
-        name = ANGLES[int(a)]
-        found.append(
-            Cell(
-                angle=name,
-                bone=name.split("_")[0],
-                motion=gap.data.motions[int(m)],
-                elevation_low_deg=float(low),
-                elevation_high_deg=float(low + BIN_DEG),
-                postures=int(at.sum()),
-                mean_difference_deg=float(difference[at].mean()),
-                mean_absolute_deg=float(np.abs(difference[at]).mean()),
-                noise_deg=float(np.sqrt(2.0 / np.pi * noise[at].mean())),
-                share=float(share[k]),
-            )
-        )
-    return sorted(found, key=lambda cell: -cell.share)
+    excess = np.bincount(group, difference**2 - noise).clip(0.0)
+    share = excess / (excess.sum() or 1.0)
+
+    def cell(k: int) -> Cell:
+        at, name, low = group == k, ANGLES[int(keys[0, k])], float(keys[2, k])
+        where = (name, name.split("_")[0], gap.data.motions[int(keys[1, k])], low, low + BIN_DEG)
+        means = (difference[at].mean(), np.abs(difference[at]).mean(), np.sqrt(2.0 / np.pi * noise[at].mean()))
+        return Cell(*where, int(at.sum()), *map(float, means), share=float(share[k]))
+
+    return sorted(map(cell, range(keys.shape[1])), key=lambda cell: -cell.share)
 
 
 def profile(gap: Gap) -> Profile:
     """The mean absolute difference by angle, bone, motion, elevation bin and subject."""
     angle, motion, low_deg, subject, difference, noise = _values(gap)
+    absolute, alone = np.abs(difference), np.sqrt(2.0 / np.pi * noise)
+    lows, bins = np.unique(low_deg, return_inverse=True)
 
     def levels(names: Sequence[str], number: np.ndarray) -> dict[str, Level]:
         chosen = {name: number == k for k, name in enumerate(names)}
-        return {
-            name: Level(float(np.abs(difference[at]).mean()), float(np.sqrt(2.0 / np.pi * noise[at]).mean()))
-            for name, at in chosen.items()
-            if at.any()
-        }
+        return {n: Level(float(absolute[at].mean()), float(alone[at].mean())) for n, at in chosen.items() if at.any()}
 
-    lows, bins = np.unique(low_deg, return_inverse=True)
     return Profile(
         angle=levels(ANGLES, angle),
         bone=levels(BONES, angle // 3),
@@ -220,51 +197,11 @@ def profile(gap: Gap) -> Profile:
 
 
 def _values(gap: Gap) -> tuple[np.ndarray, ...]:
-    """Of each angle that takes part: its number, motion, bin (low end, deg), subject, difference (deg), noise (deg^2)."""
-    angle, posture, subject = np.nonzero(gap.used)
-    at = (angle, posture, subject)
+    """Of each angle in use: its number, motion, bin (low end, deg), subject, difference (deg) and noise (deg^2)."""
+    angle, posture, subject = at = np.nonzero(gap.used)
     low_deg = np.floor(gap.data.elevation_deg[posture, subject] / BIN_DEG) * BIN_DEG
-    difference_deg = np.asarray((gap.simulated[at] - gap.data.values[at]) * DEG)
+    difference_deg = np.rad2deg(gap.simulated[at] - gap.data.values[at])
     return angle, gap.data.motion[posture, subject], low_deg, subject, difference_deg, gap.noise_deg2[at]
-
-
-@dataclass(frozen=True)
-class _Turns:
-    """The n gap rotations of one bone: vectors in degrees, (n, 3), in both forms."""
-
-    vectors: dict[Side, Float[np.ndarray, "n 3"]]
-    subject: Int[np.ndarray, " n"]
-    motion: Int[np.ndarray, " n"]
-    elevation_deg: Float[np.ndarray, " n"]
-    variance_deg2: float
-    """Noise variance of each component: the mean noise_deg2 of the bone's angles, as the axes of the Cardan angles
-    are unit vectors and thus E |v|^2 = sum of the three E difference^2."""
-
-    def constants(self, side: Side) -> Float[np.ndarray, "subjects 3"]:
-        """c_s of the subjects that the bone was measured in."""
-        return np.stack([self.vectors[side][self.subject == s].mean(axis=0) for s in np.unique(self.subject)])
-
-    def constant_squares(self, side: Side) -> float:
-        """sum_s n_s |c_s|^2."""
-        _, n = np.unique(self.subject, return_counts=True)
-        return float(n @ (self.constants(side) ** 2).sum(axis=1))
-
-    @property
-    def side(self) -> Side:
-        return "left" if self.constant_squares("left") >= self.constant_squares("right") else "right"
-
-
-@dataclass(frozen=True)
-class _Squares:
-    """Sums over the gap rotations of a bone, deg^2; those of several bones are added. Explained ones less chance."""
-
-    postures: int
-    total: float
-    noise: float
-    left: float
-    right: float
-    constant: float
-    systematic: float
 
 
 def shares(gap: Gap) -> Shares:
@@ -277,77 +214,92 @@ def shares(gap: Gap) -> Shares:
     noise      = min(1, 3 n s2 / T)
     constant   = (sum_s n_s |c_s|^2 - 3 S s2) / T,  c_s the mean v of subject s, in the form that explains more
     systematic = (sum |P w|^2 - 3 d s2) / T,  w = v - c_s in that form, P the projection on a cubic in elevation a
-                 motion of a subject, d = sum over them (terms) - sum_s (postures of s in them) / n_s
+                 motion of a subject, d = sum over these motions of (terms - their postures / n_s)
     left over  = 1 - noise - constant - systematic
 
-    each clipped at 0, then divided by their sum. A motion with fewer than six postures has a lower degree, so that two
-    residual degrees of freedom stay; with fewer than three it is skipped. For all, the sums of both bones are added,
-    each bone in its own form. Where there is no gap at all, all of it is noise.
+    each clipped at 0, then divided by their sum. s2 is the variance of each component, as the axes of Cardan angles are
+    unit vectors, so that E |v|^2 is the sum of three noise_deg2. A motion with fewer than six postures has a lower
+    degree, so that two residual degrees of freedom stay; with fewer than three it is skipped. For all, the sums of both
+    bones are added, each bone in its own form. Where there is no gap at all, all of it is noise.
     """
-    turns = {bone: t for k, bone in enumerate(BONES) if (t := _turns(gap, slice(3 * k, 3 * k + 3))) is not None}
-    squares = {bone: _squares(t) for bone, t in turns.items()}
-    pooled = _Squares(*(sum(getattr(s, f.name) for s in squares.values()) for f in fields(_Squares)))
+    turns = {bone: _turns(gap, slice(3 * k, 3 * k + 3)) for k, bone in enumerate(BONES)}
+    turns = {bone: turn for bone, turn in turns.items() if len(turn.subject)}
+    squares = {bone: _squares(turn) for bone, turn in turns.items()}
     return Shares(
-        all=_parts(pooled) if turns else None,
-        bones={bone: _parts(s) for bone, s in squares.items()},
-        constants={bone: _constant(t) for bone, t in turns.items()},
-        thorax_side=_thorax_side(*(turns[bone] for bone in BONES)) if len(turns) == len(BONES) else None,
+        all=_parts(np.sum(list(squares.values()), axis=0)) if squares else None,
+        bones={bone: _parts(each) for bone, each in squares.items()},
+        constants={bone: _constant(turn) for bone, turn in turns.items()},
+        thorax_sides_apart_deg=_apart_deg([turn.constants_deg[0].mean(axis=0) for turn in turns.values()]),
     )
 
 
-def _turns(gap: Gap, angles: slice) -> _Turns | None:
+@dataclass(frozen=True)
+class _Turns:
+    """The n gap rotations of one bone; the first axis is that of SIDES."""
+
+    vectors_deg: Float[np.ndarray, "2 n 3"]
+    subject: Int[np.ndarray, " n"]
+    motion: Int[np.ndarray, " n"]
+    elevation_deg: Float[np.ndarray, " n"]
+    noise_deg2: Float[np.ndarray, "3 n"]
+
+    @property
+    def constants_deg(self) -> Float[np.ndarray, "2 subjects 3"]:
+        """c_s of the subjects that the bone was measured in."""
+        v, s = self.vectors_deg, self.subject
+        return np.stack([v[:, s == subject].mean(axis=1) for subject in np.unique(s)], axis=1)
+
+    @property
+    def explained_deg2(self) -> Float[np.ndarray, " 2"]:
+        """sum_s n_s |c_s|^2 of either form."""
+        return (self.constants_deg**2).sum(axis=2) @ np.unique(self.subject, return_counts=True)[1]
+
+    @property
+    def side(self) -> int:
+        """The form whose constant explains more."""
+        return int(np.argmax(self.explained_deg2))
+
+
+def _turns(gap: Gap, angles: slice) -> _Turns:
     used = gap.used[angles].all(axis=0)
-    if not used.any():
-        return None
-    measured, simulated = (
-        np.asarray(rotation_from_cardan(np.where(used, x[angles], 0.0))) for x in (gap.data.values, gap.simulated)
-    )
-    transposed = np.swapaxes(simulated, 0, 1)
-    both: dict[Side, np.ndarray] = {
-        "left": _vector_deg(np.asarray(compose(measured, transposed))),
-        "right": _vector_deg(np.asarray(compose(transposed, measured))),
-    }
+    both = (jnp.where(used, x[angles], 0.0) for x in (gap.data.values, gap.simulated))
+    measured, simulated = map(rotation_from_cardan, both)
+    back = jnp.swapaxes(simulated, 0, 1)
+    v = np.stack([_vector_deg(compose(measured, back)), _vector_deg(compose(back, measured))])
     return _Turns(
-        vectors={side: v[:, used].T for side, v in both.items()},
+        vectors_deg=np.swapaxes(v[:, :, used], 1, 2),
         subject=np.nonzero(used)[1],
         motion=gap.data.motion[used],
         elevation_deg=gap.data.elevation_deg[used],
-        variance_deg2=float(gap.noise_deg2[angles][:, used].mean()),
+        noise_deg2=gap.noise_deg2[angles][:, used],
     )
 
 
-def _vector_deg(R: Float[np.ndarray, " 3 3 *batch"]) -> Float[np.ndarray, " 3 *batch"]:
+def _vector_deg(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
     """log(R) for less than half a turn."""
-    sines = np.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    length = np.sqrt((sines**2).sum(axis=0))
-    return sines * np.asarray(mean_angle(R) * DEG) / np.where(length > 0.0, length, 1.0)
+    sines = jnp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    length = jnp.sqrt((sines**2).sum(axis=0))
+    return sines * mean_angle(R) * DEG / jnp.where(length > 0.0, length, 1.0)
 
 
-def _squares(turns: _Turns) -> _Squares:
-    v, s2, side = turns.vectors[turns.side], turns.variance_deg2, turns.side
-    subjects, index, n = np.unique(turns.subject, return_inverse=True, return_counts=True)
-    w = v - turns.constants(side)[index]
+def _squares(turns: _Turns) -> Float[np.ndarray, " 7"]:
+    """n; T; 3 n s2; sum_s n_s |c_s|^2 left and right; what is explained less chance: constant, systematic. deg^2."""
+    v, chance, explained = turns.vectors_deg[turns.side], 3.0 * turns.noise_deg2.mean(), turns.explained_deg2
+    _, subject, n = np.unique(turns.subject, return_inverse=True, return_counts=True)
+    w = v - turns.constants_deg[turns.side, subject]
     systematic = 0.0
     for at in _groups(turns.subject, turns.motion):
         course = _course(turns.elevation_deg[at])
-        by_chance = course.shape[1] - (len(at) / n[index[at[0]]] if course.size else 0.0)
-        systematic += float(((course.T @ w[at]) ** 2).sum()) - 3.0 * s2 * by_chance
-    left, right = turns.constant_squares("left"), turns.constant_squares("right")
-    return _Squares(
-        postures=len(v),
-        total=float((v**2).sum()),
-        noise=3.0 * len(v) * s2,
-        left=left,
-        right=right,
-        constant=max(left, right) - 3.0 * len(subjects) * s2,
-        systematic=systematic,
-    )
+        freedom = course.shape[1] - len(at) / n[subject[at[0]]] if course.size else 0.0
+        systematic += ((course.T @ w[at]) ** 2).sum() - chance * freedom
+    constant = explained.max() - chance * len(n)
+    return np.array([len(v), (v**2).sum(), chance * len(v), *explained, constant, systematic])
 
 
-def _groups(subject: Int[np.ndarray, " n"], motion: Int[np.ndarray, " n"]) -> Iterator[Int[np.ndarray, " group"]]:
+def _groups(subject: Int[np.ndarray, " n"], motion: Int[np.ndarray, " n"]) -> list[Int[np.ndarray, " group"]]:
     """The postures of each motion of each subject."""
     _, group = np.unique(np.stack([subject, motion]), axis=1, return_inverse=True)
-    return (np.flatnonzero(group == k) for k in np.unique(group))
+    return [np.flatnonzero(group == k) for k in np.unique(group)]
 
 
 def _course(elevation_deg: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n terms"]:
@@ -358,63 +310,49 @@ def _course(elevation_deg: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n term
     return columns[:, size > _RANK * size.max(initial=0.0)]
 
 
-def _parts(squares: _Squares) -> Parts:
-    total = squares.total
-    shares = np.array([1.0, 0.0, 0.0, 0.0])
-    none = total <= squares.postures * _ROUNDING_DEG**2
-    if not none:
-        noise, constant, systematic = np.array([squares.noise, squares.constant, squares.systematic]) / total
-        parts = np.array([min(1.0, noise), constant, systematic, 0.0]).clip(0.0)
-        parts[3] = max(0.0, 1.0 - parts.sum())
-        shares = parts / parts.sum()
-    return Parts(
-        squares.postures,
-        float(np.sqrt(total / squares.postures)),
-        *map(float, shares),
-        side="left" if squares.left >= squares.right else "right",
-        left_explains=0.0 if none else squares.left / total,
-        right_explains=0.0 if none else squares.right / total,
-    )
+def _parts(squares: Float[np.ndarray, " 7"]) -> Parts:
+    n, total, noise, left, right, constant, systematic = squares.tolist()
+    none = total <= n * _ROUNDING_DEG**2
+    scale = 0.0 if none else 1.0 / total
+    parts = np.array([1.0 if none else min(1.0, noise * scale), constant * scale, systematic * scale]).clip(0.0)
+    shares = np.append(parts, max(0.0, 1.0 - parts.sum())) / max(1.0, parts.sum())
+    explains = {"left_explains": min(1.0, left * scale), "right_explains": min(1.0, right * scale)}
+    return Parts(int(n), (total / n) ** 0.5, *map(float, shares), side=SIDES[int(right > left)], **explains)
 
 
 def _constant(turns: _Turns) -> Constant:
-    c = turns.constants(turns.side)
-    return Constant(turns.side, _xyz(c.mean(axis=0)), _xyz(c.std(axis=0, ddof=1)) if len(c) > 1 else None)
+    c = turns.constants_deg
+    sd = c[turns.side].std(axis=0, ddof=1).tolist() if c.shape[1] > 1 else None
+    mean = c.mean(axis=1)
+    return Constant(SIDES[turns.side], mean[turns.side].tolist(), sd, float(np.linalg.norm(mean[0])))
 
 
-def _xyz(vector: Float[np.ndarray, " 3"]) -> Vector:
-    x, y, z = vector.tolist()
-    return x, y, z
-
-
-def _thorax_side(clavicle: _Turns, scapula: _Turns) -> ThoraxSide:
-    a, b = (turns.constants("left").mean(axis=0) for turns in (clavicle, scapula))
-    lengths = float(np.linalg.norm(a)), float(np.linalg.norm(b))
-    angle = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b) * DEG
-    return ThoraxSide(*lengths, float(angle) if min(lengths) > _ROUNDING_DEG else None)
+def _apart_deg(vectors: Sequence[Float[np.ndarray, " 3"]]) -> float | None:
+    """The angle between two vectors."""
+    if len(vectors) < len(BONES) or min(np.linalg.norm(v) for v in vectors) <= _ROUNDING_DEG:
+        return None
+    a, b = vectors
+    return float(np.rad2deg(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
 
 
 def constraint_residuals_mm(
     data: Observed, residuals_mm: Float[np.ndarray, "3 postures subjects"]
-) -> dict[str, ConstraintResidual]:
-    """A1-A3 (mm) at the measured angles, over the counted postures with all six angles; empty if there are none."""
+) -> list[ConstraintResidual]:
+    """A1-A3 over the counted postures with all six angles measured: of each, all motions first, then one by one."""
     used = data.measured[:6].all(axis=0) & data.counted
-    if not used.any():
-        return {}
-    motion, subject, elevation = data.motion[used], np.nonzero(used)[1], data.elevation_deg[used]
-    groups = list(_groups(subject, motion))
-    found = {}
-    for name, a in zip(CONSTRAINTS, residuals_mm[:, used], strict=True):
-        e_within, a_within = (np.concatenate([x[at] - x[at].mean() for at in groups]) for x in (elevation, a))
-        spreads = float(np.sqrt((e_within**2).mean())) > _SAME_ELEVATION_DEG
-        found[name] = ConstraintResidual(
-            overall=_spread(a),
-            motions={data.motions[m]: _spread(a[motion == m]) for m in np.unique(motion)},
-            slope_mm_per_90deg=float(90.0 * (e_within @ a_within) / (e_within @ e_within)) if spreads else None,
-        )
-    return found
+    motion, subject = data.motion[used], np.nonzero(used)[1]
+    chosen = {None: slice(None)} | {data.motions[k]: motion == k for k in np.unique(motion)}
+    return [
+        ConstraintResidual(name, of, *_spread(a[at], data.elevation_deg[used][at], _groups(subject[at], motion[at])))
+        for name, a in zip(CONSTRAINTS, residuals_mm[:, used], strict=True)
+        for of, at in chosen.items()
+        if a.size
+    ]
 
 
-def _spread(a: Float[np.ndarray, " n"]) -> Spread:
+def _spread(a, elevation_deg, groups) -> tuple[int, float, float | None, float, float, float | None]:
+    """Number, mean, SD, min, max of the residuals (mm), and their slope over elevation (mm per 90 deg)."""
     sd = float(a.std(ddof=1)) if len(a) > 1 else None
-    return Spread(len(a), float(a.mean()), sd, float(a.min()), float(a.max()))
+    e, within = (np.concatenate([x[at] - x[at].mean() for at in groups]) for x in (elevation_deg, a))
+    slope = float(90.0 * (e @ within) / (e @ e)) if (e**2).mean() > _SAME_ELEVATION_DEG**2 else None
+    return len(a), float(a.mean()), sd, float(a.min()), float(a.max()), slope

@@ -1,0 +1,152 @@
+"""Which effects these postures, quantities and noise can tell apart, before any residual is seen.
+
+An effect makes the whitened residuals of all subjects together Gaussian, N(0, C), with C from its derivatives and
+priors at the model as it is. The expected log evidence of the right effect i over another j is the Kullback-Leibler
+divergence (Eriksson 2013)
+
+    D_ij = 1/2 (tr C_j^-1 C_i - n + log det C_j - log det C_i).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.evidence import THETA_SD_MM, Hypothesis, alike
+from adapt.misfit import columns_of, misfit, prior_z
+from adapt.observed import Noise, Observed
+from models.effects import Effect
+from models.girdle import ADAPTED, Girdle
+
+TOLD_APART = 3.0
+"""Expected log evidence (odds of 20 to 1) from which two hypotheses are told apart."""
+
+_SIZES = 2.0 ** np.arange(-4.0, 4.5, 0.5)
+"""Shares of an effect's scale tried for the smallest detectable amplitude."""
+
+_MOST_SUBJECTS = 12
+"""More subjects are represented by so many: which effects look alike does not change, the size of D does."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """What one hypothesis does to the residuals of each subject: C = blockdiag(within) + common common'."""
+
+    within: Float[np.ndarray, "subjects residuals residuals"]
+    """Covariance within a subject for a given common amplitude, the adapted parameters integrated out."""
+    common: Float[np.ndarray, "subjects residuals amplitudes"]
+    """Derivatives by the common amplitude, in prior standard deviations."""
+
+    @cached_property
+    def inverse(self) -> Float[np.ndarray, "subjects residuals residuals"]:
+        """within^-1."""
+        return np.linalg.inv(self.within)
+
+    @cached_property
+    def core(self) -> Float[np.ndarray, "amplitudes amplitudes"]:
+        """1 + common' within^-1 common."""
+        return np.eye(self.common.shape[2]) + _pairs(self.common, self.inverse @ self.common)
+
+    @cached_property
+    def log_det(self) -> float:
+        """log det C."""
+        return float(np.linalg.slogdet(self.within)[1].sum() + np.linalg.slogdet(self.core)[1])
+
+
+def _pairs(left, right):
+    """left' right, summed over subjects."""
+    return (np.swapaxes(left, 1, 2) @ right).sum(axis=0)
+
+
+def closed(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> Observed:
+    """The same postures as the model as it is would take them: nothing of the residuals is left in them."""
+    z = _prior(girdle, effects, data.counted.shape[1])
+    columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
+    nearest = misfit(girdle, effects, data, noise, z, columns).nearest
+    return replace(data, values=nearest)
+
+
+def separation(
+    girdle: Girdle, effects: tuple[Effect, ...], hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
+) -> Float[np.ndarray, "hypotheses hypotheses"]:
+    """D_ij in nats: how clearly these data would show i and not j if i is at work. ``data`` are ``closed`` ones."""
+    columns = _columns(girdle, effects, hypotheses, data, noise)
+    return np.array([[_divergence(i, j) for j in columns] for i in columns])
+
+
+def alike_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]) -> list[list[str]]:
+    """Groups of single effects (two or more) linked by pairs that are not told apart, either way round."""
+    left = [k for k, hypothesis in enumerate(hypotheses) if len(hypothesis) == 1]
+    groups = []
+    while left:
+        group = [left.pop(0)]
+        for k in group:
+            near = [j for j in left if min(apart[k, j], apart[j, k]) < TOLD_APART]
+            group += near
+            left = [j for j in left if j not in near]
+        if len(group) > 1:
+            groups.append([hypotheses[k][0] for k in group])
+    return groups
+
+
+def smallest_detectable(
+    girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
+) -> dict[str, float | None]:
+    """The amplitude of each effect, in its unit, from which these data would show it; None above 16 times its scale."""
+    hypotheses = [(), *((effect.name,) for effect in effects)]
+    nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
+    found: dict[str, float | None] = {}
+    for effect, column in zip(effects, columns, strict=True):
+        sizes = (size for size in _SIZES if _divergence(_scaled(column, nothing, size), nothing) >= TOLD_APART)
+        size = next(sizes, None)
+        found[effect.name] = None if size is None else float(size * max(effect.scale))
+    return found
+
+
+def _prior(girdle: Girdle, effects, lanes: int):
+    return np.repeat(prior_z(girdle, effects)[:, None], lanes, axis=1)
+
+
+def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:
+    data = data.of_subjects(np.arange(min(data.counted.shape[1], _MOST_SUBJECTS)))
+    subjects = data.counted.shape[1]
+    theta = np.arange(len(ADAPTED))
+    free = [np.concatenate([theta, columns_of(effects, hypothesis)]) for hypothesis in hypotheses]
+    width = max(map(len, free))
+    chosen = np.stack([np.pad(f, (0, width - len(f)), constant_values=-1) for f in free], axis=1)
+    at = misfit(
+        girdle,
+        effects,
+        data.of_subjects(np.tile(np.arange(subjects), len(hypotheses))),
+        noise,
+        _prior(girdle, effects, subjects * len(hypotheses)),
+        np.repeat(chosen, subjects, axis=1),
+    )
+    by_name = {effect.name: effect for effect in effects}
+    found = []
+    for h, hypothesis in enumerate(hypotheses):
+        slopes = at.slopes[h * subjects : (h + 1) * subjects].reshape(subjects, -1, width)
+        X = slopes[..., : len(theta)] * THETA_SD_MM
+        scale = np.concatenate([np.zeros(0), *(np.asarray(by_name[name].prior_sd) for name in hypothesis)])
+        A = slopes[..., len(theta) : len(theta) + len(scale)] * alike(scale).common
+        between = slopes[..., len(theta) : len(theta) + len(scale)] * alike(scale).between
+        within = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2) + between @ np.swapaxes(between, 1, 2)
+        found.append(Column(within, A))
+    return found
+
+
+def _scaled(column: Column, nothing: Column, size: float) -> Column:
+    """The same effect at another size."""
+    return Column(nothing.within + size**2 * (column.within - nothing.within), size * column.common)
+
+
+def _divergence(i: Column, j: Column) -> float:
+    """D_ij, by blocks of subjects."""
+    W = j.inverse @ j.common
+    trace = float((j.inverse * np.swapaxes(i.within, 1, 2)).sum()) + np.trace(_pairs(i.common, j.inverse @ i.common))
+    overlap = _pairs(W, i.common)
+    trace -= np.trace(np.linalg.solve(j.core, _pairs(W, i.within @ W) + overlap @ overlap.T))
+    residuals = i.within.shape[0] * i.within.shape[1]
+    return 0.5 * float(trace - residuals + j.log_det - i.log_det)

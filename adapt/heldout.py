@@ -1,0 +1,143 @@
+"""How large the gap is, on the postures a model was fitted to and on postures and motions it has not seen."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from adapt.evidence import Hypothesis, Linear
+from adapt.misfit import Misfit, misfit, prior_z
+from adapt.most_probable import fit_hypotheses
+from adapt.observed import Noise, Observed
+from models.effects import Effect
+from models.girdle import ADAPTED, Girdle
+from motions.rotations import DEG
+
+BONES = {"all": slice(0, 6), "clavicle": slice(0, 3), "scapula": slice(3, 6)}
+
+_POSTURE_FOLDS = 3
+"""With one motion, every third posture is held out in turn."""
+
+_RESAMPLES = 2000
+_SEED = 20260101
+"""Of the bootstrap over subjects, fixed: the same data give the same interval."""
+
+_INTERVAL_PERCENT = (2.5, 97.5)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Mean absolute difference of the angles, degrees, with its 95 % interval over subjects."""
+
+    value: float
+    low: float
+    high: float
+
+
+Gaps = dict[str, Gap]
+"""By bone: all, clavicle, scapula."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Gaps of the model as it is, adapted, and adapted with the effects; each key of ``in_sample`` and ``unseen``."""
+
+    in_sample: dict[str, Gaps]
+    unseen: dict[str, Gaps]
+    folds: str
+    """What was held out."""
+
+
+def gaps(
+    girdle: Girdle,
+    effects: tuple[Effect, ...],
+    data: Observed,
+    noise: Noise,
+    fitted: Sequence[Linear],
+    progress: Callable[[str], None] = lambda _: None,
+) -> HeldOut:
+    """Gaps of ``adapted`` (first of ``fitted``) and ``with_effect`` (last), beside ``base`` and the noise floor.
+
+    The noise floor is the gap that a model without fault would have. Held out: each motion in turn, or with one
+    motion every third posture; adapted parameters and amplitudes are then fitted without it.
+    """
+    hypotheses = [one.hypothesis for one in fitted]
+    everything = data.counted
+    seen = _looked(girdle, effects, data, noise, [one.z for one in fitted], everything)
+    folds, what = _folds(data)
+    parts = []
+    for number, held in enumerate(folds):
+        progress(f"held-out gaps, part {number + 1} of {len(folds)}")
+        without = data.without(held)
+        found = _fit(girdle, effects, hypotheses, without, noise)
+        parts.append(_looked(girdle, effects, data, noise, [one.z for one in found], held))
+    return HeldOut(_summarised([seen], data), _summarised(parts, data), what)
+
+
+def _fit(girdle, effects, hypotheses: list[Hypothesis], data, noise) -> list[Linear]:
+    """Each hypothesis once, in the given order."""
+    distinct = list(dict.fromkeys(hypotheses))
+    found = dict(zip(distinct, fit_hypotheses(girdle, effects, distinct, data, noise), strict=True))
+    return [found[hypothesis] for hypothesis in hypotheses]
+
+
+def _folds(data: Observed) -> tuple[list[Bool[np.ndarray, "postures subjects"]], str]:
+    present = [m for m in range(len(data.motions)) if (data.counted & (data.motion == m)).any()]
+    shared = all((data.counted & (data.motion != m)).any(axis=0).all() for m in present)
+    if len(present) > 1 and shared:
+        return [data.counted & (data.motion == m) for m in present], "one motion at a time"
+    order = np.cumsum(data.counted, axis=0) % _POSTURE_FOLDS
+    folds = [data.counted & (order == k) for k in range(_POSTURE_FOLDS)]
+    return [fold for fold in folds if fold.any()], "every third posture"
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """Absolute differences and their expectation from noise, where ``of`` says."""
+
+    of: Bool[np.ndarray, "6 postures subjects"]
+    differences_deg: dict[str, Float[np.ndarray, "6 postures subjects"]]
+
+
+def _looked(girdle, effects, data: Observed, noise, zs, held) -> _Looked:
+    def at(z) -> Misfit:
+        columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
+        return misfit(girdle, effects, data, noise, z, columns)
+
+    def apart(found: Misfit):
+        return np.abs(data.values - found.nearest)[:6] * DEG
+
+    base = np.repeat(prior_z(girdle, effects)[:, None], data.counted.shape[1], axis=1)
+    adapted, with_effect = at(zs[0]), at(zs[-1])
+    floor = np.sqrt(2.0 / np.pi * with_effect.noise_variance[:6]) * DEG
+    differences = {
+        "noise_floor": floor,
+        "base": apart(at(base)),
+        "adapted": apart(adapted),
+        "with_effect": apart(with_effect),
+    }
+    return _Looked(held[None] & data.measured[:6], {k: np.asarray(v) for k, v in differences.items()})
+
+
+def _summarised(parts: list[_Looked], data: Observed) -> dict[str, Gaps]:
+    return {
+        kind: {bone: _gap([(p.of[rows], p.differences_deg[kind][rows]) for p in parts]) for bone, rows in BONES.items()}
+        for kind in parts[0].differences_deg
+    }
+
+
+def _gap(parts) -> Gap:
+    """Mean over subjects of each subject's mean; the interval resamples subjects, or postures where there is one."""
+    count = sum(of.sum(axis=0) for of, _ in parts)
+    total = sum(np.where(of, difference, 0.0).sum(axis=0) for of, difference in parts)
+    if count.shape[1] > 1:
+        count, total = count.sum(axis=0), total.sum(axis=0)
+    else:
+        count, total = count[:, 0], total[:, 0]
+    each = (total / np.maximum(count, 1))[count > 0]
+    if not len(each):
+        return Gap(float("nan"), float("nan"), float("nan"))
+    chosen = np.random.default_rng(_SEED).integers(len(each), size=(_RESAMPLES, len(each)))
+    low, high = np.percentile(each[chosen].mean(axis=1), _INTERVAL_PERCENT)
+    return Gap(float(each.mean()), float(low), float(high))

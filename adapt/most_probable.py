@@ -1,0 +1,220 @@
+"""The most probable parameters of every subject under every hypothesis, and the linear model there.
+
+Lanes are hypotheses x subjects, all descended together (Gauss-Newton with damping). A subject alone can end in a worse
+valley, so there are three rounds: each subject by itself under a wide prior; then under the prior that its fellows
+suggest, both from where it is and from where they are; then all subjects of a hypothesis together, under the
+hierarchical prior, so that the linearisation is where the pooled answer is.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from adapt.evidence import BETWEEN_SUBJECTS, THETA_SD_MM, Hypothesis, Linear, alike, posterior
+from adapt.misfit import Misfit, columns_of, misfit, prior_z
+from adapt.observed import Noise, Observed
+from models.effects import Effect
+from models.girdle import ADAPTED, Girdle
+
+_STEPS = 6
+"""Most Gauss-Newton steps in each of the first two rounds, and of all subjects together."""
+
+_SMALL_STEP = 1e-2
+"""In prior standard deviations: all lanes below it have come to rest."""
+
+_SETTLED = 0.02
+"""Change of -2 log posterior below which a step changes no answer."""
+
+_FIRST_DAMPING = 1e-3
+
+_OPEN_MM = 0.2
+"""A chain that gapes by this costs as much as one standard deviation; two projections leave a tenth of it."""
+
+_THETA = np.arange(len(ADAPTED))
+
+Look = Callable[[np.ndarray, np.ndarray | None, int], Misfit]
+"""The misfit of all lanes at z, from the nearest postures so far, after some projections."""
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """Independent Gaussians of the parameters that each lane frees; a column of -1 is padding."""
+
+    columns: Int[np.ndarray, "free lanes"]
+    mean: Float[np.ndarray, "parameters lanes"]
+    sd: Float[np.ndarray, "free lanes"]
+
+    def away(self, z: Float[np.ndarray, "parameters lanes"]) -> Float[np.ndarray, "free lanes"]:
+        """z less its mean, in standard deviations."""
+        lanes = np.arange(z.shape[1])
+        return np.where(self.columns >= 0, (z - self.mean)[self.columns, lanes] / self.sd, 0.0)
+
+    def moved(self, z, step: Float[np.ndarray, "free lanes"]) -> Float[np.ndarray, "parameters lanes"]:
+        """z after a step in standard deviations."""
+        z, lanes = z.copy(), np.arange(z.shape[1])
+        for column, move in zip(self.columns, np.where(self.columns >= 0, self.sd * step, 0.0), strict=True):
+            z[np.maximum(column, 0), lanes] += move
+        return z
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Where each lane is."""
+
+    z: Float[np.ndarray, "parameters lanes"]
+    nearest: Float[np.ndarray, "quantities postures lanes"]
+    cost: Float[np.ndarray, " lanes"]
+    """-2 log posterior but for a constant."""
+
+    def lower(self, other: "_Found") -> "_Found":
+        """Lane by lane the more probable of two."""
+        gains = other.cost < self.cost
+        return _Found(
+            np.where(gains, other.z, self.z),
+            np.where(gains, other.nearest, self.nearest),
+            np.minimum(self.cost, other.cost),
+        )
+
+
+def fit_hypotheses(
+    girdle: Girdle,
+    effects: tuple[Effect, ...],
+    hypotheses: Sequence[Hypothesis],
+    data: Observed,
+    noise: Noise,
+) -> list[Linear]:
+    """Every hypothesis fitted to all subjects, in the given order."""
+    subjects = data.counted.shape[1]
+    lanes = data.of_subjects(np.tile(np.arange(subjects), len(hypotheses)))
+    columns, scales = (np.repeat(x, subjects, axis=1) for x in _layout(effects, hypotheses))
+    start = np.repeat(prior_z(girdle, effects)[:, None], columns.shape[1], axis=1)
+
+    def look(z, nearest, projections):
+        return misfit(girdle, effects, lanes, noise, z, columns, nearest, projections)
+
+    is_amplitude = np.arange(len(columns))[:, None] >= len(ADAPTED)
+    wide = _Prior(columns, start, np.where(is_amplitude, np.hypot(1.0, BETWEEN_SUBJECTS), 1.0) * scales)
+    alone = _descend(look, wide, start, None)
+    typical = np.repeat(np.median(alone.z.reshape(len(start), -1, subjects), axis=2), subjects, axis=1)
+    fellows = start.copy()
+    fellows[len(ADAPTED) :] = typical[len(ADAPTED) :]
+    narrow = _Prior(columns, fellows, np.where(is_amplitude, BETWEEN_SUBJECTS, 1.0) * scales)
+    found = _descend(look, narrow, alone.z, alone.nearest).lower(_descend(look, narrow, typical, None))
+    return _together(girdle, effects, hypotheses, look, found)
+
+
+def _layout(effects, hypotheses) -> tuple[Int[np.ndarray, "free hypotheses"], Float[np.ndarray, "free hypotheses"]]:
+    """The columns of z that each hypothesis frees, padded with -1, and their prior scales."""
+    free = [np.concatenate([_THETA, columns_of(effects, hypothesis)]) for hypothesis in hypotheses]
+    scale = np.concatenate([THETA_SD_MM, *(np.asarray(effect.prior_sd) for effect in effects)])
+    width = max(map(len, free))
+    columns = np.stack([np.pad(f, (0, width - len(f)), constant_values=-1) for f in free], axis=1)
+    return columns, np.where(columns >= 0, scale[columns], 1.0)
+
+
+def _descend(look: Look, prior: _Prior, z, nearest) -> _Found:
+    """Each lane by itself to its most probable z."""
+
+    def weighed(at: Misfit, z):
+        cost = (at.y**2).sum(axis=(1, 2)) + (prior.away(z) ** 2).sum(axis=0) + _penalty(at).sum(axis=1)
+        return _Found(z, at.nearest, np.where(np.isfinite(cost), cost, np.inf))
+
+    at = look(z, nearest, 4 if nearest is None else 2)
+    best = weighed(at, z)
+    y, slopes = at.y, at.slopes
+    damping = np.full(z.shape[1], _FIRST_DAMPING)
+    for _ in range(_STEPS):
+        step = _newton_step(y, slopes, prior, best.z, damping)
+        at = look(prior.moved(best.z, step), best.nearest, 2)
+        tried = weighed(at, prior.moved(best.z, step))
+        better = tried.cost <= best.cost
+        damping = np.where(better, damping * 0.1, np.maximum(damping * 100.0, 1e-2))
+        best = best.lower(tried)
+        y = np.where(better[:, None, None], at.y, y)
+        slopes = np.where(better[:, None, None, None], at.slopes, slopes)
+        if np.abs(step).max() < _SMALL_STEP:
+            break
+    return best
+
+
+def _penalty(at: Misfit) -> Float[np.ndarray, "lanes postures"]:
+    """Cost of a chain that does not close: where no posture does, y means nothing."""
+    return (at.open_mm / _OPEN_MM) ** 2
+
+
+def _newton_step(y, slopes, prior: _Prior, z, damping) -> Float[np.ndarray, "free lanes"]:
+    """Damped Gauss-Newton step of each lane, in prior standard deviations."""
+    J = slopes.reshape(len(y), -1, slopes.shape[-1]) * prior.sd.T[:, None]
+    curvature = np.swapaxes(J, 1, 2) @ J + (1.0 + damping)[:, None, None] * np.eye(J.shape[2])
+    slope = np.einsum("lrk,lr->lk", J, y.reshape(len(y), -1)) + prior.away(z).T
+    return -np.linalg.solve(curvature, slope[..., None])[..., 0].T
+
+
+def _together(girdle, effects, hypotheses, look: Look, found: _Found) -> list[Linear]:
+    """All subjects of each hypothesis, from what was found for each: whole steps, or shorter ones where they fail."""
+    prior = prior_z(girdle, effects)
+
+    def linear(z, nearest) -> tuple[list[Linear], Float[np.ndarray, " hypotheses"]]:
+        at = look(z, nearest, 2)
+        subjects = z.shape[1] // len(hypotheses)
+        spans = [slice(h * subjects, (h + 1) * subjects) for h in range(len(hypotheses))]
+        fitted = [_linear(effects, h, at, z, prior, span) for h, span in zip(hypotheses, spans, strict=True)]
+        return fitted, np.array([_cost(one) + _penalty(at)[s].sum() for one, s in zip(fitted, spans, strict=True)])
+
+    best, cost = linear(found.z, found.nearest)
+    share = np.ones(len(hypotheses))
+    for _ in range(_STEPS):
+        ways = [t * (_pooled_z(effects, one, prior) - one.z) for one, t in zip(best, share, strict=True)]
+        trial = np.concatenate([one.z + way for one, way in zip(best, ways, strict=True)], axis=1)
+        tried, cost_tried = linear(trial, np.concatenate([one.nearest for one in best], axis=2))
+        better = cost_tried < cost
+        settled = np.abs(cost - cost_tried) < _SETTLED
+        best = [new if good else old for new, old, good in zip(tried, best, better, strict=True)]
+        cost, share = np.where(better, cost_tried, cost), np.where(better, np.minimum(1.0, 2.0 * share), 0.25 * share)
+        if settled.all():
+            break
+    return best
+
+
+def _pooled_z(effects, fitted: Linear, prior) -> Float[np.ndarray, "parameters subjects"]:
+    """Where the linear model puts the most probable parameters of all subjects together."""
+    mean = posterior(fitted, alike(fitted.scale))
+    z = np.repeat(prior[:, None], fitted.z.shape[1], axis=1)
+    z[_THETA] += (mean.u * THETA_SD_MM).T
+    z[columns_of(effects, fitted.hypothesis)] = mean.a.T
+    return z
+
+
+def _cost(fitted: Linear) -> float:
+    """-2 log of the joint posterior at z, but for a constant: misfit, adapted parameters, amplitudes."""
+    a = fitted.a / fitted.scale
+    block = alike(np.ones(a.shape[1]))
+    spread, common = block.between**2, block.common**2
+    mu = common * a.sum(axis=0) / (spread + len(a) * common)
+    cost = (fitted.y**2).sum() + (fitted.u**2).sum() + ((a - mu) ** 2 / spread).sum() + (mu**2 / common).sum()
+    return float(np.where(np.isfinite(cost), cost, np.inf))
+
+
+def _linear(effects, hypothesis: Hypothesis, at: Misfit, z, prior, span: slice) -> Linear:
+    chosen = columns_of(effects, hypothesis)
+    scale = np.concatenate([np.zeros(0), *(np.asarray(e.prior_sd) for e in effects if e.name in hypothesis)])
+    y = at.y[span].reshape(at.y[span].shape[0], -1)
+    slopes = at.slopes[span].reshape(*y.shape, -1)
+    X, A = slopes[..., _THETA] * THETA_SD_MM, slopes[..., len(ADAPTED) : len(ADAPTED) + len(chosen)]
+    u = (z[_THETA, span].T - prior[_THETA]) / THETA_SD_MM
+    a = z[chosen][:, span].T
+    return Linear(
+        hypothesis=hypothesis,
+        z=z[:, span].copy(),
+        nearest=at.nearest[..., span],
+        y=y,
+        X=X,
+        A=A,
+        scale=scale,
+        u=u,
+        a=a,
+        linear=np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, a) - y,
+        root=at.root[span],
+    )
