@@ -23,13 +23,11 @@ from adapt.linalg import jacobian
 from adapt.newton import STEP_LIMIT_RAD
 from adapt.observed import Noise, Observed
 from models.effects import Effect, ExtendedGirdle
+from models.effects.effect import course
 from models.girdle import ADAPTED, Girdle
 
 _LANES = 64
 """Lanes compiled together: fewer are padded, more go in chunks."""
-
-_COLUMNS = 9
-"""The number of derivatives compiled is six plus a multiple of this."""
 
 
 @dataclass(frozen=True)
@@ -92,15 +90,14 @@ def misfit(
     g, G = _in_chunks(partial(_equations, effects), girdle, x, z, data.elevation_deg)
     scaled = G * sd.T[:, :, None, :]
     gape = g + np.einsum("lpmn,npl->lpm", G, data.values - x)
-    width = len(ADAPTED) + -(-(len(columns) - len(ADAPTED)) // _COLUMNS) * _COLUMNS
-    padded = np.pad(columns, ((0, width - len(columns)), (0, 0)), constant_values=-1)
-    (T,) = _in_chunks(partial(_sensitivities, effects), girdle, x, z, data.elevation_deg, padded)
+    (slopes,) = _in_chunks(partial(_sensitivities, effects), girdle, x, z, data.elevation_deg)
+    T = _chosen(effects, slopes, columns, data.elevation_deg)
     real = data.counted.T[..., None]
     root = np.linalg.inv(np.linalg.cholesky(scaled @ np.swapaxes(scaled, -1, -2)))
     return Misfit(
         nearest=x,
         y=np.where(real, (root @ gape[..., None])[..., 0], 0.0),
-        slopes=np.where(real[..., None], root @ T[..., : len(columns)], 0.0),
+        slopes=np.where(real[..., None], root @ T, 0.0),
         root=np.where(real[..., None], root, 0.0),
         open_mm=np.where(data.counted.T, np.abs(g).max(axis=2), 0.0),
         noise_variance=np.einsum("lpmn->npl", (root @ scaled) ** 2) * sd**2,
@@ -118,15 +115,45 @@ def _in_chunks(function, girdle: Girdle, *arrays: np.ndarray) -> tuple[np.ndarra
     return tuple(np.moveaxis(x, (-1, -2), (0, 1)) for x in results)
 
 
-def _chain(effects, girdle: Girdle, z, elevation_deg) -> ExtendedGirdle:
-    base = jax.tree.map(lambda x: x.reshape(*x.shape, 1, 1), girdle)
-    amplitudes = tuple(z[a:b] for a, b in itertools.pairwise(_ends(effects)))
-    return ExtendedGirdle(base.with_adapted(z[: len(ADAPTED)]), amplitudes, elevation_deg, effects)
+def _chosen(
+    effects,
+    slopes: Float[np.ndarray, "lanes postures m inputs"],
+    columns: Int[np.ndarray, "columns lanes"],
+    elevation_deg,
+) -> Float[np.ndarray, "lanes postures m columns"]:
+    """dg/dz of each lane's columns: dg by the adapted parameters and the strengths, times the term of the course."""
+    inputs, terms = list(range(len(ADAPTED))), [-1] * len(ADAPTED)
+    first = len(ADAPTED)
+    for effect in effects:
+        each = effect.amplitudes // len(effect.channels)
+        inputs += [first + k // each for k in range(effect.amplitudes)]
+        terms += [k % each if effect.over_elevation else -1 for k in range(effect.amplitudes)]
+        first += len(effect.channels)
+    over = np.concatenate([np.asarray(course(elevation_deg)), np.ones((1, *elevation_deg.shape))])
+    lanes = np.arange(columns.shape[1])
+    factor = np.where(columns[:, None] >= 0, over[np.array(terms)[columns], :, lanes].transpose(0, 2, 1), 0.0)
+    picked = slopes[lanes[:, None], :, :, np.array(inputs)[columns].T]
+    return picked.transpose(0, 2, 3, 1) * factor.transpose(2, 1, 0)[:, :, None]
 
 
-def _g(effects, girdle: Girdle, angles, landmarks, z, elevation_deg):
+def _over_postures(z, elevation_deg):
+    return jnp.broadcast_to(z[:, None], (z.shape[0], *elevation_deg.shape))
+
+
+def _inputs(effects, z, elevation_deg) -> Float[Array, " inputs postures lanes"]:
+    """The adapted parameters and the strength of every channel of every effect, at each posture."""
+    spread = _over_postures(z, elevation_deg)
+    amplitudes = (spread[a:b] for a, b in itertools.pairwise(_ends(effects)))
+    strengths = [effect.at(a, elevation_deg) for effect, a in zip(effects, amplitudes, strict=True)]
+    return jnp.concatenate([spread[: len(ADAPTED)], *strengths])
+
+
+def _g(effects, girdle: Girdle, angles, landmarks, inputs):
     """A1-A3 and, where there are landmarks, their coordinates less those predicted."""
-    chain = _chain(effects, girdle, z, elevation_deg)
+    base = jax.tree.map(lambda x: x.reshape(*x.shape, 1, 1), girdle)
+    ends = np.cumsum([len(ADAPTED), *(len(effect.channels) for effect in effects)]).tolist()
+    strengths = tuple(inputs[a:b] for a, b in itertools.pairwise(ends))
+    chain = ExtendedGirdle(base.with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
     closed = chain.residuals_mm(angles)
     if not len(landmarks):
         return closed
@@ -134,18 +161,14 @@ def _g(effects, girdle: Girdle, angles, landmarks, z, elevation_deg):
     return jnp.concatenate([closed, landmarks - predicted])
 
 
-def _over_postures(z, elevation_deg):
-    return jnp.broadcast_to(z[:, None], (z.shape[0], *elevation_deg.shape))
-
-
 @partial(jax.jit, static_argnums=0)
 def _equations(effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array) -> tuple[Array, Array]:
     """g (m) and dg/dx (m, quantities) of every posture."""
     angles, landmarks = x[:6], x[6:]
-    spread = _over_postures(z, elevation_deg)
+    inputs = _inputs(effects, z, elevation_deg)
 
     def of_angles(q):
-        return _g(effects, girdle, q, landmarks, spread, elevation_deg)
+        return _g(effects, girdle, q, landmarks, inputs)
 
     itself = np.zeros((3 + len(landmarks), len(landmarks)))
     itself[3:] = np.eye(len(landmarks))
@@ -155,16 +178,12 @@ def _equations(effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array
 
 @partial(jax.jit, static_argnums=0)
 def _sensitivities(
-    effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array, columns: Array
-) -> tuple[Float[Array, " m columns postures lanes"]]:
-    """dg/dz of each lane's own columns."""
-    spread = _over_postures(z, elevation_deg)
+    effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array
+) -> tuple[Float[Array, " m inputs postures lanes"]]:
+    """dg by the adapted parameters and all strengths: one reverse pass an equation."""
+    g, pull = jax.vjp(lambda inputs: _g(effects, girdle, x[:6], x[6:], inputs), _inputs(effects, z, elevation_deg))
 
-    def of_parameters(z):
-        return _g(effects, girdle, x[:6], x[6:], z, elevation_deg)
+    def row(k):
+        return pull(jnp.zeros_like(g).at[k].set(1.0))[0]
 
-    def along(column):
-        direction = (jnp.arange(len(z))[:, None] == column[None]).astype(z.dtype)
-        return jax.jvp(of_parameters, (spread,), (_over_postures(direction, elevation_deg),))[1]
-
-    return (jax.vmap(along, out_axes=1)(columns),)
+    return (jax.vmap(row)(jnp.arange(len(g))),)

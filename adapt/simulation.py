@@ -42,8 +42,8 @@ def simulate_model_subjects(
     """Subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
 
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
-    effect is ``size`` times its scale, shared out over its channels, with signs common to all subjects and
-    ``AMPLITUDE_SPREAD`` between them. A posture that its chain cannot take is left out.
+    effect is ``size`` times its scale, shared out over its channels, with signs common to all subjects (those of its
+    nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. A posture that its chain cannot take is left out.
     """
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(subjects, generator)
@@ -67,7 +67,8 @@ def simulate_model_subjects(
 def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) -> Float[np.ndarray, "n subjects"]:
     if effect is None:
         return np.zeros((0, subjects))
-    common = size * np.asarray(effect.prior_sd) * generator.choice([-1.0, 1.0], effect.amplitudes)
+    signs = np.where(effect.signs, effect.signs, generator.choice([-1.0, 1.0], effect.amplitudes))
+    common = size * np.asarray(effect.prior_sd) * signs
     if effect.over_elevation:
         terms = effect.amplitudes // len(effect.channels)
         common = np.where(np.arange(effect.amplitudes) % terms == 0, common, 0.0)
@@ -81,4 +82,4 @@ def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, elevation_de
     repeated = repeated.with_adapted(jnp.asarray(theta))
     if effect is None:
         return repeated
-    return ExtendedGirdle(repeated, (jnp.asarray(amplitude),), jnp.asarray(elevation_deg), (effect,))
+    return ExtendedGirdle(repeated, (effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,))

@@ -108,10 +108,8 @@ class ExtendedGirdle:
     """A girdle with effects at work, usable where a :class:`Girdle` is: arrays have the same trailing batch."""
 
     girdle: Girdle
-    amplitudes: tuple[Float[Array, " amplitudes *batch"], ...]
-    """In the unit of each effect."""
-    elevation_deg: Float[Array, " *batch"]
-    """Of the humerus, at each posture."""
+    strengths: tuple[Float[Array, " channels *batch"], ...]
+    """Of each effect at each posture, in its unit (:meth:`Effect.at`)."""
     effects: tuple[Effect, ...] = field(metadata={"static": True})
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
@@ -124,17 +122,15 @@ class ExtendedGirdle:
         *before, (girdle, rotations) = self._adjusted(angles)
         at = chain_landmarks(girdle, *rotations)
         points = jnp.stack(jnp.broadcast_arrays(girdle.sc_mm, at.AC, at.TS, at.AI), axis=1)
-        for effect, amplitude, (girdle, rotations) in reversed(
-            list(zip(self.effects, self.amplitudes, before, strict=True))
-        ):
-            points = effect.show(points, girdle, rotations, effect.at(amplitude, self.elevation_deg))
+        for effect, strength, adjusted in reversed(list(zip(self.effects, self.strengths, before, strict=True))):
+            points = effect.show(points, *adjusted, strength)
         return points
 
     def _adjusted(self, angles: Float[Array, " 6 *batch"]) -> list[tuple[Girdle, Rotations]]:
         """The girdle and the bones' rotations before the first effect, after it, ..., after the last."""
         steps = [(self.girdle, bone_rotations(angles))]
-        for effect, amplitude in zip(self.effects, self.amplitudes, strict=True):
-            steps.append(effect.adjust(*steps[-1], effect.at(amplitude, self.elevation_deg)))
+        for effect, strength in zip(self.effects, self.strengths, strict=True):
+            steps.append(effect.adjust(*steps[-1], strength))
         return steps
 
 

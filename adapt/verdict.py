@@ -1,0 +1,105 @@
+"""From evidence to an answer: none, an effect (or a set that cannot be told apart), or unknown.
+
+Probabilities are those of the evidence, tempered, among none and the effects; and of 'unknown', a logistic function of
+two absolute tests of what the best hypothesis leaves. The constants were fitted on simulated subjects of other seeds
+than those reported (``scripts/blind_check.py --calibrate``) and are frozen.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.ranking import Ranking
+
+NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
+
+_TEMPERATURE = 1.5
+"""Divides log evidence: real courses are not the prior's, so evidence is too sure of itself."""
+
+_NONE_PRIOR = 0.5
+"""Prior probability of no effect; the effects share the rest alike."""
+
+_UNKNOWN_TERMS = (-4.0, 0.5, 1.0)
+"""Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
+
+_MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
+"""Beyond these a test is no surer."""
+
+_NONE_KEPT = 0.25
+"""An effect is blamed only where none, against it, is less probable than this."""
+
+_SET_PROBABILITY = 0.97
+"""What the reported set holds of the probability of all effects."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer and the probabilities behind it."""
+
+    answer: str
+    effects: tuple[str, ...]
+    """Names that cannot be told apart, most probable first; of a pair, the two that act together."""
+    together: bool
+    """True where the effects named act together."""
+    probability: dict[str, float]
+    """Of every effect, none and unknown; sums to 1. A pair gives half of its own to each of its two."""
+    pairs: dict[str, float]
+    """Of the pairs tried, as 'a+b'."""
+
+
+def judge(ranking: Ranking, names: Sequence[str]) -> Verdict:
+    """The verdict on a ranking of none, every effect of ``names`` and perhaps pairs of them."""
+    unknown = unknown_probability(ranking)
+    shares = _shares(ranking, len(names))
+    probability = dict.fromkeys([*names, NONE], 0.0)
+    pairs: dict[str, float] = {}
+    for hypothesis, share in zip(ranking.hypotheses, shares, strict=True):
+        for name in hypothesis or (NONE,):
+            probability[name] += (1.0 - unknown) * share / max(len(hypothesis), 1)
+        if len(hypothesis) > 1:
+            pairs["+".join(hypothesis)] = (1.0 - unknown) * share
+    answer, effects, together = _answer(ranking, shares, unknown)
+    return Verdict(answer, effects, together, {**probability, UNKNOWN: unknown}, pairs)
+
+
+def unknown_probability(ranking: Ranking) -> float:
+    """Logistic in the discrepancy gain and the excess of chi square."""
+    gain = float(np.clip(ranking.discrepancy_gain, -_MOST_GAIN, _MOST_GAIN))
+    excess = float(np.clip(ranking.excess, -_MOST_EXCESS, _MOST_EXCESS))
+    constant, of_gain, of_excess = _UNKNOWN_TERMS
+    return 1.0 / (1.0 + math.exp(-(constant + of_gain * gain + of_excess * excess)))
+
+
+def _shares(ranking: Ranking, effects: int) -> Float[np.ndarray, " hypotheses"]:
+    """Tempered posterior probabilities of the hypotheses of the list."""
+    counts = {size: sum(len(h) == size for h in ranking.hypotheses) for size in (1, 2)}
+    priors = [
+        _NONE_PRIOR if not h else (1.0 - _NONE_PRIOR) / effects * (1.0 if len(h) == 1 else effects / counts[2])
+        for h in ranking.hypotheses
+    ]
+    log = ranking.log_evidence / _TEMPERATURE + np.log(priors)
+    weight = np.exp(log - log.max())
+    return weight / weight.sum()
+
+
+def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, ...], bool]:
+    if unknown >= 0.5:
+        return UNKNOWN, (), False
+    order = np.argsort(-shares, kind="stable")
+    none = sum(share for h, share in zip(ranking.hypotheses, shares, strict=True) if not h)
+    if none >= _NONE_KEPT:
+        return NONE, (), False
+    best = ranking.hypotheses[order[0]] or ranking.hypotheses[order[1]]
+    if len(best) > 1:
+        return EFFECT, best, True
+    singles = [(ranking.hypotheses[k][0], shares[k]) for k in order if len(ranking.hypotheses[k]) == 1]
+    total, chosen, held = sum(share for _, share in singles), [], 0.0
+    for name, share in singles:
+        chosen.append(name)
+        held += share
+        if held >= _SET_PROBABILITY * total:
+            break
+    return EFFECT, tuple(chosen), False
