@@ -10,7 +10,7 @@ the evidence is closed form; per subject only two sufficient statistics of the a
 by adding them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -70,6 +70,11 @@ class Linear:
     linear: Float[np.ndarray, "subjects residuals"]
     """X u + A a - y at z: y of other u and a is X u + A a - linear."""
     root: Float[np.ndarray, "subjects postures m m"]
+
+    def with_noise(self, share: float) -> "Linear":
+        """The same, had the noise been ``share`` times what it was taken for."""
+        changed = {name: getattr(self, name) / share for name in ("y", "X", "A", "linear", "root")}
+        return replace(self, **changed)
 
 
 @dataclass(frozen=True)

@@ -129,8 +129,8 @@ def _summarised(parts: list[_Looked], data: Observed) -> dict[str, Gaps]:
 
 def _gap(parts) -> Gap:
     """Mean over subjects of each subject's mean; the interval resamples subjects, or postures where there is one."""
-    count = sum(of.sum(axis=0) for of, _ in parts)
-    total = sum(np.where(of, difference, 0.0).sum(axis=0) for of, difference in parts)
+    count = np.sum([of.sum(axis=0) for of, _ in parts], axis=0)
+    total = np.sum([np.where(of, difference, 0.0).sum(axis=0) for of, difference in parts], axis=0)
     if count.shape[1] > 1:
         count, total = count.sum(axis=0), total.sum(axis=0)
     else:

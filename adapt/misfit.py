@@ -150,10 +150,9 @@ def _inputs(effects, z, elevation_deg) -> Float[Array, " inputs postures lanes"]
 
 def _g(effects, girdle: Girdle, angles, landmarks, inputs):
     """A1-A3 and, where there are landmarks, their coordinates less those predicted."""
-    base = jax.tree.map(lambda x: x.reshape(*x.shape, 1, 1), girdle)
     ends = np.cumsum([len(ADAPTED), *(len(effect.channels) for effect in effects)]).tolist()
     strengths = tuple(inputs[a:b] for a, b in itertools.pairwise(ends))
-    chain = ExtendedGirdle(base.with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
+    chain = ExtendedGirdle(girdle.over_axes(2).with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
     closed = chain.residuals_mm(angles)
     if not len(landmarks):
         return closed

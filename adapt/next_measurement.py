@@ -115,7 +115,7 @@ def _with_motion(girdle: Girdle, effects, name: str, plane_deg: float) -> Change
 
 def _with_landmarks(girdle: Girdle, data: Observed) -> Observed:
     """The same postures with the positions that the model as it is predicts."""
-    at = landmarks(girdle.over_batch(2), jnp.asarray(data.values[:6]))
+    at = landmarks(girdle.over_axes(2), jnp.asarray(data.values[:6]))
     SC = jnp.broadcast_to(girdle.sc_mm[:, None, None], at.AC.shape)
     positions = np.concatenate([np.asarray(x) for x in (SC, at.AC, at.TS, at.AI)])
     everywhere = np.broadcast_to(data.counted, positions.shape)

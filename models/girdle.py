@@ -67,6 +67,10 @@ class Girdle:
             conoid_length_mm=conoid,
         )
 
+    def over_axes(self, count: int) -> "Girdle":
+        """This girdle with ``count`` more batch axes at the end, of length 1: the same for all along them."""
+        return jax.tree.map(lambda value: jnp.reshape(value, (*value.shape, *[1] * count)), self)
+
     def over_postures(self) -> "Girdle":
         """This girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
         lengths = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")

@@ -1,0 +1,271 @@
+"""The diagnosis: where the gap lies, which unmodelled effect causes it, how far it shrinks, what to measure next."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from adapt import where
+from adapt.distinguish import alike_sets, closed, separation, smallest_detectable
+from adapt.evidence import Hypothesis, Linear, alike, posterior
+from adapt.fit import FEWEST_ANGLES
+from adapt.heldout import HeldOut, gaps
+from adapt.misfit import Misfit, misfit
+from adapt.most_probable import fit_hypotheses
+from adapt.next_measurement import Proposal, propose
+from adapt.noise import NoiseEstimate, estimate_noise
+from adapt.observed import Noise, Observed, observe
+from adapt.ranking import Ranking, rank
+from adapt.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge
+from models.effects import EFFECTS, Effect
+from models.girdle import ADAPTED, Girdle
+from models.parameters import ParameterSet
+from motions.errors import InputError
+from motions.rotations import DEG
+from motions.table import Motions
+
+Progress = Callable[[str], None]
+
+FEWEST_POSTURES = 4
+"""A subject with fewer says less than its six adapted parameters take up."""
+
+_PAIRED = 3
+"""Where no single effect is enough, so many of the best are tried together with every other one."""
+
+_OTHER_NOISES = (0.67, 1.5)
+"""Shares of the noise at which the verdict is looked at again."""
+
+_INTERVAL = 1.96
+"""Standard deviations of a 95 % interval."""
+
+_CANDIDATES = 3
+"""At most so many candidates are to be separated by the next measurement."""
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """One channel of an effect: its mean over the subjects, with a 95 % interval; with elevation, at the highest."""
+
+    channel: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Changed:
+    """An adapted parameter's mean over the subjects, mm, without and with the effect."""
+
+    adapted_mm: float
+    with_effect_mm: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What one model says of the gap of all subjects given."""
+
+    model: str
+    subjects: tuple[str, ...]
+    left_out: dict[str, str]
+    """Subjects that say too little, each with its reason."""
+    postures: int
+    noise: NoiseEstimate
+    verdict: Verdict
+    at_other_noise: dict[float, Verdict]
+    """The verdict had the noise been otherwise, by its SD in degrees."""
+    amplitude: dict[str, tuple[Amplitude, ...]]
+    """Of the effects in the verdict; where that is unknown, of the best there is."""
+    best: Hypothesis
+    """The most probable hypothesis of the list, enough or not."""
+    gap: HeldOut
+    parameters: dict[str, Changed]
+    cells: list[where.Cell]
+    profile: where.Profile
+    shares: where.Shares
+    constraints: list[where.ConstraintResidual]
+    indistinguishable: list[list[str]]
+    detectable: dict[str, float | None]
+    """Smallest amplitude of each effect that these data would show, in its unit."""
+    next_measurement: list[Proposal]
+    ranking: Ranking
+
+
+def diagnose(
+    motions: Motions,
+    models: ParameterSet | Sequence[ParameterSet],
+    noise_deg: float | None = None,
+    effects: Sequence[Effect] = tuple(EFFECTS.values()),
+    progress: Progress = lambda _: None,
+) -> dict[str, Diagnosis]:
+    """Diagnose the gap of all subjects together, with every model on its own: by name of the model.
+
+    ``noise_deg`` is the SD of one measured angle; without it, it is estimated. Raises InputError where no subject has
+    enough postures.
+    """
+    models = [models] if isinstance(models, ParameterSet) else list(models)
+    data, left_out = _usable(observe(motions))
+    return {
+        model.name: _diagnose(
+            model,
+            tuple(effects),
+            data,
+            left_out,
+            noise_deg,
+            lambda stage, name=model.name: progress(f"{name}: {stage}"),
+        )
+        for model in models
+    }
+
+
+def _usable(data: Observed) -> tuple[Observed, dict[str, str]]:
+    """The postures that say something of the model, of the subjects that have enough of them."""
+    data = replace(data, counted=data.counted & (data.measured[:6].sum(axis=0) > FEWEST_ANGLES))
+    count = data.counted.sum(axis=0)
+    left_out = {
+        name: f"{n} postures with more than {FEWEST_ANGLES} angles, fewer than {FEWEST_POSTURES}"
+        for name, n in zip(data.subjects, count, strict=True)
+        if n < FEWEST_POSTURES
+    }
+    enough = np.flatnonzero(count >= FEWEST_POSTURES)
+    if not len(enough):
+        cause = f"no subject has {FEWEST_POSTURES} postures with more than {FEWEST_ANGLES} measured angles"
+        raise InputError(
+            "the motions", None, cause, "Give subjects with more postures, or more angles measured in each"
+        )
+    return data.of_subjects(enough), left_out
+
+
+def _diagnose(
+    model: ParameterSet,
+    effects: tuple[Effect, ...],
+    data: Observed,
+    left_out: dict[str, str],
+    noise_deg: float | None,
+    progress: Progress,
+) -> Diagnosis:
+    girdle = model.girdle
+    names = [effect.name for effect in effects]
+    progress("noise")
+    estimate = estimate_noise(girdle, effects, data, noise_deg)
+    noise = estimate.noise
+    progress("what can be told apart")
+    hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
+    postures = closed(girdle, effects, data, noise)
+    apart = separation(girdle, effects, hypotheses, postures, noise)
+    progress("every effect")
+    ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
+    verdict = judge(ranking, names)
+    if verdict.answer == UNKNOWN and len(effects) > 1:
+        progress("pairs of effects")
+        ranking, verdict = _with_pairs(girdle, effects, data, estimate, ranking, verdict)
+    none = next(one for one in ranking.fitted if not one.hypothesis)
+    explained = _explanation(ranking, verdict)
+    seen = _nearest(girdle, effects, data, noise, none)
+    gap = where.Gap(data, seen.nearest[:6], seen.noise_variance[:6] * float(DEG) ** 2)
+    progress("next measurement")
+    return Diagnosis(
+        model=model.name,
+        subjects=data.subjects,
+        left_out=left_out,
+        postures=int(data.counted.sum()),
+        noise=estimate,
+        verdict=verdict,
+        at_other_noise=_at_other_noise(ranking, effects, data, estimate),
+        amplitude=_amplitudes(ranking, effects, data, verdict, explained.hypothesis),
+        best=explained.hypothesis,
+        gap=gaps(girdle, effects, data, noise, [none, explained], progress),
+        parameters=_changes(none, explained),
+        cells=where.cells(gap),
+        profile=where.profile(gap),
+        shares=where.shares(gap),
+        constraints=where.constraint_residuals_mm(data, _at_measured(girdle, data, none)),
+        indistinguishable=alike_sets(hypotheses, apart),
+        detectable=smallest_detectable(girdle, effects, postures, noise),
+        next_measurement=propose(girdle, effects, _candidates(ranking, verdict), data, noise),
+        ranking=ranking,
+    )
+
+
+def _with_pairs(
+    girdle: Girdle, effects, data: Observed, noise: NoiseEstimate, ranking: Ranking, verdict: Verdict
+) -> tuple[Ranking, Verdict]:
+    """The ranking and verdict with pairs of the best effects and all others, if a pair leaves nothing unexplained."""
+    best = [h[0] for h in ranking.hypotheses if h][:_PAIRED]
+    order = [effect.name for effect in effects]
+    pairs = {tuple(sorted((one, other), key=order.index)) for one in best for other in order if other != one}
+    fitted = fit_hypotheses(girdle, effects, sorted(pairs), data, noise.noise)
+    both = rank([*ranking.fitted, *fitted], effects, data, noise)
+    judged = judge(both, order)
+    return (both, judged) if judged.answer == EFFECT else (ranking, verdict)
+
+
+def _explanation(ranking: Ranking, verdict: Verdict) -> Linear:
+    """What the gap is compared with: nothing if nothing is blamed, else the most probable effect or pair."""
+    if verdict.answer == NONE:
+        return next(one for one in ranking.fitted if not one.hypothesis)
+    return next(one for one in ranking.fitted if one.hypothesis)
+
+
+def _nearest(girdle: Girdle, effects, data: Observed, noise: Noise, fitted: Linear) -> Misfit:
+    columns = np.repeat(np.arange(len(ADAPTED))[:, None], fitted.z.shape[1], axis=1)
+    return misfit(girdle, effects, data, noise, fitted.z, columns)
+
+
+def _at_measured(girdle: Girdle, data: Observed, fitted: Linear) -> Float[np.ndarray, "3 postures subjects"]:
+    """A1-A3 of each subject's adapted girdle at the measured angles, mm."""
+    theta = jnp.asarray(fitted.z[: len(ADAPTED), None])
+    adapted = girdle.over_axes(2).with_adapted(theta)
+    return np.asarray(adapted.residuals_mm(jnp.asarray(data.values[:6])))
+
+
+def _at_other_noise(ranking: Ranking, effects, data: Observed, noise: NoiseEstimate) -> dict[float, Verdict]:
+    names = [effect.name for effect in effects]
+    found = {}
+    for share in _OTHER_NOISES:
+        fitted = [one.with_noise(share) for one in ranking.fitted]
+        found[share * noise.noise.angle_deg] = judge(rank(fitted, effects, data, noise), names)
+    return found
+
+
+def _amplitudes(
+    ranking: Ranking, effects, data: Observed, verdict: Verdict, best: Hypothesis
+) -> dict[str, tuple[Amplitude, ...]]:
+    """Of each effect named, from the hypothesis that it acts alone, or from the pair."""
+    together = len(best) > 1
+    named = verdict.effects or (best if verdict.answer == UNKNOWN else ())
+    by_hypothesis = {one.hypothesis: one for one in ranking.fitted}
+    highest = float(data.elevation_deg[data.counted].max())
+    found = {}
+    for name in named:
+        fitted = by_hypothesis[best if together else (name,)]
+        found[name] = _channels(fitted, [e for e in effects if e.name in fitted.hypothesis], name, highest)
+    return found
+
+
+def _channels(fitted: Linear, effects: Sequence[Effect], name: str, elevation_deg: float) -> tuple[Amplitude, ...]:
+    mean = posterior(fitted, alike(fitted.scale))
+    before = [one.name for one in effects].index(name)
+    effect, first = effects[before], sum(one.amplitudes for one in effects[:before])
+    part = slice(first, first + effect.amplitudes)
+    # The strengths at one elevation are linear in the amplitudes.
+    L = np.asarray(effect.at(jnp.eye(effect.amplitudes), jnp.full(effect.amplitudes, elevation_deg)))
+    value = L @ mean.a[:, part].mean(axis=0)
+    spread = _INTERVAL * np.sqrt(np.diagonal(L @ mean.mean_covariance[part, part] @ L.T))
+    return tuple(
+        Amplitude(channel, float(v), float(v - s), float(v + s))
+        for channel, v, s in zip(effect.channels, value, spread, strict=True)
+    )
+
+
+def _changes(none: Linear, explained: Linear) -> dict[str, Changed]:
+    values = zip(ADAPTED, none.z.mean(axis=1), explained.z.mean(axis=1), strict=False)
+    return {name: Changed(float(a), float(b)) for name, a, b in values}
+
+
+def _candidates(ranking: Ranking, verdict: Verdict) -> list[Hypothesis]:
+    """The hypotheses still to be told from each other: those of the verdict, and the next ones of the ranking."""
+    named: list[Hypothesis] = [verdict.effects] if verdict.together else [(name,) for name in verdict.effects]
+    rest = [h for h in ranking.hypotheses if h not in named and len(h) <= 1]
+    return [*named, *rest][: max(2, min(_CANDIDATES, len(named)))]
