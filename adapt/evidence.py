@@ -28,26 +28,27 @@ BETWEEN_SUBJECTS = 0.3
 
 @dataclass(frozen=True)
 class Block:
-    """Prior of some amplitudes: SD of the common part and of each subject's deviation from it."""
+    """Prior of some amplitudes: mean and SD of the common part, SD of each subject's deviation from it."""
 
+    mean: Float[np.ndarray, " amplitudes"]
     common: Float[np.ndarray, " amplitudes"]
     between: Float[np.ndarray, " amplitudes"]
 
     def __add__(self, other: "Block") -> "Block":
-        return Block(np.concatenate([self.common, other.common]), np.concatenate([self.between, other.between]))
+        return Block(*(np.concatenate(both) for both in zip(vars(self).values(), vars(other).values(), strict=True)))
 
     def __mul__(self, factor: float) -> "Block":
-        return Block(factor * self.common, factor * self.between)
+        return Block(*(factor * value for value in vars(self).values()))
 
 
 def alike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
     """Amplitudes that vary little between subjects."""
-    return Block(scale, BETWEEN_SUBJECTS * scale)
+    return Block(0.0 * scale, scale, BETWEEN_SUBJECTS * scale)
 
 
 def unlike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
     """Amplitudes that every subject has for itself, of either sign."""
-    return Block(0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale)
+    return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale)
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,10 @@ class Linear:
         """The same, had the noise been ``share`` times what it was taken for."""
         changed = {name: getattr(self, name) / share for name in ("y", "X", "A", "linear", "root")}
         return replace(self, **changed)
+
+    def with_spread(self, share: float) -> "Linear":
+        """The same, if adapted parameters vary between subjects by ``share`` times ``THETA_SD_MM``."""
+        return replace(self, X=share * self.X, u=self.u / share)
 
 
 @dataclass(frozen=True)
@@ -121,19 +126,20 @@ def log_evidence(of: Statistics, prior: Block) -> float:
 
 
 def _combined(of: Statistics, prior: Block):
-    """Log evidence; mean and covariance of mu in units of c; the shrinkage b S b of each subject."""
-    b, c = prior.between, prior.common
-    information, pull = of.information, of.pull
+    """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b of each subject."""
+    b, c, mean = prior.between, prior.common, prior.mean
+    information, pull = of.information, of.pull - of.information @ mean
     eye = np.eye(len(c))
     S = np.linalg.inv(eye + b[:, None] * information * b)
     own = b[:, None] * S * b
-    log = of.log + 0.5 * np.einsum("si,sij,sj->", pull, own, pull) + 0.5 * np.linalg.slogdet(S)[1].sum()
+    log = of.log + 0.5 * mean @ (of.pull + pull).sum(axis=0)
+    log += 0.5 * np.einsum("si,sij,sj->", pull, own, pull) + 0.5 * np.linalg.slogdet(S)[1].sum()
     common_information = (information - information @ own @ information).sum(axis=0)
     common_pull = (pull - np.einsum("sij,sjk,sk->si", information, own, pull)).sum(axis=0)
     covariance = np.linalg.inv(eye + c[:, None] * common_information * c)
     mu = covariance @ (c * common_pull)
     log += 0.5 * (c * common_pull) @ mu + 0.5 * np.linalg.slogdet(covariance)[1]
-    return float(log), c * mu, c[:, None] * covariance * c, own
+    return float(log), mean + c * mu, c[:, None] * covariance * c, own
 
 
 def posterior(fitted: Linear, prior: Block) -> Posterior:

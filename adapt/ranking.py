@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -17,10 +17,17 @@ from models.girdle import ADAPTED
 _SIZES = (0.5, 1.0)
 """Shares of an effect's scale that its amplitude is as likely to be of: small ones and large ones."""
 
+_SPREADS = (0.4, 0.7, 1.0)
+"""Shares of ``THETA_SD_MM`` by which adapted parameters may vary between subjects: the data choose."""
+
+_ABOUT_SIZE = 0.4
+"""SD of the amplitude of an effect of one channel about its size, as a share of it: scales are typical values of the
+effect where it is at work, not of its absence."""
+
 _UNLIKE_SHARE = 0.05
 """Prior probability that an effect's sign differs from subject to subject."""
 
-_AGAINST_SHARE = 0.05
+_AGAINST_SHARE = 0.01
 """Prior probability that an effect goes against the sign of its nature."""
 
 _EXAMINED = 3
@@ -50,21 +57,33 @@ class Ranking:
         return tuple(one.hypothesis for one in self.fitted)
 
 
+@dataclass(frozen=True)
+class _Weighed:
+    """A hypothesis with its evidence over all priors."""
+
+    fitted: Linear
+    """With the spread of the adapted parameters that the data choose."""
+    log_evidence: float
+    unlike: float
+
+
 def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> Ranking:
     """Weigh fitted hypotheses; examine the best for what they leave."""
     by_name = {effect.name: effect for effect in effects}
-    weighed = [_log_evidence(one, [by_name[name] for name in one.hypothesis]) for one in fitted]
-    order = np.argsort([-value for value, _ in weighed], kind="stable")
-    best = weighed[order[0]][0]
-    examined = [k for rank, k in enumerate(order) if rank < _EXAMINED or not fitted[k].hypothesis]
-    gain = max(weighed[k][0] - best + discrepancy_gain(fitted[k], data, _likeliest_prior(fitted[k])) for k in examined)
-    top = fitted[order[0]]
+    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis]) for one in fitted]
+    weighed.sort(key=lambda one: -one.log_evidence)
+    best = weighed[0].log_evidence
+    examined = [one for k, one in enumerate(weighed) if k < _EXAMINED or not one.fitted.hypothesis]
+    gain = max(
+        one.log_evidence - best + discrepancy_gain(one.fitted, data, _likeliest_prior(one.fitted)) for one in examined
+    )
+    top = weighed[0].fitted
     chi_square, freedom = float((top.y**2).sum()), _freedom(top, data)
     deviation = math.sqrt(2.0 / freedom + 2.0 / noise.freedom)
     return Ranking(
-        fitted=tuple(fitted[k] for k in order),
-        log_evidence=np.array([weighed[k][0] - best for k in order]),
-        unlike=np.array([weighed[k][1] for k in order]),
+        fitted=tuple(one.fitted for one in weighed),
+        log_evidence=np.array([one.log_evidence - best for one in weighed]),
+        unlike=np.array([one.unlike for one in weighed]),
         discrepancy_gain=gain,
         chi_square=chi_square,
         freedom=freedom,
@@ -72,26 +91,46 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
     )
 
 
-def _log_evidence(fitted: Linear, effects: Sequence[Effect]) -> tuple[float, float]:
-    """Log evidence over all priors of the amplitudes, and how much likelier unlike amplitudes are than alike."""
-    of = statistics(fitted)
-    if not fitted.hypothesis:
-        return log_evidence(of, alike(fitted.scale)), 0.0
-    signs = np.array([sign for effect in effects for sign in effect.signs])
-    alike_log = np.logaddexp.reduce([_with_sign(fitted, alike(fitted.scale) * size, signs) for size in _SIZES])
-    unlike_log = np.logaddexp.reduce([log_evidence(of, unlike(fitted.scale) * size) for size in _SIZES])
-    shares = np.log([1.0 - _UNLIKE_SHARE, _UNLIKE_SHARE]) - np.log(len(_SIZES))
-    return float(np.logaddexp(alike_log + shares[0], unlike_log + shares[1])), float(unlike_log - alike_log)
+def _weighed(fitted: Linear, effects: Sequence[Effect]) -> _Weighed:
+    """Evidence averaged over the spreads of the adapted parameters, amplitudes alike or unlike, and their sizes."""
+    spreads = [fitted.with_spread(share) for share in _SPREADS]
+    alike_logs = np.array([_log_mean([_log_alike(one, effects, size) for size in _SIZES]) for one in spreads])
+    unlike_logs = np.array(
+        [_log_mean([log_evidence(statistics(one), unlike(one.scale) * size) for size in _SIZES]) for one in spreads]
+    )
+    shares = np.log([1.0 - _UNLIKE_SHARE, _UNLIKE_SHARE])
+    each = np.logaddexp(alike_logs + shares[0], unlike_logs + shares[1])
+    unlike_less_alike = _log_mean(unlike_logs) - _log_mean(alike_logs)
+    return _Weighed(spreads[int(np.argmax(each))], _log_mean(each), unlike_less_alike)
 
 
-def _with_sign(fitted: Linear, prior: Block, signs) -> float:
-    """Log evidence of a prior most of whose mass has the signs of the effect's nature."""
-    found = posterior(fitted, prior)
+def _log_mean(logs) -> float:
+    return float(np.logaddexp.reduce(logs) - math.log(len(logs)))
+
+
+def _log_alike(fitted: Linear, effects: Sequence[Effect], size: float) -> float:
+    """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs."""
+    if len(effects) == 1 and len(effects[0].channels) == 1:
+        return _log_about(fitted, effects[0], size)
+    found = posterior(fitted, alike(fitted.scale) * size)
     log = found.log_evidence
+    signs = np.array([sign for effect in effects for sign in effect.signs])
     for k in np.flatnonzero(signs):
         agreed = _normal_cdf(signs[k] * found.common[k] / math.sqrt(found.covariance[k, k]))
         log += math.log(2.0 * ((1.0 - _AGAINST_SHARE) * agreed + _AGAINST_SHARE * (1.0 - agreed)))
     return log
+
+
+def _log_about(fitted: Linear, effect: Effect, size: float) -> float:
+    """The same for one channel, whose amplitude lies about plus or minus the size."""
+    prior = alike(fitted.scale) * size
+    logs = []
+    for sign in (1.0, -1.0):
+        mean, common = prior.mean.copy(), prior.common.copy()
+        mean[0], common[0] = sign * common[0], _ABOUT_SIZE * common[0]
+        share = 0.5 if not effect.signs[0] else 1.0 - _AGAINST_SHARE if sign == effect.signs[0] else _AGAINST_SHARE
+        logs.append(math.log(share) + log_evidence(statistics(fitted), replace(prior, mean=mean, common=common)))
+    return float(np.logaddexp(*logs))
 
 
 def _normal_cdf(x: float) -> float:
