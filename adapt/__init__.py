@@ -1,5 +1,6 @@
-"""Fits of the girdle to measured motions: postures, subjects."""
+"""Fits of the girdle to measured motions, postures and subjects, and the diagnosis of the gap that they leave."""
 
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
+from adapt.diagnosis import Diagnosis, diagnose
 
-__all__ = ["Adaptations", "PostureFits", "adapt_subjects", "fit_postures"]
+__all__ = ["Adaptations", "Diagnosis", "PostureFits", "adapt_subjects", "diagnose", "fit_postures"]

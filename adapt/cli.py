@@ -1,4 +1,4 @@
-"""The command line: ``girdle fit | adapt | simulate | effects | models``, thin over ``adapt``."""
+"""The command line: ``girdle fit | adapt | diagnose | simulate | effects | models``, thin over ``adapt``."""
 
 import sys
 from pathlib import Path
@@ -11,24 +11,33 @@ from rich.console import Console
 
 from adapt import status
 from adapt.api import PostureFits, adapt_subjects, fit_postures
+from adapt.diagnosis import diagnose
+from adapt.diagnosis_json import as_json
+from adapt.diagnosis_terminal import print_diagnosis
+from adapt.noise import LEAST
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
-from adapt.output import prepare_folder, write_run, write_table
+from adapt.output import prepare_folder, write_json, write_run, write_table
+from adapt.sentence import Object
 from adapt.simulation import simulate_model_subjects
 from adapt.terminal import print_parameters, print_summary, progress
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
 from motions import InputError, Motions, read_motions, write_motions
+from motions.files import write_whole
 
 EXIT_BAD_INPUT = 2
 EXIT_SOME_NOT_HANDLED = 3
 
 NO_EFFECT = "none"
 
+MOST_NOISE_DEG = 20.0
+"""More noise than this is a slip of the pen: every posture would be within it."""
+
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="""Fit the shoulder girdle model to measured motions, and adapt it to each person.
+    help="""Fit the shoulder girdle model to measured motions, adapt it to each person, and say why they still differ.
 
 A motion file is a CSV with one row a posture: subject, motion, posture, humerus_elevation_deg and the six
 Cardan angles clavicle_y_deg ... scapula_x_deg (right shoulder, thorax frame, degrees).
@@ -92,6 +101,49 @@ def adapt(
         if word != status.OK:
             failed[subject] = f"adaptation {word}"
     _finish(table, failed)
+
+
+@app.command("diagnose")
+def diagnose_gap(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006
+    noise_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="SD of the noise on one measured angle, degrees, if you know it, say from repeated measurements. "
+            "Default: estimated from what no smooth effect could cause.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
+
+    All subjects together are held against every effect of `girdle effects`, alone and, where one is not enough, in
+    pairs. The answer is **none** (nothing beyond noise), **effect** (one, a pair, or a set that these data cannot tell
+    apart) or **unknown** (no effect of the list explains the gap), with the probability of each, the size of the
+    effect, the gap on motions held out from the fit, and the measurement that would tell most.
+
+    More subjects help most: the same cause is sought in all of them. A subject with fewer than four postures is left
+    out.
+
+    Writes diagnosis.json (everything), gap_heatmap.svg (where the gap is), probabilities.svg (of each answer),
+    gaps.svg (how far the gap shrinks) and run.json. With several models the figures are those of the model with the
+    smallest gap after adaptation.
+    """
+    if noise_deg is not None and not LEAST.angle_deg <= noise_deg <= MOST_NOISE_DEG:
+        cause = f"{noise_deg:g} is not between {LEAST.angle_deg:g} and {MOST_NOISE_DEG:g} degrees"
+        raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
+    table, models, folder = _inputs(motions, model, out)
+    with progress(errors) as report:
+        by_model = diagnose(table, models, noise_deg, progress=report)
+        report("figures")
+        found = as_json(by_model)
+        _write_figures(folder, found)
+    write_json(found, folder / "diagnosis.json")
+    write_run(folder, "diagnose", motions, model, {"noise_deg": noise_deg}, table.rejected)
+    print_diagnosis(console, found)
+    _finish(table, found["left_out"])
 
 
 @app.command("models")
@@ -158,6 +210,13 @@ def _inputs(motions: list[Path], models: list[str], out: Path) -> tuple[Motions,
 def _write(folder: Path, result: PostureFits) -> None:
     write_table(result.fits, folder / "fits.csv")
     write_table(result.summary, folder / "summary.csv")
+
+
+def _write_figures(folder: Path, found: Object) -> None:
+    from adapt.diagnosis_figures import figures  # matplotlib takes half a second to load: not for every command
+
+    for name, text in figures(found).items():
+        write_whole(folder / name, text)
 
 
 def _failed_subjects(fits) -> dict[str, str]:

@@ -18,7 +18,7 @@ from adapt.next_measurement import Proposal, propose
 from adapt.noise import NoiseEstimate, estimate_noise
 from adapt.observed import Noise, Observed, observe
 from adapt.ranking import Ranking, rank
-from adapt.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge
+from adapt.verdict import NONE, UNKNOWN, Verdict, judge
 from models.effects import EFFECTS, Effect
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
@@ -33,6 +33,9 @@ FEWEST_POSTURES = 4
 
 _PAIRED = 3
 """Where no single effect is enough, so many of the best are tried together with every other one."""
+
+_NOT_ENOUGH = 0.2
+"""Probability of unknown from which pairs are tried."""
 
 _OTHER_NOISES = (0.67, 1.5)
 """Shares of the noise at which the verdict is looked at again."""
@@ -157,7 +160,7 @@ def _diagnose(
     progress("every effect")
     ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
     verdict = judge(ranking, names)
-    if verdict.answer == UNKNOWN and len(effects) > 1:
+    if verdict.probability[UNKNOWN] >= _NOT_ENOUGH and len(effects) > 1:
         progress("pairs of effects")
         ranking, verdict = _with_pairs(girdle, effects, data, estimate, ranking, verdict)
     none = next(one for one in ranking.fitted if not one.hypothesis)
@@ -191,20 +194,23 @@ def _diagnose(
 def _with_pairs(
     girdle: Girdle, effects, data: Observed, noise: NoiseEstimate, ranking: Ranking, verdict: Verdict
 ) -> tuple[Ranking, Verdict]:
-    """The ranking and verdict with pairs of the best effects and all others, if a pair leaves nothing unexplained."""
+    """The ranking and verdict with pairs of the best effects and all others, if they leave less unexplained."""
     best = [h[0] for h in ranking.hypotheses if h][:_PAIRED]
     order = [effect.name for effect in effects]
     pairs = {tuple(sorted((one, other), key=order.index)) for one in best for other in order if other != one}
     fitted = fit_hypotheses(girdle, effects, sorted(pairs), data, noise.noise)
     both = rank([*ranking.fitted, *fitted], effects, data, noise)
     judged = judge(both, order)
-    return (both, judged) if judged.answer == EFFECT else (ranking, verdict)
+    return (both, judged) if judged.probability[UNKNOWN] < verdict.probability[UNKNOWN] else (ranking, verdict)
 
 
 def _explanation(ranking: Ranking, verdict: Verdict) -> Linear:
     """What the gap is compared with: nothing if nothing is blamed, else the most probable effect or pair."""
+    by_hypothesis = {one.hypothesis: one for one in ranking.fitted}
     if verdict.answer == NONE:
-        return next(one for one in ranking.fitted if not one.hypothesis)
+        return by_hypothesis[()]
+    if verdict.effects:
+        return by_hypothesis[verdict.effects if verdict.together else verdict.effects[:1]]
     return next(one for one in ranking.fitted if one.hypothesis)
 
 

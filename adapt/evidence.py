@@ -61,7 +61,7 @@ class Linear:
     y: Float[np.ndarray, "subjects residuals"]
     """Whitened residuals at z."""
     X: Float[np.ndarray, "subjects residuals 6"]
-    """Their derivatives by the adapted parameters, in prior standard deviations."""
+    """Their derivatives by the adapted parameters, in their prior standard deviations."""
     A: Float[np.ndarray, "subjects residuals amplitudes"]
     """Their derivatives by the amplitudes, in units of the effect."""
     scale: Float[np.ndarray, " amplitudes"]
@@ -71,15 +71,18 @@ class Linear:
     linear: Float[np.ndarray, "subjects residuals"]
     """X u + A a - y at z: y of other u and a is X u + A a - linear."""
     root: Float[np.ndarray, "subjects postures m m"]
+    spread: float = 1.0
+    """By which share of ``THETA_SD_MM`` adapted parameters vary between subjects: that is the unit of u and X."""
 
     def with_noise(self, share: float) -> "Linear":
         """The same, had the noise been ``share`` times what it was taken for."""
         changed = {name: getattr(self, name) / share for name in ("y", "X", "A", "linear", "root")}
         return replace(self, **changed)
 
-    def with_spread(self, share: float) -> "Linear":
-        """The same, if adapted parameters vary between subjects by ``share`` times ``THETA_SD_MM``."""
-        return replace(self, X=share * self.X, u=self.u / share)
+    def with_spread(self, spread: float) -> "Linear":
+        """The same with another spread of the adapted parameters."""
+        share = spread / self.spread
+        return replace(self, X=share * self.X, u=self.u / share, spread=spread)
 
 
 @dataclass(frozen=True)

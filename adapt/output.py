@@ -37,6 +37,11 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
     write_whole(path, table.to_csv(index=False, lineterminator="\n"))
 
 
+def write_json(record: dict[str, object], path: Path) -> None:
+    """Strict JSON: what is not a finite number must be null by now."""
+    write_whole(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+
+
 def write_run(
     folder: Path,
     command: str,

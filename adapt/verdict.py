@@ -16,20 +16,26 @@ from adapt.ranking import Ranking
 
 NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
 
-_TEMPERATURE = 1.5
+_TEMPERATURE = 1.25
 """Divides log evidence: real courses are not the prior's, so evidence is too sure of itself."""
 
 _NONE_PRIOR = 0.5
-"""Prior probability of no effect; the effects share the rest alike."""
+"""Prior probability of no effect; single effects share the rest alike."""
 
-_UNKNOWN_TERMS = (-4.0, 0.5, 1.0)
+_PAIR_PRIOR = 0.02
+"""Prior probability, beside those, that two effects act together, shared alike by the pairs tried."""
+
+_UNKNOWN_TERMS = (-0.5, 0.3, 1.2)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
 _MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
 """Beyond these a test is no surer."""
 
-_NONE_KEPT = 0.25
+_NONE_KEPT = 0.4
 """An effect is blamed only where none, against it, is less probable than this."""
+
+_PART_GAIN = 10.0
+"""Log evidence over none from which an effect that is not enough is named as part of an unknown cause."""
 
 _SET_PROBABILITY = 0.97
 """What the reported set holds of the probability of all effects."""
@@ -41,7 +47,8 @@ class Verdict:
 
     answer: str
     effects: tuple[str, ...]
-    """Names that cannot be told apart, most probable first; of a pair, the two that act together."""
+    """Names that cannot be told apart, most probable first; of a pair, the two that act together; if the answer is
+    unknown, those that explain part of the gap, alone or together, and leave something systematic."""
     together: bool
     """True where the effects named act together."""
     probability: dict[str, float]
@@ -75,24 +82,24 @@ def unknown_probability(ranking: Ranking) -> float:
 
 def _shares(ranking: Ranking, effects: int) -> Float[np.ndarray, " hypotheses"]:
     """Tempered posterior probabilities of the hypotheses of the list."""
-    counts = {size: sum(len(h) == size for h in ranking.hypotheses) for size in (1, 2)}
-    priors = [
-        _NONE_PRIOR if not h else (1.0 - _NONE_PRIOR) / effects * (1.0 if len(h) == 1 else effects / counts[2])
-        for h in ranking.hypotheses
-    ]
+    pairs = sum(len(hypothesis) == 2 for hypothesis in ranking.hypotheses)
+    each = (_NONE_PRIOR, (1.0 - _NONE_PRIOR) / effects, _PAIR_PRIOR / max(pairs, 1))
+    priors = [each[len(hypothesis)] for hypothesis in ranking.hypotheses]
     log = ranking.log_evidence / _TEMPERATURE + np.log(priors)
     weight = np.exp(log - log.max())
     return weight / weight.sum()
 
 
 def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, ...], bool]:
-    if unknown >= 0.5:
-        return UNKNOWN, (), False
     order = np.argsort(-shares, kind="stable")
-    none = sum(share for h, share in zip(ranking.hypotheses, shares, strict=True) if not h)
-    if none >= _NONE_KEPT:
+    none = ranking.hypotheses.index(())
+    best = next(ranking.hypotheses[k] for k in order if k != none)
+    if unknown >= 0.5:
+        gain = ranking.log_evidence[ranking.hypotheses.index(best)] - ranking.log_evidence[none]
+        partly = best if gain > _PART_GAIN else ()
+        return UNKNOWN, partly, len(partly) > 1
+    if shares[none] >= _NONE_KEPT:
         return NONE, (), False
-    best = ranking.hypotheses[order[0]] or ranking.hypotheses[order[1]]
     if len(best) > 1:
         return EFFECT, best, True
     singles = [(ranking.hypotheses[k][0], shares[k]) for k in order if len(ranking.hypotheses[k]) == 1]
