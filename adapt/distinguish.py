@@ -26,7 +26,7 @@ TOLD_APART = 3.0
 _SIZES = 2.0 ** np.arange(-4.0, 4.5, 0.5)
 """Shares of an effect's scale tried for the smallest detectable amplitude."""
 
-_MOST_SUBJECTS = 12
+_MOST_SUBJECTS = 24
 """More subjects are represented by so many: which effects look alike does not change, the size of D does."""
 
 

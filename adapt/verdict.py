@@ -65,9 +65,9 @@ def judge(ranking: Ranking, names: Sequence[str]) -> Verdict:
     pairs: dict[str, float] = {}
     for hypothesis, share in zip(ranking.hypotheses, shares, strict=True):
         for name in hypothesis or (NONE,):
-            probability[name] += (1.0 - unknown) * share / max(len(hypothesis), 1)
+            probability[name] += float((1.0 - unknown) * share / max(len(hypothesis), 1))
         if len(hypothesis) > 1:
-            pairs["+".join(hypothesis)] = (1.0 - unknown) * share
+            pairs["+".join(hypothesis)] = float((1.0 - unknown) * share)
     answer, effects, together = _answer(ranking, shares, unknown)
     return Verdict(answer, effects, together, {**probability, UNKNOWN: unknown}, pairs)
 
