@@ -25,6 +25,7 @@ from adapt.observed import Noise, Observed
 from models.effects import Effect, ExtendedGirdle
 from models.effects.effect import course
 from models.girdle import ADAPTED, Girdle
+from motions.table import ANGLES
 
 _LANES = 64
 """Lanes compiled together: fewer are padded, more go in chunks."""
@@ -78,7 +79,7 @@ def misfit(
     sd = data.noise(noise)
     x = data.values if nearest is None else nearest
     for _ in range(projections):
-        g, G = _in_chunks(partial(_equations, effects), girdle, x, z, data.elevation_deg)
+        g, G = _equations(effects, girdle, x, z, data.elevation_deg)
         scaled = G * sd.T[:, :, None, :]
         gape = g + np.einsum("lpmn,npl->lpm", G, data.values - x)
         V = scaled @ np.swapaxes(scaled, -1, -2)
@@ -87,11 +88,10 @@ def misfit(
         step = target - x
         longest = np.abs(step[:6]).max(axis=0)
         x = x + step * np.minimum(1.0, STEP_LIMIT_RAD / np.maximum(longest, STEP_LIMIT_RAD))
-    g, G = _in_chunks(partial(_equations, effects), girdle, x, z, data.elevation_deg)
+    g, G = _equations(effects, girdle, x, z, data.elevation_deg)
     scaled = G * sd.T[:, :, None, :]
     gape = g + np.einsum("lpmn,npl->lpm", G, data.values - x)
-    (slopes,) = _in_chunks(partial(_sensitivities, effects), girdle, x, z, data.elevation_deg)
-    T = _chosen(effects, slopes, columns, data.elevation_deg)
+    T = _chosen(effects, _sensitivities(effects, girdle, x, z, data.elevation_deg), columns, data.elevation_deg)
     real = data.counted.T[..., None]
     root = np.linalg.inv(np.linalg.cholesky(scaled @ np.swapaxes(scaled, -1, -2)))
     return Misfit(
@@ -148,41 +148,63 @@ def _inputs(effects, z, elevation_deg) -> Float[Array, " inputs postures lanes"]
     return jnp.concatenate([spread[: len(ADAPTED)], *strengths])
 
 
-def _g(effects, girdle: Girdle, angles, landmarks, inputs):
-    """A1-A3 and, where there are landmarks, their coordinates less those predicted."""
+def _chain(effects, girdle: Girdle, inputs) -> ExtendedGirdle:
     ends = np.cumsum([len(ADAPTED), *(len(effect.channels) for effect in effects)]).tolist()
     strengths = tuple(inputs[a:b] for a, b in itertools.pairwise(ends))
-    chain = ExtendedGirdle(girdle.over_axes(2).with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
-    closed = chain.residuals_mm(angles)
-    if not len(landmarks):
-        return closed
-    predicted = jnp.swapaxes(chain.landmarks_mm(angles), 0, 1).reshape(landmarks.shape)
-    return jnp.concatenate([closed, landmarks - predicted])
+    return ExtendedGirdle(girdle.over_axes(2).with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
 
 
-@partial(jax.jit, static_argnums=0)
-def _equations(effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array) -> tuple[Array, Array]:
-    """g (m) and dg/dx (m, quantities) of every posture."""
-    angles, landmarks = x[:6], x[6:]
-    inputs = _inputs(effects, z, elevation_deg)
-
-    def of_angles(q):
-        return _g(effects, girdle, q, landmarks, inputs)
-
-    itself = np.zeros((3 + len(landmarks), len(landmarks)))
-    itself[3:] = np.eye(len(landmarks))
-    by_landmarks = jnp.broadcast_to(itself[:, :, None, None], (*itself.shape, *elevation_deg.shape))
-    return of_angles(angles), jnp.concatenate([jacobian(of_angles, angles), by_landmarks], axis=1)
+def _closure(chain: ExtendedGirdle, angles):
+    """A1-A3."""
+    return chain.residuals_mm(angles)
 
 
-@partial(jax.jit, static_argnums=0)
-def _sensitivities(
-    effects, girdle: Girdle, x: Array, z: Array, elevation_deg: Array
-) -> tuple[Float[Array, " m inputs postures lanes"]]:
-    """dg by the adapted parameters and all strengths: one reverse pass an equation."""
-    g, pull = jax.vjp(lambda inputs: _g(effects, girdle, x[:6], x[6:], inputs), _inputs(effects, z, elevation_deg))
+def _positions(chain: ExtendedGirdle, angles):
+    """The coordinates of SHOWN, landmark by landmark."""
+    points = jnp.swapaxes(chain.landmarks_mm(angles), 0, 1)
+    return points.reshape(-1, *points.shape[2:])
+
+
+def _equations(effects, girdle: Girdle, x, z, elevation_deg) -> tuple[np.ndarray, np.ndarray]:
+    """g (lanes, postures, m) and dg/dx (lanes, postures, m, quantities)."""
+    g, G = _in_chunks(partial(_by_angles, _closure, effects), girdle, x[:6], z, elevation_deg)
+    if len(x) == len(ANGLES):
+        return g, G
+    predicted, slopes = _in_chunks(partial(_by_angles, _positions, effects), girdle, x[:6], z, elevation_deg)
+    landmarks = np.transpose(x[6:], (2, 1, 0))
+    itself = np.broadcast_to(np.eye(landmarks.shape[2]), (*landmarks.shape, landmarks.shape[2]))
+    none = np.zeros((*g.shape, landmarks.shape[2]))
+    G = np.concatenate([np.concatenate([G, none], axis=3), np.concatenate([-slopes, itself], axis=3)], axis=2)
+    return np.concatenate([g, landmarks - predicted], axis=2), G
+
+
+def _sensitivities(effects, girdle: Girdle, x, z, elevation_deg) -> Float[np.ndarray, "lanes postures m inputs"]:
+    """dg by the adapted parameters and all strengths."""
+    (slopes,) = _in_chunks(partial(_by_inputs, _closure, effects), girdle, x[:6], z, elevation_deg)
+    if len(x) == len(ANGLES):
+        return slopes
+    (predicted,) = _in_chunks(partial(_by_inputs, _positions, effects), girdle, x[:6], z, elevation_deg)
+    return np.concatenate([slopes, -predicted], axis=2)
+
+
+# Landmarks are compiled apart from the closed chain, which every diagnosis has compiled already.
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _by_angles(function, effects, girdle: Girdle, angles: Array, z: Array, elevation_deg: Array) -> tuple[Array, Array]:
+    """The function of the chain and its derivatives by the angles, at every posture."""
+    chain = _chain(effects, girdle, _inputs(effects, z, elevation_deg))
+    return function(chain, angles), jacobian(lambda q: function(chain, q), angles)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _by_inputs(function, effects, girdle: Girdle, angles: Array, z: Array, elevation_deg: Array) -> tuple[Array]:
+    """Its derivatives by the adapted parameters and all strengths: one reverse pass a component."""
+    value, pull = jax.vjp(
+        lambda inputs: function(_chain(effects, girdle, inputs), angles), _inputs(effects, z, elevation_deg)
+    )
 
     def row(k):
-        return pull(jnp.zeros_like(g).at[k].set(1.0))[0]
+        return pull(jnp.zeros_like(value).at[k].set(1.0))[0]
 
-    return (jax.vmap(row)(jnp.arange(len(g))),)
+    return (jax.vmap(row)(jnp.arange(len(value))),)
