@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 
 from adapt.sentence import Object, subjects_text
 from adapt.svg import BLUE, NOTE, svg
-from adapt.verdict import NONE, UNKNOWN
+from adapt.verdict import EFFECT, NONE, UNKNOWN
 from motions.table import ANGLES
 
 FIGURES = ("gap_heatmap.svg", "probabilities.svg", "gaps.svg")
@@ -111,7 +111,8 @@ def probabilities(of: Object) -> Figure:
     probability = of["probability"]
     effects = sorted((name for name in probability if name not in (NONE, UNKNOWN)), key=lambda name: -probability[name])
     names = [*effects, NONE, UNKNOWN]
-    answer = of["verdict"]["effects"] or [of["verdict"]["answer"]]
+    verdict = of["verdict"]
+    answer = verdict["effects"] if verdict["answer"] == EFFECT else [verdict["answer"]]
     at = np.arange(len(names)) + 0.6 * (np.arange(len(names)) >= len(effects))
     figure = Figure(figsize=(6.0, 0.8 + 0.21 * len(names)), layout="constrained")
     axes = figure.subplots()

@@ -149,6 +149,7 @@ def _otherwise(verdict: Mapping[str, Any]) -> str:
 
 
 def _named(verdict: Mapping[str, Any]) -> str:
-    if verdict["answer"] != EFFECT:
-        return verdict["answer"]
-    return listed(verdict["effects"], "and" if verdict["together"] else "or")
+    answer, effects = verdict["answer"], verdict["effects"]
+    if answer == EFFECT:
+        return listed(effects, "and" if verdict["together"] else "or")
+    return f"{answer} (in part {listed(effects, 'and')})" if effects else answer

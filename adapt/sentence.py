@@ -129,8 +129,14 @@ def _would_not_show(of: Object) -> str:
 
 def _unexplained(of: Object) -> str:
     before, after, floor = _levels(of)
-    closest = f"{listed(of['best'], 'and')}, which takes it from {before} to {after} deg held out"
+    start = f"No effect of the list, alone or in pairs, explains the gap of {subjects_text(of)}"
+    takes = f"from {before} to {after} deg held out"
+    part = of["verdict"]["effects"]
+    if not part:
+        return f"{start} (closest: {listed(of['best'], 'and')}, which takes it {takes}, noise alone leaves {floor})."
+    each = "; ".join(f"{name}: {_described(of, name)}" for name in part)
+    verb = "explain" if len(part) > 1 else "explains"
     return (
-        f"No effect of the list, alone or in pairs, explains the gap of {subjects_text(of)} "
-        f"(closest: {closest}, noise alone leaves {floor})."
+        f"{start}: {listed(part, 'and')} {verb} a part of it, {takes}, and leave{'s' * (len(part) == 1)} something "
+        f"systematic; noise alone leaves {floor} ({each})."
     )
