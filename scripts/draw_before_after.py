@@ -14,7 +14,6 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import matplotlib as mpl
 import pandas as pd
 import typer
 from matplotlib.axes import Axes
@@ -23,7 +22,9 @@ from matplotlib.ticker import MultipleLocator
 
 from adapt import cli, status
 from adapt.output import prepare_folder
+from adapt.svg import BLUE, NOTE, ORANGE, svg
 from motions import InputError
+from motions.files import write_whole
 
 PANELS = {
     "scapula_y": "Protraction",
@@ -40,26 +41,10 @@ BONES = ("scapula", "clavicle")
 
 NAMES = ("model", "subject", "motion")
 
-BEFORE = {"color": "#e69f00", "linestyle": (0, (4, 2)), "label": "simulated, before adaptation"}
-AFTER = {"color": "#0072b2", "linestyle": "-", "label": "simulated, after adaptation"}
+BEFORE = {"color": ORANGE, "linestyle": (0, (4, 2)), "label": "simulated, before adaptation"}
+AFTER = {"color": BLUE, "linestyle": "-", "label": "simulated, after adaptation"}
 MEASURED = {"color": "black", "linestyle": "none", "marker": "o", "markersize": 3.5, "label": "measured"}
-"""Okabe and Ito's colours: told apart by the colour-blind, and, by lightness and line style, in grey print."""
-
-NOTE = {"color": "0.35", "fontsize": 7.5}
-
-STYLE = {
-    "svg.fonttype": "none",  # text stays text: small, and it can be searched
-    "svg.hashsalt": "girdle",  # without it the ids change from run to run
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],  # the first comes with matplotlib: one layout everywhere
-    "font.size": 8.0,
-    "axes.titlesize": 8.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "lines.linewidth": 1.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-}
+"""Told apart by line style too."""
 
 TICK_DEG = 10
 ELEVATION_TICK_DEG = 30
@@ -155,8 +140,7 @@ def main(
     first = rows.iloc[0]
     text = f"{title or first['subject']}, {first['motion']}, parameter set {first['model']}"
     prepare_folder(out.parent)
-    with mpl.rc_context(STYLE):
-        draw(rows, text).savefig(out, format="svg", metadata={"Date": None})
+    write_whole(out, svg(lambda: draw(rows, text)))
 
 
 if __name__ == "__main__":
