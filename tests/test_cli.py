@@ -1,18 +1,16 @@
 """The command line as a user meets it: the files it writes, its exit statuses, and what it says of bad input."""
 
 import hashlib
-import io
 import json
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from command import Ended, girdle, refused, written
 
 from adapt import cli, status
 from adapt.tables import STATISTICS
@@ -44,42 +42,9 @@ OPEN_MM = 1e-6
 """The contract of the files: A1-A3 hold to a nanometre."""
 
 
-@dataclass(frozen=True)
-class Ended:
-    """A run of the command."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def messages(self) -> list[str]:
-        """Lines on stderr; the progress display leaves a blank one where there is no terminal."""
-        return [line for line in self.err.splitlines() if line]
-
-
-def girdle(*arguments: object) -> Ended:
-    """``girdle ARGUMENTS`` in this process, without the user's compilation cache."""
-    out, err = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
-        patch.setattr(sys, "argv", ["girdle", *map(str, arguments)])
-        patch.setattr(cli, "jax", SimpleNamespace(config=SimpleNamespace(update=lambda *_: None)))
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-    code = ended.value.code
-    assert code is None or isinstance(code, int)
-    return Ended(code or 0, out.getvalue(), err.getvalue())
-
-
 def shipped_lines(subjects: int = 2) -> list[str]:
     """Header and rows of the first shipped subjects: 14 postures each."""
     return SHIPPED.read_text().splitlines()[: 1 + 14 * subjects]
-
-
-def written(folder: Path, lines: list[str], name: str = "motion.csv") -> Path:
-    path = folder / name
-    path.write_text("".join(f"{line}\n" for line in lines))
-    return path
 
 
 @dataclass(frozen=True)
@@ -297,16 +262,6 @@ BAD_MOTIONS = {
     "empty file": ([], None, "the file is empty", "Give a file with a header"),
     "no rows": ([HEADER], None, "no rows under the header", "Add one row"),
 }
-
-
-def refused(ended: Ended, where: str, cause: str, remedy: str) -> None:
-    """Exit status 2 and one line that says where, what and what to do."""
-    assert ended.status == 2
-    assert ended.out == ""
-    assert ended.err.count("\n") == 1, ended.err
-    assert ended.err.startswith(f"error: {where}: "), ended.err
-    assert cause in ended.err
-    assert remedy in ended.err
 
 
 @pytest.mark.parametrize("command", ["fit", "adapt"])
