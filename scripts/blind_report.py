@@ -1,0 +1,334 @@
+"""The figures of the withheld-effect check, from the lines of its cases: rates with intervals, as Markdown.
+
+Effects of a pair that acts together count as named each. A confident wrong name is an answer 'effect' that hedges
+nothing, one name or a pair acting together, without the effect at work; where that is outside the list, any such.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from adapt.verdict import EFFECT, NONE, UNKNOWN
+from models.effects import EFFECTS
+
+Line = dict[str, Any]
+"""One case: what `scripts/blind_check.py` writes, from JSON."""
+
+_Z = 1.96
+_BINS = 10
+_SHRINKAGE = 0.1
+"""Predicted and realised shrinkage should be this close."""
+
+_MOST_CONFUSIONS = 12
+_MOST_FAILURES = 10
+
+REACH = {
+    "true effect in the reported set": ">= 97 %",
+    "mean size of the reported set": "<= 1.3",
+    "most probable effect = true": ">= 95 %",
+    "effect at work: confident wrong name": "<= 3 %",
+    "no effect: one blamed": "<= 3 %",
+    "outside: unknown": ">= 90 %",
+    "outside: confident wrong name": "<= 3 %",
+    "ECE of the probabilities": "<= 0.05",
+    "amplitude intervals that cover": "92-97 %",
+    "shrinkage within 10 % of the realised": "all",
+}
+"""Of the standard condition."""
+
+OTHER_REACH = (
+    "Most probable = true elsewhere: half >= 85 %, three >= 93 %, one >= 75 %, landmarks_three as standard. In half, "
+    "three, one and mixed, answers 'effect' hold the true one in >= 95 %, and confident wrong names are <= 3 %."
+)
+
+
+def key(line: Line) -> tuple[str, str, int, int]:
+    """What tells one case from another."""
+    return line["condition"], line["label"], line["seed"], line["repeat"]
+
+
+def kind(label: str) -> str:
+    """'none', 'effect', 'pair' or 'outside'."""
+    if "+" in label:
+        return "pair"
+    return "none" if label == NONE else "outside" if label.startswith("outside_") else "effect"
+
+
+# Statistics ---------------------------------------------------------------------------------------------------------
+
+
+def wilson(hits: int, n: int) -> tuple[float, float]:
+    """95 % interval of a rate."""
+    centre, square = hits + 0.5 * _Z**2, _Z**2
+    half = _Z * math.sqrt(hits * (n - hits) / n + 0.25 * square)
+    return max(0.0, (centre - half) / (n + square)), min(1.0, (centre + half) / (n + square))
+
+
+def rate(hits: Iterable[bool]) -> str:
+    """Share, Wilson interval and count."""
+    hit = list(hits)
+    if not hit:
+        return "-"
+    low, high = wilson(sum(hit), len(hit))
+    return f"{100 * sum(hit) / len(hit):.1f} % ({100 * low:.0f}-{100 * high:.0f}; {len(hit)})"
+
+
+def expected_calibration_error(confidence: Sequence[float], right: Sequence[bool]) -> float:
+    """Mean over cases of |share right - mean confidence| of their bin, ten equal bins."""
+    sure, hit = np.asarray(confidence), np.asarray(right, dtype=float)
+    at = np.minimum((sure * _BINS).astype(int), _BINS - 1)
+    return float(sum(abs((hit - sure)[at == b].sum()) for b in range(_BINS)) / len(sure))
+
+
+def named(line: Line) -> bool:
+    """The answer names effects."""
+    return line["answer"] == EFFECT
+
+
+def covered(line: Line) -> bool:
+    """The effect at work is in the reported set."""
+    return named(line) and line["label"] in line["effects"]
+
+
+def first(line: Line) -> str:
+    """The answer's most probable name, 'none' or 'unknown'."""
+    return line["effects"][0] if named(line) else line["answer"]
+
+
+def confidently_wrong(line: Line) -> bool:
+    """An answer that hedges nothing, and is wrong."""
+    sure = named(line) and (len(line["effects"]) == 1 or line["together"])
+    return sure and not set(line["effects"]) & set(line["label"].split("+"))
+
+
+def most_probable_effect(line: Line) -> str:
+    """Of the listed effects, whatever the answer."""
+    return max(EFFECTS, key=lambda name: line["probability"].get(name, 0.0))
+
+
+def surest(line: Line) -> tuple[float, bool]:
+    """The largest probability, and whether it is the truth's; an effect outside the list is unknown."""
+    name = max(line["probability"], key=line["probability"].__getitem__)
+    truth = UNKNOWN if kind(line["label"]) == "outside" else line["label"]
+    return line["probability"][name], name == truth
+
+
+def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
+    """Of every channel of a rightly named effect whose true mean the world knows."""
+    return [
+        channel["low"] <= line["true_channels"][line["label"]][channel["channel"]] <= channel["high"]
+        for line in lines
+        if covered(line) and line["label"] in line["true_channels"]
+        for channel in line["amplitude"][line["label"]]
+    ]
+
+
+def shrinkages(lines: Iterable[Line]) -> list[tuple[float, float]]:
+    """Predicted and realised, shares of the adapted gap."""
+
+    def shrinkage(adapted: float, with_effect: float) -> float:
+        return (adapted - with_effect) / adapted
+
+    found = [(line["gap_deg"], line["realised_deg"]) for line in lines if "realised_deg" in line]
+    return [
+        (shrinkage(p["adapted"]["value"], p["with_effect"]["value"]), shrinkage(r["adapted"], r["with_effect"]))
+        for p, r in found
+    ]
+
+
+def mimics(lines: Iterable[Line]) -> dict[tuple[str, int], set[str]]:
+    """By label and seed, what the model does not tell from the effect, from the diagnoses with the whole list."""
+    return {
+        (line["label"], line["seed"]): {
+            name for group in line["indistinguishable"] if line["label"] in group for name in group
+        }
+        for line in lines
+        if line["condition"] == "standard"
+    }
+
+
+def left_out_outcome(line: Line, like: dict[tuple[str, int], set[str]]) -> str:
+    """What became of an effect that the library did not hold."""
+    if not named(line):
+        return line["answer"]
+    known = like.get((line["label"], line["seed"]))
+    if known is None:
+        return "a name; not judged, `standard` not run"
+    if known & set(line["effects"]):
+        return "honest mimic"
+    return "confident wrong name" if confidently_wrong(line) else "wrong set"
+
+
+def pair_outcome(line: Line) -> str:
+    """What became of two effects at once."""
+    if not named(line):
+        return line["answer"]
+    return ("wrong", "one named", "both named")[len(set(line["effects"]) & set(line["label"].split("+")))]
+
+
+def confusions(lines: Iterable[Line]) -> list[tuple[str, str, int, int]]:
+    """Effect at work, name beside or instead of it, how often beside, how often instead: the most first."""
+    beside, instead = Counter(), Counter()
+    for line in lines:
+        if kind(line["label"]) == "effect" and named(line):
+            which = beside if covered(line) else instead
+            which.update((line["label"], name) for name in line["effects"] if name != line["label"])
+    order = sorted(beside | instead, key=lambda pair: (-beside[pair] - instead[pair], pair))
+    return [(*pair, beside[pair], instead[pair]) for pair in order]
+
+
+# Markdown -----------------------------------------------------------------------------------------------------------
+
+
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table."""
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (header, ["---"] * len(header), *rows))
+
+
+def _ece(lines: Sequence[Line]) -> str:
+    sure = [surest(line) for line in lines]
+    return f"{expected_calibration_error(*zip(*sure, strict=True)):.3f} ({len(sure)})" if sure else "-"
+
+
+def _mean_size(lines: Iterable[Line]) -> str:
+    sizes = [len(line["effects"]) for line in lines if named(line)]
+    return f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-"
+
+
+def _shrinkage_error(lines: Iterable[Line]) -> str:
+    found = np.array(shrinkages(lines))
+    return f"{100 * np.median(np.abs(found[:, 0] - found[:, 1])):.1f} points ({len(found)})" if len(found) else "-"
+
+
+MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
+    "true effect in the reported set": ("effect", lambda of: rate(map(covered, of))),
+    "the same, of answers 'effect'": ("effect", lambda of: rate(covered(line) for line in of if named(line))),
+    "mean size of the reported set": ("effect", _mean_size),
+    "most probable effect = true": ("effect", lambda of: rate(most_probable_effect(x) == x["label"] for x in of)),
+    "effect at work: named first": ("effect", lambda of: rate(first(line) == line["label"] for line in of)),
+    "effect at work: confident wrong name": ("effect", lambda of: rate(map(confidently_wrong, of))),
+    "effect at work: none": ("effect", lambda of: rate(line["answer"] == NONE for line in of)),
+    "effect at work: unknown": ("effect", lambda of: rate(line["answer"] == UNKNOWN for line in of)),
+    "no effect: one blamed": ("none", lambda of: rate(map(named, of))),
+    "no effect: unknown": ("none", lambda of: rate(line["answer"] == UNKNOWN for line in of)),
+    "outside: unknown": ("outside", lambda of: rate(line["answer"] == UNKNOWN for line in of)),
+    "outside: confident wrong name": ("outside", lambda of: rate(map(confidently_wrong, of))),
+    "outside: none": ("outside", lambda of: rate(line["answer"] == NONE for line in of)),
+    "ECE of the probabilities": ("none effect outside", _ece),
+    "amplitude intervals that cover": ("effect", lambda of: rate(intervals_that_cover(of))),
+    "median error of the predicted shrinkage": ("effect", _shrinkage_error),
+    "shrinkage within 10 points of the realised": (
+        "effect",
+        lambda of: rate(abs(p - r) <= _SHRINKAGE for p, r in shrinkages(of)),
+    ),
+    "shrinkage within 10 % of the realised": (
+        "effect",
+        lambda of: rate(abs(p - r) <= _SHRINKAGE * abs(r) for p, r in shrinkages(of)),
+    ),
+}
+"""Each with the kinds of labels it is of."""
+
+
+def measure_table(by_condition: dict[str, list[Line]]) -> str:
+    """The figures of all conditions but `loo` and the power curve."""
+    chosen = {c: lines for c, lines in by_condition.items() if c != "loo" and not c.startswith("power_")}
+    rows = [
+        [name, REACH.get(name, ""), *(measure(_of(lines, *kinds.split())) for lines in chosen.values())]
+        for name, (kinds, measure) in MEASURES.items()
+    ]
+    return markdown(["measure", "reach, standard", *chosen], rows)
+
+
+def _of(lines: Iterable[Line], *kinds: str) -> list[Line]:
+    return [line for line in lines if kind(line["label"]) in kinds]
+
+
+def outcome_table(outcomes: Sequence[str], head: str, possible: Sequence[str]) -> str:
+    """How often each outcome came about."""
+    rows = [[one, rate(found == one for found in outcomes)] for one in possible if one in outcomes]
+    return markdown([head, "share"], rows)
+
+
+def confusion_matrix(lines: Sequence[Line]) -> str:
+    """Rows the truth, columns the most probable name of the answer; listed effects by number."""
+    columns = [*EFFECTS, NONE, UNKNOWN]
+    counts = Counter((line["label"], first(line)) for line in lines)
+    outside = sorted({line["label"] for line in _of(lines, "outside")})
+    numbers = {name: str(number) for number, name in enumerate(EFFECTS, 1)}
+    present = [label for label in (*EFFECTS, NONE, *outside) if any(line["label"] == label for line in lines)]
+    rows = [
+        [f"{numbers.get(row, '')} {row}".strip(), *(str(counts[row, column] or "") for column in columns)]
+        for row in present
+    ]
+    return markdown(["truth", *(numbers.get(column, column) for column in columns)], rows)
+
+
+POWER = {"power_0.25": 0.25, "half": 0.5, "standard": 1.0, "power_1.5": 1.5, "power_2": 2.0}
+"""Sizes of the power curve, in the world's amplitudes."""
+
+
+def power_table(by_condition: dict[str, list[Line]]) -> str:
+    """Share of cases in which the effect at work is the answer's most probable name, by its size."""
+    of = {size: _of(by_condition.get(condition, []), "effect") for condition, size in POWER.items()}
+
+    def row(name: str, labels: Sequence[str]) -> list[str]:
+        chosen = ([line for line in lines if line["label"] in labels] for lines in of.values())
+        return [name, *(rate(first(line) == line["label"] for line in lines) for lines in chosen)]
+
+    rows = [row(name, [name]) for name in EFFECTS]
+    return markdown(["effect", *(f"size {size:g}" for size in of)], [*rows, row("all", list(EFFECTS))])
+
+
+def report(lines: Sequence[Line]) -> str:
+    """The whole study as Markdown."""
+    good = [line for line in lines if "failed" not in line]
+    by_condition: dict[str, list[Line]] = {}
+    for line in good:
+        by_condition.setdefault(line["condition"], []).append(line)
+    if not good:
+        return "\n".join(["No finished case among those asked for.", *_failures(lines)])
+    standard = by_condition.get("standard", [])
+    parts = [_preamble(lines, good), "## By condition", OTHER_REACH, measure_table(by_condition)]
+    if pairs := _of(standard, "pair"):
+        possible = ("both named", "one named", UNKNOWN, NONE, "wrong")
+        parts += ["## Two effects at once", outcome_table([pair_outcome(x) for x in pairs], "pairs", possible)]
+    if left_out := by_condition.get("loo"):
+        like = mimics(standard)
+        possible = (UNKNOWN, "honest mimic", NONE, "wrong set", "confident wrong name")
+        outcomes = [left_out_outcome(line, like) for line in left_out]
+        parts += [
+            "## The effect at work taken from the library",
+            "A mimic is in one set of `indistinguishable` with the effect when the library holds it.",
+            outcome_table(outcomes, "left out", list(dict.fromkeys([*possible, *outcomes]))),
+        ]
+    if standard:
+        parts += ["## Confusion matrix, standard", confusion_matrix(standard)]
+    if any(condition in by_condition for condition in POWER):
+        parts += ["## Named first, by size of the effect", power_table(by_condition)]
+    singles = [line for line in good if line["condition"] != "loo"]
+    if found := confusions(singles)[:_MOST_CONFUSIONS]:
+        rows = [[f"{a} - {b}", str(beside), str(instead)] for a, b, beside, instead in found]
+        header = ["at work - named", "beside it", "instead of it"]
+        parts += ["## What is taken for what, all conditions but `loo`", markdown(header, rows)]
+    return "\n\n".join(parts)
+
+
+def _preamble(lines: Sequence[Line], good: Sequence[Line]) -> str:
+    seeds, models = (sorted({line[name] for line in good}) for name in ("seed", "model"))
+    text = [
+        f"Simulated cases: {len(good)}, seeds {seeds[0]} to {seeds[-1]} ({len(seeds)}), parameter sets "
+        f"{', '.join(models)}; median {np.median([line['seconds'] for line in good]):.0f} s a case. "
+        "In brackets: 95 % interval (Wilson), and of how many."
+    ]
+    if len(states := Counter(line["code"] for line in lines)) > 1:
+        counts = ", ".join(f"{state}: {n}" for state, n in states.most_common())
+        text.append(f"**The cases come from {len(states)} states of the code ({counts}): not one study.**")
+    return "\n".join([*text, *_failures(lines)])
+
+
+def _failures(lines: Iterable[Line]) -> list[str]:
+    failed = [f"- {key(line)}: {line['failed']}" for line in lines if "failed" in line]
+    return [f"**{len(failed)} cases failed:**\n", *failed[:_MOST_FAILURES]] if failed else []
