@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: adapt test lint types units lock clean
+.PHONY: adapt test lint types units lock blind clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -22,6 +22,9 @@ units: .venv/dev
 lock: .venv/dev ## after a change of dependencies in pyproject.toml
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes pyproject.toml -o requirements.lock
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
+
+blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
+	$(BIN)/python scripts/blind_check.py --out out/blind
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
