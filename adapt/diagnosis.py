@@ -210,7 +210,7 @@ def _explanation(ranking: Ranking, verdict: Verdict) -> Linear:
     if verdict.answer == NONE:
         return by_hypothesis[()]
     if verdict.effects:
-        return by_hypothesis[verdict.effects if verdict.together else verdict.effects[:1]]
+        return by_hypothesis[verdict.effects[: 2 if verdict.together else 1]]
     return next(one for one in ranking.fitted if one.hypothesis)
 
 
@@ -238,14 +238,12 @@ def _at_other_noise(ranking: Ranking, effects, data: Observed, noise: NoiseEstim
 def _amplitudes(
     ranking: Ranking, effects, data: Observed, verdict: Verdict, best: Hypothesis
 ) -> dict[str, tuple[Amplitude, ...]]:
-    """Of each effect named, from the hypothesis that it acts alone, or from the pair."""
-    together = len(best) > 1
+    """Of each effect named, from the hypothesis that it acts alone, or from the most probable pair that has it."""
     named = verdict.effects or (best if verdict.answer == UNKNOWN else ())
-    by_hypothesis = {one.hypothesis: one for one in ranking.fitted}
     highest = float(data.elevation_deg[data.counted].max())
     found = {}
     for name in named:
-        fitted = by_hypothesis[best if together else (name,)]
+        fitted = next(one for one in ranking.fitted if len(one.hypothesis) == len(best) and name in one.hypothesis)
         found[name] = _channels(fitted, [e for e in effects if e.name in fitted.hypothesis], name, highest)
     return found
 
@@ -272,6 +270,8 @@ def _changes(none: Linear, explained: Linear) -> dict[str, Changed]:
 
 def _candidates(ranking: Ranking, verdict: Verdict) -> list[Hypothesis]:
     """The hypotheses still to be told from each other: those of the verdict, and the next ones of the ranking."""
-    named: list[Hypothesis] = [verdict.effects] if verdict.together else [(name,) for name in verdict.effects]
+    if verdict.together:
+        return [h for h in ranking.hypotheses if len(h) > 1][:2]
+    named: list[Hypothesis] = [(name,) for name in verdict.effects]
     rest = [h for h in ranking.hypotheses if h not in named and len(h) <= 1]
     return [*named, *rest][: max(2, min(_CANDIDATES, len(named)))]

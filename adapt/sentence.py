@@ -63,7 +63,8 @@ def _explained(of: Object) -> str:
     gap, start = _gap(of), f"The gap of {subjects_text(of)} is explained by "
     if of["verdict"]["together"]:
         each = "; ".join(f"{name}: {_described(of, name)}" for name in names)
-        return f"{start}{listed(names, 'and')} together ({each}): held out, it {gap}."
+        others = f", or {listed(names[2:], 'or')} in place of one of them," if names[2:] else ""
+        return f"{start}{listed(names[:2], 'and')} together{others} ({each}): held out, it {gap}."
     if len(names) == 1:
         return f"{start}{names[0]} ({_described(of, names[0])}): held out, it {gap}."
     return (

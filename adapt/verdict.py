@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from adapt.evidence import Hypothesis
 from adapt.ranking import Ranking
 
 NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
@@ -47,10 +48,11 @@ class Verdict:
 
     answer: str
     effects: tuple[str, ...]
-    """Names that cannot be told apart, most probable first; of a pair, the two that act together; if the answer is
-    unknown, those that explain part of the gap, alone or together, and leave something systematic."""
+    """Names that cannot be told apart, most probable first. Where two act together: the most probable two, then those
+    that may be there in place of one of them. If the answer is unknown: those that explain part of the gap, alone or
+    together, and leave something systematic."""
     together: bool
-    """True where the effects named act together."""
+    """True where the first two of the effects act together."""
     probability: dict[str, float]
     """Of every effect, none and unknown; sums to 1. A pair gives half of its own to each of its two."""
     pairs: dict[str, float]
@@ -100,13 +102,17 @@ def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, .
         return UNKNOWN, partly, len(partly) > 1
     if shares[none] >= _NONE_KEPT:
         return NONE, (), False
-    if len(best) > 1:
-        return EFFECT, best, True
-    singles = [(ranking.hypotheses[k][0], shares[k]) for k in order if len(ranking.hypotheses[k]) == 1]
-    total, chosen, held = sum(share for _, share in singles), [], 0.0
-    for name, share in singles:
-        chosen.append(name)
+    alike = [(ranking.hypotheses[k], shares[k]) for k in order if len(ranking.hypotheses[k]) == len(best)]
+    names = dict.fromkeys(name for hypothesis in _credible(alike) for name in hypothesis)
+    return EFFECT, tuple(names), len(best) > 1
+
+
+def _credible(shares: Sequence[tuple[Hypothesis, float]]) -> list[Hypothesis]:
+    """The fewest of these hypotheses, most probable first, that hold ``_SET_PROBABILITY`` of what all hold."""
+    total, chosen, held = sum(share for _, share in shares), [], 0.0
+    for hypothesis, share in shares:
+        chosen.append(hypothesis)
         held += share
         if held >= _SET_PROBABILITY * total:
             break
-    return EFFECT, tuple(chosen), False
+    return chosen

@@ -100,7 +100,7 @@ def first(line: Line) -> str:
 
 def confidently_wrong(line: Line) -> bool:
     """An answer that hedges nothing, and is wrong."""
-    sure = named(line) and (len(line["effects"]) == 1 or line["together"])
+    sure = named(line) and (len(line["effects"]) == 1 + line["together"])
     return sure and not set(line["effects"]) & set(line["label"].split("+"))
 
 
