@@ -1,13 +1,13 @@
 """The diagnosis on the terminal: the verdict in a sentence, then small tables."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from adapt.sentence import Object, listed
+from adapt.sentence import Object, listed, together
 from adapt.verdict import EFFECT, NONE, UNKNOWN
 
 _EFFECTS, _CELLS, _PROPOSALS = 5, 5, 3
@@ -48,9 +48,7 @@ def _tables(of: Object) -> dict[str, Table]:
 def notes(of: Object) -> list[str]:
     """What the numbers rest on."""
     other = [_otherwise(one) for one in of["at_other_noise"] if _answer(one) != _answer(of["verdict"])]
-    alike = [
-        f"These postures and this noise cannot tell apart {listed(one, 'and')}." for one in of["indistinguishable"]
-    ]
+    alike = [_alike(one, of["smallest_detectable"]) for one in of["indistinguishable"]]
     left_out = [f"Left out: {subject}: {why}." for subject, why in of["left_out"].items()]
     parts = [_made_of(of["shares"]["all"])] if of["shares"]["all"] else []
     return [f"Parameter set {of['model']}.", _noise(of["noise"]), *other, *parts, *alike, *left_out]
@@ -140,8 +138,13 @@ def _noise(noise: Mapping[str, Any]) -> str:
     return f"{source[noise['source']]} (landmarks, where given: {noise['landmark_mm']:.1f} mm)."
 
 
-def _answer(verdict: Mapping[str, Any]) -> tuple[str, frozenset[str]]:
-    return verdict["answer"], frozenset(verdict["effects"])
+def _alike(effects: Sequence[str], all_effects: Collection[str]) -> str:
+    which = f"any of the {len(effects)} effects" if len(effects) == len(all_effects) else listed(effects, "and")
+    return f"These postures and this noise cannot tell apart {which}."
+
+
+def _answer(verdict: Mapping[str, Any]) -> tuple[str, bool, frozenset[str]]:
+    return verdict["answer"], verdict["together"], frozenset(verdict["effects"])
 
 
 def _otherwise(verdict: Mapping[str, Any]) -> str:
@@ -150,6 +153,7 @@ def _otherwise(verdict: Mapping[str, Any]) -> str:
 
 def _named(verdict: Mapping[str, Any]) -> str:
     answer, effects = verdict["answer"], verdict["effects"]
-    if answer == EFFECT:
-        return listed(effects, "and" if verdict["together"] else "or")
-    return f"{answer} (in part {listed(effects, 'and')})" if effects else answer
+    if not effects:
+        return answer
+    names = together(effects) if verdict["together"] else listed(effects, "or")
+    return names if answer == EFFECT else f"{answer} (in part {names})"

@@ -52,6 +52,12 @@ def listed(names: Sequence[str], last: str) -> str:
     return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
+def together(names: Sequence[str]) -> str:
+    """'a and b together': of effects where two act together, those two, then what may be there in place of one."""
+    others = f", or {listed(names[2:], 'or')} in place of one of them" if names[2:] else ""
+    return f"{listed(names[:2], 'and')} together{others}"
+
+
 def subjects_text(of: Object) -> str:
     """'1 subject', '10 subjects'."""
     count = len(of["subjects"])
@@ -63,8 +69,7 @@ def _explained(of: Object) -> str:
     gap, start = _gap(of), f"The gap of {subjects_text(of)} is explained by "
     if of["verdict"]["together"]:
         each = "; ".join(f"{name}: {_described(of, name)}" for name in names)
-        others = f", or {listed(names[2:], 'or')} in place of one of them," if names[2:] else ""
-        return f"{start}{listed(names[:2], 'and')} together{others} ({each}): held out, it {gap}."
+        return f"{start}{together(names)} ({each}): held out, it {gap}."
     if len(names) == 1:
         return f"{start}{names[0]} ({_described(of, names[0])}): held out, it {gap}."
     return (

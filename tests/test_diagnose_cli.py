@@ -125,6 +125,13 @@ PAIR = replace(
     amplitude={"skin_artefact": ARTEFACT, "clavicle_length": (Amplitude("length", 8.0, 7.0, 9.0),)},
     best=("skin_artefact", "clavicle_length"),
 )
+HEDGED = replace(
+    PAIR,
+    verdict=replace(PAIR.verdict, effects=("skin_artefact", "clavicle_length", "scapula_size")),
+    amplitude=PAIR.amplitude | {"scapula_size": (Amplitude("size", 0.5, 0.25, 0.75),)},
+)
+"""A pair, and an effect that may be there in place of one of the two."""
+
 NOTHING = replace(
     SKIN,
     subjects=("s1",),
@@ -135,7 +142,15 @@ NOTHING = replace(
 )
 OUTSIDE = replace(SKIN, verdict=verdict(UNKNOWN, unknown=0.99))
 IN_PART = replace(SKIN, verdict=verdict(UNKNOWN, "skin_artefact", unknown=0.99))
-BY_KIND = {"skin": SKIN, "alike": ALIKE, "pair": PAIR, "nothing": NOTHING, "outside": OUTSIDE, "in part": IN_PART}
+BY_KIND = {
+    "skin": SKIN,
+    "alike": ALIKE,
+    "pair": PAIR,
+    "hedged": HEDGED,
+    "nothing": NOTHING,
+    "outside": OUTSIDE,
+    "in part": IN_PART,
+}
 
 
 def of(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -252,6 +267,7 @@ def test_the_size_of_an_effect_is_its_channel_or_the_length_of_several(channels,
 
 WHAT = EFFECTS["skin_artefact"].what
 LENGTH = EFFECTS["clavicle_length"].what
+SIZE = EFFECTS["scapula_size"].what
 
 SENTENCES = {
     "skin": f"The gap of 10 subjects is explained by skin_artefact ({WHAT}; 7.0 [5.3, 8.7] deg): held out, it shrinks "
@@ -262,6 +278,9 @@ SENTENCES = {
     "pair": "The gap of 10 subjects is explained by skin_artefact and clavicle_length together (skin_artefact: "
     f"{WHAT}; 7.0 [5.3, 8.7] deg; clavicle_length: {LENGTH}; 8.0 [7.0, 9.0] %): held out, it shrinks from 1.34 to 1.02 "
     "deg, noise alone leaves 0.89.",
+    "hedged": "The gap of 10 subjects is explained by skin_artefact and clavicle_length together, or scapula_size in "
+    f"place of one of them (skin_artefact: {WHAT}; 7.0 [5.3, 8.7] deg; clavicle_length: {LENGTH}; 8.0 [7.0, 9.0] %; "
+    f"scapula_size: {SIZE}; 0.50 [0.25, 0.75] %): held out, it shrinks from 1.34 to 1.02 deg, noise alone leaves 0.89.",
     "nothing": "Nothing beyond noise: held out, the gap of 1 subject is 0.93 deg, noise alone leaves 0.89. An effect "
     "below 0.15 (thorax_shape), 1.5 mm (conoid_strain) or 1.5 deg (skin_artefact) would not show.",
     "outside": "No effect of the list, alone or in pairs, explains the gap of 10 subjects (closest: skin_artefact, "
@@ -308,6 +327,27 @@ def test_the_notes_name_what_the_verdict_rests_on():
         "These postures and this noise cannot tell apart conoid_strain and clavicle_axial_estimate.",
         "Left out: s11: 2 postures.",
     ]
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (ALIKE, "clavicle_length or scapula_size"),
+        (HEDGED, "skin_artefact and clavicle_length together, or scapula_size in place of one of them"),
+        (OUTSIDE, "unknown"),
+        (IN_PART, "unknown (in part skin_artefact)"),
+    ],
+)
+def test_the_notes_say_how_the_answer_changes_with_the_noise(other, said):
+    found = of(replace(SKIN, at_other_noise={1.0: other.verdict, 2.0: SKIN.verdict}))
+    assert [note for note in notes(found) if "Were" in note] == [
+        f"Were the noise 1.00 deg, the answer would be {said}."
+    ]
+
+
+def test_the_notes_do_not_list_every_effect():
+    found = of(replace(SKIN, indistinguishable=[list(EFFECTS)]))
+    assert f"These postures and this noise cannot tell apart any of the {len(EFFECTS)} effects." in notes(found)
 
 
 @pytest.mark.parametrize(
