@@ -167,6 +167,7 @@ def _diagnose(
     explained = _explanation(ranking, verdict)
     seen = _nearest(girdle, effects, data, noise, none)
     gap = where.Gap(data, seen.nearest[:6], seen.noise_variance[:6] * float(DEG) ** 2)
+    held_out = gaps(girdle, effects, data, noise, [none, explained], progress)
     progress("next measurement")
     return Diagnosis(
         model=model.name,
@@ -178,7 +179,7 @@ def _diagnose(
         at_other_noise=_at_other_noise(ranking, effects, data, estimate),
         amplitude=_amplitudes(ranking, effects, data, verdict, explained.hypothesis),
         best=explained.hypothesis,
-        gap=gaps(girdle, effects, data, noise, [none, explained], progress),
+        gap=held_out,
         parameters=_changes(none, explained),
         cells=where.cells(gap),
         profile=where.profile(gap),

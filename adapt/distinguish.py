@@ -1,8 +1,8 @@
 """Which effects these postures, quantities and noise can tell apart, before any residual is seen.
 
 An effect makes the whitened residuals of all subjects together Gaussian, N(0, C), with C from its derivatives and
-priors at the model as it is. The expected log evidence of the right effect i over another j is the Kullback-Leibler
-divergence (Eriksson 2013)
+typical sizes at the model as it is. The expected log evidence of the right effect i over another j is the
+Kullback-Leibler divergence (Eriksson 2013)
 
     D_ij = 1/2 (tr C_j^-1 C_i - n + log det C_j - log det C_i).
 """
@@ -22,6 +22,9 @@ from models.girdle import ADAPTED, Girdle
 
 TOLD_APART = 3.0
 """Expected log evidence (odds of 20 to 1) from which two hypotheses are told apart."""
+
+_TYPICAL = 0.67
+"""Median size of an effect's amplitude in its scale: prior draws are larger as often as smaller."""
 
 _SIZES = 2.0 ** np.arange(-4.0, 4.5, 0.5)
 """Shares of an effect's scale tried for the smallest detectable amplitude."""
@@ -94,14 +97,16 @@ def alike_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]
 def smallest_detectable(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> dict[str, float | None]:
-    """The amplitude of each effect, in its unit, from which these data would show it; None above 16 times its scale."""
+    """The amplitude of each effect (all channels together) from which these data would show it, in its unit; None
+    where 16 times its typical size would not do."""
     hypotheses = [(), *((effect.name,) for effect in effects)]
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
     found: dict[str, float | None] = {}
     for effect, column in zip(effects, columns, strict=True):
         sizes = (size for size in _SIZES if _divergence(_scaled(column, nothing, size), nothing) >= TOLD_APART)
         size = next(sizes, None)
-        found[effect.name] = None if size is None else float(size * max(effect.scale))
+        typical = _TYPICAL * np.sqrt(np.mean(np.square(effect.scale)))
+        found[effect.name] = None if size is None else float(size * typical)
     return found
 
 
@@ -129,12 +134,17 @@ def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, 
     for h, hypothesis in enumerate(hypotheses):
         slopes = at.slopes[h * subjects : (h + 1) * subjects].reshape(subjects, -1, width)
         X = slopes[..., : len(theta)] * THETA_SD_MM
-        scale = np.concatenate([np.zeros(0), *(np.asarray(by_name[name].prior_sd) for name in hypothesis)])
+        scale = np.concatenate([np.zeros(0), *(_typical_sd(by_name[name]) for name in hypothesis)])
         A = slopes[..., len(theta) : len(theta) + len(scale)] * alike(scale).common
         between = slopes[..., len(theta) : len(theta) + len(scale)] * alike(scale).between
         within = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2) + between @ np.swapaxes(between, 1, 2)
         found.append(Column(within, A))
     return found
+
+
+def _typical_sd(effect: Effect) -> Float[np.ndarray, " amplitudes"]:
+    """SD of each amplitude such that all channels together are of the effect's typical size."""
+    return np.asarray(effect.prior_sd) * _TYPICAL / np.sqrt(len(effect.channels))
 
 
 def _scaled(column: Column, nothing: Column, size: float) -> Column:
