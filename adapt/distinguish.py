@@ -26,6 +26,9 @@ TOLD_APART = 3.0
 _TYPICAL = 0.67
 """Median size of an effect's amplitude in its scale: prior draws are larger as often as smaller."""
 
+_CLOSING_STEPS = 12
+"""Projections until postures far from the model as it is have come to rest."""
+
 _SIZES = 2.0 ** np.arange(-4.0, 4.5, 0.5)
 """Shares of an effect's scale tried for the smallest detectable amplitude."""
 
@@ -67,7 +70,7 @@ def closed(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: N
     """The same postures as the model as it is would take them: nothing of the residuals is left in them."""
     z = _prior(girdle, effects, data.counted.shape[1])
     columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
-    nearest = misfit(girdle, effects, data, noise, z, columns).nearest
+    nearest = misfit(girdle, effects, data, noise, z, columns, projections=_CLOSING_STEPS).nearest
     return replace(data, values=nearest)
 
 

@@ -3,11 +3,15 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from adapt import status
 from adapt.evidence import Hypothesis, Linear
-from adapt.misfit import Misfit, misfit, prior_z
+from adapt.fit import fit_lanes
+from adapt.misfit import Misfit, misfit
 from adapt.most_probable import fit_hypotheses
 from adapt.observed import Noise, Observed
 from models.effects import Effect
@@ -108,16 +112,25 @@ def _looked(girdle, effects, data: Observed, noise, zs, held) -> _Looked:
     def apart(found: Misfit):
         return np.abs(data.values - found.nearest)[:6] * DEG
 
-    base = np.repeat(prior_z(girdle, effects)[:, None], data.counted.shape[1], axis=1)
     adapted, with_effect = at(zs[0]), at(zs[-1])
     floor = np.sqrt(2.0 / np.pi * with_effect.noise_variance[:6]) * DEG
     differences = {
         "noise_floor": floor,
-        "base": apart(at(base)),
+        "base": _as_it_is(girdle, data),
         "adapted": apart(adapted),
         "with_effect": apart(with_effect),
     }
     return _Looked(held[None] & data.measured[:6], {k: np.asarray(v) for k, v in differences.items()})
+
+
+def _as_it_is(girdle: Girdle, data: Observed) -> Float[np.ndarray, "6 postures subjects"]:
+    """Differences from the model as it is, too far for the misfit's few steps: posture fits; NaN where one failed."""
+    postures, subjects = data.counted.shape
+    repeated = jax.tree.map(lambda x: jnp.repeat(x[..., None], postures * subjects, axis=-1), girdle)
+    angles, measured = (np.asarray(x[:6]).reshape(6, -1) for x in (data.values, data.measured))
+    fitted = fit_lanes(repeated, angles, measured)
+    apart = np.where(fitted.status == status.OK, np.abs(fitted.angles - angles) * DEG, np.nan)
+    return apart.reshape(6, postures, subjects)
 
 
 def _summarised(parts: list[_Looked], data: Observed) -> dict[str, Gaps]:
@@ -129,6 +142,7 @@ def _summarised(parts: list[_Looked], data: Observed) -> dict[str, Gaps]:
 
 def _gap(parts) -> Gap:
     """Mean over subjects of each subject's mean; the interval resamples subjects, or postures where there is one."""
+    parts = [(of & np.isfinite(difference), difference) for of, difference in parts]
     count = np.sum([of.sum(axis=0) for of, _ in parts], axis=0)
     total = np.sum([np.where(of, difference, 0.0).sum(axis=0) for of, difference in parts], axis=0)
     if count.shape[1] > 1:

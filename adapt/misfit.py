@@ -6,8 +6,9 @@ measured s (distances in units of the noise N), G = dg/dx N and V = G G' there,
 
     y = V^(-1/2) G N^-1 (s - x*),   |y| = the distance,   dy/dz = V^(-1/2) dg/dz
 
-up to the curvature of g: y is standard normal for the right z, and y' dy/dz is the exact derivative of |y|^2 / 2
-(envelope theorem). Six angles leave three numbers a posture: y is the posture fit in units of the noise.
+up to the curvature of g; what was not measured follows x* and pulls at nothing. y is standard normal for the right z,
+and y' dy/dz is the exact derivative of |y|^2 / 2 (envelope theorem). Six angles leave three numbers a posture: y is the
+posture fit in units of the noise.
 """
 
 import itertools
@@ -81,16 +82,16 @@ def misfit(
     for _ in range(projections):
         g, G = _equations(effects, girdle, x, z, data.elevation_deg)
         scaled = G * sd.T[:, :, None, :]
-        gape = g + np.einsum("lpmn,npl->lpm", G, data.values - x)
+        gape = g + np.einsum("lpmn,npl->lpm", G, np.where(data.measured, data.values - x, 0.0))
         V = scaled @ np.swapaxes(scaled, -1, -2)
         multipliers = np.linalg.solve(V, gape[..., None])[..., 0]
-        target = data.values - sd * np.einsum("lpmn,lpm->npl", scaled, multipliers)
-        step = target - x
+        back = sd * np.einsum("lpmn,lpm->npl", scaled, multipliers)
+        step = np.where(data.measured, data.values - x, 0.0) - back
         longest = np.abs(step[:6]).max(axis=0)
         x = x + step * np.minimum(1.0, STEP_LIMIT_RAD / np.maximum(longest, STEP_LIMIT_RAD))
     g, G = _equations(effects, girdle, x, z, data.elevation_deg)
     scaled = G * sd.T[:, :, None, :]
-    gape = g + np.einsum("lpmn,npl->lpm", G, data.values - x)
+    gape = g + np.einsum("lpmn,npl->lpm", G, np.where(data.measured, data.values - x, 0.0))
     T = _chosen(effects, _sensitivities(effects, girdle, x, z, data.elevation_deg), columns, data.elevation_deg)
     real = data.counted.T[..., None]
     root = np.linalg.inv(np.linalg.cholesky(scaled @ np.swapaxes(scaled, -1, -2)))

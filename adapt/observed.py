@@ -7,11 +7,9 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.batch import Batch, pack
 from models.effects.effect import SHOWN
+from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 from motions.table import Motions
-
-_UNMEASURED_NOISES = 60.0
-"""Noise of a quantity that was not measured, in units of that of its kind: what it would say is worth nothing."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +24,17 @@ class Noise:
         return np.array([self.angle_deg / DEG] * 6 + [self.landmark_mm] * (quantities - 6))
 
 
+_UNMEASURED = Noise(angle_deg=60.0, landmark_mm=300.0)
+"""Noise of what was not measured: any value it could have."""
+
+
 @dataclass(frozen=True)
 class Observed:
     """The postures of S subjects, padded to P."""
 
     values: Float[np.ndarray, "quantities postures subjects"]
-    """Six angles in rad and, where any landmark was measured, the coordinates of SHOWN in mm; finite everywhere."""
+    """Six angles in rad and, where any landmark was measured, the coordinates of SHOWN in mm; where an angle was not
+    measured that of a girdle at rest, where a coordinate was not, 0."""
     measured: Bool[np.ndarray, "quantities postures subjects"]
     elevation_deg: Float[np.ndarray, "postures subjects"]
     counted: Bool[np.ndarray, "postures subjects"]
@@ -41,9 +44,11 @@ class Observed:
     motions: tuple[str, ...]
 
     @property
-    def informative(self) -> int:
-        """Numbers a posture that say something of the model: its quantities less its three degrees of freedom."""
-        return len(self.values) - 3
+    def uninformative(self) -> int:
+        """Of the residuals, three a posture less than its quantities, those of padding and of what was not measured."""
+        each = len(self.values) - 3
+        lost = np.minimum((~self.measured).sum(axis=0), each)
+        return int(np.where(self.counted, lost, each).sum())
 
     def of_subjects(self, index: Int[np.ndarray, " chosen"]) -> "Observed":
         """Some of the subjects, one perhaps more than once."""
@@ -56,8 +61,8 @@ class Observed:
 
     def noise(self, noise: Noise) -> Float[np.ndarray, "quantities postures subjects"]:
         """SD of each quantity."""
-        each = noise.of(len(self.values))[:, None, None]
-        return np.where(self.measured, each, _UNMEASURED_NOISES * each)
+        each, any_value = (kind.of(len(self.values))[:, None, None] for kind in (noise, _UNMEASURED))
+        return np.where(self.measured, each, any_value)
 
 
 def observe(motions: Motions, batch: Batch | None = None) -> Observed:
@@ -72,8 +77,10 @@ def observe(motions: Motions, batch: Batch | None = None) -> Observed:
     values = np.moveaxis(np.asarray(values)[rows], -1, 0)
     names = tuple(dict.fromkeys(motions.motion.tolist()))
     number = np.array([names.index(name) for name in motions.motion.tolist()])
+    absent = np.zeros(len(values))
+    absent[:6] = REST_DEG / DEG
     return Observed(
-        values=np.nan_to_num(values),
+        values=np.where(np.isfinite(values), values, absent[:, None, None]),
         measured=np.isfinite(values),
         elevation_deg=np.nan_to_num(motions.humerus_elevation_deg)[rows],
         counted=np.asarray(batch.counted)[:, : len(batch.subjects)],

@@ -148,8 +148,8 @@ def _freedom(fitted: Linear, data: Observed) -> float:
     """Expected chi square of y if the hypothesis is right: tr (1 + X X' + A b^2 A')^-1, less the common amplitudes."""
     A = fitted.A * alike(fitted.scale).between
     covariance = np.eye(fitted.y.shape[1]) + fitted.X @ np.swapaxes(fitted.X, 1, 2) + A @ np.swapaxes(A, 1, 2)
-    padding = data.informative * int((~data.counted).sum())
-    return float(np.trace(np.linalg.inv(covariance), axis1=1, axis2=2).sum()) - padding - len(fitted.scale)
+    informed = np.trace(np.linalg.inv(covariance), axis1=1, axis2=2).sum() - data.uninformative
+    return max(1.0, float(informed) - len(fitted.scale))
 
 
 def theta_mm(fitted: Linear) -> Float[np.ndarray, "6 subjects"]:

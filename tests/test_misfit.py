@@ -14,6 +14,7 @@ from adapt.observed import Noise, Observed, observe
 from models import load_model
 from models.effects import EFFECTS, ExtendedGirdle
 from models.girdle import ADAPTED
+from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 from motions.simulation import simulate_subjects
 
@@ -249,19 +250,20 @@ def test_an_angle_that_was_not_measured_has_hardly_a_say(data, angle):
     assert known.max() > 3.0 * moved.max()
 
 
-_FAR = pytest.mark.xfail(reason="begins at 0 degrees for what was not measured, and ends in another valley")
+NOTHING_LEFT = 0.05
+"""|y|^2 of an exact posture after ten projections from a girdle at rest; a noise of one standard deviation leaves 3."""
 
 
-@pytest.mark.parametrize(
-    "angle", [pytest.param(0, marks=_FAR), 1, 2, pytest.param(3, marks=_FAR), pytest.param(4, marks=_FAR), 5]
-)
+_FAR = pytest.mark.xfail(reason="without the clavicle's protraction, raised arms end in another valley")
+
+
+@pytest.mark.parametrize("angle", [pytest.param(0, marks=_FAR), 1, 2, 3, 4, 5])
 def test_exact_postures_leave_nothing_where_one_angle_was_not_measured(both_closed, angle):
-    """As read from a file: 0 stands in its place. It pulls a little, as if measured with a noise of 90 degrees."""
+    """As read from a file: that of a girdle at rest stands in its place."""
     measured, values = both_closed.measured.copy(), both_closed.values.copy()
-    measured[angle], values[angle] = False, 0.0
-    found = squares(look(replace(both_closed, values=values, measured=measured), z_near(1), projections=4)).T
-    pull = (both_closed.values[angle] * DEG / (60.0 * NOISE.angle_deg)) ** 2
-    assert (found <= np.asarray(pull) + SAME)[both_closed.counted].all()
+    measured[angle], values[angle] = False, REST_DEG[angle] / DEG
+    found = squares(look(replace(both_closed, values=values, measured=measured), z_near(1), projections=10)).T
+    assert (found <= NOTHING_LEFT)[both_closed.counted].all()
 
 
 # --- landmarks ------------------------------------------------------------------------------------
