@@ -26,7 +26,7 @@ _NONE_PRIOR = 0.5
 _PAIR_PRIOR = 0.02
 """Prior probability, beside those, that two effects act together, shared alike by the pairs tried."""
 
-_UNKNOWN_TERMS = (-0.5, 0.3, 1.2)
+_UNKNOWN_TERMS = (-1.0, 0.3, 1.2)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
 _MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
