@@ -2,7 +2,7 @@
 
 Probabilities are those of the evidence, tempered, among none and the effects; and of 'unknown', a logistic function of
 two absolute tests of what the best hypothesis leaves. The constants were fitted on simulated subjects of other seeds
-than those reported (``scripts/blind_check.py --calibrate``) and are frozen.
+than those reported, as ``scripts/blind_check.py --calibrate`` fits them, and are frozen.
 """
 
 import math
