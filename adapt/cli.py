@@ -12,12 +12,12 @@ from rich.console import Console
 from adapt import status
 from adapt.api import PostureFits, adapt_subjects, fit_postures
 from adapt.diagnosis import diagnose
-from adapt.diagnosis_json import as_json
-from adapt.diagnosis_terminal import print_diagnosis
-from adapt.noise import LEAST
+from adapt.diagnosis.json_form import as_json
+from adapt.diagnosis.noise import LEAST
+from adapt.diagnosis.sentence import Object
+from adapt.diagnosis.terminal import print_diagnosis
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.output import prepare_folder, write_json, write_run, write_table
-from adapt.sentence import Object
 from adapt.simulation import simulate_model_subjects
 from adapt.terminal import print_parameters, print_summary, progress
 from models import ParameterSet, load_model, model_names
@@ -213,7 +213,7 @@ def _write(folder: Path, result: PostureFits) -> None:
 
 
 def _write_figures(folder: Path, found: Object) -> None:
-    from adapt.diagnosis_figures import figures  # matplotlib takes half a second to load: not for every command
+    from adapt.diagnosis.figures import figures  # matplotlib takes half a second to load: not for every command
 
     for name, text in figures(found).items():
         write_whole(folder / name, text)

@@ -1,4 +1,4 @@
-"""The constants of adapt/verdict.py that follow from the calibration cases of the withheld-effect check.
+"""The constants of adapt/diagnosis/verdict.py that follow from the calibration cases of the withheld-effect check.
 
 All from the ranking of none and single effects, before any pair: pairs and left-out effects do not count.
 """
@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt import verdict
-from adapt.verdict import NONE
+from adapt.diagnosis import verdict
+from adapt.diagnosis.verdict import NONE
 from models.effects import EFFECTS
 from scripts.blind_report import Line, kind, markdown, rate
 

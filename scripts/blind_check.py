@@ -38,10 +38,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from adapt.diagnosis import Amplitude, Diagnosis, diagnose
-from adapt.misfit import misfit
-from adapt.observed import Observed, observe
-from adapt.ranking import Ranking, rank
-from adapt.verdict import EFFECT
+from adapt.diagnosis.misfit import misfit
+from adapt.diagnosis.observed import Observed, observe
+from adapt.diagnosis.ranking import Ranking, rank
+from adapt.diagnosis.verdict import EFFECT
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
 from models.girdle import ADAPTED
@@ -56,7 +56,7 @@ MODELS = ("R2", "R4", "R6", "breteler_dissection")
 """Which of them makes a world and is given to the diagnosis goes by the seed."""
 
 CALIBRATION_SEEDS = range(100_000)
-"""The thresholds of adapt/verdict.py were fitted on worlds of such seeds, and everything was tried out on them."""
+"""Of worlds that the thresholds of adapt/diagnosis/verdict.py were fitted on, and everything was tried out on."""
 
 REPORTED_SEEDS = range(200_000, 200_012)
 """The published figures: no threshold was ever fitted on these."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from adapt.verdict import EFFECT, NONE, UNKNOWN
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from models.effects import EFFECTS
 
 Line = dict[str, Any]

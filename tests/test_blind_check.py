@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 import typer
 
-from adapt import verdict
+from adapt.diagnosis import verdict
 from models.effects import EFFECTS
 from scripts import blind_calibration, blind_check, blind_report
 from scripts.blind_check import CONDITIONS, Case, append_lines, missing, plan, read_lines, true_channels

@@ -14,17 +14,17 @@ from command import Ended, girdle, refused, written
 
 from adapt import cli, diagnose
 from adapt.diagnosis import Amplitude, Changed, Diagnosis
-from adapt.diagnosis_figures import FIGURES, figures
-from adapt.diagnosis_json import as_json
-from adapt.diagnosis_terminal import notes
-from adapt.heldout import Gap, HeldOut
-from adapt.next_measurement import Proposal
-from adapt.noise import NoiseEstimate
-from adapt.observed import Noise
-from adapt.ranking import Ranking
+from adapt.diagnosis.figures import FIGURES, figures
+from adapt.diagnosis.heldout import Gap, HeldOut
+from adapt.diagnosis.json_form import as_json
+from adapt.diagnosis.next_measurement import Proposal
+from adapt.diagnosis.noise import NoiseEstimate
+from adapt.diagnosis.observed import Noise
+from adapt.diagnosis.ranking import Ranking
+from adapt.diagnosis.terminal import notes
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, Verdict
+from adapt.diagnosis.where import Cell, ConstraintResidual, Level, Profile, Shares
 from adapt.simulation import simulate_model_subjects
-from adapt.verdict import EFFECT, NONE, UNKNOWN, Verdict
-from adapt.where import Cell, ConstraintResidual, Level, Profile, Shares
 from models import load_model
 from models.effects import EFFECTS
 from models.girdle import ADAPTED
@@ -446,7 +446,7 @@ def test_bad_input_is_refused(tmp_path, lines, cause, remedy):
 
 
 def test_diagnose_is_part_of_the_python_api():
-    assert diagnose.__module__ == "adapt.diagnosis"
+    assert diagnose.__module__ == "adapt.diagnosis.diagnosis"
 
 
 # --- one diagnosis from end to end ----------------------------------------------------------------------------------

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from adapt.diagnosis import Diagnosis, diagnose
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from adapt.simulation import Simulated, simulate_model_subjects
-from adapt.verdict import EFFECT, NONE, UNKNOWN
 from models import load_model
 from models.effects import EFFECTS
 from motions.errors import InputError

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
-from adapt import distinguish
-from adapt.distinguish import TOLD_APART, alike_sets, closed, separation, smallest_detectable
-from adapt.evidence import BETWEEN_SUBJECTS, THETA_SD_MM
-from adapt.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
-from adapt.observed import Noise, Observed, observe
+from adapt.diagnosis import distinguish
+from adapt.diagnosis.distinguish import TOLD_APART, alike_sets, closed, separation, smallest_detectable
+from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, THETA_SD_MM
+from adapt.diagnosis.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
+from adapt.diagnosis.observed import Noise, Observed, observe
 from adapt.simulation import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from adapt.evidence import (
+from adapt.diagnosis.evidence import (
     BETWEEN_SUBJECTS,
     Block,
     Linear,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from adapt import status
+from adapt.diagnosis.misfit import Misfit, columns_of, misfit, prior_z
+from adapt.diagnosis.observed import Noise, Observed, observe
 from adapt.fit import Fitted, fit_lanes
-from adapt.misfit import Misfit, columns_of, misfit, prior_z
-from adapt.observed import Noise, Observed, observe
 from models import load_model
 from models.effects import EFFECTS, ExtendedGirdle
 from models.girdle import ADAPTED

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from adapt.evidence import Hypothesis, Linear
-from adapt.ranking import Ranking
-from adapt.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge, unknown_probability
+from adapt.diagnosis.evidence import Hypothesis, Linear
+from adapt.diagnosis.ranking import Ranking
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge, unknown_probability
 
 SUM = 1e-12
 """Of a dozen probabilities: rounding."""

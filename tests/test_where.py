@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapt.observed import Observed
-from adapt.where import Gap, Parts, cells, constraint_residuals_mm, profile, shares
+from adapt.diagnosis.observed import Observed
+from adapt.diagnosis.where import Gap, Parts, cells, constraint_residuals_mm, profile, shares
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan, rotation_from_vector
 from motions.table import ANGLES
 

@@ -7,8 +7,8 @@ A hypothesis that leaves something systematic becomes more probable when this is
 import numpy as np
 from jaxtyping import Float
 
-from adapt.evidence import Block, Linear, alike, log_evidence, statistics, unlike
-from adapt.observed import Observed
+from adapt.diagnosis.evidence import Block, Linear, alike, log_evidence, statistics, unlike
+from adapt.diagnosis.observed import Observed
 from models.girdle import CONSTRAINTS
 
 SMOOTH, FINE = 3, 6

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.evidence import BETWEEN_SUBJECTS, THETA_SD_MM, Hypothesis, Linear, alike, posterior
-from adapt.misfit import Misfit, columns_of, misfit, prior_z
-from adapt.observed import Noise, Observed
+from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, THETA_SD_MM, Hypothesis, Linear, alike, posterior
+from adapt.diagnosis.misfit import Misfit, columns_of, misfit, prior_z
+from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
 

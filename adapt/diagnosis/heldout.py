@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt import status
-from adapt.evidence import Hypothesis, Linear
+from adapt.diagnosis.evidence import Hypothesis, Linear
+from adapt.diagnosis.misfit import Misfit, misfit
+from adapt.diagnosis.most_probable import fit_hypotheses
+from adapt.diagnosis.observed import Noise, Observed
 from adapt.fit import fit_lanes
-from adapt.misfit import Misfit, misfit
-from adapt.most_probable import fit_hypotheses
-from adapt.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
 from motions.rotations import DEG

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from adapt.distinguish import TOLD_APART
-from adapt.verdict import NONE, UNKNOWN
+from adapt.diagnosis.distinguish import TOLD_APART
+from adapt.diagnosis.verdict import NONE, UNKNOWN
 
 Object = dict[str, Any]
 """What one model says, as in diagnosis.json."""

@@ -7,18 +7,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from adapt import where
-from adapt.distinguish import alike_sets, closed, separation, smallest_detectable
-from adapt.evidence import Hypothesis, Linear, alike, posterior
+from adapt.diagnosis import where
+from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
+from adapt.diagnosis.evidence import Hypothesis, Linear, alike, posterior
+from adapt.diagnosis.heldout import HeldOut, gaps
+from adapt.diagnosis.misfit import Misfit, misfit
+from adapt.diagnosis.most_probable import fit_hypotheses
+from adapt.diagnosis.next_measurement import Proposal, propose
+from adapt.diagnosis.noise import NoiseEstimate, estimate_noise
+from adapt.diagnosis.observed import Noise, Observed, observe
+from adapt.diagnosis.ranking import Ranking, rank
+from adapt.diagnosis.verdict import NONE, UNKNOWN, Verdict, judge
 from adapt.fit import FEWEST_ANGLES
-from adapt.heldout import HeldOut, gaps
-from adapt.misfit import Misfit, misfit
-from adapt.most_probable import fit_hypotheses
-from adapt.next_measurement import Proposal, propose
-from adapt.noise import NoiseEstimate, estimate_noise
-from adapt.observed import Noise, Observed, observe
-from adapt.ranking import Ranking, rank
-from adapt.verdict import NONE, UNKNOWN, Verdict, judge
 from models.effects import EFFECTS, Effect
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from adapt.evidence import THETA_SD_MM, Hypothesis, alike
-from adapt.misfit import columns_of, misfit, prior_z
-from adapt.observed import Noise, Observed
+from adapt.diagnosis.evidence import THETA_SD_MM, Hypothesis, alike
+from adapt.diagnosis.misfit import columns_of, misfit, prior_z
+from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
 

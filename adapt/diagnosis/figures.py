@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from adapt.sentence import Object, subjects_text
+from adapt.diagnosis.sentence import Object, subjects_text
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from adapt.svg import BLUE, NOTE, svg
-from adapt.verdict import EFFECT, NONE, UNKNOWN
 from motions.table import ANGLES
 
 FIGURES = ("gap_heatmap.svg", "probabilities.svg", "gaps.svg")

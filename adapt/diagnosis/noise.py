@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.discrepancy import SMOOTH, discrepancy_columns
-from adapt.evidence import Linear
-from adapt.most_probable import fit_hypotheses
-from adapt.observed import Noise, Observed
+from adapt.diagnosis.discrepancy import SMOOTH, discrepancy_columns
+from adapt.diagnosis.evidence import Linear
+from adapt.diagnosis.most_probable import fit_hypotheses
+from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import CONSTRAINTS, Girdle
 

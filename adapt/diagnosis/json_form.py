@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis import Amplitude, Diagnosis
-from adapt.heldout import HeldOut
-from adapt.sentence import Object, sentence
-from adapt.verdict import Verdict
+from adapt.diagnosis.diagnosis import Amplitude, Diagnosis
+from adapt.diagnosis.heldout import HeldOut
+from adapt.diagnosis.sentence import Object, sentence
+from adapt.diagnosis.verdict import Verdict
 from models.effects import EFFECTS, Effect
 
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from adapt.observed import Observed
+from adapt.diagnosis.observed import Observed
 from models.girdle import CONSTRAINTS
 from motions.rotations import DEG, compose, mean_angle, rotation_from_cardan
 from motions.table import ANGLES

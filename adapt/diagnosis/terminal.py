@@ -7,8 +7,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from adapt.sentence import Object, listed, together
-from adapt.verdict import EFFECT, NONE, UNKNOWN
+from adapt.diagnosis.sentence import Object, listed, together
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 
 _EFFECTS, _CELLS, _PROPOSALS = 5, 5, 3
 """Rows of the tables; diagnosis.json has them all."""
@@ -20,7 +20,7 @@ _BONES = ("clavicle", "scapula", "all")
 
 
 def print_diagnosis(console: Console, of: Object) -> None:
-    """The diagnosis as JSON (``adapt.diagnosis_json``): its best model in full, the others in one line each."""
+    """The diagnosis as JSON (``adapt.diagnosis.json_form``): its best model in full, the others in one line each."""
     console.print(f"\n{of['verdict']['sentence']}\n", soft_wrap=True)
     for title, table in _tables(of).items():
         console.print(title, soft_wrap=True)

@@ -53,7 +53,7 @@ def unlike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
 
 @dataclass(frozen=True)
 class Linear:
-    """A hypothesis fitted to all subjects, linear around its most probable parameters (``adapt.most_probable``)."""
+    """A hypothesis fitted to all subjects, linear around its most probable parameters (see ``most_probable``)."""
 
     hypothesis: Hypothesis
     z: Float[np.ndarray, "parameters subjects"]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from adapt.evidence import Hypothesis
-from adapt.ranking import Ranking
+from adapt.diagnosis.evidence import Hypothesis
+from adapt.diagnosis.ranking import Ranking
 
 NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
 

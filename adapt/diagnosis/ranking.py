@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.discrepancy import discrepancy_gain
-from adapt.evidence import Block, Hypothesis, Linear, alike, log_evidence, posterior, statistics, unlike
-from adapt.noise import NoiseEstimate
-from adapt.observed import Observed
+from adapt.diagnosis.discrepancy import discrepancy_gain
+from adapt.diagnosis.evidence import Block, Hypothesis, Linear, alike, log_evidence, posterior, statistics, unlike
+from adapt.diagnosis.noise import NoiseEstimate
+from adapt.diagnosis.observed import Observed
 from models.effects import Effect
 from models.girdle import ADAPTED
 

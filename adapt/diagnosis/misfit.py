@@ -20,9 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from adapt.diagnosis.observed import Noise, Observed
 from adapt.linalg import jacobian
 from adapt.newton import STEP_LIMIT_RAD
-from adapt.observed import Noise, Observed
 from models.effects import Effect, ExtendedGirdle
 from models.effects.effect import course
 from models.girdle import ADAPTED, Girdle

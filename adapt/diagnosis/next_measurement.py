@@ -1,7 +1,7 @@
 """Which further measurement would best separate the candidates left, by how much: from the model, not from residuals.
 
 Each proposal changes the postures, quantities, subjects or noise; its gain is the expected log evidence between the two
-candidates that look most alike (``adapt.distinguish``), and the probability it would give to the right one of them.
+candidates that look most alike (see ``distinguish``), and the probability it would give to the right one of them.
 """
 
 import math
@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
-from adapt.distinguish import closed, separation
-from adapt.evidence import Hypothesis
-from adapt.observed import Noise, Observed
+from adapt.diagnosis.distinguish import closed, separation
+from adapt.diagnosis.evidence import Hypothesis
+from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.effects.effect import SHOWN
 from models.girdle import Girdle, landmarks
