@@ -465,7 +465,7 @@ def real(tmp_path_factory) -> tuple[Ended, Path]:
     write_motions(simulated.select(~np.isin(rows, last)), folder / "motions.csv")
     arguments = ("--model", "R2", "--noise-deg", "1.7", "--out", folder / "out")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("adapt.diagnosis.propose", lambda *_: PROPOSALS)
+        patch.setattr("adapt.diagnosis.diagnosis.propose", lambda *_: PROPOSALS)
         return girdle("diagnose", folder / "motions.csv", *arguments), folder / "out"
 
 
