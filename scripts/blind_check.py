@@ -44,7 +44,6 @@ from adapt.diagnosis.ranking import Ranking, rank
 from adapt.diagnosis.verdict import EFFECT
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
-from models.girdle import ADAPTED
 from motions import read_motions
 from motions.rotations import DEG
 from scripts import blind_calibration, blind_report
@@ -258,8 +257,7 @@ def realised_gaps(found: Diagnosis, model: ParameterSet, data: Observed) -> dict
     known = data.measured[:6] & data.counted
 
     def gap(z: np.ndarray) -> float:
-        columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
-        nearest = misfit(model.girdle, tuple(EFFECTS.values()), data, found.noise.noise, z, columns).nearest
+        nearest = misfit(model.girdle, tuple(EFFECTS.values()), data, found.noise.noise, z).nearest
         apart = np.where(known, np.abs(data.values - nearest)[:6] * DEG, 0.0).sum(axis=(0, 1))
         count = known.sum(axis=(0, 1))
         return float((apart / np.maximum(count, 1))[count > 0].mean())

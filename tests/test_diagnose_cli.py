@@ -18,8 +18,7 @@ from adapt.diagnosis.figures import FIGURES, figures
 from adapt.diagnosis.heldout import Gap, HeldOut
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.next_measurement import Proposal
-from adapt.diagnosis.noise import NoiseEstimate
-from adapt.diagnosis.observed import Noise
+from adapt.diagnosis.observed import Noise, NoiseEstimate
 from adapt.diagnosis.ranking import Ranking
 from adapt.diagnosis.terminal import notes
 from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, Verdict

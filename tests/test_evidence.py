@@ -13,6 +13,8 @@ from adapt.diagnosis.evidence import (
     Linear,
     alike,
     log_evidence,
+    log_sum,
+    over_noise,
     posterior,
     statistics,
     unlike,
@@ -176,6 +178,25 @@ def test_other_noise_is_that_of_the_dense_gaussian(prior, share):
     assert_same(found.log_evidence - fitted.y.size * np.log(share), expected.log_evidence)
     for name in ("common", "covariance", "u", "a", "mean_covariance"):
         assert_same(getattr(found, name), getattr(expected, name))
+
+
+@each_prior
+def test_noise_integrated_out_is_the_mixture_of_the_dense_gaussians(prior):
+    fitted, block = linear_of(), prior(linear_of().scale)
+    shares = [(0.8, 0.3), (1.0, 0.5), (1.3, 0.2)]
+    found = log_sum([log_evidence(of, block) for of in over_noise(fitted, shares)])
+    expected = [np.log(weight) + dense(fitted, block, noise=share).log_evidence for share, weight in shares]
+    assert found == pytest.approx(np.logaddexp.reduce(expected), rel=SAME)
+
+
+def test_more_columns_keep_their_meaning_at_other_noise():
+    """A column acts on the measurement: as columns of the hypothesis do."""
+    fitted = linear_of()
+    less = replace(fitted, A=fitted.A[..., :3], scale=fitted.scale[:3], linear=fitted.linear)
+    (whole,), (split,) = over_noise(fitted, [(0.7, 1.0)]), over_noise(less, [(0.7, 1.0)], fitted.A[..., 3:])
+    np.testing.assert_allclose(split.information, whole.information, rtol=SAME, atol=SAME)
+    np.testing.assert_allclose(split.pull, whole.pull, rtol=SAME, atol=SAME)
+    assert split.log == pytest.approx(whole.log, rel=SAME)
 
 
 def test_other_noise_and_back_is_the_same():

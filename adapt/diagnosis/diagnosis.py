@@ -11,11 +11,11 @@ from adapt.diagnosis import where
 from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
 from adapt.diagnosis.evidence import Hypothesis, Linear, alike, posterior
 from adapt.diagnosis.heldout import HeldOut, gaps
-from adapt.diagnosis.misfit import Misfit, misfit
+from adapt.diagnosis.misfit import misfit
 from adapt.diagnosis.most_probable import fit_hypotheses
 from adapt.diagnosis.next_measurement import Proposal, propose
-from adapt.diagnosis.noise import NoiseEstimate, estimate_noise
-from adapt.diagnosis.observed import Noise, Observed, observe
+from adapt.diagnosis.noise import estimate_noise
+from adapt.diagnosis.observed import NoiseEstimate, Observed, observe
 from adapt.diagnosis.ranking import Ranking, rank
 from adapt.diagnosis.verdict import NONE, UNKNOWN, Verdict, judge
 from adapt.fit import FEWEST_ANGLES
@@ -165,7 +165,7 @@ def _diagnose(
         ranking, verdict = _with_pairs(girdle, effects, data, estimate, ranking, verdict)
     none = next(one for one in ranking.fitted if not one.hypothesis)
     explained = _explanation(ranking, verdict)
-    seen = _nearest(girdle, effects, data, noise, none)
+    seen = misfit(girdle, effects, data, noise, none.z)
     gap = where.Gap(data, seen.nearest[:6], seen.noise_variance[:6] * float(DEG) ** 2)
     held_out = gaps(girdle, effects, data, noise, [none, explained], progress)
     progress("next measurement")
@@ -213,11 +213,6 @@ def _explanation(ranking: Ranking, verdict: Verdict) -> Linear:
     if verdict.effects:
         return by_hypothesis[verdict.effects[: 2 if verdict.together else 1]]
     return next(one for one in ranking.fitted if one.hypothesis)
-
-
-def _nearest(girdle: Girdle, effects, data: Observed, noise: Noise, fitted: Linear) -> Misfit:
-    columns = np.repeat(np.arange(len(ADAPTED))[:, None], fitted.z.shape[1], axis=1)
-    return misfit(girdle, effects, data, noise, fitted.z, columns)
 
 
 def _at_measured(girdle: Girdle, data: Observed, fitted: Linear) -> Float[np.ndarray, "3 postures subjects"]:

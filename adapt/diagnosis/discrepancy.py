@@ -2,14 +2,22 @@
 
 Whatever acts, acts on the constraints: their targets are off by some function of elevation, another one in each motion.
 A hypothesis that leaves something systematic becomes more probable when this is added to it; a true one does not.
+So does one that leaves more scatter between postures than the noise of the angles makes: a breathing thorax.
 """
+
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import Block, Linear, alike, log_evidence, statistics, unlike
-from adapt.diagnosis.observed import Observed
+from adapt.diagnosis.evidence import Block, Linear, alike, log_evidence, log_sum, over_noise, unlike
+from adapt.diagnosis.observed import NoiseEstimate, Observed
+from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
+
+Spread = Callable[[Float[np.ndarray, " amplitudes"]], Block]
+"""alike or unlike."""
 
 SMOOTH, FINE = 3, 6
 """Terms over elevation in each motion: a constant, a slope and a bend; or nearly any course of seven postures."""
@@ -17,12 +25,19 @@ SMOOTH, FINE = 3, 6
 _SCALES_MM = (1.0, 3.0)
 """Prior SD of each term: bone pins left 3-5 mm of TS and AI, 2-4 mm of the conoid; a third of that for a small one."""
 
-_FULL_ELEVATION_DEG = 150.0
+_HELD_BY = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""What may scatter: the thorax under TS and AI, or the conoid."""
+
+_NOISES = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1)
+"""Shares of an estimated noise that may be all of it."""
+
+_SCATTER_SHARE = 0.01
+"""Prior probability of scatter: the noise of six angles is not quite alike, which is not to pass for it."""
 
 
 def discrepancy_columns(fitted: Linear, data: Observed, terms: int) -> Float[np.ndarray, "subjects residuals more"]:
     """Derivatives of y by the terms (Legendre polynomials of elevation), for each constraint and motion."""
-    x = np.clip(2.0 * data.elevation_deg / _FULL_ELEVATION_DEG - 1.0, -1.0, 1.3).T
+    x = np.clip(2.0 * data.elevation_deg / FULL_ELEVATION_DEG - 1.0, -1.0, 1.3).T
     over = np.polynomial.legendre.legvander(x, terms - 1)
     in_motion = data.motion.T[..., None] == np.arange(len(data.motions))
     root = fitted.root[..., : len(CONSTRAINTS)]
@@ -30,16 +45,45 @@ def discrepancy_columns(fitted: Linear, data: Observed, terms: int) -> Float[np.
     return columns.reshape(*fitted.y.shape, -1)
 
 
-def discrepancy_gain(fitted: Linear, data: Observed, prior: Block) -> float:
-    """log evidence of the hypothesis with a discrepancy beside it, less that without: the most over its priors.
+def scatter_columns(fitted: Linear, held_by: Sequence[float]) -> Float[np.ndarray, "subjects residuals postures"]:
+    """Derivatives of y by a number of mm for each posture, added to A1-A3 in the shares of ``held_by``."""
+    subjects, postures, m, _ = fitted.root.shape
+    at_posture = fitted.root[..., : len(CONSTRAINTS)] @ np.asarray(held_by)
+    columns = at_posture[..., None] * np.eye(postures)[:, None]
+    return columns.reshape(subjects, postures * m, postures)
 
-    Smooth or fine, of either size, common to the subjects or each subject's own.
+
+def discrepancy_gain(fitted: Linear, data: Observed, prior: Block, noise: NoiseEstimate) -> float:
+    """log evidence of the hypothesis with a discrepancy beside it, less that without: the most over its kinds.
+
+    A course over elevation: smooth or fine, of either size, common to the subjects or each subject's own. Or scatter
+    from posture to posture in what holds the scapula or the clavicle; it passes for noise, so the noise may then be
+    less than it was estimated to be.
     """
-    without = log_evidence(statistics(fitted), prior)
+    anything = noise.likely_shares if noise.known else [(share, 1.0 / len(_NOISES)) for share in _NOISES]
+    course = _gain(fitted, prior, _courses(fitted, data), noise.likely_shares)
+    scatter = _gain(fitted, prior, _scatters(fitted), anything)
+    return max(course, scatter + math.log(_SCATTER_SHARE))
+
+
+Kind = tuple[Float[np.ndarray, "subjects residuals more"], Spread]
+"""Columns of a discrepancy, and how it varies between subjects."""
+
+
+def _courses(fitted: Linear, data: Observed) -> list[Kind]:
+    smooth, fine = (discrepancy_columns(fitted, data, terms) for terms in (SMOOTH, FINE))
+    return [(smooth, alike), (smooth, unlike), (fine, alike)]
+
+
+def _scatters(fitted: Linear) -> list[Kind]:
+    return [(scatter_columns(fitted, held_by), unlike) for held_by in _HELD_BY]
+
+
+def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]) -> float:
+    """The most of any kind and size; the noise is integrated out, with and without."""
+    without = log_sum([log_evidence(of, prior) for of in over_noise(fitted, noises)])
     gains = []
-    for terms, spreads in ((SMOOTH, (alike, unlike)), (FINE, (alike,))):
-        columns = discrepancy_columns(fitted, data, terms)
-        with_more = statistics(fitted, columns)
-        one = np.ones(columns.shape[2])
-        gains += [log_evidence(with_more, prior + spread(one * s)) - without for spread in spreads for s in _SCALES_MM]
-    return float(np.max(gains))
+    for columns, spread in kinds:
+        with_more, one = over_noise(fitted, noises, columns), np.ones(columns.shape[2])
+        gains += [log_sum([log_evidence(of, prior + spread(one * s)) for of in with_more]) for s in _SCALES_MM]
+    return max(gains) - without

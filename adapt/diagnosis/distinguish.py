@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.evidence import THETA_SD_MM, Hypothesis, alike
-from adapt.diagnosis.misfit import columns_of, misfit, prior_z
+from adapt.diagnosis.misfit import free_columns, misfit, prior_z
 from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
@@ -69,8 +69,7 @@ def _pairs(left, right):
 def closed(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> Observed:
     """The same postures as the model as it is would take them: nothing of the residuals is left in them."""
     z = _prior(girdle, effects, data.counted.shape[1])
-    columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
-    nearest = misfit(girdle, effects, data, noise, z, columns, projections=_CLOSING_STEPS).nearest
+    nearest = misfit(girdle, effects, data, noise, z, projections=_CLOSING_STEPS).nearest
     return replace(data, values=nearest)
 
 
@@ -120,10 +119,7 @@ def _prior(girdle: Girdle, effects, lanes: int):
 def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:
     data = data.of_subjects(np.arange(min(data.counted.shape[1], _MOST_SUBJECTS)))
     subjects = data.counted.shape[1]
-    theta = np.arange(len(ADAPTED))
-    free = [np.concatenate([theta, columns_of(effects, hypothesis)]) for hypothesis in hypotheses]
-    width = max(map(len, free))
-    chosen = np.stack([np.pad(f, (0, width - len(f)), constant_values=-1) for f in free], axis=1)
+    chosen = free_columns(effects, hypotheses)
     at = misfit(
         girdle,
         effects,
@@ -135,13 +131,13 @@ def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, 
     by_name = {effect.name: effect for effect in effects}
     found = []
     for h, hypothesis in enumerate(hypotheses):
-        slopes = at.slopes[h * subjects : (h + 1) * subjects].reshape(subjects, -1, width)
-        X = slopes[..., : len(theta)] * THETA_SD_MM
+        slopes = at.slopes[h * subjects : (h + 1) * subjects].reshape(subjects, -1, len(chosen))
+        X = slopes[..., : len(ADAPTED)] * THETA_SD_MM
         scale = np.concatenate([np.zeros(0), *(_typical_sd(by_name[name]) for name in hypothesis)])
-        A = slopes[..., len(theta) : len(theta) + len(scale)] * alike(scale).common
-        between = slopes[..., len(theta) : len(theta) + len(scale)] * alike(scale).between
+        A = slopes[..., len(ADAPTED) : len(ADAPTED) + len(scale)]
+        between = A * alike(scale).between
         within = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2) + between @ np.swapaxes(between, 1, 2)
-        found.append(Column(within, A))
+        found.append(Column(within, A * alike(scale).common))
     return found
 
 

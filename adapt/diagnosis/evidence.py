@@ -10,6 +10,8 @@ the evidence is closed form; per subject only two sufficient statistics of the a
 by adding them.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -123,9 +125,34 @@ def statistics(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more
     return Statistics(float(log), np.swapaxes(B, 1, 2) @ B, np.einsum("srk,sr->sk", B, b))
 
 
+def over_noise(
+    fitted: Linear,
+    shares: Sequence[tuple[float, float]],
+    extra: Float[np.ndarray, "subjects residuals more"] | None = None,
+) -> list[Statistics]:
+    """The same for each share of the noise there may be, its probability included: their evidences add up."""
+    residuals, found = np.count_nonzero(fitted.y), []
+    for share, probability in shares:
+        of = statistics(fitted.with_noise(share), None if extra is None else extra / share)
+        found.append(replace(of, log=of.log + math.log(probability) - residuals * math.log(share)))
+    return found
+
+
 def log_evidence(of: Statistics, prior: Block) -> float:
     """log p(y | hypothesis) but for a constant that all hypotheses on the same data share."""
     return _combined(of, prior)[0]
+
+
+def common_amplitude(
+    of: Statistics, prior: Block
+) -> tuple[float, Float[np.ndarray, " amplitudes"], Float[np.ndarray, "amplitudes amplitudes"]]:
+    """Log evidence, and mean and covariance of the common amplitude."""
+    return _combined(of, prior)[:3]
+
+
+def log_sum(logs: Sequence[float] | np.ndarray) -> float:
+    """log of the sum of the exponentials."""
+    return float(np.logaddexp.reduce(logs))
 
 
 def _combined(of: Statistics, prior: Block):

@@ -15,7 +15,7 @@ from adapt.diagnosis.most_probable import fit_hypotheses
 from adapt.diagnosis.observed import Noise, Observed
 from adapt.fit import fit_lanes
 from models.effects import Effect
-from models.girdle import ADAPTED, Girdle
+from models.girdle import Girdle
 from motions.rotations import DEG
 
 BONES = {"all": slice(0, 6), "clavicle": slice(0, 3), "scapula": slice(3, 6)}
@@ -67,16 +67,15 @@ def gaps(
     motion every third posture; adapted parameters and amplitudes are then fitted without it.
     """
     hypotheses = [one.hypothesis for one in fitted]
-    everything = data.counted
-    seen = _looked(girdle, effects, data, noise, [one.z for one in fitted], everything)
+    base = _as_it_is(girdle, data)
+    seen = _looked(girdle, effects, data, noise, fitted, base, data.counted)
     folds, what = _folds(data)
     parts = []
     for number, held in enumerate(folds):
         progress(f"held-out gaps, part {number + 1} of {len(folds)}")
-        without = data.without(held)
-        found = _fit(girdle, effects, hypotheses, without, noise)
-        parts.append(_looked(girdle, effects, data, noise, [one.z for one in found], held))
-    return HeldOut(_summarised([seen], data), _summarised(parts, data), what)
+        found = _fit(girdle, effects, hypotheses, data.without(held), noise)
+        parts.append(_looked(girdle, effects, data, noise, found, base, held))
+    return HeldOut(_summarised([seen]), _summarised(parts), what)
 
 
 def _fit(girdle, effects, hypotheses: list[Hypothesis], data, noise) -> list[Linear]:
@@ -104,19 +103,15 @@ class _Looked:
     differences_deg: dict[str, Float[np.ndarray, "6 postures subjects"]]
 
 
-def _looked(girdle, effects, data: Observed, noise, zs, held) -> _Looked:
-    def at(z) -> Misfit:
-        columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
-        return misfit(girdle, effects, data, noise, z, columns)
-
+def _looked(girdle, effects, data: Observed, noise, fitted: Sequence[Linear], base, held) -> _Looked:
     def apart(found: Misfit):
         return np.abs(data.values - found.nearest)[:6] * DEG
 
-    adapted, with_effect = at(zs[0]), at(zs[-1])
+    adapted, with_effect = (misfit(girdle, effects, data, noise, one.z) for one in (fitted[0], fitted[-1]))
     floor = np.sqrt(2.0 / np.pi * with_effect.noise_variance[:6]) * DEG
     differences = {
         "noise_floor": floor,
-        "base": _as_it_is(girdle, data),
+        "base": base,
         "adapted": apart(adapted),
         "with_effect": apart(with_effect),
     }
@@ -133,7 +128,7 @@ def _as_it_is(girdle: Girdle, data: Observed) -> Float[np.ndarray, "6 postures s
     return apart.reshape(6, postures, subjects)
 
 
-def _summarised(parts: list[_Looked], data: Observed) -> dict[str, Gaps]:
+def _summarised(parts: list[_Looked]) -> dict[str, Gaps]:
     return {
         kind: {bone: _gap([(p.of[rows], p.differences_deg[kind][rows]) for p in parts]) for bone, rows in BONES.items()}
         for kind in parts[0].differences_deg

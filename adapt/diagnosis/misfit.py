@@ -12,6 +12,7 @@ posture fit in units of the noise.
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -57,6 +58,15 @@ def columns_of(effects: tuple[Effect, ...], active: tuple[str, ...]) -> Int[np.n
     return np.array([column for span in spans for column in span], int)
 
 
+def free_columns(
+    effects: tuple[Effect, ...], hypotheses: Sequence[tuple[str, ...]]
+) -> Int[np.ndarray, "free hypotheses"]:
+    """Columns of z that each hypothesis frees: the adapted parameters, then its amplitudes, padded with -1."""
+    free = [np.concatenate([np.arange(len(ADAPTED)), columns_of(effects, hypothesis)]) for hypothesis in hypotheses]
+    width = max(map(len, free))
+    return np.stack([np.pad(f, (0, width - len(f)), constant_values=-1) for f in free], axis=1)
+
+
 def _ends(effects: tuple[Effect, ...]) -> list[int]:
     return np.cumsum([len(ADAPTED), *(effect.amplitudes for effect in effects)]).tolist()
 
@@ -72,11 +82,16 @@ def misfit(
     data: Observed,
     noise: Noise,
     z: Float[np.ndarray, "parameters lanes"],
-    columns: Int[np.ndarray, "columns lanes"],
+    columns: Int[np.ndarray, "columns lanes"] | None = None,
     nearest: Float[np.ndarray, "quantities postures lanes"] | None = None,
     projections: int = 4,
 ) -> Misfit:
-    """The misfit of each lane at its z. ``data`` has one subject a lane; ``nearest`` is where to begin."""
+    """The misfit of each lane at its z. ``data`` has one subject a lane; ``nearest`` is where to begin.
+
+    ``columns`` of z are those of ``slopes``; by default the adapted parameters.
+    """
+    if columns is None:
+        columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
     sd = data.noise(noise)
     x = data.values if nearest is None else nearest
     for _ in range(projections):

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, THETA_SD_MM, Hypothesis, Linear, alike, posterior
-from adapt.diagnosis.misfit import Misfit, columns_of, misfit, prior_z
+from adapt.diagnosis.misfit import Misfit, columns_of, free_columns, misfit, prior_z
 from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
@@ -107,10 +107,8 @@ def fit_hypotheses(
 
 def _layout(effects, hypotheses) -> tuple[Int[np.ndarray, "free hypotheses"], Float[np.ndarray, "free hypotheses"]]:
     """The columns of z that each hypothesis frees, padded with -1, and their prior scales."""
-    free = [np.concatenate([_THETA, columns_of(effects, hypothesis)]) for hypothesis in hypotheses]
+    columns = free_columns(effects, hypotheses)
     scale = np.concatenate([THETA_SD_MM, *(np.asarray(effect.prior_sd) for effect in effects)])
-    width = max(map(len, free))
-    columns = np.stack([np.pad(f, (0, width - len(f)), constant_values=-1) for f in free], axis=1)
     return columns, np.where(columns >= 0, scale[columns], 1.0)
 
 

@@ -6,7 +6,7 @@ noise. The rest is noise, whatever effect is at work. Landmark noise comes from 
 frame.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -14,7 +14,7 @@ from jaxtyping import Float
 from adapt.diagnosis.discrepancy import SMOOTH, discrepancy_columns
 from adapt.diagnosis.evidence import Linear
 from adapt.diagnosis.most_probable import fit_hypotheses
-from adapt.diagnosis.observed import Noise, Observed
+from adapt.diagnosis.observed import Noise, NoiseEstimate, Observed
 from models.effects import Effect
 from models.girdle import CONSTRAINTS, Girdle
 
@@ -37,16 +37,6 @@ _RANK_SHARE = 1e-6
 """Singular values below this share of the largest are columns that say nothing new."""
 
 _ANGLES = 6
-
-
-@dataclass(frozen=True)
-class NoiseEstimate:
-    """The noise, and the residual degrees of freedom it rests on: infinite where it was given."""
-
-    noise: Noise
-    freedom: float
-    source: str
-    """'estimated', 'given' or 'assumed', of the angles."""
 
 
 def estimate_noise(

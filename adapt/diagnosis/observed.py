@@ -28,6 +28,37 @@ _UNMEASURED = Noise(angle_deg=60.0, landmark_mm=300.0)
 """Noise of what was not measured: any value it could have."""
 
 
+_NODES = 5
+"""Of the quadrature over the noise: they reach 2.9 standard deviations."""
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """The noise, and the residual degrees of freedom it rests on: infinite where it was given."""
+
+    noise: Noise
+    freedom: float
+    source: str
+    """'estimated', 'given' or 'assumed', of the angles."""
+
+    @property
+    def known(self) -> bool:
+        """Whether the noise was given."""
+        return not np.isfinite(self.freedom)
+
+    @property
+    def likely_shares(self) -> list[tuple[float, float]]:
+        """Shares of the estimate that the noise may be, each with its probability (Gauss-Hermite).
+
+        The logarithm of an SD estimated from n degrees of freedom has an SD of its own of 1 / sqrt(2 n).
+        """
+        if self.known:
+            return [(1.0, 1.0)]
+        nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+        shares = np.exp(nodes / np.sqrt(2.0 * self.freedom))
+        return list(zip(shares.tolist(), (weights / weights.sum()).tolist(), strict=True))
+
+
 @dataclass(frozen=True)
 class Observed:
     """The postures of S subjects, padded to P."""

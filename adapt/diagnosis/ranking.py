@@ -8,11 +8,21 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.discrepancy import discrepancy_gain
-from adapt.diagnosis.evidence import Block, Hypothesis, Linear, alike, log_evidence, posterior, statistics, unlike
-from adapt.diagnosis.noise import NoiseEstimate
-from adapt.diagnosis.observed import Observed
+from adapt.diagnosis.evidence import (
+    Block,
+    Hypothesis,
+    Linear,
+    Statistics,
+    alike,
+    common_amplitude,
+    log_evidence,
+    log_sum,
+    over_noise,
+    statistics,
+    unlike,
+)
+from adapt.diagnosis.observed import NoiseEstimate, Observed
 from models.effects import Effect
-from models.girdle import ADAPTED
 
 _SIZES = (0.5, 1.0)
 """Shares of an effect's scale that its amplitude is as likely to be of: small ones and large ones."""
@@ -49,7 +59,8 @@ class Ranking:
     freedom: float
     """Of the best hypothesis."""
     excess: float
-    """(chi_square / freedom - 1) in standard deviations, that of the noise estimate included."""
+    """log(chi_square / freedom) in standard deviations, that of the noise estimate included: a ratio of variances from
+    few degrees of freedom is skewed, its logarithm is not."""
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -70,16 +81,16 @@ class _Weighed:
 def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> Ranking:
     """Weigh fitted hypotheses; examine the best for what they leave."""
     by_name = {effect.name: effect for effect in effects}
-    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis]) for one in fitted]
+    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis], noise) for one in fitted]
     weighed.sort(key=lambda one: -one.log_evidence)
     best = weighed[0].log_evidence
     examined = [one for k, one in enumerate(weighed) if k < _EXAMINED or not one.fitted.hypothesis]
     gain = max(
-        one.log_evidence - best + discrepancy_gain(one.fitted, data, _likeliest_prior(one.fitted)) for one in examined
+        one.log_evidence - best + discrepancy_gain(one.fitted, data, _likeliest_prior(one.fitted), noise)
+        for one in examined
     )
     top = weighed[0].fitted
     chi_square, freedom = float((top.y**2).sum()), _freedom(top, data)
-    deviation = math.sqrt(2.0 / freedom + 2.0 / noise.freedom)
     return Ranking(
         fitted=tuple(one.fitted for one in weighed),
         log_evidence=np.array([one.log_evidence - best for one in weighed]),
@@ -87,50 +98,47 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
         discrepancy_gain=gain,
         chi_square=chi_square,
         freedom=freedom,
-        excess=(chi_square / freedom - 1.0) / deviation,
+        excess=math.log(chi_square / freedom) / math.sqrt(2.0 / freedom + 2.0 / noise.freedom),
     )
 
 
-def _weighed(fitted: Linear, effects: Sequence[Effect]) -> _Weighed:
-    """Evidence averaged over the spreads of the adapted parameters, amplitudes alike or unlike, and their sizes."""
-    spreads = [fitted.with_spread(share) for share in _SPREADS]
-    alike_logs = np.array([_log_mean([_log_alike(one, effects, size) for size in _SIZES]) for one in spreads])
-    unlike_logs = np.array(
-        [_log_mean([log_evidence(statistics(one), unlike(one.scale) * size) for size in _SIZES]) for one in spreads]
-    )
+def _weighed(fitted: Linear, effects: Sequence[Effect], noise: NoiseEstimate) -> _Weighed:
+    """Evidence summed over the noise there may be, the spreads of the adapted parameters, and the amplitudes' sizes,
+    alike or unlike."""
+    alike_logs, unlike_logs = np.empty(len(_SPREADS)), np.empty(len(_SPREADS))
+    for k, spread in enumerate(_SPREADS):
+        at_noises = over_noise(fitted.with_spread(spread), noise.likely_shares)
+        sized = [(of, size) for of in at_noises for size in _SIZES]
+        alike_logs[k] = log_sum([_log_alike(of, fitted.scale, effects, size) for of, size in sized])
+        unlike_logs[k] = log_sum([log_evidence(of, unlike(fitted.scale) * size) for of, size in sized])
     shares = np.log([1.0 - _UNLIKE_SHARE, _UNLIKE_SHARE])
     each = np.logaddexp(alike_logs + shares[0], unlike_logs + shares[1])
-    unlike_less_alike = _log_mean(unlike_logs) - _log_mean(alike_logs)
-    return _Weighed(spreads[int(np.argmax(each))], _log_mean(each), unlike_less_alike)
+    spread = _SPREADS[int(np.argmax(each))]
+    return _Weighed(fitted.with_spread(spread), log_sum(each), log_sum(unlike_logs) - log_sum(alike_logs))
 
 
-def _log_mean(logs) -> float:
-    return float(np.logaddexp.reduce(logs) - math.log(len(logs)))
-
-
-def _log_alike(fitted: Linear, effects: Sequence[Effect], size: float) -> float:
+def _log_alike(of: Statistics, scale, effects: Sequence[Effect], size: float) -> float:
     """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs."""
+    prior = alike(scale) * size
     if len(effects) == 1 and len(effects[0].channels) == 1:
-        return _log_about(fitted, effects[0], size)
-    found = posterior(fitted, alike(fitted.scale) * size)
-    log = found.log_evidence
+        return _log_about(of, prior, effects[0])
+    log, common, covariance = common_amplitude(of, prior)
     signs = np.array([sign for effect in effects for sign in effect.signs])
     for k in np.flatnonzero(signs):
-        agreed = _normal_cdf(signs[k] * found.common[k] / math.sqrt(found.covariance[k, k]))
+        agreed = _normal_cdf(signs[k] * common[k] / math.sqrt(covariance[k, k]))
         log += math.log(2.0 * ((1.0 - _AGAINST_SHARE) * agreed + _AGAINST_SHARE * (1.0 - agreed)))
     return log
 
 
-def _log_about(fitted: Linear, effect: Effect, size: float) -> float:
+def _log_about(of: Statistics, prior: Block, effect: Effect) -> float:
     """The same for one channel, whose amplitude lies about plus or minus the size."""
-    prior = alike(fitted.scale) * size
     logs = []
     for sign in (1.0, -1.0):
         mean, common = prior.mean.copy(), prior.common.copy()
         mean[0], common[0] = sign * common[0], _ABOUT_SIZE * common[0]
         share = 0.5 if not effect.signs[0] else 1.0 - _AGAINST_SHARE if sign == effect.signs[0] else _AGAINST_SHARE
-        logs.append(math.log(share) + log_evidence(statistics(fitted), replace(prior, mean=mean, common=common)))
-    return float(np.logaddexp(*logs))
+        logs.append(math.log(share) + log_evidence(of, replace(prior, mean=mean, common=common)))
+    return log_sum(logs)
 
 
 def _normal_cdf(x: float) -> float:
@@ -150,8 +158,3 @@ def _freedom(fitted: Linear, data: Observed) -> float:
     covariance = np.eye(fitted.y.shape[1]) + fitted.X @ np.swapaxes(fitted.X, 1, 2) + A @ np.swapaxes(A, 1, 2)
     informed = np.trace(np.linalg.inv(covariance), axis1=1, axis2=2).sum() - data.uninformative
     return max(1.0, float(informed) - len(fitted.scale))
-
-
-def theta_mm(fitted: Linear) -> Float[np.ndarray, "6 subjects"]:
-    """The adapted parameters of each subject."""
-    return fitted.z[: len(ADAPTED)]

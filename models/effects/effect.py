@@ -40,7 +40,7 @@ COURSE_SD = (1.0, 0.3, 0.2)
 """Prior SD of the terms of a course over elevation, as shares of the effect's scale. Powers of the elevation from 1/2
 to 3, a hinge at half the range and a smooth step have second terms of 0.2, -0.4, -0.5 and 0, third ones up to 0.2."""
 
-_FULL_ELEVATION_DEG = 150.0
+FULL_ELEVATION_DEG = 150.0
 """Elevation at which the first term of a course is at its height."""
 
 
@@ -97,7 +97,7 @@ class Effect:
 def course(elevation_deg: Float[Array, " *batch"]) -> Float[Array, " terms *batch"]:
     """f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) of f = elevation / 150 deg: a straight line, how much it bends, and
     where. All are zero with the arm hanging; the first alone is not with the arm up."""
-    f = elevation_deg / _FULL_ELEVATION_DEG
+    f = elevation_deg / FULL_ELEVATION_DEG
     bend = 4.0 * f * (1.0 - f)
     return jnp.stack([f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
 

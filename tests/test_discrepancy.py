@@ -1,0 +1,125 @@
+"""What no effect explains, drawn into residuals that are otherwise noise: it is seen, and noise alone is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adapt.diagnosis.discrepancy import FINE, SMOOTH, discrepancy_columns, discrepancy_gain, scatter_columns
+from adapt.diagnosis.evidence import Linear, alike
+from adapt.diagnosis.observed import Noise, NoiseEstimate, Observed
+
+SUBJECTS, POSTURES = 10, 14
+ROOT = np.array([[1.0, 0.0, 0.0], [-0.4, 0.9, 0.0], [0.2, 0.1, 0.6]])
+"""What a mm of A1-A3 adds to the residuals of a posture, in standard deviations: about that of angles with 1.5 deg."""
+
+KNOWN = NoiseEstimate(Noise(1.5), np.inf, "given")
+ESTIMATED = NoiseEstimate(Noise(1.5), 150.0, "estimated")
+each_noise = pytest.mark.parametrize("noise", [KNOWN, ESTIMATED], ids=["known", "estimated"])
+
+CLEAR = 5.0
+"""Nats: odds of 150 to 1."""
+
+
+def observed() -> Observed:
+    """Seven elevations in each of two motions; nothing but their numbers matters here."""
+    elevation = np.tile(np.tile(np.linspace(0.0, 150.0, POSTURES // 2), 2)[:, None], SUBJECTS)
+    motion = np.repeat(np.repeat([0, 1], POSTURES // 2)[:, None], SUBJECTS, axis=1)
+    shape = (6, POSTURES, SUBJECTS)
+    names = tuple(f"simulated{s}" for s in range(SUBJECTS))
+    return Observed(
+        np.zeros(shape), np.ones(shape, bool), elevation, np.ones(shape[1:], bool), motion, names, ("up", "forward")
+    )
+
+
+def with_offsets(offsets_mm: np.ndarray, share: float = 1.0, seed: int = 0) -> Linear:
+    """Residuals of A1-A3 that are off by (subjects, postures, 3) mm, with ``share`` of the noise they are taken for."""
+    generator = np.random.default_rng(seed)
+    residuals = 3 * POSTURES
+    noise = share * generator.standard_normal((SUBJECTS, POSTURES, 3))
+    y = (noise + offsets_mm @ ROOT.T).reshape(SUBJECTS, residuals)
+    X = generator.standard_normal((SUBJECTS, residuals, 6))
+    return Linear(
+        hypothesis=(),
+        z=np.zeros((6, SUBJECTS)),
+        nearest=np.zeros((6, POSTURES, SUBJECTS)),
+        y=y,
+        X=X,
+        A=np.zeros((SUBJECTS, residuals, 0)),
+        scale=np.zeros(0),
+        u=np.zeros((SUBJECTS, 6)),
+        a=np.zeros((SUBJECTS, 0)),
+        linear=-y,
+        root=np.tile(ROOT, (SUBJECTS, POSTURES, 1, 1)),
+    )
+
+
+def gain(fitted: Linear, noise: NoiseEstimate) -> float:
+    return discrepancy_gain(fitted, observed(), alike(fitted.scale), noise)
+
+
+def breath(size_mm: float, held_by: tuple[float, float, float]) -> np.ndarray:
+    """Another offset in each posture, which knows nothing of the arm."""
+    of_posture = size_mm * np.random.default_rng(7).standard_normal((SUBJECTS, POSTURES, 1))
+    return of_posture * np.array(held_by)
+
+
+@each_noise
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_alone_is_no_discrepancy(noise, seed):
+    assert gain(with_offsets(np.zeros((SUBJECTS, POSTURES, 3)), seed=seed), noise) < 0.0
+
+
+@each_noise
+def test_a_course_over_elevation_is_seen(noise):
+    bump = np.exp(-0.5 * ((observed().elevation_deg.T[..., None] - 75.0) / 30.0) ** 2)
+    assert gain(with_offsets(3.0 * bump * np.array([1.0, -1.0, 0.0])), noise) > CLEAR
+
+
+@each_noise
+@pytest.mark.parametrize("held_by", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0)], ids=["thorax", "conoid"])
+def test_scatter_beyond_the_noise_is_seen(noise, held_by):
+    assert gain(with_offsets(breath(4.0, held_by)), noise) > CLEAR
+
+
+def test_scatter_that_passed_for_noise_is_seen_only_where_the_noise_was_estimated():
+    """The estimate took scatter for noise: as given, it leaves nothing."""
+    fitted = with_offsets(0.7 * breath(2.5, (1.0, 1.0, 0.0)), share=0.7)
+    assert gain(fitted, KNOWN) < gain(fitted, ESTIMATED)
+    assert gain(fitted, ESTIMATED) > CLEAR
+
+
+def test_scatter_columns_act_on_their_own_posture_alone():
+    columns = scatter_columns(with_offsets(np.zeros((SUBJECTS, POSTURES, 3))), (1.0, 1.0, 0.0))
+    of_posture = columns.reshape(SUBJECTS, POSTURES, 3, POSTURES)
+    for p in range(POSTURES):
+        np.testing.assert_allclose(of_posture[:, p, :, p], np.tile(ROOT @ [1.0, 1.0, 0.0], (SUBJECTS, 1)))
+        assert not np.delete(of_posture[:, p], p, axis=2).any()
+
+
+@pytest.mark.parametrize("terms", [SMOOTH, FINE])
+def test_courses_are_offsets_of_one_motion_and_constraint(terms):
+    """A sum of columns with random weights is an offset of A1-A3 that is a polynomial of elevation in each motion."""
+    fitted, data = with_offsets(np.zeros((SUBJECTS, POSTURES, 3))), observed()
+    columns = discrepancy_columns(fitted, data, terms)
+    y = columns @ np.random.default_rng(3).standard_normal(columns.shape[2])
+    offsets = np.linalg.solve(ROOT, y.reshape(SUBJECTS, POSTURES, 3, 1))[..., 0]
+    for motion in (0, 1):
+        at = data.motion[:, 0] == motion
+        fit = np.polynomial.Polynomial.fit
+        for constraint in range(3):
+            seen = offsets[0, at, constraint]
+            np.testing.assert_allclose(fit(data.elevation_deg[at, 0], seen, terms - 1)(data.elevation_deg[at, 0]), seen)
+
+
+def test_shares_of_the_noise_have_the_spread_of_an_estimate_from_so_many_degrees():
+    shares, weights = np.array(replace(ESTIMATED, freedom=50.0).likely_shares).T
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights @ np.log(shares) == pytest.approx(0.0, abs=1e-12)
+    assert weights @ np.log(shares) ** 2 == pytest.approx(1.0 / 100.0)
+
+
+def test_a_noise_that_was_given_has_no_spread():
+    assert KNOWN.known
+    assert not ESTIMATED.known
+    assert KNOWN.likely_shares == [(1.0, 1.0)]
