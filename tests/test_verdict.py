@@ -5,7 +5,7 @@ import pytest
 
 from adapt.diagnosis.evidence import Hypothesis, Linear
 from adapt.diagnosis.ranking import Ranking
-from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge, unknown_probability
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge
 
 SUM = 1e-12
 """Of a dozen probabilities: rounding."""
@@ -148,7 +148,7 @@ def test_what_leaves_nothing_is_not_unknown():
 @pytest.mark.parametrize("of", ["discrepancy_gain", "excess"])
 def test_unknown_grows_with_each_test_up_to_a_limit(of):
     def probability(value: float) -> float:
-        return unknown_probability(ranking({(): 0.0}, **{**NOTHING_LEFT, of: value}))
+        return judged({(): 0.0}, **{**NOTHING_LEFT, of: value}).probability[UNKNOWN]
 
     found = [probability(value) for value in (-3.0, 0.0, 1.0, 3.0)]
     assert found == sorted(found)
@@ -188,6 +188,14 @@ def test_a_pair_needs_more_evidence_than_an_effect_alone():
     """Two effects are less likely to act together: 0.02 against an eighth, tempered."""
     assert judged({("a", "c"): 0.0, ("a",): 0.0}).together is False
     assert judged({("a", "c"): 0.0, ("a",): -10.0}).together is True
+
+
+def test_a_pair_has_to_leave_less_than_an_effect_alone():
+    """What is not in the list is mimicked more easily by two effects than by one."""
+    left = {"discrepancy_gain": -2.0, "excess": 0.5}
+    alone, pair = judged({("a",): 0.0}, **left), judged({("a", "c"): 0.0, ("a",): -50.0}, **left)
+    assert alone.answer == EFFECT
+    assert pair.answer == UNKNOWN
 
 
 def test_no_pairs_tried_are_no_pairs_reported():

@@ -32,10 +32,10 @@ FEWEST_POSTURES = 4
 """A subject with fewer says less than its six adapted parameters take up."""
 
 _PAIRED = 3
-"""Where no single effect is enough, so many of the best are tried together with every other one."""
+"""So many of the best effects are tried together with every other one."""
 
-_NOT_ENOUGH = 0.2
-"""Probability of unknown from which pairs are tried."""
+_MORE_THAN_NONE, _NOT_ENOUGH = 3.0, 0.2
+"""Log evidence of an effect over none, or probability of unknown, from which pairs are tried."""
 
 _OTHER_NOISES = (0.67, 1.5)
 """Shares of the noise at which the verdict is looked at again."""
@@ -160,9 +160,10 @@ def _diagnose(
     progress("every effect")
     ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
     verdict = judge(ranking, names)
-    if verdict.probability[UNKNOWN] >= _NOT_ENOUGH and len(effects) > 1:
+    if len(effects) > 1 and _worth_pairs(ranking, verdict):
         progress("pairs of effects")
-        ranking, verdict = _with_pairs(girdle, effects, data, estimate, ranking, verdict)
+        ranking = _with_pairs(girdle, effects, data, estimate, ranking)
+        verdict = judge(ranking, names)
     none = next(one for one in ranking.fitted if not one.hypothesis)
     explained = _explanation(ranking, verdict)
     seen = misfit(girdle, effects, data, noise, none.z)
@@ -192,17 +193,19 @@ def _diagnose(
     )
 
 
-def _with_pairs(
-    girdle: Girdle, effects, data: Observed, noise: NoiseEstimate, ranking: Ranking, verdict: Verdict
-) -> tuple[Ranking, Verdict]:
-    """The ranking and verdict with pairs of the best effects and all others, if they leave less unexplained."""
+def _worth_pairs(ranking: Ranking, verdict: Verdict) -> bool:
+    """Whether any effect says more than none, or something is left that none explains."""
+    over_none = -ranking.log_evidence[ranking.hypotheses.index(())]
+    return over_none > _MORE_THAN_NONE or verdict.probability[UNKNOWN] >= _NOT_ENOUGH
+
+
+def _with_pairs(girdle: Girdle, effects, data: Observed, noise: NoiseEstimate, ranking: Ranking) -> Ranking:
+    """The ranking with pairs of the best effects and all others."""
     best = [h[0] for h in ranking.hypotheses if h][:_PAIRED]
     order = [effect.name for effect in effects]
     pairs = {tuple(sorted((one, other), key=order.index)) for one in best for other in order if other != one}
     fitted = fit_hypotheses(girdle, effects, sorted(pairs), data, noise.noise)
-    both = rank([*ranking.fitted, *fitted], effects, data, noise)
-    judged = judge(both, order)
-    return (both, judged) if judged.probability[UNKNOWN] < verdict.probability[UNKNOWN] else (ranking, verdict)
+    return rank([*ranking.fitted, *fitted], effects, data, noise)
 
 
 def _explanation(ranking: Ranking, verdict: Verdict) -> Linear:

@@ -29,6 +29,9 @@ _PAIR_PRIOR = 0.02
 _UNKNOWN_TERMS = (-1.0, 0.3, 1.2)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
+_PAIR_DOUBT = 2.0
+"""Added to those log odds as far as pairs are the answer: two effects of the list mimic more than one does."""
+
 _MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
 """Beyond these a test is no surer."""
 
@@ -61,8 +64,8 @@ class Verdict:
 
 def judge(ranking: Ranking, names: Sequence[str]) -> Verdict:
     """The verdict on a ranking of none, every effect of ``names`` and perhaps pairs of them."""
-    unknown = unknown_probability(ranking)
     shares = _shares(ranking, len(names))
+    unknown = _unknown(ranking, shares)
     probability = dict.fromkeys([*names, NONE], 0.0)
     pairs: dict[str, float] = {}
     for hypothesis, share in zip(ranking.hypotheses, shares, strict=True):
@@ -74,12 +77,13 @@ def judge(ranking: Ranking, names: Sequence[str]) -> Verdict:
     return Verdict(answer, effects, together, {**probability, UNKNOWN: unknown}, pairs)
 
 
-def unknown_probability(ranking: Ranking) -> float:
-    """Logistic in the discrepancy gain and the excess of chi square."""
+def _unknown(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> float:
+    """Logistic in the discrepancy gain and the excess of chi square; a pair has to leave less than one effect."""
     gain = float(np.clip(ranking.discrepancy_gain, -_MOST_GAIN, _MOST_GAIN))
     excess = float(np.clip(ranking.excess, -_MOST_EXCESS, _MOST_EXCESS))
     constant, of_gain, of_excess = _UNKNOWN_TERMS
-    return 1.0 / (1.0 + math.exp(-(constant + of_gain * gain + of_excess * excess)))
+    doubt = _PAIR_DOUBT * sum(s for h, s in zip(ranking.hypotheses, shares, strict=True) if len(h) > 1)
+    return 1.0 / (1.0 + math.exp(-(constant + of_gain * gain + of_excess * excess + doubt)))
 
 
 def _shares(ranking: Ranking, effects: int) -> Float[np.ndarray, " hypotheses"]:
