@@ -56,4 +56,6 @@ def _evenly(count: int, most: int) -> Int[np.ndarray, " chosen"]:
 def gaps_deg(all_angles: Float[np.ndarray, "subjects 6"]) -> Float[np.ndarray, " subjects"]:
     """Mean over the angles that were measured; NaN where none was."""
     measured = np.isfinite(all_angles)
-    return np.where(measured, all_angles, 0.0).sum(axis=1) / np.where(measured.any(axis=1), measured.sum(axis=1), np.nan)
+    return np.where(measured, all_angles, 0.0).sum(axis=1) / np.where(
+        measured.any(axis=1), measured.sum(axis=1), np.nan
+    )

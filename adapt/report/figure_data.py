@@ -1,5 +1,6 @@
 """The numbers that the figures of a report are drawn from, each once, as plain JSON types."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -25,7 +26,9 @@ Rows = Int[np.ndarray, " rows"]
 COLUMNS = (*ANGLES, "clavicle", "scapula")
 """Of the table of subjects, mean absolute differences."""
 
-_CONSTRAINTS = ("TS to the ellipsoid", "AI to the ellipsoid", "length of the conoid")
+CONSTRAINT_NAMES = dict(
+    zip(CONSTRAINTS, ("A1: TS to the ellipsoid", "A2: AI to the ellipsoid", "A3: length of the conoid"), strict=True)
+)
 
 _ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
 """A hundredth of a degree; a tenth of a mm is less than a pixel; a hundredth of a mm."""
@@ -45,7 +48,7 @@ def figure_data(
     return plain(
         {
             "angles": [{"key": angle, "name": ANGLE_NAMES[angle]} for angle in ANGLES],
-            "constraints": [f"{name}: {what}" for name, what in zip(CONSTRAINTS, _CONSTRAINTS, strict=True)],
+            "constraints": list(CONSTRAINT_NAMES.values()),
             "points": POINTS,
             "columns": COLUMNS,
             "subjects": _subjects(motions, rows),
@@ -63,7 +66,7 @@ def _subjects(motions: Motions, rows: Rows) -> list[dict[str, Any]]:
     new = np.flatnonzero((names[0][1:] != names[0][:-1]) | (names[1][1:] != names[1][:-1])) + 1
     bounds = [0, *new.tolist(), len(rows)]
     found: dict[str, list[dict[str, Any]]] = {}
-    for start, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, end in itertools.pairwise(bounds):
         found.setdefault(names[0][start], []).append({"name": names[1][start], "rows": [start, end]})
     return [{"name": name, "motions": parts} for name, parts in found.items()]
 
@@ -117,9 +120,7 @@ def _fits(fits: pd.DataFrame, model: ParameterSet, theta_mm: Float[np.ndarray, "
     }
 
 
-def _gaps(
-    summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]
-) -> Float[np.ndarray, "subjects 8"]:
+def _gaps(summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 8"]:
     """COLUMNS of each subject over all of its motions."""
     rows = state_rows(summary, model, state)
     rows = rows[(rows["motion"] == ALL_MOTIONS) & ~rows["subject"].isin(STATISTICS)].set_index("subject")

@@ -31,7 +31,8 @@ def heat_maps(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any
     low_deg = sorted({cell.elevation_low_deg for cell in found})
     names = dict.fromkeys(cell.motion for cell in found)
     maps = [
-        {"motion": name} | {state: _array([c for c in by_state[state] if c.motion == name], low_deg) for state in STATES}
+        {"motion": name}
+        | {state: _array([c for c in by_state[state] if c.motion == name], low_deg) for state in STATES}
         for name in names
     ]
     return {"low_deg": low_deg, "bin_deg": BIN_DEG, "maps": maps}

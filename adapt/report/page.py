@@ -11,15 +11,15 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from adapt.api import Adaptations
-from adapt.diagnosis.sentence import Object, amplitude_text, listed, number, together, with_unit
+from adapt.diagnosis.sentence import Object, amplitude_text, listed, number
 from adapt.diagnosis.terminal import notes
 from adapt.diagnosis.verdict import NONE, UNKNOWN
-from adapt.report.figure_data import figure_data
+from adapt.report.figure_data import CONSTRAINT_NAMES, figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
 from models.effects import EFFECTS
 from models.parameters import ParameterSet
-from motions.table import Motions
+from motions.table import ANGLE_NAMES, Motions
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
@@ -44,25 +44,29 @@ def report_html(
         "first_model": [one.name for one in models].index(diagnosis["model"] if diagnosis else closest(result.summary)),
         "gap": {name: of["gap_deg"] for name, of in by_model.items()},
     }
-    return _environment().get_template("report.html").render(
-        sentence=diagnosis["verdict"]["sentence"] if diagnosis else headline(result.summary, who),
-        adaptation=headline(result.summary, who),
-        diagnosis=diagnosis,
-        by_model=by_model,
-        who=who,
-        simulated=simulated_subjects(motions),
-        subjects=motions.subjects,
-        drawn=len(data["subjects"]),
-        postures=len(motions.posture),
-        postures_drawn=len(data["posture"]),
-        overview=overview(result),
-        parameters=adapted_parameters(result),
-        not_handled=not_handled or {},
-        rejected=[str(error) for error in motions.rejected],
-        data=_json(data),
-        style=_verbatim("report.css"),
-        script=_verbatim("report.js"),
-        plotly=Markup(get_plotlyjs()),
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            sentence=diagnosis["verdict"]["sentence"] if diagnosis else headline(result.summary, who),
+            adaptation=headline(result.summary, who),
+            diagnosis=diagnosis,
+            by_model=by_model,
+            who=who,
+            simulated=simulated_subjects(motions),
+            subjects=motions.subjects,
+            drawn=len(data["subjects"]),
+            postures=len(motions.posture),
+            postures_drawn=len(data["posture"]),
+            overview=overview(result),
+            parameters=adapted_parameters(result),
+            not_handled=not_handled or {},
+            rejected=[str(error) for error in motions.rejected],
+            data=_json(data),
+            style=_verbatim("report.css"),
+            script=_verbatim("report.js"),
+            plotly=Markup(get_plotlyjs()),
+        )
     )
 
 
@@ -80,11 +84,15 @@ def _environment() -> Environment:
         "probability": _probability,
         "size": amplitude_text,
         "listed": listed,
-        "together": together,
         "notes": notes,
         "ranked": _ranked,
     }
-    environment.globals |= {"effects": EFFECTS, "number": number, "with_unit": with_unit}
+    environment.globals |= {
+        "angle_names": ANGLE_NAMES,
+        "constraints": CONSTRAINT_NAMES,
+        "effects": EFFECTS,
+        "number": number,
+    }
     return environment
 
 

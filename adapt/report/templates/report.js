@@ -237,8 +237,8 @@ function extent() {
 }
 
 const VIEWS = {
-  oblique: { x: 0.95, y: -1.25, z: 0.45 }, back: { x: 0.1, y: -1.65, z: 0.15 }, side: { x: 1.65, y: 0, z: 0.15 },
-  front: { x: 0.1, y: 1.65, z: 0.15 }, top: { x: 0.05, y: -0.25, z: 1.7 },
+  oblique: { x: 0.52, y: -1.12, z: 0.78 }, back: { x: 0.1, y: -1.5, z: 0.12 }, side: { x: 1.5, y: 0, z: 0.12 },
+  front: { x: 0.1, y: 1.5, z: 0.12 }, top: { x: 0.05, y: -0.2, z: 1.5 },
 };
 const camera = (view) => ({ eye: VIEWS[view], up: { x: 0, y: 0, z: 1 }, center: { x: 0.12, y: -0.08, z: -0.02 } });
 
