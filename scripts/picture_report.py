@@ -1,6 +1,6 @@
 """A picture of a report as a person sees it: opened in the system's Chromium, stepped to a posture, saved as a PNG.
 
-    python scripts/picture_report.py out/adapt/report.html --out docs/report.png
+python scripts/picture_report.py out/adapt/report.html --out docs/report.png
 """
 
 import io
@@ -59,6 +59,18 @@ def open_report(page: Page, report: Path) -> None:
     page.wait_for_selector(DRAWN, timeout=PATIENCE_MS)
 
 
+def picture(started: Browser, report: Path, posture: int, window: tuple[int, int]) -> Image.Image:
+    """The top of the page at one of its postures, from 1, in few colours."""
+    page = started.new_page(viewport={"width": window[0], "height": window[1]})
+    open_report(page, report)
+    for _ in range(posture - 1):
+        page.click("#next")
+    page.evaluate("document.activeElement.blur()")
+    shot = page.screenshot()
+    page.close()
+    return Image.open(io.BytesIO(shot)).convert("RGB").quantize(COLOURS)
+
+
 @app.command()
 def main(
     report: Annotated[Path, typer.Argument(metavar="report.html", help="A report that `girdle` wrote.")],
@@ -71,13 +83,7 @@ def main(
     if not report.is_file():
         raise InputError(str(report), None, "there is no such file", "Name a report.html of `girdle adapt`")
     with browser() as started:
-        page = started.new_page(viewport={"width": width, "height": height})
-        open_report(page, report)
-        for _ in range(posture - 1):
-            page.click("#next")
-        page.evaluate("document.activeElement.blur()")
-        picture = page.screenshot()
-    Image.open(io.BytesIO(picture)).convert("RGB").quantize(COLOURS).save(out, optimize=True)
+        picture(started, report, posture, (width, height)).save(out, optimize=True)
 
 
 if __name__ == "__main__":

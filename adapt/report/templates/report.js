@@ -184,15 +184,17 @@ function points(columns, r) {
 }
 
 function bones(of, colour, name, dash, labelled) {
-  const line = (names, width, style) => ({
-    type: "scatter3d", mode: "lines", ...xyz(names.map((one) => of[one])), line: { color: colour, width, dash: style }, hoverinfo: "skip", name,
+  const line = (part, names, width, style) => ({
+    type: "scatter3d", mode: "lines", ...xyz(names.map((one) => of[one])), line: { color: colour, width, dash: style }, hoverinfo: "skip",
+    name: `${name}: ${part}`,
   });
   const whole = of.AC && of.TS && of.AI;
   const names = ["SC", "AC", "TS", "AI"];
   return [
-    line(["SC", "AC"], 9, "solid"),
-    line(["AC", "TS", "AI", "AC"], 5, dash),
-    line(["clavicle_conoid", "scapula_conoid"], 6, "solid"),
+    line("clavicle", ["SC", "AC"], 9, "solid"),
+    line("scapula", ["AC", "TS", "AI", "AC"], 5, dash),
+    line("attachments", ["SC", "clavicle_conoid", "AC", "scapula_conoid"], 1.5, "solid"),
+    line("conoid", ["clavicle_conoid", "scapula_conoid"], 6, "solid"),
     { type: "mesh3d", ...xyz(whole ? [of.AC, of.TS, of.AI] : []), i: whole ? [0] : [], j: whole ? [1] : [], k: whole ? [2] : [], color: colour, opacity: 0.22, hoverinfo: "skip", flatshading: true, lighting: { ambient: 1, diffuse: 0, specular: 0 } },
     {
       type: "scatter3d", mode: labelled ? "markers+text" : "markers", ...xyz(names.map((one) => of[one])), marker: { color: colour, size: 3.5 },
