@@ -1,6 +1,7 @@
 """The report as text: what is in it, that names cannot break it, that it stays small, that its numbers are right."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from html import unescape
@@ -10,7 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from handmade import GAP_DEG, MOVED_MM, adaptations, motions_of, rising
+from test_diagnose_cli import BY_KIND, SKIN, gap_of, of
 
+from adapt.diagnosis.json_form import as_json
+from adapt.diagnosis.sentence import amplitude_text
 from adapt.report import chosen, report_html
 from adapt.report.bones import POINTS, bones_mm
 from adapt.report.figure_data import figure_data
@@ -43,7 +47,7 @@ def data_of(html: str) -> dict[str, Any]:
 def words_of(html: str) -> str:
     """The text of the page that is there before any script runs, on one line."""
     body = html[html.index("<main>") : html.index("</main>")]
-    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", "", body)))
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", body)))
 
 
 def simulated(motions: Motions, subjects: int) -> Motions:
@@ -299,3 +303,43 @@ def test_names_from_files_are_text():
     found = data_of(html)
     assert found["subjects"][0]["name"] == EVIL
     assert found["subjects"][0]["motions"][0]["name"] == EVIL
+
+
+# --- with a diagnosis ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", BY_KIND)
+def test_every_kind_of_answer_has_its_page(kind):
+    """The verdict comes first; each answer stands once, with its probability."""
+    motions, found = motions_of(rising(10, 4)), of(BY_KIND[kind])
+    html = report_html(motions, R2, adaptations(motions, R2), {}, found)
+    assert unescape(re.search(r"<h1>(.*?)</h1>", html, re.DOTALL)[1]) == found["verdict"]["sentence"]
+    words = words_of(html)
+    assert words.index(found["verdict"]["sentence"]) < words.index("Before and after adaptation")
+    shown = re.findall(r'<span class="name">(\S+)\s.*?<span class="value">(.*?)</span>', html, re.DOTALL)
+    assert len(shown) == len(found["probability"])
+    for name, value in shown:
+        assert unescape(value) in (f"{found['probability'][name]:.2f}", "<0.01")
+    for name, size in found["amplitude"].items():
+        assert f"{name} {amplitude_text(size)}" in words
+    assert found["next_measurement"][0]["what"] in words
+    assert data_of(html)["models"][0]["noise_deg"] == found["noise"]["angle_deg"]
+
+
+def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer():
+    motions = motions_of(rising(10, 4))
+    found = as_json({"R2": SKIN, "R4": replace(SKIN, model="R4", gap=gap_of(1.2, 1.1))})
+    html = report_html(motions, MODELS, adaptations(motions, MODELS), {}, found)
+    data = data_of(html)
+    assert found["model"] == data["models"][data["first_model"]]["name"] == "R4"
+    for of_model in found["by_model"].values():
+        assert of_model["verdict"]["sentence"] in words_of(html)
+
+
+def test_what_a_diagnosis_could_not_tell_is_a_dash():
+    unknown = replace(SKIN, gap=gap_of(math.nan, math.nan), next_measurement=[], indistinguishable=[])
+    motions = motions_of(rising(10, 4))
+    words = words_of(report_html(motions, R2, adaptations(motions, R2), {}, of(unknown)))
+    assert "adapted - [-, -]" in words
+    assert "Every effect of the list could be told from every other one" in words
+    assert "None was proposed" in words
