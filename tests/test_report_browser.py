@@ -10,7 +10,7 @@ import pytest
 from handmade import adaptations, motions_of, rising
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
-from test_diagnose_cli import PAIR, SKIN, of
+from test_diagnose_cli import NOTHING, PAIR, SKIN, of
 from test_report import EVIL, MODELS, R2, simulated
 
 from adapt.report import report_html
@@ -245,6 +245,15 @@ def test_a_diagnosis_is_in_the_page(look, window):
     ]
     measured = seen.data()["measured_deg"][0][:5]
     np.testing.assert_allclose(np.subtract(band["y"], measured), 1.96 * SKIN.noise.noise.angle_deg, atol=1e-9)
+    seen.assert_quiet()
+
+
+def test_without_an_effect_there_is_no_gap_with_it(look):
+    motions = two_motions(1)
+    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, of(NOTHING)))
+    held_out, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
+    assert held_out["x"] == [2.1, 0.93, 0.89]
+    assert "with" not in seen.page.inner_text("#gap tbody")
     seen.assert_quiet()
 
 

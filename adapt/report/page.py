@@ -42,7 +42,7 @@ def report_html(
     who = people(len(motions.subjects), len(simulated_subjects(motions)))
     data |= {
         "first_model": [one.name for one in models].index(diagnosis["model"] if diagnosis else closest(result.summary)),
-        "gap": {name: of["gap_deg"] for name, of in by_model.items()},
+        "gap": {name: _levels(of) for name, of in by_model.items()},
     }
     return (
         _environment()
@@ -68,6 +68,11 @@ def report_html(
             plotly=Markup(get_plotlyjs()),
         )
     )
+
+
+def _levels(of: Object) -> Object:
+    """The gaps of one model; without an effect there is no gap with it."""
+    return {kind: level for kind, level in of["gap_deg"].items() if of["best"] or kind != "with_effect"}
 
 
 def _environment() -> Environment:

@@ -129,8 +129,8 @@ function drawHeat() {
       colorbar: { thickness: 10, ticksuffix: "°", outlinewidth: 0 }, showscale: k === 1 && !narrow(),
     };
     const layout = {
-      title: title(NAME[state]), plot_bgcolor: "#dddddd", margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: 44 },
-      xaxis: { title: { text: "humerus elevation, °", standoff: 6 }, type: "category", ticks: "", showgrid: false },
+      title: title(NAME[state]), plot_bgcolor: "#dddddd", margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: narrow() ? 70 : 44 },
+      xaxis: { title: { text: "humerus elevation, °", standoff: 6 }, type: "category", tickangle: narrow() ? -60 : 0, ticks: "", showgrid: false },
       yaxis: { autorange: "reversed", ticks: "", showgrid: false, tickfont: { size: narrow() ? 10.5 : 12 } },
     };
     draw(place, [heat], layout);
@@ -140,12 +140,13 @@ function drawHeat() {
 function drawGaps() {
   const gap = data.gap[model().name];
   if (!gap) return;
-  const kinds = { base: "as it is", adapted: "adapted", with_effect: "with effect", noise_floor: "noise alone" };
+  const names = { base: "as it is", adapted: "adapted", with_effect: "with effect", noise_floor: "noise alone" };
+  const kinds = Object.keys(names).filter((kind) => kind in gap);
   const bones = { all: "both bones", clavicle: "clavicle", scapula: "scapula" };
   panels("gaps", 3).forEach((place, k) => {
     const bone = Object.keys(bones)[k];
     const dots = (levels, name, marker, shift) => {
-      const each = Object.keys(kinds).map((kind) => levels[kind][bone]);
+      const each = kinds.map((kind) => levels[kind][bone]);
       const error = (sign) => each.map((one) => (one.value === null || one.low === null ? 0 : sign * (one.value - (sign > 0 ? one.low : one.high))));
       return {
         x: each.map((one) => one.value), y: each.map((_, n) => n + shift), mode: "markers", name, marker,
@@ -160,7 +161,7 @@ function drawGaps() {
     const layout = {
       title: title(bones[bone]), margin: { l: 84, r: 10, t: 30, b: 38 },
       xaxis: { rangemode: "tozero", title: { text: "mean |gap|, °", standoff: 6 } },
-      yaxis: { tickvals: [0, 1, 2, 3], ticktext: Object.values(kinds), range: [3.5, -0.5], showgrid: false, ticks: "" },
+      yaxis: { tickvals: [...kinds.keys()], ticktext: kinds.map((kind) => names[kind]), range: [kinds.length - 0.5, -0.5], showgrid: false, ticks: "" },
     };
     draw(place, traces, layout);
   });
