@@ -75,7 +75,7 @@ def picture(started: Browser, report: Path, posture: int, window: tuple[int, int
 def main(
     report: Annotated[Path, typer.Argument(metavar="report.html", help="A report that `girdle` wrote.")],
     out: Annotated[Path, typer.Option("--out", help="The PNG to write.")],
-    posture: Annotated[int, typer.Option(min=1, help="The posture of the first motion that is shown.")] = 5,
+    posture: Annotated[int, typer.Option(min=1, help="The posture of the first motion that is shown.")] = 3,
     width: Annotated[int, typer.Option(min=320, help="Of the window, pixels.")] = 1240,
     height: Annotated[int, typer.Option(min=320, help="Of the picture, pixels from the top of the page.")] = 1310,
 ) -> None:

@@ -240,10 +240,10 @@ function extent() {
 }
 
 const VIEWS = {
-  oblique: { x: 0.52, y: -1.12, z: 0.78 }, back: { x: 0.1, y: -1.5, z: 0.12 }, side: { x: 1.5, y: 0, z: 0.12 },
+  oblique: { x: 0.62, y: -1.2, z: 0.7 }, back: { x: 0.1, y: -1.5, z: 0.12 }, side: { x: 1.5, y: 0, z: 0.12 },
   front: { x: 0.1, y: 1.5, z: 0.12 }, top: { x: 0.05, y: -0.2, z: 1.5 },
 };
-const camera = (view) => ({ eye: VIEWS[view], up: { x: 0, y: 0, z: 1 }, center: { x: 0.12, y: -0.08, z: -0.02 } });
+const camera = (view) => ({ eye: VIEWS[view], up: { x: 0, y: 0, z: 1 }, center: { x: 0.08, y: -0.04, z: 0.02 } });
 
 function drawView() {
   const state = model().states[at.state];
