@@ -7,6 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
@@ -111,12 +112,12 @@ def test_the_report_draws_the_closed_chain(adapted):
     for state in ("before", "after"):
         fitted = model["states"][state]
         points_mm = np.array(fitted["simulated_points_mm"]).reshape(len(POINTS), 3, 28)
-        at = dict(zip(POINTS, points_mm, strict=True))
+        at: dict[str, np.ndarray] = dict(zip(POINTS, points_mm, strict=True))
         theta_mm = np.array(fitted["theta_mm"])[np.repeat([0, 1], 14)].T
         M_y, M_z, A_x, A_y, A_z, conoid_mm = theta_mm
-        centre_mm, semi_axes_mm = np.array([0.0 * M_y, M_y, M_z]), np.array([A_x, A_y, A_z])
+        centre_mm, semi_axes_mm = jnp.array([0.0 * M_y, M_y, M_z]), jnp.array([A_x, A_y, A_z])
         for name, expected_mm in (("TS", girdle.ts_distance_mm), ("AI", girdle.ai_distance_mm)):
-            distance_mm = np.asarray(signed_distance_mm(at[name], centre_mm, semi_axes_mm))
+            distance_mm = np.asarray(signed_distance_mm(jnp.asarray(at[name]), centre_mm, semi_axes_mm))
             np.testing.assert_allclose(distance_mm, float(expected_mm), atol=DRAWN_MM)
         length_mm = np.linalg.norm(at["scapula_conoid"] - at["clavicle_conoid"], axis=0)
         np.testing.assert_allclose(length_mm, conoid_mm, atol=DRAWN_MM)

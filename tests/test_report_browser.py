@@ -2,12 +2,12 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pytest
-from handmade import adaptations, motions_of, rising
+from handmade import MOVED_MM, adaptations, motions_of, rising
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 from test_diagnose_cli import NOTHING, PAIR, SKIN, of
@@ -25,6 +25,9 @@ PHONE = {"width": 390, "height": 844}
 
 DRAWN_MM = 0.051
 """The page holds tenths of a mm."""
+
+DRAWN_SHARE = 2e-3
+"""Twice those tenths as a share of a semi-axis of 100 mm."""
 
 LARGEST_PICTURE_BYTES = 250_000
 
@@ -166,6 +169,21 @@ def test_model_subject_motion_and_state_can_be_chosen(look):
     page.click("#play")
     expect(page.locator("#posture")).to_have_value("3")
     page.click("#play")
+    seen.assert_quiet()
+
+
+def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
+    """Every drawn point of the surface is on it: M_x moved, as a file of the user's own may have it."""
+    girdle = replace(R2[0].girdle, centre_mm=R2[0].girdle.centre_mm.at[0].set(7.0))
+    model, motions = replace(R2[0], girdle=girdle), two_motions(1)
+    seen = look(report_html(motions, [model], adaptations(motions, [model])))
+    for state, moved_mm in (("before", 0.0 * MOVED_MM), ("after", MOVED_MM)):
+        seen.page.click(f"#show-{state}")
+        (surface,) = [one for one in seen.traces() if one["type"] == "surface"]
+        x, forward, up = (np.array(surface[axis]) for axis in "xyz")
+        M_y, M_z, A_x, A_y, A_z, _ = np.asarray(girdle.adapted_mm) + moved_mm
+        squares = ((x - 7.0) / A_x) ** 2 + ((up - M_y) / A_y) ** 2 + ((-forward - M_z) / A_z) ** 2
+        np.testing.assert_allclose(squares, 1.0, atol=DRAWN_SHARE)
     seen.assert_quiet()
 
 

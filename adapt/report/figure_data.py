@@ -92,6 +92,7 @@ def _model(
         "name": model.name,
         "noise_deg": noise_deg,
         "sc_mm": np.asarray(model.girdle.sc_mm),
+        "M_x_mm": float(model.girdle.centre_mm[0]),
         "thorax_points_mm": _rounded(model.points_mm, _LENGTH_DIGITS),
         "adaptation": adapted.status[lane],
         "measured_points_mm": _flat(at_measured["before"][0]),

@@ -21,7 +21,8 @@ def closest(summary: pd.DataFrame) -> str:
     """The model that leaves the smallest mean difference over the angles after adaptation."""
 
     def gap_deg(model: str) -> float:
-        values = [statistic(summary, model, "after")[f"{angle}_deg"] for angle in ANGLES]
+        row = statistic(summary, model, "after")
+        values = [row[f"{angle}_deg"] for angle in ANGLES]
         return float(np.nanmean(values)) if np.isfinite(values).any() else np.inf
 
     return min(dict.fromkeys(summary["model"]), key=gap_deg)

@@ -206,6 +206,7 @@ function bones(of, colour, name, dash, labelled) {
 
 // The part of the ellipsoid above `lowest`, as rings and ribs and a thin surface.
 function thorax(theta, lowest) {
+  const M_x = model().M_x_mm;
   const [M_y, M_z, A_x, A_y, A_z] = theta;
   if (theta.includes(null)) return [];
   const top = M_y + A_y;
@@ -213,7 +214,7 @@ function thorax(theta, lowest) {
   const heights = [...Array(17)].map((_, n) => top - (top - bottom) * (n / 16) ** 1.6);
   const ring = (y) => {
     const share = Math.sqrt(Math.max(0, 1 - ((y - M_y) / A_y) ** 2));
-    return [...Array(49)].map((_, n) => [A_x * share * Math.cos((n * Math.PI) / 24), y, M_z + A_z * share * Math.sin((n * Math.PI) / 24)]);
+    return [...Array(49)].map((_, n) => [M_x + A_x * share * Math.cos((n * Math.PI) / 24), y, M_z + A_z * share * Math.sin((n * Math.PI) / 24)]);
   };
   const rings = heights.map(ring);
   const wires = [...rings.filter((_, n) => n % 2 === 0), ...[...Array(12)].map((_, n) => rings.map((one) => one[4 * n]))];
@@ -234,7 +235,7 @@ function extent() {
     const values = [model().sc_mm[axis], ...model().thorax_points_mm[axis]];
     columns.forEach((of) => data.points.forEach((_, k) => values.push(...finite(of[3 * k + axis].slice(start, end)))));
     const low = Math.min(...values), high = Math.max(...values);
-    const sizes = thoraces.map(([M_y, M_z, A_x, A_y, A_z]) => [[-A_x, A_x], [low, M_y + A_y], [M_z - A_z, M_z + A_z]][axis]);
+    const sizes = thoraces.map(([M_y, M_z, A_x, A_y, A_z]) => [[model().M_x_mm - A_x, model().M_x_mm + A_x], [low, M_y + A_y], [M_z - A_z, M_z + A_z]][axis]);
     return [Math.min(low, ...sizes.map(([a]) => a)) - MARGIN_MM, Math.max(high, ...sizes.map(([, b]) => b)) + MARGIN_MM];
   });
 }
