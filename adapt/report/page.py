@@ -23,6 +23,9 @@ from motions.table import ANGLE_NAMES, Motions
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
+_SCRIPTS = ("shared.js", "plane.js", "space.js", "choices.js")
+"""In this order: each uses what stands before it."""
+
 
 def report_html(
     motions: Motions,
@@ -64,7 +67,7 @@ def report_html(
             rejected=[str(error) for error in motions.rejected],
             data=_json(data),
             style=_verbatim("report.css"),
-            script=_verbatim("report.js"),
+            script=Markup("\n").join(map(_verbatim, _SCRIPTS)),
             plotly=Markup(get_plotlyjs()),
         )
     )
