@@ -62,6 +62,20 @@ function lines(x, of, states) {
   }));
 }
 
+// Lower and upper edge, filled between; it goes straight on where an angle was not measured.
+function noiseBand(x, measured, noise) {
+  if (noise === null) return [];
+  const known = measured.map((_, k) => k).filter((k) => measured[k] !== null);
+  const edge = (sign) => ({
+    x: known.map((k) => x[k]),
+    y: known.map((k) => measured[k] + sign * TWO_SIDED_95 * noise),
+    mode: "lines",
+    line: { width: 0 },
+    hoverinfo: "skip",
+  });
+  return [edge(-1), { ...edge(1), fill: "tonexty", fillcolor: "rgba(0,0,0,0.11)" }];
+}
+
 function drawAngles() {
   const x = abscissa();
   const noise = model().noise_deg;
@@ -75,30 +89,9 @@ function drawAngles() {
     const values = finite(Object.values(column).flat());
     return values.length ? [Math.min(...values), Math.max(...values)] : [-1, 1];
   });
-  const half = Math.max(...extents.map(([low, high]) => (high - low) / 2)) + 3 + (noise || 0);
+  const half = Math.max(...extents.map(([low, high]) => (high - low) / 2)) + 3 + TWO_SIDED_95 * (noise || 0);
   data.angles.forEach((angle, k) => {
     const { measured, before, after } = columns[k];
-    const band =
-      noise === null
-        ? []
-        : [
-            {
-              x: x.values,
-              y: measured.map((v) => (v === null ? null : v - TWO_SIDED_95 * noise)),
-              mode: "lines",
-              line: { width: 0 },
-              hoverinfo: "skip",
-            },
-            {
-              x: x.values,
-              y: measured.map((v) => (v === null ? null : v + TWO_SIDED_95 * noise)),
-              mode: "lines",
-              line: { width: 0 },
-              fill: "tonexty",
-              fillcolor: "rgba(0,0,0,0.11)",
-              hoverinfo: "skip",
-            },
-          ];
     const dots = {
       x: x.values,
       y: measured,
@@ -117,7 +110,11 @@ function drawAngles() {
     };
     draw(
       places[k],
-      [...band, ...lines(x.values, (state) => ({ before, after })[state], ["before", "after"]), dots],
+      [
+        ...noiseBand(x.values, measured, noise),
+        ...lines(x.values, (state) => ({ before, after })[state], ["before", "after"]),
+        dots,
+      ],
       layout,
     );
     whenClicked(places[k]);
