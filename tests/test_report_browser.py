@@ -228,6 +228,16 @@ def test_odd_results_are_drawn_without_an_error(look, kind):
     seen.assert_quiet()
 
 
+def test_a_motion_at_one_elevation_is_drawn_posture_by_posture(look):
+    motions = motions_of(rising(1, 4))
+    motions.humerus_elevation_deg[:] = 30.0
+    seen = look(report_html(motions, R2, adaptations(motions, R2)))
+    first = seen.page.locator("#angles .figure").first
+    drawn = "one => [one.data[0].x, one.layout.xaxis.title.text]"
+    assert first.evaluate(drawn) == [[1, 2, 3, 4], "posture"]
+    seen.assert_quiet()
+
+
 def test_a_failed_subject_says_so_and_has_no_adapted_ellipsoid(look):
     motions, failed = ODD["one failed"]
     seen = look(report_html(motions, R2, adaptations(motions, R2, failed=failed)))

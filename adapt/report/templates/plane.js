@@ -37,11 +37,13 @@ function panels(id, count) {
 
 const title = (text) => ({ text, font: { size: 13 }, x: 0.02, xanchor: "left", y: 0.97, yanchor: "top" });
 
-// Elevation, or the number of the posture where a motion has elevations that were not measured.
+// Elevation, or the number of the posture where a motion has none of its own: not measured, or hardly changing.
 function abscissa() {
   const elevation = inMotion(data.elevation_deg);
-  const known = !elevation.includes(null);
-  return { values: known ? elevation : inMotion(data.posture), name: known ? "humerus elevation, °" : "posture" };
+  const rises = !elevation.includes(null) && Math.max(...elevation) - Math.min(...elevation) >= LEAST_RISE_DEG;
+  return rises
+    ? { values: elevation, name: "humerus elevation, °" }
+    : { values: inMotion(data.posture), name: "posture" };
 }
 
 function here(x) {

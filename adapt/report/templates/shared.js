@@ -14,6 +14,7 @@ const LIGHT_TO_DARK = [
 ];
 const FONT = { family: "system-ui, 'Segoe UI', Helvetica, Arial, sans-serif", size: 12, color: "#222222" };
 const TWO_SIDED_95 = 1.96;
+const LEAST_RISE_DEG = 5;
 const PLAY_MS = 450;
 
 const element = (id) => document.getElementById(id);
