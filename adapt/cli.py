@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 from adapt import status
-from adapt.api import PostureFits, adapt_subjects, fit_postures
+from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.noise import LEAST
@@ -84,22 +84,20 @@ def adapt(
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
 
-    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv and run.json.
+    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, run.json and report.html (the
+    page to look at).
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
     table, models, folder = _inputs(motions, model, out)
     with progress(errors) as report:
         result = adapt_subjects(table, models, weight, reading, report)
-    _write(folder, result)
-    write_table(result.parameters, folder / "parameters.csv")
+    _write_adaptations(folder, result)
     write_run(folder, "adapt", motions, model, {"weight": weight, "reading": reading}, table.rejected)
     print_summary(console, result.summary)
     print_parameters(console, result.parameters)
-    failed = _failed_subjects(result.fits[result.fits["adapted"] == 1])
-    for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
-        if word != status.OK:
-            failed[subject] = f"adaptation {word}"
+    failed = _not_adapted(result)
+    _write_report(folder, table, models, result, failed)
     _finish(table, failed)
 
 
@@ -128,7 +126,8 @@ def diagnose_gap(
     out.
 
     Writes diagnosis.json (everything), gap_heatmap.svg (where the gap is), probabilities.svg (of each answer),
-    gaps.svg (how far the gap shrinks) and run.json. With several models the figures are those of the model with the
+    gaps.svg (how far the gap shrinks), the tables of `girdle adapt`, run.json and report.html (the page to look at).
+    With several models the figures are those of the model with the
     smallest gap after adaptation.
     """
     if noise_deg is not None and not LEAST.angle_deg <= noise_deg <= MOST_NOISE_DEG:
@@ -140,10 +139,14 @@ def diagnose_gap(
         report("figures")
         found = as_json(by_model)
         _write_figures(folder, found)
-    write_json(found, folder / "diagnosis.json")
+        write_json(found, folder / "diagnosis.json")
+        result = adapt_subjects(table, models, progress=report)
+    _write_adaptations(folder, result)
     write_run(folder, "diagnose", motions, model, {"noise_deg": noise_deg}, table.rejected)
     print_diagnosis(console, found)
-    _finish(table, found["left_out"])
+    failed = _not_adapted(result) | found["left_out"]
+    _write_report(folder, table, models, result, failed, found)
+    _finish(table, failed)
 
 
 @app.command("models")
@@ -212,11 +215,39 @@ def _write(folder: Path, result: PostureFits) -> None:
     write_table(result.summary, folder / "summary.csv")
 
 
+def _write_adaptations(folder: Path, result: Adaptations) -> None:
+    _write(folder, result)
+    write_table(result.parameters, folder / "parameters.csv")
+
+
 def _write_figures(folder: Path, found: Object) -> None:
     from adapt.diagnosis.figures import figures  # matplotlib takes half a second to load: not for every command
 
     for name, text in figures(found).items():
         write_whole(folder / name, text)
+
+
+def _write_report(
+    folder: Path,
+    motions: Motions,
+    models: list[ParameterSet],
+    result: Adaptations,
+    failed: dict[str, str],
+    found: Object | None = None,
+) -> None:
+    """Comes last: whatever goes wrong with it, the tables are there."""
+    from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
+
+    write_whole(folder / "report.html", report_html(motions, models, result, failed, found))
+
+
+def _not_adapted(result: Adaptations) -> dict[str, str]:
+    """By subject, what failed of it."""
+    failed = _failed_subjects(result.fits[result.fits["adapted"] == 1])
+    for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
+        if word != status.OK:
+            failed[subject] = f"adaptation {word}"
+    return failed
 
 
 def _failed_subjects(fits) -> dict[str, str]:

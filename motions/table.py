@@ -14,6 +14,16 @@ from motions.errors import InputError
 ANGLES = ("clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x")
 """Cardan angles Y-Z'-X'' of the clavicle and the scapula, the order of every array of six angles."""
 
+ANGLE_NAMES = {
+    "clavicle_y": "clavicle protraction",
+    "clavicle_z": "clavicle elevation",
+    "clavicle_x": "clavicle axial rotation",
+    "scapula_y": "scapula protraction",
+    "scapula_z": "scapula lateral rotation",
+    "scapula_x": "scapula tipping",
+}
+"""What a person calls them; each grows in the direction that its name says, tipping and axial rotation backward."""
+
 LANDMARKS = ("SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
 """Bony landmarks whose positions a motion file may hold (thesis, Appendix A)."""
 

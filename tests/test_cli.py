@@ -7,14 +7,18 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
 from command import Ended, girdle, refused, written
+from test_report import data_of
 
 from adapt import cli, status
+from adapt.report.bones import POINTS
 from adapt.tables import STATISTICS
-from models import model_names
+from models import load_model, model_names
+from models.ellipsoid import signed_distance_mm
 from models.girdle import ADAPTED
 from models.parameters import FOLDER
 from motions import ANGLES
@@ -40,6 +44,9 @@ SUMMARY_COLUMNS = [
 
 OPEN_MM = 1e-6
 """The contract of the files: A1-A3 hold to a nanometre."""
+
+DRAWN_MM = 0.25
+"""Points and ellipsoids of a report are rounded to tenths: 0.05 in each of a few coordinates."""
 
 
 def shipped_lines(subjects: int = 2) -> list[str]:
@@ -93,8 +100,39 @@ def test_fit_writes_its_files_and_nothing_else(fitted):
 def test_adapt_writes_its_files_and_nothing_else(adapted):
     assert (adapted.ended.status, adapted.ended.messages) == (0, [])
     names = sorted(path.name for path in adapted.folder.iterdir())
-    assert names == ["fits.csv", "parameters.csv", "run.json", "summary.csv"]
+    assert names == ["fits.csv", "parameters.csv", "report.html", "run.json", "summary.csv"]
     assert "R2, after adaptation" in adapted.ended.out
+
+
+def test_the_report_draws_the_closed_chain(adapted):
+    """TS and AI at their distance to the ellipsoid, the conoid at its length, as far as the page holds them."""
+    data = data_of((adapted.folder / "report.html").read_text())
+    (model,) = data["models"]
+    girdle = load_model("R2").girdle
+    for state in ("before", "after"):
+        fitted = model["states"][state]
+        points_mm = np.array(fitted["simulated_points_mm"]).reshape(len(POINTS), 3, 28)
+        at: dict[str, np.ndarray] = dict(zip(POINTS, points_mm, strict=True))
+        theta_mm = np.array(fitted["theta_mm"])[np.repeat([0, 1], 14)].T
+        M_y, M_z, A_x, A_y, A_z, conoid_mm = theta_mm
+        centre_mm, semi_axes_mm = jnp.array([0.0 * M_y, M_y, M_z]), jnp.array([A_x, A_y, A_z])
+        for name, expected_mm in (("TS", girdle.ts_distance_mm), ("AI", girdle.ai_distance_mm)):
+            distance_mm = np.asarray(signed_distance_mm(jnp.asarray(at[name]), centre_mm, semi_axes_mm))
+            np.testing.assert_allclose(distance_mm, float(expected_mm), atol=DRAWN_MM)
+        length_mm = np.linalg.norm(at["scapula_conoid"] - at["clavicle_conoid"], axis=0)
+        np.testing.assert_allclose(length_mm, conoid_mm, atol=DRAWN_MM)
+
+
+def test_a_report_that_fails_leaves_the_tables(motion, adapted, tmp_path, monkeypatch):
+    def fail(*_):
+        raise RuntimeError("no report")
+
+    monkeypatch.setattr("adapt.report.report_html", fail)
+    with pytest.raises(RuntimeError, match="no report"):
+        girdle("adapt", motion, "--model", "R2", "--weight", "5", "--out", tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["fits.csv", "parameters.csv", "run.json", "summary.csv"]
+    assert (tmp_path / "fits.csv").read_bytes() == (adapted.folder / "fits.csv").read_bytes()
 
 
 def test_columns_are_the_contracts(fitted, adapted):

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from command import Ended, girdle, refused, written
+from handmade import adaptations
 
 from adapt import cli, diagnose
 from adapt.diagnosis import Amplitude, Changed, Diagnosis
@@ -29,7 +30,8 @@ from models.effects import EFFECTS
 from models.girdle import ADAPTED
 from motions import ANGLES, write_motions
 
-FILES = sorted(["diagnosis.json", "run.json", *FIGURES])
+TABLES = ("fits.csv", "parameters.csv", "summary.csv")
+FILES = sorted(["diagnosis.json", "report.html", "run.json", *TABLES, *FIGURES])
 ANSWERS = {*EFFECTS, NONE, UNKNOWN}
 
 KEYS = {
@@ -400,6 +402,7 @@ def asked(monkeypatch) -> dict[str, Any]:
         return {"R4": replace(NOTHING, model="R4", gap=gap_of(2.0, 2.0)), "R2": SKIN}
 
     monkeypatch.setattr(cli, "diagnose", answer)
+    monkeypatch.setattr(cli, "adapt_subjects", lambda motions, models, progress: adaptations(motions, models))
     return asked
 
 

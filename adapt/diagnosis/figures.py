@@ -16,18 +16,9 @@ from matplotlib.patches import Rectangle
 from adapt.diagnosis.sentence import Object, subjects_text
 from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from adapt.svg import BLUE, NOTE, svg
-from motions.table import ANGLES
+from motions.table import ANGLE_NAMES, ANGLES
 
 FIGURES = ("gap_heatmap.svg", "probabilities.svg", "gaps.svg")
-
-_ANGLE_NAMES = {
-    "clavicle_y": "clavicle protraction",
-    "clavicle_z": "clavicle elevation",
-    "clavicle_x": "clavicle axial rotation",
-    "scapula_y": "scapula protraction",
-    "scapula_z": "scapula lateral rotation",
-    "scapula_x": "scapula tipping",
-}
 
 _OUTLINED = 5
 """Cells with the largest share of the gap that noise does not explain."""
@@ -94,7 +85,7 @@ def _draw_motion(
         corner = lows.index(cell["elevation_low_deg"]) - 0.5, ANGLES.index(cell["angle"]) - 0.5
         axes.add_patch(Rectangle(corner, 1.0, 1.0, fill=False, clip_on=False, edgecolor="black", linewidth=1.6))
     axes.axhline(2.5, color="white", linewidth=2.5)
-    axes.set_yticks(range(len(ANGLES)), [_ANGLE_NAMES[angle] for angle in ANGLES])
+    axes.set_yticks(range(len(ANGLES)), [ANGLE_NAMES[angle] for angle in ANGLES])
     axes.tick_params(length=0.0)
     axes.spines[:].set_visible(False)
 

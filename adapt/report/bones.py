@@ -1,0 +1,30 @@
+"""Where the bones of a parameter set are at given angles, and how far its constraints are from holding there."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from models.girdle import Girdle, constraint_residuals_mm, landmarks
+from motions.rotations import DEG
+
+POINTS = ("AC", "TS", "AI", "clavicle_conoid", "scapula_conoid")
+"""The landmarks that move, in the order of every array of points."""
+
+
+def bones_mm(
+    girdle: Girdle, theta_mm: Float[np.ndarray, "6 rows"], angles_deg: Float[np.ndarray, "6 rows"]
+) -> tuple[Float[np.ndarray, "5 3 rows"], Float[np.ndarray, "3 rows"]]:
+    """POINTS in the thorax frame and A1-A3, mm, of the girdle with each row's adapted parameters at its angles.
+
+    NaN where an angle that it takes is.
+    """
+    points, residuals = _bones(girdle, jnp.asarray(theta_mm), jnp.asarray(angles_deg) / DEG)
+    return np.asarray(points), np.asarray(residuals)
+
+
+@jax.jit  # one compilation kept between runs, where operation by operation would be a hundred
+def _bones(girdle: Girdle, theta_mm: Array, angles: Array) -> tuple[Array, Array]:
+    adapted = girdle.over_axes(1).with_adapted(theta_mm)
+    at = landmarks(adapted, angles)
+    return jnp.stack([getattr(at, name) for name in POINTS]), constraint_residuals_mm(adapted, angles)

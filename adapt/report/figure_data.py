@@ -1,0 +1,142 @@
+"""The numbers that the figures of a report are drawn from, each once, as plain JSON types."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+from adapt import status
+from adapt.api import Adaptations
+from adapt.diagnosis.json_form import plain
+from adapt.report.bones import POINTS, bones_mm
+from adapt.report.chosen import chosen_rows, chosen_subjects, gaps_deg
+from adapt.report.gap_cells import heat_maps
+from adapt.report.headline import closest
+from adapt.report.states import STATES, simulated_deg, state_rows
+from adapt.tables import ALL_MOTIONS, STATISTICS
+from models.girdle import CONSTRAINTS
+from models.parameters import ParameterSet
+from motions.table import ANGLE_NAMES, ANGLES, Motions
+
+Rows = Int[np.ndarray, " rows"]
+
+COLUMNS = (*ANGLES, "clavicle", "scapula")
+"""Of the table of subjects, mean absolute differences."""
+
+CONSTRAINT_NAMES = dict(
+    zip(CONSTRAINTS, ("A1: TS to the ellipsoid", "A2: AI to the ellipsoid", "A3: length of the conoid"), strict=True)
+)
+
+_ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
+"""A hundredth of a degree; a tenth of a mm is less than a pixel; a hundredth of a mm."""
+
+
+def figure_data(
+    motions: Motions, models: Sequence[ParameterSet], result: Adaptations, noise_deg: Mapping[str, float]
+) -> dict[str, Any]:
+    """By name: see the keys. Arrays of rows hold the chosen postures, one subject and motion after the other.
+
+    ``noise_deg`` is the SD of one measured angle by model, where it is known. Null is 'not measured' or 'not fitted'.
+    """
+    first = models[[model.name for model in models].index(closest(result.summary))]
+    left = _gaps(result.summary, first.name, "after", motions.subjects)
+    subjects = chosen_subjects(motions, len(models), dict(zip(motions.subjects, gaps_deg(left[:, :6]), strict=True)))
+    rows = chosen_rows(motions, len(models), subjects)
+    return plain(
+        {
+            "angles": [{"key": angle, "name": ANGLE_NAMES[angle]} for angle in ANGLES],
+            "constraints": list(CONSTRAINT_NAMES.values()),
+            "points": POINTS,
+            "columns": COLUMNS,
+            "subjects": _subjects(motions, rows),
+            "posture": motions.posture[rows],
+            "elevation_deg": _rounded(motions.humerus_elevation_deg[rows], 1),
+            "measured_deg": _rounded(motions.angles_deg[rows].T, _ANGLE_DIGITS),
+            "models": [_model(motions, one, result, rows, subjects, noise_deg.get(one.name)) for one in models],
+        }
+    )
+
+
+def _subjects(motions: Motions, rows: Rows) -> list[dict[str, Any]]:
+    """Each with its motions, each with the first of its rows and the one after the last."""
+    names = motions.subject[rows], motions.motion[rows]
+    new = np.flatnonzero((names[0][1:] != names[0][:-1]) | (names[1][1:] != names[1][:-1])) + 1
+    bounds = [0, *new.tolist(), len(rows)]
+    found: dict[str, list[dict[str, Any]]] = {}
+    for start, end in itertools.pairwise(bounds):
+        found.setdefault(names[0][start], []).append({"name": names[1][start], "rows": [start, end]})
+    return [{"name": name, "motions": parts} for name, parts in found.items()]
+
+
+def _model(
+    motions: Motions,
+    model: ParameterSet,
+    result: Adaptations,
+    rows: Rows,
+    subjects: tuple[str, ...],
+    noise_deg: float | None,
+) -> dict[str, Any]:
+    order = {name: number for number, name in enumerate(motions.subjects)}
+    lane = np.array([order[name] for name in subjects])
+    adapted = result.adapted[model.name]
+    theta_mm = {
+        "before": np.repeat(np.asarray(model.girdle.adapted_mm)[:, None], len(motions.subjects), axis=1),
+        "after": np.where(np.isfinite(adapted.theta_mm).all(axis=0), adapted.theta_mm, np.nan),
+    }
+    of_row = np.array([order[name] for name in motions.subject[rows].tolist()])
+    at_measured = {s: bones_mm(model.girdle, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
+    return {
+        "name": model.name,
+        "noise_deg": noise_deg,
+        "sc_mm": np.asarray(model.girdle.sc_mm),
+        "M_x_mm": float(model.girdle.centre_mm[0]),
+        "thorax_points_mm": _rounded(model.points_mm, _LENGTH_DIGITS),
+        "adaptation": adapted.status[lane],
+        "measured_points_mm": _flat(at_measured["before"][0]),
+        "heat": _heat(motions, result.fits, model.name),
+        "states": {
+            state: {
+                "theta_mm": _rounded(theta_mm[state][:, lane].T, _LENGTH_DIGITS),
+                "gap_deg": _rounded(_gaps(result.summary, model.name, state, subjects), _ANGLE_DIGITS),
+                "residual_mm": _rounded(at_measured[state][1], _RESIDUAL_DIGITS),
+            }
+            | _fits(state_rows(result.fits, model.name, state).iloc[rows], model, theta_mm[state][:, of_row])
+            for state in STATES
+        },
+    }
+
+
+def _fits(fits: pd.DataFrame, model: ParameterSet, theta_mm: Float[np.ndarray, "6 rows"]) -> dict[str, Any]:
+    """Posture fits that are ok: angles, where the bones are, and the root of J; all with their status."""
+    ok = (fits["status"] == status.OK).to_numpy()
+    simulated = np.where(ok, simulated_deg(fits), np.nan)
+    return {
+        "simulated_deg": _rounded(simulated, _ANGLE_DIGITS),
+        "simulated_points_mm": _flat(bones_mm(model.girdle, theta_mm, simulated)[0]),
+        "rms_deg": _rounded(np.sqrt(np.where(ok, fits["j_deg2"], np.nan)), _ANGLE_DIGITS),
+        "status": fits["status"].to_numpy(),
+    }
+
+
+def _gaps(summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 8"]:
+    """COLUMNS of each subject over all of its motions."""
+    rows = state_rows(summary, model, state)
+    rows = rows[(rows["motion"] == ALL_MOTIONS) & ~rows["subject"].isin(STATISTICS)].set_index("subject")
+    return rows.loc[list(subjects), [f"{column}_deg" for column in COLUMNS]].to_numpy(float)
+
+
+def _heat(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any]:
+    found = heat_maps(motions, fits, model)
+    maps = [one | {state: _rounded(one[state], _ANGLE_DIGITS) for state in STATES} for one in found["maps"]]
+    return found | {"maps": maps}
+
+
+def _flat(points_mm: Float[np.ndarray, "5 3 rows"]) -> Float[np.ndarray, "15 rows"]:
+    return _rounded(points_mm.reshape(-1, points_mm.shape[-1]), _LENGTH_DIGITS)
+
+
+def _rounded(values: np.ndarray, digits: int) -> np.ndarray:
+    return np.round(np.asarray(values, dtype=float), digits)

@@ -1,0 +1,63 @@
+"""The gap by angle and elevation, before and after adaptation, over all subjects: the heat maps of a report."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float
+
+from adapt import status
+from adapt.batch import pack
+from adapt.diagnosis.observed import observe
+from adapt.diagnosis.where import BIN_DEG, Cell, Gap, cells
+from adapt.report.states import STATES, simulated_deg, state_rows
+from motions.rotations import DEG
+from motions.table import ANGLES, Motions
+
+ALL = "all motions"
+
+MOST_MOTIONS = 12
+"""With more, only all of them together are shown: their names would be a list nobody reads."""
+
+
+def heat_maps(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any]:
+    """``low_deg``: lower ends of the bins; ``maps``: one a motion, each with an array angles x bins a state.
+
+    Mean absolute difference in degrees over postures whose fit is ok; NaN where there is none.
+    """
+    by_state = {state: _cells(motions, state_rows(fits, model, state)) for state in STATES}
+    found = [cell for of_state in by_state.values() for cell in of_state]
+    low_deg = sorted({cell.elevation_low_deg for cell in found})
+    names = dict.fromkeys(cell.motion for cell in found)
+    maps = [
+        {"motion": name}
+        | {state: _array([c for c in by_state[state] if c.motion == name], low_deg) for state in STATES}
+        for name in names
+    ]
+    return {"low_deg": low_deg, "bin_deg": BIN_DEG, "maps": maps}
+
+
+def _cells(motions: Motions, fits: pd.DataFrame) -> list[Cell]:
+    batch = pack(motions)
+    data = observe(motions, batch)
+    rows = batch.rows[:, : len(batch.subjects)]
+    simulated = (simulated_deg(fits) / DEG)[:, rows]
+    fitted: Bool[np.ndarray, "postures subjects"] = (fits["status"] == status.OK).to_numpy()[rows]
+    data = replace(data, counted=data.counted & fitted & np.isfinite(simulated).all(axis=0))
+    together = replace(data, motion=np.zeros_like(data.motion), motions=(ALL,))
+    one_by_one = [data] if 1 < len(data.motions) <= MOST_MOTIONS else []
+    noise_free = np.zeros_like(simulated)
+    return [
+        cell
+        for part in (together, *one_by_one)
+        if (gap := Gap(part, simulated, noise_free)).used.any()
+        for cell in cells(gap)
+    ]
+
+
+def _array(of: list[Cell], low_deg: list[float]) -> Float[np.ndarray, "6 bins"]:
+    values = np.full((len(ANGLES), len(low_deg)), np.nan)
+    for cell in of:
+        values[ANGLES.index(cell.angle), low_deg.index(cell.elevation_low_deg)] = cell.mean_absolute_deg
+    return values

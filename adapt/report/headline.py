@@ -1,0 +1,44 @@
+"""One sentence: how far the adaptation brings the best parameter set to the measured bones."""
+
+import numpy as np
+import pandas as pd
+
+from adapt.report.states import STATES, state_rows
+from adapt.tables import ALL_MOTIONS
+from motions.table import ANGLES
+
+BONES = ("scapula", "clavicle")
+
+
+def statistic(summary: pd.DataFrame, model: str, state: str, name: str = "mean") -> dict[str, float]:
+    """A row over all subjects and motions of the summary: mean absolute differences in degrees, by column."""
+    rows = state_rows(summary, model, state)
+    row = rows[(rows["motion"] == ALL_MOTIONS) & (rows["subject"] == name)].iloc[0]
+    return {column: float(row[column]) for column in summary.columns if column.endswith("_deg")}
+
+
+def closest(summary: pd.DataFrame) -> str:
+    """The model that leaves the smallest mean difference over the angles after adaptation."""
+
+    def gap_deg(model: str) -> float:
+        row = statistic(summary, model, "after")
+        values = [row[f"{angle}_deg"] for angle in ANGLES]
+        return float(np.nanmean(values)) if np.isfinite(values).any() else np.inf
+
+    return min(dict.fromkeys(summary["model"]), key=gap_deg)
+
+
+def headline(summary: pd.DataFrame, people: str) -> str:
+    """``people`` says who they are: '10 simulated subjects'."""
+    models = list(dict.fromkeys(summary["model"]))
+    best = closest(summary)
+    before, after = (statistic(summary, best, state) for state in STATES)
+    parts = [
+        f"{bone} from {before[f'{bone}_deg']:.1f} to {after[f'{bone}_deg']:.1f}"
+        for bone in BONES
+        if np.isfinite(after[f"{bone}_deg"])
+    ]
+    if not parts:
+        return f"No posture of {people} could be fitted."
+    start = f"Of {len(models)} parameter sets {best} comes closest: adapting it" if models[1:] else f"Adapting {best}"
+    return f"{start} to {people} takes the mean gap of the {' and that of the '.join(parts)} degrees."

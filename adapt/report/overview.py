@@ -1,0 +1,85 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""Who was fitted and how well, over all subjects: the first tables of a report."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from adapt import status
+from adapt.api import Adaptations
+from adapt.report.headline import BONES, statistic
+from adapt.report.states import STATES, state_rows
+from adapt.tables import parameter_statistics
+from models.girdle import ADAPTED
+from motions.table import ANGLES, Motions
+
+_ORIGIN, _SIMULATED = "origin", "simulated"
+"""The column, and its word, of simulated motions (``motions.simulation``)."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One parameter set. Gaps are (before, after) adaptation, degrees; NaN where nothing was fitted."""
+
+    model: str
+    gap_deg: dict[str, tuple[float, float]]
+    """Mean absolute difference of each bone over the subjects; under 'largest' that of one angle of one subject."""
+    postures: int
+    postures_ok: tuple[int, int]
+    subjects: int
+    adapted: int
+    """Subjects whose adaptation ended ok."""
+    at_bound: dict[str, int]
+    """Of those, how many have this parameter at its bound; the others are not named."""
+
+
+def overview(result: Adaptations) -> list[Row]:
+    """One row a parameter set."""
+    return [_row(result, model) for model in result.adapted]
+
+
+def _row(result: Adaptations, model: str) -> Row:
+    before, after = (statistic(result.summary, model, state) for state in STATES)
+    gap_deg = {bone: (before[f"{bone}_deg"], after[f"{bone}_deg"]) for bone in BONES}
+    largest = [statistic(result.summary, model, state, "max") for state in STATES]
+    fits = [state_rows(result.fits, model, state)["status"] == status.OK for state in STATES]
+    parameters = result.parameters[result.parameters["model"] == model]
+    good = parameters[parameters["status"] == status.OK]
+    at_bound = {name: int(good[f"{name}_mm_at_bound"].sum()) for name in ADAPTED}
+    return Row(
+        model=model,
+        gap_deg=gap_deg | {"largest": tuple(_largest(row) for row in largest)},
+        postures=len(fits[0]),
+        postures_ok=tuple(int(ok.sum()) for ok in fits),
+        subjects=len(parameters),
+        adapted=len(good),
+        at_bound={name: count for name, count in at_bound.items() if count},
+    )
+
+
+def _largest(row: dict[str, float]) -> float:
+    """Of the angles that were measured."""
+    values = [row[f"{angle}_deg"] for angle in ANGLES]
+    return max((value for value in values if value == value), default=float("nan"))
+
+
+def adapted_parameters(result: Adaptations) -> dict[str, list[dict[str, Any]]]:
+    """Mean and SD of the adapted parameters by model: Table 6.5 beside the model's own of Table 6.6."""
+    rows = parameter_statistics(result.parameters)
+    return {str(model): part.to_dict("records") for model, part in rows.groupby("model", sort=False)}
+
+
+def simulated_subjects(motions: Motions) -> tuple[str, ...]:
+    """The subjects whose rows say that they are simulated."""
+    if _ORIGIN not in motions.extra:
+        return ()
+    rows = (motions.extra[_ORIGIN] == _SIMULATED).to_numpy()
+    return tuple(dict.fromkeys(motions.subject[rows].tolist()))
+
+
+def people(subjects: int, simulated: int) -> str:
+    """'10 simulated subjects'; '10 subjects (3 of them simulated)'."""
+    word = f"subject{'s' if subjects != 1 else ''}"
+    if simulated == subjects:
+        return f"{subjects} simulated {word}"
+    return f"{subjects} {word} ({simulated} of them simulated)" if simulated else f"{subjects} {word}"

@@ -1,0 +1,28 @@
+"use strict";
+
+// Every figure is drawn from the data element; nothing is computed here but where to draw it.
+const data = JSON.parse(document.getElementById("data").textContent);
+const at = { model: data.first_model, subject: 0, motion: 0, posture: 0, heat: 0, state: "after" };
+
+// Okabe and Ito's palette: told apart by the colour-blind and, by lightness and line style, in grey print.
+const COLOUR = { measured: "#000000", before: "#e69f00", after: "#0072b2", apart: "#cc79a7", thorax: "#8c8c8c" };
+const NAME = { before: "model as it is", after: "adapted" };
+const LIGHT_TO_DARK = [
+  [0, "#f3f8fd"],
+  [0.5, "#6baed6"],
+  [1, "#08306b"],
+];
+const FONT = { family: "system-ui, 'Segoe UI', Helvetica, Arial, sans-serif", size: 12, color: "#222222" };
+const TWO_SIDED_95 = 1.96;
+const LEAST_RISE_DEG = 5;
+const PLAY_MS = 450;
+
+const element = (id) => document.getElementById(id);
+const model = () => data.models[at.model];
+const subject = () => data.subjects[at.subject];
+const motion = () => subject().motions[at.motion];
+const row = () => motion().rows[0] + at.posture;
+const inMotion = (column) => column.slice(...motion().rows);
+const finite = (values) => values.filter((value) => value !== null);
+const narrow = () => window.innerWidth < 700;
+const degrees = (value) => (value === null ? "–" : value.toFixed(1));

@@ -1,0 +1,90 @@
+"""A picture of a report as a person sees it: opened in the system's Chromium, stepped to a posture, saved as a PNG.
+
+python scripts/picture_report.py out/adapt/report.html --out docs/report.png
+"""
+
+import io
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from adapt import cli
+from motions import InputError
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+FLAGS = (
+    *("--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+    *("--no-first-run", "--disable-quic", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync"),
+)
+"""WebGL in software, as a machine without a screen has it; a browser that does nothing on its own."""
+
+DRAWN = "body[data-drawn=yes]"
+PATIENCE_MS = 60_000.0
+"""For 3-D drawn in software on a busy machine."""
+
+COLOURS = 256
+"""In the palette of the picture: a page has few, and the file is a third as large."""
+
+app = typer.Typer(add_completion=False)
+
+
+def installed_browser() -> str | None:
+    """Path of the first one there is."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
+@contextmanager
+def browser() -> Iterator[Browser]:
+    """A headless browser with a fresh profile. InputError if there is none."""
+    path = installed_browser()
+    if path is None:
+        raise InputError("the browser", None, f"none of {', '.join(BROWSERS)} is installed", "Install Chromium")
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=path, headless=True, args=FLAGS)
+        yield started
+        started.close()
+
+
+def open_report(page: Page, report: Path) -> None:
+    """Open the file and wait until all of its figures are drawn."""
+    page.goto(report.resolve().as_uri())
+    page.wait_for_selector(DRAWN, timeout=PATIENCE_MS)
+
+
+def picture(started: Browser, report: Path, posture: int, window: tuple[int, int]) -> Image.Image:
+    """The top of the page at one of its postures, from 1, in few colours."""
+    page = started.new_page(viewport={"width": window[0], "height": window[1]})
+    open_report(page, report)
+    for _ in range(posture - 1):
+        page.click("#next")
+    page.evaluate("document.activeElement.blur()")
+    shot = page.screenshot()
+    page.close()
+    return Image.open(io.BytesIO(shot)).convert("RGB").quantize(COLOURS)
+
+
+@app.command()
+def main(
+    report: Annotated[Path, typer.Argument(metavar="report.html", help="A report that `girdle` wrote.")],
+    out: Annotated[Path, typer.Option("--out", help="The PNG to write.")],
+    posture: Annotated[int, typer.Option(min=1, help="The posture of the first motion that is shown.")] = 3,
+    width: Annotated[int, typer.Option(min=320, help="Of the window, pixels.")] = 1240,
+    height: Annotated[int, typer.Option(min=320, help="Of the picture, pixels from the top of the page.")] = 1310,
+) -> None:
+    """Save the top of a report as a small PNG."""
+    if not report.is_file():
+        raise InputError(str(report), None, "there is no such file", "Name a report.html of `girdle adapt`")
+    with browser() as started:
+        picture(started, report, posture, (width, height)).save(out, optimize=True)
+
+
+if __name__ == "__main__":
+    cli.main(app)
