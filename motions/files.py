@@ -1,4 +1,4 @@
-"""Writing a file whole or not at all."""
+"""Reading text, and writing a file whole or not at all."""
 
 import os
 from pathlib import Path
@@ -7,8 +7,34 @@ from uuid import uuid4
 from motions.errors import InputError
 
 
+def read_text(path: Path, remedy: str) -> str:
+    """The content of a text file, without a byte order mark. InputError if it cannot be read, or is not text: the remedy
+    says how to save or export it."""
+    if path.is_dir():
+        raise InputError(str(path), None, "this is a folder, not a file", "Name the files in it")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        cause = f"the file cannot be read ({error.strerror})"
+        raise InputError(str(path), None, cause, "Check its name, and that you may read it") from error
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(str(path), line, "this is not UTF-8 text", remedy) from error
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise InputError(str(path), line, "this is not text but binary data", remedy)
+    return text
+
+
 def write_whole(path: str | os.PathLike[str], text: str) -> None:
-    """Write the text (UTF-8, line ends as they are) to the path, replacing what was there.
+    """Write the text (UTF-8, line ends as they are) to the path, as `write_bytes_whole` does."""
+    write_bytes_whole(path, text.encode("utf-8"))
+
+
+def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write the content to the path, replacing what was there.
 
     Whoever reads the path, even while this runs or after it broke off, finds all of the old or all of the
     new content. InputError if the folder cannot be written to.
@@ -17,7 +43,7 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
     # In the same folder, because only within one file system is replacing a file a single step.
     part = path.parent / f".{uuid4().hex}.part"
     try:
-        part.write_text(text, encoding="utf-8", newline="")
+        part.write_bytes(content)
         part.replace(path)
     except OSError as error:
         cause = f"the file cannot be written ({error.strerror})"
