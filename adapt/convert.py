@@ -1,10 +1,7 @@
 """``girdle convert``: one file in, one file (or a folder of them) out; what it does follows from the two names."""
 
 import importlib.util
-import re
-from collections.abc import Sequence
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
@@ -13,7 +10,7 @@ from models.opensim import opensim_model
 from models.parameters import load_model
 from motions.csv_rows import read_table
 from motions.errors import InputError
-from motions.files import write_bytes_whole, write_whole
+from motions.files import file_names, write_bytes_whole, write_whole
 from motions.formats.angle_table import split, table_from_motions
 from motions.formats.mot import write_mot
 from motions.formats.reading import read_any
@@ -23,7 +20,6 @@ from motions.table import ANGLES, Motions
 from motions.writing import write_motions
 
 _TEXT_COLUMNS = ("model", "subject", "motion", "status")
-_LONGEST_NAME = 120
 
 
 def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: bool = False) -> Motions | None:
@@ -93,7 +89,9 @@ def write_parquet(source: Path, target: Path) -> None:
 
 def simulated_motions(fits: Path) -> Motions:
     """The simulated angles of a ``fits.csv``, those after adaptation where it has them; the model is in each subject's name."""
-    table = pd.read_csv(fits, dtype={"model": str, "subject": str, "motion": str}, keep_default_na=False, na_values=[""])
+    table = pd.read_csv(
+        fits, dtype={"model": str, "subject": str, "motion": str}, keep_default_na=False, na_values=[""]
+    )
     table = table[table["adapted"] == table["adapted"].max()]
     said = "simulated by the adapted model" if table["adapted"].max() else "simulated by the model as it is"
     return Motions(
@@ -105,24 +103,6 @@ def simulated_motions(fits: Path) -> Motions:
         landmarks_mm={},
         extra=pd.DataFrame({"origin": [said] * len(table)}, dtype=str),
     )
-
-
-def file_names(names: Sequence[str]) -> list[str]:
-    """A file name for each of the names, all different on every file system; a plain name is its own.
-
-    What is not a letter, a digit or one of `_-.+ ` is written as %XX; too long or (but for case) equal ones are numbered.
-    """
-    taken: set[str] = set()
-    result = []
-    for name in names:
-        plain = quote(name, safe=" +")[:_LONGEST_NAME].rstrip(" .") or "_"
-        plain = re.sub(r"^\.", "%2E", plain)
-        unique, number = plain, 2
-        while unique.casefold() in taken:
-            unique, number = f"{plain}~{number}", number + 1
-        taken.add(unique.casefold())
-        result.append(unique)
-    return result
 
 
 def _is_fits(path: Path) -> bool:

@@ -212,7 +212,10 @@ def _cadaver_set(
     """The cadaver of Tables 4.2 and 4.5, at rest where it was measured. points_mm: SC, AC, TS and AI."""
     SC, AC, TS, AI = (np.array(point) for point in points_mm)
     R_thorax_scapula = scapula_frame(AC, TS, AI)
-    angles = [cardan_from_rotation(jnp.asarray(R)) for R in (clavicle_frame(SC, AC, np.array([0.0, 1.0, 0.0])), R_thorax_scapula)]
+    angles = [
+        cardan_from_rotation(jnp.asarray(R))
+        for R in (clavicle_frame(SC, AC, np.array([0.0, 1.0, 0.0])), R_thorax_scapula)
+    ]
     rest_deg = _printed(jnp.concatenate(angles) * DEG)
     ts, ai = R_thorax_scapula.T @ (TS - AC), R_thorax_scapula.T @ (AI - AC)
     length = float(np.linalg.norm(AC - SC))

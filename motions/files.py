@@ -1,10 +1,15 @@
-"""Reading text, and writing a file whole or not at all."""
+"""Reading text, naming files, and writing a file whole or not at all."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import quote
 from uuid import uuid4
 
 from motions.errors import InputError
+
+_LONGEST_NAME = 120
+"""Characters of a file name before its ending; file systems allow 255 bytes."""
 
 
 def read_text(path: Path, remedy: str) -> str:
@@ -50,6 +55,24 @@ def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
         raise InputError(str(path), None, cause, "Name a file in a folder that exists and may be written") from error
     finally:
         _remove(part)
+
+
+def file_names(names: Sequence[str]) -> list[str]:
+    """A file name for each of the names, all different on every file system; a plain name is its own.
+
+    What is not a letter, a digit or one of `_-.+ ` is written as %XX; too long or (but for case) equal ones are numbered.
+    """
+    taken: set[str] = set()
+    result = []
+    for name in names:
+        plain = quote(name, safe=" +")[:_LONGEST_NAME].rstrip(" .") or "_"
+        plain = f"%2E{plain[1:]}" if plain.startswith(".") else plain  # not hidden, and not the folder above
+        unique, number = plain, 2
+        while unique.casefold() in taken:
+            unique, number = f"{plain}~{number}", number + 1
+        taken.add(unique.casefold())
+        result.append(unique)
+    return result
 
 
 def _remove(part: Path) -> None:

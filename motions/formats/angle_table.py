@@ -66,9 +66,11 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         angles_deg, elevation_deg = sampled.values, sampled.at_deg
         numbers = np.arange(1, len(elevation_deg) + 1)
         spread = {spread_column(angle): [f"{x:.4g}" for x in sampled.spread[:, k]] for k, angle in enumerate(ANGLES)}
-        extra = spread | {FRAMES: [str(count) for count in sampled.frames.tolist()]} | {
-            name: cells[: len(numbers)] for name, cells in extra.items()
-        }
+        extra = (
+            spread
+            | {FRAMES: [str(count) for count in sampled.frames.tolist()]}
+            | {name: cells[: len(numbers)] for name, cells in extra.items()}
+        )
     count = len(elevation_deg)
     if said.estimated:
         extra[ESTIMATED] = ["yes"] * count

@@ -27,7 +27,9 @@ def read_c3d(path: Path) -> Markers:
     try:
         content = ezc3d.c3d(file)
     except (OSError, RuntimeError, ValueError, IndexError) as error:
-        cause = f"ezc3d cannot read the file ({str(error).strip().splitlines()[0] if str(error) else 'no reason given'})"
+        cause = (
+            f"ezc3d cannot read the file ({str(error).strip().splitlines()[0] if str(error) else 'no reason given'})"
+        )
         raise InputError(file, None, cause, "Export it again as .c3d from the capture software") from error
     point = content["parameters"]["POINT"]
     positions = np.moveaxis(np.asarray(content["data"]["points"], dtype=float)[:3], 1, 0)

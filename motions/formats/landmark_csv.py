@@ -38,5 +38,7 @@ def read_landmark_csv(path: Path) -> Markers:
             raise InputError(file, 1, f"column {column} is missing", "Give x, y and z of each marker")
     cells = np.array([[row.cells[column] for column in wanted] for row in table.rows], dtype=object)
     values = numbers(cells, [row.line for row in table.rows], file)
-    rows = {column: [row.cells[column].strip() for row in table.rows] for column in ROW_COLUMNS if column in table.columns}
+    rows = {
+        column: [row.cells[column].strip() for row in table.rows] for column in ROW_COLUMNS if column in table.columns
+    }
     return Markers(file, tuple(names), values.T.reshape(len(names), 3, -1), units[0], rows)

@@ -40,7 +40,9 @@ def read_mot(path: Path) -> AngleTable:
     lines = read_text(path, "Export it from OpenSim").splitlines()
     ends = [place for place, line in enumerate(lines) if line.strip().lower() == _END]
     if not ends:
-        raise InputError(file, None, f"there is no line {_END}: this is not a .mot or .sto file", "Export it from OpenSim")
+        raise InputError(
+            file, None, f"there is no line {_END}: this is not a .mot or .sto file", "Export it from OpenSim"
+        )
     body = lines[ends[0] + 1 :]
     header = dict(_key_value(line) for line in lines[: ends[0]])
     rows = [ends[0] + 2 + place for place, line in enumerate(body) if line.strip()]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motions.cells import Side
+from motions.cells import SIDES, Side
 from motions.csv_rows import read_table
 from motions.errors import InputError
 from motions.formats.angle_table import motions_from_table
@@ -92,9 +92,9 @@ def _groups(markers: Markers, labels: Labels) -> list[tuple[np.ndarray, Labels]]
 
 
 def _side(word: str, file: str) -> Side:
-    if word not in ("left", "right"):
+    if word.lower() not in SIDES:
         raise InputError(file, None, f"side is {word!r}", "Write left or right")
-    return "left" if word == "left" else "right"
+    return SIDES[word.lower()]
 
 
 def _with_rows(part: Motions, markers: Markers, rows: np.ndarray) -> Motions:

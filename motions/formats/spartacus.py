@@ -115,7 +115,9 @@ def read_spartacus(folder: Path, labels: Labels) -> Motions:
             except InputError as error:
                 rejected.append(error)
     if not parts:
-        raise rejected[0] if rejected else InputError(str(folder), None, "it has no studies", "Check out the collection")
+        raise (
+            rejected[0] if rejected else InputError(str(folder), None, "it has no studies", "Check out the collection")
+        )
     joined = Motions.concatenate(parts)
     return Motions(**{**vars(joined), "rejected": tuple(rejected)})
 

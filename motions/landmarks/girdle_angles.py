@@ -85,8 +85,7 @@ def _in_thorax(lab_mm: dict[str, np.ndarray], side: Side) -> dict[str, Float[np.
     R_lab_thorax = thorax_frame(*(lab_mm[name] for name in ("IJ", "PX", "C7", "T8")))
     mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
     return {
-        name: mirror * rotated(transposed(R_lab_thorax), position - lab_mm["IJ"])
-        for name, position in lab_mm.items()
+        name: mirror * rotated(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
     }
 
 

@@ -106,5 +106,7 @@ def _check_size(markers: Markers, found: dict[str, np.ndarray], factor: float) -
         return
     fitting = [unit for unit, mm in UNITS_MM.items() if NECK_MM[0] <= neck / factor * mm <= NECK_MM[1]]
     cause = f"IJ and C7 are {neck:.3g} mm apart, which no neck is"
-    remedy = f"The positions look like {fitting[0]}: correct the unit" if fitting else "Check which markers are IJ and C7"
+    remedy = (
+        f"The positions look like {fitting[0]}: correct the unit" if fitting else "Check which markers are IJ and C7"
+    )
     raise InputError(markers.file, None, cause, remedy)

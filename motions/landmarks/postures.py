@@ -137,4 +137,3 @@ def _whole(position_mm: Float[np.ndarray, "postures 3"]) -> Float[np.ndarray, "p
 
 def _texts(values: Float[np.ndarray, " postures"]) -> list[str]:
     return ["" if np.isnan(value) else f"{value:.4g}" for value in values]
-
