@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from adapt import status
 from models.opensim import opensim_model
 from models.parameters import load_model
 from motions.csv_rows import read_table
@@ -74,7 +75,7 @@ def write_mot_folder(motions: Motions, folder: Path, isb: bool) -> None:
 
 
 def write_parquet(source: Path, target: Path) -> None:
-    """Write a CSV table as Parquet: names as text, numbers as numbers. InputError if it is none, or pyarrow is missing."""
+    """Write a CSV table as Parquet, names as text. InputError if it is none, or if pyarrow is not installed."""
     if importlib.util.find_spec("pyarrow") is None:
         cause = "Parquet needs pyarrow, which is not installed"
         raise InputError(str(target), None, cause, "Install it: .venv/bin/pip install pyarrow")
@@ -92,7 +93,9 @@ def simulated_motions(fits: Path) -> Motions:
     table = pd.read_csv(
         fits, dtype={"model": str, "subject": str, "motion": str}, keep_default_na=False, na_values=[""]
     )
-    table = table[table["adapted"] == table["adapted"].max()]
+    table = table[(table["adapted"] == table["adapted"].max()) & (table["status"] == status.OK)]
+    if table.empty:
+        raise InputError(str(fits), None, "no posture was fitted", "Look at the column status")
     said = "simulated by the adapted model" if table["adapted"].max() else "simulated by the model as it is"
     return Motions(
         subject=(table["model"] + "_" + table["subject"]).to_numpy(str),

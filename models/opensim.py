@@ -12,6 +12,7 @@ TS-AI at rest. TS and AI come as markers, their distances as a comment. The mass
 Written after OpenSim's sources; not opened in OpenSim, which has no wheel to test with.
 """
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
@@ -44,7 +45,7 @@ def opensim_model(parameters: ParameterSet) -> str:
     """The .osim file of a parameter set, at rest (de Groot's mean posture)."""
     girdle = parameters.girdle
     document = ET.Element("OpenSimDocument", Version="40000")
-    model = ET.SubElement(document, "Model", name=parameters.name)
+    model = ET.SubElement(document, "Model", name=re.sub(r"[\\/*+\s]", "_", parameters.name))  # not in OpenSim's names
     model.append(ET.Comment(_comment(girdle)))
     _text(model, "length_units", "meters")
     _text(model, "force_units", "N")

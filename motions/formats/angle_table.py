@@ -18,7 +18,9 @@ from motions.table import ANGLES, Motions
 
 ELEVATION = "humerus_elevation"
 SCAPULA_THROUGH = "scapula_through"
-"""The line of the header that names the scapula's landmark, AC or AA: ISB's name of the angles alone does not say it."""
+"""The line of the header that names the scapula's landmark, AC or AA, which ISB's names of the angles do not say."""
+ORIGIN = "origin"
+"""The line of the header, and the extra column, that says of simulated motions that they are."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class _Said:
 
     subject: str
     motion: str
+    origin: str
     estimated: bool
     through: str
 
@@ -40,6 +43,7 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     said = _Said(
         labels.subject or table.header.get("subject", ""),
         labels.motion or table.header.get("motion", ""),
+        table.header.get(ORIGIN, ""),
         table.header.get(ESTIMATED, "") == "yes",
         table.header.get(SCAPULA_THROUGH, ""),
     )
@@ -72,6 +76,8 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
             | {name: cells[: len(numbers)] for name, cells in extra.items()}
         )
     count = len(elevation_deg)
+    if said.origin:
+        extra[ORIGIN] = [said.origin] * count
     if said.estimated:
         extra[ESTIMATED] = ["yes"] * count
     if labels.side == "left":
@@ -101,6 +107,8 @@ def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
     header = {"subject": subject, "motion": motion, SCAPULA_THROUGH: "AC"}
     if ESTIMATED in motions.extra and (motions.extra[ESTIMATED] == "yes").any():
         header[ESTIMATED] = "yes"
+    if ORIGIN in motions.extra and len(set(motions.extra[ORIGIN])) == 1:
+        header[ORIGIN] = " ".join(str(motions.extra[ORIGIN].iloc[0]).split())
     columns = {"time": motions.posture.astype(float), ELEVATION: motions.humerus_elevation_deg}
     columns |= dict(zip(ISB_ANGLES if isb else ANGLES, angles_deg.T, strict=True))
     return AngleTable(file, header, columns)
