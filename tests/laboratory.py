@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.random import Generator
 
-from adapt.fit import fit_lanes
 from models import load_model
 from models.girdle import Girdle, landmarks
 from motions.landmarks.frames import humerus_rotation
@@ -40,27 +39,46 @@ class Trial:
 
     elevation_deg: np.ndarray
     angles_deg: np.ndarray
-    """(frames, 6): angles that the girdle can take exactly."""
+    """(frames, 6)"""
     thorax_mm: dict[str, np.ndarray]
     """(3, frames) each."""
 
 
-def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, model: str = "R2") -> Trial:
-    """The girdle of a parameter set, raised and lowered as close to the published rhythm as its chain allows."""
-    girdle = load_model(model).girdle
+def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, closed: bool = False) -> Trial:
+    """R2, raised as the published rhythm says; closed: as close to it as its constraints let it."""
+    girdle = load_model("R2").girdle
     rest = np.repeat(REST_DEG[:, None], len(elevation_deg), axis=1)
     coefficients = np.repeat(COEFFICIENTS[:, :, None], len(elevation_deg), axis=2)
-    wanted = girdle_angles_deg(rest, np.full(len(elevation_deg), plane_deg), elevation_deg, coefficients)
-    lanes: Girdle = jax.tree.map(lambda x: jnp.repeat(x[..., None], len(elevation_deg), axis=-1), girdle)
-    fitted = fit_lanes(lanes, wanted / DEG, np.ones(wanted.shape, bool))
-    assert (fitted.status == "ok").all()
-    return trial_of(girdle, fitted.angles, elevation_deg, plane_deg)
+    angles = girdle_angles_deg(rest, np.full(len(elevation_deg), plane_deg), elevation_deg, coefficients) / float(DEG)
+    return trial_of(girdle, on_constraints(girdle, angles) if closed else angles, elevation_deg, plane_deg)
+
+
+def on_constraints(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
+    """Angles (6, frames) near the given ones where A1-A3 hold, by steps q - G' (G G')^-1 g (Gauss-Newton)."""
+    lanes = repeated(girdle, angles.shape[1])
+    directions = jnp.eye(6)
+
+    @jax.jit
+    def linearised(q):
+        rows = [jax.jvp(lanes.residuals_mm, (q,), (jnp.broadcast_to(d[:, None], q.shape),)) for d in directions]
+        return rows[0][0], jnp.stack([row[1] for row in rows], axis=1)
+
+    q = jnp.asarray(angles)
+    for _ in range(12):
+        g, G = (np.moveaxis(np.asarray(x), -1, 0) for x in linearised(q))
+        Gt = np.swapaxes(G, 1, 2)
+        q = q - (Gt @ np.linalg.solve(G @ Gt, g[..., None]))[..., 0].T
+    assert np.abs(np.asarray(lanes.residuals_mm(q))).max() < 1e-9
+    return np.asarray(q)
+
+
+def repeated(girdle: Girdle, count: int) -> Girdle:
+    return jax.tree.map(lambda x: jnp.repeat(x[..., None], count, axis=-1), girdle)
 
 
 def trial_of(girdle: Girdle, angles: np.ndarray, elevation_deg: np.ndarray, plane_deg: float) -> Trial:
     """The landmarks of a girdle at angles (6, frames) in radians, and of an arm."""
-    lanes: Girdle = jax.tree.map(lambda x: jnp.repeat(x[..., None], len(elevation_deg), axis=-1), girdle)
-    at = landmarks(lanes, jnp.asarray(angles))
+    at = landmarks(repeated(girdle, len(elevation_deg)), jnp.asarray(angles))
     R_scapula = np.asarray(rotation_from_cardan(jnp.asarray(angles[3:])))
     AC = np.asarray(at.AC)
     zeros = np.zeros_like(elevation_deg)

@@ -314,14 +314,14 @@ def test_palpated_postures_of_several_subjects(trial, lab, tmp_path):
 def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
     trial = simulated_trial(np.linspace(10.0, 70.0, 61))
     lab = in_laboratory(trial.thorax_mm, Z_UP, ORIGIN_MM)
-    labels = Labels("P01", "abduction", at_deg=(10.0, 40.0, 69.5, 120.0))
+    labels = Labels("P01", "abduction", at_deg=(10.5, 40.5, 69.5, 120.0))
     motions = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
-    assert motions.humerus_elevation_deg.tolist() == [10.0, 40.0, 69.5]
-    expected = np.stack([np.interp(motions.humerus_elevation_deg, ELE, column) for ELE, column in zip(
-        [trial.elevation_deg] * 5, true(trial).T, strict=True)], axis=1)  # fmt: skip
+    assert motions.humerus_elevation_deg.tolist() == [10.5, 40.5, 69.5]
+    at = motions.humerus_elevation_deg
+    expected = np.stack([np.interp(at, trial.elevation_deg, column) for column in true(trial).T], axis=1)
     bend_deg = 0.05  # of the rhythm within 5 degrees of the arm
     np.testing.assert_allclose(known(motions), expected, atol=bend_deg)
-    assert motions.extra[FRAMES].tolist() == ["6", "11", "6"]
+    assert motions.extra[FRAMES].tolist() == ["6", "10", "6"]
     spread = motions.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
     assert (spread < bend_deg).all()
     refused(tmp_path / "trial.trc", "the arm goes from 10 to 70", "passes through", labels=Labels("P", "m", at_deg=(90.0,)))
