@@ -27,7 +27,7 @@ from motions.table import ANGLES, Motions
 
 EXACT = 1e-9
 NOISE_MM = 1.0
-AT = tuple(range(15, 136, 15))
+AT = (15, 35, 55, 75, 95, 115, 135)
 SIX_STANDARD_ERRORS = 6.0
 """A difference of noise alone is larger once in 5e8."""
 
@@ -39,26 +39,28 @@ def trials():
 
 
 @pytest.fixture(scope="module")
-def converted(trials, tmp_path_factory) -> dict[str, tuple[Motions, Motions]]:
-    """Both trials with 1 mm of noise and gaps, z up, through .c3d and .trc and the command line."""
+def converted(trials, tmp_path_factory) -> dict[str, Motions]:
+    """Both trials, twice with other noise of 1 mm, with gaps, z up, through .c3d and the command line: subjects S0, S1.
+
+    S0 through .trc too. Two subjects of 14 postures, as in other tests, so that little is compiled.
+    """
     generator = Generator(PCG64(7))
     folder = tmp_path_factory.mktemp("laboratory")
     turn = Rotation.from_euler("xyz", [90, 10, -30], degrees=True).as_matrix()
     gaps = {"AC": slice(100, 130), "T8": slice(300, 320), "EL": slice(500, 505)}
-    result = {}
-    for plane, trial in trials.items():
-        lab = with_gaps(
-            with_noise(in_laboratory(trial.thorax_mm, turn, np.array([500.0, -200.0, 900.0])), NOISE_MM, generator), gaps
-        )
-        write_c3d(folder / "trial.c3d", lab)
-        (folder / "trial.trc").write_text("\n".join(trc_lines(lab)) + "\n")
-        for kind in ("c3d", "trc"):
-            out = folder / f"{kind}{plane:g}.csv"
-            at = ",".join(map(str, AT))
-            ended = girdle("convert", folder / f"trial.{kind}", out, "--subject", "S", "--motion", f"{plane:g}", "--at", at)
-            assert (ended.status, ended.err) == (0, ""), ended.err
-            result.setdefault(kind, []).append(read_motions(out))
-    return {kind: tuple(parts) for kind, parts in result.items()}
+    parts = {"c3d": [], "trc": []}
+    for number in range(2):
+        for plane, trial in trials.items():
+            exact = in_laboratory(trial.thorax_mm, turn, np.array([500.0, -200.0, 900.0]))
+            lab = with_gaps(with_noise(exact, NOISE_MM, generator), gaps)
+            write_c3d(folder / "trial.c3d", lab)
+            (folder / "trial.trc").write_text("\n".join(trc_lines(lab)) + "\n")
+            for kind in ("c3d", "trc") if number == 0 else ("c3d",):
+                names = ("--subject", f"S{number}", "--motion", f"{plane:g}", "--at", ",".join(map(str, AT)))
+                ended = girdle("convert", folder / f"trial.{kind}", folder / "out.csv", *names)
+                assert (ended.status, ended.err) == (0, ""), ended.err
+                parts[kind].append(read_motions(folder / "out.csv"))
+    return {kind: Motions.concatenate(some) for kind, some in parts.items()}
 
 
 def true_at(trial, elevation_deg):
@@ -68,25 +70,28 @@ def true_at(trial, elevation_deg):
     return np.stack([np.interp(elevation_deg, trial.elevation_deg[:half], column) for column in columns], axis=1)
 
 
-@pytest.mark.parametrize("kind", ["c3d", "trc"])
-def test_a_noisy_trial_with_gaps_is_converted_to_within_its_noise(trials, converted, kind):
+def test_noisy_trials_with_gaps_are_converted_to_within_their_noise(trials, converted):
     """The error of each angle is within what its own spread and number of frames say."""
-    for trial, motions in zip(trials.values(), converted[kind], strict=True):
-        assert motions.humerus_elevation_deg.tolist() == list(AT)
-        error = motions.angles_deg - true_at(trial, motions.humerus_elevation_deg)
-        spread = motions.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
-        standard_error = spread / np.sqrt(motions.extra[FRAMES].astype(float).to_numpy())[:, None]
-        known = [k for k, angle in enumerate(ANGLES) if angle != "clavicle_x"]
+    known = [k for k, angle in enumerate(ANGLES) if angle != "clavicle_x"]
+    motions = converted["c3d"]
+    for plane, trial in trials.items():
+        mine = motions.select(motions.motion == f"{plane:g}")
+        assert mine.humerus_elevation_deg.tolist() == list(AT) * 2
+        error = mine.angles_deg - true_at(trial, mine.humerus_elevation_deg)
+        spread = mine.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
+        standard_error = spread / np.sqrt(mine.extra[FRAMES].astype(float).to_numpy())[:, None]
         bend_deg = 0.05  # of the angles' curves within the window
         assert (np.abs(error) < SIX_STANDARD_ERRORS * standard_error + bend_deg)[:, known].all()
-        assert (0.3 < spread[:, known]).all() and (spread[:, known] < 1.5).all()  # 1 mm over 100-150 mm
-        assert set(motions.extra[ESTIMATED]) == {"yes"}
+        single_frame = spread[:, known]
+        assert single_frame.min() > 0.2  # 1 mm over 100-150 mm
+        assert single_frame.max() < 1.5
+        assert set(mine.extra[ESTIMATED]) == {"yes"}
 
 
 def test_both_kinds_of_file_say_the_same(converted):
     single_precision_deg = 1e-3
-    for one, other in zip(converted["c3d"], converted["trc"], strict=True):
-        np.testing.assert_allclose(one.angles_deg, other.angles_deg, atol=single_precision_deg)
+    first = converted["c3d"].select(converted["c3d"].subject == "S0")
+    np.testing.assert_allclose(first.angles_deg, converted["trc"].angles_deg, atol=single_precision_deg)
 
 
 def test_the_girdle_is_adapted_to_within_the_noise(converted):
@@ -94,30 +99,30 @@ def test_the_girdle_is_adapted_to_within_the_noise(converted):
 
     The axial rotation of the clavicle is left out, because its estimate is not the girdle's own.
     """
-    motions = Motions.concatenate(converted["c3d"])
+    motions = converted["c3d"]
     angles = motions.angles_deg.copy()
     angles[:, ANGLES.index("clavicle_x")] = np.nan
     result = adapt_subjects(replace(motions, angles_deg=angles), load_model("R2"))
-    assert result.parameters["status"].tolist() == ["ok"]
+    assert result.parameters["status"].tolist() == ["ok"] * 2
     after = result.fits[result.fits["adapted"] == 1]
     noise_deg = 0.3
     assert after[DIFFERENCES].abs().mean().max() < noise_deg
     own = np.asarray(load_model("R2").girdle.adapted_mm)
-    found = result.adapted["R2"].theta_mm[:, 0]
-    assert np.abs(found - own)[[1, 2, 4, 5]].max() < 3.0  # M_z, A_x, A_z, conoid: mm; M_y and A_y trade off
+    moved_mm = np.abs(result.adapted["R2"].theta_mm - own[:, None])
+    assert moved_mm[[1, 2, 4]].max() < 3.0  # M_z, A_x, A_z; M_y and A_y trade off, the conoid hangs on the axial rotation
 
 
 def test_an_adapted_model_loads_again_to_the_same_girdle(tmp_path):
-    names = ["P 1/left", "p 1/LEFT", "..", "\u00fc"]
+    names = ["P 1/\u00fc", "p 1/\u00fc"]
     motions = read_motions(DATA_FILE)
-    motions = motions.select(np.isin(motions.subject, motions.subjects[:4]))
+    motions = motions.select(np.isin(motions.subject, motions.subjects[:2]))
     named = dict(zip(motions.subjects, names, strict=True))
     motions = replace(motions, subject=np.array([named[name] for name in motions.subject]))
     write_motions(motions, tmp_path / "m.csv")
     ended = girdle("adapt", tmp_path / "m.csv", "--model", "R2", "--out", tmp_path / "out")
     assert ended.status == 0, ended.err
     files = sorted((tmp_path / "out" / "models").iterdir())
-    assert len(files) == 4
+    assert len(files) == 2
     table = pd.read_csv(tmp_path / "out" / "parameters.csv").set_index("subject")
     by_name = {load_model(path).name: load_model(path) for path in files}
     base = load_model("R2")
@@ -141,7 +146,7 @@ def simulated_go_on_as_mot(folder: Path) -> None:
     ended = girdle("convert", folder / "out" / "fits.csv", folder / "mots")
     assert ended.status == 0, ended.err
     files = sorted((folder / "mots").iterdir())
-    assert len(files) == 8
+    assert len(files) == 4
     assert "origin=simulated by the adapted model" in files[0].read_text()
     back = girdle("convert", files[0], folder / "back.csv")
     assert back.status == 0, back.err
