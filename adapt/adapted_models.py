@@ -1,7 +1,6 @@
 """The adapted girdles as parameter sets that ``--model`` takes back: one TOML file a model and subject."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -42,22 +41,26 @@ def write_adapted_models(
         if result.status[number] != status.OK:
             continue
         path = target / f"{name}.toml"
-        at_bound = dict(zip(ADAPTED, result.at_bound[:, number], strict=True))
+        at_bound = {name: bool(flag) for name, flag in zip(ADAPTED, result.at_bound[:, number], strict=True)}
         write_whole(path, adapted_toml(model, subjects[number], result.theta_mm[:, number], at_bound, how))
         written.append(path)
     return written
 
 
-def adapted_toml(model: ParameterSet, subject: str, theta_mm: np.ndarray, at_bound: dict[str, bool], how: str) -> str:
+def adapted_toml(
+    model: ParameterSet, subject: str, theta_mm: np.ndarray, at_bound: Mapping[str, bool], how: str
+) -> str:
     """The parameter set of one subject. Numbers that were not adapted keep the source that they have in the model."""
     girdle = model.girdle.with_adapted(jnp.asarray(theta_mm))
-    girdle = replace(girdle, centre_mm=girdle.centre_mm + 0.0)
     source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
     for key, names in _KEY_OF.items():
         bound = ", ".join(name for name in names if at_bound[name])
         flag = f"; at its bound: {bound}" if bound else ""
         source[key] = f"adapted to {subject}, from {model.name} ({how}){flag}"
-    comment = f"{model.name} adapted to {subject}.\nWritten by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
+    comment = (
+        f"{model.name} adapted to {subject}.\n"
+        "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
+    )
     name = f"{model.name}_{subject}"
     return parameters_toml(name, _one_line(comment), girdle, model.points_mm, source, _own_bounds(model))
 

@@ -174,8 +174,8 @@ def convert_file(
 ) -> None:
     """Bring files of your laboratory into this project's forms, and results into those of others.
 
-    Landmarks (.c3d, .trc, .csv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which the other
-    commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
+    Landmarks (.c3d, .trc, .csv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which the
+    other commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
     parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table becomes .parquet.
     """
     if side not in SIDES:
@@ -188,7 +188,8 @@ def convert_file(
         return
     subjects = len(motions.subjects)
     console.print(
-        f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}", soft_wrap=True
+        f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
+        soft_wrap=True,
     )
     _finish(motions, {})
 

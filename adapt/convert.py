@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """``girdle convert``: one file in, one file (or a folder of them) out; what it does follows from the two names."""
 
 import importlib.util
@@ -79,20 +81,15 @@ def write_parquet(source: Path, target: Path) -> None:
     if importlib.util.find_spec("pyarrow") is None:
         cause = "Parquet needs pyarrow, which is not installed"
         raise InputError(str(target), None, cause, "Install it: .venv/bin/pip install pyarrow")
-    columns = read_table(source).columns
-    text = {name: str for name in columns if name in _TEXT_COLUMNS}
-    try:
-        table = pd.read_csv(source, dtype=text, keep_default_na=False, na_values=[""])
-    except (ValueError, OSError) as error:
-        raise InputError(str(source), None, f"this is not a table ({error})", "Name a CSV table") from error
-    write_bytes_whole(target, table.to_parquet(index=False))
+    write_bytes_whole(target, _table(source).to_parquet(index=False))
 
 
 def simulated_motions(fits: Path) -> Motions:
-    """The simulated angles of a ``fits.csv``, those after adaptation where it has them; the model is in each subject's name."""
-    table = pd.read_csv(
-        fits, dtype={"model": str, "subject": str, "motion": str}, keep_default_na=False, na_values=[""]
-    )
+    """The simulated angles of a ``fits.csv``, after adaptation where it has them, of the postures whose fit is ``ok``.
+
+    The subjects are called MODEL_SUBJECT. InputError if there is no such posture.
+    """
+    table = _table(fits)
     table = table[(table["adapted"] == table["adapted"].max()) & (table["status"] == status.OK)]
     if table.empty:
         raise InputError(str(fits), None, "no posture was fitted", "Look at the column status")
@@ -105,6 +102,17 @@ def simulated_motions(fits: Path) -> Motions:
         angles_deg=np.stack([table[f"{angle}_simulated_deg"].to_numpy(float) for angle in ANGLES], axis=1),
         landmarks_mm={},
         extra=pd.DataFrame({"origin": [said] * len(table)}, dtype=str),
+    )
+
+
+def _table(path: Path) -> pd.DataFrame:
+    """A CSV table as it was written: numbers with all their digits, and names as text even where they look like numbers.
+
+    InputError if it is none.
+    """
+    names = [name for name in read_table(path).columns if name in _TEXT_COLUMNS]
+    return pd.read_csv(
+        path, dtype=dict.fromkeys(names, "str"), keep_default_na=False, na_values=[""], float_precision="round_trip"
     )
 
 

@@ -1,13 +1,12 @@
-"""A girdle as an OpenSim 4 model (.osim): thorax, clavicle and scapula, OpenSim's ScapulothoracicJoint on the ellipsoid,
-AC as a point constraint and the conoid as a constant distance.
+"""A girdle as an OpenSim 4 model (.osim): bones, OpenSim's ScapulothoracicJoint on the ellipsoid, AC and conoid.
 
-OpenSim's axes are ISB's (x forward, y up, z right), in metres: v_opensim = Q v / 1000 with (x, y, z) = (-z, y, x) of ours,
-for every bone, so the clavicle's coordinates are the thesis's angles: Y, Z' and X'' are OpenSim's y, -x and z.
+OpenSim's axes are ISB's (x forward, y up, z right), in metres: v_opensim = Q v / 1000, that is (-z, y, x) of ours, for
+every bone, so the clavicle's coordinates are the thesis's angles: Y, Z' and X'' are OpenSim's y, -x and z.
 
 Both mechanisms have three degrees of freedom, but they are not the same. Here TS and AI keep their distances to the
-ellipsoid (A1, A2). OpenSim's joint (Seth et al., Nonlinear Dyn. 62 (2010) 291-303; PLoS ONE 11 (2016) e0141028) keeps one
-point of the scapula on the ellipsoid, turns it with the surface and lets it wing. That point is the one nearest to halfway
-TS-AI at rest. TS and AI come as markers, their distances as a comment. The masses are placeholders: kinematics only.
+ellipsoid (A1, A2). OpenSim's joint (Seth et al., Nonlinear Dyn. 62 (2010) 291-303) keeps one point of the scapula on
+the ellipsoid, turns it with the surface and lets it wing. That point is the one nearest to halfway TS-AI at rest. TS
+and AI come as markers, their distances as a comment. The masses are placeholders: kinematics only.
 
 Written after OpenSim's sources; not opened in OpenSim, which has no wheel to test with.
 """
@@ -80,9 +79,12 @@ def opensim_model(parameters: ParameterSet) -> str:
 
 
 def contact(girdle: Girdle) -> tuple[Float[np.ndarray, "2"], Vector, Matrix]:
-    """The joint at rest: its first two coordinates (rad), and origin (mm) and axes of its frame in the scapula, OpenSim's axes.
+    """The joint at rest: its first two coordinates (rad), and origin (mm) and axes of its frame in the scapula.
 
-    With radii (r_x, r_y, r_z) the joint's origin in the thorax is centre + (r_x sin q1 cos q2, r_y sin q2, r_z cos q1 cos q2)
+    In OpenSim's axes, with radii (r_x, r_y, r_z), the joint's origin in the thorax is
+
+        centre + (r_x sin q1 cos q2, r_y sin q2, r_z cos q1 cos q2)
+
     and its axes are Ry(q1) Rx(-q2) Rz(q3), without winging (ScapulothoracicJoint.cpp, MobilizedBody::Ellipsoid).
     """
     R_thorax_clavicle, R_thorax_scapula = bone_rotations(jnp.asarray(REST_DEG) / DEG)
@@ -103,9 +105,9 @@ def radii_mm(girdle: Girdle) -> Vector:
 
 def _comment(girdle: Girdle) -> str:
     return (
-        " Written by girdle; not opened in OpenSim. Right shoulder, kinematics only: masses are placeholders. In girdle's "
-        f"model TS and AI stay {float(girdle.ts_distance_mm):.3f} and {float(girdle.ai_distance_mm):.3f} mm outside the "
-        "ellipsoid (negative: inside); OpenSim's ScapulothoracicJoint keeps one point of the scapula on it instead. "
+        " Written by girdle; not opened in OpenSim. Right shoulder, kinematics only: masses are placeholders. In the "
+        f"model of girdle TS and AI stay {float(girdle.ts_distance_mm):.3f} and {float(girdle.ai_distance_mm):.3f} mm "
+        "outside the ellipsoid (negative: inside); OpenSim's ScapulothoracicJoint keeps one point of the bone on it. "
     )
 
 

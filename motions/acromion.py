@@ -1,12 +1,13 @@
 """From a scapula frame through AA (ISB; Wu 2005) to the thesis's through AC: one stated mean rotation, never silent.
 
-In the bone, both frames are fixed, so R_thorax_AC = R_thorax_AA R_AA_AC with one R_AA_AC for a scapula. Without AC of the
-scapula at hand, a mean of other scapulae stands in for it, and its error is a constant rotation in every posture of
-the subject: what the diagnosis calls scapula_landmark_bias.
+In the bone, both frames are fixed, so R_thorax_AC = R_thorax_AA R_AA_AC with one R_AA_AC for a scapula. Without AC of
+the scapula at hand, a mean of other scapulae stands in for it, and its error is a constant rotation in every posture
+of the subject: what the diagnosis calls scapula_landmark_bias.
 """
 
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -44,14 +45,14 @@ def _orthonormal(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
 
 
 KOLZ = AcromionRotation(
-    # Which way round the printed matrix is to be read follows from anatomy: AA lies behind and below AC, so the x-axis of
-    # the AA frame points more backward (+z) and down (-y) in the AC frame. Read the other way it would lie in front.
-    # The angles agree: AA gives less protraction and less lateral rotation, by 12-15 and 10-12 deg (Ludewig et al.,
-    # Clin. Biomech. 25 (2010) 415-421: 11.6 less internal rotation, 12.4 less upward rotation, 6.1 more posterior tilt
-    # at full elevation).
+    # Which way round the printed matrix is to be read follows from anatomy: AA lies behind and below AC, so the x-axis
+    # of the AA frame points more backward (+z) and down (-y) in the AC frame. Read the other way it would be in front.
+    # The angles agree: AA gives less protraction, less lateral rotation and more backward tipping (Ludewig et al.,
+    # Clin. Biomech. 25 (2010) 415-421: 11.6 deg less internal rotation; at full elevation 12.4 deg less upward rotation
+    # and 6.1 deg more posterior tilt).
     R_ac_aa=_orthonormal(_THESIS_FROM_ISB @ _KOLZ_PRINTED @ _THESIS_FROM_ISB.T),
     uncertainty_deg=4.0,
-    source="Kolz et al., Gait Posture 81 (2020) 183-190; uncertainty assumed: its means differ by 2-4 deg from Ludewig 2010's",
+    source="Kolz et al., Gait Posture 81 (2020) 183-190; uncertainty assumed, as Ludewig 2010's means are 2-4 deg off",
 )
 
 ROTATIONS = {"kolz2020": KOLZ}
@@ -81,4 +82,4 @@ def aa_from_ac_deg(
 
 def _turned_deg(angles_deg, R) -> Float[np.ndarray, "postures 3"]:
     R_thorax_scapula = np.asarray(rotation_from_cardan(angles_deg.T / DEG))
-    return np.asarray(cardan_from_rotation(composed(R_thorax_scapula, R[:, :, None]))).T * float(DEG)
+    return np.asarray(cardan_from_rotation(jnp.asarray(composed(R_thorax_scapula, R[:, :, None])))).T * float(DEG)

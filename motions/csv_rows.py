@@ -41,7 +41,7 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def read_table(path: Path, check_header: Callable[[list[str], str, int], None] | None = None) -> CsvTable:
-    """Any CSV file. InputError if it as a whole cannot be used; check_header raises it for the header of a certain kind."""
+    """Any CSV file. InputError if it as a whole cannot be used; check_header raises it for headers of its own kind."""
     file = str(path)
     lines = _split(read_text(path, _SAVE_AS), file)
     header_line, header = next(lines, (None, []))

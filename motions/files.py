@@ -13,8 +13,10 @@ _LONGEST_NAME = 120
 
 
 def read_text(path: Path, remedy: str) -> str:
-    """The content of a text file, without a byte order mark. InputError if it cannot be read, or is not text: the remedy
-    says how to save or export it."""
+    """The content of a text file, without a byte order mark.
+
+    InputError if it cannot be read, or is not text: the remedy says how to save or export it.
+    """
     if path.is_dir():
         raise InputError(str(path), None, "this is a folder, not a file", "Name the files in it")
     try:
@@ -60,7 +62,8 @@ def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
 def file_names(names: Sequence[str]) -> list[str]:
     """A file name for each of the names, all different on every file system; a plain name is its own.
 
-    What is not a letter, a digit or one of `_-.+ ` is written as %XX; too long or (but for case) equal ones are numbered.
+    What is not a letter, a digit or one of `_-.~+ ` is written as %XX; long names, and names equal but for case, are
+    numbered.
     """
     taken: set[str] = set()
     result = []

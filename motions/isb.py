@@ -5,7 +5,7 @@ backward. The axes are the same but for names, (x, y, z)_thesis = (z, y, -x)_ISB
 
     (a, b, c) = (alpha, -beta, gamma).
 
-This changes the names of axes only. ISB's scapula frame goes through AA and the thesis's through AC: `motions.acromion`.
+This changes the names of axes only. ISB's scapula frame goes through AA, the thesis's through AC: `motions.acromion`.
 """
 
 import numpy as np

@@ -1,9 +1,12 @@
+# pyright: reportAttributeAccessIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """``girdle convert`` as a person uses it, and the adapted models that come out of ``girdle adapt``."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
@@ -109,7 +112,9 @@ def test_the_girdle_is_adapted_to_within_the_noise(converted):
     assert after[DIFFERENCES].abs().mean().max() < noise_deg
     own = np.asarray(load_model("R2").girdle.adapted_mm)
     moved_mm = np.abs(result.adapted["R2"].theta_mm - own[:, None])
-    assert moved_mm[[1, 2, 4]].max() < 3.0  # M_z, A_x, A_z; M_y and A_y trade off, the conoid hangs on the axial rotation
+    assert (
+        moved_mm[[1, 2, 4]].max() < 3.0
+    )  # M_z, A_x, A_z; M_y and A_y trade off, the conoid hangs on the axial rotation
 
 
 def test_an_adapted_model_loads_again_to_the_same_girdle(tmp_path):
@@ -205,7 +210,7 @@ def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
 def test_the_opensim_model_places_the_bones_as_this_one_does(name):
     """Each bone's pose at rest, from the numbers in the file alone and OpenSim's own order of transforms."""
     girdle_ = load_model(name).girdle
-    at = chain_landmarks(girdle_, *bone_rotations(REST_DEG / float(DEG)))
+    at = chain_landmarks(girdle_, *bone_rotations(jnp.asarray(REST_DEG / float(DEG))))
     Q = np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
     expected = {point: Q @ np.asarray(getattr(at, point)) / 1000.0 for point in ("AC", "TS", "AI")}
     document = ET.fromstring(opensim_model(load_model(name)))
@@ -220,7 +225,9 @@ def test_the_opensim_model_places_the_bones_as_this_one_does(name):
         np.testing.assert_allclose(found, expected[marker.attrib["name"]], atol=1e-12)
     residuals = constraint_errors_m(document, poses)
     assert residuals["acromioclavicular"] < 1e-12
-    assert residuals["conoid"] == pytest.approx(float(girdle_.residuals_mm(REST_DEG / float(DEG))[2]) / 1000.0, abs=1e-12)
+    assert residuals["conoid"] == pytest.approx(
+        float(girdle_.residuals_mm(jnp.asarray(REST_DEG / float(DEG)))[2]) / 1000.0, abs=1e-12
+    )
 
 
 def vector(element: ET.Element, tag: str) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Files of a laboratory: what they hold is read, and the traps of real ones are met by a message or a correct reading."""
+"""Files of a laboratory: what they hold is read; the traps of real ones are met by a message or a correct reading."""
 
 import struct
 
@@ -272,7 +272,7 @@ def test_line_ends_and_a_missing_blank_line_of_a_trc_file(lab, tmp_path, line_en
 
 @pytest.mark.parametrize("lines", [[], ["a", "b"], ["PathFileType\t4"] + ["x"] * 9])
 def test_what_is_no_trc_file(tmp_path, lines):
-    with pytest.raises(InputError, match="trc file|Frame#"):
+    with pytest.raises(InputError, match=r"trc file|Frame#"):
         read_trc(trc(tmp_path, lines))
 
 
@@ -324,7 +324,9 @@ def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
     assert motions.extra[FRAMES].tolist() == ["6", "10", "6"]
     spread = motions.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
     assert (spread < bend_deg).all()
-    refused(tmp_path / "trial.trc", "the arm goes from 10 to 70", "passes through", labels=Labels("P", "m", at_deg=(90.0,)))
+    refused(
+        tmp_path / "trial.trc", "the arm goes from 10 to 70", "passes through", labels=Labels("P", "m", at_deg=(90.0,))
+    )
 
 
 def test_raising_and_lowering_that_differ_show_in_the_spread(tmp_path):
@@ -444,6 +446,6 @@ def test_a_mapping_file(tmp_path):
 @pytest.mark.parametrize("name", ["trial.xlsx", "trial"])
 def test_a_kind_of_file_that_is_not_known(tmp_path, name):
     (tmp_path / name).write_text("x")
-    with pytest.raises(InputError, match="not known|no ending") as caught:
+    with pytest.raises(InputError, match=r"not known|no ending") as caught:
         read_any(tmp_path / name, Mapping(), LABELS)
     assert ".c3d, .trc" in caught.value.remedy

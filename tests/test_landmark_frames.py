@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from motions import read_motions
 from motions.acromion import KOLZ, aa_from_ac_deg, ac_from_aa_deg
+from motions.cells import Side
 from motions.errors import InputError
 from motions.isb import isb_from_thesis, thesis_from_isb
 from motions.landmarks.frames import (
@@ -36,7 +37,7 @@ SHAPE_MM = {
     "elbow": np.array([0.0, -280.0, 0.0]),
     "epicondyle": np.array([35.0, 0.0, 0.0]),
 }
-"""A girdle: SC in the thorax, AC in the clavicle, TS, AI and GH in the scapula, the elbow and half its width in the humerus."""
+"""SC in the thorax, AC in the clavicle, TS, AI and GH in the scapula, the elbow and half its width in the humerus."""
 
 ANGLES = st.tuples(
     st.floats(-80, 20), st.floats(-30, 60), st.floats(-20, 80), st.floats(-40, 80), st.floats(-60, 60)
@@ -47,7 +48,7 @@ TURN = st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180))
 
 
 def girdle_mm(angles_deg, arm_deg=(0.0, 30.0, 0.0)) -> dict[str, np.ndarray]:
-    """The landmarks of a right girdle in the thorax frame, by SciPy's rotations. angles_deg: clavicle y, z, scapula y, z, x."""
+    """The landmarks of a right girdle in the thorax frame, by SciPy's rotations; clavicle y, z, scapula y, z, x."""
     clavicle = Rotation.from_euler("YZ", angles_deg[:2], degrees=True)
     scapula = Rotation.from_euler("YZX", angles_deg[2:], degrees=True)
     humerus = Rotation.from_euler("YZY", arm_deg, degrees=True)
@@ -104,7 +105,8 @@ def test_clavicle_scapula_and_humerus_by_hand():
 @pytest.mark.parametrize(("plane_deg", "elbow"), [(0.0, (280.0, 0.0, 0.0)), (90.0, (0.0, 0.0, -280.0))])
 def test_an_arm_raised_to_the_side_and_to_the_front(plane_deg, elbow):
     """Abduction by 90 degrees points the arm to the right, plane 0; forward flexion to the front, plane 90."""
-    R = humerus_frame(np.zeros(3), np.array(elbow) - [0.0, 30.0, 0.0], np.array(elbow) + [0.0, 30.0, 0.0])
+    half = np.array([0.0, 30.0, 0.0])
+    R = humerus_frame(np.zeros(3), np.array(elbow) - half, np.array(elbow) + half)
     found = np.degrees(humerus_angles(R))
     np.testing.assert_allclose(found[:2], [plane_deg, 90.0], atol=1e-12)
 
@@ -153,7 +155,8 @@ def test_the_unit_of_the_positions_does_not_matter(angles_deg, factor):
 
 def test_the_other_shoulder_or_left_handed_axes_are_found_out():
     points = girdle_mm(np.array([-30.0, 10.0, 30.0, 10.0, -10.0]))
-    for wrong, side in ((mirrored(points), "right"), (points, "left")):
+    cases: list[tuple[dict[str, np.ndarray], Side]] = [(mirrored(points), "right"), (points, "left")]
+    for wrong, side in cases:
         with pytest.raises(InputError, match="acromion lies on the") as caught:
             frame_angles(wrong, side, "file")
         assert "--side" in caught.value.remedy
@@ -192,7 +195,7 @@ def test_aa_to_ac_and_back(scapula):
 
 
 def test_aa_reads_as_less_protracted_and_less_laterally_rotated():
-    """Ludewig 2010: AA gives 11.6 degrees less internal rotation, and at full elevation 12.4 less upward rotation and 6.1 more
+    """Ludewig 2010: 11.6 degrees less internal rotation, and at full elevation 12.4 less upward rotation and 6.1 more
     posterior tilt. One constant rotation of other scapulae gives these signs, within its uncertainty and theirs."""
     raised = np.array([[40.0, 54.4, 0.0]])
     difference = (aa_from_ac_deg(raised, KOLZ) - raised)[0]

@@ -57,7 +57,9 @@ def data(folder: Path, number: int, authors: str, shoulder: str = "", arm=ARM, t
     tail = f"_{shoulder}.csv" if shoulder else ".csv"
     for name, angle in CURVES.items():
         values = np.interp(np.abs(arm), ARM, angle) * (-1.0 if name in turned else 1.0)
-        (where / f"{name}{tail}").write_text("".join(f"{a!r},{v!r}\n" for a, v in zip(arm.tolist(), values.tolist(), strict=True)))
+        (where / f"{name}{tail}").write_text(
+            "".join(f"{a!r},{v!r}\n" for a, v in zip(arm.tolist(), values.tolist(), strict=True))
+        )
     return where
 
 
@@ -66,7 +68,8 @@ def checkout(folder: Path, studies: list[str], rows: list[str]) -> Path:
     tables.mkdir(parents=True, exist_ok=True)
     head = "dataset_id,dataset_authors,dataset_year,thorax_y_direction,scapula_z_direction,side_as_right"
     (tables / "dataset_of_datasets.csv").write_text("\n".join([head, *studies]) + "\n")
-    head = "dataset_id,dataset_authors,humeral_motion,joint,euler_sequence,shoulder_id,side,folder,dof_1st_euler,dof_2nd_euler,dof_3rd_euler"
+    head = "dataset_id,dataset_authors,humeral_motion,joint,euler_sequence,shoulder_id,side,folder,"
+    head += "dof_1st_euler,dof_2nd_euler,dof_3rd_euler"
     (tables / "dataset_clean_of_joint_data.csv").write_text("\n".join([head, *rows]) + "\n")
     return folder
 

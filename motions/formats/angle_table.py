@@ -97,7 +97,7 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
 def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
     """The postures of one motion of one subject as columns, degrees; time is the number of the posture.
 
-    Elevation and the six ANGLES, or ISB_ANGLES: the same rotations under ISB's names, with the scapula still through AC.
+    Elevation and the six ANGLES, or ISB_ANGLES: the same rotations under ISB's names, the scapula still through AC.
     """
     subject, motion = str(motions.subject[0]), str(motions.motion[0])
     for name in (subject, motion):
@@ -105,7 +105,7 @@ def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
             raise InputError(file, None, f"the name {name!r} has a line break", "Give it a name on one line")
     angles_deg = isb_from_thesis(motions.angles_deg) if isb else motions.angles_deg
     header = {"subject": subject, "motion": motion, SCAPULA_THROUGH: "AC"}
-    if ESTIMATED in motions.extra and (motions.extra[ESTIMATED] == "yes").any():
+    if ESTIMATED in motions.extra and "yes" in motions.extra[ESTIMATED].tolist():
         header[ESTIMATED] = "yes"
     if ORIGIN in motions.extra and len(set(motions.extra[ORIGIN])) == 1:
         header[ORIGIN] = " ".join(str(motions.extra[ORIGIN].iloc[0]).split())

@@ -1,4 +1,4 @@
-"""Positions of landmarks in a CSV file: columns IJ_x_mm, IJ_y_mm, IJ_z_mm, ... (or _m, _cm), one row a posture or frame."""
+"""Positions of landmarks in a CSV file: columns IJ_x_mm, IJ_y_mm, ... (or _m, _cm), one row a posture or frame."""
 
 import re
 from pathlib import Path

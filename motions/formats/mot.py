@@ -79,7 +79,7 @@ def write_mot(table: AngleTable, path: Path) -> None:
 
 
 def _key_value(line: str) -> tuple[str, str]:
-    """A line of the header; OpenSim and SIMM separate key and value by =, blanks or tabs, and call the counts differently."""
+    """A line of the header. OpenSim and SIMM separate key and value by =, blanks or tabs and differ in the keys."""
     key, value = (*re.split(r"[ \t=]+", line.strip(), maxsplit=1), "")[:2]
     key = key.lower()
     return _ALIASES.get(key, key), value.strip()

@@ -59,7 +59,7 @@ def _with_names(motions: Motions, path: Path) -> Motions:
 
 
 def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
-    """The postures of every subject in the file; those of a subject whose landmarks are wrong are left out and named."""
+    """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
     lab_mm = landmarks_mm(markers, mapping)
     parts, rejected = [], []
     for rows, one in _groups(markers, labels):

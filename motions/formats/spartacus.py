@@ -1,17 +1,17 @@
-"""A checkout of Spartacus, the public collection of measured shoulder kinematics (GPL-3.0; doi 10.5281/zenodo.11455521).
+"""A checkout of Spartacus, the public collection of measured shoulder kinematics (doi 10.5281/zenodo.11455521).
 
 `spartacus/dataset/dataset_of_datasets.csv` has a row a study with the axes of its bones' frames in words,
-`dataset_clean_of_joint_data.csv` a row for each joint, motion and shoulder with its sequence of angles and the names of
-three files in `spartacus/data/FOLDER`, each of two columns without names: angle of the arm, angle of the bone (degrees).
+`dataset_clean_of_joint_data.csv` a row for each joint, motion and shoulder with its sequence of angles and the names
+of three files in `spartacus/data/FOLDER`, of two columns without names: angle of the arm, angle of the bone (degrees).
 
-Read are studies of clavicle and scapula against an anatomical thorax in ISB's axes and sequence yx'z''. What is known to
-be wrong in the collection is met so:
+Read are studies of clavicle and scapula against an anatomical thorax in ISB's axes and sequence yx'z''. What is known
+to be wrong in the collection is met so:
 
 - its matrix of Kolz 2020 from AC to AA is applied transposed: not used here, see `motions.acromion`;
-- Moissenet's files of upward rotation have the opposite sign of ISB's beta, and `corrections.csv` turns only those of the
-  elevations round, not of horizontal flexion and axial rotation: turned round here in every motion;
-- the columns of clavicular protraction and elevation are swapped for Matsuki: an angle is known here by the name of its
-  file, not by its column. (Matsuki's thorax is the imaging frame and its scapula goes through the glenoid: left out.)
+- Moissenet's files of upward rotation have the opposite sign of ISB's beta, and `corrections.csv` turns only those of
+  the elevations round, not of horizontal flexion and axial rotation: turned round here in every motion;
+- the columns of clavicular protraction and elevation are swapped for Matsuki: an angle is known here by the name of
+  its file, not by its column. (Matsuki's thorax is the imaging frame, its scapula goes through the glenoid: left out.)
 """
 
 from dataclasses import dataclass
@@ -154,6 +154,8 @@ def _shoulder(folder: Path, study: Row, rows: list[Row], through: str, labels: L
         if not set(ISB_ANGLES) <= set(files):
             continue
         arm_deg, isb_deg = _sampled(files, folder)
+        if elevation_deg is None and abs(arm_deg[0]) > abs(arm_deg[-1]):  # ISB's elevation is negative
+            arm_deg, isb_deg = arm_deg[::-1], isb_deg[::-1]
         if elevation_deg is None and isb_deg[-1, 4] > isb_deg[0, 4]:
             cause = f"{subject}, {motion}: the scapula rotates medially while the arm is raised"
             raise InputError(str(folder), None, cause, "Check the signs of its upward rotation")
@@ -201,15 +203,13 @@ def _curve(path: Path, sign: float) -> _Curve:
 
 
 def _sampled(files: dict[str, _Curve], folder: Path):
-    """The arm's angles that all files reach, in the order of a raised arm, and ISB_ANGLES there, degrees."""
+    """The multiples of STEP_DEG of the arm's angle that all files reach, and ISB_ANGLES there, degrees."""
     low = max(float(curve.arm_deg.min()) for curve in files.values())
     high = min(float(curve.arm_deg.max()) for curve in files.values())
     arm_deg = STEP_DEG * np.arange(np.ceil(low / STEP_DEG - 1e-9), np.floor(high / STEP_DEG + 1e-9) + 1)
     if len(arm_deg) < 2:
         cause = f"the files of a motion have only {low:.0f} to {high:.0f} degrees of the arm in common"
         raise InputError(str(folder), None, cause, "It cannot be read")
-    if high <= 0.0:
-        arm_deg = arm_deg[::-1]  # ISB's elevation is negative
     return arm_deg, np.stack([files[angle].at(arm_deg) for angle in ISB_ANGLES], axis=1)
 
 

@@ -1,7 +1,7 @@
 """Marker positions in a .trc file (Motion Analysis, OpenSim): five lines of header, then tab-separated columns.
 
-Read with pandas and not with trc-data-reader: its 0.4.1 splits lines at any white space, so that an empty cell, which is
-how a .trc writes a gap, shifts all markers to its right by one place without a word.
+Read with pandas and not with trc-data-reader: its 0.4.1 splits lines at any white space, so that an empty cell, which
+is how a .trc writes a gap, shifts all markers to its right by one place without a word.
 """
 
 import io
@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from motions.errors import InputError
-from motions.formats.gaps import zeros_as_gaps
 from motions.files import read_text
+from motions.formats.gaps import zeros_as_gaps
 from motions.formats.text import numbers
 from motions.landmarks.markers import Markers
 

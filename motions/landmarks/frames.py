@@ -20,7 +20,7 @@ def thorax_frame(IJ: Points, PX: Points, C7: Points, T8: Points) -> Rotations:
 
 
 def clavicle_frame(SC: Points, AC: Points, y_thorax: Points) -> Rotations:
-    """Frame of the clavicle without axial rotation: x from SC to AC, z normal to x and the y-axis of the thorax, backward.
+    """Frame of the clavicle without axial rotation: x from SC to AC, z normal to x and the thorax's y, backward.
 
     Two landmarks do not give the axial rotation (Appendix A, note 1).
     """

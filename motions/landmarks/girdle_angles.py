@@ -66,10 +66,11 @@ def frame_angles(
 def estimated_axial_deg(
     angles_deg: Float[np.ndarray, "postures 6"], rest_deg: Float[np.ndarray, "6"]
 ) -> Float[np.ndarray, " postures"]:
-    """The clavicle's axial rotation that turns SC and AC joint least from rest, where it is 0 (`clavicle_axial_rotation`).
+    """The clavicle's axial rotation that turns SC and AC joint least from rest, where it is 0.
 
-    Section 6.3 of the thesis minimises the rotation in both joints, note 1 of its Appendix A (Pronk) in the AC joint alone.
-    On bone-pin shoulders the former is 1-5 degrees (rms) off the measured rotation, the latter 5-11, so it is the former here.
+    Section 6.3 of the thesis minimises the rotation in both joints, note 1 of its Appendix A (Pronk) in the AC joint
+    alone. On six bone-pin shoulders the former is 1-5 degrees (rms) off the measured rotation, the latter 5-11: here it
+    is the former, `clavicle_axial_rotation`.
     """
     rest = np.where(np.arange(6) == CLAVICLE_X, 0.0, rest_deg) / float(DEG)
     postures = jnp.asarray(angles_deg.T / float(DEG))

@@ -31,7 +31,7 @@ class Mapping:
     unit: str | None = None
     """Unit of the positions, where the file does not say it."""
     axes: tuple[str, str, str] = ("x", "y", "z")
-    """Which axes of the file, with their signs, make up a right-handed frame. Which of them points up is of no matter."""
+    """Which axes of the file, with their signs, make a right-handed frame. Which of them points up does not matter."""
     markers: dict[str, str] = field(default_factory=dict)
     """The laboratory's name of a landmark."""
     columns: dict[str, str] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class Mapping:
 
 
 def read_mapping(path: Path | None) -> Mapping:
-    """The mapping in a TOML file; that of this project's own names where there is no file. InputError if it is wrong."""
+    """The mapping in a TOML file, or that of this project's own names. InputError if the file is wrong."""
     if path is None:
         return Mapping()
     file = str(path)

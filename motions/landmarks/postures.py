@@ -48,16 +48,14 @@ class Labels:
 def postures_from_landmarks(
     lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str
 ) -> Motions:
-    """The postures of one subject, numbered from 1 in the order of the frames, from landmarks in any right-handed frame, mm.
+    """The postures of one subject, numbered from 1 in the order of the frames.
 
-    The clavicle's axial rotation is estimated from the posture with the arm lowest (the first one where the humerus was
-    not measured), and marked as an estimate. Postures with too few angles are left out. InputError if none is left.
+    lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the posture with the
+    arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures with too few
+    angles are left out. InputError if none is left.
     """
     frames = frame_angles(dict(lab_mm), labels.side, file, labels.aa_to_ac)
-    if labels.at_deg:
-        table = _sampled(frames, labels, file)
-    else:
-        table = _as_they_are(frames, labels)
+    table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
     measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= LEAST_MEASURED_ANGLES
     if not measured.any():
         cause = f"no posture has {LEAST_MEASURED_ANGLES} angles: landmarks are missing in every one"
@@ -109,7 +107,7 @@ def _table(
     elevation_deg: Float[np.ndarray, " postures"],
     angles_deg: Float[np.ndarray, "postures 6"],
     landmarks_mm: dict[str, Float[np.ndarray, "postures 3"]],
-    extra: dict[str, Sequence[str]],
+    extra: Dictionary[str, Sequence[str]],
 ) -> Motions:
     count = len(elevation_deg)
     extra = dict(extra)
