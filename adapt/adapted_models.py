@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from adapt import status
 from adapt.adaptation import Adapted
@@ -48,7 +49,7 @@ def write_adapted_models(
 
 
 def adapted_toml(
-    model: ParameterSet, subject: str, theta_mm: np.ndarray, at_bound: Mapping[str, bool], how: str
+    model: ParameterSet, subject: str, theta_mm: Float[np.ndarray, "6"], at_bound: Mapping[str, bool], how: str
 ) -> str:
     """The parameter set of one subject. Numbers that were not adapted keep the source that they have in the model."""
     girdle = model.girdle.with_adapted(jnp.asarray(theta_mm))

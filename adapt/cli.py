@@ -39,6 +39,9 @@ NO_EFFECT = "none"
 MOST_NOISE_DEG = 20.0
 """More noise than this is a slip of the pen: every posture would be within it."""
 
+MANY_FRAMES = 50
+"""More postures than a palpator records: this is a trial, which is better sampled."""
+
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -191,6 +194,8 @@ def convert_file(
         f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
         soft_wrap=True,
     )
+    if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
+        console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
     _finish(motions, {})
 
 

@@ -106,7 +106,7 @@ def simulated_motions(fits: Path) -> Motions:
 
 
 def _table(path: Path) -> pd.DataFrame:
-    """A CSV table as it was written: numbers with all their digits, and names as text even where they look like numbers.
+    """A CSV table as it was written: numbers with all their digits, names as text even where they look like numbers.
 
     InputError if it is none.
     """

@@ -187,6 +187,7 @@ def test_motions_through_a_folder_of_mot_files(tmp_path):
         (["out.csv", "--side", "up"], "--side", "the side is 'up'", "left or right"),
         (["out.csv", "--at", "30;60"], "--at", "'30;60' is not a list", "30,60,90"),
         (["out.csv", "--aa-to-ac", "x"], "--aa-to-ac", "there is no rotation 'x'", "kolz2020"),
+        (["out.csv", "--at", "30,60"], str(DATA_FILE), "--subject, --motion, --side and --at would change", "Leave"),
         (["out.csv", "--map", "nowhere.toml"], "nowhere.toml", "cannot be read", "mapping file"),
     ],
 )
@@ -194,6 +195,13 @@ def test_what_cannot_be_converted(tmp_path, monkeypatch, arguments, where, cause
     monkeypatch.chdir(tmp_path)
     refused(girdle("convert", DATA_FILE, *arguments), where, cause, remedy)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, tmp_path):
+    (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
+    ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv")
+    assert ended.out.startswith(f"600 postures of 1 subject in {tmp_path / 't.csv'}\n")
+    assert "--at 30,60,90" in ended.out
 
 
 def test_a_folder_that_is_no_checkout(tmp_path):

@@ -34,6 +34,7 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
         if not is_spartacus(path):
             cause = "this folder is not a checkout of the Spartacus collection"
             raise InputError(str(path), None, cause, "Name one file, or the folder of the checkout")
+        _check_unused(labels, path, "shoulders and motions")
         return read_spartacus(path, labels)
     kind = path.suffix.lower()
     if kind in _OF_MARKERS:
@@ -43,9 +44,17 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
     if kind == ".csv":
         if holds_positions(list(read_table(path).columns)):
             return _of_markers(read_landmark_csv(path), mapping, _named(labels, path))
+        _check_unused(labels, path, "subjects, motions and postures")
         return read_motions(path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
+
+
+def _check_unused(labels: Labels, path: Path, own: str) -> None:
+    """InputError if options are given that would change nothing, as the file has its own words for them."""
+    if labels.subject or labels.motion or labels.at_deg or labels.side != "right":
+        cause = f"it has its own {own}: --subject, --motion, --side and --at would change nothing"
+        raise InputError(str(path), None, cause, "Leave them out")
 
 
 def _named(labels: Labels, path: Path) -> Labels:
