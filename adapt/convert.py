@@ -111,9 +111,7 @@ def _table(path: Path) -> pd.DataFrame:
     InputError if it is none.
     """
     names = [name for name in read_table(path).columns if name in _TEXT_COLUMNS]
-    return pd.read_csv(
-        path, dtype=dict.fromkeys(names, "str"), keep_default_na=False, na_values=[""], float_precision="round_trip"
-    )
+    return pd.read_csv(path, dtype=dict.fromkeys(names, "str"), keep_default_na=False, na_values=[""])
 
 
 def _is_fits(path: Path) -> bool:

@@ -5,6 +5,8 @@
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,10 +18,13 @@ from numpy.random import PCG64, Generator
 from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
+from adapt.adaptation import Adapted
+from adapt.adapted_models import write_adapted_models
 from adapt.tables import DIFFERENCES
 from models import load_model, model_names
 from models.girdle import ADAPTED, bone_rotations, chain_landmarks
 from models.opensim import opensim_model
+from models.parameters import FOLDER
 from motions import read_motions, write_motions
 from motions.files import file_names
 from motions.landmarks.postures import ESTIMATED, FRAMES, spread_column
@@ -144,6 +149,25 @@ def test_an_adapted_model_loads_again_to_the_same_girdle(tmp_path):
     again = girdle("fit", tmp_path / "m.csv", "--model", files[0], "--out", tmp_path / "again")
     assert again.status == 0, again.err
     simulated_go_on_as_mot(tmp_path)
+
+
+def test_an_adapted_model_keeps_bounds_of_its_own_and_a_failed_one_leaves_nothing(tmp_path):
+    """A semi-axis that may shrink to 1 mm has its lower bound nearer than the upper: half widths are those written."""
+    text = (FOLDER / "R2.toml").read_text().replace("[source]", "[bounds]\nM_y_mm = 20.0\nA_z_mm = 200.0\n\n[source]")
+    (tmp_path / "own.toml").write_text(text)
+    own = load_model(tmp_path / "own.toml")
+    theta = np.asarray(own.girdle.adapted_mm)[:, None] + np.array([[1.0, 2.0]])
+    result = SimpleNamespace(theta_mm=theta, at_bound=np.zeros((6, 2), bool), status=np.array(["ok", "not_converged"]))
+    stale = tmp_path / "models" / "R2_bad.toml"
+    stale.parent.mkdir()
+    stale.write_text("of an earlier run")
+    written = write_adapted_models(tmp_path, ["good", "bad"], [own], {"R2": cast(Adapted, result)}, "a test")
+    assert [path.name for path in written] == ["R2_good.toml"]
+    assert not stale.exists()
+    again = load_model(written[0])
+    np.testing.assert_array_equal(again.girdle.adapted_mm, theta[:, 0])
+    half_widths = [20.0, 30.0, 30.0, 100.0, 200.0, 8.0]
+    np.testing.assert_allclose(again.bounds_mm[1] - theta[:, 0], half_widths, rtol=1e-12)
 
 
 def simulated_go_on_as_mot(folder: Path) -> None:
