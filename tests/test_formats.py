@@ -213,6 +213,9 @@ def test_a_trc_line_with_too_many_or_wrong_cells(lab, tmp_path):
     lines[7] += "\t17.0"
     assert refused(trc(tmp_path, lines), "more than the", "surplus tab").row == 8
     lines = trc_lines(lab)
+    lines[-1] = lines[-1][: len(lines[-1]) // 2]
+    assert refused(trc(tmp_path, lines), "ends before", "cut off").row == len(lines)
+    lines = trc_lines(lab)
     lines[8] = lines[8].replace(lines[8].split("\t")[4], "1,5")
     assert refused(trc(tmp_path, lines), "'1,5' is not a number", "decimal point").row == 9
 
@@ -349,6 +352,7 @@ def test_angles_through_mot_and_back(tmp_path, isb):
     one = read_motions(DATA_FILE)
     one = one.select((one.subject == "simulated03") & (one.motion == "abduction"))
     one.angles_deg[2, 2] = np.nan
+    one.extra[ESTIMATED] = "yes"
     path = tmp_path / "a.mot"
     write_mot(table_from_motions(one, isb, "a.mot"), path)
     again = read_any(path, Mapping(), Labels("", ""))
@@ -358,6 +362,7 @@ def test_angles_through_mot_and_back(tmp_path, isb):
     assert (again.motion == one.motion).all()
     np.testing.assert_array_equal(again.posture, one.posture)
     assert set(again.extra["origin"]) == {"simulated"}
+    assert set(again.extra[ESTIMATED]) == {"yes"}
 
 
 def mot(folder, lines, name="trial.mot"):
@@ -392,6 +397,8 @@ def test_a_laboratorys_own_mot_file(tmp_path):
         (["name", "inDegrees=yes", "endheader", *ROWS, "2.0 1 2"], "3 cells where there are 4", "nan"),
         (["name", "inDegrees=yes", "endheader", "time a a", "0 1 2"], "'a' stands there twice", "Rename"),
         (["name", "inDegrees=yes", "endheader", "time a b", "0 1 x"], "'x' is not a number", "decimal"),
+        (["name", "inDegrees=yes", "endheader", "time a b", "0 1 1_0"], "'1_0' is not a number", "decimal"),
+        (["name", "inDegrees=yes", "endheader", "time a b", "0 1 inf"], "'inf' is infinite", "Empty"),
         (["name", "inDegrees=yes", "endheader"], "no rows under endheader", "columns"),
     ],
 )

@@ -101,12 +101,14 @@ def test_aa_needs_the_stated_rotation_and_gets_it_the_right_way_round(tmp_path):
     assert set(motions.extra[SCAPULA_ROTATED]) == {"AA brought to AC by kolz2020 +- 4 deg"}
 
 
-def test_upward_rotation_of_moissenet_is_turned_round_in_every_motion(tmp_path):
-    """Its files have the other sign, and `corrections.csv` only turns those of the elevations."""
+@pytest.mark.parametrize("listed", [True, False])
+def test_upward_rotation_of_moissenet_is_turned_round_once_listed_or_not(tmp_path, listed):
+    """Its files have the other sign, and `corrections.csv` lists only those of the elevations."""
     authors = "Moissenet et al."
     dense = np.linspace(20.0, 120.0, 1500)
     where = data(tmp_path, 14, authors, "6", dense, turned=("ST_medRotation",))
-    (where / "corrections.csv").write_text("ST_medRotation_6.csv,-1\n")
+    if listed:
+        (where / "corrections.csv").write_text("ST_medRotation_6.csv,-1\n")
     rows = joints(14, authors, "6") + joints(14, authors, "6", motion="horizontal flexion")
     motions = read_spartacus(checkout(tmp_path, [study(14, authors)], rows), Labels("", ""))
     assert motions.subjects == ("moissenet2009_6",)

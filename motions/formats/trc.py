@@ -1,14 +1,13 @@
 """Marker positions in a .trc file (Motion Analysis, OpenSim): five lines of header, then tab-separated columns.
 
-Read with pandas and not with trc-data-reader: its 0.4.1 splits lines at any white space, so that an empty cell, which
-is how a .trc writes a gap, shifts all markers to its right by one place without a word.
+Not read with trc-data-reader: its 0.4.1 splits lines at any white space, so that an empty cell, which is how a .trc
+writes a gap, shifts all markers to its right by one place without a word.
 """
 
-import io
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
+from jaxtyping import Float
 
 from motions.errors import InputError
 from motions.files import read_text
@@ -53,22 +52,22 @@ def _marker_names(names: list[str], file: str) -> list[str]:
     return row[::3]
 
 
-def _table(lines: list[str], columns: int, file: str) -> np.ndarray:
-    """The data as numbers. Pandas keeps an empty cell between two tabs in its place."""
-    text = [line if line.strip() else "" for line in lines[_FIRST_DATA_LINE - 1 :]]
-    start = _FIRST_DATA_LINE
-    if not any(text):
+def _table(lines: list[str], columns: int, file: str) -> Float[np.ndarray, "frames columns"]:
+    """The data as numbers; an empty cell between two tabs keeps its place."""
+    rows = [row for row, line in enumerate(lines, 1) if row >= _FIRST_DATA_LINE and line.strip()]
+    if not rows:
         raise InputError(file, None, "there are no frames under the header", _EXPORT)
-    for row, line in enumerate(text, start):
-        if line and len(line.rstrip("\t\r ").split("\t")) > columns:
+    table = []
+    for row in rows:
+        cells = lines[row - 1].split("\t")
+        if any(cell.strip() for cell in cells[columns:]):
             cause = f"the line has more than the {columns} cells of the header"
             raise InputError(file, row, cause, "Look for a marker without a name, or a surplus tab")
-    frame = pd.read_csv(
-        io.StringIO("\n".join(text)), sep="\t", header=None, names=list(range(columns)), usecols=range(columns),
-        dtype=str, keep_default_na=False, skip_blank_lines=True,
-    )  # fmt: skip
-    rows = [row for row, line in enumerate(text, start) if line]
-    return numbers(frame.fillna("").to_numpy(), rows, file)
+        if len(cells) < columns:
+            cause = f"the line has {len(cells)} cells and ends before the {columns} of the header"
+            raise InputError(file, row, cause, "Export it again if it was cut off; a gap is an empty cell with its tab")
+        table.append(cells[:columns])
+    return numbers(np.array(table, dtype=object), rows, file)
 
 
 def _check_count(header: dict[str, str], key: str, found: int, what: str, file: str) -> None:
