@@ -1,4 +1,4 @@
-"""The command line: ``girdle fit | adapt | diagnose | simulate | effects | models``, thin over ``adapt``."""
+"""The command line: ``girdle fit | adapt | diagnose | convert | simulate | effects | models``, thin over ``adapt``."""
 
 import sys
 from pathlib import Path
@@ -10,7 +10,9 @@ import typer
 from rich.console import Console
 
 from adapt import status
+from adapt.adapted_models import write_adapted_models
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
+from adapt.convert import convert
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.noise import LEAST
@@ -23,7 +25,11 @@ from adapt.terminal import print_parameters, print_summary, progress
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
 from motions import InputError, Motions, read_motions, write_motions
+from motions.acromion import ROTATIONS, acromion_rotation
+from motions.cells import SIDES
 from motions.files import write_whole
+from motions.landmarks.mapping import read_mapping
+from motions.landmarks.postures import Labels
 
 EXIT_BAD_INPUT = 2
 EXIT_SOME_NOT_HANDLED = 3
@@ -32,6 +38,9 @@ NO_EFFECT = "none"
 
 MOST_NOISE_DEG = 20.0
 """More noise than this is a slip of the pen: every posture would be within it."""
+
+MANY_FRAMES = 50
+"""More postures than a palpator records: this is a trial, which is better sampled."""
 
 app = typer.Typer(
     add_completion=False,
@@ -84,8 +93,8 @@ def adapt(
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
 
-    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, run.json and report.html (the
-    page to look at).
+    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, run.json, report.html (the page
+    to look at) and, in models/, each adapted model as a TOML file that --model takes.
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
@@ -93,6 +102,7 @@ def adapt(
     with progress(errors) as report:
         result = adapt_subjects(table, models, weight, reading, report)
     _write_adaptations(folder, result)
+    write_adapted_models(folder, table.subjects, models, result.adapted, f"w = {weight:g}, reading {reading}")
     write_run(folder, "adapt", motions, model, {"weight": weight, "reading": reading}, table.rejected)
     print_summary(console, result.summary)
     print_parameters(console, result.parameters)
@@ -149,6 +159,48 @@ def diagnose_gap(
     _finish(table, failed)
 
 
+@app.command("convert")
+def convert_file(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A file, or the folder of a Spartacus checkout.")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="A file, or a folder for .mot files.")],
+    names: Annotated[
+        Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
+    ] = None,
+    subject: Annotated[str, typer.Option(help="Whose motion it is, if the file does not say; else its name.")] = "",
+    motion: Annotated[str, typer.Option(help="What motion it is, if the file does not say; else its name.")] = "",
+    side: Annotated[str, typer.Option(help="Shoulder: right or left.")] = "right",
+    at: Annotated[
+        str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
+    ] = "",
+    aa_to_ac: Annotated[
+        str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
+    ] = "",
+    isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
+) -> None:
+    """Bring files of your laboratory into this project's forms, and results into those of others.
+
+    Landmarks (.c3d, .trc, .csv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which the
+    other commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
+    parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table becomes .parquet.
+    """
+    if side not in SIDES:
+        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
+    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
+    labels = Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac)
+    motions = convert(source, target, read_mapping(names), labels, isb)
+    if motions is None:
+        console.print(f"{target} written", soft_wrap=True)
+        return
+    subjects = len(motions.subjects)
+    console.print(
+        f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
+        soft_wrap=True,
+    )
+    if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
+        console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
+    _finish(motions, {})
+
+
 @app.command("models")
 def list_models() -> None:
     """List the parameter sets, one line each."""
@@ -199,6 +251,15 @@ def list_effects() -> None:
     for one in EFFECTS.values():
         scale = " / ".join(f"{value:g}" for value in one.scale)
         console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit}", soft_wrap=True)
+
+
+def _elevations(at: str) -> tuple[float, ...]:
+    """The numbers of --at, each once, from low to high."""
+    try:
+        return tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
+    except ValueError:
+        cause = f"'{at}' is not a list of elevations"
+        raise InputError("--at", None, cause, "Give degrees separated by commas, as in --at 30,60,90") from None
 
 
 def _inputs(motions: list[Path], models: list[str], out: Path) -> tuple[Motions, list[ParameterSet], Path]:

@@ -5,19 +5,21 @@ landmarks and ellipsoid of one cadaver, dissected and in MRI (Tables 4.2, 4.5). 
 with the conoid's attachments. What is missing is placed so that A1-A3 hold in a stated rest posture. In mm.
 """
 
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from models.girdle import Girdle, bone_rotations, constraint_residuals_mm
 from models.parameters import shortest_conoid_mm
+from models.writing import parameters_toml
 from motions.files import write_whole
+from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation, rotate, rotation_from_vector
 
@@ -110,20 +112,6 @@ def thorax_points_mm(centre_mm: Float[Array, " 3"], semi_axes_mm: Float[Array, "
     return np.stack([A_x * width * np.cos(azimuth), y, M_z + A_z * width * np.sin(azimuth)])
 
 
-def scapula_frame(AC: Vector, TS: Vector, AI: Vector) -> Float[np.ndarray, "3 3"]:
-    """R_thorax_scapula: x from TS to AC, z normal to the plane AC-TS-AI, backward (thesis, Appendix A)."""
-    x = _unit(AC - TS)
-    z = _unit(np.cross(AI - AC, x))
-    return np.stack([x, np.cross(z, x), z], axis=1)
-
-
-def clavicle_frame(SC: Vector, AC: Vector) -> Float[np.ndarray, "3 3"]:
-    """R_thorax_clavicle: x from SC to AC, z normal to x and the thorax y: axial rotation 0 (Appendix A)."""
-    x = _unit(AC - SC)
-    z = _unit(np.cross(x, [0.0, 1.0, 0.0]))
-    return np.stack([x, np.cross(z, x), z], axis=1)
-
-
 def clavicular_attachment_mm(scale: float) -> Vector:
     """DAS3's attachment in a clavicle frame with x through AC: the smallest rotation, then the scale."""
     axis = np.cross(_unit(_DAS3_AC), [1.0, 0.0, 0.0])
@@ -170,39 +158,14 @@ def close_at_rest(girdle: Girdle, rest_deg: Float[np.ndarray, "6"]) -> Girdle:
 
 
 def toml_text(completed: Completed) -> str:
-    """The file of a set: the sections of ``models.parameters``, and a source for each number."""
+    """The file of a set, in printed digits."""
     g = completed.girdle
-    points = thorax_points_mm(g.centre_mm, g.semi_axes_mm).T
-    rows = "".join(f"    {_toml(point, POINT_DIGITS)},\n" for point in points)
-    source = "".join(f'"{key}" = {json.dumps(text)}\n' for key, text in completed.source.items())
-    return f"""\
-# {completed.title}
-# Written by scripts/complete_parameter_sets.py. Right shoulder, mm; frames as in the thesis, Appendix A.
-name = "{completed.name}"
-
-[thorax]
-centre_mm = {_toml(g.centre_mm)}
-semi_axes_mm = {_toml(g.semi_axes_mm)}
-points_mm = [
-{rows}]
-
-[clavicle]
-sc_mm = {_toml(g.sc_mm)}
-length_mm = {_toml(g.ac_mm[0])}
-conoid_mm = {_toml(g.clavicle_conoid_mm)}
-
-[scapula]
-ts_mm = {_toml(g.ts_mm)}
-ai_mm = {_toml(g.ai_mm)}
-conoid_mm = {_toml(g.scapula_conoid_mm)}
-
-[constraint]
-ts_distance_mm = {_toml(g.ts_distance_mm)}
-ai_distance_mm = {_toml(g.ai_distance_mm)}
-conoid_length_mm = {_toml(g.conoid_length_mm)}
-
-[source]
-{source}"""
+    comment = (
+        f"{completed.title}\n"
+        "Written by scripts/complete_parameter_sets.py. Right shoulder, mm; frames as in the thesis, Appendix A."
+    )
+    points = np.round(thorax_points_mm(g.centre_mm, g.semi_axes_mm), POINT_DIGITS) + 0.0
+    return parameters_toml(completed.name, comment, jax.tree.map(_printed, g), points, completed.source)
 
 
 def _table_set(
@@ -249,7 +212,10 @@ def _cadaver_set(
     """The cadaver of Tables 4.2 and 4.5, at rest where it was measured. points_mm: SC, AC, TS and AI."""
     SC, AC, TS, AI = (np.array(point) for point in points_mm)
     R_thorax_scapula = scapula_frame(AC, TS, AI)
-    angles = [cardan_from_rotation(jnp.asarray(R)) for R in (clavicle_frame(SC, AC), R_thorax_scapula)]
+    angles = [
+        cardan_from_rotation(jnp.asarray(R))
+        for R in (clavicle_frame(SC, AC, np.array([0.0, 1.0, 0.0])), R_thorax_scapula)
+    ]
     rest_deg = _printed(jnp.concatenate(angles) * DEG)
     ts, ai = R_thorax_scapula.T @ (TS - AC), R_thorax_scapula.T @ (AI - AC)
     length = float(np.linalg.norm(AC - SC))
@@ -376,7 +342,3 @@ def _unit(v: Vector) -> Vector:
 def _printed(value: object) -> np.ndarray:
     """Rounded to the digits of the file, without negative zeros."""
     return np.round(np.asarray(value, dtype=float), DIGITS) + 0.0
-
-
-def _toml(value: object, digits: int = DIGITS) -> str:
-    return json.dumps((np.round(np.asarray(value, dtype=float), digits) + 0.0).tolist())

@@ -13,7 +13,8 @@ Side = Literal["left", "right"]
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _NOT_MEASURED = ("", "nan")
 _INFINITE = ("inf", "infinity")
-_SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
+SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
+"""The shoulder by the words that a file may use for it."""
 
 LARGEST_ANGLE_DEG = 180.0
 """Every angle is a rotation of less than half a turn."""
@@ -66,9 +67,9 @@ def angle_in(row: Row, column: str) -> float:
 def side_in(row: Row) -> Side:
     """The shoulder that was measured: right unless the cell says left."""
     text = row.cells.get(SIDE, "")
-    if text.lower() not in _SIDES:
+    if text.lower() not in SIDES:
         raise row.error(f"{SIDE} is {_quoted(text)}", "Write left or right")
-    return _SIDES[text.lower()]
+    return SIDES[text.lower()]
 
 
 def _quoted(text: str, longest: int = 40) -> str:

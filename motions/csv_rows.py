@@ -2,12 +2,13 @@
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from motions.columns import KNOWN, REQUIRED, SIDE, SIDE_MEASURED, landmark_columns
 from motions.errors import InputError
+from motions.files import read_text
 from motions.table import LANDMARKS
 
 _SAVE_AS = "Save the table as comma-separated text (CSV, UTF-8) with decimal points"
@@ -26,39 +27,34 @@ class Row:
         return InputError(self.file, self.line, f"subject {self.cells['subject']!r}: {cause}", remedy)
 
 
+@dataclass(frozen=True, slots=True)
+class CsvTable:
+    """A CSV file: the names of its columns, each once, and its rows that are not blank."""
+
+    columns: tuple[str, ...]
+    rows: list[Row]
+
+
 def read_rows(path: Path) -> list[Row]:
     """All rows of a motion file that are not blank. InputError if the file as a whole cannot be used."""
+    return read_table(path, _check_header).rows
+
+
+def read_table(path: Path, check_header: Callable[[list[str], str, int], None] | None = None) -> CsvTable:
+    """Any CSV file. InputError if it as a whole cannot be used; check_header raises it for headers of its own kind."""
     file = str(path)
-    lines = _split(_text(path), file)
+    lines = _split(read_text(path, _SAVE_AS), file)
     header_line, header = next(lines, (None, []))
     if header_line is None:
         raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
     columns = [name.strip() for name in header]
-    _check_header(columns, file, header_line)
+    if check_header:
+        check_header(columns, file, header_line)
+    _check_names(columns, file, header_line)
     rows = [_row(file, line, columns, cells) for line, cells in lines]
     if not rows:
         raise InputError(file, None, "there are no rows under the header", "Add one row for each posture")
-    return rows
-
-
-def _text(path: Path) -> str:
-    """The content of the file, without a byte order mark."""
-    if path.is_dir():
-        raise InputError(str(path), None, "this is a folder, not a file", "Name the CSV files in it")
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        cause = f"the file cannot be read ({error.strerror})"
-        raise InputError(str(path), None, cause, "Check that you may read it") from error
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise InputError(str(path), line, "this is not UTF-8 text", _SAVE_AS) from error
-    if "\0" in text:
-        line = text.count("\n", 0, text.index("\0")) + 1
-        raise InputError(str(path), line, "this is not text but binary data", _SAVE_AS)
-    return text
+    return CsvTable(tuple(name for name in columns if name), rows)
 
 
 def _split(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
@@ -96,9 +92,7 @@ def _check_header(columns: list[str], file: str, line: int) -> None:
         if len(missing) > 1:
             cause = f"columns {', '.join(missing)} are missing"
         raise error(cause, "Add it to the header; leave the cells of an angle empty where it was not measured")
-    repeated = [name for name in columns if name and columns.count(name) > 1]
-    if repeated:
-        raise error(f"column {repeated[0]!r} stands there twice", "Rename or remove one of them")
+    _check_names(columns, file, line)
     for name in LANDMARKS:
         absent = [column for column in landmark_columns(name) if column not in columns]
         if 0 < len(absent) < 3:
@@ -107,6 +101,14 @@ def _check_header(columns: list[str], file: str, line: int) -> None:
     if SIDE in columns and SIDE_MEASURED in columns:
         cause = f"there are both {SIDE} and {SIDE_MEASURED}, so the angles were mirrored before"
         raise error(cause, f"Remove the column {SIDE}")
+
+
+def _check_names(columns: list[str], file: str, line: int) -> None:
+    """InputError if two columns have one name."""
+    repeated = [name for name in columns if name and columns.count(name) > 1]
+    if repeated:
+        cause = f"column {repeated[0]!r} stands there twice"
+        raise InputError(file, line, cause, "Rename or remove one of them")
 
 
 def _row(file: str, line: int, columns: list[str], cells: list[str]) -> Row:

@@ -1,14 +1,47 @@
-"""Writing a file whole or not at all."""
+"""Reading text, naming files, and writing a file whole or not at all."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import quote
 from uuid import uuid4
 
 from motions.errors import InputError
 
+_LONGEST_NAME = 120
+"""Characters of a file name before its ending; file systems allow 255 bytes."""
+
+
+def read_text(path: Path, remedy: str) -> str:
+    """The content of a text file, without a byte order mark.
+
+    InputError if it cannot be read, or is not text: the remedy says how to save or export it.
+    """
+    if path.is_dir():
+        raise InputError(str(path), None, "this is a folder, not a file", "Name the files in it")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        cause = f"the file cannot be read ({error.strerror})"
+        raise InputError(str(path), None, cause, "Check its name, and that you may read it") from error
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(str(path), line, "this is not UTF-8 text", remedy) from error
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise InputError(str(path), line, "this is not text but binary data", remedy)
+    return text
+
 
 def write_whole(path: str | os.PathLike[str], text: str) -> None:
-    """Write the text (UTF-8, line ends as they are) to the path, replacing what was there.
+    """Write the text (UTF-8, line ends as they are) to the path, as `write_bytes_whole` does."""
+    write_bytes_whole(path, text.encode("utf-8"))
+
+
+def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write the content to the path, replacing what was there.
 
     Whoever reads the path, even while this runs or after it broke off, finds all of the old or all of the
     new content. InputError if the folder cannot be written to.
@@ -17,13 +50,32 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
     # In the same folder, because only within one file system is replacing a file a single step.
     part = path.parent / f".{uuid4().hex}.part"
     try:
-        part.write_text(text, encoding="utf-8", newline="")
+        part.write_bytes(content)
         part.replace(path)
     except OSError as error:
         cause = f"the file cannot be written ({error.strerror})"
         raise InputError(str(path), None, cause, "Name a file in a folder that exists and may be written") from error
     finally:
         _remove(part)
+
+
+def file_names(names: Sequence[str]) -> list[str]:
+    """A file name for each of the names, all different on every file system; a plain name is its own.
+
+    What is not a letter, a digit or one of `_-.~+ ` is written as %XX; long names, and names equal but for case, are
+    numbered.
+    """
+    taken: set[str] = set()
+    result = []
+    for name in names:
+        plain = quote(name, safe=" +")[:_LONGEST_NAME].rstrip(" .") or "_"
+        plain = f"%2E{plain[1:]}" if plain.startswith(".") else plain  # not hidden, and not the folder above
+        unique, number = plain, 2
+        while unique.casefold() in taken:
+            unique, number = f"{plain}~{number}", number + 1
+        taken.add(unique.casefold())
+        result.append(unique)
+    return result
 
 
 def _remove(part: Path) -> None:

@@ -100,7 +100,9 @@ def test_fit_writes_its_files_and_nothing_else(fitted):
 def test_adapt_writes_its_files_and_nothing_else(adapted):
     assert (adapted.ended.status, adapted.ended.messages) == (0, [])
     names = sorted(path.name for path in adapted.folder.iterdir())
-    assert names == ["fits.csv", "parameters.csv", "report.html", "run.json", "summary.csv"]
+    assert names == ["fits.csv", "models", "parameters.csv", "report.html", "run.json", "summary.csv"]
+    models = sorted(path.name for path in (adapted.folder / "models").iterdir())
+    assert models == ["R2_simulated01.toml", "R2_simulated02.toml"]
     assert "R2, after adaptation" in adapted.ended.out
 
 

@@ -1,0 +1,86 @@
+"""The adapted girdles as parameter sets that ``--model`` takes back: one TOML file a model and subject."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from adapt import status
+from adapt.adaptation import Adapted
+from adapt.output import prepare_folder
+from models.girdle import ADAPTED, Girdle
+from models.parameters import HALF_WIDTHS_MM, ParameterSet
+from models.writing import parameters_toml
+from motions.files import file_names, write_whole
+
+FOLDER = "models"
+"""Below the folder of the results."""
+
+_KEY_OF = {
+    "thorax.centre_mm": ("M_y", "M_z"),
+    "thorax.semi_axes_mm": ("A_x", "A_y", "A_z"),
+    "constraint.conoid_length_mm": ("conoid_length",),
+}
+"""The numbers of a parameter set that an adaptation changes."""
+
+
+def write_adapted_models(
+    folder: Path, subjects: Sequence[str], models: Sequence[ParameterSet], adapted: dict[str, Adapted], how: str
+) -> list[Path]:
+    """Write ``models/MODEL_SUBJECT.toml`` for each adaptation that is ``ok``; the files written.
+
+    how: the options of the adaptation, for the [source] lines.
+    """
+    pairs = [(model, number) for model in models for number in range(len(subjects))]
+    names = file_names([f"{model.name}_{subjects[number]}" for model, number in pairs])
+    target = prepare_folder(folder / FOLDER)
+    written = []
+    for (model, number), name in zip(pairs, names, strict=True):
+        result, path = adapted[model.name], target / f"{name}.toml"
+        if result.status[number] != status.OK:
+            path.unlink(missing_ok=True)  # that of an earlier run would pass for this one's
+            continue
+        at_bound = {name: bool(flag) for name, flag in zip(ADAPTED, result.at_bound[:, number], strict=True)}
+        write_whole(path, adapted_toml(model, subjects[number], result.theta_mm[:, number], at_bound, how))
+        written.append(path)
+    return written
+
+
+def adapted_toml(
+    model: ParameterSet, subject: str, theta_mm: Float[np.ndarray, "6"], at_bound: Mapping[str, bool], how: str
+) -> str:
+    """The parameter set of one subject. Numbers that were not adapted keep the source that they have in the model."""
+    M_y, M_z, A_x, A_y, A_z, conoid = theta_mm
+    own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of jax would take longer than the adaptation did
+    changed = {"centre_mm": [own.centre_mm[0], M_y, M_z], "semi_axes_mm": [A_x, A_y, A_z], "conoid_length_mm": conoid}
+    girdle = replace(own, **{name: np.array(value, dtype=float) for name, value in changed.items()})
+    source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
+    for key, names in _KEY_OF.items():
+        bound = ", ".join(name for name in names if at_bound[name])
+        flag = f"; at its bound: {bound}" if bound else ""
+        source[key] = f"adapted to {subject}, from {model.name} ({how}){flag}"
+    comment = (
+        f"{model.name} adapted to {subject}.\n"
+        "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
+    )
+    name = f"{model.name}_{subject}"
+    return parameters_toml(
+        name, _one_line(comment), girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own)
+    )
+
+
+def _one_line(comment: str) -> str:
+    """The comment without control characters, which TOML does not allow in one; its own line ends stay."""
+    return "".join(c if c == "\n" or c.isprintable() else "?" for c in comment)
+
+
+def _own_bounds(upper_mm: Float[np.ndarray, "6"], own: Girdle) -> dict[str, float] | None:
+    """The half widths of a model that has its own: upper bound less own value, as a lower one may be cut at 1 mm."""
+    values = np.array([*own.centre_mm[1:], *own.semi_axes_mm, own.conoid_length_mm])
+    widths = dict(zip((f"{name}_mm" for name in ADAPTED), (upper_mm - values).tolist(), strict=True))
+    default = all(math.isclose(widths[key], HALF_WIDTHS_MM[key]) for key in widths)
+    return None if default else widths

@@ -1,0 +1,85 @@
+"""From a scapula frame through AA (ISB; Wu 2005) to the thesis's through AC: one stated mean rotation, never silent.
+
+In the bone, both frames are fixed, so R_thorax_AC = R_thorax_AA R_AA_AC with one R_AA_AC for a scapula. Without AC of
+the scapula at hand, a mean of other scapulae stands in for it, and its error is a constant rotation in every posture
+of the subject: what the diagnosis calls scapula_landmark_bias.
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from motions.errors import InputError
+from motions.landmarks.frames import composed
+from motions.rotations import DEG, cardan_from_rotation, rotation_from_cardan
+
+
+@dataclass(frozen=True)
+class AcromionRotation:
+    """A mean rotation between the two frames of a scapula."""
+
+    R_ac_aa: Float[np.ndarray, "3 3"]
+    """The axes of the AA frame in the AC frame, thesis's axes (x lateral, y up, z backward)."""
+    uncertainty_deg: float
+    """How far one person's rotation may be from it about each axis (SD)."""
+    source: str
+
+
+# ISB's axes (x forward, y up, z right) of the matrix as it is printed, brought to rows and columns (z, y, -x).
+_THESIS_FROM_ISB = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+_KOLZ_PRINTED = np.array(
+    [
+        [0.964732483180704, 0.0100557410449752, -0.263040145164248],
+        [-0.0568391733041278, 0.983654375192805, -0.170860699232318],
+        [0.257022458695919, 0.17978585104532, 0.949534887979275],
+    ]
+)
+
+
+def _orthonormal(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """The nearest rotation: a mean of rotations is not quite one."""
+    U, _, Vt = np.linalg.svd(matrix)
+    return U @ Vt
+
+
+KOLZ = AcromionRotation(
+    # Which way round the printed matrix is to be read follows from anatomy: AA lies behind and below AC, so the x-axis
+    # of the AA frame points more backward (+z) and down (-y) in the AC frame. Read the other way it would be in front.
+    # The angles agree: AA gives less protraction, less lateral rotation and more backward tipping (Ludewig et al.,
+    # Clin. Biomech. 25 (2010) 415-421: 11.6 deg less internal rotation; at full elevation 12.4 deg less upward rotation
+    # and 6.1 deg more posterior tilt).
+    R_ac_aa=_orthonormal(_THESIS_FROM_ISB @ _KOLZ_PRINTED @ _THESIS_FROM_ISB.T),
+    uncertainty_deg=4.0,
+    source="Kolz et al., Gait Posture 81 (2020) 183-190; uncertainty assumed, as Ludewig 2010's means are 2-4 deg off",
+)
+
+ROTATIONS = {"kolz2020": KOLZ}
+"""By the name that --aa-to-ac takes."""
+
+
+def acromion_rotation(name: str) -> AcromionRotation:
+    """The rotation of this name. InputError if there is none."""
+    if name not in ROTATIONS:
+        raise InputError("--aa-to-ac", None, f"there is no rotation '{name}'", f"Use one of {', '.join(ROTATIONS)}")
+    return ROTATIONS[name]
+
+
+def ac_from_aa_deg(
+    scapula_aa_deg: Float[np.ndarray, "postures 3"], rotation: AcromionRotation
+) -> Float[np.ndarray, "postures 3"]:
+    """Cardan angles of the AC frame, R_thorax_AC = R_thorax_AA R_AC_AA', of those of the AA frame, degrees."""
+    return _turned_deg(scapula_aa_deg, rotation.R_ac_aa.T)
+
+
+def aa_from_ac_deg(
+    scapula_ac_deg: Float[np.ndarray, "postures 3"], rotation: AcromionRotation
+) -> Float[np.ndarray, "postures 3"]:
+    """Cardan angles of the AA frame, R_thorax_AA = R_thorax_AC R_AC_AA, of those of the AC frame, degrees."""
+    return _turned_deg(scapula_ac_deg, rotation.R_ac_aa)
+
+
+def _turned_deg(angles_deg, R) -> Float[np.ndarray, "postures 3"]:
+    R_thorax_scapula = np.asarray(rotation_from_cardan(angles_deg.T / DEG))
+    return np.asarray(cardan_from_rotation(jnp.asarray(composed(R_thorax_scapula, R[:, :, None])))).T * float(DEG)

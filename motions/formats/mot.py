@@ -1,0 +1,103 @@
+"""Angles in OpenSim's .mot and .sto files: lines of key=value up to `endheader`, then columns under their names."""
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from motions.errors import InputError
+from motions.files import read_text, write_whole
+from motions.formats.text import numbers
+
+_END = "endheader"
+_ALIASES = {"datarows": "nrows", "nr": "nrows", "datacolumns": "ncolumns", "nc": "ncolumns"}
+
+
+@dataclass(frozen=True, eq=False)
+class AngleTable:
+    """A .mot or .sto file: its header and its columns, angles in degrees. NaN is not measured."""
+
+    file: str
+    header: dict[str, str]
+    columns: dict[str, Float[np.ndarray, " rows"]]
+
+    @property
+    def count(self) -> int:
+        """The number of rows."""
+        return len(next(iter(self.columns.values())))
+
+
+def read_mot(path: Path) -> AngleTable:
+    """The file with all columns but time in degrees, as its header's inDegrees says.
+
+    InputError if the file is none, does not say inDegrees, or has not the rows and columns that its header says.
+    """
+    file = str(path)
+    lines = read_text(path, "Export it from OpenSim").splitlines()
+    ends = [place for place, line in enumerate(lines) if line.strip().lower() == _END]
+    if not ends:
+        raise InputError(
+            file, None, f"there is no line {_END}: this is not a .mot or .sto file", "Export it from OpenSim"
+        )
+    body = lines[ends[0] + 1 :]
+    header = dict(_key_value(line) for line in lines[: ends[0]])
+    rows = [ends[0] + 2 + place for place, line in enumerate(body) if line.strip()]
+    if len(rows) < 2:
+        raise InputError(file, None, f"there are no rows under {_END}", "Write the names of the columns, then the rows")
+    names = lines[rows[0] - 1].split()
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(file, rows[0], f"column {name!r} stands there twice", "Rename or remove one of them")
+    cells = [lines[row - 1].split() for row in rows[1:]]
+    for row, line in zip(rows[1:], cells, strict=True):
+        if len(line) != len(names):
+            cause = f"the line has {len(line)} cells where there are {len(names)} columns"
+            raise InputError(file, row, cause, "Write nan for what was not measured")
+    _check_count(header, "nrows", len(cells), file)
+    _check_count(header, "ncolumns", len(names), file)
+    table = numbers(np.array(cells), rows[1:], file)
+    degrees = _degrees(header, file)
+    columns = {name: table[:, place] * (1.0 if name == "time" else degrees) for place, name in enumerate(names)}
+    return AngleTable(file, header, columns)
+
+
+def write_mot(table: AngleTable, path: Path) -> None:
+    """Write the file, whole or not at all; reading it gives the same numbers bit by bit.
+
+    Lines of the header that OpenSim does not know are read over by it. InputError if it cannot be written.
+    """
+    frame = pd.DataFrame(table.columns)
+    known = {"version": "1", "nRows": str(len(frame)), "nColumns": str(len(frame.columns)), "inDegrees": "yes"}
+    header = "".join(f"{key}={value}\n" for key, value in (known | table.header).items())
+    buffer = io.StringIO()
+    frame.to_csv(buffer, sep="\t", index=False, na_rep="nan", lineterminator="\n")
+    write_whole(path, f"{path.stem}\n{header}{_END}\n{buffer.getvalue()}")
+
+
+def _key_value(line: str) -> tuple[str, str]:
+    """A line of the header. OpenSim and SIMM separate key and value by =, blanks or tabs and differ in the keys."""
+    key, value = (*re.split(r"[ \t=]+", line.strip(), maxsplit=1), "")[:2]
+    key = key.lower()
+    return _ALIASES.get(key, key), value.strip()
+
+
+def _check_count(header: dict[str, str], key: str, found: int, file: str) -> None:
+    """InputError if the header says another number; it need not say any."""
+    said = header.get(key)
+    if said is not None and said != str(found):
+        cause = f"the header says {key}={said} but the file has {found}"
+        remedy = f"Export it again if it was cut off; if it is complete, write {key}={found}"
+        raise InputError(file, None, cause, remedy)
+
+
+def _degrees(header: dict[str, str], file: str) -> float:
+    """Degrees in the file's unit of angle."""
+    said = header.get("indegrees", "").lower()
+    if said not in ("yes", "no"):
+        cause = "the header does not say whether angles are in degrees"
+        raise InputError(file, None, cause, f"Write inDegrees=yes or inDegrees=no above {_END}")
+    return 1.0 if said == "yes" else float(np.degrees(1.0))

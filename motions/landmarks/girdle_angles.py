@@ -1,0 +1,126 @@
+"""The angles of the girdle and of the arm in each frame of a trial, from positions of landmarks."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from motions.acromion import AcromionRotation, ac_from_aa_deg
+from motions.cells import Side
+from motions.errors import InputError
+from motions.landmarks.frames import (
+    clavicle_frame,
+    humerus_angles,
+    humerus_frame,
+    rotated,
+    scapula_frame,
+    thorax_frame,
+    transposed,
+)
+from motions.postures import MIRROR_POSITION
+from motions.rhythm import clavicle_axial_rotation
+from motions.rotations import DEG, cardan_from_rotation, rotation_from_cardan
+from motions.table import LANDMARKS
+
+CLAVICLE_X = 2
+"""Its place in ANGLES."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameAngles:
+    """One row a frame, right shoulder, degrees and mm; NaN where a landmark has a gap.
+
+    angles_deg: ANGLES; the clavicle's axial rotation is NaN, as two landmarks do not give it.
+    humerus_deg: plane of elevation, elevation, axial rotation (Y-Z'-Y''). landmarks_mm: thorax frame.
+    """
+
+    angles_deg: Float[np.ndarray, "frames 6"]
+    humerus_deg: Float[np.ndarray, "frames 3"]
+    landmarks_mm: dict[str, Float[np.ndarray, "frames 3"]]
+
+
+def frame_angles(
+    lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side, file: str, aa_to_ac: AcromionRotation | None = None
+) -> FrameAngles:
+    """The angles of every frame (thesis, Appendix A). A left shoulder is mirrored in the sagittal plane of its thorax.
+
+    lab_mm: landmarks in any right-handed frame. aa_to_ac: what brings a scapula through AA to the thesis's frame, where
+    AC was not measured. InputError if that is wanting, or if the landmarks are those of the other shoulder.
+    """
+    thorax_mm = _in_thorax(lab_mm, side)
+    _check_side(thorax_mm, side, file)
+    count = thorax_mm["TS"].shape[1]
+    angles = np.full((6, count), np.nan)
+    if "SC" in thorax_mm and "AC" in thorax_mm:
+        y_thorax = np.array([0.0, 1.0, 0.0])[:, None]
+        angles[:CLAVICLE_X] = _cardan_deg(clavicle_frame(thorax_mm["SC"], thorax_mm["AC"], y_thorax))[:CLAVICLE_X]
+    angles[3:] = _scapula_deg(thorax_mm, file, aa_to_ac)
+    humerus = np.full((3, count), np.nan)
+    if all(name in thorax_mm for name in ("GH", "EM", "EL")):
+        humerus = humerus_angles(humerus_frame(*(thorax_mm[name] for name in ("GH", "EM", "EL")))) * float(DEG)
+    kept = {name: thorax_mm[name].T for name in LANDMARKS if name in thorax_mm}
+    return FrameAngles(angles.T, humerus.T, kept)
+
+
+def estimated_axial_deg(
+    angles_deg: Float[np.ndarray, "postures 6"], rest_deg: Float[np.ndarray, "6"]
+) -> Float[np.ndarray, " postures"]:
+    """The clavicle's axial rotation that turns SC and AC joint least from rest, where it is 0.
+
+    Section 6.3 of the thesis minimises the rotation in both joints, note 1 of its Appendix A (Pronk) in the AC joint
+    alone. On six bone-pin shoulders the former is 1-5 degrees (rms) off the measured rotation, the latter 5-11: here it
+    is the former, `clavicle_axial_rotation`.
+    """
+    rest = np.where(np.arange(6) == CLAVICLE_X, 0.0, rest_deg) / float(DEG)
+    postures = jnp.asarray(angles_deg.T / float(DEG))
+    R_clavicle, R_scapula = (
+        jnp.repeat(rotation_from_cardan(jnp.asarray(part))[..., None], len(angles_deg), axis=2)
+        for part in (rest[:3], rest[3:])
+    )
+    return np.asarray(clavicle_axial_rotation(postures[:2], postures[3:], R_clavicle, R_scapula)) * float(DEG)
+
+
+def _in_thorax(lab_mm: dict[str, np.ndarray], side: Side) -> dict[str, Float[np.ndarray, "3 frames"]]:
+    """The landmarks in the thorax frame of their own frame of the trial, as those of a right shoulder."""
+    R_lab_thorax = thorax_frame(*(lab_mm[name] for name in ("IJ", "PX", "C7", "T8")))
+    mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
+    return {
+        name: mirror * rotated(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
+    }
+
+
+def _check_side(thorax_mm: dict[str, np.ndarray], side: Side, file: str) -> None:
+    """InputError if the acromion is on the other side of the thorax than it should be."""
+    acromion = thorax_mm["AC"] if "AC" in thorax_mm else thorax_mm["AA"]
+    measured = np.isfinite(acromion[0])
+    if not measured.any():
+        raise InputError(
+            file, None, "in no frame were the acromion and the thorax measured together", "Use another trial"
+        )
+    if np.median(acromion[0][measured]) < 0.0:
+        other = "left" if side == "right" else "right"
+        cause = f"the acromion lies on the {other} of IJ, PX, C7 and T8, but the side is {side}"
+        remedy = (
+            f"Say --side {other} if it is a {other} shoulder; if it is not, the file's axes are left-handed: "
+            'turn one round with axes = ["x", "y", "-z"] in a mapping file (--map)'
+        )
+        raise InputError(file, None, cause, remedy)
+
+
+def _scapula_deg(
+    thorax_mm: dict[str, np.ndarray], file: str, aa_to_ac: AcromionRotation | None
+) -> Float[np.ndarray, "3 frames"]:
+    """Cardan angles of the scapula frame through AC."""
+    if "AC" in thorax_mm:
+        return _cardan_deg(scapula_frame(thorax_mm["AC"], thorax_mm["TS"], thorax_mm["AI"]))
+    if aa_to_ac is None:
+        cause = "the scapula has AA but not AC, and the frames through them are some 18 degrees apart"
+        remedy = "Measure AC, or accept a mean rotation with --aa-to-ac kolz2020"
+        raise InputError(file, None, cause, remedy)
+    through_aa = _cardan_deg(scapula_frame(thorax_mm["AA"], thorax_mm["TS"], thorax_mm["AI"]))
+    return ac_from_aa_deg(through_aa.T, aa_to_ac).T
+
+
+def _cardan_deg(R) -> Float[np.ndarray, "3 frames"]:
+    return np.asarray(cardan_from_rotation(jnp.asarray(R))) * float(DEG)

@@ -1,0 +1,102 @@
+"""The mapping file: what a laboratory calls the landmarks and the angles, in which unit and axes (TOML)."""
+
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from motions.errors import InputError
+from motions.table import LANDMARKS
+
+THORAX = ("IJ", "PX", "C7", "T8")
+"""The landmarks of the thorax frame, which every file of positions must have."""
+
+MARKERS = (*THORAX, *LANDMARKS)
+"""Every landmark that is made use of (thesis, Appendix A)."""
+
+UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+"""Millimetres in a unit of length, by the names that files give it."""
+
+_AXES = {f"{sign}{letter}": (place, -1.0 if sign else 1.0) for place, letter in enumerate("xyz") for sign in ("", "-")}
+_KEYS = ("unit", "axes", "markers", "columns")
+_EXAMPLE = 'Write lines such as unit = "mm" or, under [markers], IJ = "the name of your marker"'
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """What the mapping file says; without one, landmarks and angles have this project's names."""
+
+    unit: str | None = None
+    """Unit of the positions, where the file does not say it."""
+    axes: tuple[str, str, str] = ("x", "y", "z")
+    """Which axes of the file, with their signs, make a right-handed frame. Which of them points up does not matter."""
+    markers: dict[str, str] = field(default_factory=dict)
+    """The laboratory's name of a landmark."""
+    columns: dict[str, str] = field(default_factory=dict)
+    """The laboratory's name of an angle."""
+
+    def marker(self, landmark: str) -> str:
+        """The name of a landmark in the file."""
+        return self.markers.get(landmark, landmark)
+
+    def column(self, angle: str) -> str:
+        """The name of an angle in the file."""
+        return self.columns.get(angle, angle)
+
+    @property
+    def axes_matrix(self) -> Float[np.ndarray, "3 3"]:
+        """The right-handed position of the file's position."""
+        matrix = np.zeros((3, 3))
+        for row, axis in enumerate(self.axes):
+            place, sign = _AXES[axis]
+            matrix[row, place] = sign
+        return matrix
+
+
+def read_mapping(path: Path | None) -> Mapping:
+    """The mapping in a TOML file, or that of this project's own names. InputError if the file is wrong."""
+    if path is None:
+        return Mapping()
+    file = str(path)
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        cause = f"the file cannot be read ({error.strerror})"
+        raise InputError(file, None, cause, "Check the name of the mapping file") from error
+    except ValueError as error:
+        raise InputError(file, None, f"this is not a TOML file ({error})", _EXAMPLE) from error
+    for key in document:
+        if key not in _KEYS:
+            raise InputError(file, None, f"the key {key!r} is unknown", f"Known: {', '.join(_KEYS)}. {_EXAMPLE}")
+    unit, axes = document.get("unit"), document.get("axes", ["x", "y", "z"])
+    if unit is not None and unit not in UNITS_MM:
+        raise InputError(file, None, f"unit is {unit!r}", f"Write one of {', '.join(UNITS_MM)}")
+    if not _is_frame(axes):
+        remedy = 'Name x, y and z once each, negated where it must be, as in axes = ["x", "y", "-z"]'
+        raise InputError(file, None, f"axes is {axes!r}", remedy)
+    return Mapping(unit, tuple(axes), _names(document, "markers", file), _names(document, "columns", file))
+
+
+def _is_frame(axes: object) -> bool:
+    if not isinstance(axes, list) or len(axes) != 3 or not all(axis in _AXES for axis in axes):
+        return False
+    return sorted(axis.lstrip("-") for axis in axes) == ["x", "y", "z"]
+
+
+def _names(document: dict, section: str, file: str) -> dict[str, str]:
+    """The section as name to name. InputError if a key of it means nothing or two share a name."""
+    table = document.get(section, {})
+    if not isinstance(table, dict) or not all(isinstance(name, str) and name for name in table.values()):
+        raise InputError(file, None, f"{section} is not a section of names", _EXAMPLE)
+    if section == "markers":
+        for landmark in table:
+            if landmark not in MARKERS:
+                remedy = f"The landmarks are {', '.join(MARKERS)}"
+                raise InputError(file, None, f"there is no landmark {landmark!r}", remedy)
+    for name in table.values():
+        if list(table.values()).count(name) > 1:
+            cause = f"{name!r} stands for two of [{section}]"
+            raise InputError(file, None, cause, "Give each of them a name of its own")
+    return dict(table)

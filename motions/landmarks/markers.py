@@ -1,0 +1,112 @@
+"""What a file of marker positions holds, and the landmarks in it in millimetres."""
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from motions.errors import InputError
+from motions.landmarks.mapping import MARKERS, THORAX, UNITS_MM, Mapping
+
+NEEDED = (*THORAX, "TS", "AI")
+"""Without these there is neither a thorax nor a scapula frame."""
+
+NECK_MM = (60.0, 250.0)
+"""From IJ to C7 through the neck: 100-150 mm in adults. Metres or inches taken for mm are far outside."""
+
+
+@dataclass(frozen=True, eq=False)
+class Markers:
+    """Positions of all markers of a file, a row each frame or palpated posture; NaN is a gap.
+
+    unit: as the file states it, or None. names: the file's markers in their order, where a name may stand twice.
+    rows: what the file says of each row, by column, such as subject, motion, posture; empty for a trial.
+    """
+
+    file: str
+    names: tuple[str, ...]
+    positions: Float[np.ndarray, "markers 3 frames"]
+    unit: str | None
+    rows: dict[str, list[str]]
+
+
+def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarray, "3 frames"]]:
+    """The landmarks of the file by their names here, mm, in the file's own (right-handed) frame.
+
+    InputError if a needed one is not there, nowhere measured or there twice, if no unit is known, or if the size of
+    the neck shows that it is not the right one.
+    """
+    factor = _millimetres(markers, mapping)
+    found = {}
+    for landmark in MARKERS:
+        position = _position(markers, mapping, landmark)
+        if position is not None:
+            found[landmark] = factor * (mapping.axes_matrix @ position)
+    if "AC" not in found and "AA" not in found:
+        _not_there(markers, mapping, "AC")
+    _check_size(markers, found, factor)
+    return found
+
+
+def _millimetres(markers: Markers, mapping: Mapping) -> float:
+    """Millimetres in the unit of the file, which is the file's word, or the mapping's where the file says nothing."""
+    stated = markers.unit.strip().lower() if markers.unit else ""
+    if stated and stated not in UNITS_MM:
+        remedy = f"Correct it in the file; known are {', '.join(UNITS_MM)}"
+        raise InputError(markers.file, None, f"the unit of the positions is {markers.unit!r}", remedy)
+    if stated and mapping.unit and stated != mapping.unit:
+        cause = f"the file says that positions are in {stated}, the mapping file {mapping.unit}"
+        raise InputError(markers.file, None, cause, "Correct the one that is wrong")
+    unit = stated or mapping.unit
+    if not unit:
+        cause = "the file does not say in which unit the positions are"
+        raise InputError(markers.file, None, cause, 'Write unit = "mm" or unit = "m" in a mapping file (--map)')
+    return UNITS_MM[unit]
+
+
+def _position(markers: Markers, mapping: Mapping, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
+    """The positions of a landmark, None where the file has none and none is needed."""
+    name = mapping.marker(landmark)
+    count = markers.names.count(name)
+    if count > 1:
+        remedy = f"Rename one of them, and say in a mapping file (--map) which is {landmark}"
+        raise InputError(markers.file, None, f"there are {count} markers called {name!r}", remedy)
+    position = markers.positions[markers.names.index(name)] if count else None
+    if position is None or not np.isfinite(position).all(axis=0).any():
+        if landmark in NEEDED or landmark in mapping.markers:
+            _not_there(markers, mapping, landmark)
+        return None
+    return position
+
+
+def _not_there(markers: Markers, mapping: Mapping, landmark: str) -> None:
+    name = mapping.marker(landmark)
+    if name in markers.names:
+        cause, remedy = f"marker {name!r} ({landmark}) was nowhere measured", "Reconstruct it, or use another trial"
+    else:
+        cause = f"there is no marker {name!r} for landmark {landmark}"
+        near = difflib.get_close_matches(name, markers.names, n=1) or _ending_in(name, markers.names)
+        guess = f"Is it {near[0]!r}? " if near else ""
+        listed = ", ".join(markers.names[:40]) + (", ..." if len(markers.names) > 40 else "")
+        remedy = f"{guess}Name it in a mapping file (--map), under [markers]; the file has {listed}"
+    raise InputError(markers.file, None, cause, remedy)
+
+
+def _ending_in(name: str, names: Iterable[str]) -> list[str]:
+    """Names such as 'P01:IJ' of marker IJ."""
+    return [other for other in names if other.lower().endswith(name.lower())]
+
+
+def _check_size(markers: Markers, found: dict[str, np.ndarray], factor: float) -> None:
+    """InputError if the neck is not that of a person."""
+    neck = float(np.nanmedian(np.sqrt(np.sum((found["IJ"] - found["C7"]) ** 2, axis=0))))
+    if NECK_MM[0] <= neck <= NECK_MM[1]:
+        return
+    fitting = [unit for unit, mm in UNITS_MM.items() if NECK_MM[0] <= neck / factor * mm <= NECK_MM[1]]
+    cause = f"IJ and C7 are {neck:.3g} mm apart, which no neck is"
+    remedy = (
+        f"The positions look like {fitting[0]}: correct the unit" if fitting else "Check which markers are IJ and C7"
+    )
+    raise InputError(markers.file, None, cause, remedy)
