@@ -97,11 +97,12 @@ def _bias(found: Diagnosis) -> Float[np.ndarray, "3"] | None:
 
 
 def _row(what: str, found: Diagnosis, bias) -> str:
-    joined = " and " if found.verdict.together else ", "
+    named = list(found.verdict.effects)
+    if found.verdict.together:
+        named[:2] = [f"{named[0]} and {named[1]}"]
     lead = -found.ranking.log_evidence[1]
     amplitude = "" if bias is None else _degrees(bias)
-    answer, effects = found.verdict.answer, joined.join(found.verdict.effects)
-    return f"| {found.model} | {what} | {answer} | {effects} | {lead:.1f} | {amplitude} |"
+    return f"| {found.model} | {what} | {found.verdict.answer} | {', '.join(named)} | {lead:.1f} | {amplitude} |"
 
 
 def _difference(ac, aa) -> Float[np.ndarray, "3"]:

@@ -133,7 +133,7 @@ def test_a_report_that_fails_leaves_the_tables(motion, adapted, tmp_path, monkey
     with pytest.raises(RuntimeError, match="no report"):
         girdle("adapt", motion, "--model", "R2", "--weight", "5", "--out", tmp_path)
     names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == ["fits.csv", "parameters.csv", "run.json", "summary.csv"]
+    assert names == ["fits.csv", "models", "parameters.csv", "run.json", "summary.csv"]
     assert (tmp_path / "fits.csv").read_bytes() == (adapted.folder / "fits.csv").read_bytes()
 
 
