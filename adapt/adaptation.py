@@ -165,24 +165,31 @@ def _better(one: Adapted, other: Adapted) -> Adapted:
     )
 
 
+def solved_from_geometric_fit(data: Lanes) -> Subject:
+    """One start alone, the geometric fit and the measured angles, with the default weight: what benchmarks compare."""
+    problem = _problem(data, _weights(data, np.full(data.counted.shape[1:], WEIGHT)))
+    theta = jnp.clip(data.girdle.adapted_mm, *data.bounds_mm)
+    return solved_from((data.girdle, data.points_mm, data.shares, problem), theta, data.angles)
+
+
 def _from_theta(data: Lanes, weight, reading, factor, theta: Float[Array, "6 lanes"]) -> Adapted:
     weights = _weights(data, factor)
     problem = _problem(data, weights)
     fixed = data.girdle, data.points_mm, data.shares, problem
-    result = _solved(fixed, theta, fitted_angles(data, theta))
+    result = solved_from(fixed, theta, fitted_angles(data, theta))
     for _ in range(_ROUNDS - 1):
         angles, lower = _lower_postures(data, result)
         again = np.flatnonzero(~result.converged | lower)
         if not len(again):
             break
-        further = _solved(lanes_of(fixed, again), result.theta[:, again], angles[..., again])
+        further = solved_from(lanes_of(fixed, again), result.theta[:, again], angles[..., again])
         gains = further.converged | ~result.converged[again]
         for whole, some in zip(result, further, strict=True):
             whole[..., again[gains]] = some[..., gains]
     return _as_adapted(data, weight, reading, weights, result)
 
 
-def _solved(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
+def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
     """The optima reached from here: the fast path, then the careful one for the lanes that need it.
 
     ``adapt.subject`` judges the end of every lane, by derivatives that the fast path does not use.
@@ -195,7 +202,7 @@ def _solved(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subje
     result = judged._replace(iterations=swept.iterations)
     left = np.flatnonzero(~result.converged)
     if len(left):
-        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), least=_FEW_LANES)
+        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), classes=1)
         for whole, some in zip(result, careful, strict=True):
             whole[..., left] = some
     return result

@@ -1,7 +1,7 @@
 """A long batch in chunks of few shapes: in cache on a CPU, on every device that JAX sees, a thread each.
 
 Lanes are independent, so the outcome does not depend on the chunks. Every chunk is padded with copies of its last lane
-to a power of two, so that one program serves all sizes of a class.
+to one of two sizes, so that two programs serve every batch.
 """
 
 import os
@@ -13,8 +13,8 @@ from typing import Any
 import jax
 import numpy as np
 
-FEWEST_LANES = 8
-"""The smallest class: a smaller batch gains nothing from a program of its own."""
+_SMALL = 8
+"""A batch of a chunk's eighth or less is padded to an eighth: two classes, so two programs, whatever the numbers."""
 
 UNFUSED = {"xla_disable_hlo_passes": "fusion"}
 """Compiler option for the streams of elementwise operations. XLA's fusion computes a shared value anew in each of its
@@ -31,15 +31,10 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     return wraps(function)(lambda *arguments: program()(*arguments))
 
 
-def padded_size(lanes: int) -> int:
-    """The class of a batch: the next power of two."""
-    return max(FEWEST_LANES, 1 << (lanes - 1).bit_length())
-
-
-def in_chunks(function: Callable[..., Any], size: int, *trees: Any, least: int = FEWEST_LANES) -> Any:
+def in_chunks(function: Callable[..., Any], size: int, *trees: Any, classes: int = 2) -> Any:
     """``function(*trees)`` over the last axis of every array, in chunks of ``size`` lanes; the results as numpy.
 
-    With ``least`` = ``size`` there is one class: for programs that are long to compile and rarely needed.
+    With ``classes`` = 1 every chunk has the full size: for programs that are long to compile and rarely needed.
     """
     lanes = jax.tree.leaves(trees)[0].shape[-1]
     trees = jax.tree.map(np.asarray, trees)
@@ -49,7 +44,8 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, least: int =
     def run(number: int) -> Any:
         first = starts[number]
         count = min(size, lanes - first)
-        index = first + np.minimum(np.arange(max(least, min(size, padded_size(count)))), count - 1)
+        small = size // _SMALL
+        index = first + np.minimum(np.arange(small if classes == 2 and count <= small else size), count - 1)
         part = jax.tree.map(lambda x: x[..., index], trees)
         device = devices[number % len(devices)]
         result = function(*jax.device_put(part, device))
@@ -65,9 +61,7 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, least: int =
 def _workers(devices: list[Any]) -> int:
     """Two chunks a device in flight hide the transfers; a CPU is one device with several cores."""
     if devices[0].platform == "cpu":
-        return max(
-            len(devices), len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        )
+        return max(len(devices), os.cpu_count() or 1)
     return 2 * len(devices)
 
 

@@ -93,7 +93,7 @@ def fit_lanes(
         if not len(again):
             return fitted
         part = lanes_of(girdle, again), target[:, again], weights[:, again]
-        closed, residual = in_chunks(_close, _FEW_LANES, part[0], part[1] + offset[:, None], least=_FEW_LANES)
+        closed, residual = in_chunks(_close, _FEW_LANES, part[0], part[1] + offset[:, None], classes=1)
         tried = _as_fitted(_carefully(*part, closed), *part[1:])
         converged = tried.status == status.OK
         _put(fitted, again[converged], _pick(tried, converged))
@@ -204,7 +204,7 @@ def _solved(girdle: Chain, target, weights, start) -> Postures:
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
     if start is None:
-        quick, sure = _quickly_from_two_starts(girdle, target, weights)
+        quick, sure = _quickly(girdle, target, weights)
     else:
         quick = _swept(girdle, target, weights, start)
         sure = quick.converged
@@ -226,21 +226,24 @@ def _replaced(whole, index, some):
 
 def _carefully(girdle: Chain, target, weights, start) -> Postures:
     if start is None:
-        return in_chunks(_solve_twice, _FEW_LANES, girdle, target, weights, least=_FEW_LANES)
-    return in_chunks(_solve, _FEW_LANES, girdle, target, weights, start, least=_FEW_LANES)
+        return in_chunks(_solve_twice, _FEW_LANES, girdle, target, weights, classes=1)
+    return in_chunks(_solve, _FEW_LANES, girdle, target, weights, start, classes=1)
 
 
-def _quickly_from_two_starts(girdle: Girdle, target, weights) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
-    """The lower of two, and where they agree: where not, there are valleys, and every start counts."""
-    nearby = in_chunks(_nearby, _LANES, girdle, target)
-    twice = jax.tree.map(lambda x: np.concatenate([x, x], axis=-1), (girdle, target, weights))
-    both = _swept(twice[0], twice[1], twice[2], np.concatenate([target, nearby], axis=-1))
-    count = target.shape[1]
-    one, other = lanes_of(both, slice(count)), lanes_of(both, slice(count, None))
-    j, k = (np.asarray(mean_square_deg2(x.angles, target, weights)) for x in (one, other))
-    agree = one.converged & other.converged & (np.abs(j - k) <= _SAME_DEG2)
-    second = ~one.converged | (other.converged & (k < j))
-    return jax.tree.map(lambda a, b: np.where(second, b, a), one, other), np.asarray(agree)
+def _quickly(girdle: Girdle, target, weights) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
+    """The lowest of several starts, and where it is sure: the nearest two converged, and none found another valley.
+
+    The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
+    """
+    around = [in_chunks(_nearby, _LANES, girdle, target + offset[:, None]) for offset in _AROUND_DEG / DEG]
+    starts = [target, *around]
+    many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
+    found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
+    j = np.where(found.converged, mean_square_deg2(found.angles, many[1], many[2]), np.inf).reshape(len(starts), -1)
+    lanes = j.shape[1]
+    lowest = np.argmin(j, axis=0) * lanes + np.arange(lanes)
+    apart = np.where(np.isfinite(j), j, -np.inf).max(axis=0) > j.min(axis=0) + _SAME_DEG2
+    return lanes_of(found, lowest), np.asarray(np.isfinite(j[:2]).all(axis=0) & ~apart)
 
 
 def _swept(girdle: Girdle, target, weights, start) -> Postures:
@@ -262,6 +265,9 @@ _SWEEPS, _SWEEP_ITERATIONS = 3, 10
 
 _SAME_DEG2 = 1e-6
 """Two optima whose J differ by less are one."""
+
+_AROUND_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG[:2]])
+"""Where the chain is closed from before a fit, as offsets to the measured angles: postures between two valleys."""
 
 
 @compiled
@@ -300,12 +306,12 @@ def _tracked(girdle: Chain, target, weights, target_before, start) -> Postures:
     """:func:`_track` of every lane, the fast path first."""
     arguments = girdle, target, weights, target_before, start
     if not isinstance(girdle, Girdle):
-        return in_chunks(_track, _FEW_LANES, *arguments, least=_FEW_LANES)
+        return in_chunks(_track, _FEW_LANES, *arguments, classes=1)
     quick = in_chunks(_track_quickly, _LANES, *arguments)
     left = np.flatnonzero(~np.asarray(quick.converged))
     if not len(left):
         return quick
-    careful = in_chunks(_track, _FEW_LANES, *lanes_of(arguments, left), least=_FEW_LANES)
+    careful = in_chunks(_track, _FEW_LANES, *lanes_of(arguments, left), classes=1)
     return jax.tree.map(lambda whole, some: _replaced(whole, left, some), quick, careful)
 
 
