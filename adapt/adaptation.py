@@ -38,6 +38,9 @@ ellipsoid's free direction (M_y against A_y) and its depth are where other ones 
 _ROUNDS = 4
 """A lane that did not converge, or has a posture in the higher of two valleys, goes on from fresh posture fits."""
 
+_PLACES = 3
+"""E is the sum of the lowest J of every posture: their fits start from a few places."""
+
 _LOWER_DEG2 = 1e-6
 """A fresh posture fit lower by less than this is the same one."""
 
@@ -225,7 +228,9 @@ def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, 
     postures, count = data.counted.shape
     lane = np.tile(np.arange(count), postures)
     girdle = lanes_of(data.girdle.with_adapted(theta), lane)
-    fitted = fit_lanes(girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1))
+    fitted = fit_lanes(
+        girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1), places=_PLACES
+    )
     return jnp.asarray(fitted.angles).reshape(6, postures, count)
 
 

@@ -72,11 +72,13 @@ def fit_lanes(
     angles: Float[np.ndarray, "6 lanes"],
     measured: Bool[np.ndarray, "6 lanes"],
     start: Float[np.ndarray, "6 lanes"] | None = None,
+    places: int = 1,
 ) -> Fitted:
     """The closest closed posture of each lane to its measured angles (rad), with multipliers and status.
 
     Every lane starts from ``start``, else from its measured angles and from where its chain closes nearest to them, and
-    the lower J wins. One that does not converge starts again where it closes from nine other places. A lane whose chain
+    the lower J wins; with more ``places`` (at most 9) also from where it closes from others around, for valleys
+    farther off. One that does not converge starts again where it closes from nine other places. A lane whose chain
     closes from nowhere is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles
     is ``invalid``.
     """
@@ -84,11 +86,11 @@ def fit_lanes(
     weights = np.asarray(objective_weights(jnp.asarray(measured)))
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0)
     target = np.where(determined, target, REST_DEG[:, None] / DEG)
-    solved = _solved(girdle, target, weights, start)
+    solved = _solved(girdle, target, weights, start, places)
     fitted = _as_fitted(solved, target, weights)
     fitted.status[~determined] = status.INVALID
     least_open = np.full(len(determined), np.inf)
-    for offset in (np.zeros(6), *_OFFSETS_DEG / DEG):
+    for offset in _PLACES_DEG / DEG:
         again = np.flatnonzero(fitted.status == status.NOT_CONVERGED)
         if not len(again):
             return fitted
@@ -134,27 +136,32 @@ def _follow_from_best(fitted: Fitted, problem, lanes: Int[np.ndarray, " postures
     best = int(np.argmin(np.where(fitted.status[lanes] == status.OK, fitted.j_deg2[lanes], np.inf)))
     for order in (lanes[best:], lanes[best::-1]):
         for before, after in itertools.pairwise(order):
-            tracked = _track_lanes(fitted, problem, np.array([before]), np.array([after]))
+            tracked = _track_lanes(fitted, problem, np.array([before]), np.array([after]), _track, _FEW_LANES, 1)
             if tracked.status[0] == status.OK:
                 _put(fitted, np.array([after]), tracked)
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
+    """Where continuation from the posture before does not lead to this one, neither the fast nor the careful one."""
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
     after = after[good]
-    broken = np.zeros(len(previous), bool)
-    if len(after):
-        tracked = _track_lanes(fitted, problem, previous[after], after)
+    for track, size, classes in ((_track_quickly, _LANES, 2), (_track, _FEW_LANES, 1)):
+        if not len(after) or (track is _track_quickly and not isinstance(problem[0], Girdle)):
+            continue
+        tracked = _track_lanes(fitted, problem, previous[after], after, track, size, classes)
         apart = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) > SAME_BRANCH_RAD
-        broken[after] = apart | (tracked.status != status.OK)
+        after = after[apart | (tracked.status != status.OK)]
+    broken = np.zeros(len(previous), bool)
+    broken[after] = True
     return broken
 
 
-def _track_lanes(fitted: Fitted, problem, before, after) -> Fitted:
+def _track_lanes(fitted: Fitted, problem, before, after, track, size: int, classes: int) -> Fitted:
     girdle, target, weights = problem
-    part = lanes_of(girdle, after), target[:, after], weights[:, after]
-    return _as_fitted(_tracked(*part, target[:, before], fitted.angles[:, before]), *part[1:])
+    part = lanes_of((girdle, target, weights), after)
+    start = target[:, before], fitted.angles[:, before]
+    return _as_fitted(in_chunks(track, size, *part, *start, classes=classes), *part[1:])
 
 
 def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
@@ -199,12 +206,12 @@ def _put(fitted: Fitted, lanes, values: Fitted) -> None:
         getattr(fitted, name)[..., lanes] = value
 
 
-def _solved(girdle: Chain, target, weights, start) -> Postures:
+def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     """From ``start`` or from two starts: the fast path, and the careful one for the lanes that need it."""
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
     if start is None:
-        quick, sure = _quickly(girdle, target, weights)
+        quick, sure = _quickly(girdle, target, weights, places)
     else:
         quick = _swept(girdle, target, weights, start)
         sure = quick.converged
@@ -230,12 +237,12 @@ def _carefully(girdle: Chain, target, weights, start) -> Postures:
     return in_chunks(_solve, _FEW_LANES, girdle, target, weights, start, classes=1)
 
 
-def _quickly(girdle: Girdle, target, weights) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
+def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
     """The lowest of several starts, and where it is sure: the nearest two converged, and none found another valley.
 
     The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
     """
-    around = [in_chunks(_nearby, _LANES, girdle, target + offset[:, None]) for offset in _AROUND_DEG / DEG]
+    around = [in_chunks(_nearby, _LANES, girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
     starts = [target, *around]
     many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
     found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
@@ -266,8 +273,8 @@ _SWEEPS, _SWEEP_ITERATIONS = 3, 10
 _SAME_DEG2 = 1e-6
 """Two optima whose J differ by less are one."""
 
-_AROUND_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG[:2]])
-"""Where the chain is closed from before a fit, as offsets to the measured angles: postures between two valleys."""
+_PLACES_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG])
+"""Where a chain is closed from before a fit, as offsets to the measured angles."""
 
 
 @compiled
@@ -302,22 +309,9 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
     return closed, girdle.residuals_mm(closed)
 
 
-def _tracked(girdle: Chain, target, weights, target_before, start) -> Postures:
-    """:func:`_track` of every lane, the fast path first."""
-    arguments = girdle, target, weights, target_before, start
-    if not isinstance(girdle, Girdle):
-        return in_chunks(_track, _FEW_LANES, *arguments, classes=1)
-    quick = in_chunks(_track_quickly, _LANES, *arguments)
-    left = np.flatnonzero(~np.asarray(quick.converged))
-    if not len(left):
-        return quick
-    careful = in_chunks(_track, _FEW_LANES, *lanes_of(arguments, left), classes=1)
-    return jax.tree.map(lambda whole, some: _replaced(whole, left, some), quick, careful)
-
-
 @compiled
 def _track_quickly(girdle: Girdle, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
-    """Continuation by the fast path; a lane that failed on the way starts again in :func:`_track`."""
+    """Continuation by the fast path; a lane that failed on the way ends as NaN."""
     lane = jnp.zeros_like(target[0])
 
     def step(share, carry):

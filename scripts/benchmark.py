@@ -53,9 +53,9 @@ def timed(run: Callable[[], Any]) -> float:
     return time.perf_counter() - start
 
 
-def ipopt_share(model: str, subjects: int, first: int, step: int) -> tuple[float, list[float]]:
+def ipopt_share(model: str, subjects: int, total: int, first: int, step: int) -> tuple[float, list[float]]:
     """In a process of its own: seconds for every step-th subject from ``first``, and E of each (NaN: failed)."""
-    calls = list(_ipopt_calls(model, subjects))[first::step]
+    calls = list(_ipopt_calls(model, subjects, total))[first::step]
     solver, arguments = calls[0]
     for _ in range(3):
         solver(**arguments)
@@ -67,20 +67,20 @@ def ipopt_share(model: str, subjects: int, first: int, step: int) -> tuple[float
     return time.perf_counter() - start, values
 
 
-def _ipopt_calls(model: str, subjects: int):
+def _ipopt_calls(model: str, subjects: int, total: int):
     chosen = load_model(model)
     girdle = jitted_geometric_fit(chosen.girdle, jnp.asarray(chosen.points_mm))
-    motions = simulate_subjects(subjects, seed=SEED)
+    motions = simulate_subjects(total, seed=SEED)
     points, bounds, theta = (np.asarray(x) for x in (chosen.points_mm, chosen.bounds_mm, girdle.adapted_mm))
-    for name in motions.subjects:
+    for name in motions.subjects[:subjects]:
         target = motions.angles_deg[motions.subject == name].T
         yield ipopt_call(bones(girdle), points, target, theta, target, bounds)
 
 
-def slsqp_share(model: str, postures: int, first: int, step: int) -> tuple[float, list[float]]:
+def slsqp_share(model: str, postures: int, total: int, first: int, step: int) -> tuple[float, list[float]]:
     """In a process of its own: seconds for every step-th posture, and J of each."""
     known = bones(load_model(model).girdle)
-    targets = simulate_subjects(-(-postures // 14), seed=SEED).angles_deg[:postures][first::step]
+    targets = simulate_subjects(total, seed=SEED).angles_deg[:postures][first::step]
     slsqp(known, targets[0], targets[0])
     values = []
     start = time.perf_counter()
@@ -90,11 +90,13 @@ def slsqp_share(model: str, postures: int, first: int, step: int) -> tuple[float
     return time.perf_counter() - start, values
 
 
-def on_all_cores(share: Callable[..., tuple[float, list[float]]], model: str, count: int) -> tuple[float, np.ndarray]:
-    """Seconds of the slowest core, and the values in order."""
+def on_all_cores(
+    share: Callable[..., tuple[float, list[float]]], model: str, count: int, total: int
+) -> tuple[float, np.ndarray]:
+    """Seconds of the slowest core, and the values of the first ``count`` of ``total`` simulated subjects in order."""
     cores = os.cpu_count() or 1
     with multiprocessing.get_context("spawn").Pool(cores) as pool:
-        parts = pool.starmap(share, [(model, count, first, cores) for first in range(cores)])
+        parts = pool.starmap(share, [(model, count, total, first, cores) for first in range(cores)])
     values = np.empty(count)
     for first, (_, part) in enumerate(parts):
         values[first::cores] = part
@@ -187,11 +189,11 @@ def benchmark(
     E_ipopt, J_slsqp = np.empty(0), np.empty(0)
     for _ in range(repeats):
         rows["adapt"].append(subjects / timed(lambda: solved_from_geometric_fit(data)))
-        seconds, E_ipopt = on_all_cores(ipopt_share, model, peers)
+        seconds, E_ipopt = on_all_cores(ipopt_share, model, peers, subjects)
         rows["ipopt"].append(peers / seconds)
         rows["single"].append(1.0 / timed(lambda: solved_from_geometric_fit(one)))
         rows["fit"].append(count / timed(lambda: fit_lanes(girdles, measured, known)))
-        seconds, J_slsqp = on_all_cores(slsqp_share, model, 2 * peers)
+        seconds, J_slsqp = on_all_cores(slsqp_share, model, 2 * peers, subjects)
         rows["slsqp"].append(2 * peers / seconds)
     cores = os.cpu_count() or 1
     E = values_of(data, ours)[:peers]
