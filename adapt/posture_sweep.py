@@ -86,9 +86,11 @@ def sweep_postures(
         return jnp.any(~state.converged & (state.iterations < iterations))
 
     end = jax.lax.while_loop(unfinished, advance, first)
-    return SweptPostures(
-        jnp.stack(end.base), jnp.stack(end.multipliers), end.converged, start.iterations + end.iterations
-    )
+    # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
+    last = end.converged & ~start.converged
+    q = [jnp.where(last, x + dx, x) for x, dx in zip(end.base, end.step, strict=True)]
+    multipliers = [jnp.where(last, x + dx, x) for x, dx in zip(end.multipliers, end.change, strict=True)]
+    return SweptPostures(jnp.stack(q), jnp.stack(multipliers), end.converged, start.iterations + end.iterations)
 
 
 def _iterate(girdle: Girdle, theta: Components, measured: Components, weights: Components, state: _State) -> _State:

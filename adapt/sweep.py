@@ -101,7 +101,9 @@ def sweep(
         return jnp.any(~state.converged & (state.iterations < iterations))
 
     end = jax.lax.while_loop(unfinished, advance, state)
-    q, theta_, multipliers_ = (jnp.stack(x) for x in end.base)
+    # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
+    last = jax.tree.map(lambda x, dx: jnp.where(end.converged & ~start.converged, x + dx, x), end.base, end.step)
+    q, theta_, multipliers_ = (jnp.stack(x) for x in last)
     return Swept(theta_, q, multipliers_, start.iterations + end.iterations, end.converged)
 
 
