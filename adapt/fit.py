@@ -4,9 +4,7 @@ Lanes: every posture of every subject with every girdle is one element of a flat
 """
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,14 +12,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from adapt import status
+from adapt.chunks import compiled, in_chunks, lanes_of, resumed
 from adapt.posture import (
     Postures,
     close_chain,
+    evaluated,
     mean_square_deg2,
     objective_weights,
     solve_from_two_starts,
     solve_postures,
 )
+from adapt.posture_sweep import SweptPostures, closed_nearby, sweep_postures
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
 from motions.rhythm import REST_DEG
@@ -66,21 +67,18 @@ class Fitted:
     """True where the posture is not on the branch of the posture before it in its motion."""
 
 
-def lanes_of(girdle: Chain, index: Int[np.ndarray, " lanes"]) -> Chain:
-    """The girdles of the given lanes of a flat batch."""
-    return jax.tree.map(lambda x: x[..., index], girdle)
-
-
 def fit_lanes(
     girdle: Chain,
     angles: Float[np.ndarray, "6 lanes"],
     measured: Bool[np.ndarray, "6 lanes"],
     start: Float[np.ndarray, "6 lanes"] | None = None,
+    places: int = 1,
 ) -> Fitted:
     """The closest closed posture of each lane to its measured angles (rad), with multipliers and status.
 
     Every lane starts from ``start``, else from its measured angles and from where its chain closes nearest to them, and
-    the lower J wins. One that does not converge starts again where it closes from nine other places. A lane whose chain
+    the lower J wins; with more ``places`` (at most 9) also from where it closes from others around, for valleys
+    farther off. One that does not converge starts again where it closes from nine other places. A lane whose chain
     closes from nowhere is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles
     is ``invalid``.
     """
@@ -88,20 +86,17 @@ def fit_lanes(
     weights = np.asarray(objective_weights(jnp.asarray(measured)))
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0)
     target = np.where(determined, target, REST_DEG[:, None] / DEG)
-    if start is None:
-        solved = _padded(_solve_twice, girdle, target, weights)
-    else:
-        solved = _padded(_solve, girdle, target, weights, start)
+    solved = _solved(girdle, target, weights, start, places)
     fitted = _as_fitted(solved, target, weights)
     fitted.status[~determined] = status.INVALID
     least_open = np.full(len(determined), np.inf)
-    for offset in (np.zeros(6), *_OFFSETS_DEG / DEG):
+    for offset in _PLACES_DEG / DEG:
         again = np.flatnonzero(fitted.status == status.NOT_CONVERGED)
         if not len(again):
             return fitted
         part = lanes_of(girdle, again), target[:, again], weights[:, again]
-        closed, residual = _padded(_close, part[0], part[1] + offset[:, None])
-        tried = _as_fitted(_padded(_solve, *part, closed), *part[1:])
+        closed, residual = in_chunks(_close, _FEW_LANES, part[0], part[1] + offset[:, None], classes=1)
+        tried = _as_fitted(_carefully(*part, closed), *part[1:])
         converged = tried.status == status.OK
         _put(fitted, again[converged], _pick(tried, converged))
         open_mm = np.abs(residual).max(axis=0)
@@ -141,27 +136,32 @@ def _follow_from_best(fitted: Fitted, problem, lanes: Int[np.ndarray, " postures
     best = int(np.argmin(np.where(fitted.status[lanes] == status.OK, fitted.j_deg2[lanes], np.inf)))
     for order in (lanes[best:], lanes[best::-1]):
         for before, after in itertools.pairwise(order):
-            tracked = _track_lanes(fitted, problem, np.array([before]), np.array([after]))
+            tracked = _track_lanes(fitted, problem, np.array([before]), np.array([after]), _track, _FEW_LANES, 1)
             if tracked.status[0] == status.OK:
                 _put(fitted, np.array([after]), tracked)
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
+    """Where continuation from the posture before does not lead to this one, neither the fast nor the careful one."""
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
     after = after[good]
-    broken = np.zeros(len(previous), bool)
-    if len(after):
-        tracked = _track_lanes(fitted, problem, previous[after], after)
+    for track, size, classes in ((_track_quickly, _LANES, 2), (_track, _FEW_LANES, 1)):
+        if not len(after) or (track is _track_quickly and not isinstance(problem[0], Girdle)):
+            continue
+        tracked = _track_lanes(fitted, problem, previous[after], after, track, size, classes)
         apart = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) > SAME_BRANCH_RAD
-        broken[after] = apart | (tracked.status != status.OK)
+        after = after[apart | (tracked.status != status.OK)]
+    broken = np.zeros(len(previous), bool)
+    broken[after] = True
     return broken
 
 
-def _track_lanes(fitted: Fitted, problem, before, after) -> Fitted:
+def _track_lanes(fitted: Fitted, problem, before, after, track, size: int, classes: int) -> Fitted:
     girdle, target, weights = problem
-    part = lanes_of(girdle, after), target[:, after], weights[:, after]
-    return _as_fitted(_padded(_track, *part, target[:, before], fitted.angles[:, before]), *part[1:])
+    part = lanes_of((girdle, target, weights), after)
+    start = target[:, before], fitted.angles[:, before]
+    return _as_fitted(in_chunks(track, size, *part, *start, classes=classes), *part[1:])
 
 
 def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
@@ -206,6 +206,92 @@ def _put(fitted: Fitted, lanes, values: Fitted) -> None:
         getattr(fitted, name)[..., lanes] = value
 
 
+def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
+    """From ``start`` or from two starts: the fast path, and the careful one for the lanes that need it."""
+    if not isinstance(girdle, Girdle):
+        return _carefully(girdle, target, weights, start)
+    if start is None:
+        quick, sure = _quickly(girdle, target, weights, places)
+    else:
+        quick = _swept(girdle, target, weights, start)
+        sure = quick.converged
+    left = np.flatnonzero(~sure)
+    if not len(left):
+        return quick
+    part: tuple[Girdle, Array, Array] = lanes_of((girdle, target, weights), left)
+    careful = _carefully(*part, None if start is None else start[:, left])
+    before, after = (mean_square_deg2(x.angles, *part[1:]) for x in (lanes_of(quick, left), careful))
+    better = np.asarray(careful.converged & ~(quick.converged[left] & (before < after)))
+    return jax.tree.map(lambda whole, some: _replaced(whole, left[better], some[..., better]), quick, careful)
+
+
+def _replaced(whole, index, some):
+    whole = np.array(whole)
+    whole[..., index] = some
+    return whole
+
+
+def _carefully(girdle: Chain, target, weights, start) -> Postures:
+    if start is None:
+        return in_chunks(_solve_twice, _FEW_LANES, girdle, target, weights, classes=1)
+    return in_chunks(_solve, _FEW_LANES, girdle, target, weights, start, classes=1)
+
+
+def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
+    """The lowest of several starts, and where it is sure: the nearest two converged, and none found another valley.
+
+    The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
+    """
+    around = [in_chunks(_nearby, _LANES, girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
+    starts = [target, *around]
+    many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
+    found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
+    j = np.where(found.converged, mean_square_deg2(found.angles, many[1], many[2]), np.inf).reshape(len(starts), -1)
+    lanes = j.shape[1]
+    lowest = np.argmin(j, axis=0) * lanes + np.arange(lanes)
+    apart = np.where(np.isfinite(j), j, -np.inf).max(axis=0) > j.min(axis=0) + _SAME_DEG2
+    return lanes_of(found, lowest), np.asarray(np.isfinite(j[:2]).all(axis=0) & ~apart)
+
+
+def _swept(girdle: Girdle, target, weights, start) -> Postures:
+    """The fast path, judged by the conditions of ``adapt.posture`` (derivatives by automatic differentiation)."""
+    lanes = start.shape[1]
+    state = SweptPostures(start, jnp.zeros((3, lanes)), jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
+    swept = resumed(_sweep, _LANES, _SWEEPS, (girdle, target, weights), state)
+    return in_chunks(_judged, _LANES, girdle, target, weights, swept.angles, swept.multipliers)
+
+
+_LANES = 4096
+"""Postures in a chunk: 32 kB an array, so that what an operation needs is in a core's second cache."""
+
+_FEW_LANES = 64
+"""Postures in a chunk of the careful path, which is long to compile: one class."""
+
+_SWEEPS, _SWEEP_ITERATIONS = 3, 10
+"""Rounds of the fast path, and iterations a round: 9 of 10 postures need one round, 99 of 100 two."""
+
+_SAME_DEG2 = 1e-6
+"""Two optima whose J differ by less are one."""
+
+_PLACES_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG])
+"""Where a chain is closed from before a fit, as offsets to the measured angles."""
+
+
+@compiled
+def _nearby(girdle: Girdle, target: Array) -> Array:
+    return closed_nearby(girdle, target)
+
+
+@compiled
+def _sweep(girdle: Girdle, target: Array, weights: Array, state: SweptPostures) -> SweptPostures:
+    return sweep_postures(girdle, target, weights, state, _SWEEP_ITERATIONS)
+
+
+@compiled
+def _judged(girdle: Girdle, target: Array, weights: Array, angles: Array, multipliers: Array) -> Postures:
+    return evaluated(girdle.residuals_mm, angles, multipliers, target, weights)
+
+
 @jax.jit
 def _solve(girdle: Chain, target: Array, weights: Array, start: Array) -> Postures:
     return solve_postures(girdle.residuals_mm, target, weights, start)
@@ -223,6 +309,24 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
     return closed, girdle.residuals_mm(closed)
 
 
+@compiled
+def _track_quickly(girdle: Girdle, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
+    """Continuation by the fast path; a lane that failed on the way ends as NaN."""
+    lane = jnp.zeros_like(target[0])
+
+    def step(share, carry):
+        state, arrived = carry
+        on_the_way = target_before + (share + 1) / _TRACKING_STEPS * (target - target_before)
+        state = state._replace(converged=lane > 0.0, iterations=jnp.zeros_like(state.iterations))
+        state = sweep_postures(girdle, on_the_way, weights, state, _SWEEP_ITERATIONS)
+        return state, arrived & state.converged
+
+    first = SweptPostures(start, jnp.zeros_like(start[:3]), lane > 0.0, jnp.zeros_like(lane, int))
+    end, arrived = jax.lax.fori_loop(0, _TRACKING_STEPS, step, (first, lane == 0.0))
+    angles = jnp.where(arrived[None], end.angles, jnp.nan)
+    return evaluated(girdle.residuals_mm, angles, end.multipliers, target, weights)
+
+
 @jax.jit
 def _track(girdle: Chain, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
     """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
@@ -235,11 +339,3 @@ def _track(girdle: Chain, target: Array, weights: Array, target_before: Array, s
     shares = jnp.arange(1, _TRACKING_STEPS + 1) / _TRACKING_STEPS
     _, along = jax.lax.scan(step, start, shares)
     return jax.tree.map(lambda x: x[-1], along)
-
-
-def _padded(function: Callable[..., Any], girdle: Chain, *arrays: Any) -> Any:
-    """Call a jitted function with the lanes padded to a power of two, so that few shapes are compiled."""
-    lanes = arrays[0].shape[-1]
-    index = np.minimum(np.arange(max(8, 1 << (lanes - 1).bit_length())), lanes - 1)
-    padded = function(lanes_of(girdle, index), *(jnp.asarray(np.asarray(x)[..., index]) for x in arrays))
-    return jax.tree.map(lambda x: np.array(x)[..., :lanes], padded)

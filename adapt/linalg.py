@@ -45,6 +45,44 @@ def largest(x: Float[Array, " n *batch"]) -> Float[Array, " *batch"]:
     return jnp.max(jnp.abs(x), axis=0)
 
 
+Rows = list[list[Array]]
+"""The lower triangle of a matrix, entry by entry: row i has its first i (or i + 1) elements."""
+
+
+def factorised(rows: Rows, floor: Array) -> tuple[Rows, list[Array], Array]:
+    """L below its diagonal, 1 / D and where no pivot was below ``floor``, of A = L D L' given by its lower triangle."""
+    n = len(rows)
+    lower: Rows = [list(row[:-1]) for row in rows]
+    pivots, positive = [], floor <= floor
+    for j in range(n):
+        scaled = [lower[j][k] * pivots[k] for k in range(j)]
+        pivot = rows[j][j] - sum(lower[j][k] * scaled[k] for k in range(j))
+        positive &= pivot > floor
+        pivots.append(jnp.maximum(pivot, floor))
+        for i in range(j + 1, n):
+            inner = sum(lower[i][k] * scaled[k] for k in range(j))
+            lower[i][j] = (rows[i][j] - inner) / pivots[j]
+    return lower, [1.0 / pivot for pivot in pivots], positive
+
+
+def forward(lower: Rows, b: list[Array]) -> list[Array]:
+    """L^-1 b, b a list of components."""
+    x = list(b)
+    for i in range(len(x)):
+        for j in range(i):
+            x[i] = x[i] - lower[i][j] * x[j]
+    return x
+
+
+def backward(lower: Rows, b: list[Array]) -> list[Array]:
+    """L'^-1 b."""
+    x = list(b)
+    for i in reversed(range(len(x))):
+        for j in range(i + 1, len(x)):
+            x[i] = x[i] - lower[j][i] * x[j]
+    return x
+
+
 class Factor:
     """A = L D L' of a symmetric matrix. A pivot below ``floor`` is raised to it, so the factor is positive definite.
 
@@ -54,19 +92,8 @@ class Factor:
     positive: Bool[Array, " *batch"]
 
     def __init__(self, A: Float[Array, " n n *batch"], floor: Float[Array, " *batch"]):
-        n = A.shape[0]
-        self.lower = [[A[i, j] for j in range(i)] for i in range(n)]
-        pivots = []
-        self.positive = floor <= floor
-        for j in range(n):
-            scaled = [self.lower[j][k] * pivots[k] for k in range(j)]
-            pivot = A[j, j] - sum(self.lower[j][k] * scaled[k] for k in range(j))
-            self.positive &= pivot > floor
-            pivots.append(jnp.maximum(pivot, floor))
-            for i in range(j + 1, n):
-                inner = sum(self.lower[i][k] * scaled[k] for k in range(j))
-                self.lower[i][j] = (A[i, j] - inner) / pivots[j]
-        self.inverse_pivots = [1.0 / pivot for pivot in pivots]
+        rows = [[A[i, j] for j in range(i + 1)] for i in range(A.shape[0])]
+        self.lower, self.inverse_pivots, self.positive = factorised(rows, floor)
 
     def solve(self, B: Float[Array, " n k *batch"]) -> Float[Array, " n k *batch"]:
         """A^-1 B."""

@@ -97,7 +97,7 @@ def solve_postures(
         step, multipliers = _newton(residual, state, measured, weights)
         penalty = grown_penalty(state.penalty, multipliers)
         angles = _search(residual, state, step, penalty, measured, weights)
-        new = _evaluated(residual, angles, multipliers, measured, weights)
+        new = evaluated(residual, angles, multipliers, measured, weights)
         moved = largest(angles - state.angles)
         new = new._replace(penalty=penalty, last_step_rad=moved, iterations=state.iterations + 1)
         return jax.tree.map(lambda old, new: jnp.where(state.finished, old, new), state, new)
@@ -105,7 +105,7 @@ def solve_postures(
     def unfinished(state: Postures):
         return jnp.any(~state.finished)
 
-    first = _evaluated(residual, start, jnp.zeros_like(start[:3]), measured, weights)
+    first = evaluated(residual, start, jnp.zeros_like(start[:3]), measured, weights)
     return jax.lax.while_loop(unfinished, advance, first)
 
 
@@ -127,7 +127,8 @@ def solve_from_two_starts(
     return jax.tree.map(lambda x: jnp.where(second, x[..., 1], x[..., 0]), both)
 
 
-def _evaluated(residual, angles, multipliers, measured, weights) -> Postures:
+def evaluated(residual: ElementwiseFunction, angles, multipliers, measured, weights) -> Postures:
+    """The conditions of an optimum at these angles and multipliers, not iterated yet."""
     pull = gradient(lambda q: jnp.sum(multipliers * residual(q), axis=0), angles)
     stationarity = largest(weights * (angles - measured) + pull) / DEG
     zero = jnp.zeros_like(stationarity)

@@ -104,7 +104,7 @@ def solve_subjects(
     def unfinished(state: Subject):
         return jnp.any(~state.converged & (state.iterations < MAX_ITERATIONS))
 
-    first = _evaluated(residual, penalty_term, problem, theta, angles, jnp.zeros_like(angles[:3]))
+    first = evaluated(residual, penalty_term, problem, theta, angles, jnp.zeros_like(angles[:3]))
     return jax.lax.while_loop(unfinished, advance, first)
 
 
@@ -121,7 +121,8 @@ def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
     return at_lower | at_upper
 
 
-def _evaluated(residual, penalty_term, problem: Problem, theta, angles, multipliers) -> Subject:
+def evaluated(residual: Residual, penalty_term, problem: Problem, theta, angles, multipliers) -> Subject:
+    """The conditions of an optimum at this point, not iterated yet."""
     z = joint(angles, theta)
     pull = gradient(lambda z: jnp.sum(multipliers * residual(z), axis=0), z)
     stationarity = largest(problem.weights * (angles - problem.measured) + pull[:6]) / DEG
@@ -186,7 +187,7 @@ def _iterate(residual, penalty_term, problem: Problem, state: Subject) -> Subjec
     penalty = grown_penalty(state.penalty, multipliers)
     theta, angles, length = _search(residual, penalty_term, problem, state, at.G, theta_step, step, penalty)
     radius = state.radius_mm * jnp.where(length == 1.0, 2.0, jnp.where(length < 0.5, 0.25, 1.0))
-    new = _evaluated(residual, penalty_term, problem, theta, angles, multipliers)
+    new = evaluated(residual, penalty_term, problem, theta, angles, multipliers)
     return new._replace(penalty=penalty, radius_mm=radius, iterations=state.iterations + 1)
 
 

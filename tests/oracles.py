@@ -165,20 +165,26 @@ def ipopt(
     ``target_deg`` and ``angles_deg`` are (6, postures), all measured. The variables are the angles, theta and one
     multiplier t for each TS, AI and thorax point, with its secular equation as a constraint.
     """
-    P, N = target_deg.shape[1], points_mm.shape[1]
-    start_t = _multipliers(b, points_mm, theta_mm, angles_deg)
-    x0 = np.concatenate([angles_deg.T.ravel(), theta_mm, start_t / _T_SCALE])
-    lower, upper = np.full((2, len(x0)), [[-np.inf], [np.inf]])
-    lower[6 * P : 6 * P + 6], upper[6 * P : 6 * P + 6] = bounds_mm
-    solver = _whole_subject(P, N)
-    parameters = np.concatenate([_fixed(b), points_mm.T.ravel(), target_deg.T.ravel()])
-    found = solver(x0=x0, p=parameters, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+    P = target_deg.shape[1]
+    solver, arguments = ipopt_call(b, points_mm, target_deg, theta_mm, angles_deg, bounds_mm)
+    found = solver(**arguments)
     x = np.array(found["x"]).ravel()
     angles, theta = x[: 6 * P].reshape(P, 6).T, x[6 * P : 6 * P + 6]
     # Verified here, outside CasADi: a secular equation has roots that are not the nearest point.
     E, open_mm = whole_objective(b, points_mm, target_deg, theta, angles)
     same = abs(E - float(found["f"])) <= 1e-7 * (1.0 + abs(E))
     return Subject(E, theta, angles, bool(solver.stats()["success"]) and same and open_mm < 1e-6)
+
+
+def ipopt_call(b: Bones, points_mm, target_deg, theta_mm, angles_deg, bounds_mm) -> tuple[Any, dict[str, Any]]:
+    """The solver of :func:`ipopt` and the arguments of its one call."""
+    P, N = target_deg.shape[1], points_mm.shape[1]
+    start_t = _multipliers(b, points_mm, theta_mm, angles_deg)
+    x0 = np.concatenate([angles_deg.T.ravel(), theta_mm, start_t / _T_SCALE])
+    lower, upper = np.full((2, len(x0)), [[-np.inf], [np.inf]])
+    lower[6 * P : 6 * P + 6], upper[6 * P : 6 * P + 6] = bounds_mm
+    parameters = np.concatenate([_fixed(b), points_mm.T.ravel(), target_deg.T.ravel()])
+    return _whole_subject(P, N), {"x0": x0, "p": parameters, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
 
 
 def with_theta(b: Bones, theta: np.ndarray) -> Bones:

@@ -1,0 +1,5 @@
+"""``python -m adapt``: the command line without the installed script."""
+
+from adapt.cli import main
+
+main()

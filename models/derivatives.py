@@ -1,0 +1,284 @@
+"""The constraints A1-A3 with their first and second derivatives, written out by hand: the fast path of the fits.
+
+What ``models.girdle`` and ``models.ellipsoid`` define and automatic differentiation derives, in a quarter of the
+operations. Vectors are tuples of three arrays and matrices tuples of rows, so that every operation is elementwise and
+the compiler may fuse it with its neighbours. Lengths in mm, angles in rad. tests/test_derivatives.py holds every
+number against automatic differentiation.
+
+**Rotations.** A bone point r = R v, R = Ry(a) Rz(b) Rx(c), turns about e_a = y, e_b = Ry z and e_c = R x:
+
+    dr/dq_i = e_i x r,     d2r/dq_i dq_j = e_i x (e_j x r)   for i not after j,
+
+so a force n on it has the second derivative  e_i' (N - tr N) e_j  with the moment matrix N = r n'.
+
+**Distance.** The closest point x to p (``models.ellipsoid``) has p - x = t m with m_i = p_i / (t + a_i^2), and
+sum a_i^2 m_i^2 = 1 fixes t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m / L, h = sum a_i^2 m_i^2 D_i:
+
+    d = t L,   dd/dp = n,   dd/da_i = e_i = -a_i m_i n_i,   dt/da_j = y_j = a_j m_j^2 (t - a_j^2) D_j / h
+    d2d/dp2     = (diag D + (t w w' - w m' - m w' + (m.w / L^2) m m') / h) / L          (the surface's curvature)
+    d2d/dp da   = -((w - n (n.w)) y' + 2 diag(a w) - 2 n (n a w)') / L
+    d2d/da_i da_j = 2 a_i m_i w_i y_j / L + e_i (n.w y_j + 2 n_j a_j w_j) / L + [i = j] (4 a_i^2 m_i w_i - m_i^2) / L
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+Vector = tuple[Array, Array, Array]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+def dot(u: Vector, v: Vector) -> Array:
+    """u . v."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def cross(u: Vector, v: Vector) -> Vector:
+    """u x v."""
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+def _sum(*vectors: Vector) -> Vector:
+    x, y, z = vectors[0]
+    for v in vectors[1:]:
+        x, y, z = x + v[0], y + v[1], z + v[2]
+    return x, y, z
+
+
+def _minus(u: Vector, v: Vector) -> Vector:
+    return u[0] - v[0], u[1] - v[1], u[2] - v[2]
+
+
+def _times(s, v: Vector) -> Vector:
+    return s * v[0], s * v[1], s * v[2]
+
+
+class Bone(NamedTuple):
+    """Orientation of a bone in the thorax frame: the columns of R and the two middle axes' sine and cosine."""
+
+    x: Vector
+    y: Vector
+    z: Vector
+    sin_a: Array
+    cos_a: Array
+
+    def rotate(self, v: Vector) -> Vector:
+        """R v."""
+        return _sum(_times(v[0], self.x), _times(v[1], self.y), _times(v[2], self.z))
+
+    def spin(self, r: Vector) -> Matrix:
+        """e_a x r, e_b x r and e_c x r."""
+        s, c = self.sin_a, self.cos_a
+        return (
+            (r[2], jnp.zeros_like(r[0]), -r[0]),
+            (-c * r[1], c * r[0] - s * r[2], s * r[1]),
+            cross(self.x, r),
+        )
+
+    def curvature(self, N: Matrix) -> dict[tuple[int, int], Array]:
+        """e_i' (N - tr N) e_j for i <= j."""
+        s, c = self.sin_a, self.cos_a
+        turn = N[0][0] + N[1][1] + N[2][2]
+        Q = tuple(tuple(N[i][j] - turn if i == j else N[i][j] for j in range(3)) for i in range(3))
+        b = tuple(Q[i][0] * s + Q[i][2] * c for i in range(3))
+        x = tuple(dot(Q[i], self.x) for i in range(3))  # pyright: ignore[reportArgumentType]
+        return {
+            (0, 0): Q[1][1],
+            (0, 1): b[1],
+            (0, 2): x[1],
+            (1, 1): s * b[0] + c * b[2],
+            (1, 2): s * x[0] + c * x[2],
+            (2, 2): dot(self.x, x),  # pyright: ignore[reportArgumentType]
+        }
+
+
+def bone(angles: Vector) -> Bone:
+    """R = Ry(a) Rz(b) Rx(c) (``motions.rotations.rotation_from_cardan``)."""
+    (ca, cb, cc), (sa, sb, sc) = (tuple(f(x) for x in angles) for f in (jnp.cos, jnp.sin))
+    return Bone(
+        (ca * cb, sb, -sa * cb),
+        (sa * sc - ca * sb * cc, cb * cc, ca * sc + sa * sb * cc),
+        (sa * cc + ca * sb * sc, -cb * sc, ca * cc - sa * sb * sc),
+        sa,
+        ca,
+    )
+
+
+class Distance(NamedTuple):
+    """Signed distance of a point to the ellipsoid, with derivatives in the point p and the semi-axes a."""
+
+    d: Array
+    n: Vector
+    """dd/dp, the outward normal."""
+    e: Vector
+    """dd/da."""
+    pp: Matrix
+    pa: Matrix
+    """Row i, column j: d2d/dp_i da_j."""
+    aa: Matrix
+    t: Array
+    """Multiplier of the foot point, mm^2: the start of the next evaluation."""
+
+
+FOOT_STEPS = 3
+"""Newton steps of a foot's multiplier. From a foot some 20 mm away they are exact to 1e-6 mm, and to rounding from one
+1 mm away: the multiplier is carried along, and the points come to rest before the iteration ends."""
+
+
+def foot(p: Vector, a: Vector, t: Array) -> Array:
+    """t where S(t) = sum (a_i p_i / (t + a_i^2))^2 = 1: Newton on the nearly linear 1 - S^(-1/2)."""
+    for _ in range(FOOT_STEPS):
+        D = tuple(1.0 / (t + x * x) for x in a)
+        terms = tuple((x * y * z) ** 2 for x, y, z in zip(a, p, D, strict=True))
+        S = terms[0] + terms[1] + terms[2]
+        t = t + (jnp.sqrt(S) - 1.0) * S / (terms[0] * D[0] + terms[1] * D[1] + terms[2] * D[2])
+    return t
+
+
+def distance(p: Vector, a: Vector, t: Array) -> Distance:
+    """d and its derivatives at the foot with multiplier t, exact where S(t) = 1."""
+    D: Vector = tuple(1.0 / (t + x * x) for x in a)  # type: ignore[assignment]
+    m: Vector = p[0] * D[0], p[1] * D[1], p[2] * D[2]
+    w: Vector = m[0] * D[0], m[1] * D[1], m[2] * D[2]
+    aw: Vector = a[0] * w[0], a[1] * w[1], a[2] * w[2]
+    squared = dot(m, m)
+    shorter = jax.lax.rsqrt(squared)  # 1 / L
+    n = _times(shorter, m)
+    mw, nw = dot(m, w), dot(n, w)
+    h = 1.0 / (squared - t * mw)  # 1 / h
+    e: Vector = tuple(-a[k] * m[k] * n[k] for k in range(3))  # type: ignore[assignment]
+    y = tuple(aw[k] * m[k] * (t - a[k] * a[k]) * h for k in range(3))
+    tangent = _minus(w, _times(nw, n))
+
+    def pp(i, j):
+        rest = (t * w[i] * w[j] - w[i] * m[j] - m[i] * w[j] + mw / squared * m[i] * m[j]) * h
+        return (D[i] + rest if i == j else rest) * shorter
+
+    def pa(i, j):
+        rest = tangent[i] * y[j] - 2.0 * n[i] * n[j] * aw[j]
+        return -(rest + 2.0 * aw[i] if i == j else rest) * shorter
+
+    def aa(i, j):
+        rest = 2.0 * a[i] * m[i] * w[i] * y[j] + e[i] * (nw * y[j] + 2.0 * n[j] * aw[j])
+        return (rest + 4.0 * a[i] * m[i] * aw[i] - m[i] * m[i] if i == j else rest) * shorter
+
+    def matrix(entry) -> Matrix:
+        return tuple(tuple(entry(i, j) for j in range(3)) for i in range(3))  # type: ignore[return-value]
+
+    return Distance(t * squared * shorter, n, e, matrix(pp), matrix(pa), matrix(aa), t)
+
+
+ELLIPSOID = 5
+"""The first five adapted parameters, M_y, M_z and A: those that A1 and A2 depend on. A3 has only the conoid length."""
+
+
+class Chain(NamedTuple):
+    """g = (A1, A2, A3), mm, and its derivatives in the six angles q and the ellipsoid's parameters u (``ELLIPSOID``).
+
+    Second derivatives are those of multipliers . g; of symmetric ones the entries j <= i exist. dg/dconoid_length is
+    (0, 0, -1).
+    """
+
+    g: list[Array]
+    G: list[list[Array]]
+    """dg/dq, three rows of six."""
+    T: list[list[Array]]
+    """d(A1, A2)/du, two rows of five."""
+    qq: list[list[Array]]
+    qu: list[list[Array]]
+    uu: list[list[Array]]
+    feet: list[Array]
+    """t of TS and AI, one Newton step on."""
+
+
+def ellipsoid_slope(at: Distance) -> list[Array]:
+    """dd/du: the centre moves against the point."""
+    return [-at.n[1], -at.n[2], *at.e]
+
+
+def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
+    """d2d/du2, entries j <= i."""
+    centre = [[at.pp[1][1]], [at.pp[2][1], at.pp[2][2]]]
+    return centre + [[-at.pa[1][i], -at.pa[2][i], *at.aa[i][: i + 1]] for i in range(3)]
+
+
+def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], feet: list[Array]) -> Chain:
+    """The constraints at angles q and adapted parameters theta, from the feet t of TS and AI at a point nearby.
+
+    The feet take one Newton step; what is left of them to go is of second order in how far the points have moved.
+    ``girdle`` is a ``models.girdle.Girdle``, whose adapted parameters are not looked at.
+    """
+    clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
+    a: Vector = theta[2], theta[3], theta[4]
+    to_ac = clavicle.rotate(tuple(girdle.ac_mm))
+    centre: Vector = girdle.centre_mm[0], theta[0], theta[1]
+    sc_to_centre = _minus(centre, tuple(girdle.sc_mm))
+    ac_from_centre = _minus(to_ac, sc_to_centre)
+    ac_spin = clavicle.spin(to_ac)
+
+    g, G, T = [], [], []
+    zero = jnp.zeros_like(q[0])
+    qq = [[zero] * (i + 1) for i in range(6)]
+    qu = [[zero] * ELLIPSOID for _ in range(6)]
+    uu = [[zero] * (i + 1) for i in range(ELLIPSOID)]
+    forces, arms, moved = [], [], []
+    for own, v, constant, t in zip(
+        multipliers, (girdle.ts_mm, girdle.ai_mm), (girdle.ts_distance_mm, girdle.ai_distance_mm), feet, strict=False
+    ):
+        arm = scapula.rotate(tuple(v))
+        point = _sum(ac_from_centre, arm)
+        at = distance(point, a, foot(point, a, t))
+        J = (*ac_spin, *scapula.spin(arm))
+        g.append(at.d - constant)
+        G.append([dot(column, at.n) for column in J])
+        T.append(ellipsoid_slope(at))
+        pp: Matrix = tuple(_times(own, row) for row in at.pp)  # type: ignore[assignment]
+        pa: Matrix = tuple(_times(own, row) for row in at.pa)  # type: ignore[assignment]
+        for i in range(6):
+            bent: Vector = tuple(dot(row, J[i]) for row in pp)  # type: ignore[assignment]
+            for j in range(i + 1):
+                qq[i][j] += dot(J[j], bent)
+            stretched = [J[i][0] * pa[0][k] + J[i][1] * pa[1][k] + J[i][2] * pa[2][k] for k in range(3)]
+            for k, value in enumerate((-bent[1], -bent[2], *stretched)):
+                qu[i][k] += value
+        for i, row in enumerate(ellipsoid_curvature(at)):
+            for j, value in enumerate(row):
+                uu[i][j] += own * value
+        forces.append(_times(own, at.n))
+        arms.append(arm)
+        moved.append(at.t)
+
+    own = multipliers[2]
+    from_clavicle = _minus(to_ac, clavicle.rotate(tuple(girdle.clavicle_conoid_mm)))
+    arm = scapula.rotate(tuple(girdle.scapula_conoid_mm))
+    conoid = _sum(from_clavicle, arm)
+    squared = dot(conoid, conoid)
+    shorter = jax.lax.rsqrt(squared)
+    n = _times(shorter, conoid)
+    J = (*clavicle.spin(from_clavicle), *scapula.spin(arm))
+    g.append(squared * shorter - theta[5])
+    G.append([dot(column, n) for column in J])
+    for i in range(6):
+        for j in range(i + 1):
+            qq[i][j] += own * shorter * (dot(J[i], J[j]) - G[2][i] * G[2][j])
+    forces.append(_times(own, n))
+    arms.append(arm)
+
+    on_ac = _sum(forces[0], forces[1])
+    of_clavicle = _moments([to_ac, from_clavicle], [on_ac, forces[2]])
+    of_scapula = _moments(arms, forces)
+    for first, turned in ((0, clavicle.curvature(of_clavicle)), (3, scapula.curvature(of_scapula))):
+        for (i, j), value in turned.items():
+            qq[first + j][first + i] += value
+    return Chain(g, G, T, qq, qu, uu, moved)
+
+
+def _moments(arms: list[Vector], forces: list[Vector]) -> Matrix:
+    """sum r n'."""
+
+    def entry(i, j):
+        return sum((r[i] * f[j] for r, f in zip(arms[1:], forces[1:], strict=True)), arms[0][i] * forces[0][j])
+
+    return tuple(tuple(entry(i, j) for j in range(3)) for i in range(3))  # type: ignore[return-value]
