@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.batch import Batch
-from adapt.chunks import compiled, in_chunks, lanes_of, resumed
+from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
 from adapt.fit import FEWEST_ANGLES, Fitted, fit_lanes
 from adapt.linalg import Factor, diagonal, jacobian, matmul, trace, transpose
 from adapt.objective import READINGS, WEIGHT, jitted_geometric_fit, thorax_distance_mm2
@@ -187,8 +187,7 @@ def _from_theta(data: Lanes, weight, reading, factor, theta: Float[Array, "6 lan
             break
         further = solved_from(lanes_of(fixed, again), result.theta[:, again], angles[..., again])
         gains = further.converged | ~result.converged[again]
-        for whole, some in zip(result, further, strict=True):
-            whole[..., again[gains]] = some[..., gains]
+        result = with_lanes(result, again[gains], lanes_of(further, gains))
     return _as_adapted(data, weight, reading, weights, result)
 
 
@@ -201,13 +200,11 @@ def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> S
     start = Swept(theta, angles, jnp.zeros((3, postures, lanes)), jnp.zeros(lanes, int), jnp.zeros(lanes, bool))
     swept = resumed(_sweep, _LANES, _SWEEPS, fixed, start)
     point = swept.theta, swept.angles, swept.multipliers
-    judged = jax.tree.map(np.array, in_chunks(_judged, _LANES, *fixed, *point))
-    result = judged._replace(iterations=swept.iterations)
+    result = in_chunks(_judged, _LANES, *fixed, *point)._replace(iterations=swept.iterations)
     left = np.flatnonzero(~result.converged)
     if len(left):
         careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), classes=1)
-        for whole, some in zip(result, careful, strict=True):
-            whole[..., left] = some
+        result = with_lanes(result, left, careful)
     return result
 
 

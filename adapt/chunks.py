@@ -67,17 +67,26 @@ def _workers(devices: list[Any]) -> int:
 
 def resumed(function: Callable[..., Any], size: int, rounds: int, fixed: tuple[Any, ...], state: Any) -> Any:
     """``state = function(*fixed, state)``, again on the lanes not yet ``converged``: who has is left alone."""
-    state = jax.tree.map(np.array, state)
+    state = jax.tree.map(np.asarray, state)
     for _ in range(rounds):
         left = np.flatnonzero(~state.converged)
         if not len(left):
             break
-        new = in_chunks(function, size, *lanes_of((*fixed, state), left))
-        for whole, some in zip(jax.tree.leaves(state), jax.tree.leaves(new), strict=True):
-            whole[..., left] = some
+        state = with_lanes(state, left, in_chunks(function, size, *lanes_of((*fixed, state), left)))
     return state
 
 
 def lanes_of(tree: Any, index: Any) -> Any:
     """The given lanes of every array of a tree."""
     return jax.tree.map(lambda x: np.asarray(x)[..., index], tree)
+
+
+def with_lanes(tree: Any, index: Any, values: Any) -> Any:
+    """The tree as numpy with the given lanes of every array replaced by those of ``values``."""
+
+    def replaced(whole, some):
+        whole = np.array(whole)
+        whole[..., index] = some
+        return whole
+
+    return jax.tree.map(replaced, tree, values)

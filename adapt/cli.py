@@ -137,8 +137,7 @@ def diagnose_gap(
 
     Writes diagnosis.json (everything), gap_heatmap.svg (where the gap is), probabilities.svg (of each answer),
     gaps.svg (how far the gap shrinks), the tables of `girdle adapt`, run.json and report.html (the page to look at).
-    With several models the figures are those of the model with the
-    smallest gap after adaptation.
+    With several models the figures are those of the model with the smallest gap after adaptation.
     """
     if noise_deg is not None and not LEAST.angle_deg <= noise_deg <= MOST_NOISE_DEG:
         cause = f"{noise_deg:g} is not between {LEAST.angle_deg:g} and {MOST_NOISE_DEG:g} degrees"

@@ -13,17 +13,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from adapt.linalg import backward, factorised, forward
+from adapt.newton import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from models.derivatives import Chain
 
 STIFFNESS = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see ``adapt.newton``). Of 5 to 100 the
 one with the fewest iterations on simulated subjects."""
-
-UNMEASURED_WEIGHT = 1e-8
-"""Relative damping of an angle that was not measured, as in ``adapt.newton``."""
-
-PIVOT_FLOOR = 1e-4
-"""Smallest pivot of K, relative to W, that counts as positive definite."""
 
 Components = list[Array]
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from adapt import status
-from adapt.chunks import compiled, in_chunks, lanes_of, resumed
+from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
 from adapt.posture import (
     Postures,
     close_chain,
@@ -223,13 +223,7 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     careful = _carefully(*part, None if start is None else start[:, left])
     before, after = (mean_square_deg2(x.angles, *part[1:]) for x in (lanes_of(quick, left), careful))
     better = np.asarray(careful.converged & ~(quick.converged[left] & (before < after)))
-    return jax.tree.map(lambda whole, some: _replaced(whole, left[better], some[..., better]), quick, careful)
-
-
-def _replaced(whole, index, some):
-    whole = np.array(whole)
-    whole[..., index] = some
-    return whole
+    return with_lanes(quick, left[better], lanes_of(careful, better))
 
 
 def _carefully(girdle: Chain, target, weights, start) -> Postures:

@@ -37,13 +37,13 @@ _CURVATURE_SHARES = (1.0, 0.3, 0.0)
 _STIFFNESS = 100.0
 """Weight of the range space of G' in H, relative to the largest entry of H: see :func:`_convexified`."""
 
-_PIVOT_FLOOR = 1e-4
+PIVOT_FLOOR = 1e-4
 """Smallest pivot, relative to W, that counts as positive definite."""
 
 _RANK_SHIFT = 1e-15
 """Relative shift of G G': where G loses rank the step is long but finite, elsewhere it is below rounding."""
 
-_UNMEASURED_WEIGHT = 1e-8
+UNMEASURED_WEIGHT = 1e-8
 """Relative damping of an angle that was not measured: it settles where the constraints put it."""
 
 
@@ -133,12 +133,12 @@ def _convexified(
     reduced until it is; without curvature (Gauss-Newton) it always is.
     """
     scale = jnp.max(weights, axis=0)
-    convex = diagonal(jnp.maximum(weights, _UNMEASURED_WEIGHT * scale)) + range_space
+    convex = diagonal(jnp.maximum(weights, UNMEASURED_WEIGHT * scale)) + range_space
     share = jnp.full_like(scale, _CURVATURE_SHARES[0])
-    factor = Factor(convex + curvature, _PIVOT_FLOOR * scale)
+    factor = Factor(convex + curvature, PIVOT_FLOOR * scale)
     for smaller in _CURVATURE_SHARES[1:]:
         share = jnp.where(factor.positive, share, smaller)
-        factor = factor.otherwise(Factor(convex + smaller * curvature, _UNMEASURED_WEIGHT * scale))
+        factor = factor.otherwise(Factor(convex + smaller * curvature, UNMEASURED_WEIGHT * scale))
     return factor, share
 
 

@@ -1,7 +1,6 @@
 """The fast path of the posture fit: the Newton iteration of ``adapt.posture`` by components (see ``adapt.sweep``).
 
-From the measured angles and from where the chain closes nearest to them, side by side. A lane that does not converge
-from both goes to ``adapt.posture``, which also judges every result.
+A lane that does not end here is no failure: ``adapt.posture`` goes on with it, and judges every lane.
 """
 
 from typing import NamedTuple
@@ -10,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
 from adapt.elimination import Components, Elimination, augmented, column, largest, product, stationarity
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import STEP_LIMIT_RAD
@@ -20,10 +20,6 @@ from motions.rotations import DEG
 
 _CLOSING_STEPS = 6
 """Steps of the second start onto the constraint surface: closed to 1e-3 mm from 15 degrees off, mostly."""
-
-_BACKTRACK = 0.3
-_ROUNDING = 1e-11
-"""Relative error of the merit: a rise below it is no rise."""
 
 _AT_REST_RAD = 1e-10
 """Step still proposed where a fit may end; quadratically, nothing is left of it."""
@@ -78,14 +74,9 @@ def sweep_postures(
     )
     theta = list(girdle.adapted_mm)
 
-    def advance(state: _State) -> _State:
-        new = _iterate(girdle, theta, list(measured), list(weights), state)
-        return jax.tree.map(lambda old, new: jnp.where(state.converged, old, new), state, new)
-
-    def unfinished(state: _State):
-        return jnp.any(~state.converged & (state.iterations < iterations))
-
-    end = jax.lax.while_loop(unfinished, advance, first)
+    end = until_converged(
+        lambda state: _iterate(girdle, theta, list(measured), list(weights), state), first, iterations
+    )
     # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
     last = end.converged & ~start.converged
     q = [jnp.where(last, x + dx, x) for x, dx in zip(end.base, end.step, strict=True)]
@@ -100,7 +91,7 @@ def _iterate(girdle: Girdle, theta: Components, measured: Components, weights: C
     gap = [x - s for x, s in zip(q, measured, strict=True)]
     pull = [w * x for w, x in zip(weights, gap, strict=True)]
     J = 0.5 * product(pull, gap)
-    good = J + augmented(state.target, state.stiffness, at.g) <= state.merit + _ROUNDING * (1.0 + jnp.abs(state.merit))
+    good = good_enough(state, J + augmented(state.target, state.stiffness, at.g))
     postures = Elimination(at, weights, pull, [], 0)
     step, target = postures.moved([])
     converged = (
@@ -123,8 +114,7 @@ def _iterate(girdle: Girdle, theta: Components, measured: Components, weights: C
         iterations=state.iterations + 1,
         converged=converged,
     )
-    refused = state._replace(length=_BACKTRACK * state.length, iterations=state.iterations + 1)
-    return jax.tree.map(lambda yes, no: jnp.where(good, yes, no), accepted, refused)
+    return accepted_or_shorter(good, accepted, state)
 
 
 def closed_nearby(girdle: Girdle, start: Float[Array, " 6 lanes"]) -> Float[Array, " 6 lanes"]:

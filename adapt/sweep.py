@@ -3,8 +3,9 @@
 The same problem, conditions and tolerances; derivatives by hand (``models.derivatives``), every array one component, so
 that an iteration is a stream of elementwise operations on a chunk of subjects that stays in the cache. Each iteration
 evaluates once and eliminates the postures (``adapt.elimination``); theta minimises what is left, a quadratic
-model, within its bounds and a trust radius (``_box_minimum``). The length of the step is found by backtracking on the
-augmented Lagrangian  E + lambda'g + 1/2 g' s g,  which needs no more than g: a refused point costs one evaluation.
+model, within its bounds and a trust radius (``_box_minimum``). The length of the step is found by backtracking
+(``adapt.backtracking``) on the augmented Lagrangian  E + lambda'g + 1/2 g' s g,  which needs no more than g: a refused
+point costs one evaluation.
 
 A lane that does not end here is no failure: ``adapt.subject`` goes on with it, and judges every lane.
 """
@@ -15,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
 from adapt.elimination import Components, Elimination, augmented, largest, product, stationarity
 from adapt.linalg import Factor, diagonal, matvec
 from adapt.newton import STEP_LIMIT_RAD
@@ -31,12 +33,6 @@ _FIRST_RADIUS_MM = 15.0
 
 _GROWTH = 2.0
 """Factor on the trust radius after a full step."""
-
-_BACKTRACK = 0.3
-"""Factor on a step whose end was refused."""
-
-_ROUNDING = 1e-11
-"""Relative error of the merit: a rise below it is no rise."""
 
 _ACTIVE_SETS = 5
 """Changes of the set of parameters at a bound within one step."""
@@ -93,14 +89,7 @@ def sweep(
     point = Point(list(start.angles), list(start.theta), list(start.multipliers))
     state = _first(points_mm, point)._replace(converged=start.converged)
 
-    def advance(state: State) -> State:
-        new = _iterate(spread, points_mm, shares, problem, state)
-        return jax.tree.map(lambda old, new: jnp.where(state.converged, old, new), state, new)
-
-    def unfinished(state: State):
-        return jnp.any(~state.converged & (state.iterations < iterations))
-
-    end = jax.lax.while_loop(unfinished, advance, state)
+    end = until_converged(lambda state: _iterate(spread, points_mm, shares, problem, state), state, iterations)
     # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
     last = jax.tree.map(lambda x, dx: jnp.where(end.converged & ~start.converged, x + dx, x), end.base, end.step)
     q, theta_, multipliers_ = (jnp.stack(x) for x in last)
@@ -173,14 +162,12 @@ def _iterate(girdle: Girdle, points_mm, shares, problem: Problem, state: State) 
     def worst(of_postures):
         return jnp.max(jnp.where(problem.counted, of_postures, 0.0), axis=0)
 
-    # Is the point tried good enough to go on from? NaN is not.
     E = thorax.value + total(0.5 * product(pull, gap))
 
     def merit(target, stiffness):
         return E + total(augmented(target, stiffness, at.g))
 
-    reached = merit(state.target, state.stiffness)
-    good = reached <= state.merit + _ROUNDING * (1.0 + jnp.abs(state.merit))
+    good = good_enough(state, merit(state.target, state.stiffness))
 
     # Is it the optimum?
     slope = [x + total(at.T[0][k] * multipliers[0] + at.T[1][k] * multipliers[1]) for k, x in enumerate(thorax.slope)]
@@ -228,8 +215,7 @@ def _iterate(girdle: Girdle, points_mm, shares, problem: Problem, state: State) 
         iterations=state.iterations + 1,
         converged=converged,
     )
-    refused = state._replace(length=_BACKTRACK * state.length, iterations=state.iterations + 1)
-    return jax.tree.map(lambda yes, no: jnp.where(good, yes, no), accepted, refused)
+    return accepted_or_shorter(good, accepted, state)
 
 
 def _box_minimum(

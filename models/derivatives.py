@@ -190,7 +190,7 @@ class Chain(NamedTuple):
     qu: list[list[Array]]
     uu: list[list[Array]]
     feet: list[Array]
-    """t of TS and AI, one Newton step on."""
+    """t of TS and AI, ``FOOT_STEPS`` on."""
 
 
 def ellipsoid_slope(at: Distance) -> list[Array]:
@@ -207,7 +207,7 @@ def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
 def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], feet: list[Array]) -> Chain:
     """The constraints at angles q and adapted parameters theta, from the feet t of TS and AI at a point nearby.
 
-    The feet take one Newton step; what is left of them to go is of second order in how far the points have moved.
+    The feet take ``FOOT_STEPS`` Newton steps.
     ``girdle`` is a ``models.girdle.Girdle``, whose adapted parameters are not looked at.
     """
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))

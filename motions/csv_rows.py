@@ -48,9 +48,7 @@ def read_table(path: Path, check_header: Callable[[list[str], str, int], None] |
     if header_line is None:
         raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
     columns = [name.strip() for name in header]
-    if check_header:
-        check_header(columns, file, header_line)
-    _check_names(columns, file, header_line)
+    (check_header or _check_names)(columns, file, header_line)
     rows = [_row(file, line, columns, cells) for line, cells in lines]
     if not rows:
         raise InputError(file, None, "there are no rows under the header", "Add one row for each posture")

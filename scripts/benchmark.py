@@ -111,7 +111,8 @@ def values_of(data: Any, solved: Any) -> np.ndarray:
 
 
 def prepared(model: str, subjects: int):
-    return lanes(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
+    """The lanes of simulated subjects, without padding ones."""
+    return first_lanes(lanes(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)]), subjects)
 
 
 def first_lanes(data: Any, count: int) -> Any:
@@ -174,7 +175,6 @@ def benchmark(
     """Measure and compare."""
     jax.config.update("jax_compilation_cache_dir", str(platformdirs.user_cache_path("girdle") / "jax"))
     data = prepared(model, subjects)
-    data = first_lanes(data, subjects)
     one = first_lanes(data, 1)
     ours = solved_from_geometric_fit(data)
     solved_from_geometric_fit(one)
@@ -239,7 +239,7 @@ def benchmark(
 
 
 def _seconds(model: str, subjects: int) -> float:
-    data = first_lanes(prepared(model, subjects), subjects)
+    data = prepared(model, subjects)
     return timed(lambda: solved_from_geometric_fit(data))
 
 

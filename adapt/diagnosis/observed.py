@@ -1,6 +1,7 @@
 """What the diagnosis sees of the subjects: angles and landmark positions, with their noise, as padded arrays."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -46,7 +47,7 @@ class NoiseEstimate:
         """Whether the noise was given."""
         return not np.isfinite(self.freedom)
 
-    @property
+    @cached_property
     def likely_shares(self) -> list[tuple[float, float]]:
         """Shares of the estimate that the noise may be, each with its probability (Gauss-Hermite).
 
