@@ -8,7 +8,7 @@ ellipsoid (A1, A2). OpenSim's joint (Seth et al., Nonlinear Dyn. 62 (2010) 291-3
 the ellipsoid, turns it with the surface and lets it wing. That point is the one nearest to halfway TS-AI at rest. TS
 and AI come as markers, their distances as a comment. The masses are placeholders: kinematics only.
 
-Written after OpenSim's sources; not opened in OpenSim, which has no wheel to test with.
+OpenSim 4.6 opens every set's model and closes its chain (tests/test_opensim.py).
 """
 
 import re
@@ -105,7 +105,7 @@ def radii_mm(girdle: Girdle) -> Vector:
 
 def _comment(girdle: Girdle) -> str:
     return (
-        " Written by girdle; not opened in OpenSim. Right shoulder, kinematics only: masses are placeholders. In the "
+        " Written by girdle. Right shoulder, kinematics only: masses are placeholders. In the "
         f"model of girdle TS and AI stay {float(girdle.ts_distance_mm):.3f} and {float(girdle.ai_distance_mm):.3f} mm "
         "outside the ellipsoid (negative: inside); OpenSim's ScapulothoracicJoint keeps one point of the bone on it. "
     )
