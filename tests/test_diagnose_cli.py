@@ -37,7 +37,7 @@ ANSWERS = {*EFFECTS, NONE, UNKNOWN}
 KEYS = {
     *("model", "verdict", "probability", "pairs", "amplitude", "gap_deg", "where", "where_by", "shares"),
     *("constraints", "parameters", "indistinguishable", "smallest_detectable", "next_measurement", "noise"),
-    *("at_other_noise", "subjects", "left_out", "postures", "best"),
+    *("at_other_noise", "expected", "subjects", "left_out", "postures", "best"),
 }
 """The contract of diagnosis.json: scripts of users rely on it."""
 
@@ -92,6 +92,7 @@ SKIN = Diagnosis(
     left_out={},
     postures=140,
     noise=NoiseEstimate(Noise(1.4, 2.0), 166.0, "estimated"),
+    expected=(),
     verdict=verdict(EFFECT, "skin_artefact", skin_artefact=0.98),
     at_other_noise={2.1: verdict(NONE, none=0.9), 0.94: verdict(EFFECT, "skin_artefact", skin_artefact=0.99)},
     amplitude={"skin_artefact": ARTEFACT},
@@ -321,10 +322,11 @@ def test_an_effect_that_no_size_would_show_is_not_named():
 
 
 def test_the_notes_name_what_the_verdict_rests_on():
-    assert notes(of(replace(SKIN, left_out={"s11": "2 postures"}))) == [
+    assert notes(of(replace(SKIN, left_out={"s11": "2 postures"}, expected=("skin_artefact",)))) == [
         "Parameter set R2.",
         "Noise: 1.40 deg an angle, estimated from 166 degrees of freedom (landmarks, where given: 2.0 mm).",
         "Were the noise 2.10 deg, the answer would be none.",
+        "The motions are marked with skin_artefact: likelier beforehand.",
         "These postures and this noise cannot tell apart conoid_strain and clavicle_axial_estimate.",
         "Left out: s11: 2 postures.",
     ]

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from adapt.diagnosis.evidence import Hypothesis, Linear
+from adapt.diagnosis.expected import expected_effects
 from adapt.diagnosis.ranking import Ranking
 from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge
+from motions import read_motions
+from motions.simulation import DATA_FILE
 
 SUM = 1e-12
 """Of a dozen probabilities: rounding."""
@@ -98,6 +101,35 @@ def test_equal_evidence_gives_the_effects_equal_shares_and_none_as_much_as_all_o
     for name in NAMES:
         assert verdict.probability[name] == pytest.approx(0.5 * known / len(NAMES), abs=SUM)
     assert verdict.probability[NONE] == pytest.approx(0.5 * known, abs=SUM)
+
+
+def test_a_marked_effect_is_as_probable_beforehand_as_all_others():
+    verdict = judge(ranking({(): 0.0, **{(name,): 0.0 for name in NAMES}}), NAMES, expected=("b", "left out"))
+    known = 1.0 - verdict.probability[UNKNOWN]
+    assert verdict.probability["b"] == pytest.approx(0.25 * known, abs=SUM)
+    assert verdict.probability["a"] == pytest.approx(0.25 * known / 3, abs=SUM)
+    assert verdict.probability[NONE] == pytest.approx(0.5 * known, abs=SUM)
+
+
+def test_a_mark_does_not_outweigh_the_angles():
+    assert judge(ranking({("a",): 0.0, ("b",): -SURE}), NAMES, expected=("b",)).effects == ("a",)
+
+
+@pytest.mark.parametrize(
+    ("column", "marks", "effects"),
+    [
+        ("clavicle_x_estimated", ["yes", "yes", ""], ("clavicle_axial_estimate",)),
+        ("clavicle_x_estimated", ["yes", "", ""], ()),
+        ("scapula_frame", ["AA brought to AC by kolz2020 +- 4 deg"] * 3, ("scapula_landmark_bias",)),
+        ("scapula_frame", ["AC"] * 3, ()),
+        ("remarks", ["yes"] * 3, ()),
+    ],
+)
+def test_what_a_file_says_of_itself(column, marks, effects):
+    motions = read_motions(DATA_FILE)
+    motions = motions.select(np.arange(len(motions.subject)) < len(marks))
+    motions.extra[column] = marks
+    assert expected_effects(motions) == effects
 
 
 def test_more_evidence_is_more_probability():

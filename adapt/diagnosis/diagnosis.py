@@ -10,6 +10,7 @@ from jaxtyping import Float
 from adapt.diagnosis import where
 from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
 from adapt.diagnosis.evidence import Hypothesis, Linear, alike, posterior
+from adapt.diagnosis.expected import expected_effects
 from adapt.diagnosis.heldout import HeldOut, gaps
 from adapt.diagnosis.misfit import misfit
 from adapt.diagnosis.most_probable import fit_hypotheses
@@ -75,6 +76,8 @@ class Diagnosis:
     """Subjects that say too little, each with its reason."""
     postures: int
     noise: NoiseEstimate
+    expected: tuple[str, ...]
+    """Effects that the motions are marked with: as probable beforehand as all others together."""
     verdict: Verdict
     at_other_noise: dict[float, Verdict]
     """The verdict had the noise been otherwise, by its SD in degrees."""
@@ -109,12 +112,14 @@ def diagnose(
     """
     models = [models] if isinstance(models, ParameterSet) else list(models)
     data, left_out = _usable(observe(motions))
+    expected = expected_effects(motions)
     return {
         model.name: _diagnose(
             model,
             tuple(effects),
             data,
             left_out,
+            expected,
             noise_deg,
             lambda stage, name=model.name: progress(f"{name}: {stage}"),
         )
@@ -145,6 +150,7 @@ def _diagnose(
     effects: tuple[Effect, ...],
     data: Observed,
     left_out: dict[str, str],
+    expected: tuple[str, ...],
     noise_deg: float | None,
     progress: Progress,
 ) -> Diagnosis:
@@ -159,11 +165,11 @@ def _diagnose(
     apart = separation(girdle, effects, hypotheses, postures, noise)
     progress("every effect")
     ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
-    verdict = judge(ranking, names)
+    verdict = judge(ranking, names, expected)
     if len(effects) > 1 and _worth_pairs(ranking, verdict):
         progress("pairs of effects")
         ranking = _with_pairs(girdle, effects, data, estimate, ranking)
-        verdict = judge(ranking, names)
+        verdict = judge(ranking, names, expected)
     none = next(one for one in ranking.fitted if not one.hypothesis)
     explained = _explanation(ranking, verdict)
     seen = misfit(girdle, effects, data, noise, none.z)
@@ -176,8 +182,9 @@ def _diagnose(
         left_out=left_out,
         postures=int(data.counted.sum()),
         noise=estimate,
+        expected=expected,
         verdict=verdict,
-        at_other_noise=_at_other_noise(ranking, effects, data, estimate),
+        at_other_noise=_at_other_noise(ranking, effects, data, estimate, expected),
         amplitude=_amplitudes(ranking, effects, data, verdict, explained.hypothesis),
         best=explained.hypothesis,
         gap=held_out,
@@ -225,12 +232,14 @@ def _at_measured(girdle: Girdle, data: Observed, fitted: Linear) -> Float[np.nda
     return np.asarray(adapted.residuals_mm(jnp.asarray(data.values[:6])))
 
 
-def _at_other_noise(ranking: Ranking, effects, data: Observed, noise: NoiseEstimate) -> dict[float, Verdict]:
+def _at_other_noise(
+    ranking: Ranking, effects, data: Observed, noise: NoiseEstimate, expected: tuple[str, ...]
+) -> dict[float, Verdict]:
     names = [effect.name for effect in effects]
     found = {}
     for share in _OTHER_NOISES:
         fitted = [one.with_noise(share) for one in ranking.fitted]
-        found[share * noise.noise.angle_deg] = judge(rank(fitted, effects, data, noise), names)
+        found[share * noise.noise.angle_deg] = judge(rank(fitted, effects, data, noise), names, expected)
     return found
 
 

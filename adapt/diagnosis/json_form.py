@@ -50,6 +50,7 @@ def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
         "next_measurement": of.next_measurement,
         "noise": {**vars(of.noise.noise), "source": of.noise.source, "freedom": of.noise.freedom},
         "at_other_noise": [{"noise_deg": deg, **_verdict(one)} for deg, one in sorted(of.at_other_noise.items())],
+        "expected": of.expected,
         "subjects": of.subjects,
         "left_out": of.left_out,
         "postures": of.postures,

@@ -50,8 +50,9 @@ def notes(of: Object) -> list[str]:
     other = [_otherwise(one) for one in of["at_other_noise"] if _answer(one) != _answer(of["verdict"])]
     alike = [_alike(one, of["smallest_detectable"]) for one in of["indistinguishable"]]
     left_out = [f"Left out: {subject}: {why}." for subject, why in of["left_out"].items()]
+    marked = [f"The motions are marked with {name}: likelier beforehand." for name in of["expected"]]
     parts = [_made_of(of["shares"]["all"])] if of["shares"]["all"] else []
-    return [f"Parameter set {of['model']}.", _noise(of["noise"]), *other, *parts, *alike, *left_out]
+    return [f"Parameter set {of['model']}.", _noise(of["noise"]), *other, *marked, *parts, *alike, *left_out]
 
 
 def _table(words: Sequence[str], numbers: Sequence[str]) -> Table:

@@ -21,7 +21,10 @@ _TEMPERATURE = 1.25
 """Divides log evidence: real courses are not the prior's, so evidence is too sure of itself."""
 
 _NONE_PRIOR = 0.5
-"""Prior probability of no effect; single effects share the rest alike."""
+"""Prior probability of no effect; single effects share the rest."""
+
+_EXPECTED_SHARE = 0.5
+"""Of what the single effects share, for those that the motion file says of itself: as much as for all others."""
 
 _PAIR_PRIOR = 0.02
 """Prior probability, beside those, that two effects act together, shared alike by the pairs tried."""
@@ -62,9 +65,12 @@ class Verdict:
     """Of the pairs tried, as 'a+b'."""
 
 
-def judge(ranking: Ranking, names: Sequence[str]) -> Verdict:
-    """The verdict on a ranking of none, every effect of ``names`` and perhaps pairs of them."""
-    shares = _shares(ranking, len(names))
+def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) -> Verdict:
+    """The verdict on a ranking of none, every effect of ``names`` and perhaps pairs of them.
+
+    ``expected`` are those of the names that the motions are marked with.
+    """
+    shares = _shares(ranking, _single_priors(names, expected))
     unknown = _unknown(ranking, shares)
     probability = dict.fromkeys([*names, NONE], 0.0)
     pairs: dict[str, float] = {}
@@ -86,11 +92,21 @@ def _unknown(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> floa
     return 1.0 / (1.0 + math.exp(-(constant + of_gain * gain + of_excess * excess + doubt)))
 
 
-def _shares(ranking: Ranking, effects: int) -> Float[np.ndarray, " hypotheses"]:
+def _single_priors(names: Sequence[str], expected: Sequence[str]) -> dict[Hypothesis, float]:
+    """Of none and of every effect alone."""
+    some = [name for name in expected if name in names]
+    whole = 1.0 - _NONE_PRIOR
+    priors: dict[Hypothesis, float] = {(name,): whole / len(names) for name in names}
+    if 0 < len(some) < len(names):
+        rest = whole * (1.0 - _EXPECTED_SHARE) / (len(names) - len(some))
+        priors = {(name,): whole * _EXPECTED_SHARE / len(some) if name in some else rest for name in names}
+    return {(): _NONE_PRIOR, **priors}
+
+
+def _shares(ranking: Ranking, single: dict[Hypothesis, float]) -> Float[np.ndarray, " hypotheses"]:
     """Tempered posterior probabilities of the hypotheses of the list."""
     pairs = sum(len(hypothesis) == 2 for hypothesis in ranking.hypotheses)
-    each = (_NONE_PRIOR, (1.0 - _NONE_PRIOR) / effects, _PAIR_PRIOR / max(pairs, 1))
-    priors = [each[len(hypothesis)] for hypothesis in ranking.hypotheses]
+    priors = [single.get(hypothesis, _PAIR_PRIOR / max(pairs, 1)) for hypothesis in ranking.hypotheses]
     log = ranking.log_evidence / _TEMPERATURE + np.log(priors)
     weight = np.exp(log - log.max())
     return weight / weight.sum()
