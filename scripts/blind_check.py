@@ -1,6 +1,6 @@
 """The withheld-effect check: does the diagnosis name an effect that it has not been told of?
 
-`scripts/blind_world.py` makes simulated subjects with a hidden effect; the diagnosis sees their motion file alone; the
+`scripts/blind_world` makes simulated subjects with a hidden effect; the diagnosis sees their motion file alone; the
 truth is opened after the verdict. One line of JSON a case goes to FOLDER/cases.jsonl, and a rerun does only what is
 missing there. Everything is simulated, from the same parameter set that the diagnosis is given.
 
@@ -311,10 +311,9 @@ def true_channels(name: str, of: dict[str, Any], subjects: Sequence[str]) -> np.
 @cache
 def code_state() -> str:
     """Eight digits that change with the code and the numbers of parameter sets: lines of two states are no study."""
-    rooms = ("adapt", "models", "motions")
+    rooms = ("adapt", "models", "motions", "scripts/blind_world")
     files = sorted(path for room in rooms for end in ("py", "toml") for path in (ROOT / room).rglob(f"*.{end}"))
-    texts = [path.read_bytes() for path in (*files, ROOT / "scripts" / "blind_world.py")]
-    return hashlib.sha256(b"\0".join(texts)).hexdigest()[:8]
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()[:8]
 
 
 def finite(value: Any) -> Any:

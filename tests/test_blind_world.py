@@ -12,7 +12,21 @@ import pandas as pd
 import pytest
 
 from scripts import blind_world
-from scripts.blind_world import ANGLES, EFFECTS, LABELS, World, make_world
+from scripts.blind_world import (
+    LABELS,
+    World,
+    catalogue,
+    chain,
+    conventions,
+    courses,
+    make_world,
+    rotations,
+    subjects,
+    thorax,
+)
+from scripts.blind_world.__main__ import main
+from scripts.blind_world.catalogue import EFFECTS
+from scripts.blind_world.conventions import ANGLES
 
 MODELS = Path(__file__).parents[1] / "models"
 R2 = MODELS / "R2.toml"
@@ -38,7 +52,7 @@ def directions(n: int, rng: np.random.Generator) -> np.ndarray:
 @pytest.mark.parametrize("label", [*LABELS, *PAIRS])
 def test_every_label_makes_closed_chains_and_finite_data(label: str) -> None:
     world = clean(label)
-    assert np.max(np.abs(world.closure_mm)) < blind_world.CLOSED_MM
+    assert np.max(np.abs(world.closure_mm)) < chain.CLOSED_MM
     assert len(world.table) == 140
     assert np.isfinite(world.table[["humerus_elevation_deg", *ANGLES]].to_numpy()).all()
     assert world.truth["labels"] == ([] if label == "none" else label.split("+"))
@@ -49,7 +63,7 @@ def test_every_effect_opens_the_chain_that_knows_nothing_of_it(label: str) -> No
     change = np.mean(np.abs(clean(label).gap_mm), axis=0)
     print(f"{label}: mean |A1|, |A2|, |A3| at the measured angles {np.round(change, 2)} mm")
     if label == "none":
-        assert np.max(change) < blind_world.CLOSED_MM
+        assert np.max(change) < chain.CLOSED_MM
     else:
         assert np.max(change) > VISIBLE_MM
 
@@ -121,9 +135,9 @@ def test_signs_are_common_unless_they_are_mixed() -> None:
             assert (len(signs) == 2) == (mixed and effect.sign != "one-sided"), name
 
 
-@pytest.mark.parametrize("name", blind_world.COURSES)
+@pytest.mark.parametrize("name", courses.COURSES)
 def test_courses_start_at_zero_reach_one_and_are_no_line(name: str) -> None:
-    ranges, course = blind_world.COURSES[name]
+    ranges, course = courses.COURSES[name]
     x = np.linspace(0.0, 1.0, 31)
     for end in (0, 1):
         f = course(x, np.array([np.full(31, r[end]) for r in ranges]))
@@ -135,12 +149,12 @@ def test_courses_start_at_zero_reach_one_and_are_no_line(name: str) -> None:
 def test_rotations_are_those_of_another_author() -> None:
     rotation = pytest.importorskip("scipy.spatial.transform").Rotation
     q = np.random.default_rng(0).uniform(-1.4, 1.4, (50, 3))
-    R = blind_world.rotation_from_cardan(q)
+    R = rotations.rotation_from_cardan(q)
     np.testing.assert_allclose(R, rotation.from_euler("YZX", q).as_matrix(), atol=1e-14)
-    np.testing.assert_allclose(blind_world.cardan_from_rotation(R), q, atol=1e-13)
-    np.testing.assert_allclose(blind_world.rotation_from_vector(q), rotation.from_rotvec(q).as_matrix(), atol=1e-14)
-    R = blind_world.rotation_from_vector(q)
-    np.testing.assert_allclose(blind_world.vector_from_rotation(R), q, atol=1e-13)
+    np.testing.assert_allclose(rotations.cardan_from_rotation(R), q, atol=1e-13)
+    np.testing.assert_allclose(rotations.rotation_from_vector(q), rotation.from_rotvec(q).as_matrix(), atol=1e-14)
+    R = rotations.rotation_from_vector(q)
+    np.testing.assert_allclose(rotations.vector_from_rotation(R), q, atol=1e-13)
 
 
 @pytest.mark.parametrize("exponent", [1.6, 2.0, 2.3, 2.6])
@@ -150,7 +164,7 @@ def test_a_foot_lies_on_the_surface_below_its_point(exponent: float) -> None:
     p = np.full(300, exponent)
     v = directions(300, rng)
     point = v / np.linalg.norm(v / semi, axis=-1, keepdims=True) * rng.uniform(0.9, 1.3, (300, 1))
-    distance, normal = blind_world.surface_distance(point, semi, p)
+    distance, normal = thorax.surface_distance(point, semi, p)
     foot = point - distance[:, None] * normal
     np.testing.assert_allclose(np.sum(np.abs(foot / semi) ** exponent, axis=-1), 1.0, atol=1e-10)
     # nobody on the surface is nearer
@@ -163,30 +177,30 @@ def test_the_superquadric_of_exponent_two_is_the_ellipsoid() -> None:
     rng = np.random.default_rng(2)
     semi = np.tile([139.1, 198.2, 85.4], (200, 1))
     point = semi * directions(200, rng) * rng.uniform(0.9, 1.5, (200, 1))
-    two = blind_world.superquadric_foot(point, semi, np.full(200, 2.0))
-    np.testing.assert_allclose(two, blind_world.ellipsoid_foot(point, semi), atol=1e-9)
+    two = thorax.superquadric_foot(point, semi, np.full(200, 2.0))
+    np.testing.assert_allclose(two, thorax.ellipsoid_foot(point, semi), atol=1e-9)
 
 
 @pytest.mark.parametrize("shape", ["none", "thorax_shape", "ac_translation"])
 def test_the_slope_of_the_gap_is_its_difference_quotient(shape: str) -> None:
-    postures = blind_world.lay_out(2, ("abduction",), (0.0, 60.0, 120.0))
-    _, chain = blind_world.read_chain(R2, 6)
-    for name in blind_world.effects_of(shape):
-        chain = blind_world.draw_effect(name, postures, 1.0, 0, False)[0].chain(chain)
-    one = blind_world.lay_out(1, ("abduction",), (0.0, 60.0, 120.0))
-    q = np.tile(blind_world.rhythm_deg(blind_world.draw_subject(0, 0, 0), one) * blind_world.DEG, (2, 1))
-    _, slope = chain.gap(q)
+    postures = subjects.lay_out(2, ("abduction",), (0.0, 60.0, 120.0))
+    _, closed = chain.read_chain(R2, 6)
+    for name in catalogue.effects_of(shape):
+        closed = catalogue.draw_effect(name, postures, 1.0, 0, False)[0].chain(closed)
+    one = subjects.lay_out(1, ("abduction",), (0.0, 60.0, 120.0))
+    q = np.tile(subjects.rhythm_deg(subjects.draw_subject(0, 0, 0), one) * conventions.DEG, (2, 1))
+    _, slope = closed.gap(q)
     for k, e in enumerate(1e-5 * np.eye(6)):
-        quotient = (chain.gap(q + e)[0] - chain.gap(q - e)[0]) / 2e-5
+        quotient = (closed.gap(q + e)[0] - closed.gap(q - e)[0]) / 2e-5
         np.testing.assert_allclose(slope[:, :, k], quotient, atol=1e-4)
 
 
 def test_subjects_differ_as_they_were_drawn() -> None:
     people = make_world("none", R2, subjects=60, seed=3).truth["subjects"].values()
-    spread = np.std([[p[k] for k in blind_world.PARAMETERS] for p in people], axis=0)
+    spread = np.std([[p[k] for k in conventions.PARAMETERS] for p in people], axis=0)
     # 60 draws, of which those that do not close are drawn anew
-    assert np.all(spread > 0.5 * blind_world.PARAMETER_SD_MM)
-    assert np.all(spread < 1.4 * blind_world.PARAMETER_SD_MM)
+    assert np.all(spread > 0.5 * subjects.PARAMETER_SD_MM)
+    assert np.all(spread < 1.4 * subjects.PARAMETER_SD_MM)
 
 
 @pytest.mark.parametrize("model", sorted(MODELS.glob("*.toml")), ids=lambda path: path.stem)
@@ -194,7 +208,7 @@ def test_every_parameter_set_makes_a_world(model: Path) -> None:
     world = make_world("none", model, subjects=4, seed=0)
     assert len(world.table) + len(world.truth["dropped"]) == 56
     assert len(world.table) > 45
-    assert np.max(np.abs(world.closure_mm)) < blind_world.CLOSED_MM
+    assert np.max(np.abs(world.closure_mm)) < chain.CLOSED_MM
 
 
 def test_true_postures_follow_each_other_smoothly() -> None:
@@ -206,10 +220,12 @@ def test_true_postures_follow_each_other_smoothly() -> None:
 
 
 def test_the_world_shares_no_code_with_what_it_tests() -> None:
-    tree = ast.parse(Path(blind_world.__file__).read_text(encoding="utf-8"))
-    imported = {a.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for a in node.names}
-    imported |= {(n.module or ".").split(".")[0] for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
-    assert imported - set(sys.stdlib_module_names) == {"numpy", "pandas"}
+    files = sorted(Path(blind_world.__file__).parent.glob("*.py"))
+    nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
+    imported = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    imported |= {node.module or "." for node in nodes if isinstance(node, ast.ImportFrom)}
+    foreign = {name for name in imported if not name.startswith("scripts.blind_world.")}
+    assert {name.split(".")[0] for name in foreign} - set(sys.stdlib_module_names) == {"numpy", "pandas"}
 
 
 def test_wrong_requests_say_what_there_is() -> None:
@@ -222,7 +238,7 @@ def test_wrong_requests_say_what_there_is() -> None:
 def test_the_command_writes_a_motion_file_and_the_truth_apart(tmp_path: Path) -> None:
     out, truth = tmp_path / "a.csv", tmp_path / "a.json"
     arguments = ["conoid_strain+sc_translation", "--model", str(R2), "--out", str(out), "--truth", str(truth)]
-    blind_world.main([*arguments, "--subjects", "2", "--seed", "3", "--size", "0.5", "--mixed-sign"])
+    main([*arguments, "--subjects", "2", "--seed", "3", "--size", "0.5", "--mixed-sign"])
     written = pd.read_csv(out)
     world = make_world("conoid_strain+sc_translation", R2, subjects=2, seed=3, size=0.5, mixed_sign=True)
     assert list(written.columns) == COLUMNS
