@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from command import Ended, girdle, refused, written
-from test_report import data_of
+from pages import data_of
 
 from adapt import cli, status
 from adapt.report.bones import POINTS

@@ -5,25 +5,36 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from command import Ended, girdle, refused, written
+from diagnoses import (
+    ALIKE,
+    ANSWERS,
+    BONES,
+    BY_KIND,
+    HEDGED,
+    IN_PART,
+    NOTHING,
+    OUTSIDE,
+    PROPOSALS,
+    SKIN,
+    gap_of,
+    of,
+    verdict,
+)
 from handmade import adaptations
 
 from adapt import cli, diagnose
-from adapt.diagnosis import Amplitude, Changed, Diagnosis
+from adapt.diagnosis import Amplitude
 from adapt.diagnosis.figures import FIGURES, figures
-from adapt.diagnosis.heldout import Gap, HeldOut
 from adapt.diagnosis.json_form import as_json
-from adapt.diagnosis.next_measurement import Proposal
 from adapt.diagnosis.observed import Noise, NoiseEstimate
-from adapt.diagnosis.ranking import Ranking
 from adapt.diagnosis.terminal import notes
-from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, Verdict
-from adapt.diagnosis.where import Cell, ConstraintResidual, Level, Profile, Shares
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from adapt.simulation import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
@@ -32,7 +43,6 @@ from motions import ANGLES, write_motions
 
 TABLES = ("fits.csv", "parameters.csv", "summary.csv")
 FILES = sorted(["diagnosis.json", "report.html", "run.json", *TABLES, *FIGURES])
-ANSWERS = {*EFFECTS, NONE, UNKNOWN}
 
 KEYS = {
     *("model", "verdict", "probability", "pairs", "amplitude", "gap_deg", "where", "where_by", "shares"),
@@ -43,120 +53,6 @@ KEYS = {
 
 INTERVAL = {"value", "low", "high"}
 KINDS = ("noise_floor", "base", "adapted", "with_effect")
-BONES = ("all", "clavicle", "scapula")
-
-
-# --- hand-made diagnoses -------------------------------------------------------------------------------------------
-
-
-def levels(**values: float) -> dict[str, dict[str, Gap]]:
-    """The same gap in both bones, each with an interval of 0.1 to either side."""
-    return {kind: dict.fromkeys(BONES, Gap(value, value - 0.1, value + 0.1)) for kind, value in values.items()}
-
-
-def gap_of(adapted: float, with_effect: float) -> HeldOut:
-    return HeldOut(
-        in_sample=levels(noise_floor=0.8, base=2.0, adapted=adapted - 0.2, with_effect=with_effect - 0.2),
-        unseen=levels(noise_floor=0.89, base=2.1, adapted=adapted, with_effect=with_effect),
-        folds="one motion at a time",
-    )
-
-
-def verdict(answer: str, *effects: str, together: bool = False, **probability: float) -> Verdict:
-    """The probabilities given; the other answers share the rest."""
-    others = ANSWERS - set(probability)
-    rest = (1.0 - sum(probability.values())) / len(others)
-    return Verdict(answer, effects, together, {**dict.fromkeys(sorted(others), rest), **probability}, {})
-
-
-def cell(angle: str, low: float, mean_absolute: float, share: float) -> Cell:
-    bone = angle.split("_")[0]
-    return Cell(angle, bone, "abduction", low, low + 30.0, 10, -mean_absolute, mean_absolute, 0.9, share)
-
-
-ARTEFACT = (
-    Amplitude("about x", 5.6, 3.6, 7.6),
-    Amplitude("about y", 0.0, -9.0, 9.0),
-    Amplitude("about z", -4.2, -5.0, -3.4),
-)
-"""7.0 deg long, half interval sqrt((5.6 * 2)^2 + (4.2 * 0.8)^2) / 7.0 = 1.67."""
-
-PROPOSALS = [
-    Proposal("positions of AC beside the angles", 0.5, 12.0, 0.99),
-    Proposal("twice as many subjects (20)", 0.5, 1.2, 0.77),
-]
-
-SKIN = Diagnosis(
-    model="R2",
-    subjects=tuple(f"s{k}" for k in range(10)),
-    left_out={},
-    postures=140,
-    noise=NoiseEstimate(Noise(1.4, 2.0), 166.0, "estimated"),
-    expected=(),
-    verdict=verdict(EFFECT, "skin_artefact", skin_artefact=0.98),
-    at_other_noise={2.1: verdict(NONE, none=0.9), 0.94: verdict(EFFECT, "skin_artefact", skin_artefact=0.99)},
-    amplitude={"skin_artefact": ARTEFACT},
-    best=("skin_artefact",),
-    gap=gap_of(1.34, 1.02),
-    parameters={name: Changed(100.0, 101.0) for name in ADAPTED},
-    cells=[cell("scapula_y", 0.0, 1.8, 0.7), cell("clavicle_x", 30.0, 1.2, 0.3), cell("clavicle_z", 0.0, 0.5, 0.0)],
-    profile=Profile({}, {"scapula": Level(1.8, 0.9)}, {}, {}, {}),
-    shares=Shares(None, {}, {}, None),
-    constraints=[ConstraintResidual("A1", None, 140, 0.1, None, -2.0, 2.0, None)],
-    indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
-    detectable=dict.fromkeys(EFFECTS, 1.5) | {"thorax_asymmetry": None, "thorax_shape": 0.15},
-    next_measurement=PROPOSALS,
-    ranking=cast(Ranking, None),  # what the ranking says is in the other fields
-)
-"""Ten subjects, one effect."""
-
-ALIKE = replace(
-    SKIN,
-    verdict=verdict(EFFECT, "clavicle_length", "scapula_size", clavicle_length=0.6, scapula_size=0.35),
-    amplitude={name: (Amplitude("size", -8.06, -9.0, -7.12),) for name in ("clavicle_length", "scapula_size")},
-    best=("clavicle_length",),
-)
-"""Two effects that cannot be told apart."""
-
-PAIR = replace(
-    SKIN,
-    verdict=replace(
-        verdict(EFFECT, "skin_artefact", "clavicle_length", together=True, skin_artefact=0.45, clavicle_length=0.45),
-        pairs={"skin_artefact+clavicle_length": 0.9},
-    ),
-    amplitude={"skin_artefact": ARTEFACT, "clavicle_length": (Amplitude("length", 8.0, 7.0, 9.0),)},
-    best=("skin_artefact", "clavicle_length"),
-)
-HEDGED = replace(
-    PAIR,
-    verdict=replace(PAIR.verdict, effects=("skin_artefact", "clavicle_length", "scapula_size")),
-    amplitude=PAIR.amplitude | {"scapula_size": (Amplitude("size", 0.5, 0.25, 0.75),)},
-)
-"""A pair, and an effect that may be there in place of one of the two."""
-
-NOTHING = replace(
-    SKIN,
-    subjects=("s1",),
-    verdict=verdict(NONE, none=0.8, thorax_asymmetry=0.06, thorax_shape=0.05, conoid_strain=0.04, skin_artefact=0.03),
-    amplitude={},
-    best=(),
-    gap=gap_of(0.93, 0.93),
-)
-OUTSIDE = replace(SKIN, verdict=verdict(UNKNOWN, unknown=0.99))
-IN_PART = replace(SKIN, verdict=verdict(UNKNOWN, "skin_artefact", unknown=0.99))
-BY_KIND = {
-    "skin": SKIN,
-    "alike": ALIKE,
-    "pair": PAIR,
-    "hedged": HEDGED,
-    "nothing": NOTHING,
-    "outside": OUTSIDE,
-    "in part": IN_PART,
-}
-
-
-def of(diagnosis: Diagnosis) -> dict[str, Any]:
-    return as_json({diagnosis.model: diagnosis})
 
 
 # --- the contract --------------------------------------------------------------------------------------------------

@@ -1,17 +1,15 @@
 """The report as text: what is in it, that names cannot break it, that it stays small, that its numbers are right."""
 
-import json
 import math
 import re
 from dataclasses import replace
 from html import unescape
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
+from diagnoses import BY_KIND, SKIN, gap_of, of
 from handmade import GAP_DEG, MOVED_MM, adaptations, motions_of, rising
-from test_diagnose_cli import BY_KIND, SKIN, gap_of, of
+from pages import EVIL, MODELS, R2, data_of, simulated
 
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.sentence import amplitude_text
@@ -24,36 +22,17 @@ from adapt.report.overview import overview, people
 from models import load_model
 from motions import ANGLES, Motions
 
-MODELS = [load_model("R2"), load_model("R4")]
-R2 = MODELS[:1]
-
 LARGEST_BYTES = 10_000_000
 """A file larger than this cannot be mailed everywhere."""
 
 MM_TOLERANCE = 1e-9
 """Cosines and products of lengths of 100 mm in double precision."""
 
-EVIL = "</script><script>alert(1)</script><b>&amp;"
-"""A subject's name that would run if it were put into the page as it is."""
-
-
-def data_of(html: str) -> dict[str, Any]:
-    """What the page's script reads."""
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.DOTALL)
-    assert found
-    return json.loads(found.group(1), parse_constant=lambda word: pytest.fail(f"{word} is not strict JSON"))
-
 
 def words_of(html: str) -> str:
     """The text of the page that is there before any script runs, on one line."""
     body = html[html.index("<main>") : html.index("</main>")]
     return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", body)))
-
-
-def simulated(motions: Motions, subjects: int) -> Motions:
-    """The same; the rows of the first subjects say that they are simulated."""
-    origin = np.where(np.isin(motions.subject, motions.subjects[:subjects]), "simulated", "")
-    return replace(motions, extra=pd.DataFrame({"origin": origin}))
 
 
 # --- where the bones are -------------------------------------------------------------------------------------------

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnoses import NOTHING, PAIR, SKIN, of
 from handmade import MOVED_MM, adaptations, motions_of, rising
+from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
-from test_diagnose_cli import NOTHING, PAIR, SKIN, of
-from test_report import EVIL, MODELS, R2, simulated
 
 from adapt.report import report_html
 from adapt.report.bones import POINTS

@@ -1,0 +1,32 @@
+"""What goes into a report page in the tests, and what its script reads of it."""
+
+import json
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from models import load_model
+from motions import Motions
+
+MODELS = [load_model("R2"), load_model("R4")]
+R2 = MODELS[:1]
+
+EVIL = "</script><script>alert(1)</script><b>&amp;"
+"""A subject's name that would run if it were put into the page as it is."""
+
+
+def data_of(html: str) -> dict[str, Any]:
+    """What the page's script reads."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.DOTALL)
+    assert found
+    return json.loads(found.group(1), parse_constant=lambda word: pytest.fail(f"{word} is not strict JSON"))
+
+
+def simulated(motions: Motions, subjects: int) -> Motions:
+    """The same; the rows of the first subjects say that they are simulated."""
+    origin = np.where(np.isin(motions.subject, motions.subjects[:subjects]), "simulated", "")
+    return replace(motions, extra=pd.DataFrame({"origin": origin}))
