@@ -12,6 +12,7 @@ from jaxtyping import Float
 from adapt import status
 from adapt.adaptation import Adapted
 from adapt.output import prepare_folder
+from adapt.terminal import printable
 from models.girdle import ADAPTED, Girdle
 from models.parameters import HALF_WIDTHS_MM, ParameterSet
 from models.writing import parameters_toml
@@ -83,15 +84,9 @@ def adapted_toml(
         f"{model.name} adapted to {subject}.\n"
         "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
     )
+    comment = printable(comment)  # TOML allows no control characters in one
     name = f"{model.name}_{subject}"
-    return parameters_toml(
-        name, _one_line(comment), girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own)
-    )
-
-
-def _one_line(comment: str) -> str:
-    """The comment without control characters, which TOML does not allow in one; its own line ends stay."""
-    return "".join(c if c == "\n" or c.isprintable() else "?" for c in comment)
+    return parameters_toml(name, comment, girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own))
 
 
 def _own_bounds(upper_mm: Float[np.ndarray, "6"], own: Girdle) -> dict[str, float] | None:

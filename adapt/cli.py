@@ -7,7 +7,6 @@ from typing import Annotated
 import jax
 import platformdirs
 import typer
-from rich.console import Console
 
 from adapt import status
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
@@ -22,7 +21,7 @@ from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.output import inputs_record, results_folder, write_json, write_run, write_table, written_together
 from adapt.repeat import other_versions, recorded_arguments
 from adapt.simulation import simulate_model_subjects
-from adapt.terminal import print_parameters, print_summary, progress
+from adapt.terminal import PlainConsole, print_parameters, print_summary, progress
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
 from motions import InputError, Motions, read_motions, write_motions
@@ -94,9 +93,8 @@ Repeat = Annotated[
     ),
 ]
 
-# Names from files are printed as they are, never read as markup.
-console = Console(markup=False, highlight=False)
-errors = Console(stderr=True, markup=False, highlight=False)
+console = PlainConsole()
+errors = PlainConsole(stderr=True)
 
 
 @app.command()
@@ -390,5 +388,5 @@ def main(application: typer.Typer = app) -> None:
         sys.exit(EXIT_BAD_INPUT)
     except SystemExit as ended:
         if ended.code == EXIT_INTERRUPTED:  # typer ends so on Ctrl-C, without a word
-            errors.print("interrupted: no table was changed")
+            errors.print("interrupted")
         raise

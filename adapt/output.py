@@ -73,7 +73,7 @@ def written_together(folder: Path) -> Iterator[Path]:
         _publish(staged, folder)
     except (OSError, InputError) as error:
         reason = error.cause if isinstance(error, InputError) else f"the files cannot be written ({error.strerror})"
-        remedy = "Make room, or give another folder with --out; what was in this one is as it was"
+        remedy = "Make room, or give another folder with --out; the results in this one are as they were"
         raise InputError(str(folder), None, reason, remedy) from error
     finally:
         _remove(staged)
