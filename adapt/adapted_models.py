@@ -1,7 +1,7 @@
 """The adapted girdles as parameter sets that ``--model`` takes back: one TOML file a model and subject."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from jaxtyping import Float
 from adapt import status
 from adapt.adaptation import Adapted
 from adapt.output import prepare_folder
+from adapt.terminal import printable
 from models.girdle import ADAPTED, Girdle
 from models.parameters import HALF_WIDTHS_MM, ParameterSet
 from models.writing import parameters_toml
@@ -35,19 +36,35 @@ def write_adapted_models(
 
     how: the options of the adaptation, for the [source] lines.
     """
-    pairs = [(model, number) for model in models for number in range(len(subjects))]
-    names = file_names([f"{model.name}_{subjects[number]}" for model, number in pairs])
-    target = prepare_folder(folder / FOLDER)
+    prepare_folder(folder / FOLDER)
     written = []
-    for (model, number), name in zip(pairs, names, strict=True):
-        result, path = adapted[model.name], target / f"{name}.toml"
+    for model, number, path in _files(folder, subjects, models):
+        result = adapted[model.name]
         if result.status[number] != status.OK:
-            path.unlink(missing_ok=True)  # that of an earlier run would pass for this one's
             continue
         at_bound = {name: bool(flag) for name, flag in zip(ADAPTED, result.at_bound[:, number], strict=True)}
         write_whole(path, adapted_toml(model, subjects[number], result.theta_mm[:, number], at_bound, how))
         written.append(path)
     return written
+
+
+def remove_models_of_failed(
+    folder: Path, subjects: Sequence[str], models: Sequence[ParameterSet], adapted: dict[str, Adapted]
+) -> None:
+    """Those of an earlier run would pass for this one's."""
+    for model, number, path in _files(folder, subjects, models):
+        if adapted[model.name].status[number] != status.OK:
+            path.unlink(missing_ok=True)
+
+
+def _files(
+    folder: Path, subjects: Sequence[str], models: Sequence[ParameterSet]
+) -> Iterator[tuple[ParameterSet, int, Path]]:
+    """Each model with the number of each subject, and the file of the two."""
+    pairs = [(model, number) for model in models for number in range(len(subjects))]
+    names = file_names([f"{model.name}_{subjects[number]}" for model, number in pairs])
+    for (model, number), name in zip(pairs, names, strict=True):
+        yield model, number, folder / FOLDER / f"{name}.toml"
 
 
 def adapted_toml(
@@ -67,15 +84,9 @@ def adapted_toml(
         f"{model.name} adapted to {subject}.\n"
         "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
     )
+    comment = printable(comment)  # TOML allows no control characters in one
     name = f"{model.name}_{subject}"
-    return parameters_toml(
-        name, _one_line(comment), girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own)
-    )
-
-
-def _one_line(comment: str) -> str:
-    """The comment without control characters, which TOML does not allow in one; its own line ends stay."""
-    return "".join(c if c == "\n" or c.isprintable() else "?" for c in comment)
+    return parameters_toml(name, comment, girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own))
 
 
 def _own_bounds(upper_mm: Float[np.ndarray, "6"], own: Girdle) -> dict[str, float] | None:

@@ -7,10 +7,9 @@ from typing import Annotated
 import jax
 import platformdirs
 import typer
-from rich.console import Console
 
 from adapt import status
-from adapt.adapted_models import write_adapted_models
+from adapt.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
 from adapt.convert import convert
 from adapt.diagnosis import diagnose
@@ -19,9 +18,10 @@ from adapt.diagnosis.noise import LEAST
 from adapt.diagnosis.sentence import Object
 from adapt.diagnosis.terminal import print_diagnosis
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
-from adapt.output import prepare_folder, write_json, write_run, write_table
+from adapt.output import inputs_record, results_folder, write_json, write_run, write_table, written_together
+from adapt.repeat import other_versions, recorded_arguments
 from adapt.simulation import simulate_model_subjects
-from adapt.terminal import print_parameters, print_summary, progress
+from adapt.terminal import PlainConsole, print_parameters, print_summary, progress
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
 from motions import InputError, Motions, read_motions, write_motions
@@ -33,6 +33,7 @@ from motions.landmarks.postures import Labels
 
 EXIT_BAD_INPUT = 2
 EXIT_SOME_NOT_HANDLED = 3
+EXIT_INTERRUPTED = 130
 
 NO_EFFECT = "none"
 
@@ -51,7 +52,8 @@ app = typer.Typer(
 A motion file is a CSV with one row a posture: subject, motion, posture, humerus_elevation_deg and the six
 Cardan angles clavicle_y_deg ... scapula_x_deg (right shoulder, thorax frame, degrees).
 
-Exit status: 0 every subject was handled, 3 some were not (named on stderr and in the files), 2 bad input.""",
+Exit status: 0 every subject was handled, 3 some were not (named on stderr and in the files), 2 bad input, 130
+interrupted (what was there is as it was).""",
 )
 
 MotionFiles = Annotated[
@@ -63,22 +65,56 @@ Models = Annotated[
 ]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results; made if it is not there.")]
 
-# Names from files are printed as they are, never read as markup.
-console = Console(markup=False, highlight=False)
-errors = Console(stderr=True, markup=False, highlight=False)
+
+def _take_from_record(context: typer.Context, path: Path | None) -> None:
+    """What the record says becomes the default of the command's parameters."""
+    if path is None:
+        return
+    parameters = {one.name: one for one in context.command.params if one.name}
+    options = set(parameters) - {"motions", "model", "out", "repeat"}
+    recorded = recorded_arguments(path, str(context.command.name), options)
+    if not parameters["model"].multiple:
+        recorded["model"] = recorded["model"][0]
+    context.default_map = recorded
+    if different := other_versions(path):
+        errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
+
+
+Repeat = Annotated[
+    Path | None,
+    typer.Option(
+        "--repeat",
+        metavar="run.json",
+        help="Repeat an earlier run: motion files, models and options are those of its record, but for what is given "
+        "here. Its files must be as they were.",
+        callback=_take_from_record,
+        is_eager=True,
+        show_default=False,
+    ),
+]
+
+console = PlainConsole()
+errors = PlainConsole(stderr=True)
 
 
 @app.command()
-def fit(motions: MotionFiles, out: Out, model: Models = ["R2"]) -> None:  # noqa: B006 (typer reads it, never changes it)
+def fit(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
+    repeat: Repeat = None,
+) -> None:
     """Fit every posture with the models as they are (Tables 6.1 and 6.2).
 
     Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
     """
-    table, models, folder = _inputs(motions, model, out)
-    with progress(errors) as report:
-        result = fit_postures(table, models, report)
-    _write(folder, result)
-    write_run(folder, "fit", motions, model, {}, table.rejected)
+    table, models, record = _inputs(motions, model)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = fit_postures(table, models, report)
+        with written_together(folder) as part:
+            _write(part, result)
+            write_run(part, "fit", record, {}, table.rejected)
     print_summary(console, result.summary)
     _finish(table, _failed_subjects(result.fits))
 
@@ -90,6 +126,7 @@ def adapt(
     model: Models = ["R2"],  # noqa: B006
     weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
     reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+    repeat: Repeat = None,
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
 
@@ -98,16 +135,19 @@ def adapt(
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
-    table, models, folder = _inputs(motions, model, out)
-    with progress(errors) as report:
-        result = adapt_subjects(table, models, weight, reading, report)
-    _write_adaptations(folder, result)
-    write_adapted_models(folder, table.subjects, models, result.adapted, f"w = {weight:g}, reading {reading}")
-    write_run(folder, "adapt", motions, model, {"weight": weight, "reading": reading}, table.rejected)
-    print_summary(console, result.summary)
-    print_parameters(console, result.parameters)
-    failed = _not_adapted(result)
-    _write_report(folder, table, models, result, failed)
+    table, models, record = _inputs(motions, model)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = adapt_subjects(table, models, weight, reading, report)
+        with written_together(folder) as part:
+            _write_adaptations(part, result)
+            write_adapted_models(part, table.subjects, models, result.adapted, f"w = {weight:g}, reading {reading}")
+            write_run(part, "adapt", record, {"weight": weight, "reading": reading}, table.rejected)
+        remove_models_of_failed(folder, table.subjects, models, result.adapted)
+        print_summary(console, result.summary)
+        print_parameters(console, result.parameters)
+        failed = _not_adapted(result)
+        _write_report(folder, table, models, result, failed)
     _finish(table, failed)
 
 
@@ -124,6 +164,7 @@ def diagnose_gap(
             show_default=False,
         ),
     ] = None,
+    repeat: Repeat = None,
 ) -> None:
     """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
 
@@ -142,19 +183,21 @@ def diagnose_gap(
     if noise_deg is not None and not LEAST.angle_deg <= noise_deg <= MOST_NOISE_DEG:
         cause = f"{noise_deg:g} is not between {LEAST.angle_deg:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
-    table, models, folder = _inputs(motions, model, out)
-    with progress(errors) as report:
-        by_model = diagnose(table, models, noise_deg, progress=report)
-        report("figures")
-        found = as_json(by_model)
-        _write_figures(folder, found)
-        write_json(found, folder / "diagnosis.json")
-        result = adapt_subjects(table, models, progress=report)
-    _write_adaptations(folder, result)
-    write_run(folder, "diagnose", motions, model, {"noise_deg": noise_deg}, table.rejected)
-    print_diagnosis(console, found)
-    failed = _not_adapted(result) | found["left_out"]
-    _write_report(folder, table, models, result, failed, found)
+    table, models, record = _inputs(motions, model)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            by_model = diagnose(table, models, noise_deg, progress=report)
+            result = adapt_subjects(table, models, progress=report)
+            report("figures")
+            found = as_json(by_model)
+            with written_together(folder) as part:
+                _write_figures(part, found)
+                write_json(found, part / "diagnosis.json")
+                _write_adaptations(part, result)
+                write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
+        print_diagnosis(console, found)
+        failed = _not_adapted(result) | found["left_out"]
+        _write_report(folder, table, models, result, failed, found)
     _finish(table, failed)
 
 
@@ -221,6 +264,7 @@ def simulate(
     subjects: Annotated[int, typer.Option(min=1, help="How many subjects.")] = 10,
     noise_deg: Annotated[float, typer.Option(min=0.0, help="SD of the noise on each angle, degrees.")] = 1.5,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same subjects.")] = 0,
+    repeat: Repeat = None,
 ) -> None:
     """Simulate subjects with the model, an unmodelled effect at work in them, and noise.
 
@@ -231,14 +275,16 @@ def simulate(
         raise InputError(
             "--effect", None, f"there is no effect '{effect}'", f"Use one of {', '.join([NO_EFFECT, *EFFECTS])}"
         )
-    parameters, folder = load_model(model), prepare_folder(out)
-    with progress(errors) as report:
-        report("simulating")
-        result = simulate_model_subjects(parameters, EFFECTS.get(effect), subjects, noise_deg, seed)
-    write_motions(result.motions, folder / "motions.csv")
-    write_table(result.truth, folder / "truth.csv")
+    record, parameters = inputs_record([], [model]), load_model(model)
     options = {"effect": effect, "subjects": subjects, "noise_deg": noise_deg, "seed": seed}
-    write_run(folder, "simulate", [], [model], options)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            report("simulating")
+            result = simulate_model_subjects(parameters, EFFECTS.get(effect), subjects, noise_deg, seed)
+        with written_together(folder) as part:
+            write_motions(result.motions, part / "motions.csv")
+            write_table(result.truth, part / "truth.csv")
+            write_run(part, "simulate", record, options)
     console.print(
         f"{len(result.motions.posture)} simulated postures of {subjects} subjects in {folder / 'motions.csv'}"
     )
@@ -261,13 +307,15 @@ def _elevations(at: str) -> tuple[float, ...]:
         raise InputError("--at", None, cause, "Give degrees separated by commas, as in --at 30,60,90") from None
 
 
-def _inputs(motions: list[Path], models: list[str], out: Path) -> tuple[Motions, list[ParameterSet], Path]:
+def _inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[ParameterSet], dict[str, object]]:
+    """The motions, the models, and what run.json says of their files."""
+    record = inputs_record(motions, models)
     sets = [load_model(name) for name in models]
     names = [one.name for one in sets]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
-    return read_motions(*motions), sets, prepare_folder(out)
+    return read_motions(*motions), sets, record
 
 
 def _write(folder: Path, result: PostureFits) -> None:
@@ -338,3 +386,7 @@ def main(application: typer.Typer = app) -> None:
     except InputError as error:
         errors.print(f"error: {error}", soft_wrap=True)
         sys.exit(EXIT_BAD_INPUT)
+    except SystemExit as ended:
+        if ended.code == EXIT_INTERRUPTED:  # typer ends so on Ctrl-C, without a word
+            errors.print("interrupted")
+        raise

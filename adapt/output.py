@@ -1,35 +1,116 @@
 """Writing the results of a run: each file whole or not at all, and a record that is enough to repeat it."""
 
+import errno
 import hashlib
 import importlib.metadata
 import json
 import os
+import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
 
 from adapt.fit import OFFSETS_SEED
-from models.parameters import FOLDER
+from models.parameters import FOLDER, model_file
 from motions.errors import InputError
-from motions.files import write_whole
+from motions.files import is_part, part_name, write_whole
 
-_VERSIONS_OF = ("girdle", "jax", "jaxlib", "numpy", "pandas")
+try:
+    import fcntl
+except ImportError:  # Windows: nothing keeps two runs apart there
+    fcntl = None
+
+RECORD = "run.json"
+
+_VERSIONS_OF = ("girdle", "jax", "jaxlib", "numpy", "optimistix", "pandas")
 
 
 def prepare_folder(path: str | os.PathLike[str]) -> Path:
     """The folder, made if it is not there; InputError before any work is done if it cannot be written to."""
     folder = Path(path)
-    probe = folder / ".girdle-write-test"
+    probe = folder / part_name()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe.write_text("")
-        probe.unlink()
+        probe.unlink(missing_ok=True)
     except OSError as error:
         cause = f"the output folder cannot be written to ({error.strerror})"
         raise InputError(str(folder), None, cause, "Give a folder of your own with --out") from error
     return folder
+
+
+@contextmanager
+def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """The folder, prepared, for this run alone. InputError if another run is at work in it.
+
+    What a run that was killed left half written is removed.
+    """
+    folder = prepare_folder(path)
+    lock = _lock(folder)
+    try:
+        for leftover in folder.iterdir():
+            if is_part(leftover):
+                _remove(leftover)
+        yield folder
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+@contextmanager
+def written_together(folder: Path) -> Iterator[Path]:
+    """A folder to write files to, which take their places in ``folder`` together when the block has ended well.
+
+    If it has not (the disk is full), or is killed, all files of ``folder`` stay as they were.
+    """
+    staged = folder / part_name()
+    try:
+        staged.mkdir()
+        yield staged
+        _publish(staged, folder)
+    except (OSError, InputError) as error:
+        reason = error.cause if isinstance(error, InputError) else f"the files cannot be written ({error.strerror})"
+        remedy = "Make room, or give another folder with --out; the results in this one are as they were"
+        raise InputError(str(folder), None, reason, remedy) from error
+    finally:
+        _remove(staged)
+
+
+def _publish(staged: Path, folder: Path) -> None:
+    places = {file: folder / file.relative_to(staged) for file in staged.rglob("*") if file.is_file()}
+    for place in places.values():
+        place.parent.mkdir(exist_ok=True)
+        if place.is_dir():  # found out before the first file is replaced
+            raise IsADirectoryError(errno.EISDIR, f"{place.name} is a folder")
+    for file, place in places.items():
+        file.replace(place)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _lock(folder: Path) -> int | None:
+    """The handle that keeps the folder locked until it is closed or its process ends, however; None without locks."""
+    if fcntl is None:
+        return None
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        cause = "another run is writing to this folder"
+        remedy = "Wait until it has ended, or give another folder with --out"
+        raise InputError(str(folder), None, cause, remedy) from error
+    except OSError:
+        pass  # a file system without locks, as some of networks are
+    return handle
 
 
 def write_table(table: pd.DataFrame, path: Path) -> None:
@@ -42,36 +123,52 @@ def write_json(record: dict[str, object], path: Path) -> None:
     write_whole(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
+def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> dict[str, object]:
+    """The files of a run with their SHA-256, to be taken before they are read: files can change while it runs.
+
+    Paths are absolute, so that the run can be repeated from another folder.
+    """
+    files = [model_file(name) for name in models]
+    return {
+        "motions": [{"path": str(path.absolute()), "sha256": sha256(path)} for path in motions],
+        "models": [
+            {"name": name if file.parent == FOLDER else str(file.absolute()), "sha256": sha256(file)}
+            for name, file in zip(models, files, strict=True)
+        ],
+    }
+
+
 def write_run(
     folder: Path,
     command: str,
-    motions: Sequence[Path],
-    models: Sequence[str],
+    inputs: dict[str, object],
     options: dict[str, object],
     left_out: Sequence[InputError] = (),
 ) -> None:
-    """``run.json``: inputs with their SHA-256, what was left out of them and why, models, options, seeds, versions."""
+    """``run.json``: inputs (of ``inputs_record``), what was left out of them and why, options, seeds, versions.
+
+    The options have the names of the command's parameters: ``adapt.repeat`` hands them back to it.
+    """
     record = {
         "command": command,
-        "motions": [{"path": str(path), "sha256": _sha256(path)} for path in motions],
+        **inputs,
         "left_out": [str(error) for error in left_out],
-        "models": [{"name": name, "sha256": _sha256(_model_file(name))} for name in models],
         "options": options,
         "seeds": {"posture_fit_starts": OFFSETS_SEED},
-        "versions": {"python": sys.version.split()[0]}
-        | {name: importlib.metadata.version(name) for name in _VERSIONS_OF},
+        "versions": versions(),
     }
-    write_whole(folder / "run.json", json.dumps(record, indent=2) + "\n")
+    write_whole(folder / RECORD, json.dumps(record, indent=2) + "\n")
 
 
-def _model_file(name: str) -> Path:
-    shipped = FOLDER / f"{name}.toml"
-    return shipped if shipped.exists() else Path(name)
+def versions() -> dict[str, str]:
+    """Of everything that the last digits of a result depend on, but for the machine."""
+    libraries = {name: importlib.metadata.version(name) for name in _VERSIONS_OF}
+    return {"python": sys.version.split()[0]} | libraries
 
 
-def _sha256(path: Path) -> str | None:
-    """None for what cannot be read, which then is among what was left out."""
+def sha256(path: Path) -> str | None:
+    """None for what cannot be read, which then is among what was left out, and for a pipe, which is read only once."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+    except (OSError, ValueError):
         return None

@@ -3,13 +3,15 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """What a person sees on the terminal: progress while it runs, tables when it is done."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pandas as pd
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.segment import Segment
 from rich.table import Table
 
 from adapt.tables import ALL_MOTIONS, STATISTICS, parameter_statistics
@@ -19,11 +21,28 @@ HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
 """The thesis's abbreviations: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
 
 
+def printable(text: str) -> str:
+    """The text without control characters, which in a name would be commands to the terminal; line ends stay."""
+    return "".join(c if c == "\n" or c.isprintable() else "?" for c in text)
+
+
+class PlainConsole(Console):
+    """Prints names from files as they are: neither read as markup nor able to command the terminal."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, markup=False, highlight=False)
+
+    def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
+        """Every piece of text that is printed comes through here, and the control codes of rich itself apart."""
+        for segment in super().render(*arguments, **options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
+
+
 @contextmanager
 def progress(errors: Console) -> Iterator[Callable[[str], None]]:
-    """A line on stderr that says what is being done and for how long."""
+    """A line on stderr, if that is a terminal, that says what is being done and for how long."""
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=errors, transient=True) as bar:
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
         yield lambda stage: bar.update(task, description=stage)
 

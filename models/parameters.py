@@ -106,8 +106,12 @@ def load_model(name_or_path: str | os.PathLike[str]) -> ParameterSet:
     InputError where there is no such set or file, or where the file is not a complete girdle in mm.
     """
     file = os.fspath(name_or_path)
-    path = Path(file) if _is_path(name_or_path) else _shipped(file)
-    return parameter_set(_document(path, file), file)
+    return parameter_set(_document(model_file(name_or_path), file), file)
+
+
+def model_file(name_or_path: str | os.PathLike[str]) -> Path:
+    """The file that ``load_model`` reads. InputError where there is no shipped set of this name."""
+    return Path(name_or_path) if _is_path(name_or_path) else _shipped(os.fspath(name_or_path))
 
 
 def shortest_conoid_mm(girdle: Girdle) -> float:

@@ -1,6 +1,7 @@
 """Reading text, naming files, and writing a file whole or not at all."""
 
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
@@ -48,7 +49,7 @@ def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
     """
     path = Path(path)
     # In the same folder, because only within one file system is replacing a file a single step.
-    part = path.parent / f".{uuid4().hex}.part"
+    part = path.parent / part_name()
     try:
         part.write_bytes(content)
         part.replace(path)
@@ -57,6 +58,16 @@ def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
         raise InputError(str(path), None, cause, "Name a file in a folder that exists and may be written") from error
     finally:
         _remove(part)
+
+
+def part_name() -> str:
+    """A name, hidden and not yet taken, for what is not whole yet."""
+    return f".{uuid4().hex}.part"
+
+
+def is_part(path: Path) -> bool:
+    """Whether this is what ``part_name`` called so, and a process that was killed left behind."""
+    return re.fullmatch(r"\.[0-9a-f]{32}\.part", path.name) is not None
 
 
 def file_names(names: Sequence[str]) -> list[str]:

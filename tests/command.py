@@ -22,8 +22,8 @@ class Ended:
 
     @property
     def messages(self) -> list[str]:
-        """Lines on stderr; the progress display leaves a blank one where there is no terminal."""
-        return [line for line in self.err.splitlines() if line]
+        """Lines on stderr."""
+        return self.err.splitlines()
 
 
 def girdle(*arguments: object) -> Ended:

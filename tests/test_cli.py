@@ -213,6 +213,24 @@ def test_the_record_is_enough_to_repeat_the_run(fitted, adapted):
     assert adapted.record["options"] == {"weight": 5.0, "reading": "mm2_deg2"}
 
 
+def test_a_repeated_run_writes_the_same_bytes(adapted, tmp_path, monkeypatch):
+    """From another folder, by run.json alone: tables, models, report and the record itself."""
+    monkeypatch.chdir(tmp_path)
+    ended = girdle("adapt", "--repeat", adapted.folder / "run.json", "--out", "again")
+    assert (ended.status, ended.messages) == (0, [])
+    names = sorted(path.relative_to(adapted.folder) for path in adapted.folder.rglob("*") if path.is_file())
+    assert sorted(path.relative_to("again") for path in Path("again").rglob("*") if path.is_file()) == names
+    assert {str(name) for name in names} >= {"fits.csv", "parameters.csv", "summary.csv", "run.json", "report.html"}
+    for name in names:
+        assert (Path("again") / name).read_bytes() == (adapted.folder / name).read_bytes(), name
+
+
+def test_an_option_beside_the_record_goes_before_it(fitted, tmp_path):
+    ended = girdle("fit", "--repeat", fitted.folder / "run.json", "--model", "R4", "--out", tmp_path)
+    assert (ended.status, ended.messages) == (0, [])
+    assert set(pd.read_csv(tmp_path / "fits.csv")["model"]) == {"R4"}
+
+
 def test_models_lists_the_six_sets_one_line_each():
     ended = girdle("models")
     assert (ended.status, ended.err) == (0, "")

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
 from adapt.adaptation import Adapted
-from adapt.adapted_models import write_adapted_models
+from adapt.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.tables import DIFFERENCES
 from models import load_model, model_names
 from models.girdle import ADAPTED, bone_rotations, chain_landmarks
@@ -161,7 +161,9 @@ def test_an_adapted_model_keeps_bounds_of_its_own_and_a_failed_one_leaves_nothin
     stale = tmp_path / "models" / "R2_bad.toml"
     stale.parent.mkdir()
     stale.write_text("of an earlier run")
-    written = write_adapted_models(tmp_path, ["good", "bad"], [own], {"R2": cast(Adapted, result)}, "a test")
+    adapted = {"R2": cast(Adapted, result)}
+    written = write_adapted_models(tmp_path, ["good", "bad"], [own], adapted, "a test")
+    remove_models_of_failed(tmp_path, ["good", "bad"], [own], adapted)
     assert [path.name for path in written] == ["R2_good.toml"]
     assert not stale.exists()
     again = load_model(written[0])
