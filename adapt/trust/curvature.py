@@ -6,6 +6,11 @@ With the postures eliminated E is a function of theta and of the measured angles
     B = d2E/dtheta ds,              dtheta/ds = -H^-1 B
 
 (implicit function theorem; ``adapt.newton.eliminate`` gives both, as the 9 x 9 block of each posture is solved there).
+Without the curvature of distances and constraints, which a larger residual makes matter, what is left is information,
+
+    I_D = 2 sum_i share_i d'_i d'_i',   I_J = B W^-1 B'    of the thorax points and of the motion,
+
+never negative in any direction. d'_i: derivative in theta of the distance of point i; W: weights of the angles in E.
 """
 
 from dataclasses import dataclass
@@ -21,6 +26,7 @@ from adapt.linalg import Factor, hessian, jacobian, matmul, matvec, transpose
 from adapt.newton import eliminate, linearise
 from adapt.objective import thorax_distance_mm2
 from adapt.subject import Problem, joint
+from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle, constraint_residuals_mm
 
 _LANES = 64
@@ -37,6 +43,10 @@ class Curvature:
     """H_J."""
     by_angle: Float[np.ndarray, "6 6 postures lanes"]
     """B: by parameter, then by measured angle. 0 for padding and for angles not measured."""
+    points_information: Float[np.ndarray, "6 6 lanes"]
+    """I_D."""
+    motion_information: Float[np.ndarray, "6 6 lanes"]
+    """I_J."""
 
 
 def curvature(data: Lanes, adapted: Adapted, weight: float) -> Curvature:
@@ -47,7 +57,7 @@ def curvature(data: Lanes, adapted: Adapted, weight: float) -> Curvature:
 
 
 @jax.jit
-def _curvature(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -> tuple[Array, Array, Array]:
+def _curvature(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -> tuple[Array, ...]:
     spread = girdle.over_postures()
 
     def residual(z):
@@ -66,7 +76,16 @@ def _curvature(girdle: Girdle, points_mm, shares, problem: Problem, theta, angle
         return jnp.where(problem.counted, eliminate(still, slope, problem.weights).slope, 0.0)
 
     of_points = hessian(lambda x: thorax_distance_mm2(girdle.with_adapted(x), points_mm, shares), theta)
-    return of_points, of_motion, jax.vmap(by_angle, out_axes=1)(jnp.eye(6))
+    B = jax.vmap(by_angle, out_axes=1)(jnp.eye(6))
+    softness = jnp.where(problem.weights > 0.0, 1.0 / problem.weights, 0.0)
+
+    def distances(x):
+        moved = girdle.with_adapted(x).over_postures()
+        return signed_distance_mm(points_mm, moved.centre_mm, moved.semi_axes_mm)
+
+    slope = jacobian(distances, theta)
+    points_information = 2.0 * jnp.einsum("nil,nl,njl->ijl", slope, shares, slope)
+    return of_points, of_motion, B, points_information, jnp.einsum("iapl,apl,japl->ijl", B, softness, B)
 
 
 def _multipliers(G, pull):

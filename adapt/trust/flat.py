@@ -7,7 +7,7 @@ from models.girdle import ADAPTED
 
 FLAT_MM = 10.0
 """A direction whose SD is longer is flat. One cadaver's thorax, fitted by its points twice (Table 4.5, MRI and
-dissection), agreed to less (M_z 5, A_x 2, A_z 9 mm) but for M_y (32) and A_y (40), which the thesis calls interacting."""
+dissection), agreed to less (M_z 5, A_x 2, A_z 9 mm) but for M_y (32) and A_y (40), which interact (4.3.6)."""
 
 _PART = 0.3
 """A parameter is part of a direction if it moves by more than this share of the one that moves most."""

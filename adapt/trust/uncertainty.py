@@ -49,8 +49,8 @@ class Uncertainty:
     bound_mm2: Float[np.ndarray, "6 6 lanes"]
     """Covariance from parameters that ended at a bound; 0 without any."""
     points_share: Float[np.ndarray, "6 lanes"]
-    """Of what holds a parameter (curvature of E's profile), the share that is the thorax points'; the rest is the
-    motion's. Of a change that the motion alone would ask for, the points forbid about this share."""
+    """Of the information that holds a parameter, the others following it, the share that is the thorax points', 0 to 1;
+    the rest is the motion's. NaN at a bound."""
     noise_deg: Float[np.ndarray, " lanes"]
     """s, degrees."""
     curvature: Curvature
@@ -82,18 +82,22 @@ def uncertainty(
     noise = _noise_rad(data, adapted, np.einsum("ijl,jil->l", inverse, curved.of_motion))
     by_noise = np.einsum("iapl,japl->ijl", curved.by_angle, curved.by_angle) * noise**2
     by_person = np.einsum("ijl,j,kjl->ikl", curved.of_points, person_sd_mm**2, curved.of_points)
-    along = np.einsum("ikl,ijl,jkl->kl", inverse, curved.of_points, inverse)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        points_share = along / np.einsum("kkl->kl", inverse)
     return Uncertainty(
         noise_mm2=_sandwich(inverse, by_noise),
         person_mm2=_sandwich(inverse, by_person),
         bound_mm2=_from_bounds(inverse, curved.of_points + curved.of_motion, free, np.asarray(data.bounds_mm)),
-        points_share=np.where(free, points_share, np.nan),
+        points_share=_points_share(curved, free),
         noise_deg=noise * DEG,
         curvature=curved,
         free=free,
     )
+
+
+def _points_share(curved: Curvature, free) -> Float[np.ndarray, "6 lanes"]:
+    """u' I_D u / u' (I_D + I_J) u along u = (I_D + I_J)^-1 e_k, the way the others follow parameter k."""
+    inverse = reduced_inverse(curved.points_information + curved.motion_information, free)
+    along = np.einsum("ikl,ijl,jkl->kl", inverse, curved.points_information, inverse)
+    return along / np.where(free, np.einsum("kkl->kl", inverse), np.nan)
 
 
 def _from_bounds(inverse, H, free, bounds_mm) -> Float[np.ndarray, "6 6 lanes"]:
