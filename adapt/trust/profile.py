@@ -37,7 +37,8 @@ def profile_intervals(
     """The intervals of the parameters ``of`` that are free, of every lane, all at once; NaN for the others."""
     lanes = adapted.theta_mm.shape[-1]
     H = found.curvature.of_points + found.curvature.of_motion
-    width = np.einsum("kkl->kl", reduced_inverse(H, found.free))
+    inverse = reduced_inverse(H, found.free)
+    width = np.einsum("kkl->kl", inverse)
     side, parameter, lane = (x.ravel() for x in np.meshgrid([0, 1], range(6), range(lanes), indexing="ij"))
     use = (
         (of & found.free)[parameter, lane] & np.isfinite(found.sd_mm[parameter, lane]) & (width[parameter, lane] > 0.0)
@@ -53,7 +54,9 @@ def profile_intervals(
     def short_of(chosen, value_mm):
         """By how many mm of the parabola the rise of the profile falls short; far beyond where nothing was found."""
         lanes = lane[chosen]
-        E = _least_e(lanes_at(data, lanes), parameter[chosen], value_mm, adapted.theta_mm[:, lanes], weight)
+        away = (value_mm - best[chosen]) / width[parameter[chosen], lanes]
+        start = adapted.theta_mm[:, lanes] + inverse[:, parameter[chosen], lanes] * away
+        E = _least_e(lanes_at(data, lanes), parameter[chosen], value_mm, start, weight)
         rise = np.sqrt(2.0 * width[parameter[chosen], lanes] * np.maximum(E - adapted.E[lanes], 0.0))
         return np.where(np.isfinite(E), wanted[chosen] - rise, -wanted[chosen])
 
@@ -87,12 +90,12 @@ def profile_intervals(
     return Profile(ends, opened)
 
 
-def _least_e(data: Lanes, parameter, value_mm, theta_mm, weight: float) -> Float[np.ndarray, " lanes"]:
-    """E with one parameter of each lane held at a value; NaN where that did not converge."""
+def _least_e(data: Lanes, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " lanes"]:
+    """E with one parameter of each lane held at a value, the others from where the parabola has them; NaN where that
+    did not converge."""
     lane = np.arange(len(value_mm))
-    bounds, start = np.array(data.bounds_mm), theta_mm.copy()
+    bounds = np.array(data.bounds_mm)
     bounds[:, parameter, lane] = value_mm
-    start[parameter, lane] = value_mm
     held = lanes_at(data, lane, bounds_mm=bounds)
-    least = adapted_from(held, start, weight)
+    least = adapted_from(held, np.clip(start_mm, *bounds), weight)
     return np.where(least.status == status.OK, least.E, np.nan)
