@@ -2,5 +2,6 @@
 
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
 from adapt.diagnosis import Diagnosis, diagnose
+from adapt.trust import Trust, trust
 
-__all__ = ["Adaptations", "Diagnosis", "PostureFits", "adapt_subjects", "diagnose", "fit_postures"]
+__all__ = ["Adaptations", "Diagnosis", "PostureFits", "Trust", "adapt_subjects", "diagnose", "fit_postures", "trust"]

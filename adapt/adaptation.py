@@ -16,7 +16,7 @@ from adapt.batch import Batch
 from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
 from adapt.fit import FEWEST_ANGLES, Fitted, fit_lanes
 from adapt.linalg import Factor, diagonal, jacobian, matmul, trace, transpose
-from adapt.objective import READINGS, WEIGHT, jitted_geometric_fit, thorax_distance_mm2
+from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, jitted_geometric_fit, thorax_distance_mm2
 from adapt.posture import mean_square_deg2, objective_weights
 from adapt.subject import Problem, Subject, evaluated, joint, solve_subjects
 from adapt.sweep import Swept, sweep
@@ -120,6 +120,11 @@ def lanes(batch: Batch, models: list[ParameterSet]) -> Lanes:
     )
 
 
+def lanes_at(data: Lanes, index: Int[np.ndarray, " chosen"], **changed: np.ndarray) -> Lanes:
+    """The given lanes, any of them as often as wanted, with some of their arrays replaced."""
+    return replace(Lanes(**{k: lanes_of(v, index) for k, v in vars(data).items()}), **changed)
+
+
 def adapt_lanes(
     data: Lanes,
     weight: float = WEIGHT,
@@ -170,9 +175,15 @@ def _better(one: Adapted, other: Adapted) -> Adapted:
 
 def solved_from_geometric_fit(data: Lanes) -> Subject:
     """One start alone, the geometric fit and the measured angles, with the default weight: what benchmarks compare."""
-    problem = _problem(data, _weights(data, np.full(data.counted.shape[1:], WEIGHT)))
+    problem = problem_of(data, np.full(data.counted.shape[1:], WEIGHT))
     theta = jnp.clip(data.girdle.adapted_mm, *data.bounds_mm)
     return solved_from((data.girdle, data.points_mm, data.shares, problem), theta, data.angles)
+
+
+def adapted_from(data: Lanes, theta: Float[Array, "6 lanes"], weight: float = WEIGHT) -> Adapted:
+    """The optimum of E [mm^2, deg^2] reached from one start alone, theta in mm and within the bounds."""
+    reading = READINGS[DEFAULT_READING]
+    return _from_theta(data, weight, reading, np.full(data.counted.shape[1:], weight), theta)
 
 
 def _from_theta(data: Lanes, weight, reading, factor, theta: Float[Array, "6 lanes"]) -> Adapted:
@@ -247,6 +258,11 @@ def _weights(data: Lanes, factor) -> Float[Array, " 6 postures lanes"]:
     """W of each angle in E: w / postures times that in J."""
     count = jnp.sum(data.counted, axis=0)
     return objective_weights(data.measured) * (jnp.asarray(factor) / count)[None, None]
+
+
+def problem_of(data: Lanes, factor: Float[np.ndarray, " lanes"]) -> Problem:
+    """The whole-subject problems of the lanes with E = D [mm^2] + factor mean(J) [deg^2]."""
+    return _problem(data, _weights(data, factor))
 
 
 def _problem(data: Lanes, weights) -> Problem:

@@ -1,4 +1,4 @@
-"""The command line: ``girdle fit | adapt | diagnose | convert | simulate | effects | models``, thin over ``adapt``."""
+"""The command line: ``girdle fit | adapt | diagnose | trust | convert | simulate | effects | models``."""
 
 import sys
 from pathlib import Path
@@ -22,6 +22,8 @@ from adapt.output import inputs_record, results_folder, write_json, write_run, w
 from adapt.repeat import other_versions, recorded_arguments
 from adapt.simulation import simulate_model_subjects
 from adapt.terminal import PlainConsole, print_parameters, print_summary, progress
+from adapt.trust import trust
+from adapt.trust.terminal import print_trust
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
 from motions import InputError, Motions, read_motions, write_motions
@@ -199,6 +201,41 @@ def diagnose_gap(
         failed = _not_adapted(result) | found["left_out"]
         _write_report(folder, table, models, result, failed, found)
     _finish(table, failed)
+
+
+@app.command("trust")
+def trust_results(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006
+    weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
+    choose_weight: Annotated[
+        bool, typer.Option("--choose-weight", help="Try other w too, and say which is best on held-out motions.")
+    ] = False,
+    repeat: Repeat = None,
+) -> None:
+    """Adapt as `girdle adapt` does, and say how far the result can be trusted.
+
+    Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
+    for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
+    plausibility.csv (is it still a thorax?), with --choose-weight weights.csv, the tables of `girdle adapt` and
+    run.json.
+    """
+    table, models, record = _inputs(motions, model)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            found = trust(table, models, weight, choose_weight, report)
+        with written_together(folder) as part:
+            _write_adaptations(part, found.adaptations)
+            for name in ("uncertainty", "heldout", "plausibility"):
+                write_table(getattr(found, name), part / f"{name}.csv")
+            write_table(found.subjects, part / "trust.csv")
+            if found.weights is not None:
+                write_table(found.weights, part / "weights.csv")
+            options = {"weight": weight, "choose_weight": choose_weight}
+            write_run(part, "trust", record, options, table.rejected)
+    print_trust(console, found)
+    _finish(table, _not_adapted(found.adaptations))
 
 
 @app.command("convert")

@@ -37,19 +37,25 @@ class Simulated:
 
 
 def simulate_model_subjects(
-    model: ParameterSet, effect: Effect | None, subjects: int, noise_deg: float, seed: int, size: float = 1.0
+    model: ParameterSet,
+    effect: Effect | None,
+    subjects: int,
+    noise_deg: float,
+    seed: int,
+    size: float = 1.0,
+    spread: float = 1.0,
 ) -> Simulated:
     """Subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
 
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
     effect is ``size`` times its scale, shared out over its channels, with signs common to all subjects (those of its
-    nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. A posture that its chain cannot take is left out.
+    nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters differ by ``spread`` times
+    PARAMETER_SD_MM. A posture that its chain cannot take is left out.
     """
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(subjects, generator)
-    theta = np.asarray(model.girdle.adapted_mm)[:, None] + PARAMETER_SD_MM[:, None] * generator.standard_normal(
-        (6, subjects)
-    )
+    apart = spread * PARAMETER_SD_MM[:, None] * generator.standard_normal((6, subjects))
+    theta = np.asarray(model.girdle.adapted_mm)[:, None] + apart
     theta = np.clip(theta, *(bound[:, None] for bound in model.bounds_mm))
     amplitude = _amplitudes(effect, subjects, size, generator)
     row = np.repeat(np.arange(subjects), len(wanted.posture) // subjects)

@@ -1,0 +1,38 @@
+"""Directions in which an adaptation is hardly determined, in words."""
+
+import numpy as np
+from jaxtyping import Float
+
+from models.girdle import ADAPTED
+
+FLAT_MM = 10.0
+"""A direction whose SD is longer is flat. One cadaver's thorax, fitted by its points twice (Table 4.5, MRI and
+dissection), agreed to less (M_z 5, A_x 2, A_z 9 mm) but for M_y (32) and A_y (40), which interact (4.3.6)."""
+
+_PART = 0.3
+"""A parameter is part of a direction if it moves by more than this share of the one that moves most."""
+
+
+def flat_directions(covariance_mm2: Float[np.ndarray, "6 6"]) -> list[str]:
+    """The principal directions of a covariance with SD above ``FLAT_MM``, the flattest first, one sentence each.
+
+    'M_y and A_y only together: 14 mm against 11 mm': one SD along the direction moves the one by 14 mm one way and the
+    other by 11 mm the other way ('with': the same way), which neither the motion nor the points tell from what it is.
+    """
+    if not np.isfinite(covariance_mm2).all():
+        return ["not determined: E does not curve upward in every direction"]
+    variances, directions = np.linalg.eigh(covariance_mm2)
+    order = np.argsort(variances)[::-1]
+    return [_sentence(np.sqrt(variances[k]) * directions[:, k]) for k in order if variances[k] > FLAT_MM**2]
+
+
+def _sentence(move_mm: Float[np.ndarray, " 6"]) -> str:
+    most = np.abs(move_mm).max()
+    part = [k for k in range(len(ADAPTED)) if abs(move_mm[k]) > _PART * most]
+    names = [ADAPTED[k] for k in part]
+    sizes = [f"{abs(move_mm[k]):.0f} mm" for k in part]
+    if len(part) == 1:
+        return f"{names[0]} loose: {sizes[0]}"
+    words = ["with" if move_mm[k] * move_mm[part[0]] > 0.0 else "against" for k in part[1:]]
+    moves = " ".join([sizes[0], *(f"{word} {size}" for word, size in zip(words, sizes[1:], strict=True))])
+    return f"{', '.join(names[:-1])} and {names[-1]} only together: {moves}"

@@ -1,0 +1,101 @@
+"""Profile likelihood intervals: how far a parameter may go before E, everything else adapted anew, says no.
+
+The profile E_k(v) is the least E with parameter k held at v. By the curvature it rises by (v - theta_k)^2 /
+(2 (H^-1)_kk); an interval of +-1.96 SD is where it has risen by  1/2 (1.96 SD_k)^2 / (H^-1)_kk.  Where E is no
+parabola the true profile reaches that rise elsewhere, and a bound may come first: then the interval ends there, open.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from adapt import status
+from adapt.adaptation import Adapted, Lanes, adapted_from, lanes_at
+from adapt.objective import WEIGHT
+from adapt.trust.uncertainty import NORMAL_95, Uncertainty, reduced_inverse
+
+_STRIDES = (1.0, 2.0, 4.0)
+"""Where an end is looked for first, in half widths of the parabola's interval; then at the bound."""
+
+_ROUNDS = 4
+"""Evaluations of an end between two such places: the root of a nearly linear function, to some per cent."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Ends of the 95 % intervals of L lanes, mm, lower then upper."""
+
+    ends_mm: Float[np.ndarray, "2 6 lanes"]
+    open: Bool[np.ndarray, "2 6 lanes"]
+    """The bound came first."""
+
+
+def profile_intervals(
+    data: Lanes, adapted: Adapted, found: Uncertainty, of: Bool[np.ndarray, "6 lanes"], weight: float = WEIGHT
+) -> Profile:
+    """The intervals of the parameters ``of`` that are free, of every lane, all at once; NaN for the others."""
+    lanes = adapted.theta_mm.shape[-1]
+    H = found.curvature.of_points + found.curvature.of_motion
+    inverse = reduced_inverse(H, found.free)
+    width = np.einsum("kkl->kl", inverse)
+    side, parameter, lane = (x.ravel() for x in np.meshgrid([0, 1], range(6), range(lanes), indexing="ij"))
+    use = (
+        (of & found.free)[parameter, lane] & np.isfinite(found.sd_mm[parameter, lane]) & (width[parameter, lane] > 0.0)
+    )
+    side, parameter, lane = side[use], parameter[use], lane[use]
+    wanted = NORMAL_95 * found.sd_mm[parameter, lane]
+    if not len(lane):
+        return Profile(np.full((2, 6, lanes), np.nan), np.zeros((2, 6, lanes), bool))
+    best, bound = adapted.theta_mm[parameter, lane], np.asarray(data.bounds_mm)[side, parameter, lane]
+    inside, outside = best.copy(), best.copy()
+    short_inside, short_outside = wanted.copy(), wanted.copy()
+
+    def short_of(chosen, value_mm):
+        """By how many mm of the parabola the rise of the profile falls short; far beyond where nothing was found."""
+        lanes = lane[chosen]
+        away = (value_mm - best[chosen]) / width[parameter[chosen], lanes]
+        start = adapted.theta_mm[:, lanes] + inverse[:, parameter[chosen], lanes] * away
+        E = _least_e(lanes_at(data, lanes), parameter[chosen], value_mm, start, weight)
+        rise = np.sqrt(2.0 * width[parameter[chosen], lanes] * np.maximum(E - adapted.E[lanes], 0.0))
+        return np.where(np.isfinite(E), wanted[chosen] - rise, -wanted[chosen])
+
+    sign = np.where(side == 1, 1.0, -1.0)
+    for stride in (*_STRIDES, np.inf):
+        left = np.flatnonzero((short_outside > 0.0) & (outside != bound))
+        if not len(left):
+            break
+        inside[left], short_inside[left] = outside[left], short_outside[left]
+        reach = np.minimum(stride * wanted[left], np.abs(bound[left] - best[left]))
+        at_end = reach == np.abs(bound[left] - best[left])
+        outside[left] = np.where(at_end, bound[left], best[left] + sign[left] * reach)
+        short_outside[left] = short_of(left, outside[left])
+    is_open = short_outside > 0.0
+    closed = np.flatnonzero(~is_open)
+    for _ in range(_ROUNDS):
+        share = short_inside[closed] / (short_inside[closed] - short_outside[closed])
+        middle = inside[closed] + share * (outside[closed] - inside[closed])
+        short = short_of(closed, middle)
+        within = short > 0.0
+        # The Illinois rule: the end that stays counts half, so that both ends close in.
+        short_outside[closed] = np.where(within, 0.5 * short_outside[closed], short)
+        short_inside[closed] = np.where(within, short, 0.5 * short_inside[closed])
+        inside[closed] = np.where(within, middle, inside[closed])
+        outside[closed] = np.where(within, outside[closed], middle)
+    ends = np.full((2, 6, lanes), np.nan)
+    share = short_inside / np.where(is_open, 1.0, short_inside - short_outside)
+    ends[side, parameter, lane] = np.where(is_open, bound, inside + share * (outside - inside))
+    opened = np.zeros((2, 6, lanes), bool)
+    opened[side, parameter, lane] = is_open
+    return Profile(ends, opened)
+
+
+def _least_e(data: Lanes, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " lanes"]:
+    """E with one parameter of each lane held at a value, the others from where the parabola has them; NaN where that
+    did not converge."""
+    lane = np.arange(len(value_mm))
+    bounds = np.array(data.bounds_mm)
+    bounds[:, parameter, lane] = value_mm
+    held = lanes_at(data, lane, bounds_mm=bounds)
+    least = adapted_from(held, np.clip(start_mm, *bounds), weight)
+    return np.where(least.status == status.OK, least.E, np.nan)

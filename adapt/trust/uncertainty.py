@@ -1,0 +1,132 @@
+"""How far the adapted parameters may be off: a covariance, and what of it comes from where.
+
+**Noise model.** Every measured angle is that of the closed chain plus an independent Gaussian error of SD s. The thorax
+points are those of another person, whose ellipsoid theta_0 (min D) differs from this person's theta by a Gaussian of
+covariance Sigma. E = D + w mean(J) is then, but for a factor, the negative logarithm of a likelihood (J) times a prior
+(D): with n points, P postures and all angles measured, -2 log p = 6 P E / (w s^2), so that w says how well the points
+are taken to be known, each to s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14 postures, w = 10: 2.5 mm). As nobody chose
+w for that, its optimum is judged as an estimator instead, whatever w is (a sandwich): with H, H_D and B of
+``adapt.trust.curvature``
+
+    theta^ - theta = -H^-1 (B e + H_D (theta - theta_0)),      e the errors of the angles
+    cov = s^2 H^-1 B B' H^-1  +  H^-1 H_D Sigma H_D H^-1       (noise; person)
+
+The noise follows from the gap, s^2 = sum of squared gaps / (measured angles - 3 P - tr(H^-1 H_J)): three angles of each
+posture and tr(H^-1 H_J) of the parameters follow the errors. What the model cannot do counts as noise, as if it were
+independent from posture to posture.
+
+A parameter at its bound says nothing: it may be anywhere between its two bounds (mean square W^2 / 3 away, for bounds W
+apart), and the others, held back by it, follow with -H_ff^-1 H_fk. That is a third part of the covariance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from adapt.adaptation import Adapted, Lanes
+from adapt.objective import WEIGHT
+from adapt.simulation import PARAMETER_SD_MM
+from adapt.trust.curvature import Curvature, curvature
+from motions.rotations import DEG
+
+PERSON_SD_MM = PARAMETER_SD_MM
+"""Sigma: how far a person's thorax is from the parameter set's, SD in the order of ADAPTED. Assumed, at most that of
+ten subjects adapted (Table 6.5). That of the conoid has no part in it: D does not pull at it."""
+
+NORMAL_95 = 1.959964
+"""Half width of a 95 % interval in SDs."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Of L adaptations; parameters in the order of ADAPTED, mm. NaN where E does not curve upward."""
+
+    noise_mm2: Float[np.ndarray, "6 6 lanes"]
+    """Covariance from the errors of the angles."""
+    person_mm2: Float[np.ndarray, "6 6 lanes"]
+    """Covariance from the thorax points being another person's."""
+    bound_mm2: Float[np.ndarray, "6 6 lanes"]
+    """Covariance from parameters that ended at a bound; 0 without any."""
+    points_share: Float[np.ndarray, "6 lanes"]
+    """Of the information that holds a parameter, the others following it, the share that is the thorax points', 0 to 1;
+    the rest is the motion's. NaN at a bound."""
+    noise_deg: Float[np.ndarray, " lanes"]
+    """s, degrees."""
+    curvature: Curvature
+    free: Bool[np.ndarray, "6 lanes"]
+
+    @property
+    def covariance_mm2(self) -> Float[np.ndarray, "6 6 lanes"]:
+        """Of theta^ - theta, all three together."""
+        return self.noise_mm2 + self.person_mm2 + self.bound_mm2
+
+    @property
+    def sd_mm(self) -> Float[np.ndarray, "6 lanes"]:
+        """Square roots of its diagonal."""
+        return sd(self.covariance_mm2)
+
+
+def sd(covariance: Float[np.ndarray, "n n lanes"]) -> Float[np.ndarray, "n lanes"]:
+    """Square roots of the diagonals."""
+    return np.sqrt(np.einsum("kkl->kl", covariance))
+
+
+def uncertainty(
+    data: Lanes, adapted: Adapted, weight: float = WEIGHT, person_sd_mm: Float[np.ndarray, " 6"] = PERSON_SD_MM
+) -> Uncertainty:
+    """The uncertainty of each adaptation of ``data`` by E = D + weight mean(J), mm^2 and deg^2."""
+    curved = curvature(data, adapted, weight)
+    free = ~adapted.at_bound
+    inverse = reduced_inverse(curved.of_points + curved.of_motion, free)
+    noise = _noise_rad(data, adapted, np.einsum("ijl,jil->l", inverse, curved.of_motion))
+    by_noise = np.einsum("iapl,japl->ijl", curved.by_angle, curved.by_angle) * noise**2
+    by_person = np.einsum("ijl,j,kjl->ikl", curved.of_points, person_sd_mm**2, curved.of_points)
+    return Uncertainty(
+        noise_mm2=_sandwich(inverse, by_noise),
+        person_mm2=_sandwich(inverse, by_person),
+        bound_mm2=_from_bounds(inverse, curved.of_points + curved.of_motion, free, np.asarray(data.bounds_mm)),
+        points_share=_points_share(curved, free),
+        noise_deg=noise * DEG,
+        curvature=curved,
+        free=free,
+    )
+
+
+def _points_share(curved: Curvature, free) -> Float[np.ndarray, "6 lanes"]:
+    """u' I_D u / u' (I_D + I_J) u along u = (I_D + I_J)^-1 e_k, the way the others follow parameter k."""
+    inverse = reduced_inverse(curved.points_information + curved.motion_information, free)
+    along = np.einsum("ikl,ijl,jkl->kl", inverse, curved.points_information, inverse)
+    return along / np.where(free, np.einsum("kkl->kl", inverse), np.nan)
+
+
+def _from_bounds(inverse, H, free, bounds_mm) -> Float[np.ndarray, "6 6 lanes"]:
+    """M diag(W^2 / 3) M' over the parameters k at a bound; column k of M is 1 for k itself and -H_ff^-1 H_fk."""
+    held = np.where(free, 0.0, (bounds_mm[1] - bounds_mm[0]) ** 2 / 3.0)
+    follow = np.eye(6)[..., None] - np.einsum("ijl,jkl->ikl", inverse, H)
+    return np.einsum("ikl,kl,jkl->ijl", follow, held, follow)
+
+
+def _sandwich(inverse, middle) -> Float[np.ndarray, "6 6 lanes"]:
+    return np.einsum("ijl,jkl,kml->iml", inverse, middle, inverse)
+
+
+def reduced_inverse(
+    matrix: Float[np.ndarray, "6 6 lanes"], free: Bool[np.ndarray, "6 lanes"]
+) -> Float[np.ndarray, "6 6 lanes"]:
+    """Inverse over the free parameters, 0 for the others; NaN where it is not positive definite."""
+    result = np.zeros_like(matrix)
+    for lane in range(matrix.shape[-1]):
+        chosen = np.flatnonzero(free[:, lane])
+        part = matrix[np.ix_(chosen, chosen, [lane])][..., 0]
+        definite = np.isfinite(part).all() and (np.linalg.eigvalsh(part) > 0.0).all()
+        result[np.ix_(chosen, chosen, [lane])] = (np.linalg.inv(part) if definite else np.nan * part)[..., None]
+    return result
+
+
+def _noise_rad(data: Lanes, adapted: Adapted, followed: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " lanes"]:
+    """s; ``followed`` = tr(H^-1 H_J) parameters follow the errors. NaN where no angle is left over."""
+    counts = np.asarray(data.measured) & np.asarray(data.counted)[None]
+    squares = np.where(counts, (adapted.angles - np.asarray(data.angles)) ** 2, 0.0).sum(axis=(0, 1))
+    left = counts.sum(axis=(0, 1)) - 3 * np.asarray(data.counted).sum(axis=0) - followed
+    return np.sqrt(np.where(left > 0.0, squares / np.where(left > 0.0, left, 1.0), np.nan))

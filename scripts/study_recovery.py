@@ -1,0 +1,158 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""Are the intervals of adapted parameters true? Simulated subjects with known parameters, noise, and an adaptation.
+
+    python scripts/study_recovery.py --subjects 256
+
+Everything here is simulated: subjects whose girdle is a set's with parameters of their own, their motion as near to the
+published rhythm as their chain allows, independent noise on every angle, the thorax points still those of the set. A
+95 % interval should hold the true value in 95 % of cases; 92-97 % is the aim. Worlds:
+
+    as assumed          the spread of persons about the set is PERSON_SD_MM, what the intervals take it to be
+    persons alike       half of that spread
+    persons unlike      twice that spread
+    noise 0.5, 3 deg    other noise, which the intervals estimate from the gap
+
+The coverage of the noise alone, without the spread of persons, and of the intervals by +-1.96 SD alone, stand beside.
+"""
+
+import sys
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import typer
+
+from adapt import cli, status
+from adapt.adaptation import adapt_lanes, lanes, lanes_at
+from adapt.batch import pack
+from adapt.simulation import simulate_model_subjects
+from adapt.trust.flat import FLAT_MM
+from adapt.trust.profile import profile_intervals
+from adapt.trust.trust import intervals
+from adapt.trust.uncertainty import NORMAL_95, sd, uncertainty
+from models import ParameterSet, load_model
+from models.girdle import ADAPTED
+
+SEED = 20261121
+
+app = typer.Typer(add_completion=False)
+
+
+@dataclass(frozen=True)
+class World:
+    """How the simulated subjects differ from what the intervals assume."""
+
+    name: str
+    spread: float = 1.0
+    noise_deg: float = 1.5
+
+
+WORLDS = (
+    World("as assumed"),
+    World("persons alike", spread=0.5),
+    World("persons unlike", spread=2.0),
+    World("noise 0.5 deg", noise_deg=0.5),
+    World("noise 3 deg", noise_deg=3.0),
+)
+
+
+def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profiles: bool) -> pd.DataFrame:
+    """One row a subject and parameter: error, SDs, and which intervals hold the truth."""
+    made = simulate_model_subjects(model, None, subjects, world.noise_deg, seed, spread=world.spread)
+    batch = pack(made.motions)
+    names = list(batch.subjects)
+    data = lanes_at(whole := lanes(batch, [model]), np.arange(len(names)))
+    del whole
+    adapted = adapt_lanes(data)
+    found = uncertainty(data, adapted)
+    flat = (found.sd_mm > FLAT_MM) & profiles
+    ends, origin = intervals(data, adapted, found, profile_intervals(data, adapted, found, flat))
+    truth = made.truth.set_index("subject").loc[names][[f"{name}_mm" for name in ADAPTED]].to_numpy().T
+    error = adapted.theta_mm - truth
+    columns = {
+        "parameter": np.repeat(ADAPTED, len(names)),
+        "error_mm": error.ravel(),
+        "sd_mm": found.sd_mm.ravel(),
+        "covered": ((ends[0] <= truth) & (truth <= ends[1])).ravel(),
+        "covered_by_sd": (np.abs(error) <= NORMAL_95 * found.sd_mm).ravel(),
+        "covered_by_noise": (np.abs(error) <= NORMAL_95 * sd(found.noise_mm2)).ravel(),
+        "width_mm": (ends[1] - ends[0]).ravel(),
+        "interval": origin.ravel(),
+        "noise_deg": np.tile(found.noise_deg, len(ADAPTED)),
+        "ok": np.tile(adapted.status == status.OK, len(ADAPTED)),
+    }
+    return pd.DataFrame(columns).assign(model=model.name, world=world.name, made=subjects)
+
+
+def wilson(share: float, n: int) -> tuple[float, float]:
+    """95 % interval of a share seen n times (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    z2 = NORMAL_95**2
+    centre = (share + z2 / (2 * n)) / (1 + z2 / n)
+    half = NORMAL_95 * np.sqrt(share * (1 - share) / n + z2 / (4 * n * n)) / (1 + z2 / n)
+    return centre - half, centre + half
+
+
+def by_parameter(table: pd.DataFrame) -> str:
+    """Markdown: one line a set and parameter."""
+    header = ["set", "parameter", "rms error, mm", "covered", "by +-1.96 SD", "by the noise alone", "median width, mm"]
+    header.append("at a bound")
+    lines = [header, ["---"] * len(header)]
+    for (model, name), rows in table.groupby(["model", "parameter"], sort=False):
+        rms = np.sqrt((rows["error_mm"] ** 2).mean())
+        cells = [f"{rms:.1f}", percent(rows["covered"])]
+        cells += [f"{100 * rows[key].mean():.0f} %" for key in ("covered_by_sd", "covered_by_noise")]
+        cells += [f"{rows['width_mm'].median():.1f}", f"{100 * (rows['interval'] == 'bounds').mean():.0f} %"]
+        lines.append([str(model), str(name), *cells])
+    return markdown(lines)
+
+
+def by_world(table: pd.DataFrame) -> str:
+    """Markdown: one line a world, all sets and parameters; then without those at a bound."""
+    header = ["world", "subjects adapted ok", "covered", "not at a bound", "M_y, A_y", "the other four", "noise found"]
+    lines = [header, ["---"] * len(header)]
+    for world, rows in table.groupby("world", sort=False):
+        flat = rows["parameter"].isin(["M_y", "A_y"])
+        parts = [rows, rows[rows["interval"] != "bounds"], rows[flat], rows[~flat]]
+        cells = [percent(part["covered"]) for part in parts]
+        lines.append([str(world), str(len(rows) // len(ADAPTED)), *cells, f"{rows['noise_deg'].median():.2f} deg"])
+    return markdown(lines)
+
+
+def percent(covered: pd.Series) -> str:
+    """'95.1 % (94-96)'."""
+    share, (low, high) = covered.mean(), wilson(covered.mean(), len(covered))
+    return f"{100 * share:.1f} % ({100 * low:.0f}-{100 * high:.0f})"
+
+
+def markdown(lines: list[list[str]]) -> str:
+    """Cells as a table."""
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+@app.command()
+def main(
+    subjects: Annotated[int, typer.Option(min=2, help="Simulated subjects of each set in the first world.")] = 256,
+    others: Annotated[int, typer.Option(min=2, help="The same in each other world.")] = 128,
+    model: Annotated[list[str] | None, typer.Option(help="Parameter set; repeatable.")] = None,
+    profiles: Annotated[bool, typer.Option(help="Intervals of flat parameters by profiles of E.")] = True,
+) -> None:
+    """Print, as Markdown, how often the intervals hold the truth. All subjects are simulated."""
+    sets = [load_model(name) for name in model or ("R6", "R2", "breteler_dissection")]
+    parts = []
+    for number, world in enumerate(WORLDS):
+        for one in sets:
+            print(f"{world.name}: {one.name}", file=sys.stderr, flush=True)
+            count = others if number else subjects
+            parts.append(recovered(one, world, count, SEED + number, profiles))
+    table = pd.concat(parts, ignore_index=True)
+    failed = int((~table["ok"]).sum()) // len(ADAPTED)
+    table = table[table["ok"]]
+    print(f"Simulated subjects. Not adapted: {failed}.\n")
+    print(by_parameter(table[table["world"] == WORLDS[0].name]))
+    print(f"\n{by_world(table)}")
+
+
+if __name__ == "__main__":
+    cli.main(app)

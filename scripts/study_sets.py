@@ -1,0 +1,146 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false
+# pyright: reportGeneralTypeIssues=false, reportCallIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""What depends on the cadaver? The same subjects with R2, R4 and R6, before and after adaptation (thesis, chapter 3).
+
+    python scripts/study_sets.py ../shared/motions/*.csv --mean mean_ludewig2009 --mean mean_oki2012
+
+Prints Markdown: Tables 3.4 and 3.5, the mean |simulated - measured| (SD over postures) of the mean motions with the
+sets as they are, beside the published ones, which are of another mean motion (ten subjects, Helm 1994b); then, over
+all subjects, how the variance of the adapted parameters, of their change and of the gaps is shared out,
+
+    value(set, subject) = mean + set + subject + rest      (two-way analysis of variance, one value a cell)
+
+'set' being what depends on the cadaver and 'subject' what the sets agree on; and how far apart two sets' simulated
+angles of the same posture are.
+"""
+
+import itertools
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import typer
+from jaxtyping import Float
+
+from adapt import adapt_subjects, cli, status
+from adapt.tables import ALL_MOTIONS
+from models import load_model
+from models.girdle import ADAPTED
+from motions import ANGLES, InputError, read_motions
+
+SETS = ("R2", "R4", "R6")
+
+PUBLISHED_DEG = {
+    "Table 3.4, abduction": {
+        "R2": ((2.9, 1.6), (2.1, 1.1), (1.7, 1.3), (6.2, 4.0), (2.3, 1.1), (4.3, 2.2)),
+        "R4": ((2.8, 1.7), (5.8, 1.7), (6.0, 4.5), (14.0, 7.8), (8.5, 3.0), (8.0, 2.2)),
+        "R6": ((5.1, 2.9), (7.4, 4.4), (9.2, 4.6), (2.1, 2.3), (0.9, 0.6), (6.1, 2.9)),
+    },
+    "Table 3.5, forward flexion": {
+        "R2": ((1.9, 1.6), (2.3, 1.7), (1.4, 1.2), (7.6, 5.8), (2.6, 0.9), (7.1, 2.3)),
+        "R4": ((3.2, 1.7), (9.0, 0.6), (11.2, 10.7), (19.8, 9.8), (11.8, 4.7), (2.1, 1.5)),
+        "R6": ((4.0, 2.9), (5.5, 4.2), (6.4, 3.2), (2.7, 1.7), (1.5, 1.2), (3.3, 2.2)),
+    },
+}
+"""Mean and SD of the six ANGLES as printed."""
+
+MOTIONS = {"Table 3.4, abduction": "frontal_elevation", "Table 3.5, forward flexion": "sagittal_elevation"}
+
+app = typer.Typer(add_completion=False)
+
+
+def mean_motion_table(fits: pd.DataFrame, label: str, motion: str, subjects: list[str]) -> str:
+    """One of Tables 3.4 and 3.5: the published cells, then ours of each subject and set, not adapted."""
+    lines = [["motion", "set", *ANGLES, "all"], ["---"] * 9]
+    for name in SETS:
+        cells = PUBLISHED_DEG[label][name]
+        lines.append([label, name, *(f"{mean} ({sd})" for mean, sd in cells), f"{np.mean([c[0] for c in cells]):.1f}"])
+    good = fits[(fits["adapted"] == 0) & (fits["status"] == status.OK) & (fits["motion"] == motion)]
+    for subject in subjects:
+        for name in SETS:
+            rows = good[(good["subject"] == subject) & (good["model"] == name)]
+            off = rows[[f"{angle}_difference_deg" for angle in ANGLES]].abs()
+            cells = [f"{mean:.1f} ({sd:.1f})" for mean, sd in zip(off.mean(), off.std(), strict=True)]
+            lines.append([f"{subject}, {motion}", name, *cells, f"{off.mean().mean():.1f}"])
+    return markdown(lines)
+
+
+def variance_shares(values: Float[np.ndarray, "sets subjects"]) -> tuple[float, float, float]:
+    """Shares of the sum of squares about the mean: of the sets, of the subjects, and the rest."""
+    off = values - values.mean()
+    by_set, by_subject = off.mean(axis=1, keepdims=True), off.mean(axis=0, keepdims=True)
+    parts = [by_set + 0.0 * off, by_subject + 0.0 * off, off - by_set - by_subject]
+    squares = np.array([np.sum(part**2) for part in parts])
+    return tuple(squares / squares.sum())
+
+
+def grid(table: pd.DataFrame, column: str) -> Float[np.ndarray, "sets subjects"]:
+    """A column by set and subject, of subjects that have a value with every set."""
+    values = table.pivot(index="model", columns="subject", values=column).loc[list(SETS)]
+    return values.dropna(axis=1).to_numpy()
+
+
+def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
+    """Shares of variance and, in its own unit, SD over sets of one subject and over subjects of one set."""
+    header = ["quantity", "SD over sets", "SD over subjects", "of the set", "of the subject", "rest"]
+    lines = [header, ["---"] * len(header)]
+    good = parameters[parameters["status"] == status.OK]
+    for name in ADAPTED:
+        changed = good.assign(change=good[f"{name}_mm"] - good[f"{name}_mm_prior"])
+        for label, table, column in ((f"{name}, mm", good, f"{name}_mm"), (f"{name}, change, mm", changed, "change")):
+            lines.append([label, *shared(grid(table, column))])
+    for adapted, state in ((0, "before"), (1, "after")):
+        rows = summary[(summary["adapted"] == adapted) & (summary["motion"] == ALL_MOTIONS)]
+        rows = rows[rows["subject"].isin(parameters["subject"])]
+        for angle in ANGLES:
+            lines.append([f"{angle}, gap {state}, deg", *shared(grid(rows, f"{angle}_deg"))])
+    return markdown(lines)
+
+
+def shared(values: Float[np.ndarray, "sets subjects"]) -> list[str]:
+    """Cells of a line of :func:`agreement_table`."""
+    over_sets = np.sqrt(np.mean(np.var(values, axis=0, ddof=1)))
+    over_subjects = np.sqrt(np.mean(np.var(values, axis=1, ddof=1)))
+    return [f"{over_sets:.1f}", f"{over_subjects:.1f}", *(f"{100 * s:.0f} %" for s in variance_shares(values))]
+
+
+def apart_table(fits: pd.DataFrame) -> str:
+    """Mean |simulated with one set - with another| of the same posture, before and after adaptation, degrees."""
+    lines = [["sets", "state", *ANGLES, "all"], ["---"] * 9]
+    good = fits[fits["status"] == status.OK].set_index(["subject", "motion", "posture"])
+    for one, other in itertools.combinations(SETS, 2):
+        for adapted, state in ((0, "before"), (1, "after")):
+            pair = [good[(good["model"] == name) & (good["adapted"] == adapted)] for name in (one, other)]
+            simulated = [part[[f"{angle}_simulated_deg" for angle in ANGLES]] for part in pair]
+            off = (simulated[0] - simulated[1]).abs().mean()
+            lines.append([f"{one}, {other}", state, *(f"{x:.1f}" for x in off), f"{off.mean():.1f}"])
+    return markdown(lines)
+
+
+def markdown(lines: list[list[str]]) -> str:
+    """Cells as a table."""
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+@app.command()
+def main(
+    files: Annotated[list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files.")],
+    mean: Annotated[list[str] | None, typer.Option(help="Subject that is a mean motion; repeatable.")] = None,
+) -> None:
+    """Print, as Markdown, Tables 3.4 and 3.5 anew and what the three sets agree on after adaptation."""
+    motions = read_motions(*files)
+    for name in mean or []:
+        if name not in motions.subjects:
+            raise InputError("--mean", None, f"there is no subject '{name}'", f"Use of {', '.join(motions.subjects)}")
+    result = adapt_subjects(motions, [load_model(name) for name in SETS])
+    for label, motion in MOTIONS.items():
+        if mean:
+            print(mean_motion_table(result.fits, label, motion, mean), end="\n\n")
+    print(agreement_table(result.parameters, result.summary), end="\n\n")
+    print(apart_table(result.fits))
+
+
+if __name__ == "__main__":
+    cli.main(app)

@@ -1,0 +1,206 @@
+"""The uncertainty of adapted parameters, against other engines and cases worked by hand. All subjects are simulated."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from oracles import bones, ellipsoid_distance, with_theta
+from scipy.optimize import approx_fprime
+
+from adapt import status
+from adapt.adaptation import Adapted, Lanes, adapt_lanes, adapted_from, lanes, lanes_at
+from adapt.batch import pack
+from adapt.simulation import simulate_model_subjects
+from adapt.trust.bootstrap import bootstrap_mm
+from adapt.trust.flat import flat_directions
+from adapt.trust.profile import profile_intervals
+from adapt.trust.uncertainty import NORMAL_95, PERSON_SD_MM, Uncertainty, reduced_inverse, sd, uncertainty
+from models import ParameterSet, load_model
+from motions.rotations import DEG
+
+SUBJECTS = 4
+
+STEP_DEG = 0.05
+"""By how much a measured angle is changed to see theta follow: differences to 1e-4 of themselves, E's third order."""
+
+FOLLOWS = 2e-3
+"""Relative to the largest: a central difference over that step, of optima exact to 1e-8 mm^2 a mm of slope."""
+
+REPLICATES = 128
+
+SAME_SPREAD = 0.25
+"""|ln| of two SDs: 128 repetitions give theirs to 13 % at two SDs; the rest is what E has beyond a parabola. One
+subject alone may be farther off in M_y and A_y, which are flat: there the mean over the subjects counts."""
+
+FIRM = [1, 4, 5]
+"""M_z, A_z and the conoid."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """Simulated subjects, adapted."""
+
+    model: ParameterSet
+    data: Lanes
+    adapted: Adapted
+    found: Uncertainty
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    model = load_model("breteler_dissection")
+    data = lanes(pack(simulate_model_subjects(model, None, SUBJECTS, 1.5, seed=7).motions), [model])
+    adapted = adapt_lanes(data)
+    assert set(adapted.status) == {status.OK}
+    assert not adapted.at_bound.any()
+    return Case(model, data, adapted, uncertainty(data, adapted))
+
+
+# --- curvature -----------------------------------------------------------------------------------------------------
+
+
+def test_the_optimum_follows_the_measured_angles_as_the_derivative_says(case):
+    """dtheta/ds = -H^-1 B against adaptations to measurements that differ by a twentieth of a degree."""
+    curved = case.found.curvature
+    slope = -np.linalg.solve(
+        np.moveaxis(curved.of_points + curved.of_motion, -1, 0), np.moveaxis(curved.by_angle, -1, 0).reshape(4, 6, -1)
+    ).reshape(SUBJECTS, 6, 6, -1)
+    for angle, posture in ((0, 2), (2, 5), (4, 9), (5, 13)):
+        moved = []
+        for sign in (1.0, -1.0):
+            angles = np.array(case.data.angles)
+            angles[angle, posture] += sign * STEP_DEG / DEG
+            moved.append(adapted_from(lanes_at(case.data, np.arange(4), angles=angles), case.adapted.theta_mm))
+        found = (moved[0].theta_mm - moved[1].theta_mm) / (2.0 * STEP_DEG / DEG)
+        expected = np.moveaxis(slope[:, :, angle, posture], 0, -1)
+        assert np.abs(found - expected).max() <= FOLLOWS * np.abs(slope).max()
+
+
+def test_the_curvature_of_the_points_is_that_of_the_other_engine(case):
+    """H_D by SciPy's finite differences of D, twice, with distances by Brent's method."""
+    girdle = bones(case.model.girdle)
+
+    def D(theta):
+        moved = with_theta(girdle, theta)
+        return np.mean([ellipsoid_distance(p - moved.centre_mm, moved.semi_axes_mm)[0] ** 2 for p in points.T])
+
+    points, theta = np.asarray(case.model.points_mm), case.adapted.theta_mm[:, 1]
+    second = np.array([approx_fprime(theta, lambda x, k=k: approx_fprime(x, D, 1e-3)[k], 1e-1) for k in range(6)])
+    of_points = case.found.curvature.of_points[..., 1]
+    assert np.abs(second - of_points).max() <= 5e-3 * np.abs(of_points).max()
+
+
+def test_curvature_of_the_motion_is_the_rise_of_e(case):
+    """E a little off the optimum, the postures fitted anew: 1/2 v' H v more, in flat and stiff directions."""
+    H = case.found.curvature.of_points + case.found.curvature.of_motion
+    for lane in range(SUBJECTS):
+        values, directions = np.linalg.eigh(H[..., lane])
+        for k in (0, 3, 5):
+            size = 0.05 / np.sqrt(values[k])
+            E = []
+            for sign in (1.0, -1.0):
+                theta = case.adapted.theta_mm + sign * size * directions[:, [k]]
+                held = np.stack([theta, theta])
+                E.append(adapted_from(lanes_at(case.data, np.arange(4), bounds_mm=held), theta).E[lane])
+            rise = np.mean(E) - case.adapted.E[lane]
+            assert rise == pytest.approx(0.5 * 0.05**2, rel=0.02)
+
+
+# --- covariance ----------------------------------------------------------------------------------------------------
+
+
+def test_the_noise_part_is_what_repeated_measurements_scatter_by(case):
+    """A parametric bootstrap: simulated repetitions about each adapted subject, adapted anew."""
+    repeated = bootstrap_mm(case.data, case.adapted, case.found.noise_deg, REPLICATES, seed=3)
+    assert np.isfinite(repeated).all()
+    ratio = np.std(repeated, axis=1) / sd(case.found.noise_mm2)
+    print("bootstrap SD / SD:", np.round(ratio, 2))
+    assert np.abs(np.log(ratio[FIRM])).max() <= SAME_SPREAD
+    assert np.abs(np.log(ratio).mean(axis=1)).max() <= SAME_SPREAD
+
+
+def test_noise_of_no_subject_is_no_uncertainty(case):
+    """Angles that the adapted chain takes exactly, by an ellipsoid that is the points': only Sigma is left."""
+    exact = lanes_at(case.data, np.arange(4), angles=np.asarray(case.adapted.angles))
+    adapted = replace(case.adapted)
+    found = uncertainty(exact, adapted)
+    assert found.noise_deg.max() == 0.0
+    assert sd(found.noise_mm2).max() == 0.0
+    none = uncertainty(case.data, adapted, person_sd_mm=np.zeros(6))
+    assert sd(none.person_mm2).max() == 0.0
+    np.testing.assert_allclose(none.sd_mm, sd(case.found.noise_mm2))
+
+
+def test_points_alone_forbid_everything_and_motion_alone_nothing(case):
+    """w -> 0: theta is the points', as far off as the person is from them. The conoid has no points."""
+    tiny = uncertainty(case.data, case.adapted, weight=1e-9)
+    np.testing.assert_allclose(tiny.points_share[:5], 1.0, atol=1e-5)
+    # Of the geometric fit itself, where D has no residual, what is left is Sigma.
+    at_own = replace(case.adapted, theta_mm=np.asarray(case.data.girdle.adapted_mm))
+    own = uncertainty(case.data, at_own, weight=1e-9)
+    np.testing.assert_allclose(sd(own.person_mm2)[:5], PERSON_SD_MM[:5, None] * np.ones(4), rtol=1e-3)
+    huge = uncertainty(case.data, case.adapted, weight=1e9)
+    # The motion's information along its flattest direction is 1e-8 of that along the stiffest.
+    np.testing.assert_allclose(huge.points_share, 0.0, atol=1e-2)
+
+
+def test_a_parameter_at_its_bound_may_be_anywhere_between_them_and_takes_others_along(case):
+    """M_y held at a bound 10 mm from where it is: a uniform deviation has W / sqrt(3) about an end, and A_y follows."""
+    bounds = np.array(case.data.bounds_mm)
+    bounds[0, 0] = case.adapted.theta_mm[0] + 10.0
+    narrow = lanes_at(case.data, np.arange(4), bounds_mm=bounds)
+    adapted = adapted_from(narrow, np.clip(case.adapted.theta_mm, *bounds))
+    assert adapted.at_bound[0].all()
+    found = uncertainty(narrow, adapted)
+    np.testing.assert_allclose(found.sd_mm[0], (bounds[1] - bounds[0])[0] / np.sqrt(3.0))
+    assert np.isnan(found.points_share[0]).all()
+    # A_y follows M_y as the two optima, 10 mm of M_y apart, show.
+    seen = (adapted.theta_mm[3] - case.adapted.theta_mm[3]) / 10.0
+    told = found.bound_mm2[0, 3] / found.bound_mm2[0, 0]
+    np.testing.assert_allclose(told, seen, rtol=0.5)
+    assert (np.sign(told) == np.sign(seen)).all()
+
+
+def test_a_reduced_inverse_by_hand():
+    matrix = np.array([[4.0, 2.0, 0.0], [2.0, 5.0, 0.0], [0.0, 0.0, 2.0]])
+    whole = np.eye(6)
+    whole[:3, :3] = matrix
+    free = np.array([True, False, True, True, True, True])
+    both = reduced_inverse(np.stack([whole, -whole], axis=-1), np.stack([free, free], axis=-1))
+    assert both[0, 0, 0] == 0.25  # 1 / 4: the other is fixed, so its coupling is gone
+    assert both[1, 1, 0] == 0.0
+    assert both[2, 2, 0] == 0.5
+    assert np.isnan(both[0, 0, 1])  # a maximum has no spread
+
+
+# --- profiles ------------------------------------------------------------------------------------------------------
+
+
+def test_profile_intervals_are_the_parabola_where_e_is_one_and_longer_where_it_is_flat(case):
+    """At a tenth of the spread E is a parabola about its optimum, and the profile's ends are those of the curvature."""
+    small = uncertainty(case.data, case.adapted, person_sd_mm=0.1 * PERSON_SD_MM)
+    small = replace(small, noise_mm2=0.01 * small.noise_mm2)
+    profile = profile_intervals(case.data, case.adapted, small, np.ones((6, SUBJECTS), bool))
+    assert not profile.open.any()
+    half = np.abs(profile.ends_mm - case.adapted.theta_mm) / (NORMAL_95 * small.sd_mm)
+    print("profile / parabola:", np.round(half, 2))
+    assert half.min() >= 0.8
+    assert half.max() <= 1.25
+
+
+# --- flat directions -----------------------------------------------------------------------------------------------
+
+
+def test_a_flat_direction_is_named_with_its_sizes():
+    """SD 20 along (0.8, 0, 0, -0.6, 0, 0) and 1 in all others."""
+    v = np.array([0.8, 0.0, 0.0, -0.6, 0.0, 0.0])
+    covariance = np.eye(6) + (20.0**2 - 1.0) * np.outer(v, v)
+    assert flat_directions(covariance) == ["M_y and A_y only together: 16 mm against 12 mm"]
+    w = np.array([0.8, 0.0, 0.0, 0.6, 0.0, 0.0])
+    assert flat_directions(np.eye(6) + 399.0 * np.outer(w, w)) == ["M_y and A_y only together: 16 mm with 12 mm"]
+
+
+def test_a_loose_parameter_is_named_alone_and_a_firm_one_not():
+    assert flat_directions(np.diag([1.0, 4.0, 9.0, 1.0, 144.0, 1.0])) == ["A_z loose: 12 mm"]
+    assert flat_directions(np.eye(6)) == []
+    assert "not determined" in flat_directions(np.full((6, 6), np.nan))[0]
