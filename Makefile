@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: adapt test lint types units lock blind clean
+.PHONY: adapt test lint types units lock blind fuzz mutants clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -25,6 +25,12 @@ lock: .venv/dev ## after a change of dependencies in pyproject.toml
 
 blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
 	$(BIN)/python scripts/blind_check.py --out out/blind
+
+fuzz: .venv/dev ## thousands of broken files through every reader: a quarter of an hour; prints what became of them
+	$(BIN)/python scripts/fuzz_readers.py --inputs 2000 --keep out/fuzz
+
+mutants: .venv/dev ## small faults put into the numerical core: which of them do the tests not notice? an hour
+	$(BIN)/python scripts/mutate_core.py --mutants 120
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

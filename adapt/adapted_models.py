@@ -12,11 +12,10 @@ from jaxtyping import Float
 from adapt import status
 from adapt.adaptation import Adapted
 from adapt.output import prepare_folder
-from adapt.terminal import printable
 from models.girdle import ADAPTED, Girdle
 from models.parameters import HALF_WIDTHS_MM, ParameterSet
 from models.writing import parameters_toml
-from motions.files import file_names, write_whole
+from motions.files import file_names, printable, write_whole
 
 FOLDER = "models"
 """Below the folder of the results."""

@@ -50,9 +50,10 @@ def pack(motions: Motions) -> Batch:
     index = np.stack(padded + [padded[-1]] * (lanes - len(rows)), axis=1)
     counts = np.array([len(r) for r in rows] + [len(rows[-1])] * (lanes - len(rows)))
     angles = np.moveaxis(motions.angles_deg[index], -1, 0)
+    measured = np.isfinite(angles)
     return Batch(
-        angles=jnp.asarray(np.nan_to_num(angles) / DEG),
-        measured=jnp.asarray(np.isfinite(angles)),
+        angles=jnp.asarray(np.where(measured, angles, 0.0) / DEG),
+        measured=jnp.asarray(measured),
         counted=jnp.asarray(np.arange(postures)[:, None] < counts),
         rows=index,
         subjects=subjects,

@@ -79,12 +79,12 @@ def fit_lanes(
     Every lane starts from ``start``, else from its measured angles and from where its chain closes nearest to them, and
     the lower J wins; with more ``places`` (at most 9) also from where it closes from others around, for valleys
     farther off. One that does not converge starts again where it closes from nine other places. A lane whose chain
-    closes from nowhere is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles
-    is ``invalid``.
+    closes from nowhere is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles,
+    or with a girdle that has no numbers (its adaptation failed), is ``invalid``.
     """
     target = np.where(measured, angles, REST_DEG[:, None] / DEG)
     weights = np.asarray(objective_weights(jnp.asarray(measured)))
-    determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0)
+    determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0) & _finite(girdle)
     target = np.where(determined, target, REST_DEG[:, None] / DEG)
     solved = _solved(girdle, target, weights, start, places)
     fitted = _as_fitted(solved, target, weights)
@@ -105,6 +105,12 @@ def fit_lanes(
         _put(fitted, again[less], _pick(_unsolved(closed, residual, *part[1:]), less))
     fitted.status[(fitted.status == status.NOT_CONVERGED) & (least_open > OPEN_CHAIN_MM)] = status.UNREACHABLE
     return fitted
+
+
+def _finite(girdle: Chain) -> Bool[np.ndarray, " lanes"]:
+    """Whether every number of the girdle of a lane is one."""
+    by_number = [np.isfinite(np.asarray(x)).reshape(-1, np.shape(x)[-1]).all(axis=0) for x in jax.tree.leaves(girdle)]
+    return np.all(by_number, axis=0)
 
 
 def follow_motions(

@@ -15,15 +15,11 @@ from rich.segment import Segment
 from rich.table import Table
 
 from adapt.tables import ALL_MOTIONS, STATISTICS, parameter_statistics
+from motions.files import printable
 from motions.table import ANGLES
 
 HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
 """The thesis's abbreviations: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
-
-
-def printable(text: str) -> str:
-    """The text without control characters, which in a name would be commands to the terminal; line ends stay."""
-    return "".join(c if c == "\n" or c.isprintable() else "?" for c in text)
 
 
 class PlainConsole(Console):

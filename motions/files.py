@@ -60,6 +60,11 @@ def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
         _remove(part)
 
 
+def printable(text: str) -> str:
+    """The text without control characters, which in a name would be commands to the terminal; line ends stay."""
+    return "".join(c if c == "\n" or c.isprintable() else "?" for c in text)
+
+
 def part_name() -> str:
     """A name, hidden and not yet taken, for what is not whole yet."""
     return f".{uuid4().hex}.part"

@@ -1,17 +1,23 @@
 """Marker positions in a .c3d file (c3d.org), read by ezc3d."""
 
+import io
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
-import ezc3d
 import numpy as np
 
 from motions.errors import InputError
+from motions.files import printable
 from motions.formats.gaps import zeros_as_gaps
 from motions.landmarks.markers import Markers
 
 _BLOCK = 512
 """Bytes; parts of the file start at whole blocks."""
+
+_PATIENCE_S, _BYTES_A_SECOND = 15.0, 1e6
+"""How long ezc3d is waited for: it takes 0.1 s a MB after a start of 0.3 s."""
 
 _MANY_FRAMES = 65535
 """The header's counts have 16 bits: a longer trial has its length in the parameters alone."""
@@ -24,31 +30,36 @@ def read_c3d(path: Path) -> Markers:
     """
     file = str(path)
     frames_said = _check_header(path)
-    try:
-        content = ezc3d.c3d(file)
-    except (OSError, RuntimeError, ValueError, IndexError) as error:
-        cause = (
-            f"ezc3d cannot read the file ({str(error).strip().splitlines()[0] if str(error) else 'no reason given'})"
-        )
-        raise InputError(file, None, cause, "Export it again as .c3d from the capture software") from error
-    point = content["parameters"]["POINT"]
-    positions = np.moveaxis(np.asarray(content["data"]["points"], dtype=float)[:3], 1, 0)
-    names = _names(point)
-    if positions.shape[0] == 0 or positions.shape[2] == 0 or not names:
+    content = _by_ezc3d(path)
+    points = content["points"]
+    if points.ndim != 3 or 0 in points.shape or not content["labels"].size:
         raise InputError(file, None, "the file has no markers", "Export the trial with its labelled trajectories")
-    frames_said = max(frames_said, int(point["FRAMES"]["value"][0]) if "FRAMES" in point else 0)
+    positions = np.moveaxis(points[:3], 1, 0)
+    frames_said = max(frames_said, int(content["frames"]))
     if positions.shape[2] < frames_said:
         cause = f"the file says that it has {frames_said} frames but holds {positions.shape[2]}: it was cut off"
         raise InputError(file, None, cause, "Copy or export it again")
-    unit = point["UNITS"]["value"][0] if "UNITS" in point and point["UNITS"]["value"] else None
+    names = content["labels"].tolist()
     count = min(len(names), len(positions))  # LABELS may go on after the last marker
-    return Markers(file, tuple(names[:count]), zeros_as_gaps(positions[:count]), unit or None, {})
+    return Markers(file, tuple(names[:count]), zeros_as_gaps(positions[:count]), str(content["unit"]) or None, {})
 
 
-def _names(point) -> list[str]:
-    """LABELS, LABELS2, ...: 255 names fit into one parameter."""
-    parts = [key for key in point if key.startswith("LABELS")]
-    return [name.strip() for key in sorted(parts, key=len) for name in point[key]["value"]]
+def _by_ezc3d(path: Path) -> dict[str, np.ndarray]:
+    """What ``c3d_child`` says, which reads the file in a process of its own.
+
+    Found by fuzzing: of files with a few wrong bytes, ezc3d reads some for ever and crashes on others.
+    """
+    command = [sys.executable, str(Path(__file__).with_name("c3d_child.py")), str(path.absolute())]
+    patience_s = _PATIENCE_S + path.stat().st_size / _BYTES_A_SECOND
+    try:
+        ended = subprocess.run(command, capture_output=True, timeout=patience_s, check=False)
+        reason = ended.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["it crashes"]
+    except subprocess.TimeoutExpired:
+        ended, reason = None, ["it does not come to an end"]
+    if ended is None or ended.returncode:
+        cause = f"ezc3d cannot read the file ({printable(reason[0])})"
+        raise InputError(str(path), None, cause, "Export it again as .c3d from the capture software")
+    return dict(np.load(io.BytesIO(ended.stdout)))
 
 
 def _check_header(path: Path) -> int:

@@ -100,8 +100,12 @@ def _ending_in(name: str, names: Iterable[str]) -> list[str]:
 
 
 def _check_size(markers: Markers, found: dict[str, np.ndarray], factor: float) -> None:
-    """InputError if the neck is not that of a person."""
-    neck = float(np.nanmedian(np.sqrt(np.sum((found["IJ"] - found["C7"]) ** 2, axis=0))))
+    """InputError if there is no neck, or not that of a person."""
+    lengths = np.linalg.norm(found["IJ"] - found["C7"], axis=0)
+    if np.isnan(lengths).all():
+        cause = "IJ and C7 are in no frame together: there is no thorax"
+        raise InputError(markers.file, None, cause, "Reconstruct them, or use another trial")
+    neck = float(np.nanmedian(lengths))
     if NECK_MM[0] <= neck <= NECK_MM[1]:
         return
     fitting = [unit for unit, mm in UNITS_MM.items() if NECK_MM[0] <= neck / factor * mm <= NECK_MM[1]]

@@ -1,0 +1,31 @@
+"""What ezc3d reads from a .c3d file, for ``motions.formats.c3d``: run as a program of its own, as ezc3d can crash.
+
+Writes to stdout, as a numpy archive: points (4, markers, frames), labels, unit ("" if not said) and frames said.
+"""
+
+import sys
+
+import ezc3d
+import numpy as np
+
+
+def _labels(point) -> list[str]:
+    """LABELS, LABELS2, ...: 255 names fit into one parameter."""
+    parts = [key for key in point if key.startswith("LABELS")]
+    return [name.strip() for key in sorted(parts, key=len) for name in point[key]["value"]]
+
+
+def _main(path: str) -> None:
+    content = ezc3d.c3d(path)
+    point = content["parameters"]["POINT"]
+    unit = point["UNITS"]["value"][0] if "UNITS" in point and point["UNITS"]["value"] else ""
+    frames = int(point["FRAMES"]["value"][0]) if "FRAMES" in point else 0
+    points = np.asarray(content["data"]["points"], dtype=float)
+    np.savez(sys.stdout.buffer, points=points, labels=np.array(_labels(point), dtype=str), unit=unit, frames=frames)
+
+
+if __name__ == "__main__":
+    try:
+        _main(sys.argv[1])
+    except Exception as error:
+        sys.exit(str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__)

@@ -1,0 +1,59 @@
+"""Some of the broken files of scripts/fuzz_readers.py; `make fuzz` tries thousands."""
+
+import pytest
+
+from motions import InputError
+from motions.formats import c3d
+from scripts.fuzz_readers import READ, REFUSED, file_number, kinds, outcome
+
+SEED, FEW = 7, 60
+NAMES = ["motion CSV", "parameter set", "mapping", "landmark CSV", "trc", "mot", "run.json"]
+"""All but c3d, each of which starts a process."""
+
+
+@pytest.mark.parametrize("name", [*NAMES, "c3d"])
+def test_the_valid_file_is_read(tmp_path, name):
+    kind = kinds(tmp_path)[name]
+    assert outcome(kind, kind.valid, tmp_path) == READ
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_broken_files_are_read_or_refused_in_one_line(tmp_path, name):
+    kind = kinds(tmp_path)[name]
+    found = [outcome(kind, file_number(kind, SEED, number), tmp_path) for number in range(FEW)]
+    assert set(found) <= {READ, REFUSED}
+    assert REFUSED in found
+
+
+def test_a_reader_that_fails_is_found_out(tmp_path):
+    """The oracle itself: an error of another class, a warning, and words that are not one printable line."""
+
+    def raising(error: Exception):
+        def read(_):
+            raise error
+
+        return read
+
+    kind = kinds(tmp_path)["mapping"]
+    for error in (KeyError("x"), InputError("f", None, "two\nlines", "x"), RuntimeWarning("x"), RecursionError()):
+        said = outcome(type(kind)(kind.ending, raising(error), b""), b"", tmp_path)
+        assert said not in (READ, REFUSED)
+
+
+def crashing_c3d(folder) -> bytes:
+    """A number of bytes in a parameter that ezc3d 1.6 follows out of its memory."""
+    kind = kinds(folder)["c3d"]
+    return file_number(kind, 1, 26)
+
+
+def test_a_c3d_file_on_which_ezc3d_crashes_ends_in_a_message(tmp_path):
+    (tmp_path / "x.c3d").write_bytes(crashing_c3d(tmp_path))
+    with pytest.raises(InputError, match=r"ezc3d cannot read the file \(it crashes\)"):
+        c3d.read_c3d(tmp_path / "x.c3d")
+
+
+def test_a_c3d_file_that_ezc3d_reads_for_ever_ends_in_a_message(tmp_path, monkeypatch):
+    monkeypatch.setattr(c3d, "_PATIENCE_S", 0.0)
+    (tmp_path / "x.c3d").write_bytes(kinds(tmp_path)["c3d"].valid)
+    with pytest.raises(InputError, match="does not come to an end"):
+        c3d.read_c3d(tmp_path / "x.c3d")
