@@ -48,6 +48,9 @@ PUBLISHED_DEG = {
 
 MOTIONS = {"Table 3.4, abduction": "frontal_elevation", "Table 3.5, forward flexion": "sagittal_elevation"}
 
+_NOTHING = 1e-20
+"""A sum of squares that is rounding."""
+
 app = typer.Typer(add_completion=False)
 
 
@@ -68,11 +71,13 @@ def mean_motion_table(fits: pd.DataFrame, label: str, motion: str, subjects: lis
 
 
 def variance_shares(values: Float[np.ndarray, "sets subjects"]) -> tuple[float, float, float]:
-    """Shares of the sum of squares about the mean: of the sets, of the subjects, and the rest."""
+    """Shares of the sum of squares about the mean: of the sets, of the subjects, and the rest; NaN where all is one."""
     off = values - values.mean()
     by_set, by_subject = off.mean(axis=1, keepdims=True), off.mean(axis=0, keepdims=True)
     parts = [by_set + 0.0 * off, by_subject + 0.0 * off, off - by_set - by_subject]
     squares = np.array([np.sum(part**2) for part in parts])
+    if squares.sum() <= _NOTHING * max(1.0, values.mean() ** 2):
+        return (np.nan, np.nan, np.nan)
     return tuple(squares / squares.sum())
 
 
@@ -103,7 +108,12 @@ def shared(values: Float[np.ndarray, "sets subjects"]) -> list[str]:
     """Cells of a line of :func:`agreement_table`."""
     over_sets = np.sqrt(np.mean(np.var(values, axis=0, ddof=1)))
     over_subjects = np.sqrt(np.mean(np.var(values, axis=1, ddof=1)))
-    return [f"{over_sets:.1f}", f"{over_subjects:.1f}", *(f"{100 * s:.0f} %" for s in variance_shares(values))]
+    return [f"{over_sets:.1f}", f"{over_subjects:.1f}", *map(share_cell, variance_shares(values))]
+
+
+def share_cell(share: float) -> str:
+    """'12 %', or nothing where there is nothing to share."""
+    return "" if np.isnan(share) else f"{100 * share:.0f} %"
 
 
 def apart_table(fits: pd.DataFrame) -> str:

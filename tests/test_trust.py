@@ -3,7 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from command import girdle, written
 from oracles import bones, ellipsoid_distance, with_theta
 from scipy.optimize import approx_fprime
 
@@ -13,10 +15,14 @@ from adapt.batch import pack
 from adapt.simulation import simulate_model_subjects
 from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.flat import flat_directions
+from adapt.trust.heldout import POSTURES, folds, held_out
 from adapt.trust.profile import profile_intervals
+from adapt.trust.trust import BOUNDS
 from adapt.trust.uncertainty import NORMAL_95, PERSON_SD_MM, Uncertainty, reduced_inverse, sd, uncertainty
 from models import ParameterSet, load_model
+from motions import Motions
 from motions.rotations import DEG
+from motions.simulation import DATA_FILE
 
 SUBJECTS = 4
 
@@ -25,6 +31,9 @@ STEP_DEG = 0.05
 
 FOLLOWS = 2e-3
 """Relative to the largest: a central difference over that step, of optima exact to 1e-8 mm^2 a mm of slope."""
+
+SAME_THETA_MM = 1e-6
+"""Two adaptations to the same postures from starts that differ: the slope tolerance, 1e-8, over the curvature."""
 
 REPLICATES = 128
 
@@ -41,6 +50,7 @@ class Case:
     """Simulated subjects, adapted."""
 
     model: ParameterSet
+    motions: Motions
     data: Lanes
     adapted: Adapted
     found: Uncertainty
@@ -49,11 +59,12 @@ class Case:
 @pytest.fixture(scope="module")
 def case() -> Case:
     model = load_model("breteler_dissection")
-    data = lanes(pack(simulate_model_subjects(model, None, SUBJECTS, 1.5, seed=7).motions), [model])
+    motions = simulate_model_subjects(model, None, SUBJECTS, 1.5, seed=7).motions
+    data = lanes(pack(motions), [model])
     adapted = adapt_lanes(data)
     assert set(adapted.status) == {status.OK}
     assert not adapted.at_bound.any()
-    return Case(model, data, adapted, uncertainty(data, adapted))
+    return Case(model, motions, data, adapted, uncertainty(data, adapted))
 
 
 # --- curvature -----------------------------------------------------------------------------------------------------
@@ -204,3 +215,60 @@ def test_a_loose_parameter_is_named_alone_and_a_firm_one_not():
     assert flat_directions(np.diag([1.0, 4.0, 9.0, 1.0, 144.0, 1.0])) == ["A_z loose: 12 mm"]
     assert flat_directions(np.eye(6)) == []
     assert "not determined" in flat_directions(np.full((6, 6), np.nan))[0]
+
+
+# --- held out ------------------------------------------------------------------------------------------------------
+
+
+def test_postures_held_out_have_no_part_in_the_adaptation(case):
+    """One third held out, then spoilt by 40 degrees: the same girdle; its gap on them, and only it, is spoilt."""
+    batch = pack(case.motions)
+    parts = [fold for fold in folds(case.motions, batch) if fold.kind == POSTURES][:1]
+    clean = held_out(case.data, case.adapted, SUBJECTS, parts)
+    angles = np.array(case.data.angles)
+    angles[:, parts[0].tested, 0] += 40.0 / DEG
+    spoilt = held_out(lanes_at(case.data, np.arange(SUBJECTS), angles=angles), case.adapted, SUBJECTS, parts)
+    np.testing.assert_allclose(spoilt.adapted.theta_mm, clean.adapted.theta_mm, atol=SAME_THETA_MM)
+    assert np.nanmean(spoilt.unseen_deg) > 5.0 + np.nanmean(clean.unseen_deg)
+    assert np.isfinite(clean.unseen_deg[:, parts[0].tested]).all()
+    assert np.isnan(clean.unseen_deg[:, ~parts[0].tested]).all()
+
+
+def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
+    """Over all thirds together every posture is looked at once, and its gap is that of the adaptation itself."""
+    batch = pack(case.motions)
+    parts = [fold for fold in folds(case.motions, batch) if fold.kind == POSTURES and fold.subject == 0]
+    found = held_out(case.data, case.adapted, SUBJECTS, parts)
+    seen = np.nansum(found.in_sample_deg, axis=-1)
+    expected = np.abs(case.adapted.angles[..., 0] - np.asarray(case.data.angles)[..., 0]) * DEG
+    counted = np.asarray(case.data.counted)[:, 0]
+    np.testing.assert_allclose(seen[:, counted], expected[:, counted], atol=1e-6)
+
+
+# --- the command ---------------------------------------------------------------------------------------------------
+
+
+def test_the_command_writes_its_tables(tmp_path):
+    """Two shipped, simulated subjects: files, one row each, and what the terminal says of them."""
+    lines = DATA_FILE.read_text().splitlines()[: 1 + 14 * 2]
+    ended = girdle("trust", written(tmp_path, lines), "--model", "R6", "--out", tmp_path / "out")
+    assert (ended.status, ended.messages) == (0, [])
+    names = ("fits", "heldout", "parameters", "plausibility", "summary", "trust", "uncertainty")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
+        [*(f"{n}.csv" for n in names), "run.json"]
+    )
+    table = {name: pd.read_csv(tmp_path / "out" / f"{name}.csv") for name in names}
+    assert len(table["trust"]) == 2
+    assert len(table["uncertainty"]) == 12
+    assert len(table["heldout"]) == 2 * (2 + 3)
+    gap = table["summary"].query("adapted == 1 and motion == 'all' and subject == 'simulated01'")
+    assert table["trust"]["gap_in_sample_deg"][0] == pytest.approx(
+        gap[["clavicle_deg", "scapula_deg"]].mean(axis=1).item()
+    )
+    spread = table["uncertainty"]
+    assert (spread["low_mm"] <= spread["adapted_mm"]).all()
+    assert (spread["adapted_mm"] <= spread["high_mm"]).all()
+    assert np.array_equal(spread["interval"] == BOUNDS, spread["at_bound"] == 1)
+    assert table["trust"]["points_forbid"].between(0.0, 1.0).all()
+    assert "95 % intervals" in ended.out
+    assert "simulated02" in ended.out

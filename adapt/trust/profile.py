@@ -48,46 +48,51 @@ def profile_intervals(
     if not len(lane):
         return Profile(np.full((2, 6, lanes), np.nan), np.zeros((2, 6, lanes), bool))
     best, bound = adapted.theta_mm[parameter, lane], np.asarray(data.bounds_mm)[side, parameter, lane]
-    inside, outside = best.copy(), best.copy()
-    short_inside, short_outside = wanted.copy(), wanted.copy()
+    repeated, start = lanes_at(data, lane), adapted.theta_mm[:, lane]
+    follow = inverse[:, parameter, lane] / width[parameter, lane]
 
-    def short_of(chosen, value_mm):
-        """By how many mm of the parabola the rise of the profile falls short; far beyond where nothing was found."""
-        lanes = lane[chosen]
-        away = (value_mm - best[chosen]) / width[parameter[chosen], lanes]
-        start = adapted.theta_mm[:, lanes] + inverse[:, parameter[chosen], lanes] * away
-        E = _least_e(lanes_at(data, lanes), parameter[chosen], value_mm, start, weight)
-        rise = np.sqrt(2.0 * width[parameter[chosen], lanes] * np.maximum(E - adapted.E[lanes], 0.0))
-        return np.where(np.isfinite(E), wanted[chosen] - rise, -wanted[chosen])
+    def short_of(value_mm):
+        """By how many mm of the parabola the rise of the profile falls short; far beyond where nothing was found.
 
-    sign = np.where(side == 1, 1.0, -1.0)
+        All ends every time: one shape, so that nothing is compiled twice.
+        """
+        E = _least_e(repeated, parameter, value_mm, start + follow * (value_mm - best), weight)
+        rise = np.sqrt(2.0 * width[parameter, lane] * np.maximum(E - adapted.E[lane], 0.0))
+        return np.where(np.isfinite(E), wanted - rise, -wanted)
+
+    inside, outside = best, best
+    short_inside, short_outside = wanted, wanted
     for stride in (*_STRIDES, np.inf):
-        left = np.flatnonzero((short_outside > 0.0) & (outside != bound))
-        if not len(left):
+        further = (short_outside > 0.0) & (outside != bound)
+        if not further.any():
             break
-        inside[left], short_inside[left] = outside[left], short_outside[left]
-        reach = np.minimum(stride * wanted[left], np.abs(bound[left] - best[left]))
-        at_end = reach == np.abs(bound[left] - best[left])
-        outside[left] = np.where(at_end, bound[left], best[left] + sign[left] * reach)
-        short_outside[left] = short_of(left, outside[left])
+        inside, short_inside = (np.where(further, *x) for x in ((outside, inside), (short_outside, short_inside)))
+        beyond = np.abs(bound - best) <= stride * wanted
+        there = np.where(
+            beyond, bound, best + np.sign(bound - best) * np.minimum(stride * wanted, np.abs(bound - best))
+        )
+        outside = np.where(further, there, outside)
+        short_outside = short_of(outside)
     is_open = short_outside > 0.0
-    closed = np.flatnonzero(~is_open)
     for _ in range(_ROUNDS):
-        share = short_inside[closed] / (short_inside[closed] - short_outside[closed])
-        middle = inside[closed] + share * (outside[closed] - inside[closed])
-        short = short_of(closed, middle)
+        middle = _crossing(inside, outside, short_inside, short_outside)
+        short = short_of(np.where(is_open, bound, middle))
         within = short > 0.0
         # The Illinois rule: the end that stays counts half, so that both ends close in.
-        short_outside[closed] = np.where(within, 0.5 * short_outside[closed], short)
-        short_inside[closed] = np.where(within, short, 0.5 * short_inside[closed])
-        inside[closed] = np.where(within, middle, inside[closed])
-        outside[closed] = np.where(within, outside[closed], middle)
+        short_outside = np.where(within, 0.5 * short_outside, short)
+        short_inside = np.where(within, short, 0.5 * short_inside)
+        inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
     ends = np.full((2, 6, lanes), np.nan)
-    share = short_inside / np.where(is_open, 1.0, short_inside - short_outside)
-    ends[side, parameter, lane] = np.where(is_open, bound, inside + share * (outside - inside))
+    ends[side, parameter, lane] = np.where(is_open, bound, _crossing(inside, outside, short_inside, short_outside))
     opened = np.zeros((2, 6, lanes), bool)
     opened[side, parameter, lane] = is_open
     return Profile(ends, opened)
+
+
+def _crossing(inside, outside, short_inside, short_outside):
+    """Where the straight line between two places, one short of the rise and one beyond, has it."""
+    apart = short_inside - short_outside
+    return inside + np.where(apart > 0.0, short_inside / np.where(apart > 0.0, apart, 1.0), 0.0) * (outside - inside)
 
 
 def _least_e(data: Lanes, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " lanes"]:

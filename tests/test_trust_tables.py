@@ -1,0 +1,158 @@
+"""What the trust of an adaptation is made of, in cases worked by hand: no solver, or one posture fit."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from handmade import adaptations, motions_of, rising
+
+from adapt.batch import pack
+from adapt.trust.heldout import MOTION, OTHER, POSTURES, by_subject, folds, folds_between
+from adapt.trust.plausibility import PASS, WARNING, checks, region_distances_mm
+from adapt.trust.trust import jump_free_share
+from models import load_model, model_names
+from motions import Motions
+from scripts import study_recovery, study_sets
+
+ROUNDING = 1e-12
+
+ON_SURFACE_MM = 1e-6
+"""The shipped thorax points are on the ellipsoid to 1e-9 mm of each coordinate."""
+
+
+def two_motions() -> Motions:
+    """s1 has abduction and flexion, six and six postures; s2 abduction alone."""
+    abduction, flexion = motions_of(rising(2, 6)), motions_of(rising(1, 6), motion="flexion")
+    return Motions.concatenate([abduction, flexion])
+
+
+# --- folds ---------------------------------------------------------------------------------------------------------
+
+
+def test_each_motion_of_who_has_several_and_every_third_posture_is_held_out_once():
+    motions = two_motions()
+    batch = pack(motions)
+    found = folds(motions, batch)
+    kinds = [(fold.subject, fold.kind, fold.held_out, int(fold.tested.sum())) for fold in found]
+    thirds = ("third 1", "third 2", "third 3")
+    assert kinds == [
+        *((0, MOTION, name, 6) for name in ("abduction", "flexion")),
+        *((0, POSTURES, name, 4) for name in thirds),
+        *((1, POSTURES, name, 2) for name in thirds),
+    ]
+    counted = np.asarray(batch.counted)
+    for fold in found:
+        assert not (fold.fitted & fold.tested).any()
+        np.testing.assert_array_equal(fold.fitted | fold.tested, counted[:, fold.subject])
+    for subject in (0, 1):
+        tested = sum(fold.tested.astype(int) for fold in found if (fold.subject, fold.kind) == (subject, POSTURES))
+        np.testing.assert_array_equal(tested, counted[:, subject])
+
+
+def test_a_fold_between_two_motions_is_of_those_who_have_both():
+    motions = two_motions()
+    batch = pack(motions)
+    (fold,) = folds_between(motions, batch, "abduction", "flexion")
+    assert (fold.subject, fold.kind, fold.held_out) == (0, OTHER, "flexion")
+    assert set(motions.motion[batch.rows[fold.fitted, 0]]) == {"abduction"}
+    assert set(motions.motion[batch.rows[fold.tested, 0]]) == {"flexion"}
+
+
+def test_the_gap_of_a_subject_counts_each_part_by_its_postures():
+    """Two postures with a gap of 1 and four with one of 4 degrees: 3; a part that failed does not count."""
+    rows = [("s1", 2, 1.0), ("s1", 4, 4.0), ("s1", 9, float("nan")), ("s2", 5, 2.0)]
+    table = pd.DataFrame(
+        [{"model": "R2", "subject": s, "kind": MOTION, "postures": n, "gap_unseen_deg": gap} for s, n, gap in rows]
+    )
+    assert by_subject(table)["gap_unseen_deg"].tolist() == [3.0, 2.0]
+
+
+# --- jumps ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_jump_is_counted_among_the_steps_along_motions():
+    """s1 has two motions of six postures, ten steps, one with a jump; the first posture of a motion is no step."""
+    motions = two_motions()
+    fits = pd.DataFrame({"jump": np.zeros(len(motions.posture), int)})
+    assert jump_free_share(motions, fits) == {"s1": 1.0, "s2": 1.0}
+    fits.loc[2, "jump"] = 1
+    assert jump_free_share(motions, fits) == pytest.approx({"s1": 0.9, "s2": 1.0})
+
+
+# --- plausibility --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_no_published_ellipsoid_is_warned_of(name):
+    model = load_model(name)
+    found = checks(model, np.asarray(model.girdle.adapted_mm))
+    assert {check.verdict for check in found} == {PASS}
+    assert all(check.reason for check in found)
+    on_surface = region_distances_mm(model, np.asarray(model.girdle.adapted_mm))
+    assert set(on_surface) == {"front", "side", "back"}
+    assert max(on_surface.values()) <= ON_SURFACE_MM
+
+
+def test_the_numbers_of_an_ellipsoid_by_hand():
+    """R2: 4/3 pi 0.153 0.404 0.130 m^3 = 33.66 l; a chest 260 mm deep over 197."""
+    model = load_model("R2")
+    found = {check.name: check.value for check in checks(model, np.asarray(model.girdle.adapted_mm))}
+    assert found["volume"] == pytest.approx(33.66, abs=0.01)
+    assert (found["depth"], found["width"]) == (260.0, 306.0)
+    assert found["depth over chest depth"] == pytest.approx(260.0 / 197.0)
+
+
+def test_a_thorax_moved_backward_leaves_its_points_at_the_front_and_back():
+    """By 30 mm along z: a point whose normal is along n is left by 30 n_z, to first order; at the side n_z is small."""
+    model = load_model("R6")
+    theta = np.asarray(model.girdle.adapted_mm).copy()
+    theta[1] += 30.0
+    left = region_distances_mm(model, theta)
+    assert left["side"] < 15.0 < left["front"] < 30.0
+    assert 15.0 < left["back"] < 30.0
+    warned = {check.name for check in checks(model, theta) if check.verdict == WARNING}
+    assert warned == {"thorax points, front", "thorax points, back"}
+
+
+def test_a_thorax_that_is_none_is_warned_of():
+    model = load_model("R2")
+    own = np.asarray(model.girdle.adapted_mm)
+    for k, factor, name in ((4, 1.2, "depth"), (2, 0.5, "width"), (3, 2.0, "volume"), (5, 2.0, "conoid")):
+        theta = own.copy()
+        theta[k] *= factor
+        assert name in {check.name for check in checks(model, theta) if check.verdict == WARNING}
+    nothing = checks(model, np.full(6, np.nan))
+    assert {check.verdict for check in nothing} == {WARNING}
+
+
+# --- studies -------------------------------------------------------------------------------------------------------
+
+
+def test_variance_is_shared_out_as_by_hand():
+    """A set effect of -+1 and subject effects of -+2, nothing else: 1 / 5 and 4 / 5."""
+    values = np.array([[-1.0], [1.0]]) + np.array([[-2.0, 2.0]])
+    assert study_sets.variance_shares(values) == pytest.approx((0.2, 0.8, 0.0), abs=ROUNDING)
+    values[0, 0] += 4.0
+    assert sum(study_sets.variance_shares(values)) == pytest.approx(1.0)
+    assert study_sets.variance_shares(values)[2] > 0.0
+
+
+def test_tables_of_the_thesis_beside_ours():
+    """A gap of 6 degrees in every angle and posture, by hand-made fits: mean 6.0, SD 0.0."""
+    models = [load_model(name) for name in study_sets.SETS]
+    made = adaptations(motions_of(rising(2, 4), motion="frontal_elevation"), models)
+    lines = study_sets.mean_motion_table(made.fits, "Table 3.4, abduction", "frontal_elevation", ["s1"]).splitlines()
+    assert len(lines) == 2 + 3 + 3
+    published, ours = (lines[k].strip("|").split("|") for k in (3, 6))
+    assert [cell.strip() for cell in published][1:4] == ["R4", "2.8 (1.7)", "5.8 (1.7)"]
+    assert {cell.strip() for cell in ours[2:8]} == {"6.0 (0.0)"}
+    agreement = study_sets.agreement_table(made.parameters, made.summary).splitlines()
+    # All moved alike: the value depends on the set alone.
+    (M_y,) = (line for line in agreement if line.startswith("| M_y, mm"))
+    assert "| 100 % | 0 % | 0 % |" in M_y
+
+
+def test_the_interval_of_a_share_by_the_published_example():
+    """Ten of ten: Wilson's lower limit is n / (n + z^2) = 10 / 13.84."""
+    low, high = study_recovery.wilson(1.0, 10)
+    assert low == pytest.approx(10.0 / (10.0 + 1.959964**2))
+    assert high == pytest.approx(1.0)
