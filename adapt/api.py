@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
@@ -106,13 +105,13 @@ def _as_list(models) -> list[ParameterSet]:
 
 
 def _repeated(girdle: Girdle, count: int) -> Girdle:
-    return jax.tree.map(lambda x: jnp.repeat(x[..., None], count, axis=-1), girdle)
+    return jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), girdle)
 
 
 def _per_row(girdle: Girdle, adapted: Adapted, batch, first: int) -> Girdle:
     """The adapted girdle of each row of the motions."""
     lane = batch.unpack(np.broadcast_to(first + np.arange(batch.angles.shape[-1]), batch.counted.shape))
-    chosen = girdle.with_adapted(jnp.asarray(adapted.theta_mm))
+    chosen = girdle.with_adapted(adapted.theta_mm)
     return jax.tree.map(lambda x: x[..., lane], chosen)
 
 

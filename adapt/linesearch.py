@@ -6,10 +6,10 @@ a curved constraint the merit refuses good full steps without it (Maratos effect
 Optimization, 2006, section 18.3).
 """
 
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from adapt.linalg import largest
+from motions.arrays import xp
 
 LENGTHS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.005)
 """Plain step lengths, tried after the corrected full step."""
@@ -31,19 +31,19 @@ def choose(
     tiny: Bool[Array, " *batch"],
 ) -> Float[Array, " *batch"]:
     """Index of the first trial with sufficient decrease, else of the lowest merit; 0 for a tiny step."""
-    lengths = jnp.array(LENGTHS).reshape(-1, *[1] * merit_before.ndim)
-    allowed = merit_before + _SUFFICIENT * lengths * jnp.minimum(predicted, 0.0)[None]
-    good = merits <= allowed + _ROUNDING * (1.0 + jnp.abs(merit_before))[None]
-    lowest = jnp.argmin(jnp.where(jnp.isnan(merits), jnp.inf, merits), axis=0)
-    return jnp.where(tiny, 0, jnp.where(jnp.any(good, axis=0), jnp.argmax(good, axis=0), lowest))
+    lengths = xp.array(LENGTHS).reshape(-1, *[1] * merit_before.ndim)
+    allowed = merit_before + _SUFFICIENT * lengths * xp.minimum(predicted, 0.0)[None]
+    good = merits <= allowed + _ROUNDING * (1.0 + abs(merit_before))[None]
+    lowest = xp.argmin(xp.where(xp.isnan(merits), xp.inf, merits), axis=0)
+    return xp.where(tiny, 0, xp.where(xp.any(good, axis=0), xp.argmax(good, axis=0), lowest))
 
 
 def pick(candidates: Float[Array, " trials n *batch"], index: Float[Array, " *batch"]) -> Float[Array, " n *batch"]:
     """The chosen trial of each element of the batch."""
-    return jnp.take_along_axis(candidates, index[None, None], axis=0)[0]
+    return xp.take_along_axis(candidates, index[None, None], axis=0)[0]
 
 
 def grown_penalty(penalty: Float[Array, " *batch"], multipliers: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
     """A penalty above the multipliers, as exactness of the l1 merit needs, that forgets old ones by halves."""
     needed = 1.5 * largest(multipliers)
-    return jnp.maximum(needed, 0.5 * (penalty + needed))
+    return xp.maximum(needed, 0.5 * (penalty + needed))
