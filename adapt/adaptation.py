@@ -15,7 +15,7 @@ from adapt import status
 from adapt.batch import Batch
 from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
 from adapt.constraints import ByHand
-from adapt.fit import FEWEST_ANGLES, Fitted, fit_lanes
+from adapt.fit import FEWEST_ANGLES, fit_lanes
 from adapt.linalg import Factor, diagonal, matmul, trace, transpose
 from adapt.objective import READINGS, WEIGHT, ThoraxPoints, fitted_girdle, thorax_distance_mm2
 from adapt.posture import mean_square_deg2, objective_weights
@@ -239,18 +239,6 @@ def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, 
         girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1), places=_PLACES
     )
     return fitted.angles.reshape(6, postures, count)
-
-
-def fitted_lanes(data: Lanes, adapted: Adapted, chosen: Int[np.ndarray, " lanes"]) -> Fitted:
-    """The postures of the adapted girdles as posture fits, flat over postures x chosen lanes."""
-    postures = data.counted.shape[0]
-    lane = np.tile(chosen, postures)
-    girdle = lanes_of(data.girdle.with_adapted(adapted.theta_mm), lane)
-
-    def flat(x):
-        return np.asarray(x)[..., chosen].reshape(6, -1)
-
-    return fit_lanes(girdle, flat(data.angles), flat(data.measured), start=flat(adapted.angles))
 
 
 def _weights(data: Lanes, factor) -> Float[Array, " 6 postures lanes"]:

@@ -127,20 +127,31 @@ def follow_motions(
     problem = girdle, target, weights
     fitted = replace(fitted, **{name: value.copy() for name, value in vars(fitted).items()})
     fitted.jump[:] = _breaks(fitted, problem, previous)
-    for lanes in _motions_of(previous):
-        if fitted.jump[lanes].any():
-            _follow_from_best(fitted, problem, lanes)
+    _follow_from_best(fitted, problem, [lanes for lanes in _motions_of(previous) if fitted.jump[lanes].any()])
     fitted.jump[:] = _breaks(fitted, problem, previous)
     return fitted
 
 
-def _follow_from_best(fitted: Fitted, problem, lanes: Int[np.ndarray, " postures"]) -> None:
-    best = int(np.argmin(np.where(fitted.status[lanes] == status.OK, fitted.j_deg2[lanes], np.inf)))
-    for order in (lanes[best:], lanes[best::-1]):
-        for before, after in itertools.pairwise(order):
-            tracked = _track_lanes(fitted, problem, np.array([before]), np.array([after]), _few, _track)
-            if tracked.status[0] == status.OK:
-                _put(fitted, np.array([after]), tracked)
+def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:
+    """All motions in step, up and down from the best posture of each."""
+    orders = []
+    for lanes in motions:
+        best = int(np.argmin(np.where(fitted.status[lanes] == status.OK, fitted.j_deg2[lanes], np.inf)))
+        orders += [list(itertools.pairwise(lanes[best:])), list(itertools.pairwise(lanes[best::-1]))]
+    for number in range(max(map(len, orders), default=0)):
+        before, after = np.array([order[number] for order in orders if number < len(order)]).T
+        for run, track in _trackers(problem[0]):
+            if not len(after):
+                break
+            tracked = _track_lanes(fitted, problem, before, after, run, track)
+            arrived = tracked.status == status.OK
+            _put(fitted, after[arrived], _pick(tracked, arrived))
+            before, after = before[~arrived], after[~arrived]
+
+
+def _trackers(girdle: Chain) -> list[tuple[Any, Any]]:
+    """The fast path, then the careful one for what it did not follow; with effects the careful one alone."""
+    return [(_many, _track_quickly), (_few, _track)] if isinstance(girdle, Girdle) else [(_few, _track)]
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
@@ -148,9 +159,9 @@ def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
     after = after[good]
-    for run, track in ((_many, _track_quickly), (_few, _track)):
-        if not len(after) or (track is _track_quickly and not isinstance(problem[0], Girdle)):
-            continue
+    for run, track in _trackers(problem[0]):
+        if not len(after):
+            break
         tracked = _track_lanes(fitted, problem, previous[after], after, run, track)
         apart = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) > SAME_BRANCH_RAD
         after = after[apart | (tracked.status != status.OK)]

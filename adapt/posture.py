@@ -9,7 +9,6 @@ Sequential quadratic programming with the exact Hessian of the Lagrangian (``ada
 from typing import NamedTuple
 
 import jax
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from adapt.constraints import Constraints
@@ -22,7 +21,7 @@ from adapt.linalg import (
     trace,
     transpose,
 )
-from adapt.linesearch import LENGTHS, TINY_RAD, choose, grown_penalty, pick
+from adapt.linesearch import TINY_RAD, grown_penalty, longest, pick
 from adapt.newton import back_to_surface, eliminate, limited
 from motions.arrays import for_each, repeat_while, xp
 from motions.rotations import DEG
@@ -152,11 +151,13 @@ def _search(constraints, state: Postures, step, penalty, measured, weights):
         plain = q + length * step
         return plain + limited(back_to_surface(G, constraints.residual(plain)))
 
-    candidates = for_each(corrected, np.array(LENGTHS), like=q)
+    def attempt(lengths):
+        candidates = for_each(corrected, lengths, like=q)
+        return candidates, for_each(merit, candidates, like=q)
+
     predicted = xp.sum(weights * (q - measured) * step, axis=0)
     predicted = predicted - penalty * xp.sum(abs(state.residual_mm), axis=0)
-    index = choose(merit(q), predicted, for_each(merit, candidates, like=q), largest(step) < TINY_RAD)
-    return pick(candidates, index)
+    return pick(*longest(attempt, merit(q), predicted, largest(step) < TINY_RAD))
 
 
 _SETTLED_RAD = 1e-10

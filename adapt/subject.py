@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from adapt.constraints import Constraints
 from adapt.linalg import Factor, diagonal, largest, matvec
-from adapt.linesearch import LENGTHS, TINY_RAD, choose, grown_penalty, pick
+from adapt.linesearch import LENGTHS, TINY_RAD, grown_penalty, longest, pick
 from adapt.newton import Eliminated, back_to_surface, eliminate, limited
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from motions.arrays import for_each, repeat_while, xp
@@ -207,12 +207,14 @@ def _search(constraints, thorax, problem: Problem, state: Subject, G, theta_step
         angles, theta = state.angles + length * step, state.theta + length * theta_step
         return angles + limited(back_to_surface(G, constraints.residual(joint(angles, theta)))), theta
 
-    angle_candidates, theta_candidates = for_each(corrected, np.array(LENGTHS), like=step)
+    def attempt(lengths):
+        candidates = for_each(corrected, lengths, like=step)
+        return candidates, for_each(merit, *candidates, like=step)
+
     predicted = xp.sum(thorax.slope(state.theta) * theta_step, axis=0)
     gap_slope = xp.sum(problem.weights * (state.angles - problem.measured) * step, axis=0)
     predicted = predicted + problem.total(gap_slope - penalty * xp.sum(abs(state.residual_mm), axis=0))
     tiny = (problem.worst(largest(step)) < TINY_RAD) & (largest(theta_step) < 100.0 * TINY_RAD)
-    merits = for_each(merit, angle_candidates, theta_candidates, like=step)
-    index = choose(merit(state.angles, state.theta), predicted, merits, tiny)
+    (angles, theta), index = longest(attempt, merit(state.angles, state.theta), predicted, tiny)
     postures_index = xp.broadcast_to(index[None], step.shape[1:])
-    return pick(theta_candidates, index), pick(angle_candidates, postures_index), xp.take(np.array(LENGTHS), index)
+    return pick(theta, index), pick(angles, postures_index), xp.take(np.array(LENGTHS), index)

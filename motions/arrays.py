@@ -13,9 +13,12 @@ import numpy as np
 
 def is_jax(x: Any) -> bool:
     """Whether an array is JAX's (or traced), or one in a list of arrays is."""
-    if type(x) is np.ndarray or isinstance(x, (float, int)):
+    if type(x) in _NOT_JAX:
         return False
     return any(map(is_jax, x)) if isinstance(x, (list, tuple)) else isinstance(x, jax.Array)
+
+
+_NOT_JAX = {np.ndarray, np.float64, np.bool_, float, int, bool, str, type(None)}  # what there is most of, quickly
 
 
 class _Either:
@@ -28,7 +31,10 @@ class _Either:
         traced = getattr(jnp, name)
 
         def call(*arguments: Any, **options: Any) -> Any:
-            return (traced if any(map(is_jax, arguments)) else at_once)(*arguments, **options)
+            for x in arguments:
+                if type(x) is not np.ndarray and is_jax(x):
+                    return traced(*arguments, **options)
+            return at_once(*arguments, **options)
 
         setattr(self, name, call)
         return call
