@@ -77,7 +77,7 @@ class ByHand:
         curvature = xp.stack([xp.stack(row) for row in entries])
         G = xp.stack([_stacked(row, z) for row in c.G])
         T = _parameter_slopes(c, z) if n > 6 else G[:, :0]
-        return Linearised(self.residual(z), G, T, curvature)
+        return Linearised(xp.stack(c.g), G, T, curvature)
 
     def _at(self, z) -> Girdle:
         return self.girdle.with_adapted(z[6:]) if len(z) > 6 else self.girdle

@@ -107,7 +107,7 @@ class ThoraxPoints:
 
 
 _ON_THE_POINTS_MM2 = 1e-18
-"""D of an ellipsoid that lies on its points, 1e-9 mm rms off them by the digits of their file: nothing is left to fit."""
+"""D of an ellipsoid that lies on its points, 1e-9 mm off them by the digits of their file: nothing is left to fit."""
 
 
 def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> Girdle:

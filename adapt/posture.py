@@ -22,7 +22,7 @@ from adapt.linalg import (
     transpose,
 )
 from adapt.linesearch import TINY_RAD, grown_penalty, longest, pick
-from adapt.newton import back_to_surface, eliminate, limited
+from adapt.newton import Linearised, back_to_surface, eliminate, limited
 from motions.arrays import for_each, repeat_while, xp
 from motions.rotations import DEG
 
@@ -90,20 +90,25 @@ def solve_postures(
     0). Look at ``converged``: a posture that did not converge is returned as it stands.
     """
 
-    def advance(state: Postures) -> Postures:
-        step, multipliers = _newton(constraints, state, measured, weights)
-        penalty = grown_penalty(state.penalty, multipliers)
-        angles = _search(constraints, state, step, penalty, measured, weights)
-        new = evaluated(constraints, angles, multipliers, measured, weights)
+    def here(angles, multipliers) -> tuple[Postures, Linearised]:
+        at = constraints.linearised(angles, multipliers)
+        pull = xp.sum(multipliers[:, None] * at.G, axis=0)
+        return _conditions(angles, multipliers, at.residual, pull, measured, weights), at
+
+    def advance(carry):
+        state, at = carry
+        eliminated = eliminate(at, weights * (state.angles - measured), weights)
+        penalty = grown_penalty(state.penalty, eliminated.multipliers)
+        angles = _search(constraints, state, at.G, limited(eliminated.step), penalty, measured, weights)
+        new, then = here(angles, eliminated.multipliers)
         moved = largest(angles - state.angles)
         new = new._replace(penalty=penalty, last_step_rad=moved, iterations=state.iterations + 1)
-        return jax.tree.map(lambda old, new: xp.where(state.finished, old, new), state, new)
+        return jax.tree.map(lambda old, new: xp.where(state.finished, old, new), carry, (new, then))
 
-    def unfinished(state: Postures):
-        return xp.any(~state.finished)
+    def unfinished(carry):
+        return xp.any(~carry[0].finished)
 
-    first = evaluated(constraints, start, xp.zeros_like(start[:3]), measured, weights)
-    return repeat_while(unfinished, advance, first)
+    return repeat_while(unfinished, advance, here(start, xp.zeros_like(start[:3])))[0]
 
 
 def solve_from_two_starts(
@@ -126,26 +131,24 @@ def solve_from_two_starts(
 
 def evaluated(constraints: Constraints, angles, multipliers, measured, weights) -> Postures:
     """The conditions of an optimum at these angles and multipliers, not iterated yet."""
-    pull = constraints.pull(angles, multipliers)
+    g, pull = constraints.residual(angles), constraints.pull(angles, multipliers)
+    return _conditions(angles, multipliers, g, pull, measured, weights)
+
+
+def _conditions(angles, multipliers, g, pull, measured, weights) -> Postures:
     stationarity = largest(weights * (angles - measured) + pull) / DEG
     zero = xp.zeros_like(stationarity)
-    return Postures(
-        angles, multipliers, constraints.residual(angles), stationarity, zero, zero + xp.inf, zero.astype(int)
-    )
+    return Postures(angles, multipliers, g, stationarity, zero, zero + xp.inf, zero.astype(int))
 
 
-def _newton(constraints, state: Postures, measured, weights):
-    slope = weights * (state.angles - measured)
-    eliminated = eliminate(constraints.linearised(state.angles, state.multipliers), slope, weights)
-    return limited(eliminated.step), eliminated.multipliers
+def _search(constraints, state: Postures, G, step, penalty, measured, weights):
+    def merit_of(q, g):
+        return mean_square_deg2(q, measured, weights) + penalty * xp.sum(abs(g), axis=0)
 
-
-def _search(constraints, state: Postures, step, penalty, measured, weights):
     def merit(q):
-        return mean_square_deg2(q, measured, weights) + penalty * xp.sum(abs(constraints.residual(q)), axis=0)
+        return merit_of(q, constraints.residual(q))
 
     q = state.angles
-    G = constraints.slopes(q)
 
     def corrected(length):
         plain = q + length * step
@@ -157,7 +160,7 @@ def _search(constraints, state: Postures, step, penalty, measured, weights):
 
     predicted = xp.sum(weights * (q - measured) * step, axis=0)
     predicted = predicted - penalty * xp.sum(abs(state.residual_mm), axis=0)
-    return pick(*longest(attempt, merit(q), predicted, largest(step) < TINY_RAD))
+    return pick(*longest(attempt, merit_of(q, state.residual_mm), predicted, largest(step) < TINY_RAD))
 
 
 _SETTLED_RAD = 1e-10

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 from adapt.constraints import Constraints
 from adapt.linalg import Factor, diagonal, largest, matvec
 from adapt.linesearch import LENGTHS, TINY_RAD, grown_penalty, longest, pick
-from adapt.newton import Eliminated, back_to_surface, eliminate, limited
+from adapt.newton import Eliminated, Linearised, back_to_surface, eliminate, limited
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from motions.arrays import for_each, repeat_while, xp
 from motions.rotations import DEG
@@ -103,15 +103,22 @@ def solve_subjects(
     Subjects that did not converge are returned as they stand: look at ``converged``.
     """
 
-    def advance(state: Subject) -> Subject:
-        new = _iterate(constraints, thorax, problem, state)
-        return jax.tree.map(lambda old, new: xp.where(state.converged, old, new), state, new)
+    def here(theta, angles, multipliers) -> tuple[Subject, Linearised]:
+        at = constraints.linearised(joint(angles, theta), multipliers)
+        pull = xp.sum(multipliers[:, None] * xp.concatenate([at.G, at.T], axis=1), axis=0)
+        return _conditions(thorax, problem, theta, angles, multipliers, at.residual, pull), at
 
-    def unfinished(state: Subject):
+    def advance(carry):
+        state, at = carry
+        theta, angles, multipliers, moved = _iterate(constraints, thorax, problem, state, at)
+        new, then = here(theta, angles, multipliers)
+        return jax.tree.map(lambda old, new: xp.where(state.converged, old, new), carry, (new._replace(**moved), then))
+
+    def unfinished(carry):
+        state, _ = carry
         return xp.any(~state.converged & (state.iterations < MAX_ITERATIONS))
 
-    first = evaluated(constraints, thorax, problem, theta, angles, xp.zeros_like(angles[:3]))
-    return repeat_while(unfinished, advance, first)
+    return repeat_while(unfinished, advance, here(theta, angles, xp.zeros_like(angles[:3])))[0]
 
 
 def joint(angles, theta):
@@ -130,11 +137,15 @@ def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
 def evaluated(constraints: Constraints, thorax: Thorax, problem: Problem, theta, angles, multipliers) -> Subject:
     """The conditions of an optimum at this point, not iterated yet."""
     z = joint(angles, theta)
-    pull = constraints.pull(z, multipliers)
+    return _conditions(
+        thorax, problem, theta, angles, multipliers, constraints.residual(z), constraints.pull(z, multipliers)
+    )
+
+
+def _conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, pull) -> Subject:
     stationarity = largest(problem.weights * (angles - problem.measured) + pull[:6]) / DEG
     slope = thorax.slope(theta) + problem.total(pull[6:])
     slope = xp.where(_held(problem, theta, slope), 0.0, slope)
-    g = constraints.residual(z)
     converged = (
         (problem.worst(largest(g)) <= CONSTRAINT_TOLERANCE_MM)
         & (problem.worst(stationarity) <= STATIONARITY_TOLERANCE)
@@ -181,20 +192,17 @@ def _theta_step(problem: Problem, state: Subject, matrix, slope) -> Float[Array,
     return xp.clip(state.theta + pick(steps, first_good), problem.lower, problem.upper) - state.theta
 
 
-def _iterate(constraints, thorax, problem: Problem, state: Subject) -> Subject:
-    z = joint(state.angles, state.theta)
-    at = constraints.linearised(z, state.multipliers)
+def _iterate(constraints, thorax, problem: Problem, state: Subject, at: Linearised):
     eliminated = eliminate(at, problem.weights * (state.angles - problem.measured), problem.weights)
     matrix, slope = theta_system(thorax, problem, state.theta, eliminated)
     theta_step = _theta_step(problem, state, matrix, slope)
-    over_postures = xp.broadcast_to(theta_step[:, None], z[6:].shape)
+    over_postures = xp.broadcast_to(theta_step[:, None], (len(theta_step), *state.angles.shape[1:]))
     step = limited(eliminated.step + matvec(eliminated.step_theta, over_postures))
     multipliers = eliminated.multipliers + matvec(eliminated.multipliers_theta, over_postures)
     penalty = grown_penalty(state.penalty, multipliers)
     theta, angles, length = _search(constraints, thorax, problem, state, at.G, theta_step, step, penalty)
     radius = state.radius_mm * xp.where(length == 1.0, 2.0, xp.where(length < 0.5, 0.25, 1.0))
-    new = evaluated(constraints, thorax, problem, theta, angles, multipliers)
-    return new._replace(penalty=penalty, radius_mm=radius, iterations=state.iterations + 1)
+    return theta, angles, multipliers, {"penalty": penalty, "radius_mm": radius, "iterations": state.iterations + 1}
 
 
 def _search(constraints, thorax, problem: Problem, state: Subject, G, theta_step, step, penalty):
