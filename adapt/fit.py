@@ -155,18 +155,18 @@ def _trackers(girdle: Chain) -> list[tuple[Any, Any]]:
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
-    """Where continuation from the posture before does not lead to this one, neither the fast nor the careful one."""
+    """Where continuation from the posture before does not lead to this one, the careful one where the fast one
+    does not arrive."""
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
-    after = after[good]
+    after, broken = after[good], np.zeros(len(previous), bool)
     for run, track in _trackers(problem[0]):
         if not len(after):
             break
         tracked = _track_lanes(fitted, problem, previous[after], after, run, track)
-        apart = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) > SAME_BRANCH_RAD
-        after = after[apart | (tracked.status != status.OK)]
-    broken = np.zeros(len(previous), bool)
-    broken[after] = True
+        near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= SAME_BRANCH_RAD
+        broken[after] = ~near
+        after = after[tracked.status != status.OK]
     return broken
 
 
