@@ -10,8 +10,7 @@ from jaxtyping import Array, Float
 from adapt.linalg import ElementwiseFunction, gradient, hessian, jacobian
 from adapt.newton import Linearised
 from models.derivatives import ELLIPSOID, Chain, chain
-from models.ellipsoid import foot_multiplier
-from models.girdle import Girdle, landmarks
+from models.girdle import Girdle, feet
 from motions.arrays import xp
 
 Z = Float[Array, " n *batch"]
@@ -84,11 +83,7 @@ class ByHand:
 
     def _chain(self, z, multipliers) -> Chain:
         girdle = self._at(z)
-        at = landmarks(girdle, z[:6])
-        feet = [
-            foot_multiplier(*xp.broadcast_arrays(p - girdle.centre_mm, girdle.semi_axes_mm)) for p in (at.TS, at.AI)
-        ]
-        return chain(girdle, list(z[:6]), list(girdle.adapted_mm), list(multipliers), feet)
+        return chain(girdle, list(z[:6]), list(girdle.adapted_mm), list(multipliers), feet(girdle, z[:6]))
 
 
 def _stacked(row, z):

@@ -13,7 +13,7 @@ from adapt.linalg import backward, factorised, forward
 from adapt.newton import STEP_LIMIT_RAD
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.derivatives import chain
-from models.girdle import Girdle
+from models.girdle import Girdle, feet
 from motions.arrays import repeat, xp
 from motions.rotations import DEG
 
@@ -67,7 +67,7 @@ def sweep_postures(
         target=[lane] * 3,
         stiffness=[lane] * 3,
         merit=lane + xp.inf,
-        feet=[lane] * 2,
+        feet=feet(girdle, start.angles),
         iterations=xp.zeros_like(lane, int),
         converged=start.converged,
     )

@@ -22,7 +22,8 @@ from adapt.newton import STEP_LIMIT_RAD
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from adapt.subject import THETA_TOLERANCE, Problem
 from models.derivatives import ELLIPSOID, chain, distance, ellipsoid_curvature, ellipsoid_slope, foot
-from models.girdle import Girdle
+from models.ellipsoid import foot_multiplier
+from models.girdle import Girdle, feet
 from motions.arrays import repeat, xp
 from motions.rotations import DEG
 
@@ -87,7 +88,7 @@ def sweep(
     """At most ``iterations`` iterations on from ``start``; a lane that has converged stays where it is."""
     spread = girdle.over_postures()
     point = Point(list(start.angles), list(start.theta), list(start.multipliers))
-    state = _first(points_mm, point)._replace(converged=start.converged)
+    state = _first(girdle, points_mm, point)._replace(converged=start.converged)
 
     end = until_converged(_iterate, (spread, points_mm, shares, problem), state, iterations)
     # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
@@ -96,9 +97,11 @@ def sweep(
     return Swept(theta_, q, multipliers_, start.iterations + end.iterations, end.converged)
 
 
-def _first(points_mm, start: Point) -> State:
-    """Nothing accepted yet: the first evaluation is at the start itself."""
+def _first(girdle: Girdle, points_mm, start: Point) -> State:
+    """Nothing accepted yet: the first evaluation is at the start itself. Its merit is what the next one must not
+    exceed, so the feet are exact from the beginning."""
     lane, posture = start.theta[0], start.q[0]
+    moved = girdle.with_adapted(xp.stack(start.theta)).over_postures()
     return State(
         base=start,
         step=jax.tree.map(xp.zeros_like, start),
@@ -107,8 +110,8 @@ def _first(points_mm, start: Point) -> State:
         stiffness=[xp.zeros_like(posture)] * 3,
         merit=xp.full_like(lane, xp.inf),
         radius_mm=xp.full_like(lane, _FIRST_RADIUS_MM),
-        feet=[xp.zeros_like(posture)] * 2,
-        thorax_feet=xp.zeros_like(points_mm[0]),
+        feet=feet(moved, xp.stack(start.q)),
+        thorax_feet=foot_multiplier(*xp.broadcast_arrays(points_mm - moved.centre_mm, moved.semi_axes_mm)),
         iterations=xp.zeros_like(lane, int),
         converged=xp.zeros_like(lane, bool),
     )
