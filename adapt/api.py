@@ -48,14 +48,18 @@ def fit_postures(
     motions: Motions, models: ParameterSet | Sequence[ParameterSet], progress: Progress = lambda _: None
 ) -> PostureFits:
     """Fit every posture with every model as it is, without adaptation (thesis 6.2.4; Tables 6.1, 6.2)."""
+    by_model, fits = _before(motions, _as_list(models), progress)
+    return PostureFits(by_model, fits, summary_table(fits))
+
+
+def _before(motions: Motions, models: list[ParameterSet], progress: Progress) -> tuple[dict[str, Fitted], pd.DataFrame]:
+    """The fits of the models as they are, and their table."""
     _check_names(motions)
-    models = _as_list(models)
     progress("posture fits")
     rows = len(motions.posture)
     girdle = jax.tree.map(lambda *x: np.repeat(np.stack(x, axis=-1), rows, axis=-1), *[one.girdle for one in models])
     by_model = _fitted_rows(motions, models, girdle)
-    fits = pd.concat([fits_table(motions, name, False, f) for name, f in by_model.items()], ignore_index=True)
-    return PostureFits(by_model, fits, summary_table(fits))
+    return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
 
 
 def adapt_subjects(
@@ -71,7 +75,7 @@ def adapt_subjects(
     that fails has its status and leaves the others as they are.
     """
     models = _as_list(models)
-    before = fit_postures(motions, models, progress)
+    _, before = _before(motions, models, progress)
     batch = pack(motions)
     data = lanes(batch, models)
     adapted = adapt_lanes(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
@@ -88,7 +92,7 @@ def adapt_subjects(
     start = np.concatenate([batch.unpack(one.angles) for one in results.values()], axis=-1)
     by_model = _fitted_rows(motions, models, girdle, start)
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
-    fits = pd.concat([before.fits, *tables], ignore_index=True)
+    fits = pd.concat([before, *tables], ignore_index=True)
     summary = summary_table(fits)
     parameters = parameters_table(motions.subjects, models, results, fits)
     return Adaptations(by_model, fits, summary, results, parameters)

@@ -12,7 +12,6 @@ from rich.console import Console
 from adapt import status
 from adapt.adapted_models import write_adapted_models
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
-from adapt.convert import convert
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.noise import LEAST
@@ -182,6 +181,8 @@ def convert_file(
     other commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
     parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table becomes .parquet.
     """
+    from adapt.convert import convert  # readers of laboratories' files: not for every command
+
     if side not in SIDES:
         raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
     rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None

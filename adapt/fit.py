@@ -127,8 +127,13 @@ def follow_motions(
     problem = girdle, target, weights
     fitted = replace(fitted, **{name: value.copy() for name, value in vars(fitted).items()})
     fitted.jump[:] = _breaks(fitted, problem, previous)
-    _follow_from_best(fitted, problem, [lanes for lanes in _motions_of(previous) if fitted.jump[lanes].any()])
-    fitted.jump[:] = _breaks(fitted, problem, previous)
+    with_jump = [lanes for lanes in _motions_of(previous) if fitted.jump[lanes].any()]
+    if with_jump:
+        _follow_from_best(fitted, problem, with_jump)
+        moved = np.concatenate(with_jump)
+        fitted.jump[moved] = _breaks(fitted, problem, np.where(np.isin(np.arange(len(previous)), moved), previous, -1))[
+            moved
+        ]
     return fitted
 
 
@@ -228,8 +233,8 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     else:
         quick = _swept(girdle, target, weights, start)
         sure = quick.converged
-    near = np.asarray(mean_square_deg2(quick.angles, target, weights)) < _FAR_DEG2
-    left = np.flatnonzero(~(sure & near))
+    far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
+    left = np.flatnonzero(~sure | (far & (places == 1)))
     if not len(left):
         return quick
     part: tuple[Girdle, Array, Array] = lanes_of((girdle, target, weights), left)
@@ -298,7 +303,8 @@ _SAME_DEG2 = 1e-6
 """Two optima whose J differ by less are one."""
 
 _FAR_DEG2 = 200.0
-"""From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: both paths are tried.
+"""From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: from two starts alone both
+paths are tried.
 Measured postures leave 64 with R2 as it is; with das3, which does not close at rest, 440."""
 
 _PLACES_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG])
