@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The adapted girdles as parameter sets that ``--model`` takes back: one TOML file a model and subject."""
 
 import math
@@ -7,10 +9,10 @@ from pathlib import Path
 
 import jax
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 
 from adapt import status
-from adapt.adaptation import Adapted
 from adapt.output import prepare_folder
 from models.girdle import ADAPTED, Girdle
 from models.parameters import HALF_WIDTHS_MM, ParameterSet
@@ -29,23 +31,25 @@ _KEY_OF = {
 
 
 def write_adapted_models(
-    folder: Path, subjects: Sequence[str], models: Sequence[ParameterSet], adapted: dict[str, Adapted], how: str
+    folder: Path, models: Sequence[ParameterSet], parameters: pd.DataFrame, how: str
 ) -> list[Path]:
-    """Write ``models/MODEL_SUBJECT.toml`` for each adaptation that is ``ok``; the files written.
+    """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
 
     how: the options of the adaptation, for the [source] lines.
     """
-    pairs = [(model, number) for model in models for number in range(len(subjects))]
-    names = file_names([f"{model.name}_{subjects[number]}" for model, number in pairs])
+    of_name = {model.name: model for model in models}
     target = prepare_folder(folder / FOLDER)
+    names = file_names((parameters["model"] + "_" + parameters["subject"]).tolist())
+    theta_mm = parameters[[f"{name}_mm" for name in ADAPTED]].to_numpy(float)
+    at_bound = parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool)
     written = []
-    for (model, number), name in zip(pairs, names, strict=True):
-        result, path = adapted[model.name], target / f"{name}.toml"
-        if result.status[number] != status.OK:
+    for number, (model, subject, word) in enumerate(parameters[["model", "subject", "status"]].itertuples(index=False)):
+        path = target / f"{names[number]}.toml"
+        if word != status.OK:
             path.unlink(missing_ok=True)  # that of an earlier run would pass for this one's
             continue
-        at_bound = {name: bool(flag) for name, flag in zip(ADAPTED, result.at_bound[:, number], strict=True)}
-        write_whole(path, adapted_toml(model, subjects[number], result.theta_mm[:, number], at_bound, how))
+        flags = dict(zip(ADAPTED, at_bound[number].tolist(), strict=True))
+        write_whole(path, adapted_toml(of_name[model], subject, theta_mm[number], flags, how))
         written.append(path)
     return written
 

@@ -12,7 +12,7 @@ from adapt.batch import pack
 from adapt.chunks import lanes_of
 from adapt.fit import Fitted, fit_lanes, follow_motions
 from adapt.objective import DEFAULT_READING, WEIGHT
-from adapt.tables import ALL_MOTIONS, STATISTICS, fits_table, parameters_table, summary_table
+from adapt.tables import ALL_MOTIONS, STATISTICS, Tables, fits_table, parameters_table, summary_table
 from models.girdle import Girdle
 from models.parameters import ParameterSet
 from motions.errors import InputError
@@ -35,13 +35,11 @@ class PostureFits:
 
 
 @dataclass(frozen=True)
-class Adaptations(PostureFits):
+class Adaptations(PostureFits, Tables):
     """The same before and after adaptation, with the adapted parameters."""
 
     adapted: dict[str, Adapted]
     """By model; lanes in the order of ``motions.subjects``."""
-    parameters: pd.DataFrame
-    """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
 
 
 def fit_postures(
@@ -95,7 +93,7 @@ def adapt_subjects(
     fits = pd.concat([before, *tables], ignore_index=True)
     summary = summary_table(fits)
     parameters = parameters_table(motions.subjects, models, results, fits)
-    return Adaptations(by_model, fits, summary, results, parameters)
+    return Adaptations(by_model=by_model, fits=fits, summary=summary, adapted=results, parameters=parameters)
 
 
 def _check_names(motions: Motions) -> None:

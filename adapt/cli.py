@@ -1,6 +1,7 @@
 """The command line: ``girdle fit | adapt | diagnose | convert | simulate | effects | models``, thin over ``adapt``."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,21 +10,23 @@ import platformdirs
 import typer
 from rich.console import Console
 
-from adapt import status
 from adapt.adapted_models import write_adapted_models
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
+from adapt.cluster import on_cluster
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.noise import LEAST
 from adapt.diagnosis.sentence import Object
 from adapt.diagnosis.terminal import print_diagnosis
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
-from adapt.output import prepare_folder, write_json, write_run, write_table
+from adapt.output import prepare_folder, run_key, write_json, write_run, write_table
+from adapt.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, not_adapted, one_after_another
 from adapt.simulation import simulate_model_subjects
+from adapt.tables import Tables, summary_table
 from adapt.terminal import print_parameters, print_summary, progress
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
-from motions import InputError, Motions, read_motions, write_motions
+from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.acromion import ROTATIONS, acromion_rotation
 from motions.cells import SIDES
 from motions.files import write_whole
@@ -79,7 +82,7 @@ def fit(motions: MotionFiles, out: Out, model: Models = ["R2"]) -> None:  # noqa
     _write(folder, result)
     write_run(folder, "fit", motions, model, {}, table.rejected)
     print_summary(console, result.summary)
-    _finish(table, _failed_subjects(result.fits))
+    _finish(table, failed_subjects(result.fits))
 
 
 @app.command()
@@ -89,24 +92,48 @@ def adapt(
     model: Models = ["R2"],  # noqa: B006
     weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
     reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+    chunk: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help=f"Subjects worked on at a time; results do not depend on it. Default: {LANES} by number of models.",
+            show_default=False,
+        ),
+    ] = None,
+    dask: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work, as tcp://host:8786.")
+    ] = "",
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
 
     Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, run.json, report.html (the page
     to look at) and, in models/, each adapted model as a TOML file that --model takes.
+
+    Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
-    table, models, folder = _inputs(motions, model, out)
+    models = _models(model)
+    files = MotionStream(*motions)
+    folder = prepare_folder(out)
+    options = {"weight": weight, "reading": reading}
+    subjects = files.subjects
+    size = chunk or max(1, LANES // len(models))
+    shown = subjects if len(subjects) <= size else subjects[:: -(-len(subjects) // MOST_SHOWN)]
+    work = Work(tuple(models), weight, reading, frozenset(shown))
+    maker = on_cluster(dask) if dask else one_after_another
+    parts = Parts(folder, run_key(motions, model, options | {"chunk": size}))
     with progress(errors) as report:
-        result = adapt_subjects(table, models, weight, reading, report)
-    _write_adaptations(folder, result)
-    write_adapted_models(folder, table.subjects, models, result.adapted, f"w = {weight:g}, reading {reading}")
-    write_run(folder, "adapt", motions, model, {"weight": weight, "reading": reading}, table.rejected)
+        table = parts.make(work, files.in_chunks(size), maker, report)
+        report("writing")
+        result, failed = parts.become_tables(models)
+        write_adapted_models(folder, models, result.parameters, f"w = {weight:g}, reading {reading}")
+    write_run(folder, "adapt", motions, model, options, files.rejected)
+    parts.remove()
     print_summary(console, result.summary)
     print_parameters(console, result.parameters)
-    failed = _not_adapted(result)
-    _write_report(folder, table, models, result, failed)
+    table = replace(table, rejected=tuple(files.rejected))
+    _write_report(folder, table, models, _of(result, table.subjects), failed, of=len(subjects))
     _finish(table, failed)
 
 
@@ -152,7 +179,7 @@ def diagnose_gap(
     _write_adaptations(folder, result)
     write_run(folder, "diagnose", motions, model, {"noise_deg": noise_deg}, table.rejected)
     print_diagnosis(console, found)
-    failed = _not_adapted(result) | found["left_out"]
+    failed = not_adapted(result) | found["left_out"]
     _write_report(folder, table, models, result, failed, found)
     _finish(table, failed)
 
@@ -263,12 +290,17 @@ def _elevations(at: str) -> tuple[float, ...]:
 
 
 def _inputs(motions: list[Path], models: list[str], out: Path) -> tuple[Motions, list[ParameterSet], Path]:
+    sets = _models(models)
+    return read_motions(*motions), sets, prepare_folder(out)
+
+
+def _models(models: list[str]) -> list[ParameterSet]:
     sets = [load_model(name) for name in models]
     names = [one.name for one in sets]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
-    return read_motions(*motions), sets, prepare_folder(out)
+    return sets
 
 
 def _write(folder: Path, result: PostureFits) -> None:
@@ -292,31 +324,21 @@ def _write_report(
     folder: Path,
     motions: Motions,
     models: list[ParameterSet],
-    result: Adaptations,
+    result: Tables,
     failed: dict[str, str],
     found: Object | None = None,
+    of: int = 0,
 ) -> None:
     """Comes last: whatever goes wrong with it, the tables are there."""
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
-    write_whole(folder / "report.html", report_html(motions, models, result, failed, found))
+    write_whole(folder / "report.html", report_html(motions, models, result, failed, found, of))
 
 
-def _not_adapted(result: Adaptations) -> dict[str, str]:
-    """By subject, what failed of it."""
-    failed = _failed_subjects(result.fits[result.fits["adapted"] == 1])
-    for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
-        if word != status.OK:
-            failed[subject] = f"adaptation {word}"
-    return failed
-
-
-def _failed_subjects(fits) -> dict[str, str]:
-    bad = fits[fits["status"] != status.OK]
-    return {
-        subject: f"{len(rows)} posture fits {', '.join(sorted(set(rows['status'])))}"
-        for subject, rows in bad.groupby("subject", sort=False)
-    }
+def _of(tables: Tables, subjects: tuple[str, ...]) -> Tables:
+    """The tables of these subjects alone, if they are not all."""
+    mine = tables.parameters["subject"].isin(subjects)
+    return tables if mine.all() else Tables(tables.fits, summary_table(tables.fits), tables.parameters[mine])
 
 
 def _finish(motions: Motions, failed: dict[str, str]) -> None:

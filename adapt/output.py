@@ -42,6 +42,12 @@ def write_json(record: dict[str, object], path: Path) -> None:
     write_whole(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
+def run_key(motions: Sequence[Path], models: Sequence[str], options: dict[str, object]) -> str:
+    """One word for everything that the results of a run depend on."""
+    record = _inputs(motions, models) | {"options": options, "versions": _versions()}
+    return hashlib.sha256(json.dumps(record).encode()).hexdigest()[:16]
+
+
 def write_run(
     folder: Path,
     command: str,
@@ -51,17 +57,29 @@ def write_run(
     left_out: Sequence[InputError] = (),
 ) -> None:
     """``run.json``: inputs with their SHA-256, what was left out of them and why, models, options, seeds, versions."""
+    inputs = _inputs(motions, models)
     record = {
         "command": command,
-        "motions": [{"path": str(path), "sha256": _sha256(path)} for path in motions],
+        "motions": inputs["motions"],
         "left_out": [str(error) for error in left_out],
-        "models": [{"name": name, "sha256": _sha256(_model_file(name))} for name in models],
+        "models": inputs["models"],
         "options": options,
         "seeds": {"posture_fit_starts": OFFSETS_SEED},
-        "versions": {"python": sys.version.split()[0]}
-        | {name: importlib.metadata.version(name) for name in _VERSIONS_OF},
+        "versions": _versions(),
     }
     write_whole(folder / "run.json", json.dumps(record, indent=2) + "\n")
+
+
+def _inputs(motions: Sequence[Path], models: Sequence[str]) -> dict[str, object]:
+    return {
+        "motions": [{"path": str(path), "sha256": _sha256(path)} for path in motions],
+        "models": [{"name": name, "sha256": _sha256(_model_file(name))} for name in models],
+    }
+
+
+def _versions() -> dict[str, str]:
+    own = {name: importlib.metadata.version(name) for name in _VERSIONS_OF}
+    return {"python": sys.version.split()[0]} | own
 
 
 def _model_file(name: str) -> Path:
@@ -72,6 +90,7 @@ def _model_file(name: str) -> Path:
 def _sha256(path: Path) -> str | None:
     """None for what cannot be read, which then is among what was left out."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return None
