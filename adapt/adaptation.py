@@ -5,24 +5,25 @@ Lanes: every subject with every model is one element of a flat batch.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.batch import Batch
 from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
-from adapt.fit import FEWEST_ANGLES, Fitted, fit_lanes
-from adapt.linalg import Factor, diagonal, jacobian, matmul, trace, transpose
-from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, jitted_geometric_fit, thorax_distance_mm2
+from adapt.constraints import ByHand
+from adapt.fit import FEWEST_ANGLES, fit_lanes
+from adapt.linalg import Factor, diagonal, matmul, trace, transpose
+from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, ThoraxPoints, fitted_girdle, thorax_distance_mm2
 from adapt.posture import mean_square_deg2, objective_weights
 from adapt.subject import Problem, Subject, evaluated, joint, solve_subjects
 from adapt.sweep import Swept, sweep
-from models.ellipsoid import signed_distance_mm
-from models.girdle import ADAPTED, Girdle, constraint_residuals_mm
+from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
+from motions.arrays import xp
 
 STARTS_MM = np.array(
     [
@@ -75,6 +76,7 @@ class Adapted:
     status: Shaped[np.ndarray, " lanes"]
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Lanes:
     """The data and models of L lanes, padding included."""
@@ -95,25 +97,24 @@ def lanes(batch: Batch, models: list[ParameterSet]) -> Lanes:
     points = max(model.points_mm.shape[1] for model in models)
 
     def each_subject(values):
-        stacked = jnp.stack(values, axis=-1)
-        return jnp.repeat(stacked, subjects, axis=-1)
+        return np.repeat(np.stack(values, axis=-1), subjects, axis=-1)
 
     def each_model(values):
-        return jnp.tile(values, [1] * (values.ndim - 1) + [len(models)])
+        return np.tile(values, [1] * (values.ndim - 1) + [len(models)])
 
     def padded(model: ParameterSet):
-        return jnp.pad(model.points_mm, ((0, 0), (0, points - model.points_mm.shape[1])), mode="edge")
+        return np.pad(model.points_mm, ((0, 0), (0, points - model.points_mm.shape[1])), mode="edge")
 
     def shares(model: ParameterSet):
         count = model.points_mm.shape[1]
-        return jnp.where(jnp.arange(points) < count, 1.0 / count, 0.0)
+        return np.where(np.arange(points) < count, 1.0 / count, 0.0)
 
-    girdles = [jitted_geometric_fit(model.girdle, jnp.asarray(model.points_mm)) for model in models]
+    girdles = [fitted_girdle(model.girdle, model.points_mm) for model in models]
     return Lanes(
         girdle=jax.tree.map(lambda *x: each_subject(x), *girdles),
         points_mm=each_subject([padded(model) for model in models]),
         shares=each_subject([shares(model) for model in models]),
-        bounds_mm=each_subject([jnp.asarray(model.bounds_mm) for model in models]),
+        bounds_mm=each_subject([model.bounds_mm for model in models]),
         angles=each_model(batch.angles),
         measured=each_model(batch.measured),
         counted=each_model(batch.counted),
@@ -146,7 +147,7 @@ def adapt_lanes(
     for number in range(_ROOT_ROUNDS):
         progress(f"weight of the roots, round {number + 1}")
         before, factor = factor, np.maximum(chosen.weight(weight, adapted.D_mm2, adapted.mean_j_deg2), _LEAST_WEIGHT)
-        adapted = _from_theta(data, weight, chosen, factor, jnp.asarray(adapted.theta_mm))
+        adapted = _from_theta(data, weight, chosen, factor, adapted.theta_mm, lambda _: None)
         moving = np.abs(np.log(factor / before)) > _ROOT_SETTLED
         if not moving.any():
             return adapted
@@ -154,15 +155,20 @@ def adapt_lanes(
 
 
 def _lowest(data: Lanes, weight, reading, factor, progress) -> Adapted:
+    """All starts of all lanes side by side, then the best of each lane."""
+    starts, count = len(STARTS_MM), len(factor)
     lower, upper = data.bounds_mm
-    best: Adapted | None = None
-    for number, offset in enumerate(STARTS_MM):
-        progress(f"start {number + 1} of {len(STARTS_MM)}")
-        start = jnp.clip(data.girdle.adapted_mm + offset[:, None], lower, upper)
-        found = _from_theta(data, weight, reading, factor, start)
-        best = found if best is None else _better(best, found)
-    assert best is not None
+    theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
+    every = np.tile(np.arange(count), starts)
+    found = _from_theta(lanes_of(data, every), weight, reading, factor[every], np.concatenate(theta, axis=-1), progress)
+    best, *others = (_lanes_of(found, slice(k * count, (k + 1) * count)) for k in range(starts))
+    for other in others:
+        best = _better(best, other)
     return best
+
+
+def _lanes_of(adapted: Adapted, chosen) -> Adapted:
+    return Adapted(**{name: value[..., chosen] for name, value in vars(adapted).items()})
 
 
 def _better(one: Adapted, other: Adapted) -> Adapted:
@@ -176,45 +182,49 @@ def _better(one: Adapted, other: Adapted) -> Adapted:
 def solved_from_geometric_fit(data: Lanes) -> Subject:
     """One start alone, the geometric fit and the measured angles, with the default weight: what benchmarks compare."""
     problem = problem_of(data, np.full(data.counted.shape[1:], WEIGHT))
-    theta = jnp.clip(data.girdle.adapted_mm, *data.bounds_mm)
+    theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     return solved_from((data.girdle, data.points_mm, data.shares, problem), theta, data.angles)
 
 
-def adapted_from(data: Lanes, theta: Float[Array, "6 lanes"], weight: float = WEIGHT) -> Adapted:
+def adapted_from(data: Lanes, theta: Float[np.ndarray, "6 lanes"], weight: float = WEIGHT) -> Adapted:
     """The optimum of E [mm^2, deg^2] reached from one start alone, theta in mm and within the bounds."""
     reading = READINGS[DEFAULT_READING]
-    return _from_theta(data, weight, reading, np.full(data.counted.shape[1:], weight), theta)
+    return _from_theta(data, weight, reading, np.full(data.counted.shape[1:], weight), theta, lambda _: None)
 
 
-def _from_theta(data: Lanes, weight, reading, factor, theta: Float[Array, "6 lanes"]) -> Adapted:
+def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "6 lanes"], progress) -> Adapted:
     weights = _weights(data, factor)
-    problem = _problem(data, weights)
-    fixed = data.girdle, data.points_mm, data.shares, problem
+    fixed = data.girdle, data.points_mm, data.shares, _problem(data, weights)
+    progress("round 1")
     result = solved_from(fixed, theta, fitted_angles(data, theta))
-    for _ in range(_ROUNDS - 1):
-        angles, lower = _lower_postures(data, result)
-        again = np.flatnonzero(~result.converged | lower)
-        if not len(again):
+    left = np.arange(theta.shape[-1])
+    for number in range(2, _ROUNDS + 1):
+        angles, lower = _lower_postures(lanes_of(data, left), lanes_of(result, left))
+        again = ~result.converged[left] | lower
+        left = left[again]
+        if not len(left):
             break
-        further = solved_from(lanes_of(fixed, again), result.theta[:, again], angles[..., again])
-        gains = further.converged | ~result.converged[again]
-        result = with_lanes(result, again[gains], lanes_of(further, gains))
+        progress(f"round {number}")
+        further = solved_from(lanes_of(fixed, left), result.theta[:, left], angles[..., again])
+        gains = further.converged | ~result.converged[left]
+        left = left[gains]  # another would go the same way again
+        result = with_lanes(result, left, lanes_of(further, gains))
     return _as_adapted(data, weight, reading, weights, result)
 
 
 def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
     """The optima reached from here: the fast path, then the careful one for the lanes that need it.
 
-    ``adapt.subject`` judges the end of every lane, by derivatives that the fast path does not use.
+    ``adapt.subject`` judges the end of every lane, with g and its feet computed anew.
     """
     lanes, postures = theta.shape[-1], angles.shape[1]
-    start = Swept(theta, angles, jnp.zeros((3, postures, lanes)), jnp.zeros(lanes, int), jnp.zeros(lanes, bool))
-    swept = resumed(_sweep, _LANES, _SWEEPS, fixed, start)
+    start = Swept(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, int), np.zeros(lanes, bool))
+    swept = resumed(_sweep, _LANES, _SWEEPS, fixed, start, _AT_ONCE)
     point = swept.theta, swept.angles, swept.multipliers
-    result = in_chunks(_judged, _LANES, *fixed, *point)._replace(iterations=swept.iterations)
+    result = in_chunks(_judged, _LANES, *fixed, *point, at_once=_AT_ONCE)._replace(iterations=swept.iterations)
     left = np.flatnonzero(~result.converged)
     if len(left):
-        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), classes=1)
+        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=_FEW_AT_ONCE)
         result = with_lanes(result, left, careful)
     return result
 
@@ -227,7 +237,7 @@ def _lower_postures(data: Lanes, solved: Subject) -> tuple[np.ndarray, np.ndarra
     fresh = fitted_angles(data, solved.theta)
     weights = objective_weights(data.measured)
     before, after = (mean_square_deg2(angles, data.angles, weights) for angles in (solved.angles, fresh))
-    lower = np.asarray((after < before - _LOWER_DEG2) & data.counted)
+    lower = (after < before - _LOWER_DEG2) & data.counted
     return np.where(lower[None], fresh, solved.angles), np.any(lower, axis=0)
 
 
@@ -239,25 +249,13 @@ def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, 
     fitted = fit_lanes(
         girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1), places=_PLACES
     )
-    return jnp.asarray(fitted.angles).reshape(6, postures, count)
-
-
-def fitted_lanes(data: Lanes, adapted: Adapted, chosen: Int[np.ndarray, " lanes"]) -> Fitted:
-    """The postures of the adapted girdles as posture fits, flat over postures x chosen lanes."""
-    postures = data.counted.shape[0]
-    lane = np.tile(chosen, postures)
-    girdle = lanes_of(data.girdle.with_adapted(jnp.asarray(adapted.theta_mm)), lane)
-
-    def flat(x):
-        return np.asarray(x)[..., chosen].reshape(6, -1)
-
-    return fit_lanes(girdle, flat(data.angles), flat(data.measured), start=flat(adapted.angles))
+    return fitted.angles.reshape(6, postures, count)
 
 
 def _weights(data: Lanes, factor) -> Float[Array, " 6 postures lanes"]:
     """W of each angle in E: w / postures times that in J."""
-    count = jnp.sum(data.counted, axis=0)
-    return objective_weights(data.measured) * (jnp.asarray(factor) / count)[None, None]
+    count = xp.sum(data.counted, axis=0)
+    return objective_weights(data.measured) * (factor / count)[None, None]
 
 
 def problem_of(data: Lanes, factor: Float[np.ndarray, " lanes"]) -> Problem:
@@ -269,24 +267,22 @@ def _problem(data: Lanes, weights) -> Problem:
     return Problem(data.angles, weights, data.counted, *data.bounds_mm)
 
 
-def _functions(girdle: Girdle, points_mm, shares):
+def _conditions(girdle: Girdle, points_mm, shares) -> tuple[ByHand, ThoraxPoints]:
     """The constraints of z = (q, theta) and the thorax term of theta."""
-    spread = girdle.over_postures()
-
-    def residual(z):
-        return constraint_residuals_mm(spread.with_adapted(z[6:]), z[:6])
-
-    def thorax(theta):
-        return thorax_distance_mm2(girdle.with_adapted(theta), points_mm, shares)
-
-    return residual, thorax
+    return ByHand(girdle.over_postures()), ThoraxPoints(girdle, points_mm, shares)
 
 
 _LANES = 256
 """Subjects in a chunk: 14 postures of each are 30 kB an array."""
 
+_AT_ONCE = 128
+"""Subjects up to which numpy is done before the compiled program of the fast path is loaded."""
+
 _FEW_LANES = 16
-"""Subjects in a chunk of the careful path, which is long to compile: one class."""
+"""Subjects in a chunk of the careful path, which is long to compile."""
+
+_FEW_AT_ONCE = 32
+"""Subjects up to which numpy does the careful path."""
 
 _SWEEPS, _SWEEP_ITERATIONS = 4, 10
 """Rounds of the fast path, and iterations a round: measured on simulated subjects, 7 of 10 lanes need one, 99 of 100
@@ -300,17 +296,15 @@ def _sweep(girdle: Girdle, points_mm, shares, problem: Problem, start: Swept) ->
 
 @compiled
 def _judged(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles, multipliers) -> Subject:
-    residual, thorax = _functions(girdle, points_mm, shares)
-    return evaluated(residual, thorax, problem, theta, angles, multipliers)
+    return evaluated(*_conditions(girdle, points_mm, shares), problem, theta, angles, multipliers)
 
 
 @jax.jit
 def _solve(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -> Subject:
-    residual, thorax = _functions(girdle, points_mm, shares)
-    return solve_subjects(residual, thorax, problem, theta, angles)
+    return solve_subjects(*_conditions(girdle, points_mm, shares), problem, theta, angles)
 
 
-@jax.jit
+@partial(compiled, options=None)
 def standard_deviations(
     girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject
 ) -> Float[Array, " 6 lanes"]:
@@ -325,51 +319,48 @@ def standard_deviations(
     for angles with variance s2 = sum of squared gaps / (3 P - free) and distances with variance d2 = n D / (n - 5).
     The gaps stand for the noise: what the model cannot do counts as if it were independent from posture to posture.
     """
-    residual, _ = _functions(girdle, points_mm, shares)
-    slopes = jacobian(residual, joint(solved.angles, solved.theta))
+    constraints, thorax = _conditions(girdle, points_mm, shares)
+    slopes = constraints.slopes(joint(solved.angles, solved.theta))
     G, T = slopes[:, :6], slopes[:, 6:]
-    weight = jnp.max(problem.weights, axis=(0, 1))
-    softness = jnp.where(problem.weights > 0.0, 1.0 / problem.weights, 1e6 / weight)
+    weight = xp.max(problem.weights, axis=(0, 1))
+    softness = xp.where(problem.weights > 0.0, 1.0 / problem.weights, 1e6 / weight)
     stiffness = matmul(G * softness[None], transpose(G))
     factor = Factor(stiffness, 1e-12 * trace(stiffness))
     from_angles = problem.total(matmul(transpose(T), factor.solve(T)))
 
-    def distances(theta):
-        moved = girdle.with_adapted(theta).over_postures()
-        return signed_distance_mm(points_mm, moved.centre_mm, moved.semi_axes_mm)
-
-    d = distances(solved.theta)
-    slope = jacobian(distances, solved.theta)
-    from_points = 2.0 * jnp.einsum("nil,nl,njl->ijl", slope, shares, slope)
-    scatter = 4.0 * jnp.einsum("nil,nl,njl->ijl", slope, shares**2, slope)
+    at, by_parameter = thorax.distances(solved.theta)
+    d, slope = at.d, xp.stack(by_parameter, axis=1)
+    from_points = 2.0 * xp.einsum("nil,nl,njl->ijl", slope, shares, slope)
+    scatter = 4.0 * xp.einsum("nil,nl,njl->ijl", slope, shares**2, slope)
 
     free = (solved.theta > problem.lower + _AT_BOUND_MM) & (solved.theta < problem.upper - _AT_BOUND_MM)
-    squares = problem.total(jnp.sum(problem.weights * (solved.angles - problem.measured) ** 2, axis=0))
-    freedom = 3.0 * jnp.sum(problem.counted, axis=0) - jnp.sum(free, axis=0)
-    points = jnp.sum(shares > 0.0, axis=0)
-    point_variance = jnp.sum(shares * d**2, axis=0) * points / jnp.maximum(points - 5, 1)
+    squares = problem.total(xp.sum(problem.weights * (solved.angles - problem.measured) ** 2, axis=0))
+    freedom = 3.0 * xp.sum(problem.counted, axis=0) - xp.sum(free, axis=0)
+    points = xp.sum(shares > 0.0, axis=0)
+    point_variance = xp.sum(shares * d**2, axis=0) * points / xp.maximum(points - 5, 1)
     # W s2 = (sum of W gap^2) / freedom.
-    V = jnp.where(freedom > 0, squares / freedom, jnp.nan) * from_angles + point_variance * scatter
+    V = xp.where(freedom > 0, squares / freedom, xp.nan) * from_angles + point_variance * scatter
 
     both = free[:, None] & free[None]
     curvature = from_angles + from_points
-    size = jnp.max(jnp.abs(curvature), axis=(0, 1))
-    reduced = jnp.where(both, curvature, 0.0) + diagonal(jnp.where(free, 0.0, size[None]))
+    size = xp.max(xp.abs(curvature), axis=(0, 1))
+    reduced = xp.where(both, curvature, 0.0) + diagonal(xp.where(free, 0.0, size[None]))
     curved = Factor(reduced, 1e-12 * size)
-    covariance = curved.solve(transpose(curved.solve(jnp.where(both, V, 0.0))))
-    variance = jnp.stack([covariance[k, k] for k in range(len(ADAPTED))])
-    return jnp.where(free & curved.positive[None], jnp.sqrt(variance), jnp.nan)
+    covariance = curved.solve(transpose(curved.solve(xp.where(both, V, 0.0))))
+    variance = xp.stack([covariance[k, k] for k in range(len(ADAPTED))])
+    return xp.where(free & curved.positive[None], xp.sqrt(variance), xp.nan)
 
 
 def _as_adapted(data: Lanes, weight, reading, weights, solved: Subject) -> Adapted:
     problem = _problem(data, weights)
-    sd = standard_deviations(data.girdle, data.points_mm, data.shares, problem, solved)
-    D = np.asarray(thorax_distance_mm2(data.girdle.with_adapted(solved.theta), data.points_mm, data.shares))
+    fixed = data.girdle, data.points_mm, data.shares, problem
+    sd = in_chunks(standard_deviations, _LANES, *fixed, solved, at_once=_AT_ONCE)
+    D = thorax_distance_mm2(data.girdle.with_adapted(solved.theta), data.points_mm, data.shares)
     j = mean_square_deg2(solved.angles, data.angles, objective_weights(data.measured))
-    mean_j = np.asarray(problem.total(j) / jnp.sum(data.counted, axis=0))
+    mean_j = problem.total(j) / np.sum(data.counted, axis=0)
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
     theta = np.asarray(solved.theta)
-    determined = np.asarray(jnp.all(jnp.sum(data.measured, axis=0) >= FEWEST_ANGLES, axis=0))
+    determined = np.all(np.sum(data.measured, axis=0) >= FEWEST_ANGLES, axis=0)
     converged = np.asarray(solved.converged) & np.isfinite(D) & np.isfinite(mean_j)
     words = np.where(converged, status.OK, status.NOT_CONVERGED)
     return Adapted(

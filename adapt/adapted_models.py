@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The adapted girdles as parameter sets that ``--model`` takes back: one TOML file a model and subject."""
 
 import math
@@ -7,10 +9,10 @@ from pathlib import Path
 
 import jax
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 
 from adapt import status
-from adapt.adaptation import Adapted
 from adapt.output import prepare_folder
 from models.girdle import ADAPTED, Girdle
 from models.parameters import HALF_WIDTHS_MM, ParameterSet
@@ -29,41 +31,39 @@ _KEY_OF = {
 
 
 def write_adapted_models(
-    folder: Path, subjects: Sequence[str], models: Sequence[ParameterSet], adapted: dict[str, Adapted], how: str
+    folder: Path, models: Sequence[ParameterSet], parameters: pd.DataFrame, how: str
 ) -> list[Path]:
-    """Write ``models/MODEL_SUBJECT.toml`` for each adaptation that is ``ok``; the files written.
+    """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
 
     how: the options of the adaptation, for the [source] lines.
     """
     prepare_folder(folder / FOLDER)
+    of_name = {model.name: model for model in models}
+    theta_mm = parameters[[f"{name}_mm" for name in ADAPTED]].to_numpy(float)
+    at_bound = parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool)
     written = []
-    for model, number, path in _files(folder, subjects, models):
-        result = adapted[model.name]
-        if result.status[number] != status.OK:
+    for number, (model, subject, word, path) in enumerate(_files(folder, parameters)):
+        if word != status.OK:
             continue
-        at_bound = {name: bool(flag) for name, flag in zip(ADAPTED, result.at_bound[:, number], strict=True)}
-        write_whole(path, adapted_toml(model, subjects[number], result.theta_mm[:, number], at_bound, how))
+        flags = dict(zip(ADAPTED, at_bound[number].tolist(), strict=True))
+        write_whole(path, adapted_toml(of_name[model], subject, theta_mm[number], flags, how))
         written.append(path)
     return written
 
 
-def remove_models_of_failed(
-    folder: Path, subjects: Sequence[str], models: Sequence[ParameterSet], adapted: dict[str, Adapted]
-) -> None:
+def remove_models_of_failed(folder: Path, parameters: pd.DataFrame) -> None:
     """Those of an earlier run would pass for this one's."""
-    for model, number, path in _files(folder, subjects, models):
-        if adapted[model.name].status[number] != status.OK:
+    for _, _, word, path in _files(folder, parameters):
+        if word != status.OK:
             path.unlink(missing_ok=True)
 
 
-def _files(
-    folder: Path, subjects: Sequence[str], models: Sequence[ParameterSet]
-) -> Iterator[tuple[ParameterSet, int, Path]]:
-    """Each model with the number of each subject, and the file of the two."""
-    pairs = [(model, number) for model in models for number in range(len(subjects))]
-    names = file_names([f"{model.name}_{subjects[number]}" for model, number in pairs])
-    for (model, number), name in zip(pairs, names, strict=True):
-        yield model, number, folder / FOLDER / f"{name}.toml"
+def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, str, Path]]:
+    """Model, subject, status and file of each row."""
+    names = file_names((parameters["model"] + "_" + parameters["subject"]).tolist())
+    rows = parameters[["model", "subject", "status"]].itertuples(index=False)
+    for name, (model, subject, word) in zip(names, rows, strict=True):
+        yield model, subject, word, folder / FOLDER / f"{name}.toml"
 
 
 def adapted_toml(

@@ -4,15 +4,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
-from adapt.adaptation import Adapted, adapt_lanes, fitted_lanes, lanes
+from adapt.adaptation import Adapted, adapt_lanes, lanes
 from adapt.batch import pack
+from adapt.chunks import lanes_of
 from adapt.fit import Fitted, fit_lanes, follow_motions
 from adapt.objective import DEFAULT_READING, WEIGHT
-from adapt.tables import ALL_MOTIONS, STATISTICS, fits_table, parameters_table, summary_table
+from adapt.tables import ALL_MOTIONS, STATISTICS, Tables, fits_table, parameters_table, summary_table
 from models.girdle import Girdle
 from models.parameters import ParameterSet
 from motions.errors import InputError
@@ -35,26 +35,29 @@ class PostureFits:
 
 
 @dataclass(frozen=True)
-class Adaptations(PostureFits):
+class Adaptations(PostureFits, Tables):
     """The same before and after adaptation, with the adapted parameters."""
 
     adapted: dict[str, Adapted]
     """By model; lanes in the order of ``motions.subjects``."""
-    parameters: pd.DataFrame
-    """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
 
 
 def fit_postures(
     motions: Motions, models: ParameterSet | Sequence[ParameterSet], progress: Progress = lambda _: None
 ) -> PostureFits:
     """Fit every posture with every model as it is, without adaptation (thesis 6.2.4; Tables 6.1, 6.2)."""
-    _check_names(motions)
-    by_model = {}
-    for model in _as_list(models):
-        progress(f"{model.name}: posture fits")
-        by_model[model.name] = _fit_rows(motions, _repeated(model.girdle, len(motions.posture)))
-    fits = pd.concat([fits_table(motions, name, False, f) for name, f in by_model.items()], ignore_index=True)
+    by_model, fits = _before(motions, _as_list(models), progress)
     return PostureFits(by_model, fits, summary_table(fits))
+
+
+def _before(motions: Motions, models: list[ParameterSet], progress: Progress) -> tuple[dict[str, Fitted], pd.DataFrame]:
+    """The fits of the models as they are, and their table."""
+    _check_names(motions)
+    progress("posture fits")
+    rows = len(motions.posture)
+    girdle = jax.tree.map(lambda *x: np.repeat(np.stack(x, axis=-1), rows, axis=-1), *[one.girdle for one in models])
+    by_model = _fitted_rows(motions, models, girdle)
+    return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
 
 
 def adapt_subjects(
@@ -70,26 +73,27 @@ def adapt_subjects(
     that fails has its status and leaves the others as they are.
     """
     models = _as_list(models)
-    before = fit_postures(motions, models, progress)
+    _, before = _before(motions, models, progress)
     batch = pack(motions)
     data = lanes(batch, models)
     adapted = adapt_lanes(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
-    subjects = len(batch.subjects)
-    width = batch.angles.shape[-1]
-    by_model, results, tables = {}, {}, []
-    for number, model in enumerate(models):
-        progress(f"{model.name}: posture fits after adaptation")
-        mine = slice(number * width, number * width + subjects)
-        results[model.name] = Adapted(**{k: v[..., mine] for k, v in vars(adapted).items()})
-        after = fitted_lanes(data, adapted, np.arange(number * width, (number + 1) * width))
-        rows = {k: batch.unpack(v.reshape(*v.shape[:-1], -1, width)) for k, v in vars(after).items()}
-        girdle = _per_row(data.girdle, adapted, batch, number * width)
-        by_model[model.name] = _followed(Fitted(**rows), girdle, motions)
-        tables.append(fits_table(motions, model.name, True, by_model[model.name]))
-    fits = pd.concat([before.fits, *tables], ignore_index=True)
+    width = len(batch.subjects)
+    results = {
+        model.name: Adapted(**{k: v[..., number * width : (number + 1) * width] for k, v in vars(adapted).items()})
+        for number, model in enumerate(models)
+    }
+    progress("posture fits after adaptation")
+    lane = np.concatenate(
+        [batch.unpack(np.broadcast_to(k * width + np.arange(width), batch.counted.shape)) for k in range(len(models))]
+    )
+    girdle = lanes_of(data.girdle.with_adapted(adapted.theta_mm), lane)
+    start = np.concatenate([batch.unpack(one.angles) for one in results.values()], axis=-1)
+    by_model = _fitted_rows(motions, models, girdle, start)
+    tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
+    fits = pd.concat([before, *tables], ignore_index=True)
     summary = summary_table(fits)
     parameters = parameters_table(motions.subjects, models, results, fits)
-    return Adaptations(by_model, fits, summary, results, parameters)
+    return Adaptations(by_model=by_model, fits=fits, summary=summary, adapted=results, parameters=parameters)
 
 
 def _check_names(motions: Motions) -> None:
@@ -105,25 +109,20 @@ def _as_list(models) -> list[ParameterSet]:
     return [models] if isinstance(models, ParameterSet) else list(models)
 
 
-def _repeated(girdle: Girdle, count: int) -> Girdle:
-    return jax.tree.map(lambda x: jnp.repeat(x[..., None], count, axis=-1), girdle)
-
-
-def _per_row(girdle: Girdle, adapted: Adapted, batch, first: int) -> Girdle:
-    """The adapted girdle of each row of the motions."""
-    lane = batch.unpack(np.broadcast_to(first + np.arange(batch.angles.shape[-1]), batch.counted.shape))
-    chosen = girdle.with_adapted(jnp.asarray(adapted.theta_mm))
-    return jax.tree.map(lambda x: x[..., lane], chosen)
-
-
-def _fit_rows(motions: Motions, girdle: Girdle) -> Fitted:
-    angles = motions.angles_deg.T / DEG
-    return _followed(fit_lanes(girdle, angles, np.isfinite(angles)), girdle, motions)
-
-
-def _followed(fitted: Fitted, girdle: Girdle, motions: Motions) -> Fitted:
-    angles = motions.angles_deg.T / DEG
-    return follow_motions(fitted, girdle, angles, np.isfinite(angles), previous_rows(motions))
+def _fitted_rows(
+    motions: Motions, models: Sequence[ParameterSet], girdle: Girdle, start: np.ndarray | None = None
+) -> dict[str, Fitted]:
+    """The fits by model. Lanes of ``girdle`` and ``start``: the rows of the motions for each model in turn."""
+    rows = len(motions.posture)
+    angles = np.tile(motions.angles_deg.T / DEG, len(models))
+    measured = np.isfinite(angles)
+    before = previous_rows(motions)
+    previous = np.concatenate([np.where(before < 0, -1, before + k * rows) for k in range(len(models))])
+    fitted = follow_motions(fit_lanes(girdle, angles, measured, start), girdle, angles, measured, previous)
+    return {
+        model.name: Fitted(**{name: value[..., k * rows : (k + 1) * rows] for name, value in vars(fitted).items()})
+        for k, model in enumerate(models)
+    }
 
 
 def previous_rows(motions: Motions) -> np.ndarray:

@@ -1,51 +1,52 @@
-"""A long batch in chunks of few shapes: in cache on a CPU, on every device that JAX sees, a thread each.
+"""A batch of lanes: a long one in chunks of one shape, in cache on a CPU, on every device that JAX sees, a thread each;
+a short one at once by numpy, before a compiled program would have been loaded.
 
 Lanes are independent, so the outcome does not depend on the chunks. Every chunk is padded with copies of its last lane
-to one of two sizes, so that two programs serve every batch.
+to one size, so that one program serves every batch.
 """
 
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
+from inspect import unwrap
 from typing import Any
 
 import jax
 import numpy as np
-
-_SMALL = 8
-"""A batch of a chunk's eighth or less is padded to an eighth: two classes, so two programs, whatever the numbers."""
 
 UNFUSED = {"xla_disable_hlo_passes": "fusion"}
 """Compiler option for the streams of elementwise operations. XLA's fusion computes a shared value anew in each of its
 uses: measured on one sweep, 23 times the operations, 4 times the run time and 6 times the compilation."""
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``jax.jit`` without fusion on a CPU; elsewhere a kernel launch costs more than what fusion repeats."""
+def compiled(function: Callable[..., Any], options: dict[str, str] | None = UNFUSED) -> Callable[..., Any]:
+    """``jax.jit`` with these options on a CPU; elsewhere a kernel launch costs more than what fusion repeats."""
 
     @cache
     def program() -> Callable[..., Any]:  # not before the first call: asking for the backend starts it
-        return jax.jit(function, compiler_options=UNFUSED if jax.default_backend() == "cpu" else None)
+        return jax.jit(function, compiler_options=options if jax.default_backend() == "cpu" else None)
 
     return wraps(function)(lambda *arguments: program()(*arguments))
 
 
-def in_chunks(function: Callable[..., Any], size: int, *trees: Any, classes: int = 2) -> Any:
+def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int = 0) -> Any:
     """``function(*trees)`` over the last axis of every array, in chunks of ``size`` lanes; the results as numpy.
 
-    With ``classes`` = 1 every chunk has the full size: for programs that are long to compile and rarely needed.
+    Up to ``at_once`` lanes the function (``compiled``) runs on numpy's arrays as it is written.
     """
-    lanes = jax.tree.leaves(trees)[0].shape[-1]
     trees = jax.tree.map(np.asarray, trees)
+    lanes = jax.tree.leaves(trees)[0].shape[-1]
+    if lanes <= at_once:
+        with np.errstate(all="ignore"):  # a lane that fails is NaN, and found out
+            return jax.tree.map(np.asarray, unwrap(function)(*trees))
     devices = jax.local_devices()
     starts = range(0, lanes, size)
 
     def run(number: int) -> Any:
         first = starts[number]
         count = min(size, lanes - first)
-        small = size // _SMALL
-        index = first + np.minimum(np.arange(small if classes == 2 and count <= small else size), count - 1)
+        index = first + np.minimum(np.arange(size), count - 1)
         part = jax.tree.map(lambda x: x[..., index], trees)
         device = devices[number % len(devices)]
         result = function(*jax.device_put(part, device))
@@ -65,14 +66,16 @@ def _workers(devices: list[Any]) -> int:
     return 2 * len(devices)
 
 
-def resumed(function: Callable[..., Any], size: int, rounds: int, fixed: tuple[Any, ...], state: Any) -> Any:
+def resumed(
+    function: Callable[..., Any], size: int, rounds: int, fixed: tuple[Any, ...], state: Any, at_once: int = 0
+) -> Any:
     """``state = function(*fixed, state)``, again on the lanes not yet ``converged``: who has is left alone."""
     state = jax.tree.map(np.asarray, state)
     for _ in range(rounds):
         left = np.flatnonzero(~state.converged)
         if not len(left):
             break
-        state = with_lanes(state, left, in_chunks(function, size, *lanes_of((*fixed, state), left)))
+        state = with_lanes(state, left, in_chunks(function, size, *lanes_of((*fixed, state), left), at_once=at_once))
     return state
 
 

@@ -1,6 +1,7 @@
 """The command line: ``girdle fit | adapt | diagnose | trust | convert | simulate | effects | models``."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -8,25 +9,26 @@ import jax
 import platformdirs
 import typer
 
-from adapt import status
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
-from adapt.convert import convert
+from adapt.cluster import on_cluster
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.noise import LEAST
 from adapt.diagnosis.sentence import Object
 from adapt.diagnosis.terminal import print_diagnosis
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
-from adapt.output import inputs_record, results_folder, write_json, write_run, write_table, written_together
+from adapt.output import inputs_record, results_folder, run_key, write_json, write_run, write_table, written_together
+from adapt.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, not_adapted, one_after_another
 from adapt.repeat import other_versions, recorded_arguments
 from adapt.simulation import simulate_model_subjects
+from adapt.tables import Tables, summary_table
 from adapt.terminal import PlainConsole, print_parameters, print_summary, progress
 from adapt.trust import trust
 from adapt.trust.terminal import print_trust
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
-from motions import InputError, Motions, read_motions, write_motions
+from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.acromion import ROTATIONS, acromion_rotation
 from motions.cells import SIDES
 from motions.files import write_whole
@@ -118,7 +120,7 @@ def fit(
             _write(part, result)
             write_run(part, "fit", record, {}, table.rejected)
     print_summary(console, result.summary)
-    _finish(table, _failed_subjects(result.fits))
+    _finish(table, failed_subjects(result.fits))
 
 
 @app.command()
@@ -128,28 +130,50 @@ def adapt(
     model: Models = ["R2"],  # noqa: B006
     weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
     reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+    chunk: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help=f"Subjects worked on at a time; results do not depend on it. Default: {LANES} by number of models.",
+            show_default=False,
+        ),
+    ] = None,
+    dask: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work, as tcp://host:8786.")
+    ] = "",
     repeat: Repeat = None,
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
 
     Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, run.json, report.html (the page
     to look at) and, in models/, each adapted model as a TOML file that --model takes.
+
+    Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
-    table, models, record = _inputs(motions, model)
+    record, models, files = inputs_record(motions, model), _models(model), MotionStream(*motions)
+    options: dict[str, object] = {"weight": weight, "reading": reading}
+    subjects = files.subjects
+    size = chunk or max(1, LANES // len(models))
+    shown = subjects if len(subjects) <= size else subjects[:: -(-len(subjects) // MOST_SHOWN)]
+    work = Work(tuple(models), weight, reading, frozenset(shown))
+    maker = on_cluster(dask) if dask else one_after_another
     with results_folder(out) as folder:
+        parts = Parts(folder, run_key(record, options | {"chunk": size}))
         with progress(errors) as report:
-            result = adapt_subjects(table, models, weight, reading, report)
-        with written_together(folder) as part:
-            _write_adaptations(part, result)
-            write_adapted_models(part, table.subjects, models, result.adapted, f"w = {weight:g}, reading {reading}")
-            write_run(part, "adapt", record, {"weight": weight, "reading": reading}, table.rejected)
-        remove_models_of_failed(folder, table.subjects, models, result.adapted)
+            table = parts.make(work, files.in_chunks(size), maker, report)
+            report("writing")
+            with written_together(folder) as part:
+                result, failed = parts.become_tables(part, models)
+                write_adapted_models(part, models, result.parameters, f"w = {weight:g}, reading {reading}")
+                write_run(part, "adapt", record, options, files.rejected)
+        parts.remove()
+        remove_models_of_failed(folder, result.parameters)
         print_summary(console, result.summary)
         print_parameters(console, result.parameters)
-        failed = _not_adapted(result)
-        _write_report(folder, table, models, result, failed)
+        table = replace(table, rejected=tuple(files.rejected))
+        _write_report(folder, table, models, _of(result, table.subjects), failed, of=len(subjects))
     _finish(table, failed)
 
 
@@ -198,7 +222,7 @@ def diagnose_gap(
                 _write_adaptations(part, result)
                 write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
         print_diagnosis(console, found)
-        failed = _not_adapted(result) | found["left_out"]
+        failed = not_adapted(result) | found["left_out"]
         _write_report(folder, table, models, result, failed, found)
     _finish(table, failed)
 
@@ -235,7 +259,7 @@ def trust_results(
             options = {"weight": weight, "choose_weight": choose_weight}
             write_run(part, "trust", record, options, table.rejected)
     print_trust(console, found)
-    _finish(table, _not_adapted(found.adaptations))
+    _finish(table, not_adapted(found.adaptations))
 
 
 @app.command("convert")
@@ -262,6 +286,8 @@ def convert_file(
     other commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
     parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table becomes .parquet.
     """
+    from adapt.convert import convert  # readers of laboratories' files: not for every command
+
     if side not in SIDES:
         raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
     rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
@@ -346,13 +372,17 @@ def _elevations(at: str) -> tuple[float, ...]:
 
 def _inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[ParameterSet], dict[str, object]]:
     """The motions, the models, and what run.json says of their files."""
-    record = inputs_record(motions, models)
+    record, sets = inputs_record(motions, models), _models(models)
+    return read_motions(*motions), sets, record
+
+
+def _models(models: list[str]) -> list[ParameterSet]:
     sets = [load_model(name) for name in models]
     names = [one.name for one in sets]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
-    return read_motions(*motions), sets, record
+    return sets
 
 
 def _write(folder: Path, result: PostureFits) -> None:
@@ -376,31 +406,21 @@ def _write_report(
     folder: Path,
     motions: Motions,
     models: list[ParameterSet],
-    result: Adaptations,
+    result: Tables,
     failed: dict[str, str],
     found: Object | None = None,
+    of: int = 0,
 ) -> None:
     """Comes last: whatever goes wrong with it, the tables are there."""
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
-    write_whole(folder / "report.html", report_html(motions, models, result, failed, found))
+    write_whole(folder / "report.html", report_html(motions, models, result, failed, found, of))
 
 
-def _not_adapted(result: Adaptations) -> dict[str, str]:
-    """By subject, what failed of it."""
-    failed = _failed_subjects(result.fits[result.fits["adapted"] == 1])
-    for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
-        if word != status.OK:
-            failed[subject] = f"adaptation {word}"
-    return failed
-
-
-def _failed_subjects(fits) -> dict[str, str]:
-    bad = fits[fits["status"] != status.OK]
-    return {
-        subject: f"{len(rows)} posture fits {', '.join(sorted(set(rows['status'])))}"
-        for subject, rows in bad.groupby("subject", sort=False)
-    }
+def _of(tables: Tables, subjects: tuple[str, ...]) -> Tables:
+    """The tables of these subjects alone, if they are not all."""
+    mine = tables.parameters["subject"].isin(subjects)
+    return tables if mine.all() else Tables(tables.fits, summary_table(tables.fits), tables.parameters[mine])
 
 
 def _finish(motions: Motions, failed: dict[str, str]) -> None:

@@ -11,11 +11,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from adapt.linalg import gradient
-from adapt.newton import eliminate, linearise
+from adapt.constraints import Differentiated
+from adapt.newton import eliminate
 from adapt.objective import thorax_distance_mm2
 from adapt.posture import mean_square_deg2, objective_weights, solve_from_two_starts
-from models.girdle import Girdle, constraint_residuals_mm
+from models.girdle import Girdle
 
 
 class PostureFit(NamedTuple):
@@ -38,6 +38,7 @@ def posture_fit(
     """
     if measured is None:
         measured = jnp.ones(angles.shape, bool)
+    girdle, angles, measured = jax.tree.map(jnp.asarray, (girdle, angles, measured))
     weights = objective_weights(measured)
     girdle = _with_batch(girdle, angles.shape[1:])
     q, multipliers = _optimum(girdle, angles, weights)
@@ -58,7 +59,7 @@ def _with_batch(girdle: Girdle, batch: tuple[int, ...]) -> Girdle:
 @jax.custom_jvp
 def _optimum(girdle: Girdle, measured: Array, weights: Array) -> tuple[Array, Array]:
     beside = jax.tree.map(lambda x: x[..., None], girdle)
-    solved = solve_from_two_starts(beside.residuals_mm, measured, weights)
+    solved = solve_from_two_starts(Differentiated(beside.residuals_mm), measured, weights)
     good = solved.converged[None]
     return jnp.where(good, solved.angles, jnp.nan), jnp.where(good, solved.multipliers, jnp.nan)
 
@@ -68,15 +69,12 @@ def _optimum_jvp(primals, tangents):
     q, multipliers = _optimum(*primals)
 
     def conditions(girdle, measured, weights):
-        def residual(x):
-            return constraint_residuals_mm(girdle, x)
-
-        pull = gradient(lambda x: jnp.sum(multipliers * residual(x), axis=0), q)
-        return weights * (q - measured) + pull, residual(q)
+        constraints = Differentiated(girdle.residuals_mm)
+        return weights * (q - measured) + constraints.pull(q, multipliers), constraints.residual(q)
 
     _, (slope, gape) = jax.jvp(conditions, primals, tangents)
     girdle, _, weights = primals
-    at = linearise(lambda x: constraint_residuals_mm(girdle, x), q, multipliers)
+    at = Differentiated(girdle.residuals_mm).linearised(q, multipliers)
     moved = eliminate(at._replace(residual=gape), slope, weights)
     return (q, multipliers), (moved.step, moved.multipliers)
 

@@ -9,12 +9,12 @@ changes no solution since G dq + T dtheta = -g:
 A posture whose K is not positive definite is no minimum there and goes without curvature, C and s (Gauss-Newton).
 """
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from models.derivatives import Chain
+from motions.arrays import xp
 
 STIFFNESS = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see ``adapt.newton``). Of 5 to 100 the
@@ -25,9 +25,9 @@ Components = list[Array]
 
 def largest(components: Components) -> Array:
     """max |x_i|."""
-    result = jnp.abs(components[0])
+    result = abs(components[0])
     for x in components[1:]:
-        result = jnp.maximum(result, jnp.abs(x))
+        result = xp.maximum(result, abs(x))
     return result
 
 
@@ -60,8 +60,8 @@ class Elimination:
     def __init__(self, at: Chain, weights: Components, pull: Components, T: list[Components], coupled: int):
         scale = weights[0]
         for w in weights[1:]:
-            scale = jnp.maximum(scale, w)
-        damped = [jnp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
+            scale = xp.maximum(scale, w)
+        damped = [xp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
         self.at, self.T, self.coupled = at, T, coupled
         self.stiffness = [STIFFNESS * scale / product(row, row) for row in at.G]
         stiff = [[s * x for x in row] for s, row in zip(self.stiffness, at.G, strict=True)]
@@ -70,10 +70,10 @@ class Elimination:
             K[i][i] += w
         L, inverse, convex = factorised(K, PIVOT_FLOOR * scale)
         self.convex = convex
-        self.lower = [[jnp.where(convex, x, 0.0) for x in row] for row in L]
-        self.inverse = [jnp.where(convex, x, 1.0 / w) for x, w in zip(inverse, damped, strict=True)]
-        self.used = [jnp.where(convex, s, 0.0) for s in self.stiffness]
-        C = [[jnp.where(convex, x, 0.0) for x in column(at.qu, k)] for k in range(coupled)]
+        self.lower = [[xp.where(convex, x, 0.0) for x in row] for row in L]
+        self.inverse = [xp.where(convex, x, 1.0 / w) for x, w in zip(inverse, damped, strict=True)]
+        self.used = [xp.where(convex, s, 0.0) for s in self.stiffness]
+        C = [[xp.where(convex, x, 0.0) for x in column(at.qu, k)] for k in range(coupled)]
         self.sides = [forward(self.lower, side) for side in (*at.G, *C, pull)]
         self.weighed = [[x * d for x, d in zip(side, self.inverse, strict=True)] for side in self.sides]
         S = [[self._gram(i, j) for j in range(i + 1)] for i in range(3)]
@@ -103,7 +103,7 @@ class Elimination:
         entry -= sum(s * row[i] * row[j] for s, row in zip(self.used, self.T, strict=True))
         if i >= self.coupled:
             return entry
-        return entry + jnp.where(self.convex, self.at.uu[i][j], 0.0) - self._gram(3 + i, 3 + j)
+        return entry + xp.where(self.convex, self.at.uu[i][j], 0.0) - self._gram(3 + i, 3 + j)
 
     def moved(self, d: Components) -> tuple[Components, Components]:
         """dq and the new lambda for the parameters' steps d."""

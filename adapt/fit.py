@@ -5,14 +5,15 @@ Lanes: every posture of every subject with every girdle is one element of a flat
 
 import itertools
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
+from adapt.constraints import ByHand, Constraints, Differentiated
 from adapt.posture import (
     Postures,
     close_chain,
@@ -25,6 +26,7 @@ from adapt.posture import (
 from adapt.posture_sweep import SweptPostures, closed_nearby, sweep_postures
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
+from motions.arrays import repeat, xp
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 
@@ -83,7 +85,7 @@ def fit_lanes(
     or with a girdle that has no numbers (its adaptation failed), is ``invalid``.
     """
     target = np.where(measured, angles, REST_DEG[:, None] / DEG)
-    weights = np.asarray(objective_weights(jnp.asarray(measured)))
+    weights = objective_weights(measured)
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0) & _finite(girdle)
     target = np.where(determined, target, REST_DEG[:, None] / DEG)
     solved = _solved(girdle, target, weights, start, places)
@@ -95,7 +97,7 @@ def fit_lanes(
         if not len(again):
             return fitted
         part = lanes_of(girdle, again), target[:, again], weights[:, again]
-        closed, residual = in_chunks(_close, _FEW_LANES, part[0], part[1] + offset[:, None], classes=1)
+        closed, residual = _few(_close, part[0], part[1] + offset[:, None])
         tried = _as_fitted(_carefully(*part, closed), *part[1:])
         converged = tried.status == status.OK
         _put(fitted, again[converged], _pick(tried, converged))
@@ -127,47 +129,63 @@ def follow_motions(
     (lowest J): where continuation succeeds, its solution replaces the one found on its own.
     """
     target = np.where(measured, angles, REST_DEG[:, None] / DEG)
-    weights = np.asarray(objective_weights(jnp.asarray(measured)))
+    weights = objective_weights(measured)
     problem = girdle, target, weights
     fitted = replace(fitted, **{name: value.copy() for name, value in vars(fitted).items()})
     fitted.jump[:] = _breaks(fitted, problem, previous)
-    for lanes in _motions_of(previous):
-        if fitted.jump[lanes].any():
-            _follow_from_best(fitted, problem, lanes)
-    fitted.jump[:] = _breaks(fitted, problem, previous)
+    with_jump = [lanes for lanes in _motions_of(previous) if fitted.jump[lanes].any()]
+    if with_jump:
+        _follow_from_best(fitted, problem, with_jump)
+        moved = np.concatenate(with_jump)
+        fitted.jump[moved] = _breaks(fitted, problem, np.where(np.isin(np.arange(len(previous)), moved), previous, -1))[
+            moved
+        ]
     return fitted
 
 
-def _follow_from_best(fitted: Fitted, problem, lanes: Int[np.ndarray, " postures"]) -> None:
-    best = int(np.argmin(np.where(fitted.status[lanes] == status.OK, fitted.j_deg2[lanes], np.inf)))
-    for order in (lanes[best:], lanes[best::-1]):
-        for before, after in itertools.pairwise(order):
-            tracked = _track_lanes(fitted, problem, np.array([before]), np.array([after]), _track, _FEW_LANES, 1)
-            if tracked.status[0] == status.OK:
-                _put(fitted, np.array([after]), tracked)
+def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:
+    """All motions in step, up and down from the best posture of each."""
+    orders = []
+    for lanes in motions:
+        best = int(np.argmin(np.where(fitted.status[lanes] == status.OK, fitted.j_deg2[lanes], np.inf)))
+        orders += [list(itertools.pairwise(lanes[best:])), list(itertools.pairwise(lanes[best::-1]))]
+    for number in range(max(map(len, orders), default=0)):
+        before, after = np.array([order[number] for order in orders if number < len(order)]).T
+        for run, track in _trackers(problem[0]):
+            if not len(after):
+                break
+            tracked = _track_lanes(fitted, problem, before, after, run, track)
+            arrived = tracked.status == status.OK
+            _put(fitted, after[arrived], _pick(tracked, arrived))
+            before, after = before[~arrived], after[~arrived]
+
+
+def _trackers(girdle: Chain) -> list[tuple[Any, Any]]:
+    """The fast path, then the careful one for what it did not follow; with effects the careful one alone."""
+    return [(_many, _track_quickly), (_few, _track)] if isinstance(girdle, Girdle) else [(_few, _track)]
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
-    """Where continuation from the posture before does not lead to this one, neither the fast nor the careful one."""
+    """Where continuation from the posture before does not lead to this one, the careful one where the fast one
+    does not arrive."""
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
-    after = after[good]
-    for track, size, classes in ((_track_quickly, _LANES, 2), (_track, _FEW_LANES, 1)):
-        if not len(after) or (track is _track_quickly and not isinstance(problem[0], Girdle)):
-            continue
-        tracked = _track_lanes(fitted, problem, previous[after], after, track, size, classes)
-        apart = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) > SAME_BRANCH_RAD
-        after = after[apart | (tracked.status != status.OK)]
-    broken = np.zeros(len(previous), bool)
-    broken[after] = True
+    after, broken = after[good], np.zeros(len(previous), bool)
+    for run, track in _trackers(problem[0]):
+        if not len(after):
+            break
+        tracked = _track_lanes(fitted, problem, previous[after], after, run, track)
+        near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= SAME_BRANCH_RAD
+        broken[after] = ~near
+        after = after[tracked.status != status.OK]
     return broken
 
 
-def _track_lanes(fitted: Fitted, problem, before, after, track, size: int, classes: int) -> Fitted:
+def _track_lanes(fitted: Fitted, problem, before, after, run, track) -> Fitted:
     girdle, target, weights = problem
     part = lanes_of((girdle, target, weights), after)
     start = target[:, before], fitted.angles[:, before]
-    return _as_fitted(in_chunks(track, size, *part, *start, classes=classes), *part[1:])
+    return _as_fitted(run(track, *part, *start), *part[1:])
 
 
 def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
@@ -221,8 +239,8 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     else:
         quick = _swept(girdle, target, weights, start)
         sure = quick.converged
-    near = np.asarray(mean_square_deg2(quick.angles, target, weights)) < _FAR_DEG2
-    left = np.flatnonzero(~(sure & near))
+    far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
+    left = np.flatnonzero(~sure | (far & (places == 1)))
     if not len(left):
         return quick
     part: tuple[Girdle, Array, Array] = lanes_of((girdle, target, weights), left)
@@ -234,8 +252,18 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
 
 def _carefully(girdle: Chain, target, weights, start) -> Postures:
     if start is None:
-        return in_chunks(_solve_twice, _FEW_LANES, girdle, target, weights, classes=1)
-    return in_chunks(_solve, _FEW_LANES, girdle, target, weights, start, classes=1)
+        return _few(_solve_twice, girdle, target, weights)
+    return _few(_solve, girdle, target, weights, start)
+
+
+def _few(function, girdle: Chain, *arrays) -> Any:
+    """The careful path. With effects there are no derivatives by hand, which numpy needs."""
+    at_once = _FEW_AT_ONCE if isinstance(girdle, Girdle) else 0
+    return in_chunks(function, _FEW_LANES, girdle, *arrays, at_once=at_once)
+
+
+def _many(function, girdle: Girdle, *arrays) -> Any:
+    return in_chunks(function, _LANES, girdle, *arrays, at_once=_AT_ONCE)
 
 
 def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
@@ -243,7 +271,7 @@ def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bo
 
     The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
     """
-    around = [in_chunks(_nearby, _LANES, girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
+    around = [_many(_nearby, girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
     starts = [target, *around]
     many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
     found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
@@ -255,18 +283,24 @@ def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bo
 
 
 def _swept(girdle: Girdle, target, weights, start) -> Postures:
-    """The fast path, judged by the conditions of ``adapt.posture`` (derivatives by automatic differentiation)."""
+    """The fast path, judged by the conditions of ``adapt.posture`` with g and its feet computed anew."""
     lanes = start.shape[1]
-    state = SweptPostures(start, jnp.zeros((3, lanes)), jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
-    swept = resumed(_sweep, _LANES, _SWEEPS, (girdle, target, weights), state)
-    return in_chunks(_judged, _LANES, girdle, target, weights, swept.angles, swept.multipliers)
+    state = SweptPostures(start, np.zeros((3, lanes)), np.zeros(lanes, bool), np.zeros(lanes, int))
+    swept = resumed(_sweep, _LANES, _SWEEPS, (girdle, target, weights), state, _AT_ONCE)
+    return _many(_judged, girdle, target, weights, swept.angles, swept.multipliers)
 
 
 _LANES = 4096
 """Postures in a chunk: 32 kB an array, so that what an operation needs is in a core's second cache."""
 
+_AT_ONCE = 8192
+"""Postures up to which numpy is done before the compiled program of the fast path is loaded."""
+
 _FEW_LANES = 64
-"""Postures in a chunk of the careful path, which is long to compile: one class."""
+"""Postures in a chunk of the careful path, which is long to compile."""
+
+_FEW_AT_ONCE = 1024
+"""Postures up to which numpy does the careful path."""
 
 _SWEEPS, _SWEEP_ITERATIONS = 3, 10
 """Rounds of the fast path, and iterations a round: 9 of 10 postures need one round, 99 of 100 two."""
@@ -275,7 +309,8 @@ _SAME_DEG2 = 1e-6
 """Two optima whose J differ by less are one."""
 
 _FAR_DEG2 = 200.0
-"""From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: both paths are tried.
+"""From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: from two starts alone both
+paths are tried.
 Measured postures leave 64 with R2 as it is; with das3, which does not close at rest, 440."""
 
 _PLACES_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG])
@@ -294,53 +329,59 @@ def _sweep(girdle: Girdle, target: Array, weights: Array, state: SweptPostures) 
 
 @compiled
 def _judged(girdle: Girdle, target: Array, weights: Array, angles: Array, multipliers: Array) -> Postures:
-    return evaluated(girdle.residuals_mm, angles, multipliers, target, weights)
+    return evaluated(ByHand(girdle), angles, multipliers, target, weights)
+
+
+def _constraints(girdle: Chain) -> Constraints:
+    return ByHand(girdle) if isinstance(girdle, Girdle) else Differentiated(girdle.residuals_mm)
 
 
 @jax.jit
 def _solve(girdle: Chain, target: Array, weights: Array, start: Array) -> Postures:
-    return solve_postures(girdle.residuals_mm, target, weights, start)
+    return solve_postures(_constraints(girdle), target, weights, start)
 
 
 @jax.jit
 def _solve_twice(girdle: Chain, target: Array, weights: Array) -> Postures:
     beside = jax.tree.map(lambda x: x[..., None], girdle)
-    return solve_from_two_starts(beside.residuals_mm, target, weights)
+    return solve_from_two_starts(_constraints(beside), target, weights)
 
 
 @jax.jit
 def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
-    closed = close_chain(girdle.residuals_mm, start)
-    return closed, girdle.residuals_mm(closed)
+    constraints = _constraints(girdle)
+    closed = close_chain(constraints, start)
+    return closed, constraints.residual(closed)
 
 
 @compiled
 def _track_quickly(girdle: Girdle, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
     """Continuation by the fast path; a lane that failed on the way ends as NaN."""
-    lane = jnp.zeros_like(target[0])
+    lane = xp.zeros_like(target[0])
 
-    def step(share, carry):
-        state, arrived = carry
-        on_the_way = target_before + (share + 1) / _TRACKING_STEPS * (target - target_before)
-        state = state._replace(converged=lane > 0.0, iterations=jnp.zeros_like(state.iterations))
+    def step(carry):
+        number, state, arrived = carry
+        on_the_way = target_before + (number + 1) / _TRACKING_STEPS * (target - target_before)
+        state = state._replace(converged=lane > 0.0, iterations=xp.zeros_like(state.iterations))
         state = sweep_postures(girdle, on_the_way, weights, state, _SWEEP_ITERATIONS)
-        return state, arrived & state.converged
+        return number + 1, state, arrived & state.converged
 
-    first = SweptPostures(start, jnp.zeros_like(start[:3]), lane > 0.0, jnp.zeros_like(lane, int))
-    end, arrived = jax.lax.fori_loop(0, _TRACKING_STEPS, step, (first, lane == 0.0))
-    angles = jnp.where(arrived[None], end.angles, jnp.nan)
-    return evaluated(girdle.residuals_mm, angles, end.multipliers, target, weights)
+    first = SweptPostures(start, xp.zeros_like(start[:3]), lane > 0.0, xp.zeros_like(lane, int))
+    _, end, arrived = repeat(_TRACKING_STEPS, step, (0, first, lane == 0.0))
+    angles = xp.where(arrived[None], end.angles, xp.nan)
+    return evaluated(ByHand(girdle), angles, end.multipliers, target, weights)
 
 
 @jax.jit
 def _track(girdle: Chain, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
     """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
 
-    def step(q, share):
-        on_the_way = target_before + share * (target - target_before)
-        solved = solve_postures(girdle.residuals_mm, on_the_way, weights, q)
-        return solved.angles, solved
+    constraints = _constraints(girdle)
 
-    shares = jnp.arange(1, _TRACKING_STEPS + 1) / _TRACKING_STEPS
-    _, along = jax.lax.scan(step, start, shares)
-    return jax.tree.map(lambda x: x[-1], along)
+    def step(carry):
+        number, solved = carry
+        on_the_way = target_before + number / _TRACKING_STEPS * (target - target_before)
+        return number + 1, solve_postures(constraints, on_the_way, weights, solved.angles)
+
+    first = evaluated(constraints, start, xp.zeros_like(start[:3]), target, weights)
+    return repeat(_TRACKING_STEPS, step, (1, first))[1]

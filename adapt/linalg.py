@@ -8,8 +8,9 @@ Vectors are ``(n, *batch)``, matrices ``(m, n, *batch)``.
 from collections.abc import Callable
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
+
+from motions.arrays import xp
 
 ElementwiseFunction = Callable[[Float[Array, " n *batch"]], Array]
 """A function whose output at one element of the batch depends on its input at that element alone."""
@@ -17,32 +18,32 @@ ElementwiseFunction = Callable[[Float[Array, " n *batch"]], Array]
 
 def matvec(A: Float[Array, " m n *batch"], x: Float[Array, " n *batch"]) -> Float[Array, " m *batch"]:
     """A x."""
-    return jnp.sum(A * x[None], axis=1)
+    return xp.sum(A * x[None], axis=1)
 
 
 def matmul(A: Float[Array, " m n *batch"], B: Float[Array, " n k *batch"]) -> Float[Array, " m k *batch"]:
     """A B."""
-    return jnp.sum(A[:, :, None] * B[None], axis=1)
+    return xp.sum(A[:, :, None] * B[None], axis=1)
 
 
 def transpose(A: Float[Array, " m n *batch"]) -> Float[Array, " n m *batch"]:
     """A', the batch untouched."""
-    return jnp.swapaxes(A, 0, 1)
+    return xp.swapaxes(A, 0, 1)
 
 
 def diagonal(d: Float[Array, " n *batch"]) -> Float[Array, " n n *batch"]:
     """diag(d)."""
-    return jnp.eye(d.shape[0]).reshape(d.shape[0], d.shape[0], *[1] * (d.ndim - 1)) * d[None]
+    return xp.eye(d.shape[0]).reshape(d.shape[0], d.shape[0], *[1] * (d.ndim - 1)) * d[None]
 
 
 def trace(A: Float[Array, " n n *batch"]) -> Float[Array, " *batch"]:
     """Sum of the diagonal."""
-    return jnp.trace(A, axis1=0, axis2=1)
+    return xp.trace(A, axis1=0, axis2=1)
 
 
 def largest(x: Float[Array, " n *batch"]) -> Float[Array, " *batch"]:
     """max |x_i|."""
-    return jnp.max(jnp.abs(x), axis=0)
+    return xp.max(abs(x), axis=0)
 
 
 Rows = list[list[Array]]
@@ -58,7 +59,7 @@ def factorised(rows: Rows, floor: Array) -> tuple[Rows, list[Array], Array]:
         scaled = [lower[j][k] * pivots[k] for k in range(j)]
         pivot = rows[j][j] - sum(lower[j][k] * scaled[k] for k in range(j))
         positive &= pivot > floor
-        pivots.append(jnp.maximum(pivot, floor))
+        pivots.append(xp.maximum(pivot, floor))
         for i in range(j + 1, n):
             inner = sum(lower[i][k] * scaled[k] for k in range(j))
             lower[i][j] = (rows[i][j] - inner) / pivots[j]
@@ -106,7 +107,7 @@ class Factor:
         for i in reversed(range(n)):
             for j in range(i + 1, n):
                 x[i] = x[i] - self.lower[j][i][None] * x[j]
-        return jnp.stack(x)
+        return xp.stack(x)
 
     def solve_vector(self, b: Float[Array, " n *batch"]) -> Float[Array, " n *batch"]:
         """A^-1 b."""
@@ -118,13 +119,13 @@ class Factor:
         for i in range(len(x)):
             for j in range(i):
                 x[i] = x[i] - self.lower[i][j] * x[j]
-        return jnp.stack([value * jnp.sqrt(inverse) for value, inverse in zip(x, self.inverse_pivots, strict=True)])
+        return xp.stack([value * xp.sqrt(inverse) for value, inverse in zip(x, self.inverse_pivots, strict=True)])
 
     def otherwise(self, other: "Factor") -> "Factor":
         """This factor where it is positive, the other one elsewhere."""
 
         def pick(mine, others):
-            return jnp.where(self.positive, mine, others)
+            return xp.where(self.positive, mine, others)
 
         result = object.__new__(Factor)
         result.lower = [
@@ -138,17 +139,17 @@ class Factor:
 def jacobian(f: ElementwiseFunction, x: Float[Array, " n *batch"]) -> Float[Array, " m n *batch"]:
     """df/dx of an elementwise function: n forward passes, batched."""
     n = x.shape[0]
-    basis = jnp.eye(n).reshape(n, n, *[1] * (x.ndim - 1))
+    basis = xp.eye(n).reshape(n, n, *[1] * (x.ndim - 1))
 
     def column(direction):
-        return jax.jvp(f, (x,), (jnp.broadcast_to(direction, x.shape),))[1]
+        return jax.jvp(f, (x,), (xp.broadcast_to(direction, x.shape),))[1]
 
     return jax.vmap(column, out_axes=1)(basis)
 
 
 def gradient(f: ElementwiseFunction, x: Float[Array, " n *batch"]) -> Float[Array, " n *batch"]:
     """df/dx of a scalar elementwise function: one reverse pass."""
-    return jax.grad(lambda x: jnp.sum(f(x)))(x)
+    return jax.grad(lambda x: xp.sum(f(x)))(x)
 
 
 def hessian(f: ElementwiseFunction, x: Float[Array, " n *batch"]) -> Float[Array, " n n *batch"]:

@@ -12,21 +12,18 @@ small system in theta (Schur complement). With no theta it is the Newton step of
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from adapt.linalg import (
-    ElementwiseFunction,
     Factor,
     diagonal,
-    hessian,
-    jacobian,
     largest,
     matmul,
     matvec,
     trace,
     transpose,
 )
+from motions.arrays import xp
 
 STEP_LIMIT_RAD = 0.6
 """Longest step of one angle: a rotation linearised further than this means nothing."""
@@ -70,15 +67,6 @@ class Eliminated(NamedTuple):
     """What this posture adds to its matrix."""
 
 
-def linearise(
-    residual: ElementwiseFunction, z: Float[Array, " n *batch"], multipliers: Float[Array, " 3 *batch"]
-) -> Linearised:
-    """First and second derivatives of g at z = (q, theta), second ones weighted by the multipliers."""
-    slopes = jacobian(residual, z)
-    curvature = hessian(lambda z: jnp.sum(multipliers * residual(z), axis=0), z)
-    return Linearised(residual(z), slopes[:, :6], slopes[:, 6:], curvature)
-
-
 def eliminate(at: Linearised, slope: Float[Array, " 6 *batch"], weights: Float[Array, " 6 *batch"]) -> Eliminated:
     """Solve the nine equations of a posture for dq and lambda, affine in dtheta.
 
@@ -87,18 +75,18 @@ def eliminate(at: Linearised, slope: Float[Array, " 6 *batch"], weights: Float[A
     Gt = transpose(at.G)
     lift = _range_space(at.G)
     curvature = at.curvature[:6, :6]
-    stiffness = _STIFFNESS * (jnp.max(weights, axis=0) + jnp.max(jnp.abs(curvature), axis=(0, 1)))
+    stiffness = _STIFFNESS * (xp.max(weights, axis=0) + xp.max(abs(curvature), axis=(0, 1)))
     factor, share = _convexified(curvature, weights, stiffness * matmul(Gt, lift.solve(at.G)))
     HG = factor.solve(Gt)
     S = matmul(at.G, HG)
     shift = _RANK_SHIFT * trace(S)
-    schur = Factor(S + diagonal(jnp.broadcast_to(shift, S.shape[1:])), floor=shift)
+    schur = Factor(S + diagonal(xp.broadcast_to(shift, S.shape[1:])), floor=shift)
 
     # Right-hand sides: the constant one, then one for each theta. Apart from the matrices above, so that the solution
     # stays visibly linear in them and can be transposed.
     coupling = share * at.curvature[:6, 6:]
-    gape = jnp.concatenate([at.residual[:, None], at.T], axis=1)
-    pull = jnp.concatenate([slope[:, None], coupling], axis=1)
+    gape = xp.concatenate([at.residual[:, None], at.T], axis=1)
+    pull = xp.concatenate([slope[:, None], coupling], axis=1)
     affine = factor.solve(pull + stiffness * matmul(Gt, lift.solve(gape)))
     multipliers = schur.solve(gape - matmul(at.G, affine))
     steps = -affine - matmul(HG, multipliers)
@@ -118,7 +106,7 @@ def _range_space(G: Float[Array, " 3 6 *batch"]) -> Factor:
     """The factor of G G', shifted off singularity."""
     GGt = matmul(G, transpose(G))
     shift = _RANK_SHIFT * trace(GGt)
-    return Factor(GGt + diagonal(jnp.broadcast_to(shift, GGt.shape[1:])), floor=shift)
+    return Factor(GGt + diagonal(xp.broadcast_to(shift, GGt.shape[1:])), floor=shift)
 
 
 def _convexified(
@@ -132,12 +120,12 @@ def _convexified(
     definite exactly where H is so on the tangent space, the condition of a minimum. Away from one the curvature is
     reduced until it is; without curvature (Gauss-Newton) it always is.
     """
-    scale = jnp.max(weights, axis=0)
-    convex = diagonal(jnp.maximum(weights, UNMEASURED_WEIGHT * scale)) + range_space
-    share = jnp.full_like(scale, _CURVATURE_SHARES[0])
+    scale = xp.max(weights, axis=0)
+    convex = diagonal(xp.maximum(weights, UNMEASURED_WEIGHT * scale)) + range_space
+    share = xp.full_like(scale, _CURVATURE_SHARES[0])
     factor = Factor(convex + curvature, PIVOT_FLOOR * scale)
     for smaller in _CURVATURE_SHARES[1:]:
-        share = jnp.where(factor.positive, share, smaller)
+        share = xp.where(factor.positive, share, smaller)
         factor = factor.otherwise(Factor(convex + smaller * curvature, UNMEASURED_WEIGHT * scale))
     return factor, share
 
@@ -150,4 +138,4 @@ def back_to_surface(G: Float[Array, " 3 6 *batch"], residual: Float[Array, " 3 *
 def limited(step: Float[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
     """The step, shortened so that no angle moves by more than ``STEP_LIMIT_RAD``."""
     longest = largest(step)
-    return step * jnp.minimum(1.0, STEP_LIMIT_RAD / jnp.maximum(longest, STEP_LIMIT_RAD))
+    return step * xp.minimum(1.0, STEP_LIMIT_RAD / xp.maximum(longest, STEP_LIMIT_RAD))

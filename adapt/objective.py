@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix
 from jaxtyping import Array, Float
 
-from models.ellipsoid import signed_distance_mm
+from models.derivatives import ELLIPSOID, Distance, distance, ellipsoid_curvature, ellipsoid_slope
+from models.ellipsoid import foot_multiplier, signed_distance_mm
 from models.girdle import Girdle
+from motions.arrays import xp
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
@@ -66,7 +67,55 @@ def thorax_distance_mm2(
     """
     spread = girdle.over_postures()
     distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
-    return jnp.sum(shares * distance**2, axis=0)
+    return xp.sum(shares * distance**2, axis=0)
+
+
+class ThoraxPoints:
+    """D as a function of the adapted parameters, with its derivatives by hand (``adapt.subject.Thorax``)."""
+
+    def __init__(
+        self, girdle: Girdle, points_mm: Float[Array, " 3 points *batch"], shares: Float[Array, " points *batch"]
+    ):
+        self.girdle, self.points_mm, self.shares = girdle, points_mm, shares
+
+    def value(self, theta):
+        return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.shares)
+
+    def distances(self, theta) -> tuple[Distance, list[Array]]:
+        """Of every point, and its slopes in the parameters, the conoid's last."""
+        at = self._at(theta)
+        return at, [*ellipsoid_slope(at), 0.0 * at.d]
+
+    def slope(self, theta):
+        at, slope = self.distances(theta)
+        return xp.stack([xp.sum(2.0 * self.shares * at.d * x, axis=0) for x in slope])
+
+    def curvature(self, theta):
+        at, slope = self.distances(theta)
+        bent = ellipsoid_curvature(at)
+
+        def entry(i, j):
+            second = at.d * bent[max(i, j)][min(i, j)] if max(i, j) < ELLIPSOID else 0.0
+            return xp.sum(2.0 * self.shares * (slope[i] * slope[j] + second), axis=0)
+
+        return xp.stack([xp.stack([entry(i, j) for j in range(6)]) for i in range(6)])
+
+    def _at(self, theta) -> Distance:
+        moved = self.girdle.with_adapted(theta).over_postures()
+        p, a = xp.broadcast_arrays(self.points_mm - moved.centre_mm, moved.semi_axes_mm)
+        return distance(tuple(p), tuple(a), foot_multiplier(p, a))
+
+
+_ON_THE_POINTS_MM2 = 1e-18
+"""D of an ellipsoid that lies on its points, 1e-9 mm off them by the digits of their file: nothing is left to fit."""
+
+
+def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> Girdle:
+    """:func:`geometric_fit` as numpy; a girdle whose ellipsoid lies on its points stays as it is."""
+    shares = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
+    if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, shares) <= _ON_THE_POINTS_MM2:
+        return girdle
+    return jax.tree.map(np.asarray, jitted_geometric_fit(girdle, jnp.asarray(points_mm)))
 
 
 def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdle:
@@ -77,14 +126,16 @@ def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdl
     """
 
     def distances(ellipsoid, _):
-        moved = girdle.with_adapted(jnp.append(ellipsoid, girdle.conoid_length_mm))
+        moved = girdle.with_adapted(xp.append(ellipsoid, girdle.conoid_length_mm))
         return signed_distance_mm(points_mm, moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+
+    import optimistix  # 0.2 s: not for every command
 
     solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
     start = girdle.adapted_mm[:5]
     solution = optimistix.least_squares(distances, solver, start, throw=False, max_steps=200)
-    found = jnp.where(solution.result == optimistix.RESULTS.successful, solution.value, start)
-    return girdle.with_adapted(jnp.append(found, girdle.conoid_length_mm))
+    found = xp.where(solution.result == optimistix.RESULTS.successful, solution.value, start)
+    return girdle.with_adapted(xp.append(found, girdle.conoid_length_mm))
 
 
 jitted_geometric_fit = jax.jit(geometric_fit)

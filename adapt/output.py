@@ -138,6 +138,12 @@ def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> dict[str, o
     }
 
 
+def run_key(inputs: dict[str, object], options: dict[str, object]) -> str:
+    """One word for everything that the results of a run depend on."""
+    record = inputs | {"options": options, "versions": versions()}
+    return hashlib.sha256(json.dumps(record).encode()).hexdigest()[:16]
+
+
 def write_run(
     folder: Path,
     command: str,
@@ -169,6 +175,9 @@ def versions() -> dict[str, str]:
 def sha256(path: Path) -> str | None:
     """None for what cannot be read, which then is among what was left out, and for a pipe, which is read only once."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+        if not path.is_file():
+            return None
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError):
         return None

@@ -6,27 +6,24 @@ Sequential quadratic programming with the exact Hessian of the Lagrangian (``ada
 (``adapt.linesearch``): quadratic at the end, convergent from far away. Elementwise over a trailing batch of postures.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from adapt.constraints import Constraints
 from adapt.linalg import (
-    ElementwiseFunction,
     Factor,
     diagonal,
-    gradient,
-    jacobian,
     largest,
     matmul,
     matvec,
     trace,
     transpose,
 )
-from adapt.linesearch import LENGTHS, TINY_RAD, choose, grown_penalty, pick
-from adapt.newton import back_to_surface, eliminate, limited, linearise
+from adapt.linesearch import TINY_RAD, grown_penalty, longest, pick
+from adapt.newton import Linearised, back_to_surface, eliminate, limited
+from motions.arrays import for_each, repeat_while, xp
 from motions.rotations import DEG
 
 CONSTRAINT_TOLERANCE_MM = 1e-9
@@ -70,100 +67,107 @@ class Postures(NamedTuple):
 
 def objective_weights(measured: Bool[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
     """W of J = 1/2 sum W_i (q_i - s_i)^2 in deg^2 with q in rad. An angle that was not measured has no weight."""
-    count = jnp.maximum(jnp.sum(measured, axis=0), 1)
-    return jnp.where(measured, 2.0 * DEG**2 / count[None], 0.0)
+    count = xp.maximum(xp.sum(measured, axis=0), 1)
+    return xp.where(measured, 2.0 * DEG**2 / count[None], 0.0)
 
 
 def mean_square_deg2(
     angles: Float[Array, " 6 *batch"], measured: Float[Array, " 6 *batch"], weights: Float[Array, " 6 *batch"]
 ) -> Float[Array, " *batch"]:
     """J_p in deg^2 (Eq. 6.1)."""
-    return 0.5 * jnp.sum(weights * (angles - measured) ** 2, axis=0)
+    return 0.5 * xp.sum(weights * (angles - measured) ** 2, axis=0)
 
 
 def solve_postures(
-    residual: ElementwiseFunction,
+    constraints: Constraints,
     measured: Float[Array, " 6 *batch"],
     weights: Float[Array, " 6 *batch"],
     start: Float[Array, " 6 *batch"],
 ) -> Postures:
     """The local optimum of each posture reached from ``start``.
 
-    ``residual`` maps angles (6, *batch) in rad to A1-A3 (3, *batch) in mm; ``measured`` is finite everywhere (any
-    number where its weight is 0). Look at ``converged``: a posture that did not converge is returned as it stands.
+    ``constraints`` are those of the six angles alone; ``measured`` is finite everywhere (any number where its weight is
+    0). Look at ``converged``: a posture that did not converge is returned as it stands.
     """
 
-    def advance(state: Postures) -> Postures:
-        step, multipliers = _newton(residual, state, measured, weights)
-        penalty = grown_penalty(state.penalty, multipliers)
-        angles = _search(residual, state, step, penalty, measured, weights)
-        new = evaluated(residual, angles, multipliers, measured, weights)
+    def here(angles, multipliers) -> tuple[Postures, Linearised]:
+        at = constraints.linearised(angles, multipliers)
+        pull = xp.sum(multipliers[:, None] * at.G, axis=0)
+        return _conditions(angles, multipliers, at.residual, pull, measured, weights), at
+
+    def advance(carry):
+        state, at = carry
+        eliminated = eliminate(at, weights * (state.angles - measured), weights)
+        penalty = grown_penalty(state.penalty, eliminated.multipliers)
+        angles = _search(constraints, state, at.G, limited(eliminated.step), penalty, measured, weights)
+        new, then = here(angles, eliminated.multipliers)
         moved = largest(angles - state.angles)
         new = new._replace(penalty=penalty, last_step_rad=moved, iterations=state.iterations + 1)
-        return jax.tree.map(lambda old, new: jnp.where(state.finished, old, new), state, new)
+        return jax.tree.map(lambda old, new: xp.where(state.finished, old, new), carry, (new, then))
 
-    def unfinished(state: Postures):
-        return jnp.any(~state.finished)
+    def unfinished(carry):
+        return xp.any(~carry[0].finished)
 
-    first = evaluated(residual, start, jnp.zeros_like(start[:3]), measured, weights)
-    return jax.lax.while_loop(unfinished, advance, first)
+    return repeat_while(unfinished, advance, here(start, xp.zeros_like(start[:3])))[0]
 
 
 def solve_from_two_starts(
-    chain: Callable[[Float[Array, " 6 *batch 2"]], Float[Array, " 3 *batch 2"]],
+    chain: Constraints,
     measured: Float[Array, " 6 *batch"],
     weights: Float[Array, " 6 *batch"],
 ) -> Postures:
     """The lower of the optima reached from the measured angles and from where the chain closes nearest to them.
 
     From the measured angles alone the first steps, taken while the chain is still open, end in a worse valley in about
-    4 % of postures 15 degrees off a real motion. ``chain`` is the residual with the starts as a last axis.
+    4 % of postures 15 degrees off a real motion. ``chain`` has the starts as a last axis.
     """
-    twice = jnp.stack([measured, measured], axis=-1)
-    starts = jnp.stack([measured, close_chain(chain, twice)[..., 1]], axis=-1)
-    both = solve_postures(chain, twice, jnp.stack([weights, weights], axis=-1), starts)
-    j = mean_square_deg2(both.angles, twice, jnp.stack([weights, weights], axis=-1))
+    twice = xp.stack([measured, measured], axis=-1)
+    starts = xp.stack([measured, close_chain(chain, twice)[..., 1]], axis=-1)
+    both = solve_postures(chain, twice, xp.stack([weights, weights], axis=-1), starts)
+    j = mean_square_deg2(both.angles, twice, xp.stack([weights, weights], axis=-1))
     second = ~both.converged[..., 0] | (both.converged[..., 1] & (j[..., 1] < j[..., 0]))
-    return jax.tree.map(lambda x: jnp.where(second, x[..., 1], x[..., 0]), both)
+    return jax.tree.map(lambda x: xp.where(second, x[..., 1], x[..., 0]), both)
 
 
-def evaluated(residual: ElementwiseFunction, angles, multipliers, measured, weights) -> Postures:
+def evaluated(constraints: Constraints, angles, multipliers, measured, weights) -> Postures:
     """The conditions of an optimum at these angles and multipliers, not iterated yet."""
-    pull = gradient(lambda q: jnp.sum(multipliers * residual(q), axis=0), angles)
+    g, pull = constraints.residual(angles), constraints.pull(angles, multipliers)
+    return _conditions(angles, multipliers, g, pull, measured, weights)
+
+
+def _conditions(angles, multipliers, g, pull, measured, weights) -> Postures:
     stationarity = largest(weights * (angles - measured) + pull) / DEG
-    zero = jnp.zeros_like(stationarity)
-    return Postures(angles, multipliers, residual(angles), stationarity, zero, zero + jnp.inf, zero.astype(int))
+    zero = xp.zeros_like(stationarity)
+    return Postures(angles, multipliers, g, stationarity, zero, zero + xp.inf, zero.astype(int))
 
 
-def _newton(residual, state: Postures, measured, weights):
-    slope = weights * (state.angles - measured)
-    eliminated = eliminate(linearise(residual, state.angles, state.multipliers), slope, weights)
-    return limited(eliminated.step), eliminated.multipliers
+def _search(constraints, state: Postures, G, step, penalty, measured, weights):
+    def merit_of(q, g):
+        return mean_square_deg2(q, measured, weights) + penalty * xp.sum(abs(g), axis=0)
 
-
-def _search(residual, state: Postures, step, penalty, measured, weights):
     def merit(q):
-        return mean_square_deg2(q, measured, weights) + penalty * jnp.sum(jnp.abs(residual(q)), axis=0)
+        return merit_of(q, constraints.residual(q))
 
     q = state.angles
-    G = jacobian(residual, q)
 
     def corrected(length):
         plain = q + length * step
-        return plain + limited(back_to_surface(G, residual(plain)))
+        return plain + limited(back_to_surface(G, constraints.residual(plain)))
 
-    candidates = jax.vmap(corrected)(jnp.array(LENGTHS))
-    predicted = jnp.sum(weights * (q - measured) * step, axis=0)
-    predicted = predicted - penalty * jnp.sum(jnp.abs(state.residual_mm), axis=0)
-    index = choose(merit(q), predicted, jax.vmap(merit)(candidates), largest(step) < TINY_RAD)
-    return pick(candidates, index)
+    def attempt(lengths):
+        candidates = for_each(corrected, lengths, like=q)
+        return candidates, for_each(merit, candidates, like=q)
+
+    predicted = xp.sum(weights * (q - measured) * step, axis=0)
+    predicted = predicted - penalty * xp.sum(abs(state.residual_mm), axis=0)
+    return pick(*longest(attempt, merit_of(q, state.residual_mm), predicted, largest(step) < TINY_RAD))
 
 
 _SETTLED_RAD = 1e-10
 """Step at which the closing of a chain has come to rest."""
 
 
-def close_chain(residual: ElementwiseFunction, start: Float[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
+def close_chain(constraints: Constraints, start: Float[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
     """Angles near ``start`` where the chain closes or, if it cannot, where it gapes least (local minimum of |g|^2).
 
     Levenberg-Marquardt with steps in the range of G'. A posture whose chain is still open here is unreachable.
@@ -171,22 +175,22 @@ def close_chain(residual: ElementwiseFunction, start: Float[Array, " 6 *batch"])
 
     def advance(carry):
         iteration, q, g, damping, moving = carry
-        Gt = transpose(jacobian(residual, q))
+        Gt = transpose(constraints.slopes(q))
         GGt = matmul(transpose(Gt), Gt)
         shift = damping * trace(GGt)
-        factor = Factor(GGt + diagonal(jnp.broadcast_to(shift, GGt.shape[1:])), floor=1e-15 * shift)
+        factor = Factor(GGt + diagonal(xp.broadcast_to(shift, GGt.shape[1:])), floor=1e-15 * shift)
         step = limited(-matvec(Gt, factor.solve_vector(g)))
-        trial = residual(q + step)
-        better = jnp.sum(trial**2, axis=0) < jnp.sum(g**2, axis=0)
-        q, g = jnp.where(better, q + step, q), jnp.where(better, trial, g)
-        damping = damping * jnp.where(better, 0.1, 10.0)
+        trial = constraints.residual(q + step)
+        better = xp.sum(trial**2, axis=0) < xp.sum(g**2, axis=0)
+        q, g = xp.where(better, q + step, q), xp.where(better, trial, g)
+        damping = damping * xp.where(better, 0.1, 10.0)
         moving = (largest(step) > _SETTLED_RAD) & (largest(g) > 1e-3 * CONSTRAINT_TOLERANCE_MM)
         return iteration + 1, q, g, damping, moving
 
     def unfinished(carry):
         iteration, *_, moving = carry
-        return (iteration < 2 * MAX_ITERATIONS) & jnp.any(moving)
+        return (iteration < 2 * MAX_ITERATIONS) & xp.any(moving)
 
-    zero = jnp.zeros_like(start[0])
-    first = (0, start, residual(start), zero + 1e-3, zero == 0)
-    return jax.lax.while_loop(unfinished, advance, first)[1]
+    zero = xp.zeros_like(start[0])
+    first = (0, start, constraints.residual(start), zero + 1e-3, zero == 0)
+    return repeat_while(unfinished, advance, first)[1]

@@ -5,8 +5,6 @@ A lane that does not end here is no failure: ``adapt.posture`` goes on with it, 
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
@@ -15,7 +13,8 @@ from adapt.linalg import backward, factorised, forward
 from adapt.newton import STEP_LIMIT_RAD
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.derivatives import chain
-from models.girdle import Girdle
+from models.girdle import Girdle, feet
+from motions.arrays import repeat, xp
 from motions.rotations import DEG
 
 _CLOSING_STEPS = 6
@@ -58,7 +57,7 @@ def sweep_postures(
     iterations: int,
 ) -> SweptPostures:
     """At most ``iterations`` iterations on from ``start``; a lane that has converged stays where it is."""
-    lane = jnp.zeros_like(measured[0])
+    lane = xp.zeros_like(measured[0])
     first = _State(
         base=list(start.angles),
         multipliers=list(start.multipliers),
@@ -67,21 +66,19 @@ def sweep_postures(
         length=lane + 1.0,
         target=[lane] * 3,
         stiffness=[lane] * 3,
-        merit=lane + jnp.inf,
-        feet=[lane] * 2,
-        iterations=jnp.zeros_like(lane, int),
+        merit=lane + xp.inf,
+        feet=feet(girdle, start.angles),
+        iterations=xp.zeros_like(lane, int),
         converged=start.converged,
     )
     theta = list(girdle.adapted_mm)
 
-    end = until_converged(
-        lambda state: _iterate(girdle, theta, list(measured), list(weights), state), first, iterations
-    )
+    end = until_converged(_iterate, (girdle, theta, list(measured), list(weights)), first, iterations)
     # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
     last = end.converged & ~start.converged
-    q = [jnp.where(last, x + dx, x) for x, dx in zip(end.base, end.step, strict=True)]
-    multipliers = [jnp.where(last, x + dx, x) for x, dx in zip(end.multipliers, end.change, strict=True)]
-    return SweptPostures(jnp.stack(q), jnp.stack(multipliers), end.converged, start.iterations + end.iterations)
+    q = [xp.where(last, x + dx, x) for x, dx in zip(end.base, end.step, strict=True)]
+    multipliers = [xp.where(last, x + dx, x) for x, dx in zip(end.multipliers, end.change, strict=True)]
+    return SweptPostures(xp.stack(q), xp.stack(multipliers), end.converged, start.iterations + end.iterations)
 
 
 def _iterate(girdle: Girdle, theta: Components, measured: Components, weights: Components, state: _State) -> _State:
@@ -106,7 +103,7 @@ def _iterate(girdle: Girdle, theta: Components, measured: Components, weights: C
         multipliers=multipliers,
         step=step,
         change=[x - y for x, y in zip(target, multipliers, strict=True)],
-        length=jnp.minimum(1.0, STEP_LIMIT_RAD / largest(step)),
+        length=xp.minimum(1.0, STEP_LIMIT_RAD / largest(step)),
         target=target,
         stiffness=postures.stiffness,
         merit=J + augmented(target, postures.stiffness, at.g),
@@ -120,16 +117,16 @@ def _iterate(girdle: Girdle, theta: Components, measured: Components, weights: C
 def closed_nearby(girdle: Girdle, start: Float[Array, " 6 lanes"]) -> Float[Array, " 6 lanes"]:
     """Gauss-Newton onto the constraint surface, q <- q - G'(GG')^-1 g: a start, not a solution."""
     theta = list(girdle.adapted_mm)
-    lane = jnp.zeros_like(start[0])
+    lane = xp.zeros_like(start[0])
 
-    def closer(_, carry):
+    def closer(carry):
         q, feet = carry
         at = chain(girdle, q, theta, [lane] * 3, feet)
         S, inverse, _ = factorised([[product(at.G[i], at.G[j]) for j in range(i + 1)] for i in range(3)], lane)
         lift = backward(S, [x * d for x, d in zip(forward(S, at.g), inverse, strict=True)])
         step = [-product(column(at.G, k), lift) for k in range(6)]
-        limit = jnp.minimum(1.0, STEP_LIMIT_RAD / largest(step))
+        limit = xp.minimum(1.0, STEP_LIMIT_RAD / largest(step))
         return [x + limit * dx for x, dx in zip(q, step, strict=True)], at.feet
 
-    q, _ = jax.lax.fori_loop(0, _CLOSING_STEPS, closer, (list(start), [lane] * 2))
-    return jnp.stack(q)
+    q, _ = repeat(_CLOSING_STEPS, closer, (list(start), [lane] * 2))
+    return xp.stack(q)

@@ -11,17 +11,18 @@ it: one sweep over the postures instead of an optimisation inside an optimisatio
 Arrays are component first, then the postures of a subject, then any batch of subjects.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from adapt.linalg import Factor, diagonal, gradient, hessian, largest, matvec
-from adapt.linesearch import LENGTHS, TINY_RAD, choose, grown_penalty, pick
-from adapt.newton import Eliminated, back_to_surface, eliminate, limited, linearise
+from adapt.constraints import Constraints
+from adapt.linalg import Factor, diagonal, largest, matvec
+from adapt.linesearch import LENGTHS, TINY_RAD, grown_penalty, longest, pick
+from adapt.newton import Eliminated, Linearised, back_to_surface, eliminate, limited
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
+from motions.arrays import for_each, repeat_while, xp
 from motions.rotations import DEG
 
 THETA_TOLERANCE = 1e-8
@@ -40,9 +41,6 @@ _DAMPINGS = (0.0, *(10.0**k for k in range(-5, 4)))
 _PIVOT_FLOOR = 1e-9
 """Smallest pivot of the matrix in theta, relative to its largest diagonal entry."""
 
-Residual = Callable[[Float[Array, " n postures *batch"]], Float[Array, " 3 postures *batch"]]
-"""g of z = (q, theta), elementwise over postures and batch."""
-
 
 class Problem(NamedTuple):
     """What the data and the model fix, for one subject or a trailing batch of them."""
@@ -59,11 +57,19 @@ class Problem(NamedTuple):
     def total(self, of_postures: Float[Array, " ..."]) -> Float[Array, " ..."]:
         """Sum over the postures that count; axes before the postures stay."""
         axis = of_postures.ndim - self.counted.ndim
-        return jnp.sum(jnp.where(self.counted, of_postures, 0.0), axis=axis)
+        return xp.sum(xp.where(self.counted, of_postures, 0.0), axis=axis)
 
     def worst(self, of_postures: Float[Array, " postures *batch"]) -> Float[Array, " *batch"]:
         """Maximum over the postures that count."""
-        return jnp.max(jnp.where(self.counted, of_postures, 0.0), axis=0)
+        return xp.max(xp.where(self.counted, of_postures, 0.0), axis=0)
+
+
+class Thorax(Protocol):
+    """P(theta) with its derivatives, elementwise over the batch."""
+
+    def value(self, theta: Float[Array, " m *batch"]) -> Float[Array, " *batch"]: ...
+    def slope(self, theta: Float[Array, " m *batch"]) -> Float[Array, " m *batch"]: ...
+    def curvature(self, theta: Float[Array, " m *batch"]) -> Float[Array, " m m *batch"]: ...
 
 
 class Subject(NamedTuple):
@@ -86,8 +92,8 @@ class Subject(NamedTuple):
 
 
 def solve_subjects(
-    residual: Residual,
-    penalty_term: Callable[[Float[Array, " m *batch"]], Float[Array, " *batch"]],
+    constraints: Constraints,
+    thorax: Thorax,
     problem: Problem,
     theta: Float[Array, " m *batch"],
     angles: Float[Array, " 6 postures *batch"],
@@ -97,21 +103,28 @@ def solve_subjects(
     Subjects that did not converge are returned as they stand: look at ``converged``.
     """
 
-    def advance(state: Subject) -> Subject:
-        new = _iterate(residual, penalty_term, problem, state)
-        return jax.tree.map(lambda old, new: jnp.where(state.converged, old, new), state, new)
+    def here(theta, angles, multipliers) -> tuple[Subject, Linearised]:
+        at = constraints.linearised(joint(angles, theta), multipliers)
+        pull = xp.sum(multipliers[:, None] * xp.concatenate([at.G, at.T], axis=1), axis=0)
+        return _conditions(thorax, problem, theta, angles, multipliers, at.residual, pull), at
 
-    def unfinished(state: Subject):
-        return jnp.any(~state.converged & (state.iterations < MAX_ITERATIONS))
+    def advance(carry):
+        state, at = carry
+        theta, angles, multipliers, moved = _iterate(constraints, thorax, problem, state, at)
+        new, then = here(theta, angles, multipliers)
+        return jax.tree.map(lambda old, new: xp.where(state.converged, old, new), carry, (new._replace(**moved), then))
 
-    first = evaluated(residual, penalty_term, problem, theta, angles, jnp.zeros_like(angles[:3]))
-    return jax.lax.while_loop(unfinished, advance, first)
+    def unfinished(carry):
+        state, _ = carry
+        return xp.any(~state.converged & (state.iterations < MAX_ITERATIONS))
+
+    return repeat_while(unfinished, advance, here(theta, angles, xp.zeros_like(angles[:3])))[0]
 
 
 def joint(angles, theta):
     """z = (q, theta) with theta repeated over the postures."""
-    postures = jnp.broadcast_to(theta[:, None], (theta.shape[0], *angles.shape[1:]))
-    return jnp.concatenate([angles, postures])
+    postures = xp.broadcast_to(theta[:, None], (theta.shape[0], *angles.shape[1:]))
+    return xp.concatenate([angles, postures])
 
 
 def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
@@ -121,21 +134,25 @@ def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
     return at_lower | at_upper
 
 
-def evaluated(residual: Residual, penalty_term, problem: Problem, theta, angles, multipliers) -> Subject:
+def evaluated(constraints: Constraints, thorax: Thorax, problem: Problem, theta, angles, multipliers) -> Subject:
     """The conditions of an optimum at this point, not iterated yet."""
     z = joint(angles, theta)
-    pull = gradient(lambda z: jnp.sum(multipliers * residual(z), axis=0), z)
+    return _conditions(
+        thorax, problem, theta, angles, multipliers, constraints.residual(z), constraints.pull(z, multipliers)
+    )
+
+
+def _conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, pull) -> Subject:
     stationarity = largest(problem.weights * (angles - problem.measured) + pull[:6]) / DEG
-    slope = gradient(penalty_term, theta) + problem.total(pull[6:])
-    slope = jnp.where(_held(problem, theta, slope), 0.0, slope)
-    g = residual(z)
+    slope = thorax.slope(theta) + problem.total(pull[6:])
+    slope = xp.where(_held(problem, theta, slope), 0.0, slope)
     converged = (
         (problem.worst(largest(g)) <= CONSTRAINT_TOLERANCE_MM)
         & (problem.worst(stationarity) <= STATIONARITY_TOLERANCE)
         & (largest(slope) <= THETA_TOLERANCE)
     )
-    start = {"penalty": jnp.zeros_like(angles[0]), "radius_mm": jnp.full_like(theta[0], FIRST_RADIUS_MM)}
-    iterations = jnp.zeros_like(theta[0], int)
+    start = {"penalty": xp.zeros_like(angles[0]), "radius_mm": xp.full_like(theta[0], FIRST_RADIUS_MM)}
+    iterations = xp.zeros_like(theta[0], int)
     return Subject(
         theta,
         angles,
@@ -151,62 +168,61 @@ def evaluated(residual: Residual, penalty_term, problem: Problem, theta, angles,
 
 
 def theta_system(
-    penalty_term, problem: Problem, theta: Float[Array, " m *batch"], eliminated: Eliminated
+    thorax: Thorax, problem: Problem, theta: Float[Array, " m *batch"], eliminated: Eliminated
 ) -> tuple[Float[Array, " m m *batch"], Float[Array, " m *batch"]]:
     """Hessian of E in theta with the postures eliminated, and the slope after their own steps."""
-    matrix = hessian(penalty_term, theta) + problem.total(eliminated.hessian)
-    return matrix, gradient(penalty_term, theta) + problem.total(eliminated.slope)
+    matrix = thorax.curvature(theta) + problem.total(eliminated.hessian)
+    return matrix, thorax.slope(theta) + problem.total(eliminated.slope)
 
 
 def _theta_step(problem: Problem, state: Subject, matrix, slope) -> Float[Array, " m *batch"]:
     """Newton step of the parameters off their bounds, braked to the trust radius and cut at the bounds."""
     free = ~_held(problem, state.theta, slope)
-    size = jnp.max(jnp.abs(matrix), axis=(0, 1))
-    reduced = jnp.where(free[:, None] & free[None], matrix, 0.0) + diagonal(jnp.where(free, 0.0, size[None]))
-    target = jnp.where(free, slope, 0.0)
+    size = xp.max(abs(matrix), axis=(0, 1))
+    reduced = xp.where(free[:, None] & free[None], matrix, 0.0) + diagonal(xp.where(free, 0.0, size[None]))
+    target = xp.where(free, slope, 0.0)
 
     def braked(damping):
-        factor = Factor(reduced + diagonal(jnp.full_like(slope, damping)), _PIVOT_FLOOR * size)
+        factor = Factor(reduced + diagonal(xp.full_like(slope, damping)), _PIVOT_FLOOR * size)
         step = -factor.solve_vector(target)
         return step, factor.positive & (largest(step) <= state.radius_mm)
 
-    steps, good = jax.vmap(braked)(jnp.array(_DAMPINGS))
-    first_good = jnp.where(jnp.any(good, axis=0), jnp.argmax(good, axis=0), len(_DAMPINGS) - 1)
-    return jnp.clip(state.theta + pick(steps, first_good), problem.lower, problem.upper) - state.theta
+    steps, good = for_each(braked, np.array(_DAMPINGS), like=target)
+    first_good = xp.where(xp.any(good, axis=0), xp.argmax(good, axis=0), len(_DAMPINGS) - 1)
+    return xp.clip(state.theta + pick(steps, first_good), problem.lower, problem.upper) - state.theta
 
 
-def _iterate(residual, penalty_term, problem: Problem, state: Subject) -> Subject:
-    z = joint(state.angles, state.theta)
-    at = linearise(residual, z, state.multipliers)
+def _iterate(constraints, thorax, problem: Problem, state: Subject, at: Linearised):
     eliminated = eliminate(at, problem.weights * (state.angles - problem.measured), problem.weights)
-    matrix, slope = theta_system(penalty_term, problem, state.theta, eliminated)
+    matrix, slope = theta_system(thorax, problem, state.theta, eliminated)
     theta_step = _theta_step(problem, state, matrix, slope)
-    over_postures = jnp.broadcast_to(theta_step[:, None], z[6:].shape)
+    over_postures = xp.broadcast_to(theta_step[:, None], (len(theta_step), *state.angles.shape[1:]))
     step = limited(eliminated.step + matvec(eliminated.step_theta, over_postures))
     multipliers = eliminated.multipliers + matvec(eliminated.multipliers_theta, over_postures)
     penalty = grown_penalty(state.penalty, multipliers)
-    theta, angles, length = _search(residual, penalty_term, problem, state, at.G, theta_step, step, penalty)
-    radius = state.radius_mm * jnp.where(length == 1.0, 2.0, jnp.where(length < 0.5, 0.25, 1.0))
-    new = evaluated(residual, penalty_term, problem, theta, angles, multipliers)
-    return new._replace(penalty=penalty, radius_mm=radius, iterations=state.iterations + 1)
+    theta, angles, length = _search(constraints, thorax, problem, state, at.G, theta_step, step, penalty)
+    radius = state.radius_mm * xp.where(length == 1.0, 2.0, xp.where(length < 0.5, 0.25, 1.0))
+    return theta, angles, multipliers, {"penalty": penalty, "radius_mm": radius, "iterations": state.iterations + 1}
 
 
-def _search(residual, penalty_term, problem: Problem, state: Subject, G, theta_step, step, penalty):
+def _search(constraints, thorax, problem: Problem, state: Subject, G, theta_step, step, penalty):
     def merit(angles, theta):
-        gap = 0.5 * jnp.sum(problem.weights * (angles - problem.measured) ** 2, axis=0)
-        open_chain = penalty * jnp.sum(jnp.abs(residual(joint(angles, theta))), axis=0)
-        return penalty_term(theta) + problem.total(gap + open_chain)
+        gap = 0.5 * xp.sum(problem.weights * (angles - problem.measured) ** 2, axis=0)
+        open_chain = penalty * xp.sum(abs(constraints.residual(joint(angles, theta))), axis=0)
+        return thorax.value(theta) + problem.total(gap + open_chain)
 
     def corrected(length):
         angles, theta = state.angles + length * step, state.theta + length * theta_step
-        return angles + limited(back_to_surface(G, residual(joint(angles, theta)))), theta
+        return angles + limited(back_to_surface(G, constraints.residual(joint(angles, theta)))), theta
 
-    angle_candidates, theta_candidates = jax.vmap(corrected)(jnp.array(LENGTHS))
-    predicted = jnp.sum(gradient(penalty_term, state.theta) * theta_step, axis=0)
-    gap_slope = jnp.sum(problem.weights * (state.angles - problem.measured) * step, axis=0)
-    predicted += problem.total(gap_slope - penalty * jnp.sum(jnp.abs(state.residual_mm), axis=0))
+    def attempt(lengths):
+        candidates = for_each(corrected, lengths, like=step)
+        return candidates, for_each(merit, *candidates, like=step)
+
+    predicted = xp.sum(thorax.slope(state.theta) * theta_step, axis=0)
+    gap_slope = xp.sum(problem.weights * (state.angles - problem.measured) * step, axis=0)
+    predicted = predicted + problem.total(gap_slope - penalty * xp.sum(abs(state.residual_mm), axis=0))
     tiny = (problem.worst(largest(step)) < TINY_RAD) & (largest(theta_step) < 100.0 * TINY_RAD)
-    merits = jax.vmap(merit)(angle_candidates, theta_candidates)
-    index = choose(merit(state.angles, state.theta), predicted, merits, tiny)
-    postures_index = jnp.broadcast_to(index[None], step.shape[1:])
-    return pick(theta_candidates, index), pick(angle_candidates, postures_index), jnp.array(LENGTHS)[index]
+    (angles, theta), index = longest(attempt, merit(state.angles, state.theta), predicted, tiny)
+    postures_index = xp.broadcast_to(index[None], step.shape[1:])
+    return pick(theta, index), pick(angles, postures_index), xp.take(np.array(LENGTHS), index)

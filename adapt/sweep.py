@@ -13,7 +13,6 @@ A lane that does not end here is no failure: ``adapt.subject`` goes on with it, 
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
@@ -23,7 +22,9 @@ from adapt.newton import STEP_LIMIT_RAD
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from adapt.subject import THETA_TOLERANCE, Problem
 from models.derivatives import ELLIPSOID, chain, distance, ellipsoid_curvature, ellipsoid_slope, foot
-from models.girdle import Girdle
+from models.ellipsoid import foot_multiplier
+from models.girdle import Girdle, feet
+from motions.arrays import repeat, xp
 from motions.rotations import DEG
 
 _THETA_FLOOR = 1e-9
@@ -87,30 +88,32 @@ def sweep(
     """At most ``iterations`` iterations on from ``start``; a lane that has converged stays where it is."""
     spread = girdle.over_postures()
     point = Point(list(start.angles), list(start.theta), list(start.multipliers))
-    state = _first(points_mm, point)._replace(converged=start.converged)
+    state = _first(girdle, points_mm, point)._replace(converged=start.converged)
 
-    end = until_converged(lambda state: _iterate(spread, points_mm, shares, problem, state), state, iterations)
+    end = until_converged(_iterate, (spread, points_mm, shares, problem), state, iterations)
     # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
-    last = jax.tree.map(lambda x, dx: jnp.where(end.converged & ~start.converged, x + dx, x), end.base, end.step)
-    q, theta_, multipliers_ = (jnp.stack(x) for x in last)
+    last = jax.tree.map(lambda x, dx: xp.where(end.converged & ~start.converged, x + dx, x), end.base, end.step)
+    q, theta_, multipliers_ = (xp.stack(x) for x in last)
     return Swept(theta_, q, multipliers_, start.iterations + end.iterations, end.converged)
 
 
-def _first(points_mm, start: Point) -> State:
-    """Nothing accepted yet: the first evaluation is at the start itself."""
+def _first(girdle: Girdle, points_mm, start: Point) -> State:
+    """Nothing accepted yet: the first evaluation is at the start itself. Its merit is what the next one must not
+    exceed, so the feet are exact from the beginning."""
     lane, posture = start.theta[0], start.q[0]
+    moved = girdle.with_adapted(xp.stack(start.theta)).over_postures()
     return State(
         base=start,
-        step=jax.tree.map(jnp.zeros_like, start),
-        length=jnp.ones_like(lane),
+        step=jax.tree.map(xp.zeros_like, start),
+        length=xp.ones_like(lane),
         target=start.multipliers,
-        stiffness=[jnp.zeros_like(posture)] * 3,
-        merit=jnp.full_like(lane, jnp.inf),
-        radius_mm=jnp.full_like(lane, _FIRST_RADIUS_MM),
-        feet=[jnp.zeros_like(posture)] * 2,
-        thorax_feet=jnp.zeros_like(points_mm[0]),
-        iterations=jnp.zeros_like(lane, int),
-        converged=jnp.zeros_like(lane, bool),
+        stiffness=[xp.zeros_like(posture)] * 3,
+        merit=xp.full_like(lane, xp.inf),
+        radius_mm=xp.full_like(lane, _FIRST_RADIUS_MM),
+        feet=feet(moved, xp.stack(start.q)),
+        thorax_feet=foot_multiplier(*xp.broadcast_arrays(points_mm - moved.centre_mm, moved.semi_axes_mm)),
+        iterations=xp.zeros_like(lane, int),
+        converged=xp.zeros_like(lane, bool),
     )
 
 
@@ -136,11 +139,11 @@ def _thorax(points_mm, shares, girdle: Girdle, theta: Components, feet) -> Thora
     pull = 2.0 * shares * at.d
 
     def entry(i, j):
-        return jnp.sum(2.0 * shares * slope[i] * slope[j] + pull * curvature[i][j], axis=0)
+        return xp.sum(2.0 * shares * slope[i] * slope[j] + pull * curvature[i][j], axis=0)
 
     return Thorax(
-        jnp.sum(shares * at.d**2, axis=0),
-        [jnp.sum(pull * x, axis=0) for x in slope],
+        xp.sum(shares * at.d**2, axis=0),
+        [xp.sum(pull * x, axis=0) for x in slope],
         [[entry(i, j) for j in range(i + 1)] for i in range(ELLIPSOID)],
         at.t,
     )
@@ -157,10 +160,10 @@ def _iterate(girdle: Girdle, points_mm, shares, problem: Problem, state: State) 
     pull = [w * x for w, x in zip(weights, gap, strict=True)]
 
     def total(of_postures):
-        return jnp.sum(jnp.where(problem.counted, of_postures, 0.0), axis=0)
+        return xp.sum(xp.where(problem.counted, of_postures, 0.0), axis=0)
 
     def worst(of_postures):
-        return jnp.max(jnp.where(problem.counted, of_postures, 0.0), axis=0)
+        return xp.max(xp.where(problem.counted, of_postures, 0.0), axis=0)
 
     E = thorax.value + total(0.5 * product(pull, gap))
 
@@ -174,10 +177,10 @@ def _iterate(girdle: Girdle, points_mm, shares, problem: Problem, state: State) 
     slope.append(total(-multipliers[2]))
     lower, upper = list(problem.lower), list(problem.upper)
     free_slope = [
-        jnp.where(((x <= lo) & (b > 0.0)) | ((x >= up) & (b < 0.0)), 0.0, b)
+        xp.where(((x <= lo) & (b > 0.0)) | ((x >= up) & (b < 0.0)), 0.0, b)
         for x, lo, up, b in zip(tried.theta, lower, upper, slope, strict=True)
     ]
-    zero = jnp.zeros_like(at.g[0])
+    zero = xp.zeros_like(at.g[0])
     T = [[*row, zero] for row in at.T] + [[zero] * ELLIPSOID + [zero - 1.0]]
     postures = Elimination(at, weights, pull, T, ELLIPSOID)
     right = [total(postures.slope(i)) for i in range(6)]
@@ -187,16 +190,16 @@ def _iterate(girdle: Girdle, points_mm, shares, problem: Problem, state: State) 
         for j in range(ELLIPSOID):
             matrix[i][j] += thorax.curvature[max(i, j)][min(i, j)]
 
-    radius = jnp.where(state.length < 1.0, jnp.maximum(state.length * state.radius_mm, 1.0), _GROWTH * state.radius_mm)
-    here = jnp.stack(tried.theta)
-    low, high = jnp.maximum(problem.lower - here, -radius), jnp.minimum(problem.upper - here, radius)
-    theta_step, definite = _box_minimum(jnp.stack([jnp.stack(row) for row in matrix]), jnp.stack(right), low, high)
+    radius = xp.where(state.length < 1.0, xp.maximum(state.length * state.radius_mm, 1.0), _GROWTH * state.radius_mm)
+    here = xp.stack(tried.theta)
+    low, high = xp.maximum(problem.lower - here, -radius), xp.minimum(problem.upper - here, radius)
+    theta_step, definite = _box_minimum(xp.stack([xp.stack(row) for row in matrix]), xp.stack(right), low, high)
 
     dq, target = postures.moved(list(theta_step[:, None]))
     converged = (
         good
         & definite
-        & (worst(jnp.where(postures.convex, 0.0, 1.0)) == 0.0)
+        & (worst(xp.where(postures.convex, 0.0, 1.0)) == 0.0)
         & (worst(largest(at.g)) <= CONSTRAINT_TOLERANCE_MM)
         & (worst(stationarity(at, pull, multipliers)) / DEG <= STATIONARITY_TOLERANCE)
         & (largest(free_slope) <= THETA_TOLERANCE)
@@ -205,7 +208,7 @@ def _iterate(girdle: Girdle, points_mm, shares, problem: Problem, state: State) 
     accepted = State(
         base=tried,
         step=step,
-        length=jnp.minimum(1.0, STEP_LIMIT_RAD / worst(largest(dq))),
+        length=xp.minimum(1.0, STEP_LIMIT_RAD / worst(largest(dq))),
         target=target,
         stiffness=postures.stiffness,
         merit=merit(target, postures.stiffness),
@@ -227,23 +230,23 @@ def _box_minimum(
     slope there points inward; mostly two or three rounds. A clipped free step would leave the others where they are
     good for a parameter that never came: the reason of this function.
     """
-    size = jnp.max(jnp.abs(matrix), axis=(0, 1))
+    size = xp.max(abs(matrix), axis=(0, 1))
 
     def with_fixed(fixed):
         free = fixed == 0
-        value = jnp.where(fixed < 0, low, jnp.where(fixed > 0, high, 0.0))
-        reduced = jnp.where(free[:, None] & free[None], matrix, 0.0) + diagonal(jnp.where(free, 0.0, size))
+        value = xp.where(fixed < 0, low, xp.where(fixed > 0, high, 0.0))
+        reduced = xp.where(free[:, None] & free[None], matrix, 0.0) + diagonal(xp.where(free, 0.0, size))
         factor = Factor(reduced, _THETA_FLOOR * size)
-        x = factor.solve_vector(jnp.where(free, -(slope + matvec(matrix, value)), size * value))
+        x = factor.solve_vector(xp.where(free, -(slope + matvec(matrix, value)), size * value))
         return x, factor.positive
 
-    def again(_, fixed):
+    def again(fixed):
         x, _ = with_fixed(fixed)
         push = slope + matvec(matrix, x)
-        below = jnp.where(fixed < 0, push > 0.0, x < low)
-        above = jnp.where(fixed > 0, push < 0.0, x > high)
-        return jnp.where(below, -1, jnp.where(above, 1, 0))
+        below = xp.where(fixed < 0, push > 0.0, x < low)
+        above = xp.where(fixed > 0, push < 0.0, x > high)
+        return xp.where(below, -1, xp.where(above, 1, 0))
 
-    fixed = jax.lax.fori_loop(0, _ACTIVE_SETS, again, jnp.zeros(slope.shape, int))
+    fixed = repeat(_ACTIVE_SETS, again, xp.zeros_like(slope, int))
     x, definite = with_fixed(fixed)
-    return jnp.clip(x, low, high), definite
+    return xp.clip(x, low, high), definite

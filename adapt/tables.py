@@ -3,7 +3,8 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The results as tables: one row a posture, one row a subject, and the thesis's tables. Pandas lives here."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,18 @@ STATISTICS = ("mean", "std", "max", "min")
 """The last rows of the thesis's tables; std with n - 1."""
 
 DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The three tables of an adaptation."""
+
+    fits: pd.DataFrame
+    """One row a model, posture and state (adapted or not): the columns of ``fits.csv``."""
+    summary: pd.DataFrame
+    """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4."""
+    parameters: pd.DataFrame
+    """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
 
 
 def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:
@@ -57,12 +70,28 @@ def summary_table(fits: pd.DataFrame) -> pd.DataFrame:
     Only postures whose fit is ``ok`` count; ``postures`` and ``postures_ok`` say how many there were and counted.
     ``clavicle`` and ``scapula`` are the means of their three angles.
     """
+    groups = fits.groupby(["model", "adapted"], sort=False)
+    return summary_of({key: subject_rows(rows) for key, rows in groups})
+
+
+def subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
+    """The rows of subjects of one model and state, of all motions and of each."""
     blocks = []
-    for (model, adapted), rows in fits.groupby(["model", "adapted"], sort=False):
+    for motion in [ALL_MOTIONS, *dict.fromkeys(fits["motion"])]:
+        block = _by_subject(fits if motion == ALL_MOTIONS else fits[fits["motion"] == motion])
+        block.insert(0, "motion", motion)
+        blocks.append(block)
+    return pd.concat(blocks, ignore_index=True)
+
+
+def summary_of(subjects: Mapping[tuple[str, int], pd.DataFrame]) -> pd.DataFrame:
+    """:func:`summary_table` of these rows of subjects, by model and state."""
+    blocks = []
+    for (model, adapted), rows in subjects.items():
         motions = list(dict.fromkeys(rows["motion"]))
-        for motion in [ALL_MOTIONS, *motions] if len(motions) > 1 else [ALL_MOTIONS]:
-            part = rows if motion == ALL_MOTIONS else rows[rows["motion"] == motion]
-            block = _by_subject(part)
+        # With one motion alone, all motions say the same.
+        for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
+            block = rows[rows["motion"] == motion].drop(columns="motion")
             block = pd.concat([block, _statistics(block)], ignore_index=True)
             block.insert(0, "motion", motion)
             block.insert(0, "adapted", adapted)

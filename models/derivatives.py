@@ -22,9 +22,9 @@ sum a_i^2 m_i^2 = 1 fixes t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 from jaxtyping import Array
+
+from motions.arrays import xp
 
 Vector = tuple[Array, Array, Array]
 Matrix = tuple[Vector, Vector, Vector]
@@ -72,7 +72,7 @@ class Bone(NamedTuple):
         """e_a x r, e_b x r and e_c x r."""
         s, c = self.sin_a, self.cos_a
         return (
-            (r[2], jnp.zeros_like(r[0]), -r[0]),
+            (r[2], 0.0 * r[0], -r[0]),
             (-c * r[1], c * r[0] - s * r[2], s * r[1]),
             cross(self.x, r),
         )
@@ -96,7 +96,7 @@ class Bone(NamedTuple):
 
 def bone(angles: Vector) -> Bone:
     """R = Ry(a) Rz(b) Rx(c) (``motions.rotations.rotation_from_cardan``)."""
-    (ca, cb, cc), (sa, sb, sc) = (tuple(f(x) for x in angles) for f in (jnp.cos, jnp.sin))
+    (ca, cb, cc), (sa, sb, sc) = (tuple(f(x) for x in angles) for f in (xp.cos, xp.sin))
     return Bone(
         (ca * cb, sb, -sa * cb),
         (sa * sc - ca * sb * cc, cb * cc, ca * sc + sa * sb * cc),
@@ -133,7 +133,7 @@ def foot(p: Vector, a: Vector, t: Array) -> Array:
         D = tuple(1.0 / (t + x * x) for x in a)
         terms = tuple((x * y * z) ** 2 for x, y, z in zip(a, p, D, strict=True))
         S = terms[0] + terms[1] + terms[2]
-        t = t + (jnp.sqrt(S) - 1.0) * S / (terms[0] * D[0] + terms[1] * D[1] + terms[2] * D[2])
+        t = t + (xp.sqrt(S) - 1.0) * S / (terms[0] * D[0] + terms[1] * D[1] + terms[2] * D[2])
     return t
 
 
@@ -144,7 +144,7 @@ def distance(p: Vector, a: Vector, t: Array) -> Distance:
     w: Vector = m[0] * D[0], m[1] * D[1], m[2] * D[2]
     aw: Vector = a[0] * w[0], a[1] * w[1], a[2] * w[2]
     squared = dot(m, m)
-    shorter = jax.lax.rsqrt(squared)  # 1 / L
+    shorter = 1.0 / xp.sqrt(squared)  # 1 / L
     n = _times(shorter, m)
     mw, nw = dot(m, w), dot(n, w)
     h = 1.0 / (squared - t * mw)  # 1 / h
@@ -219,7 +219,7 @@ def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], 
     ac_spin = clavicle.spin(to_ac)
 
     g, G, T = [], [], []
-    zero = jnp.zeros_like(q[0])
+    zero = 0.0 * q[0]
     qq = [[zero] * (i + 1) for i in range(6)]
     qu = [[zero] * ELLIPSOID for _ in range(6)]
     uu = [[zero] * (i + 1) for i in range(ELLIPSOID)]
@@ -239,13 +239,13 @@ def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], 
         for i in range(6):
             bent: Vector = tuple(dot(row, J[i]) for row in pp)  # type: ignore[assignment]
             for j in range(i + 1):
-                qq[i][j] += dot(J[j], bent)
+                qq[i][j] = qq[i][j] + dot(J[j], bent)  # not +=: they all start as one array
             stretched = [J[i][0] * pa[0][k] + J[i][1] * pa[1][k] + J[i][2] * pa[2][k] for k in range(3)]
             for k, value in enumerate((-bent[1], -bent[2], *stretched)):
-                qu[i][k] += value
+                qu[i][k] = qu[i][k] + value
         for i, row in enumerate(ellipsoid_curvature(at)):
             for j, value in enumerate(row):
-                uu[i][j] += own * value
+                uu[i][j] = uu[i][j] + own * value
         forces.append(_times(own, at.n))
         arms.append(arm)
         moved.append(at.t)
@@ -255,14 +255,14 @@ def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], 
     arm = scapula.rotate(tuple(girdle.scapula_conoid_mm))
     conoid = _sum(from_clavicle, arm)
     squared = dot(conoid, conoid)
-    shorter = jax.lax.rsqrt(squared)
+    shorter = 1.0 / xp.sqrt(squared)
     n = _times(shorter, conoid)
     J = (*clavicle.spin(from_clavicle), *scapula.spin(arm))
     g.append(squared * shorter - theta[5])
     G.append([dot(column, n) for column in J])
     for i in range(6):
         for j in range(i + 1):
-            qq[i][j] += own * shorter * (dot(J[i], J[j]) - G[2][i] * G[2][j])
+            qq[i][j] = qq[i][j] + own * shorter * (dot(J[i], J[j]) - G[2][i] * G[2][j])
     forces.append(_times(own, n))
     arms.append(arm)
 
@@ -271,7 +271,7 @@ def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], 
     of_scapula = _moments(arms, forces)
     for first, turned in ((0, clavicle.curvature(of_clavicle)), (3, scapula.curvature(of_scapula))):
         for (i, j), value in turned.items():
-            qq[first + j][first + i] += value
+            qq[first + j][first + i] = qq[first + j][first + i] + value
     return Chain(g, G, T, qq, qu, uu, moved)
 
 

@@ -15,6 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from motions.arrays import is_jax, repeat_while, xp
+
 _UNROLLED_STEPS = 3
 """Newton steps every point takes; a point within 60 mm of a thorax needs no more, deep ones go on in a loop."""
 
@@ -35,15 +37,17 @@ def signed_distance_mm(
     semi_axes_mm: Float[Array, " 3 *#batch"],
 ) -> Float[Array, " *batch"]:
     """Distance from a point to the ellipsoid's surface in mm, outside positive (thesis Eq. 6.2, A1 and A2)."""
-    point, axes = jnp.broadcast_arrays(point_mm - centre_mm, semi_axes_mm)
-    return _signed_distance(point, axes)
+    point = point_mm - centre_mm
+    point, axes = xp.broadcast_arrays(point, semi_axes_mm)
+    return _signed_distance(point, axes) if is_jax([point, axes]) else _from_surface(point, axes)
 
 
-@jax.custom_jvp
-def _signed_distance(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
+def _from_surface(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
     x = closest_point(p, a)
-    n = _outward_normal(x, a)
-    return jnp.sum((p - x) * n, axis=0)
+    return ((p - x) * _outward_normal(x, a)).sum(axis=0)
+
+
+_signed_distance = jax.custom_jvp(_from_surface)
 
 
 @_signed_distance.defjvp
@@ -57,50 +61,61 @@ def _signed_distance_jvp(primals, tangents):
 
 def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
     """The point of the surface nearest to p, both relative to the centre and along the axes, in mm."""
-    p = p + jnp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a
-    return a * a * p / (_secular_root(p, a)[None] + _beyond_shortest(a))
+    p = p + xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a
+    root = _secular_root if is_jax([p, a]) else _largest_root
+    return a * a * p / (root(p, a)[None] + _beyond_shortest(a))
+
+
+def foot_multiplier(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
+    """t of p - x = t (x_i / a_i^2), mm^2, x the closest point."""
+    x = closest_point(p, a)
+    m = x / (a * a)
+    return ((p - x) * m).sum(axis=0) / (m * m).sum(axis=0)
 
 
 def _beyond_shortest(a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
     """a_i^2 - min a^2 as a product, which is exactly 0 for the shortest axis however the compiler fuses it."""
-    shortest = jnp.min(a, axis=0)[None]
+    shortest = a.min(axis=0)[None]
     return (a - shortest) * (a + shortest)
 
 
 def _outward_normal(x: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
     gradient = x / (a * a)
-    return gradient / jnp.sqrt(jnp.sum(gradient * gradient, axis=0))[None]
+    return gradient / xp.sqrt((gradient * gradient).sum(axis=0))[None]
 
 
 def _secular(tau, p, a):
     """S and -dS/dtau / 2 at tau = t + min a^2."""
     inverse = 1.0 / (tau[None] + _beyond_shortest(a))
     terms = (a * p * inverse) ** 2
-    return jnp.sum(terms, axis=0), jnp.sum(terms * inverse, axis=0)
+    return terms.sum(axis=0), (terms * inverse).sum(axis=0)
 
 
-@jax.custom_jvp
-def _secular_root(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
+def _largest_root(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
+
     def newton(tau):
         S, half_slope = _secular(tau, p, a)
-        return tau + (jnp.sqrt(S) - 1.0) * S / half_slope, S
+        return tau + (xp.sqrt(S) - 1.0) * S / half_slope, S
 
     # One term of S alone reaches 1 at `below`: the root lies to its right, and Newton from the left never passes it.
-    below = jnp.max(a * jnp.abs(p) - _beyond_shortest(a), axis=0)
-    tau = jnp.maximum(below, newton(jnp.min(a, axis=0) ** 2)[0])  # tau = min a^2 is the surface itself
+    below = (a * abs(p) - _beyond_shortest(a)).max(axis=0)
+    tau = xp.maximum(below, newton(a.min(axis=0) ** 2)[0])  # tau = min a^2 is the surface itself
     for _ in range(_UNROLLED_STEPS - 1):
         tau, _ = newton(tau)
 
     def unfinished(carry):
         step, _, S = carry
-        return (step < _MAX_STEPS) & jnp.any(jnp.abs(S - 1.0) > _LAST_STEP)
+        return (step < _MAX_STEPS) & (abs(S - 1.0) > _LAST_STEP).any()
 
     def again(carry):
         step, tau, _ = carry
         return (step + 1, *newton(tau))
 
     tau, S = newton(tau)
-    return jax.lax.while_loop(unfinished, again, (0, tau, S))[1]
+    return repeat_while(unfinished, again, (0, tau, S))[1]
+
+
+_secular_root = jax.custom_jvp(_largest_root)
 
 
 @_secular_root.defjvp

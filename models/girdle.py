@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from models.ellipsoid import signed_distance_mm
+from models.ellipsoid import foot_multiplier, signed_distance_mm
+from motions.arrays import xp
 from motions.rotations import rotate, rotation_from_cardan
 
 CONSTRAINTS = ("A1", "A2", "A3")
@@ -55,21 +57,21 @@ class Girdle:
     @property
     def adapted_mm(self) -> Float[Array, " 6 *batch"]:
         """The adapted parameters, in the order of ``ADAPTED``."""
-        return jnp.stack([*self.centre_mm[1:], *self.semi_axes_mm, self.conoid_length_mm])
+        return xp.stack([*self.centre_mm[1:], *self.semi_axes_mm, self.conoid_length_mm])
 
     def with_adapted(self, adapted_mm: Float[Array, " 6 *#batch"]) -> "Girdle":
         """This girdle with other adapted parameters. M_x stays what it is (0 in the thesis: A4)."""
         M_y, M_z, A_x, A_y, A_z, conoid = adapted_mm
         return replace(
             self,
-            centre_mm=jnp.stack(jnp.broadcast_arrays(self.centre_mm[0], M_y, M_z)),
-            semi_axes_mm=jnp.stack([A_x, A_y, A_z]),
+            centre_mm=xp.stack(xp.broadcast_arrays(self.centre_mm[0], M_y, M_z)),
+            semi_axes_mm=xp.stack([A_x, A_y, A_z]),
             conoid_length_mm=conoid,
         )
 
     def over_axes(self, count: int) -> "Girdle":
         """This girdle with ``count`` more batch axes at the end, of length 1: the same for all along them."""
-        return jax.tree.map(lambda value: jnp.reshape(value, (*value.shape, *[1] * count)), self)
+        return jax.tree.map(lambda value: value.reshape(*value.shape, *[1] * count), self)
 
     def over_postures(self) -> "Girdle":
         """This girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
@@ -117,7 +119,7 @@ def chain_residuals_mm(
     ts = signed_distance_mm(at.TS, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ts_distance_mm
     ai = signed_distance_mm(at.AI, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ai_distance_mm
     conoid = at.scapula_conoid - at.clavicle_conoid
-    return jnp.stack([ts, ai, _length(conoid) - girdle.conoid_length_mm])
+    return xp.stack([ts, ai, _length(conoid) - girdle.conoid_length_mm])
 
 
 def landmarks(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Landmarks:
@@ -130,14 +132,26 @@ def constraint_residuals_mm(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -
     return chain_residuals_mm(girdle, *bone_rotations(angles))
 
 
-@jax.custom_jvp
+def feet(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> list[Float[Array, " *batch"]]:
+    """t of the foot points of TS and AI on the ellipsoid, mm^2: where ``models.derivatives.chain`` starts."""
+    at = landmarks(girdle, angles)
+    return [
+        foot_multiplier(*xp.broadcast_arrays(point - girdle.centre_mm, girdle.semi_axes_mm)) for point in (at.TS, at.AI)
+    ]
+
+
 def _length(v: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
     """|v|, with derivative 0 instead of 0/0 where the two attachments coincide."""
+    return _differentiable_length(v) if isinstance(v, jax.Array) else np.sqrt(np.sum(v * v, axis=0))
+
+
+@jax.custom_jvp
+def _differentiable_length(v: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
     return jnp.sqrt(jnp.sum(v * v, axis=0))
 
 
-@_length.defjvp
+@_differentiable_length.defjvp
 def _length_jvp(primals, tangents):
     (v,), (dv,) = primals, tangents
-    length = _length(v)
+    length = _differentiable_length(v)
     return length, jnp.sum(v * dv, axis=0) / jnp.where(length > 0.0, length, 1.0)

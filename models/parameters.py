@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -288,17 +287,17 @@ def _off_line_mm(ts_mm: Float[np.ndarray, "3"], ai_mm: Float[np.ndarray, "3"]) -
 
 def _girdle(numbers: dict[str, np.ndarray]) -> Girdle:
     return Girdle(
-        centre_mm=jnp.asarray(numbers["thorax.centre_mm"]),
-        semi_axes_mm=jnp.asarray(numbers["thorax.semi_axes_mm"]),
-        sc_mm=jnp.asarray(numbers["clavicle.sc_mm"]),
-        ac_mm=jnp.asarray([float(numbers["clavicle.length_mm"]), 0.0, 0.0]),
-        clavicle_conoid_mm=jnp.asarray(numbers["clavicle.conoid_mm"]),
-        ts_mm=jnp.asarray(numbers["scapula.ts_mm"]),
-        ai_mm=jnp.asarray(numbers["scapula.ai_mm"]),
-        scapula_conoid_mm=jnp.asarray(numbers["scapula.conoid_mm"]),
-        ts_distance_mm=jnp.asarray(numbers["constraint.ts_distance_mm"]),
-        ai_distance_mm=jnp.asarray(numbers["constraint.ai_distance_mm"]),
-        conoid_length_mm=jnp.asarray(numbers["constraint.conoid_length_mm"]),
+        centre_mm=np.asarray(numbers["thorax.centre_mm"]),
+        semi_axes_mm=np.asarray(numbers["thorax.semi_axes_mm"]),
+        sc_mm=np.asarray(numbers["clavicle.sc_mm"]),
+        ac_mm=np.asarray([float(numbers["clavicle.length_mm"]), 0.0, 0.0]),
+        clavicle_conoid_mm=np.asarray(numbers["clavicle.conoid_mm"]),
+        ts_mm=np.asarray(numbers["scapula.ts_mm"]),
+        ai_mm=np.asarray(numbers["scapula.ai_mm"]),
+        scapula_conoid_mm=np.asarray(numbers["scapula.conoid_mm"]),
+        ts_distance_mm=np.asarray(numbers["constraint.ts_distance_mm"]),
+        ai_distance_mm=np.asarray(numbers["constraint.ai_distance_mm"]),
+        conoid_length_mm=np.asarray(numbers["constraint.conoid_length_mm"]),
     )
 
 

@@ -3,11 +3,11 @@
 import jax
 
 from motions.errors import InputError
-from motions.reading import read_motions
+from motions.reading import MotionStream, read_motions
 from motions.table import ANGLES, LANDMARKS, Motions
 from motions.writing import write_motions
 
 # The fits are exact in double precision only; no module of the project makes an array before this line.
 jax.config.update("jax_enable_x64", True)
 
-__all__ = ["ANGLES", "LANDMARKS", "InputError", "Motions", "read_motions", "write_motions"]
+__all__ = ["ANGLES", "LANDMARKS", "InputError", "MotionStream", "Motions", "read_motions", "write_motions"]

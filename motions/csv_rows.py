@@ -1,7 +1,6 @@
 """One CSV file as rows of text, each with its line; all that can be wrong with a whole file."""
 
 import csv
-import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,33 +34,59 @@ class CsvTable:
     rows: list[Row]
 
 
-def read_rows(path: Path) -> list[Row]:
-    """All rows of a motion file that are not blank. InputError if the file as a whole cannot be used."""
-    return read_table(path, _check_header).rows
+def iterate_rows(path: Path) -> Iterator[Row]:
+    """The rows of a motion file that are not blank, one at a time. InputError where the file as a whole cannot be
+    used; what came before it is then not to be used either."""
+    yield from _table_rows(path, _check_header)[1]
 
 
 def read_table(path: Path, check_header: Callable[[list[str], str, int], None] | None = None) -> CsvTable:
     """Any CSV file. InputError if it as a whole cannot be used; check_header raises it for headers of its own kind."""
+    columns, rows = _table_rows(path, check_header or _check_names)
+    return CsvTable(tuple(name for name in columns if name), list(rows))
+
+
+def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None]) -> tuple[list[str], Iterator[Row]]:
     file = str(path)
-    lines = _split(read_text(path, _SAVE_AS), file)
+    lines = _split(_lines(path), file)
     header_line, header = next(lines, (None, []))
     if header_line is None:
         raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
     columns = [name.strip() for name in header]
-    (check_header or _check_names)(columns, file, header_line)
-    rows = [_row(file, line, columns, cells) for line, cells in lines]
-    if not rows:
-        raise InputError(file, None, "there are no rows under the header", "Add one row for each posture")
-    return CsvTable(tuple(name for name in columns if name), rows)
+    check_header(columns, file, header_line)
+
+    def rows() -> Iterator[Row]:
+        line = None
+        for line, cells in lines:
+            yield _row(file, line, columns, cells)
+        if line is None:
+            raise InputError(file, None, "there are no rows under the header", "Add one row for each posture")
+
+    return columns, rows()
 
 
-def _split(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
+def _lines(path: Path) -> Iterator[str]:
+    """The lines of a text file with their ends, in memory one at a time."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            for line in file:
+                if "\0" in line:
+                    break
+                yield line
+            else:
+                return
+    except (OSError, UnicodeDecodeError):
+        pass
+    read_text(path, _SAVE_AS)  # says what is wrong, and where
+
+
+def _split(text: Iterator[str], file: str) -> Iterator[tuple[int, list[str]]]:
     """The cells of each line that is not blank, with the number of the line on which they start.
 
     The standard reader and not pandas' one, because only it says on which line a row stands when there are
     blank lines or line breaks between quotes.
     """
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    reader = csv.reader(text, strict=True)
     while True:
         start = reader.line_num + 1
         try:

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from urllib.parse import quote
 from uuid import uuid4
@@ -42,7 +42,12 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
 
 
 def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write the content to the path, replacing what was there.
+    """Write the content to the path, as `write_pieces_whole` does."""
+    write_pieces_whole(path, [content])
+
+
+def write_pieces_whole(path: str | os.PathLike[str], pieces: Iterable[bytes]) -> None:
+    """Write the pieces to the path one after the other, replacing what was there.
 
     Whoever reads the path, even while this runs or after it broke off, finds all of the old or all of the
     new content. InputError if the folder cannot be written to.
@@ -51,7 +56,9 @@ def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
     # In the same folder, because only within one file system is replacing a file a single step.
     part = path.parent / part_name()
     try:
-        part.write_bytes(content)
+        with part.open("wb") as file:
+            for piece in pieces:
+                file.write(piece)
         part.replace(path)
     except OSError as error:
         cause = f"the file cannot be written ({error.strerror})"

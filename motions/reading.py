@@ -1,14 +1,14 @@
 """Motion files in, one table of postures out: good subjects are kept, bad ones named."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from motions.csv_rows import Row, read_rows
+from motions.csv_rows import Row, iterate_rows
 from motions.errors import InputError
 from motions.plausibility import CHECKS
 from motions.postures import Posture, posture_from_row
@@ -21,36 +21,78 @@ def read_motions(*paths: str | os.PathLike[str]) -> Motions:
     A file or a subject with an error is left out and named in `rejected`. A subject whose motions are in
     several files is one subject. InputError if a path does not exist or if no subject is left.
     """
-    if not paths:
-        raise InputError("motion files", None, "no file was named", "Name at least one CSV file")
-    rows, rejected = _rows_of_files([Path(path) for path in paths])
-    accepted: dict[int, Posture] = {}
-    for places in _places_by_subject(rows):
-        try:
-            postures = _subject_from_rows([rows[place] for place in places])
-        except InputError as error:
-            rejected.append(error)
-        else:
-            accepted.update(zip(places, postures, strict=True))
-    if not accepted:
-        raise _first_of(rejected)
-    return _table([accepted[place] for place in sorted(accepted)], rejected)
+    (motions,) = MotionStream(*paths).in_chunks(None)
+    return motions
 
 
-def _rows_of_files(paths: Sequence[Path]) -> tuple[list[Row], list[InputError]]:
-    """The rows of all files that can be used, and the errors of the others."""
-    for path in paths:
-        _check_existence(path)
-    rows: list[Row] = []
-    rejected: list[InputError] = []
-    for place, path in enumerate(paths):
-        try:
-            if any(path.samefile(earlier) for earlier in paths[:place]):
-                raise InputError(str(path), None, "the file is named twice", "Name each file once")
-            rows.extend(read_rows(path))
-        except InputError as error:
-            rejected.append(error)
-    return rows, rejected
+class MotionStream:
+    """Motion files that are read a few subjects at a time, so that their size does not matter: see `read_motions`.
+
+    subjects: the names of all subjects of the usable files, in the order in which they first appear.
+    rejected: the files that were left out, and the subjects of the chunks read so far.
+    """
+
+    def __init__(self, *paths: str | os.PathLike[str]) -> None:
+        """Read all files once, for what is in them. InputError if a path does not exist or no file is usable."""
+        if not paths:
+            raise InputError("motion files", None, "no file was named", "Name at least one CSV file")
+        named = [Path(path) for path in paths]
+        for path in named:
+            _check_existence(path)
+        self.rejected: list[InputError] = []
+        self._usable: list[Path] = []
+        self._last: dict[str, int] = {}  # where the last row of each subject is
+        rows = 0
+        for place, path in enumerate(named):
+            try:
+                if any(path.samefile(earlier) for earlier in named[:place]):
+                    raise InputError(str(path), None, "the file is named twice", "Name each file once")
+                last = {row.cells["subject"]: rows + number for number, row in enumerate(iterate_rows(path))}
+            except InputError as error:
+                self.rejected.append(error)
+                continue
+            self._usable.append(path)
+            self._last |= last
+            rows = max(last.values()) + 1
+        self._rows = rows
+        if not self._usable:
+            raise _first_of(self.rejected)
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        return tuple(self._last)
+
+    def in_chunks(self, subjects: int | None) -> Iterator[Motions]:
+        """The motions of so many subjects at a time (None: of all), as their last rows are reached."""
+        waiting: dict[str, list[tuple[int, Row]]] = {}
+        ended: list[str] = []
+        named, found = tuple(self.rejected), False
+        for place, row in enumerate(row for path in self._usable for row in iterate_rows(path)):
+            subject = row.cells["subject"]
+            waiting.setdefault(subject, []).append((place, row))
+            if place == self._last[subject]:
+                ended.append(subject)
+            if len(ended) == (subjects or len(self._last)) or place == self._rows - 1:
+                rows = sorted((waiting.pop(name) for name in ended), key=lambda rows: rows[0][0])
+                motions = self._motions(rows, named)
+                ended, named, found = [], (), found or motions is not None
+                if motions is not None:
+                    yield motions
+        if not found:
+            raise _first_of(self.rejected)
+
+    def _motions(self, rows: list[list[tuple[int, Row]]], named: tuple[InputError, ...]) -> Motions | None:
+        accepted: dict[int, Posture] = {}
+        rejected: list[InputError] = []
+        for mine in rows:
+            try:
+                postures = _subject_from_rows([row for _, row in mine])
+            except InputError as error:
+                rejected.append(error)
+            else:
+                accepted.update(zip((place for place, _ in mine), postures, strict=True))
+        self.rejected += rejected
+        return _table([accepted[place] for place in sorted(accepted)], [*named, *rejected]) if accepted else None
 
 
 def _check_existence(path: Path) -> None:
@@ -62,14 +104,6 @@ def _check_existence(path: Path) -> None:
     except (OSError, ValueError) as error:
         cause = f"there is no way to this file ({error})"
         raise InputError(str(path), None, cause, "Check its name and folder") from error
-
-
-def _places_by_subject(rows: Sequence[Row]) -> Iterable[list[int]]:
-    """The places in `rows` of each subject, over all files."""
-    places: dict[str, list[int]] = {}
-    for place, row in enumerate(rows):
-        places.setdefault(row.cells["subject"], []).append(place)
-    return places.values()
 
 
 def _subject_from_rows(rows: Sequence[Row]) -> list[Posture]:

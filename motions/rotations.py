@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from motions.arrays import xp
+
 DEG = 180.0 / jnp.pi
 """Degrees in one radian. Files and tables are in degrees, everything inside is in radians."""
 
@@ -17,12 +19,12 @@ def rotation_from_cardan(angles: Float[Array, " 3 *batch"]) -> Float[Array, " 3 
 
     a > 0 protraction, b > 0 elevation / lateral rotation, c > 0 backward axial rotation / tipping.
     """
-    (ca, cb, cc), (sa, sb, sc) = jnp.cos(angles), jnp.sin(angles)
-    return jnp.stack(
+    (ca, cb, cc), (sa, sb, sc) = xp.cos(angles), xp.sin(angles)
+    return xp.stack(
         [
-            jnp.stack([ca * cb, sa * sc - ca * sb * cc, sa * cc + ca * sb * sc]),
-            jnp.stack([sb, cb * cc, -cb * sc]),
-            jnp.stack([-sa * cb, ca * sc + sa * sb * cc, ca * cc - sa * sb * sc]),
+            xp.stack([ca * cb, sa * sc - ca * sb * cc, sa * cc + ca * sb * sc]),
+            xp.stack([sb, cb * cc, -cb * sc]),
+            xp.stack([-sa * cb, ca * sc + sa * sb * cc, ca * cc - sa * sb * sc]),
         ]
     )
 

@@ -5,8 +5,6 @@
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +16,6 @@ from numpy.random import PCG64, Generator
 from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
-from adapt.adaptation import Adapted
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.tables import DIFFERENCES
 from models import load_model, model_names
@@ -157,13 +154,14 @@ def test_an_adapted_model_keeps_bounds_of_its_own_and_a_failed_one_leaves_nothin
     (tmp_path / "own.toml").write_text(text)
     own = load_model(tmp_path / "own.toml")
     theta = np.asarray(own.girdle.adapted_mm)[:, None] + np.array([[1.0, 2.0]])
-    result = SimpleNamespace(theta_mm=theta, at_bound=np.zeros((6, 2), bool), status=np.array(["ok", "not_converged"]))
+    columns = {"model": "R2", "subject": ["good", "bad"], "status": ["ok", "not_converged"]}
+    columns |= {f"{name}_mm": theta[k] for k, name in enumerate(ADAPTED)}
+    columns |= {f"{name}_mm_at_bound": 0 for name in ADAPTED}
     stale = tmp_path / "models" / "R2_bad.toml"
     stale.parent.mkdir()
     stale.write_text("of an earlier run")
-    adapted = {"R2": cast(Adapted, result)}
-    written = write_adapted_models(tmp_path, ["good", "bad"], [own], adapted, "a test")
-    remove_models_of_failed(tmp_path, ["good", "bad"], [own], adapted)
+    written = write_adapted_models(tmp_path, [own], pd.DataFrame(columns), "a test")
+    remove_models_of_failed(tmp_path, pd.DataFrame(columns))
     assert [path.name for path in written] == ["R2_good.toml"]
     assert not stale.exists()
     again = load_model(written[0])

@@ -1,9 +1,8 @@
 """Where the bones of a parameter set are at given angles, and how far its constraints are from holding there."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from models.girdle import Girdle, constraint_residuals_mm, landmarks
 from motions.rotations import DEG
@@ -19,12 +18,8 @@ def bones_mm(
 
     NaN where an angle that it takes is.
     """
-    points, residuals = _bones(girdle, jnp.asarray(theta_mm), jnp.asarray(angles_deg) / DEG)
-    return np.asarray(points), np.asarray(residuals)
-
-
-@jax.jit  # one compilation kept between runs, where operation by operation would be a hundred
-def _bones(girdle: Girdle, theta_mm: Array, angles: Array) -> tuple[Array, Array]:
-    adapted = girdle.over_axes(1).with_adapted(theta_mm)
-    at = landmarks(adapted, angles)
-    return jnp.stack([getattr(at, name) for name in POINTS]), constraint_residuals_mm(adapted, angles)
+    with np.errstate(invalid="ignore"):
+        adapted = jax.tree.map(np.asarray, girdle).over_axes(1).with_adapted(theta_mm)
+        at = landmarks(adapted, angles_deg / DEG)
+        residuals = constraint_residuals_mm(adapted, angles_deg / DEG)
+    return np.stack([getattr(at, name) for name in POINTS]), residuals

@@ -9,15 +9,14 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from adapt import status
-from adapt.api import Adaptations
 from adapt.diagnosis.json_form import plain
 from adapt.report.bones import POINTS, bones_mm
 from adapt.report.chosen import chosen_rows, chosen_subjects, gaps_deg
 from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
 from adapt.report.states import STATES, simulated_deg, state_rows
-from adapt.tables import ALL_MOTIONS, STATISTICS
-from models.girdle import CONSTRAINTS
+from adapt.tables import ALL_MOTIONS, STATISTICS, Tables
+from models.girdle import ADAPTED, CONSTRAINTS
 from models.parameters import ParameterSet
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
@@ -35,7 +34,7 @@ _ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
 
 
 def figure_data(
-    motions: Motions, models: Sequence[ParameterSet], result: Adaptations, noise_deg: Mapping[str, float]
+    motions: Motions, models: Sequence[ParameterSet], result: Tables, noise_deg: Mapping[str, float]
 ) -> dict[str, Any]:
     """By name: see the keys. Arrays of rows hold the chosen postures, one subject and motion after the other.
 
@@ -74,17 +73,20 @@ def _subjects(motions: Motions, rows: Rows) -> list[dict[str, Any]]:
 def _model(
     motions: Motions,
     model: ParameterSet,
-    result: Adaptations,
+    result: Tables,
     rows: Rows,
     subjects: tuple[str, ...],
     noise_deg: float | None,
 ) -> dict[str, Any]:
     order = {name: number for number, name in enumerate(motions.subjects)}
     lane = np.array([order[name] for name in subjects])
-    adapted = result.adapted[model.name]
+    adapted = (
+        result.parameters[result.parameters["model"] == model.name].set_index("subject").loc[list(motions.subjects)]
+    )
+    after = adapted[[f"{name}_mm" for name in ADAPTED]].to_numpy().T
     theta_mm = {
         "before": np.repeat(np.asarray(model.girdle.adapted_mm)[:, None], len(motions.subjects), axis=1),
-        "after": np.where(np.isfinite(adapted.theta_mm).all(axis=0), adapted.theta_mm, np.nan),
+        "after": np.where(np.isfinite(after).all(axis=0), after, np.nan),
     }
     of_row = np.array([order[name] for name in motions.subject[rows].tolist()])
     at_measured = {s: bones_mm(model.girdle, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
@@ -94,7 +96,7 @@ def _model(
         "sc_mm": np.asarray(model.girdle.sc_mm),
         "M_x_mm": float(model.girdle.centre_mm[0]),
         "thorax_points_mm": _rounded(model.points_mm, _LENGTH_DIGITS),
-        "adaptation": adapted.status[lane],
+        "adaptation": adapted["status"].to_numpy()[lane],
         "measured_points_mm": _flat(at_measured["before"][0]),
         "heat": _heat(motions, result.fits, model.name),
         "states": {

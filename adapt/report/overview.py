@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from adapt import status
-from adapt.api import Adaptations
 from adapt.report.headline import BONES, statistic
 from adapt.report.states import STATES, state_rows
-from adapt.tables import parameter_statistics
+from adapt.tables import Tables, parameter_statistics
 from models.girdle import ADAPTED
 from motions.table import ANGLES, Motions
 
@@ -33,12 +32,12 @@ class Row:
     """Of those, how many have this parameter at its bound; the others are not named."""
 
 
-def overview(result: Adaptations) -> list[Row]:
+def overview(result: Tables) -> list[Row]:
     """One row a parameter set."""
-    return [_row(result, model) for model in result.adapted]
+    return [_row(result, model) for model in dict.fromkeys(result.parameters["model"])]
 
 
-def _row(result: Adaptations, model: str) -> Row:
+def _row(result: Tables, model: str) -> Row:
     before, after = (statistic(result.summary, model, state) for state in STATES)
     gap_deg = {bone: (before[f"{bone}_deg"], after[f"{bone}_deg"]) for bone in BONES}
     largest = [statistic(result.summary, model, state, "max") for state in STATES]
@@ -63,7 +62,7 @@ def _largest(row: dict[str, float]) -> float:
     return max((value for value in values if value == value), default=float("nan"))
 
 
-def adapted_parameters(result: Adaptations) -> dict[str, list[dict[str, Any]]]:
+def adapted_parameters(result: Tables) -> dict[str, list[dict[str, Any]]]:
     """Mean and SD of the adapted parameters by model: Table 6.5 beside the model's own of Table 6.6."""
     rows = parameter_statistics(result.parameters)
     return {str(model): part.to_dict("records") for model, part in rows.groupby("model", sort=False)}

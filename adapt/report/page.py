@@ -10,13 +10,13 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.api import Adaptations
 from adapt.diagnosis.sentence import Object, amplitude_text, listed, number
 from adapt.diagnosis.terminal import notes
 from adapt.diagnosis.verdict import NONE, UNKNOWN
 from adapt.report.figure_data import CONSTRAINT_NAMES, figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
+from adapt.tables import Tables
 from models.effects import EFFECTS
 from models.parameters import ParameterSet
 from motions.table import ANGLE_NAMES, Motions
@@ -30,14 +30,16 @@ _SCRIPTS = ("shared.js", "plane.js", "space.js", "choices.js")
 def report_html(
     motions: Motions,
     models: Sequence[ParameterSet],
-    result: Adaptations,
+    result: Tables,
     not_handled: Mapping[str, str] | None = None,
     diagnosis: Object | None = None,
+    of: int = 0,
 ) -> str:
     """The page: no other file and no network is needed to read it. The same results give the same text.
 
     ``not_handled`` names the subjects that could not be fitted, each with its reason; ``diagnosis`` is the object of
-    diagnosis.json (``adapt.diagnosis.json_form.as_json``), of the same motions and models.
+    diagnosis.json (``adapt.diagnosis.json_form.as_json``), of the same motions and models. ``of`` is the number of
+    subjects of which these are a sample, if they are.
     """
     by_model: dict[str, Object] = diagnosis["by_model"] if diagnosis else {}
     noise_deg = {name: of["noise"]["angle_deg"] for name, of in by_model.items()}
@@ -56,6 +58,7 @@ def report_html(
             diagnosis=diagnosis,
             by_model=by_model,
             who=who,
+            of=of,
             simulated=simulated_subjects(motions),
             subjects=motions.subjects,
             drawn=len(data["subjects"]),
