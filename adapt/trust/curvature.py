@@ -22,12 +22,13 @@ from jaxtyping import Array, Float
 
 from adapt.adaptation import Adapted, Lanes, problem_of
 from adapt.chunks import in_chunks
+from adapt.constraints import ByHand
 from adapt.linalg import Factor, hessian, jacobian, matmul, matvec, transpose
-from adapt.newton import eliminate, linearise
+from adapt.newton import eliminate
 from adapt.objective import thorax_distance_mm2
 from adapt.subject import Problem, joint
 from models.ellipsoid import signed_distance_mm
-from models.girdle import Girdle, constraint_residuals_mm
+from models.girdle import Girdle
 
 _LANES = 64
 """Subjects in a chunk: second derivatives of 14 postures of each are 130 kB."""
@@ -58,14 +59,10 @@ def curvature(data: Lanes, adapted: Adapted, weight: float) -> Curvature:
 
 @jax.jit
 def _curvature(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -> tuple[Array, ...]:
-    spread = girdle.over_postures()
-
-    def residual(z):
-        return constraint_residuals_mm(spread.with_adapted(z[6:]), z[:6])
-
+    constraints = ByHand(girdle.over_postures())
     z = joint(angles, theta)
     pull = problem.weights * (angles - problem.measured)
-    at = linearise(residual, z, _multipliers(jacobian(residual, z)[:, :6], pull))
+    at = constraints.linearised(z, _multipliers(constraints.slopes(z)[:, :6], pull))
     of_motion = problem.total(eliminate(at, pull, problem.weights).hessian)
 
     still = at._replace(residual=jnp.zeros_like(at.residual))
