@@ -104,7 +104,7 @@ class Parts:
 
         for number, part in maker(work, missing()):
             write_bytes_whole(self._path(number), part)
-        return Motions.concatenate([part for part in shown if len(part.posture)])
+        return Motions.concatenate(shown)
 
     def become_tables(self, folder: Path, models: Sequence[ParameterSet]) -> tuple[Tables, dict[str, str]]:
         """Write fits.csv, parameters.csv and summary.csv. The tables, fits only of the subjects that the report shows;
@@ -171,4 +171,4 @@ def _table(parts: Sequence[zipfile.ZipFile], names: Sequence[str]) -> pd.DataFra
     """The same, read. Every number as it was written, names as text."""
     content = io.BytesIO(b"".join(_joined(parts, names)))
     text = dict.fromkeys(("model", "subject", "motion", "status"), str)
-    return pd.read_csv(content, dtype=text, keep_default_na=False, na_values=[""], float_precision="round_trip")
+    return pd.read_csv(content, dtype=text, keep_default_na=False, na_values=[""])

@@ -1,4 +1,4 @@
-"""Long batches in chunks: nothing lost, nothing doubled, few programs, and who has converged is left alone."""
+"""Batches in chunks or at once: nothing lost, nothing doubled, few programs, and who has converged is left alone."""
 
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ def test_every_lane_comes_back_once_in_its_place(lanes):
     np.testing.assert_array_equal(found["row"], x[0])
 
 
-def test_two_programs_serve_every_number_of_lanes():
+def test_one_program_serves_every_number_of_lanes():
     shapes = []
 
     @compiled
@@ -38,20 +38,21 @@ def test_two_programs_serve_every_number_of_lanes():
 
     for lanes in (*range(1, 130, 7), 1000):
         np.testing.assert_array_equal(in_chunks(doubled, SIZE, np.arange(float(lanes))), 2.0 * np.arange(lanes))
-    assert sorted(shapes) == [(8,), (64,)]
+    assert shapes == [(64,)]
 
 
-def test_one_class_is_one_program():
+def test_few_lanes_are_done_at_once_and_compile_nothing():
     shapes = []
 
     @compiled
     def same(x):
-        shapes.append(x.shape)
+        shapes.append((type(x), x.shape))
         return x
 
-    for lanes in (1, 8, 9, 65):
-        in_chunks(same, SIZE, np.arange(float(lanes)), classes=1)
-    assert shapes == [(64,)]
+    for lanes in (1, 8, 9, 10):
+        np.testing.assert_array_equal(in_chunks(same, SIZE, np.arange(float(lanes)), at_once=9), np.arange(lanes))
+    assert shapes[:3] == [(np.ndarray, (1,)), (np.ndarray, (8,)), (np.ndarray, (9,))]
+    assert [shape for _, shape in shapes[3:]] == [(SIZE,)]
 
 
 def test_who_has_converged_is_left_alone():
