@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: adapt test lint types units lock blind clean
+.PHONY: adapt test lint types units lock blind recovery clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -25,6 +25,9 @@ lock: .venv/dev ## after a change of dependencies in pyproject.toml
 
 blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
 	$(BIN)/python scripts/blind_check.py --out out/blind
+
+recovery: .venv/runtime ## do the intervals of adapted parameters hold the truth? simulated subjects; prints its figures
+	$(BIN)/python scripts/study_recovery.py
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
