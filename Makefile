@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: adapt test lint types units lock blind fuzz mutants clean
+.PHONY: adapt test lint types units lock blind recovery fuzz mutants clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -31,6 +31,9 @@ fuzz: .venv/dev ## thousands of broken files through every reader: a quarter of 
 
 mutants: .venv/dev ## small faults put into the numerical core: which of them do the tests not notice? an hour
 	$(BIN)/python scripts/mutate_core.py --mutants 120
+
+recovery: .venv/runtime ## do the intervals of adapted parameters hold the truth? simulated subjects; prints its figures
+	$(BIN)/python scripts/study_recovery.py
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
