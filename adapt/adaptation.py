@@ -9,7 +9,7 @@ from functools import partial
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.batch import Batch
@@ -23,7 +23,7 @@ from adapt.subject import Problem, Subject, evaluated, joint, solve_subjects
 from adapt.sweep import Swept, sweep
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 STARTS_MM = np.array(
     [

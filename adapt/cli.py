@@ -22,7 +22,7 @@ from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.output import prepare_folder, run_key, write_json, write_run, write_table
 from adapt.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, not_adapted, one_after_another
 from adapt.simulation import simulate_model_subjects
-from adapt.tables import Tables, summary_table
+from adapt.tables import Tables
 from adapt.terminal import print_parameters, print_summary, progress
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
@@ -133,7 +133,7 @@ def adapt(
     print_summary(console, result.summary)
     print_parameters(console, result.parameters)
     table = replace(table, rejected=tuple(files.rejected))
-    _write_report(folder, table, models, _of(result, table.subjects), failed, of=len(subjects))
+    _write_report(folder, table, models, result.of(table.subjects), failed, of=len(subjects))
     _finish(table, failed)
 
 
@@ -333,12 +333,6 @@ def _write_report(
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     write_whole(folder / "report.html", report_html(motions, models, result, failed, found, of))
-
-
-def _of(tables: Tables, subjects: tuple[str, ...]) -> Tables:
-    """The tables of these subjects alone, if they are not all."""
-    mine = tables.parameters["subject"].isin(subjects)
-    return tables if mine.all() else Tables(tables.fits, summary_table(tables.fits), tables.parameters[mine])
 
 
 def _finish(motions: Motions, failed: dict[str, str]) -> None:

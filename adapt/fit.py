@@ -9,7 +9,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
@@ -26,7 +26,7 @@ from adapt.posture import (
 from adapt.posture_sweep import SweptPostures, closed_nearby, sweep_postures
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
-from motions.arrays import repeat, xp
+from motions.arrays import Array, repeat, xp
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 
