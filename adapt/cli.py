@@ -116,7 +116,7 @@ def adapt(
     models = _models(model)
     files = MotionStream(*motions)
     folder = prepare_folder(out)
-    options = {"weight": weight, "reading": reading}
+    options: dict[str, object] = {"weight": weight, "reading": reading}
     subjects = files.subjects
     size = chunk or max(1, LANES // len(models))
     shown = subjects if len(subjects) <= size else subjects[:: -(-len(subjects) // MOST_SHOWN)]
