@@ -5,13 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import jax
-import platformdirs
 import typer
 from rich.console import Console
 
 from adapt.adapted_models import write_adapted_models
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
+from adapt.cache import keep_compiled
 from adapt.cluster import on_cluster
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
@@ -347,9 +346,7 @@ def _finish(motions: Motions, failed: dict[str, str]) -> None:
 
 def main(application: typer.Typer = app) -> None:
     """Entry point: compiled code is kept between runs; bad input is one message and exit status 2."""
-    cache = platformdirs.user_cache_path("girdle") / "jax"
-    jax.config.update("jax_compilation_cache_dir", str(cache))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    keep_compiled()
     try:
         application()
     except InputError as error:
