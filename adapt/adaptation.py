@@ -5,7 +5,6 @@ Lanes: every subject with every model is one element of a flat batch.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import jax
 import numpy as np
@@ -265,8 +264,8 @@ _AT_ONCE = 128
 _FEW_LANES = 16
 """Subjects in a chunk of the careful path, which is long to compile."""
 
-_FEW_AT_ONCE = 32
-"""Subjects up to which numpy does the careful path."""
+_FEW_AT_ONCE = 256
+"""Subjects up to which numpy does the careful path; its program takes minutes to compile."""
 
 _SWEEPS, _SWEEP_ITERATIONS = 4, 10
 """Rounds of the fast path, and iterations a round: measured on simulated subjects, 7 of 10 lanes need one, 99 of 100
@@ -288,7 +287,7 @@ def _solve(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -
     return solve_subjects(*_conditions(girdle, points_mm, shares), problem, theta, angles)
 
 
-@partial(compiled, options=None)
+@compiled
 def standard_deviations(
     girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject
 ) -> Float[Array, " 6 lanes"]:
