@@ -5,11 +5,10 @@ Lanes: every subject with every model is one element of a flat batch.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.batch import Batch
@@ -23,7 +22,7 @@ from adapt.subject import Problem, Subject, evaluated, joint, solve_subjects
 from adapt.sweep import Swept, sweep
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 STARTS_MM = np.array(
     [
@@ -281,8 +280,8 @@ _AT_ONCE = 128
 _FEW_LANES = 16
 """Subjects in a chunk of the careful path, which is long to compile."""
 
-_FEW_AT_ONCE = 32
-"""Subjects up to which numpy does the careful path."""
+_FEW_AT_ONCE = 256
+"""Subjects up to which numpy does the careful path; its program takes minutes to compile."""
 
 _SWEEPS, _SWEEP_ITERATIONS = 4, 10
 """Rounds of the fast path, and iterations a round: measured on simulated subjects, 7 of 10 lanes need one, 99 of 100
@@ -304,7 +303,7 @@ def _solve(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -
     return solve_subjects(*_conditions(girdle, points_mm, shares), problem, theta, angles)
 
 
-@partial(compiled, options=None)
+@compiled
 def standard_deviations(
     girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject
 ) -> Float[Array, " 6 lanes"]:

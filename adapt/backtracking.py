@@ -9,10 +9,10 @@ from typing import Any, Protocol, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.chunks import lanes_of, with_lanes
-from motions.arrays import is_jax, xp
+from motions.arrays import Array, is_jax, xp
 
 _SHORTER = 0.3
 """Factor on a step whose end was refused."""

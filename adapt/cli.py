@@ -5,12 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import jax
-import platformdirs
 import typer
 
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
+from adapt.cache import keep_compiled
 from adapt.cluster import on_cluster
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
@@ -22,7 +21,7 @@ from adapt.output import inputs_record, results_folder, run_key, write_json, wri
 from adapt.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, not_adapted, one_after_another
 from adapt.repeat import other_versions, recorded_arguments
 from adapt.simulation import simulate_model_subjects
-from adapt.tables import Tables, summary_table
+from adapt.tables import Tables
 from adapt.terminal import PlainConsole, print_parameters, print_summary, progress
 from adapt.trust import trust
 from adapt.trust.terminal import print_trust
@@ -173,7 +172,7 @@ def adapt(
         print_summary(console, result.summary)
         print_parameters(console, result.parameters)
         table = replace(table, rejected=tuple(files.rejected))
-        _write_report(folder, table, models, _of(result, table.subjects), failed, of=len(subjects))
+        _write_report(folder, table, models, result.of(table.subjects), failed, of=len(subjects))
     _finish(table, failed)
 
 
@@ -417,12 +416,6 @@ def _write_report(
     write_whole(folder / "report.html", report_html(motions, models, result, failed, found, of))
 
 
-def _of(tables: Tables, subjects: tuple[str, ...]) -> Tables:
-    """The tables of these subjects alone, if they are not all."""
-    mine = tables.parameters["subject"].isin(subjects)
-    return tables if mine.all() else Tables(tables.fits, summary_table(tables.fits), tables.parameters[mine])
-
-
 def _finish(motions: Motions, failed: dict[str, str]) -> None:
     """Name who was not handled on stderr and end with the exit status."""
     for error in motions.rejected:
@@ -435,9 +428,7 @@ def _finish(motions: Motions, failed: dict[str, str]) -> None:
 
 def main(application: typer.Typer = app) -> None:
     """Entry point: compiled code is kept between runs; bad input is one message and exit status 2."""
-    cache = platformdirs.user_cache_path("girdle") / "jax"
-    jax.config.update("jax_compilation_cache_dir", str(cache))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    keep_compiled()
     try:
         application()
     except InputError as error:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+from adapt.cache import keep_compiled
 from adapt.parts import Chunks, Maker, Work
 from motions.errors import InputError
 
@@ -64,4 +65,5 @@ def _client(client: Any, address: str) -> Any:
 
 
 def _part(work: Work, motions: Any) -> bytes:
+    keep_compiled()
     return work.part(motions)

@@ -5,13 +5,13 @@ z = (q, theta): six angles and, where they are free, the adapted parameters; ele
 
 from typing import Protocol
 
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from adapt.linalg import ElementwiseFunction, gradient, hessian, jacobian
 from adapt.newton import Linearised
 from models.derivatives import ELLIPSOID, Chain, chain
 from models.girdle import Girdle, feet
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 Z = Float[Array, " n *batch"]
 Multipliers = Float[Array, " 3 *batch"]
@@ -29,11 +29,14 @@ class Constraints(Protocol):
 class Differentiated:
     """Any constraints, by automatic differentiation: with effects, and where they are differentiated further."""
 
-    def __init__(self, residual: ElementwiseFunction):
-        self.residual = residual
+    def __init__(self, function: ElementwiseFunction):
+        self._function = function
+
+    def residual(self, z):
+        return self._function(z)
 
     def slopes(self, z):
-        return jacobian(self.residual, z)
+        return jacobian(self._function, z)
 
     def pull(self, z, multipliers):
         return gradient(lambda z: xp.sum(multipliers * self.residual(z), axis=0), z)

@@ -9,12 +9,10 @@ changes no solution since G dq + T dtheta = -g:
 A posture whose K is not positive definite is no minimum there and goes without curvature, C and s (Gauss-Newton).
 """
 
-from jaxtyping import Array
-
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from models.derivatives import Chain
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 STIFFNESS = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see ``adapt.newton``). Of 5 to 100 the

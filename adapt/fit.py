@@ -9,7 +9,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
@@ -26,7 +26,7 @@ from adapt.posture import (
 from adapt.posture_sweep import SweptPostures, closed_nearby, sweep_postures
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
-from motions.arrays import repeat, xp
+from motions.arrays import Array, repeat, xp
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 
@@ -299,8 +299,8 @@ _AT_ONCE = 8192
 _FEW_LANES = 64
 """Postures in a chunk of the careful path, which is long to compile."""
 
-_FEW_AT_ONCE = 1024
-"""Postures up to which numpy does the careful path."""
+_FEW_AT_ONCE = 16384
+"""Postures up to which numpy does the careful path; its programs take minutes to compile."""
 
 _SWEEPS, _SWEEP_ITERATIONS = 3, 10
 """Rounds of the fast path, and iterations a round: 9 of 10 postures need one round, 99 of 100 two."""

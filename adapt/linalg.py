@@ -8,9 +8,9 @@ Vectors are ``(n, *batch)``, matrices ``(m, n, *batch)``.
 from collections.abc import Callable
 
 import jax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 ElementwiseFunction = Callable[[Float[Array, " n *batch"]], Array]
 """A function whose output at one element of the batch depends on its input at that element alone."""

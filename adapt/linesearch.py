@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.linalg import largest
-from motions.arrays import is_jax, xp
+from motions.arrays import Array, is_jax, xp
 
 LENGTHS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.005)
 """Plain step lengths, tried after the corrected full step."""

@@ -12,7 +12,7 @@ small system in theta (Schur complement). With no theta it is the Newton step of
 
 from typing import NamedTuple
 
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from adapt.linalg import (
     Factor,
@@ -23,7 +23,7 @@ from adapt.linalg import (
     trace,
     transpose,
 )
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 STEP_LIMIT_RAD = 0.6
 """Longest step of one angle: a rotation linearised further than this means nothing."""

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from models.derivatives import ELLIPSOID, Distance, distance, ellipsoid_curvature, ellipsoid_slope
 from models.ellipsoid import foot_multiplier, signed_distance_mm
 from models.girdle import Girdle
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""

@@ -1,4 +1,4 @@
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportReturnType=false
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportReturnType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """A batch of any size, part by part: a part holds all that a chunk of subjects adds to the tables of ``girdle adapt``.
 

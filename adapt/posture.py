@@ -9,7 +9,7 @@ Sequential quadratic programming with the exact Hessian of the Lagrangian (``ada
 from typing import NamedTuple
 
 import jax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.constraints import Constraints
 from adapt.linalg import (
@@ -23,7 +23,7 @@ from adapt.linalg import (
 )
 from adapt.linesearch import TINY_RAD, grown_penalty, longest, pick
 from adapt.newton import Linearised, back_to_surface, eliminate, limited
-from motions.arrays import for_each, repeat_while, xp
+from motions.arrays import Array, for_each, repeat_while, xp
 from motions.rotations import DEG
 
 CONSTRAINT_TOLERANCE_MM = 1e-9

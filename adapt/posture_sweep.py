@@ -5,7 +5,7 @@ A lane that does not end here is no failure: ``adapt.posture`` goes on with it, 
 
 from typing import NamedTuple
 
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
 from adapt.elimination import Components, Elimination, augmented, column, largest, product, stationarity
@@ -14,7 +14,7 @@ from adapt.newton import STEP_LIMIT_RAD
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.derivatives import chain
 from models.girdle import Girdle, feet
-from motions.arrays import repeat, xp
+from motions.arrays import Array, repeat, xp
 from motions.rotations import DEG
 
 _CLOSING_STEPS = 6

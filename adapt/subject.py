@@ -15,14 +15,14 @@ from typing import NamedTuple, Protocol
 
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.constraints import Constraints
 from adapt.linalg import Factor, diagonal, largest, matvec
 from adapt.linesearch import LENGTHS, TINY_RAD, grown_penalty, longest, pick
 from adapt.newton import Eliminated, Linearised, back_to_surface, eliminate, limited
 from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
-from motions.arrays import for_each, repeat_while, xp
+from motions.arrays import Array, for_each, repeat_while, xp
 from motions.rotations import DEG
 
 THETA_TOLERANCE = 1e-8

@@ -13,7 +13,7 @@ A lane that does not end here is no failure: ``adapt.subject`` goes on with it, 
 from typing import NamedTuple
 
 import jax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
 from adapt.elimination import Components, Elimination, augmented, largest, product, stationarity
@@ -24,7 +24,7 @@ from adapt.subject import THETA_TOLERANCE, Problem
 from models.derivatives import ELLIPSOID, chain, distance, ellipsoid_curvature, ellipsoid_slope, foot
 from models.ellipsoid import foot_multiplier
 from models.girdle import Girdle, feet
-from motions.arrays import repeat, xp
+from motions.arrays import Array, repeat, xp
 from motions.rotations import DEG
 
 _THETA_FLOOR = 1e-9

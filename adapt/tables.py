@@ -37,6 +37,14 @@ class Tables:
     parameters: pd.DataFrame
     """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
 
+    def of(self, subjects: Sequence[str]) -> "Tables":
+        """The tables of these subjects alone; these tables if that is all."""
+        mine = self.parameters["subject"].isin(subjects)
+        if mine.all():
+            return self
+        fits = self.fits[self.fits["subject"].isin(subjects)]
+        return Tables(fits, summary_table(fits), self.parameters[mine])
+
 
 def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:
     """``fits.csv``: one row a posture, angles in degrees, constraint residuals in mm, lambda in deg^2 a mm."""

@@ -21,6 +21,9 @@ from motions.table import ANGLES
 HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
 """The thesis's abbreviations: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
 
+_MOST_PRINTED = 100
+"""Subjects of which each has a line."""
+
 
 class PlainConsole(Console):
     """Prints names from files as they are: neither read as markup nor able to command the terminal."""
@@ -55,6 +58,9 @@ def print_summary(console: Console, summary: pd.DataFrame) -> None:
         for header in (*HEADERS, "clav", "scap"):
             table.add_column(header, justify="right")
         subjects = len(rows) - len(STATISTICS)
+        if subjects > _MOST_PRINTED:
+            console.print(f"{subjects} subjects: of each alone in summary.csv")
+            rows, subjects = rows.tail(len(STATISTICS)), 0
         for number, row in enumerate(rows.to_dict("records")):
             values = [row[f"{name}_deg"] for name in (*ANGLES, "clavicle", "scapula")]
             table.add_row(row["subject"], *(f"{v:.1f}" for v in values), end_section=number == subjects - 1)

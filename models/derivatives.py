@@ -22,9 +22,7 @@ sum a_i^2 m_i^2 = 1 fixes t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m
 
 from typing import NamedTuple
 
-from jaxtyping import Array
-
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 Vector = tuple[Array, Array, Array]
 Matrix = tuple[Vector, Vector, Vector]

@@ -13,9 +13,9 @@ equation of More and Sorensen, SIAM J. Sci. Stat. Comput. 4, 1983).
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from motions.arrays import is_jax, repeat_while, xp
+from motions.arrays import Array, is_jax, repeat_while, xp
 
 _UNROLLED_STEPS = 3
 """Newton steps every point takes; a point within 60 mm of a thorax needs no more, deep ones go on in a loop."""

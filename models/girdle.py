@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from models.ellipsoid import foot_multiplier, signed_distance_mm
-from motions.arrays import xp
+from motions.arrays import Array, xp
 from motions.rotations import rotate, rotation_from_cardan
 
 CONSTRAINTS = ("A1", "A2", "A3")

@@ -10,6 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+Array = Any
+"""numpy's or JAX's: what comes in goes out. A type checker cannot follow which, so it is told nothing."""
+
 
 def is_jax(x: Any) -> bool:
     """Whether an array is JAX's (or traced), or one in a list of arrays is."""

@@ -6,9 +6,9 @@ function is elementwise over the batch, so one posture and a million postures ar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from motions.arrays import xp
+from motions.arrays import Array, xp
 
 DEG = 180.0 / jnp.pi
 """Degrees in one radian. Files and tables are in degrees, everything inside is in radians."""

@@ -5,7 +5,6 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -31,7 +30,7 @@ def girdle(*arguments: object) -> Ended:
     out, err = io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
         patch.setattr(sys, "argv", ["girdle", *map(str, arguments)])
-        patch.setattr(cli, "jax", SimpleNamespace(config=SimpleNamespace(update=lambda *_: None)))
+        patch.setattr(cli, "keep_compiled", lambda: None)
         with pytest.raises(SystemExit) as ended:
             cli.main()
     code = ended.value.code

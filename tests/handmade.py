@@ -62,7 +62,10 @@ def adaptations(
     fits = pd.concat(tables, ignore_index=True)
     results = {model.name: _adapted(motions, model, failed) for model in models}
     parameters = parameters_table(motions.subjects, models, results, fits)
-    return Adaptations({one.name: fitted[True] for one in models}, fits, summary_table(fits), results, parameters)
+    by_model = {one.name: fitted[True] for one in models}
+    return Adaptations(
+        by_model=by_model, fits=fits, summary=summary_table(fits), adapted=results, parameters=parameters
+    )
 
 
 def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndarray) -> Fitted:

@@ -118,10 +118,11 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
     assert not (tmp_path / FOLDER).exists()
 
 
-def test_parts_of_another_run_are_not_used(motion, tmp_path):
-    Parts(tmp_path, "one").make(work(), [read_motions(motion)], lambda *_: [(0, b"a part")], lambda _: None)
-    assert list((tmp_path / FOLDER / "one").iterdir()) == []  # nothing was asked of the chunks
+def test_parts_of_another_run_are_removed(tmp_path):
+    Parts(tmp_path, "one")
     (tmp_path / FOLDER / "one" / "0000000.zip").write_bytes(b"a part")
+    Parts(tmp_path, "one")
+    assert (tmp_path / FOLDER / "one" / "0000000.zip").exists()
     Parts(tmp_path, "other")
     assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ["other"]
 
