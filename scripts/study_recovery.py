@@ -1,4 +1,4 @@
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Are the intervals of adapted parameters true? Simulated subjects with known parameters, noise, and an adaptation.
 
