@@ -1,8 +1,8 @@
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Are the intervals of adapted parameters true? Simulated subjects with known parameters, noise, and an adaptation.
 
-    python scripts/study_recovery.py --subjects 256
+    python scripts/study_recovery.py --out out/recovery
 
 Everything here is simulated: subjects whose girdle is a set's with parameters of their own, their motion as near to the
 published rhythm as their chain allows, independent noise on every angle, the thorax points still those of the set. A
@@ -14,10 +14,12 @@ published rhythm as their chain allows, independent noise on every angle, the th
     noise 0.5, 3 deg    other noise, which the intervals estimate from the gap
 
 The coverage of the noise alone, without the spread of persons, and of the intervals by +-1.96 SD alone, stand beside.
+Each set and world is one file of the folder; what is there is not made again, so a study that was stopped goes on.
 """
 
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -27,6 +29,7 @@ import typer
 from adapt import cli, status
 from adapt.adaptation import adapt_lanes, lanes, lanes_at
 from adapt.batch import pack
+from adapt.output import prepare_folder, write_table
 from adapt.simulation import simulate_model_subjects
 from adapt.trust.flat import FLAT_MM
 from adapt.trust.profile import profile_intervals
@@ -63,8 +66,7 @@ def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profi
     made = simulate_model_subjects(model, None, subjects, world.noise_deg, seed, spread=world.spread)
     batch = pack(made.motions)
     names = list(batch.subjects)
-    data = lanes_at(whole := lanes(batch, [model]), np.arange(len(names)))
-    del whole
+    data = lanes_at(lanes(batch, [model]), np.arange(len(names)))
     adapted = adapt_lanes(data)
     found = uncertainty(data, adapted)
     flat = (found.sd_mm > FLAT_MM) & profiles
@@ -133,6 +135,7 @@ def markdown(lines: list[list[str]]) -> str:
 
 @app.command()
 def main(
+    out: Annotated[Path, typer.Option(help="Folder for the results, one file a set and world.")] = Path("out/recovery"),
     subjects: Annotated[int, typer.Option(min=2, help="Simulated subjects of each set in the first world.")] = 256,
     others: Annotated[int, typer.Option(min=2, help="The same in each other world.")] = 128,
     model: Annotated[list[str] | None, typer.Option(help="Parameter set; repeatable.")] = None,
@@ -141,12 +144,20 @@ def main(
     """Print, as Markdown, how often the intervals hold the truth. All subjects are simulated."""
     sets = [load_model(name) for name in model or ("R6", "R2", "breteler_dissection")]
     parts = []
+    folder = prepare_folder(out)
     for number, world in enumerate(WORLDS):
         for one in sets:
-            print(f"{world.name}: {one.name}", file=sys.stderr, flush=True)
             count = others if number else subjects
-            parts.append(recovered(one, world, count, SEED + number, profiles))
-    table = pd.concat(parts, ignore_index=True)
+            path = folder / f"{world.name.replace(' ', '_')}-{one.name}-{count}{'' if profiles else '-sd'}.csv"
+            if not path.exists():
+                print(f"{world.name}: {one.name}", file=sys.stderr, flush=True)
+                write_table(recovered(one, world, count, SEED + number, profiles), path)
+            parts.append(pd.read_csv(path))
+    report(pd.concat(parts, ignore_index=True))
+
+
+def report(table: pd.DataFrame) -> None:
+    """Print both tables, of the subjects whose adaptation was ``ok``."""
     failed = int((~table["ok"]).sum()) // len(ADAPTED)
     table = table[table["ok"]]
     print(f"Simulated subjects. Not adapted: {failed}.\n")

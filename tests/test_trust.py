@@ -1,3 +1,6 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false
+# pyright: reportIndexIssue=false
+# (pandas and SciPy say "this or that" of nearly every result)
 """The uncertainty of adapted parameters, against other engines and cases worked by hand. All subjects are simulated."""
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The gap on postures that an adaptation has not seen: each motion held out in turn, and every third posture."""
 

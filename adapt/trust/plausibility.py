@@ -6,6 +6,7 @@ then a device that lets the scapula move as measured and no longer a thorax.
 
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -83,9 +84,11 @@ def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " 6"]) 
 
     A point on the left counts as its mirror image, as the ellipsoid is symmetric. Regions without points are left out.
     """
-    moved = model.girdle.with_adapted(theta_mm)
+    moved = model.girdle.with_adapted(jnp.asarray(theta_mm))
     points = np.asarray(model.points_mm)
-    distance = np.asarray(signed_distance_mm(points, moved.centre_mm[:, None], moved.semi_axes_mm[:, None]))
+    distance = np.asarray(
+        signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+    )
     own = model.girdle
     scaled = (points - np.asarray(own.centre_mm)[:, None]) / np.asarray(own.semi_axes_mm)[:, None]
     azimuth = np.degrees(np.arctan2(scaled[2], np.abs(scaled[0])))

@@ -118,9 +118,10 @@ def reduced_inverse(
     result = np.zeros_like(matrix)
     for lane in range(matrix.shape[-1]):
         chosen = np.flatnonzero(free[:, lane])
-        part = matrix[np.ix_(chosen, chosen, [lane])][..., 0]
+        both = np.ix_(chosen, chosen)
+        part = matrix[..., lane][both]
         definite = np.isfinite(part).all() and (np.linalg.eigvalsh(part) > 0.0).all()
-        result[np.ix_(chosen, chosen, [lane])] = (np.linalg.inv(part) if definite else np.nan * part)[..., None]
+        result[..., lane][both] = np.linalg.inv(part) if definite else np.nan
     return result
 
 

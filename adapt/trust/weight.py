@@ -1,4 +1,4 @@
-# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """w of E = D + w mean(J) chosen by motions held out, and what each w costs: D against mean J."""
 
