@@ -41,11 +41,11 @@ def other_versions(path: Path) -> list[str]:
 
 
 def _check_unchanged(file: Path, recorded_sha256: str | None, record: Path) -> None:
-    if sha256(file) == recorded_sha256:
+    now = sha256(file)
+    if now == recorded_sha256:
         return
-    cause = f"the file has changed since the run of {record}"
-    if not file.exists():
-        cause = f"the file is no longer where it was in the run of {record}"
+    changed = "has changed since" if now else "is no longer where it was in"
+    cause = f"the file {changed} the run of {record}"
     raise InputError(str(file), None, cause, "Put it back as it was, or run the command without --repeat")
 
 

@@ -17,4 +17,5 @@ class InputError(ValueError):
 
     def __str__(self) -> str:
         where = self.file if self.row is None else f"{self.file}, line {self.row}"
-        return f"{where}: {self.cause.rstrip('.')}. {self.remedy.rstrip('.')}."
+        said = f"{where}: {self.cause.rstrip('.')}. {self.remedy.rstrip('.')}."
+        return "".join(c if c.isprintable() else "?" for c in said)  # it may quote a file: one line, whatever is in it

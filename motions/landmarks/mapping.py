@@ -65,7 +65,7 @@ def read_mapping(path: Path | None) -> Mapping:
     except OSError as error:
         cause = f"the file cannot be read ({error.strerror})"
         raise InputError(file, None, cause, "Check the name of the mapping file") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(file, None, f"this is not a TOML file ({error})", _EXAMPLE) from error
     for key in document:
         if key not in _KEYS:

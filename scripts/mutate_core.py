@@ -1,0 +1,202 @@
+"""Small faults put into the numerical core one at a time: which of them do its tests not notice?
+
+``python scripts/mutate_core.py --mutants 120 --seed 1`` draws mutants of the files in TESTS_OF, runs the tests of
+the file on each in a copy of the project, and prints who survived. A mutant is killed if a test fails or the tests take
+LONGEST_S.
+
+Not by mutmut, which leaves functions with decorators alone (here: custom derivatives and everything compiled) and forks
+after JAX has started its threads; nor by cosmic-ray, which changes the working tree that one is working in.
+"""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Annotated
+
+import typer
+from numpy.random import PCG64, Generator
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+ROOT = Path(__file__).parents[1]
+
+TESTS_OF = {
+    "motions/rotations.py": ["tests/test_motions_rotations.py"],
+    "models/ellipsoid.py": ["tests/test_ellipsoid.py"],
+    "models/girdle.py": ["tests/test_girdle.py"],
+    "models/derivatives.py": ["tests/test_derivatives.py"],
+    "adapt/objective.py": ["tests/test_objective.py"],
+}
+"""The quick tests of each file; slower ones, which fit whole subjects, would find more."""
+
+LONGEST_S = 600.0
+"""The tests of one file take less than a minute on a free machine."""
+
+EQUIVALENT: dict[str, str] = {}
+"""Why a mutant that survives changes no result, by its description."""
+
+_BINARY = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
+_COMPARED = {
+    ast.Lt: ast.GtE,
+    ast.GtE: ast.Lt,
+    ast.Gt: ast.LtE,
+    ast.LtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+}
+_CALLED = {"sin": "cos", "cos": "sin", "max": "min", "min": "max", "maximum": "minimum", "minimum": "maximum"}
+_CALLED |= {"any": "all", "all": "any", "abs": "negative", "sqrt": "square", "zeros_like": "ones_like"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of one file."""
+
+    file: str
+    line: int
+    old: str
+    new: str
+    source: str
+    """The whole changed file."""
+
+    @property
+    def name(self) -> str:
+        return f"{self.file}:{self.line}: {self.old} -> {self.new}"
+
+
+def mutants(file: str, source: str) -> list[Mutant]:
+    """Every mutant of the file: an operator, a number, a sign, a comparison or a function that is another one."""
+    tree = ast.parse(source)
+    types = _annotations(tree)
+    found = []
+    for place in ast.walk(tree):
+        if isinstance(place, ast.expr) and id(place) not in types:
+            for changed in map(ast.unparse, _changes(place)):
+                text = _spliced(source, place, f"({changed})")
+                found.append(Mutant(file, place.lineno, ast.unparse(place), changed, text))
+    return found
+
+
+def _spliced(source: str, place: ast.expr, new: str) -> str:
+    """The source with other text in the place of the node. Columns count bytes."""
+    lines = source.encode().splitlines(keepends=True)
+    starts = [sum(map(len, lines[:k])) for k in range(len(lines))]
+    assert place.end_lineno is not None
+    assert place.end_col_offset is not None
+    begin, end = starts[place.lineno - 1] + place.col_offset, starts[place.end_lineno - 1] + place.end_col_offset
+    content = source.encode()
+    return (content[:begin] + new.encode() + content[end:]).decode()
+
+
+def _annotations(tree: ast.AST) -> set[int]:
+    """Types are checked by pyright, not by running."""
+    roots = [getattr(node, key, None) for node in ast.walk(tree) for key in ("annotation", "returns")]
+    return {id(node) for root in roots if root is not None for node in ast.walk(root)}
+
+
+def _changes(node: ast.expr) -> Iterator[ast.expr]:
+    match node:
+        case ast.BinOp(left, op, right) if type(op) in _BINARY:
+            yield ast.BinOp(left, _BINARY[type(op)](), right)
+        case ast.Compare(left, [op], right) if type(op) in _COMPARED:
+            yield ast.Compare(left, [_COMPARED[type(op)]()], right)
+        case ast.UnaryOp(ast.USub() | ast.Not() | ast.Invert(), operand):
+            yield operand
+        case ast.Constant(bool(value)):
+            yield ast.Constant(not value)
+        case ast.Constant(int(value)):
+            yield ast.Constant(value + 1)
+        case ast.Constant(float(value)):
+            yield ast.Constant(value * 1.5 if value else 1.0)
+        case ast.Call(ast.Attribute(of, str(name), context), arguments, keywords) if name in _CALLED:
+            yield ast.Call(ast.Attribute(of, _CALLED[name], context), arguments, keywords)
+
+
+def survives(mutant: Mutant, folder: Path) -> bool:
+    """Whether all its tests pass on the copy of the project in the folder, which is put back after."""
+    path = folder / mutant.file
+    whole = path.read_bytes()
+    path.write_text(mutant.source)
+    try:
+        return passes(folder, TESTS_OF[mutant.file])
+    finally:
+        path.write_bytes(whole)
+
+
+def passes(folder: Path, tests: list[str]) -> bool:
+    """Whether the tests pass on the packages in the folder, and not on those that are installed."""
+    command = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        ended = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, timeout=LONGEST_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return ended.returncode == 0
+
+
+def _copied(folder: Path) -> Path:
+    for name in ("adapt", "models", "motions", "scripts", "tests"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    return folder
+
+
+def main(
+    mutants_to_try: Annotated[int, typer.Option("--mutants", min=1, help="How many, drawn from all there are.")] = 120,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed draws the same ones.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="How many at once.")] = 2,
+) -> None:
+    """Draw mutants of the numerical core and name those that no test notices."""
+    every = [one for file in TESTS_OF for one in mutants(file, (ROOT / file).read_text())]
+    order = Generator(PCG64(seed)).permutation(len(every))[:mutants_to_try]
+    drawn = [every[k] for k in sorted(order)]
+    with tempfile.TemporaryDirectory() as home:
+        free: SimpleQueue[Path] = SimpleQueue()
+        for number in range(jobs):
+            free.put(_copied(Path(home) / str(number)))
+        whole = free.get()
+        for file, tests in TESTS_OF.items():
+            assert passes(whole, tests), f"the tests of {file} fail as it is"
+        free.put(whole)
+
+        def tried(mutant: Mutant) -> bool:
+            folder = free.get()
+            try:
+                return survives(mutant, folder)
+            finally:
+                free.put(folder)
+
+        with ThreadPoolExecutor(jobs) as threads:
+            outcome = track(threads.map(tried, drawn), "mutants", len(drawn), console=Console(stderr=True))
+            survivors = [mutant for mutant, alive in zip(drawn, outcome, strict=True) if alive]
+    _print(every, drawn, survivors)
+
+
+def _print(every: list[Mutant], drawn: list[Mutant], survivors: list[Mutant]) -> None:
+    table = Table("file", *(f"[right]{word}" for word in ("mutants", "tried", "killed", "equivalent", "survived")))
+    equivalent = [one for one in survivors if one.name in EQUIVALENT]
+    counts = [Counter(one.file for one in some) for some in (every, drawn, survivors, equivalent)]
+    for file in TESTS_OF:
+        there, tried, alive, same = (count[file] for count in counts)
+        table.add_row(file, *(f"{number}" for number in (there, tried, tried - alive, same, alive - same)))
+    Console().print(table)
+    for one in survivors:
+        print(f"survived: {one.name}" + (f" (equivalent: {EQUIVALENT[one.name]})" if one in equivalent else ""))
+
+
+if __name__ == "__main__":
+    typer.run(main)
