@@ -159,7 +159,7 @@ def main(
 def report(table: pd.DataFrame) -> None:
     """Print both tables, of the subjects whose adaptation was ``ok``."""
     failed = int((~table["ok"]).sum()) // len(ADAPTED)
-    table = table[table["ok"]]
+    table = pd.DataFrame(table[table["ok"]])
     print(f"Simulated subjects. Not adapted: {failed}.\n")
     print(by_parameter(table[table["world"] == WORLDS[0].name]))
     print(f"\n{by_world(table)}")

@@ -78,7 +78,7 @@ def test_a_part_is_what_its_subjects_are_alone(motion):
     folder.mkdir()
     made = Parts(folder, "key")
     made.make(work(), [motions], one_after_another, lambda _: None)
-    found, failed = made.become_tables(work().models)
+    found, failed = made.become_tables(folder, work().models)
     made.remove()
     pd.testing.assert_frame_equal(found.summary, tables.summary, check_exact=True)
     pd.testing.assert_frame_equal(found.parameters, tables.parameters, check_exact=True)

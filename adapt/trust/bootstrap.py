@@ -1,6 +1,5 @@
 """Parametric bootstrap: what the adaptation makes of simulated repetitions of a subject's measurement."""
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -24,6 +23,6 @@ def bootstrap_mm(
     postures = adapted.angles.shape[1]
     errors = generator.standard_normal((replicates, lanes, 6, postures)) * (noise_deg / DEG)[:, None, None]
     measured = adapted.angles[..., lane] + np.moveaxis(errors.reshape(-1, 6, postures), 0, -1)
-    again = adapted_from(lanes_at(data, lane, angles=measured), jnp.asarray(adapted.theta_mm[:, lane]), weight)
+    again = adapted_from(lanes_at(data, lane, angles=measured), adapted.theta_mm[:, lane], weight)
     theta = np.where(again.status == status.OK, again.theta_mm, np.nan)
     return theta.reshape(6, replicates, lanes)
