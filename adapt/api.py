@@ -1,7 +1,7 @@
 """The two fits from Python: motions and models in, arrays and tables out."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
@@ -46,6 +46,7 @@ def fit_postures(
     motions: Motions, models: ParameterSet | Sequence[ParameterSet], progress: Progress = lambda _: None
 ) -> PostureFits:
     """Fit every posture with every model as it is, without adaptation (thesis 6.2.4; Tables 6.1, 6.2)."""
+    motions = _with_gaps(motions)
     by_model, fits = _before(motions, _as_list(models), progress)
     return PostureFits(by_model, fits, summary_table(fits))
 
@@ -72,7 +73,7 @@ def adapt_subjects(
     ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.objective.READINGS``. Subjects are independent: one
     that fails has its status and leaves the others as they are.
     """
-    models = _as_list(models)
+    models, motions = _as_list(models), _with_gaps(motions)
     _, before = _before(motions, models, progress)
     batch = pack(motions)
     data = lanes(batch, models)
@@ -103,6 +104,11 @@ def _check_names(motions: Motions) -> None:
         if taken:
             cause = f"a {word} is called '{taken[0]}', which is a row of the summary"
             raise InputError("motions", None, cause, "Give it another name")
+
+
+def _with_gaps(motions: Motions) -> Motions:
+    """An infinite angle, which no file gives, was not measured either."""
+    return replace(motions, angles_deg=np.where(np.isfinite(motions.angles_deg), motions.angles_deg, np.nan))
 
 
 def _as_list(models) -> list[ParameterSet]:

@@ -159,9 +159,10 @@ def main(
     mutants_to_try: Annotated[int, typer.Option("--mutants", min=1, help="How many, drawn from all there are.")] = 120,
     seed: Annotated[int, typer.Option(min=0, help="The same seed draws the same ones.")] = 1,
     jobs: Annotated[int, typer.Option(min=1, help="How many at once.")] = 2,
+    only: Annotated[list[str], typer.Option(help="One of the files; repeatable. Else all.")] = list(TESTS_OF),  # noqa: B006
 ) -> None:
     """Draw mutants of the numerical core and name those that no test notices."""
-    every = [one for file in TESTS_OF for one in mutants(file, (ROOT / file).read_text())]
+    every = [one for file in only for one in mutants(file, (ROOT / file).read_text())]
     order = Generator(PCG64(seed)).permutation(len(every))[:mutants_to_try]
     drawn = [every[k] for k in sorted(order)]
     with tempfile.TemporaryDirectory() as home:
@@ -169,8 +170,8 @@ def main(
         for number in range(jobs):
             free.put(_copied(Path(home) / str(number)))
         whole = free.get()
-        for file, tests in TESTS_OF.items():
-            assert passes(whole, tests), f"the tests of {file} fail as it is"
+        for file in only:
+            assert passes(whole, TESTS_OF[file]), f"the tests of {file} fail as it is"
         free.put(whole)
 
         def tried(mutant: Mutant) -> bool:
@@ -190,7 +191,7 @@ def _print(every: list[Mutant], drawn: list[Mutant], survivors: list[Mutant]) ->
     table = Table("file", *(f"[right]{word}" for word in ("mutants", "tried", "killed", "equivalent", "survived")))
     equivalent = [one for one in survivors if one.name in EQUIVALENT]
     counts = [Counter(one.file for one in some) for some in (every, drawn, survivors, equivalent)]
-    for file in TESTS_OF:
+    for file in dict.fromkeys(one.file for one in every):
         there, tried, alive, same = (count[file] for count in counts)
         table.add_row(file, *(f"{number}" for number in (there, tried, tried - alive, same, alive - same)))
     Console().print(table)

@@ -4,6 +4,7 @@ import pytest
 
 from motions import InputError
 from motions.formats import c3d
+from motions.landmarks.mapping import read_mapping
 from scripts.fuzz_readers import READ, REFUSED, file_number, kinds, outcome
 
 SEED, FEW = 7, 60
@@ -26,7 +27,7 @@ def test_broken_files_are_read_or_refused_in_one_line(tmp_path, name):
 
 
 def test_a_reader_that_fails_is_found_out(tmp_path):
-    """The oracle itself: an error of another class, a warning, and words that are not one printable line."""
+    """The oracle itself: an error of another class, and a warning."""
 
     def raising(error: Exception):
         def read(_):
@@ -35,9 +36,22 @@ def test_a_reader_that_fails_is_found_out(tmp_path):
         return read
 
     kind = kinds(tmp_path)["mapping"]
-    for error in (KeyError("x"), InputError("f", None, "two\nlines", "x"), RuntimeWarning("x"), RecursionError()):
+    for error in (KeyError("x"), ValueError("x"), RuntimeWarning("x"), RecursionError()):
         said = outcome(type(kind)(kind.ending, raising(error), b""), b"", tmp_path)
         assert said not in (READ, REFUSED)
+
+
+def test_an_error_that_quotes_a_file_is_one_printable_line():
+    """Found by fuzzing: names of columns and markers with control characters in them."""
+    error = InputError("f\n", None, "column 'A\tI' is\ntwice", "Rename \x1b[31mit")
+    assert str(error) == "f?: column 'A?I' is?twice. Rename ?[31mit."
+
+
+def test_a_mapping_nested_too_deep_ends_in_a_message(tmp_path):
+    """Found by fuzzing."""
+    (tmp_path / "map.toml").write_text("axes = " + "[" * 5000)
+    with pytest.raises(InputError, match="not a TOML file"):
+        read_mapping(tmp_path / "map.toml")
 
 
 def crashing_c3d(folder) -> bytes:

@@ -7,7 +7,6 @@ from dataclasses import fields, replace
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from laboratory import repeated
@@ -85,7 +84,7 @@ def test_a_file_of_a_left_shoulder_is_read_as_the_right_one_that_it_mirrors(tmp_
     read = []
     for side, mirror in (("right", np.ones(6)), ("left", MIRROR_ANGLES)):
         rows = [
-            f"{motions.subject[k]},{side},{motions.motion[k]},{motions.posture[k]},{motions.humerus_elevation_deg[k]!r},"
+            f"{motions.subject[k]},{side},{motions.motion[k]},{motions.posture[k]},{float(motions.humerus_elevation_deg[k])!r},"
             + ",".join(repr(float(x)) for x in motions.angles_deg[k] * mirror)
             for k in range(len(motions.posture))
         ]
@@ -122,7 +121,7 @@ def test_order_and_company_of_postures_do_not_matter(seed, order, turned):
 
 # --- adaptation ------------------------------------------------------------------------------------------------------
 
-SUBJECTS = 4
+SUBJECTS = 8
 
 
 def held(data: Lanes, free: set[str]) -> Lanes:
@@ -142,10 +141,9 @@ def before(data: Lanes) -> np.ndarray:
     return D + WEIGHT * np.asarray(jnp.sum(jnp.where(data.counted, j, 0.0), axis=0) / jnp.sum(data.counted, axis=0))
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_e_never_rises_by_adapting_nor_by_freeing_a_parameter(seed):
+def test_e_never_rises_by_adapting_nor_by_freeing_a_parameter():
     """Nested: nothing free, the conoid, the centre too, all. Each problem contains the one before."""
-    data = lanes(pack(simulate_subjects(SUBJECTS, seed=seed, noise_deg=2.0)), [load_model("R2")])
+    data = lanes(pack(simulate_subjects(SUBJECTS, seed=3, noise_deg=2.0)), [load_model("R2")])
     nested = [{"conoid_length"}, {"conoid_length", "M_y", "M_z"}, set(ADAPTED)]
     E = [before(data)]
     for free in nested:
