@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -158,10 +159,12 @@ def adapt(
     shown = subjects if len(subjects) <= size else subjects[:: -(-len(subjects) // MOST_SHOWN)]
     work = Work(tuple(models), weight, reading, frozenset(shown))
     maker = on_cluster(dask) if dask else one_after_another
+    chunks = files.in_chunks(size)
+    chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
         with progress(errors) as report:
-            table = parts.make(work, files.in_chunks(size), maker, report)
+            table = parts.make(work, chunks, maker, report)
             report("writing")
             with written_together(folder) as part:
                 result, failed = parts.become_tables(part, models)
