@@ -62,7 +62,8 @@ def write_pieces_whole(path: str | os.PathLike[str], pieces: Iterable[bytes]) ->
         part.replace(path)
     except OSError as error:
         cause = f"the file cannot be written ({error.strerror})"
-        raise InputError(str(path), None, cause, "Name a file in a folder that exists and may be written") from error
+        remedy = "Make room, or name a file in a folder that exists and may be written"
+        raise InputError(str(path), None, cause, remedy) from error
     finally:
         _remove(part)
 

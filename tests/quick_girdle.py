@@ -11,7 +11,7 @@ from typing import Any
 
 from handmade import adaptations
 
-from adapt import Adaptations, cli
+from adapt import Adaptations, cli, parts
 from models import ParameterSet
 from motions import Motions
 
@@ -46,7 +46,7 @@ def _main(at: str) -> None:
             _waits(at, "publishing")
         return replace(self, target)
 
-    cli.adapt_subjects, cli.write_run, Path.replace = fitting, writing, publishing
+    parts.adapt_subjects, cli.write_run, Path.replace = fitting, writing, publishing
     cli.main()
 
 

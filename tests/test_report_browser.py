@@ -189,7 +189,7 @@ def test_model_subject_motion_and_state_can_be_chosen(look):
 
 def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
     """Every drawn point of the surface is on it: M_x moved, as a file of the user's own may have it."""
-    girdle = replace(R2[0].girdle, centre_mm=R2[0].girdle.centre_mm.at[0].set(7.0))
+    girdle = replace(R2[0].girdle, centre_mm=np.array([7.0, *R2[0].girdle.centre_mm[1:]]))
     model, motions = replace(R2[0], girdle=girdle), two_motions(1)
     seen = look(report_html(motions, [model], adaptations(motions, [model])))
     for state, moved_mm in (("before", 0.0 * MOVED_MM), ("after", MOVED_MM)):
