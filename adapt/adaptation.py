@@ -223,7 +223,8 @@ def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> S
     result = in_chunks(_judged, _LANES, *fixed, *point, at_once=_AT_ONCE)._replace(iterations=swept.iterations)
     left = np.flatnonzero(~result.converged)
     if len(left):
-        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=_FEW_AT_ONCE)
+        at_once = len(left) if lanes < _MANY else 0
+        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=at_once)
         result = with_lanes(result, left, careful)
     return result
 
@@ -280,8 +281,9 @@ _AT_ONCE = 128
 _FEW_LANES = 16
 """Subjects in a chunk of the careful path, which is long to compile."""
 
-_FEW_AT_ONCE = 256
-"""Subjects up to which numpy does the careful path; its program takes minutes to compile."""
+_MANY = 512
+"""Subjects of a batch from which the careful path is compiled (16 s, once) for those of them that need it; numpy does
+it for smaller batches, in a second."""
 
 _SWEEPS, _SWEEP_ITERATIONS = 4, 10
 """Rounds of the fast path, and iterations a round: measured on simulated subjects, 7 of 10 lanes need one, 99 of 100
