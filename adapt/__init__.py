@@ -2,6 +2,15 @@
 
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
 from adapt.diagnosis import Diagnosis, diagnose
-from adapt.trust import Trust, trust
+from adapt.trust import Trust, assess_trust
 
-__all__ = ["Adaptations", "Diagnosis", "PostureFits", "Trust", "adapt_subjects", "diagnose", "fit_postures", "trust"]
+__all__ = [
+    "Adaptations",
+    "Diagnosis",
+    "PostureFits",
+    "Trust",
+    "adapt_subjects",
+    "assess_trust",
+    "diagnose",
+    "fit_postures",
+]

@@ -25,7 +25,7 @@ from adapt.repeat import other_versions, recorded_arguments
 from adapt.simulation import simulate_model_subjects
 from adapt.tables import Tables
 from adapt.terminal import PlainConsole, print_parameters, print_summary, progress
-from adapt.trust import trust
+from adapt.trust import assess_trust
 from adapt.trust.terminal import print_trust
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
@@ -251,7 +251,7 @@ def trust_results(
     table, models, record = _inputs(motions, model)
     with results_folder(out) as folder:
         with progress(errors) as report:
-            found = trust(table, models, weight, choose_weight, report)
+            found = assess_trust(table, models, weight, choose_weight, report)
         with written_together(folder) as part:
             _write_adaptations(part, found.adaptations)
             for name in ("uncertainty", "heldout", "plausibility"):

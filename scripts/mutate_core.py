@@ -4,8 +4,8 @@
 the file on each in a copy of the project, and prints who survived. A mutant is killed if a test fails or the tests take
 LONGEST_S.
 
-Not by mutmut, which leaves functions with decorators alone (here: custom derivatives and everything compiled) and forks
-after JAX has started its threads; nor by cosmic-ray, which changes the working tree that one is working in.
+Every mutant is a copy of the project of its own, tried in processes of their own: the tree that one is working in stays
+as it is, and functions with decorators (custom derivatives, all that is compiled) are changed too.
 """
 
 import ast

@@ -1,5 +1,5 @@
 """How far an adaptation can be trusted."""
 
-from adapt.trust.trust import Trust, trust
+from adapt.trust.trust import Trust, assess_trust
 
-__all__ = ["Trust", "trust"]
+__all__ = ["Trust", "assess_trust"]

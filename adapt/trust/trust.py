@@ -50,7 +50,7 @@ class Trust:
     """``weights.csv``: one row a model and w; None unless asked for."""
 
 
-def trust(
+def assess_trust(
     motions: Motions,
     models: ParameterSet | Sequence[ParameterSet],
     weight: float = WEIGHT,
