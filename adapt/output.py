@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pandas as pd
@@ -35,10 +35,12 @@ def prepare_folder(path: str | os.PathLike[str]) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe.write_text("")
-        probe.unlink(missing_ok=True)
     except OSError as error:
         cause = f"the output folder cannot be written to ({error.strerror})"
         raise InputError(str(folder), None, cause, "Give a folder of your own with --out") from error
+    finally:  # an interrupt may come at any moment
+        with suppress(OSError):
+            probe.unlink(missing_ok=True)
     return folder
 
 
