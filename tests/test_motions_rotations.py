@@ -71,6 +71,13 @@ def test_rotation_vector_and_angle_are_scipys(vector, scale):
     np.testing.assert_allclose(mean_angle(R), expected.magnitude(), atol=ANGLE_TOLERANCE)
 
 
+@pytest.mark.parametrize("squared", [1e-4, 0.999e-3, 1.001e-3], ids=["small", "before the seam", "after it"])
+def test_the_series_of_small_vectors_is_exact_up_to_its_end(squared):
+    vector = np.sqrt(squared) * np.array([2.0, -1.0, 2.0]) / 3.0
+    expected = Rotation.from_rotvec(vector).as_matrix()
+    np.testing.assert_allclose(rotation_from_vector(jnp.array(vector)), expected, atol=1e-12)
+
+
 def test_a_batch_is_its_members():
     generator = np.random.default_rng(1)
     angles = generator.uniform(-1.5, 1.5, (3, 4, 5))

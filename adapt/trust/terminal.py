@@ -30,9 +30,12 @@ def print_trust(console: Console, found: Trust) -> None:
 
 
 def _table(title: str, headers: tuple[str, ...], names: int) -> Table:
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
-    for number, header in enumerate(headers):
-        table.add_column(header, no_wrap=True, justify="left" if number < names else "right")
+    """Where the terminal is narrow names are folded, numbers never cut."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for header in headers[:names]:
+        table.add_column(header, overflow="fold")
+    for header in headers[names:]:
+        table.add_column(header, no_wrap=True, justify="right")
     return table
 
 
