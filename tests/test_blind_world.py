@@ -150,11 +150,13 @@ def test_rotations_are_those_of_another_author() -> None:
     rotation = pytest.importorskip("scipy.spatial.transform").Rotation
     q = np.random.default_rng(0).uniform(-1.4, 1.4, (50, 3))
     R = rotations.rotation_from_cardan(q)
-    np.testing.assert_allclose(R, rotation.from_euler("YZX", q).as_matrix(), atol=1e-14)
-    np.testing.assert_allclose(rotations.cardan_from_rotation(R), q, atol=1e-13)
-    np.testing.assert_allclose(rotations.rotation_from_vector(q), rotation.from_rotvec(q).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(R, rotation.from_euler("YZX", q).as_matrix(), rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(rotations.cardan_from_rotation(R), q, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(
+        rotations.rotation_from_vector(q), rotation.from_rotvec(q).as_matrix(), rtol=0.0, atol=1e-14
+    )
     R = rotations.rotation_from_vector(q)
-    np.testing.assert_allclose(rotations.vector_from_rotation(R), q, atol=1e-13)
+    np.testing.assert_allclose(rotations.vector_from_rotation(R), q, rtol=0.0, atol=1e-13)
 
 
 @pytest.mark.parametrize("exponent", [1.6, 2.0, 2.3, 2.6])
@@ -166,7 +168,7 @@ def test_a_foot_lies_on_the_surface_below_its_point(exponent: float) -> None:
     point = v / np.linalg.norm(v / semi, axis=-1, keepdims=True) * rng.uniform(0.9, 1.3, (300, 1))
     distance, normal = thorax.surface_distance(point, semi, p)
     foot = point - distance[:, None] * normal
-    np.testing.assert_allclose(np.sum(np.abs(foot / semi) ** exponent, axis=-1), 1.0, atol=1e-10)
+    np.testing.assert_allclose(np.sum(np.abs(foot / semi) ** exponent, axis=-1), 1.0, rtol=0.0, atol=1e-10)
     # nobody on the surface is nearer
     other = foot + 5.0 * directions(300, rng)
     other /= np.sum(np.abs(other / semi) ** exponent, axis=-1, keepdims=True) ** (1.0 / exponent)
@@ -178,7 +180,7 @@ def test_the_superquadric_of_exponent_two_is_the_ellipsoid() -> None:
     semi = np.tile([139.1, 198.2, 85.4], (200, 1))
     point = semi * directions(200, rng) * rng.uniform(0.9, 1.5, (200, 1))
     two = thorax.superquadric_foot(point, semi, np.full(200, 2.0))
-    np.testing.assert_allclose(two, thorax.ellipsoid_foot(point, semi), atol=1e-9)
+    np.testing.assert_allclose(two, thorax.ellipsoid_foot(point, semi), rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("shape", ["none", "thorax_shape", "ac_translation"])
@@ -192,7 +194,7 @@ def test_the_slope_of_the_gap_is_its_difference_quotient(shape: str) -> None:
     _, slope = closed.gap(q)
     for k, e in enumerate(1e-5 * np.eye(6)):
         quotient = (closed.gap(q + e)[0] - closed.gap(q - e)[0]) / 2e-5
-        np.testing.assert_allclose(slope[:, :, k], quotient, atol=1e-4)
+        np.testing.assert_allclose(slope[:, :, k], quotient, rtol=0.0, atol=1e-4)
 
 
 def test_subjects_differ_as_they_were_drawn() -> None:
@@ -242,7 +244,7 @@ def test_the_command_writes_a_motion_file_and_the_truth_apart(tmp_path: Path) ->
     written = pd.read_csv(out)
     world = make_world("conoid_strain+sc_translation", R2, subjects=2, seed=3, size=0.5, mixed_sign=True)
     assert list(written.columns) == COLUMNS
-    np.testing.assert_allclose(written[list(ANGLES)], world.table[list(ANGLES)], atol=6e-5)
+    np.testing.assert_allclose(written[list(ANGLES)], world.table[list(ANGLES)], rtol=0.0, atol=6e-5)
     told = json.loads(truth.read_text(encoding="utf-8"))
     assert told["origin"] == "simulated"
     assert set(told["effects"]) == {"conoid_strain", "sc_translation"}

@@ -96,7 +96,7 @@ def test_noisy_trials_with_gaps_are_converted_to_within_their_noise(trials, conv
 def test_both_kinds_of_file_say_the_same(converted):
     single_precision_deg = 1e-3
     first = converted["c3d"].select(converted["c3d"].subject == "S0")
-    np.testing.assert_allclose(first.angles_deg, converted["trc"].angles_deg, atol=single_precision_deg)
+    np.testing.assert_allclose(first.angles_deg, converted["trc"].angles_deg, rtol=0.0, atol=single_precision_deg)
 
 
 def test_the_girdle_is_adapted_to_within_the_noise(converted):
@@ -184,7 +184,7 @@ def simulated_go_on_as_mot(folder: Path) -> None:
     name = motions.subjects[0].removeprefix("R2_")
     rows = fits[(fits["subject"] == name) & (fits["motion"] == motions.motion[0]) & (fits["adapted"] == 1)]
     expected = rows[[f"{angle}_simulated_deg" for angle in ANGLES]].to_numpy()
-    np.testing.assert_allclose(motions.angles_deg, expected, atol=EXACT)
+    np.testing.assert_allclose(motions.angles_deg, expected, rtol=0.0, atol=EXACT)
     ended = girdle("convert", folder / "out" / "fits.csv", folder / "fits.parquet")
     assert ended.status == 0, ended.err
     pd.testing.assert_frame_equal(pd.read_parquet(folder / "fits.parquet"), fits, check_dtype=False)
@@ -199,7 +199,7 @@ def test_motions_through_a_folder_of_mot_files(tmp_path):
         assert girdle("convert", path, tmp_path / "back.csv").status == 0
         again = read_motions(tmp_path / "back.csv")
         mine = (shipped.subject == again.subjects[0]) & (shipped.motion == again.motion[0])
-        np.testing.assert_allclose(again.angles_deg, shipped.angles_deg[mine], atol=EXACT)
+        np.testing.assert_allclose(again.angles_deg, shipped.angles_deg[mine], rtol=0.0, atol=EXACT)
         np.testing.assert_array_equal(again.posture, shipped.posture[mine])
 
 
@@ -254,7 +254,7 @@ def test_the_opensim_model_places_the_bones_as_this_one_does(name):
         body = (marker.findtext("socket_parent_frame") or "").removeprefix("/bodyset/")
         rotation, origin = poses[body]
         found = origin + rotation @ vector(marker, "location")
-        np.testing.assert_allclose(found, expected[marker.attrib["name"]], atol=1e-12)
+        np.testing.assert_allclose(found, expected[marker.attrib["name"]], rtol=0.0, atol=1e-12)
     residuals = constraint_errors_m(document, poses)
     assert residuals["acromioclavicular"] < 1e-12
     assert residuals["conoid"] == pytest.approx(
@@ -319,7 +319,7 @@ def test_the_joints_point_lies_on_the_ellipsoid_and_the_file_is_whole(tmp_path):
     document = ET.parse(tmp_path / "R4.osim").getroot()
     joint = next(document.iter("ScapulothoracicJoint"))
     radii = vector(joint, "thoracic_ellipsoid_radii_x_y_z")
-    np.testing.assert_allclose(radii, [0.130, 0.314, 0.137], atol=1e-15)
+    np.testing.assert_allclose(radii, [0.130, 0.314, 0.137], rtol=0.0, atol=1e-15)
     ellipsoid = next(document.iter("WrapEllipsoid"))
     np.testing.assert_array_equal(vector(ellipsoid, "dimensions"), radii)
     np.testing.assert_array_equal(vector(ellipsoid, "translation"), [-0.054, -0.230, 0.0])

@@ -63,14 +63,14 @@ def test_on_a_sphere_it_is_the_distance_to_the_centre(radius):
     special = np.concatenate([np.zeros((3, 1)), radius * np.eye(3), -0.5 * radius * np.eye(3)], axis=1)
     points = np.concatenate([points, special], axis=1)
     found = distance(jnp.asarray(points), jnp.full(points.shape, radius))
-    np.testing.assert_allclose(found, np.linalg.norm(points, axis=0) - radius, atol=ROUNDING_MM)
+    np.testing.assert_allclose(found, np.linalg.norm(points, axis=0) - radius, rtol=0.0, atol=ROUNDING_MM)
 
 
 def test_the_centre_moves_with_the_points():
     points = jnp.asarray(np.random.default_rng(1).normal(0.0, 300.0, (3, 100)))
     centre, axes = jnp.array([[5.0], [-296.0], [78.0]]), jnp.broadcast_to(THORAX[:, None], points.shape)
     found = signed_distance_mm(points + centre, centre, THORAX[:, None])
-    np.testing.assert_allclose(found, distance(points, axes), atol=ROUNDING_MM)
+    np.testing.assert_allclose(found, distance(points, axes), rtol=0.0, atol=ROUNDING_MM)
 
 
 def test_points_along_the_normal_come_back_to_their_foot():
@@ -84,7 +84,7 @@ def test_points_along_the_normal_come_back_to_their_foot():
     found = distance(jnp.asarray(p), jnp.asarray(a))
     np.testing.assert_allclose(found, t * np.linalg.norm(x / a**2, axis=0), atol=ROUNDING_MM, rtol=1e-12)
     # Next to the evolute (t = -min a^2) the foot point slides 1 / (1 + t / min a^2) = 100 times as far as p.
-    np.testing.assert_allclose(foot(jnp.asarray(p), jnp.asarray(a)), x, atol=100.0 * ROUNDING_MM)
+    np.testing.assert_allclose(foot(jnp.asarray(p), jnp.asarray(a)), x, rtol=0.0, atol=100.0 * ROUNDING_MM)
 
 
 def test_foot_points_are_on_the_surface_and_the_normal_meets_the_point():
@@ -98,7 +98,7 @@ def test_foot_points_are_on_the_surface_and_the_normal_meets_the_point():
     across = np.linalg.norm(np.cross(p - x, n, axis=0), axis=0)
     assert across.max() <= DIRECTION
     along = np.sum((p - x) * n, axis=0)
-    np.testing.assert_allclose(distance(jnp.asarray(p), jnp.asarray(a)), along, atol=ROUNDING_MM)
+    np.testing.assert_allclose(distance(jnp.asarray(p), jnp.asarray(a)), along, rtol=0.0, atol=ROUNDING_MM)
     outside = np.sum((p / a) ** 2, axis=0) > 1.0
     assert np.array_equal(along > 0.0, outside)
 
@@ -153,7 +153,7 @@ def test_deep_inside_next_to_the_plane_of_the_shortest_axis():
     generator = np.random.default_rng(7)
     axes = generator.uniform(60.0, 450.0, (3, 1000))
     found = [float(distance(ZERO, jnp.asarray(a))) for a in axes.T[:200]]
-    np.testing.assert_allclose(found, -axes.min(axis=0)[:200], atol=ROUNDING_MM)
+    np.testing.assert_allclose(found, -axes.min(axis=0)[:200], rtol=0.0, atol=ROUNDING_MM)
     for scale in (1e-12, 1e-9, 1e-6, 1e-3):
         x = np.asarray(foot(jnp.asarray(scale * generator.normal(size=axes.shape)), jnp.asarray(axes)))
         assert np.abs(np.sum((x / axes) ** 2, axis=0) - 1.0).max() <= ON_SURFACE
@@ -218,11 +218,11 @@ def test_the_gradient_is_that_of_differences(point):
     p, c, a = np.array(point), np.array([1.0, -2.0, 3.0]), np.array(THORAX)
     by_point, by_centre, by_axes = (np.asarray(g) for g in gradient(p, c, a))
     f = jax.jit(signed_distance_mm)
-    np.testing.assert_allclose(by_point, central(lambda x: f(x, c, a), p), atol=GRADIENT_FD)
-    np.testing.assert_allclose(by_centre, central(lambda x: f(p, x, a), c), atol=GRADIENT_FD)
-    np.testing.assert_allclose(by_axes, central(lambda x: f(p, c, x), a), atol=GRADIENT_FD)
+    np.testing.assert_allclose(by_point, central(lambda x: f(x, c, a), p), rtol=0.0, atol=GRADIENT_FD)
+    np.testing.assert_allclose(by_centre, central(lambda x: f(p, x, a), c), rtol=0.0, atol=GRADIENT_FD)
+    np.testing.assert_allclose(by_axes, central(lambda x: f(p, c, x), a), rtol=0.0, atol=GRADIENT_FD)
     assert np.linalg.norm(by_point) == pytest.approx(1.0, abs=EXACT)
-    np.testing.assert_allclose(by_centre, -by_point, atol=EXACT)
+    np.testing.assert_allclose(by_centre, -by_point, rtol=0.0, atol=EXACT)
 
 
 def of_nine(z):
@@ -238,11 +238,11 @@ nine_forward = jax.jit(jax.jacfwd(jax.jacfwd(of_nine)))
 def test_the_hessian_is_that_of_differences_and_symmetric(point):
     z = np.concatenate([np.array(point), [1.0, -2.0, 3.0], np.array(THORAX)])
     H = np.asarray(nine_hessian(z))
-    np.testing.assert_allclose(H, central(nine_gradient, z), atol=HESSIAN_FD)
-    np.testing.assert_allclose(H, H.T, atol=EXACT)
-    np.testing.assert_allclose(nine_reverse(z), H, atol=EXACT)
-    np.testing.assert_allclose(nine_forward(z), H, atol=EXACT)
-    np.testing.assert_allclose(jax.jacfwd(of_nine)(z), nine_gradient(z), atol=EXACT)
+    np.testing.assert_allclose(H, central(nine_gradient, z), rtol=0.0, atol=HESSIAN_FD)
+    np.testing.assert_allclose(H, H.T, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(nine_reverse(z), H, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(nine_forward(z), H, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(jax.jacfwd(of_nine)(z), nine_gradient(z), rtol=0.0, atol=EXACT)
     assert np.abs(H[:3, :3] @ np.asarray(nine_gradient(z))[:3]).max() <= EXACT  # the normal does not turn along itself
 
 
@@ -250,7 +250,7 @@ def test_on_a_sphere_the_hessian_is_that_of_the_norm():
     p = np.array([30.0, -40.0, 120.0])
     H = np.asarray(nine_hessian(np.concatenate([p, np.zeros(3), np.full(3, 100.0)])))[:3, :3]
     n = p / np.linalg.norm(p)
-    np.testing.assert_allclose(H, (np.eye(3) - np.outer(n, n)) / np.linalg.norm(p), atol=EXACT)
+    np.testing.assert_allclose(H, (np.eye(3) - np.outer(n, n)) / np.linalg.norm(p), rtol=0.0, atol=EXACT)
 
 
 def test_jit_vmap_and_grad_compose_in_any_order():
@@ -264,5 +264,5 @@ def test_jit_vmap_and_grad_compose_in_any_order():
     of_vmap = jax.jit(jax.grad(lambda p: jnp.sum(each(p, centre, a))))(p)
     jitted_inside = jax.vmap(jax.jit(grad), in_axes=-1, out_axes=-1)(p, centre, a)
     for other in (summed, of_vmap, jitted_inside):
-        np.testing.assert_allclose(other, expected, atol=EXACT)
-    np.testing.assert_allclose(each(p, centre, a), signed_distance_mm(p, centre, a), atol=EXACT * 1e3)
+        np.testing.assert_allclose(other, expected, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(each(p, centre, a), signed_distance_mm(p, centre, a), rtol=0.0, atol=EXACT * 1e3)

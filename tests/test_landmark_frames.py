@@ -81,25 +81,25 @@ def test_the_thorax_frame_by_hand():
     """IJ at the origin, C7 behind and above, PX and T8 below: up, right and backward are the axes."""
     points = {"IJ": (0, 0, 0), "C7": (0, 60, 100), "PX": (0, -200, 10), "T8": (0, -140, 90)}
     R = thorax_frame(*(np.array(points[name], float) for name in ("IJ", "PX", "C7", "T8")))
-    np.testing.assert_allclose(R, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(R, np.eye(3), rtol=0.0, atol=1e-15)
 
 
 def test_a_thorax_lying_on_its_back_in_a_z_up_laboratory():
     """Head along +x, face up (+z): cranial is +x, backward -z, and right, cranial cross backward, +y."""
     points = {"IJ": (0, 0, 0), "C7": (60, 0, -100), "PX": (-200, 0, -10), "T8": (-140, 0, -90)}
     R = thorax_frame(*(np.array(points[name], float) for name in ("IJ", "PX", "C7", "T8")))
-    np.testing.assert_allclose(R.T, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-15)
+    np.testing.assert_allclose(R.T, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], rtol=0.0, atol=1e-15)
 
 
 def test_clavicle_scapula_and_humerus_by_hand():
     """A clavicle straight backward-lateral is retracted by 45 degrees; a scapula in the frontal plane is not turned."""
     y = np.array([0.0, 1.0, 0.0])
     R = clavicle_frame(np.zeros(3), np.array([100.0, 0.0, 100.0]), y)
-    np.testing.assert_allclose(R, Rotation.from_euler("Y", -45, degrees=True).as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(R, Rotation.from_euler("Y", -45, degrees=True).as_matrix(), rtol=0.0, atol=1e-15)
     R = scapula_frame(np.array([100.0, 0.0, 0.0]), np.zeros(3), np.array([-20.0, -100.0, 0.0]))
-    np.testing.assert_allclose(R, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(R, np.eye(3), rtol=0.0, atol=1e-15)
     hanging = humerus_frame(np.zeros(3), np.array([-30.0, -280.0, 0.0]), np.array([30.0, -280.0, 0.0]))
-    np.testing.assert_allclose(hanging, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(hanging, np.eye(3), rtol=0.0, atol=1e-15)
 
 
 @pytest.mark.parametrize(("plane_deg", "elbow"), [(0.0, (280.0, 0.0, 0.0)), (90.0, (0.0, 0.0, -280.0))])
@@ -108,14 +108,14 @@ def test_an_arm_raised_to_the_side_and_to_the_front(plane_deg, elbow):
     half = np.array([0.0, 30.0, 0.0])
     R = humerus_frame(np.zeros(3), np.array(elbow) - half, np.array(elbow) + half)
     found = np.degrees(humerus_angles(R))
-    np.testing.assert_allclose(found[:2], [plane_deg, 90.0], atol=1e-12)
+    np.testing.assert_allclose(found[:2], [plane_deg, 90.0], rtol=0.0, atol=1e-12)
 
 
 @given(ARM)
 def test_humerus_angles_there_and_back_and_against_scipy(arm_deg):
     R = humerus_rotation(np.radians(arm_deg))
-    np.testing.assert_allclose(R, Rotation.from_euler("YZY", arm_deg, degrees=True).as_matrix(), atol=1e-14)
-    np.testing.assert_allclose(np.degrees(humerus_angles(R)), arm_deg, atol=EXACT)
+    np.testing.assert_allclose(R, Rotation.from_euler("YZY", arm_deg, degrees=True).as_matrix(), rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(np.degrees(humerus_angles(R)), arm_deg, rtol=0.0, atol=EXACT)
 
 
 @settings(max_examples=50, deadline=None)
@@ -125,12 +125,12 @@ def test_positions_to_angles_to_positions(angles_deg, arm_deg, turn_deg):
     points = girdle_mm(angles_deg, arm_deg)
     found = frame_angles(moved(points, turn_deg), "right", "file")
     known = found.angles_deg[0, [0, 1, 3, 4, 5]]
-    np.testing.assert_allclose(known, angles_deg, atol=EXACT)
-    np.testing.assert_allclose(found.humerus_deg[0], arm_deg, atol=EXACT)
+    np.testing.assert_allclose(known, angles_deg, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(found.humerus_deg[0], arm_deg, rtol=0.0, atol=EXACT)
     again = girdle_mm(known, found.humerus_deg[0])
     for name, position in found.landmarks_mm.items():
-        np.testing.assert_allclose(position[0], points[name][:, 0], atol=EXACT)
-        np.testing.assert_allclose(again[name][:, 0], points[name][:, 0], atol=EXACT)
+        np.testing.assert_allclose(position[0], points[name][:, 0], rtol=0.0, atol=EXACT)
+        np.testing.assert_allclose(again[name][:, 0], points[name][:, 0], rtol=0.0, atol=EXACT)
 
 
 @settings(max_examples=25, deadline=None)
@@ -139,8 +139,8 @@ def test_a_left_shoulder_is_the_mirror_image_of_a_right_one(angles_deg, arm_deg,
     points = girdle_mm(angles_deg, arm_deg)
     right = frame_angles(moved(points, turn_deg), "right", "file")
     left = frame_angles(moved(mirrored(points), turn_deg), "left", "file")
-    np.testing.assert_allclose(left.angles_deg, right.angles_deg, atol=EXACT)
-    np.testing.assert_allclose(left.humerus_deg, right.humerus_deg, atol=EXACT)
+    np.testing.assert_allclose(left.angles_deg, right.angles_deg, rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(left.humerus_deg, right.humerus_deg, rtol=0.0, atol=EXACT)
 
 
 @settings(max_examples=25, deadline=None)
@@ -149,7 +149,10 @@ def test_the_unit_of_the_positions_does_not_matter(angles_deg, factor):
     points = girdle_mm(angles_deg)
     scaled = {name: factor * xyz for name, xyz in points.items()}
     np.testing.assert_allclose(
-        frame_angles(scaled, "right", "file").angles_deg, frame_angles(points, "right", "file").angles_deg, atol=EXACT
+        frame_angles(scaled, "right", "file").angles_deg,
+        frame_angles(points, "right", "file").angles_deg,
+        rtol=0.0,
+        atol=EXACT,
     )
 
 
@@ -183,7 +186,7 @@ def test_isb_angles_are_the_same_rotation_in_isbs_axes(angles_deg):
     for bone in (slice(3), slice(3, 6)):
         ours = Rotation.from_euler("YZX", angles_deg[bone], degrees=True).as_matrix()
         theirs = Rotation.from_euler("YXZ", isb[bone], degrees=True).as_matrix()
-        np.testing.assert_allclose(theirs, Q @ ours @ Q.T, atol=1e-14)
+        np.testing.assert_allclose(theirs, Q @ ours @ Q.T, rtol=0.0, atol=1e-14)
 
 
 @settings(max_examples=25, deadline=None)
@@ -191,7 +194,7 @@ def test_isb_angles_are_the_same_rotation_in_isbs_axes(angles_deg):
 def test_aa_to_ac_and_back(scapula):
     through_ac = np.array(scapula)
     back = ac_from_aa_deg(aa_from_ac_deg(through_ac, KOLZ), KOLZ)
-    np.testing.assert_allclose(back, through_ac, atol=EXACT)
+    np.testing.assert_allclose(back, through_ac, rtol=0.0, atol=EXACT)
 
 
 def test_aa_reads_as_less_protracted_and_less_laterally_rotated():
@@ -217,7 +220,7 @@ def test_aa_to_ac_of_the_measured_shoulders(measured_files):
         pairs = [(rows[key], k) for k, key in enumerate(keys) if key in rows]
         mine, others = np.array(pairs).T
         found = ac_from_aa_deg(aa.angles_deg[others, 3:], KOLZ)
-        np.testing.assert_allclose(found, ac.angles_deg[mine, 3:], atol=ROUNDED_DEG)
+        np.testing.assert_allclose(found, ac.angles_deg[mine, 3:], rtol=0.0, atol=ROUNDED_DEG)
         checked += len(pairs)
     assert checked > 200
 
@@ -228,4 +231,4 @@ def test_the_estimate_of_a_girdle_at_rest_is_zero_and_of_a_joint_turn_its_half()
     axis = Rotation.from_euler("YZ", rest[:2], degrees=True).apply([1.0, 0.0, 0.0])
     scapula = Rotation.from_rotvec(np.radians(40.0) * axis) * Rotation.from_euler("YZX", rest[3:], degrees=True)
     turned = np.concatenate([rest[:3], scapula.as_euler("YZX", degrees=True)])
-    np.testing.assert_allclose(estimated_axial_deg(np.stack([rest, turned]), rest), [0.0, 20.0], atol=EXACT)
+    np.testing.assert_allclose(estimated_axial_deg(np.stack([rest, turned]), rest), [0.0, 20.0], rtol=0.0, atol=EXACT)

@@ -217,9 +217,9 @@ def test_a_measurement_pulled_off_along_the_normal_comes_back(near):
     multipliers = np.random.default_rng(3).normal(0.0, 0.1, (3, len(lanes)))
     pull = np.einsum("cak,ck->ak", G, multipliers)
     found = fit(repeated(load_model("R4").girdle, len(lanes)), q + 3.0 * pull)
-    np.testing.assert_allclose(found.angles * DEG, q, atol=ANGLE_TOLERANCE_DEG)
-    np.testing.assert_allclose(found.multipliers, multipliers, atol=1e-7)
-    np.testing.assert_allclose(found.j_deg2, 1.5 * np.sum(pull**2, axis=0), atol=1e-8)
+    np.testing.assert_allclose(found.angles * DEG, q, rtol=0.0, atol=ANGLE_TOLERANCE_DEG)
+    np.testing.assert_allclose(found.multipliers, multipliers, rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(found.j_deg2, 1.5 * np.sum(pull**2, axis=0), rtol=0.0, atol=1e-8)
 
 
 def one_angle_girdle() -> tuple[Girdle, np.ndarray, float]:
@@ -256,7 +256,7 @@ def test_one_angle_solved_by_hand():
     found = fit(repeated(girdle, 1), measured[:, None])
     expected = measured.copy()
     expected[1] = b_deg
-    np.testing.assert_allclose(found.angles[:, 0] * DEG, expected, atol=ANGLE_TOLERANCE_DEG)
+    np.testing.assert_allclose(found.angles[:, 0] * DEG, expected, rtol=0.0, atol=ANGLE_TOLERANCE_DEG)
     assert found.j_deg2[0] == pytest.approx((measured[1] - b_deg) ** 2 / 6.0, abs=1e-9)
 
 
@@ -322,8 +322,8 @@ def test_r4_with_the_printed_conoid_is_unreachable_and_says_by_how_much(some_deg
     short = replace(girdle, conoid_length_mm=jnp.asarray(8.2))
     alone, among, bad = mixed_with(repeated(girdle, count), some_deg, repeated(short, count), some_deg)
     assert set(bad.status) == {status.UNREACHABLE}
-    np.testing.assert_allclose(bad.residual_mm[2], shortest_conoid_mm(girdle) - 8.2, atol=1e-6)
-    np.testing.assert_allclose(bad.residual_mm[:2], 0.0, atol=1e-5)
+    np.testing.assert_allclose(bad.residual_mm[2], shortest_conoid_mm(girdle) - 8.2, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(bad.residual_mm[:2], 0.0, rtol=0.0, atol=1e-5)
     assert_untouched(alone, among)
 
 
@@ -396,7 +396,7 @@ def test_a_posture_on_another_branch_is_put_back():
             getattr(moved, key)[..., k : k + 1] = value
         assert np.abs(moved.angles - good.angles).max() * DEG > 1.0
         back = follow_motions(moved, *problem)
-        np.testing.assert_allclose(back.angles, good.angles, atol=ANGLE_TOLERANCE_DEG / DEG)
+        np.testing.assert_allclose(back.angles, good.angles, rtol=0.0, atol=ANGLE_TOLERANCE_DEG / DEG)
         assert not back.jump.any()
         assert np.abs(moved.angles - good.angles).max() * DEG > 1.0, "the input was changed in place"
         tried += 1

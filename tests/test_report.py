@@ -51,7 +51,7 @@ def test_bones_without_rotation_are_where_the_parameter_set_has_them():
         girdle.scapula_conoid_mm,
     ]
     expected = [ac + np.asarray(offset) for offset in offsets]
-    np.testing.assert_allclose(points[..., 0], expected, atol=MM_TOLERANCE)
+    np.testing.assert_allclose(points[..., 0], expected, rtol=0.0, atol=MM_TOLERANCE)
     assert POINTS[:3] == ("AC", "TS", "AI")
 
 
@@ -71,7 +71,7 @@ def test_residuals_are_those_of_each_rows_own_parameters():
     own = np.asarray(girdle.adapted_mm)
     theta_mm = np.stack([own, own + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0])], axis=1)
     _, residuals = bones_mm(girdle, theta_mm, np.repeat(rising(1, 1)[0].T, 2, axis=1))
-    np.testing.assert_allclose(residuals[:, 0] - residuals[:, 1], [0.0, 0.0, 3.0], atol=MM_TOLERANCE)
+    np.testing.assert_allclose(residuals[:, 0] - residuals[:, 1], [0.0, 0.0, 3.0], rtol=0.0, atol=MM_TOLERANCE)
 
 
 # --- the numbers of the figures ------------------------------------------------------------------------------------
@@ -94,17 +94,17 @@ def test_figures_get_every_row_once_in_the_order_of_its_motion():
         rows = slice(*motion["rows"])
         assert found["posture"][rows] == [1, 2, 3, 4]
         expected = motions.angles_deg[motions.subject == one["name"]].T
-        np.testing.assert_allclose(np.array(found["measured_deg"])[:, rows], expected, atol=0.005)
+        np.testing.assert_allclose(np.array(found["measured_deg"])[:, rows], expected, rtol=0.0, atol=0.005)
         for state, gap_deg in zip(("before", "after"), GAP_DEG.values(), strict=True):
             shown = np.array(found["models"][0]["states"][state]["simulated_deg"])[:, rows]
-            np.testing.assert_allclose(shown - expected, gap_deg, atol=0.005)
+            np.testing.assert_allclose(shown - expected, gap_deg, rtol=0.0, atol=0.005)
 
 
 def test_each_state_has_its_own_parameters_and_gaps():
     motions = motions_of(rising(2, 4))
     (model,) = figure_data(motions, R2, adaptations(motions, R2), {"R2": 1.5})["models"]
     before, after = (model["states"][state] for state in ("before", "after"))
-    np.testing.assert_allclose(np.subtract(after["theta_mm"], before["theta_mm"]), [MOVED_MM] * 2, atol=0.06)
+    np.testing.assert_allclose(np.subtract(after["theta_mm"], before["theta_mm"]), [MOVED_MM] * 2, rtol=0.0, atol=0.06)
     assert (before["gap_deg"], after["gap_deg"]) == ([[GAP_DEG[False]] * 8] * 2, [[GAP_DEG[True]] * 8] * 2)
     assert (set(before["rms_deg"]), set(after["rms_deg"])) == ({GAP_DEG[False]}, {GAP_DEG[True]})
     assert model["noise_deg"] == 1.5

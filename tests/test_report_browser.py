@@ -134,9 +134,9 @@ def test_the_view_steps_through_the_postures_and_turns(look, window):
     for step in range(3):
         assert page.inner_text("#readout").startswith(f"Posture {step + 1} of 5")
         measured = landmarks_of(model["measured_points_mm"], TRIANGLE, step)
-        np.testing.assert_allclose(drawn_scapula(seen, "measured"), measured, atol=DRAWN_MM)
+        np.testing.assert_allclose(drawn_scapula(seen, "measured"), measured, rtol=0.0, atol=DRAWN_MM)
         after = landmarks_of(model["states"]["after"]["simulated_points_mm"], TRIANGLE, step)
-        np.testing.assert_allclose(drawn_scapula(seen, "adapted"), after, atol=DRAWN_MM)
+        np.testing.assert_allclose(drawn_scapula(seen, "adapted"), after, rtol=0.0, atol=DRAWN_MM)
         page.click("#next")
     assert page.input_value("#posture") == "3"
     before = seen.settled_eye()
@@ -169,7 +169,7 @@ def test_model_subject_motion_and_state_can_be_chosen(look):
     row = data["subjects"][1]["motions"][1]["rows"][0] + 2
     model = next(one for one in data["models"] if one["name"] == "R4")
     simulated_mm = landmarks_of(model["states"]["before"]["simulated_points_mm"], TRIANGLE, row)
-    np.testing.assert_allclose(drawn_scapula(seen, "model as it is"), simulated_mm, atol=DRAWN_MM)
+    np.testing.assert_allclose(drawn_scapula(seen, "model as it is"), simulated_mm, rtol=0.0, atol=DRAWN_MM)
     headings = page.locator("h2 [data-name]").all_inner_texts()
     assert {"R4", "s2", "flexion"} <= set(headings)
     (dots,) = [
@@ -198,7 +198,7 @@ def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
         x, forward, up = (np.array(surface[axis]) for axis in "xyz")
         M_y, M_z, A_x, A_y, A_z, _ = np.asarray(girdle.adapted_mm) + moved_mm
         squares = ((x - 7.0) / A_x) ** 2 + ((up - M_y) / A_y) ** 2 + ((-forward - M_z) / A_z) ** 2
-        np.testing.assert_allclose(squares, 1.0, atol=DRAWN_SHARE)
+        np.testing.assert_allclose(squares, 1.0, rtol=0.0, atol=DRAWN_SHARE)
     seen.assert_quiet()
 
 
@@ -287,7 +287,7 @@ def test_a_diagnosis_is_in_the_page(look, window):
         if one.get("fill")
     ]
     measured = seen.data()["measured_deg"][0][:5]
-    np.testing.assert_allclose(np.subtract(band["y"], measured), 1.96 * SKIN.noise.noise.angle_deg, atol=1e-9)
+    np.testing.assert_allclose(np.subtract(band["y"], measured), 1.96 * SKIN.noise.noise.angle_deg, rtol=0.0, atol=1e-9)
     seen.assert_quiet()
 
 

@@ -148,14 +148,14 @@ def test_noise_of_no_subject_is_no_uncertainty(case):
 def test_points_alone_forbid_everything_and_motion_alone_nothing(case):
     """w -> 0: theta is the points', as far off as the person is from them. The conoid has no points."""
     tiny = uncertainty(case.data, case.adapted, weight=1e-9)
-    np.testing.assert_allclose(tiny.points_share[:5], 1.0, atol=1e-5)
+    np.testing.assert_allclose(tiny.points_share[:5], 1.0, rtol=0.0, atol=1e-5)
     # Of the geometric fit itself, where D has no residual, what is left is Sigma.
     at_own = replace(case.adapted, theta_mm=np.asarray(case.data.girdle.adapted_mm))
     own = uncertainty(case.data, at_own, weight=1e-9)
     np.testing.assert_allclose(sd(own.person_mm2)[:5], PERSON_SD_MM[:5, None] * np.ones(4), rtol=1e-3)
     huge = uncertainty(case.data, case.adapted, weight=1e9)
     # The motion's information along its flattest direction is 1e-8 of that along the stiffest.
-    np.testing.assert_allclose(huge.points_share, 0.0, atol=1e-2)
+    np.testing.assert_allclose(huge.points_share, 0.0, rtol=0.0, atol=1e-2)
 
 
 def test_a_parameter_at_its_bound_may_be_anywhere_between_them_and_takes_others_along(case):
@@ -231,7 +231,7 @@ def test_postures_held_out_have_no_part_in_the_adaptation(case):
     angles = np.array(case.data.angles)
     angles[:, parts[0].tested, 0] += 40.0 / DEG
     spoilt = held_out(lanes_at(case.data, np.arange(SUBJECTS), angles=angles), case.adapted, SUBJECTS, parts)
-    np.testing.assert_allclose(spoilt.adapted.theta_mm, clean.adapted.theta_mm, atol=SAME_THETA_MM)
+    np.testing.assert_allclose(spoilt.adapted.theta_mm, clean.adapted.theta_mm, rtol=0.0, atol=SAME_THETA_MM)
     assert np.nanmean(spoilt.unseen_deg) > 5.0 + np.nanmean(clean.unseen_deg)
     assert np.isfinite(clean.unseen_deg[:, parts[0].tested]).all()
     assert np.isnan(clean.unseen_deg[:, ~parts[0].tested]).all()
@@ -245,7 +245,7 @@ def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
     seen = np.nansum(found.in_sample_deg, axis=-1)
     expected = np.abs(case.adapted.angles[..., 0] - np.asarray(case.data.angles)[..., 0]) * DEG
     counted = np.asarray(case.data.counted)[:, 0]
-    np.testing.assert_allclose(seen[:, counted], expected[:, counted], atol=1e-6)
+    np.testing.assert_allclose(seen[:, counted], expected[:, counted], rtol=0.0, atol=1e-6)
 
 
 # --- the command ---------------------------------------------------------------------------------------------------
