@@ -128,7 +128,7 @@ def lanes_at(data: Lanes, index: Int[np.ndarray, " chosen"], **changed: np.ndarr
 def adapt_lanes(
     data: Lanes,
     weight: float = WEIGHT,
-    reading: str = "mm2_deg2",
+    reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Adapted:
     """The lowest E found for each lane from several starts, with exact derivatives and the bounds of the model.

@@ -19,7 +19,16 @@ from adapt.diagnosis.noise import LEAST
 from adapt.diagnosis.sentence import Object
 from adapt.diagnosis.terminal import print_diagnosis
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
-from adapt.output import inputs_record, results_folder, run_key, write_json, write_run, write_table, written_together
+from adapt.output import (
+    Files,
+    inputs_record,
+    results_folder,
+    run_key,
+    write_json,
+    write_run,
+    write_table,
+    written_together,
+)
 from adapt.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, not_adapted, one_after_another
 from adapt.repeat import other_versions, recorded_arguments
 from adapt.simulation import simulate_model_subjects
@@ -373,7 +382,7 @@ def _elevations(at: str) -> tuple[float, ...]:
         raise InputError("--at", None, cause, "Give degrees separated by commas, as in --at 30,60,90") from None
 
 
-def _inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[ParameterSet], dict[str, object]]:
+def _inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[ParameterSet], Files]:
     """The motions, the models, and what run.json says of their files."""
     record, sets = inputs_record(motions, models), _models(models)
     return read_motions(*motions), sets, record

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from uuid import uuid4
 
 import pandas as pd
 
@@ -24,6 +25,9 @@ except ImportError:  # Windows: nothing keeps two runs apart there
     fcntl = None
 
 RECORD = "run.json"
+
+Files = dict[str, list[dict[str, str | None]]]
+"""What run.json says of the motion files and the models."""
 
 _VERSIONS_OF = ("girdle", "jax", "jaxlib", "numpy", "optimistix", "pandas")
 
@@ -125,7 +129,7 @@ def write_json(record: dict[str, object], path: Path) -> None:
     write_whole(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
-def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> dict[str, object]:
+def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
     """The files of a run with their SHA-256, to be taken before they are read: files can change while it runs.
 
     Paths are absolute, so that the run can be repeated from another folder.
@@ -140,16 +144,18 @@ def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> dict[str, o
     }
 
 
-def run_key(inputs: dict[str, object], options: dict[str, object]) -> str:
-    """One word for everything that the results of a run depend on."""
+def run_key(inputs: Files, options: dict[str, object]) -> str:
+    """One word for all that the results of a run depend on. A pipe has no hash: its run has a word of its own."""
     record = inputs | {"options": options, "versions": versions()}
+    if any(file["sha256"] is None for files in inputs.values() for file in files):
+        record["once"] = uuid4().hex
     return hashlib.sha256(json.dumps(record).encode()).hexdigest()[:16]
 
 
 def write_run(
     folder: Path,
     command: str,
-    inputs: dict[str, object],
+    inputs: Files,
     options: dict[str, object],
     left_out: Sequence[InputError] = (),
 ) -> None:
@@ -165,7 +171,7 @@ def write_run(
         "seeds": {"posture_fit_starts": OFFSETS_SEED},
         "versions": versions(),
     }
-    write_whole(folder / RECORD, json.dumps(record, indent=2) + "\n")
+    write_json(record, folder / RECORD)
 
 
 def versions() -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Motion files in, one table of postures out: good subjects are kept, bad ones named."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,12 +42,15 @@ class MotionStream:
         self.rejected: list[InputError] = []
         self._usable: list[Path] = []
         self._last: dict[str, int] = {}  # where the last row of each subject is
+        self._once: dict[Path, list[Row]] = {}  # of what can be read only once: pipes
         rows = 0
         for place, path in enumerate(named):
             try:
                 if any(path.samefile(earlier) for earlier in named[:place]):
                     raise InputError(str(path), None, "the file is named twice", "Name each file once")
-                last = {row.cells["subject"]: rows + number for number, row in enumerate(iterate_rows(path))}
+                if path.is_fifo():
+                    self._once[path] = list(iterate_rows(path))
+                last = {row.cells["subject"]: rows + number for number, row in enumerate(self._rows_of(path))}
             except InputError as error:
                 self.rejected.append(error)
                 continue
@@ -62,12 +65,15 @@ class MotionStream:
     def subjects(self) -> tuple[str, ...]:
         return tuple(self._last)
 
+    def _rows_of(self, path: Path) -> Iterable[Row]:
+        return self._once[path] if path in self._once else iterate_rows(path)
+
     def in_chunks(self, subjects: int | None) -> Iterator[Motions]:
         """The motions of so many subjects at a time (None: of all), as their last rows are reached."""
         waiting: dict[str, list[tuple[int, Row]]] = {}
         ended: list[str] = []
         named, found = tuple(self.rejected), False
-        for place, row in enumerate(row for path in self._usable for row in iterate_rows(path)):
+        for place, row in enumerate(row for path in self._usable for row in self._rows_of(path)):
             subject = row.cells["subject"]
             waiting.setdefault(subject, []).append((place, row))
             if place == self._last[subject]:

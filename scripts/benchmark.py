@@ -26,12 +26,12 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
-import platformdirs  # noqa: E402
 import typer  # noqa: E402
 from oracles import bones, ipopt_call, slsqp  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from adapt.adaptation import lanes, solved_from_geometric_fit  # noqa: E402
+from adapt.adaptation import lanes, lanes_at, solved_from_geometric_fit  # noqa: E402
 from adapt.batch import pack  # noqa: E402
+from adapt.cache import keep_compiled  # noqa: E402
 from adapt.differentiable import nested_objective  # noqa: E402
 from adapt.fit import fit_lanes  # noqa: E402
 from adapt.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
@@ -111,12 +111,8 @@ def values_of(data: Any, solved: Any) -> np.ndarray:
 
 
 def prepared(model: str, subjects: int):
-    """The lanes of simulated subjects, without padding ones."""
-    return first_lanes(lanes(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)]), subjects)
-
-
-def first_lanes(data: Any, count: int) -> Any:
-    return type(data)(**{k: jax.tree.map(lambda x: x[..., :count], v) for k, v in vars(data).items()})
+    """The lanes of simulated subjects."""
+    return lanes(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
 
 
 def nested_seconds(model: str, subjects: int) -> float:
@@ -173,9 +169,9 @@ def benchmark(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object instead of lines.")] = False,
 ) -> None:
     """Measure and compare."""
-    jax.config.update("jax_compilation_cache_dir", str(platformdirs.user_cache_path("girdle") / "jax"))
+    keep_compiled()
     data = prepared(model, subjects)
-    one = first_lanes(data, 1)
+    one = lanes_at(data, np.arange(1))
     ours = solved_from_geometric_fit(data)
     solved_from_geometric_fit(one)
     measured = np.asarray(simulate_subjects(subjects, seed=SEED).angles_deg.T) / DEG

@@ -11,7 +11,8 @@ from jaxtyping import Bool, Float
 from adapt.diagnosis import verdict
 from adapt.diagnosis.verdict import NONE
 from models.effects import EFFECTS
-from scripts.blind_report import Line, kind, markdown, rate
+from scripts.blind_report import Line, kind, rate
+from scripts.reporting import markdown
 
 NONE_KEPT = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 SET_PROBABILITY = (0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995)

@@ -29,14 +29,13 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-import jax
 import numpy as np
 import pandas as pd
-import platformdirs
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from adapt.cache import keep_compiled
 from adapt.diagnosis import Amplitude, Diagnosis, diagnose
 from adapt.diagnosis.misfit import misfit
 from adapt.diagnosis.observed import Observed, observe
@@ -349,23 +348,17 @@ def append_lines(path: Path, lines: Iterator[Line], progress: Callable[[Line], N
 def run(cases: Sequence[Case], jobs: int) -> Iterator[Line]:
     """The lines of the cases as they are done."""
     if jobs == 1:
-        prepare()
+        keep_compiled()
         yield from map(run_case, cases)
         return
     for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(threads, "1")  # the processes started below are as many as the cores
-    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), prepare)
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), keep_compiled)
     try:
         for done in as_completed([pool.submit(run_case, case) for case in cases]):
             yield done.result()
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def prepare() -> None:
-    """Keep compiled code between processes and runs."""
-    jax.config.update("jax_compilation_cache_dir", str(platformdirs.user_cache_path("girdle") / "jax"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def run_missing(path: Path, cases: Sequence[Case], jobs: int) -> None:

@@ -4,7 +4,6 @@ Effects of a pair that acts together count as named each. A confident wrong name
 nothing, one name or a pair acting together, without the effect at work; where that is outside the list, any such.
 """
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -13,11 +12,11 @@ import numpy as np
 
 from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from models.effects import EFFECTS
+from scripts.reporting import markdown, wilson
 
 Line = dict[str, Any]
 """One case: what `scripts/blind_check.py` writes, from JSON."""
 
-_Z = 1.96
 _BINS = 10
 _SHRINKAGE = 0.1
 """Predicted and realised shrinkage should be this close."""
@@ -58,13 +57,6 @@ def kind(label: str) -> str:
 
 
 # Statistics ---------------------------------------------------------------------------------------------------------
-
-
-def wilson(hits: int, n: int) -> tuple[float, float]:
-    """95 % interval of a rate."""
-    centre, square = hits + 0.5 * _Z**2, _Z**2
-    half = _Z * math.sqrt(hits * (n - hits) / n + 0.25 * square)
-    return max(0.0, (centre - half) / (n + square)), min(1.0, (centre + half) / (n + square))
 
 
 def rate(hits: Iterable[bool]) -> str:
@@ -181,11 +173,6 @@ def confusions(lines: Iterable[Line]) -> list[tuple[str, str, int, int]]:
 
 
 # Markdown -----------------------------------------------------------------------------------------------------------
-
-
-def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table."""
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (header, ["---"] * len(header), *rows))
 
 
 def _ece(lines: Sequence[Line]) -> str:

@@ -14,18 +14,18 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import pandas as pd
 import typer
 
 from adapt import cli
-from adapt.adaptation import adapt_lanes, lanes, lanes_at
+from adapt.adaptation import adapt_lanes, lanes
 from adapt.batch import pack
 from adapt.objective import WEIGHT
 from adapt.trust.heldout import folds, folds_between, held_out, heldout_table
 from adapt.trust.weight import weight_table
 from models import load_model
 from motions import InputError, read_motions
+from scripts.reporting import markdown
 
 app = typer.Typer(add_completion=False)
 
@@ -37,13 +37,13 @@ def gap_table(table: pd.DataFrame, fitted: str) -> str:
     tested = table["held_out"].iloc[0]
     header = ["set", "subject", f"{tested}: before", "adapted to all", f"adapted to {fitted} alone"]
     header += ["scapula", "clavicle"]
-    lines = [header, ["---"] * len(header)]
+    lines = []
     for model, rows in table.groupby("model", sort=False):
         for row in rows.to_dict("records"):
             lines.append([str(model), row["subject"], *cells(row)])
         means = rows.select_dtypes("number").mean()
         lines.append([str(model), f"mean of {len(rows)}", *cells(means)])
-    return markdown(lines)
+    return markdown(header, lines)
 
 
 def cells(row) -> list[str]:
@@ -58,18 +58,13 @@ def cells(row) -> list[str]:
 def curve(table: pd.DataFrame) -> str:
     """Markdown of the trade-off curve."""
     header = ["set", "w", "thorax points, rms mm", "J, rms deg", "gap seen, deg", "gap unseen, deg", "at a bound"]
-    lines = [header, ["---"] * len(header)]
+    lines = []
     for row in table.to_dict("records"):
         keys = ("thorax_points_rms_mm", "j_rms_deg", "gap_in_sample_deg", "gap_unseen_deg")
         weight = f"{row['weight']:g}" + (" (best)" if row["best"] else "")
         bound = f"{row['at_bound']} of {row['subjects_ok']}"
         lines.append([row["model"], weight, *(f"{row[key]:.2f}" for key in keys), bound])
-    return markdown(lines)
-
-
-def markdown(lines: list[list[str]]) -> str:
-    """Cells as a table."""
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return markdown(header, lines)
 
 
 @app.command()
@@ -85,9 +80,7 @@ def main(
     names = model or ["R2", "R4", "R6"]
     models = [load_model(name) for name in names]
     batch = pack(motions)
-    subjects, width = batch.subjects, batch.angles.shape[-1]
-    real = np.concatenate([m * width + np.arange(len(subjects)) for m in range(len(models))])
-    data = lanes_at(lanes(batch, models), real)
+    subjects, data = batch.subjects, lanes(batch, models)
     adapted = adapt_lanes(data, WEIGHT)
     for fitted, tested in ((one, other), (other, one)):
         parts = folds_between(motions, batch, fitted, tested)

@@ -27,7 +27,7 @@ import pandas as pd
 import typer
 
 from adapt import cli, status
-from adapt.adaptation import adapt_lanes, lanes, lanes_at
+from adapt.adaptation import adapt_lanes, lanes
 from adapt.batch import pack
 from adapt.output import prepare_folder, write_table
 from adapt.simulation import simulate_model_subjects
@@ -37,6 +37,7 @@ from adapt.trust.trust import intervals
 from adapt.trust.uncertainty import NORMAL_95, sd, uncertainty
 from models import ParameterSet, load_model
 from models.girdle import ADAPTED
+from scripts.reporting import markdown, wilson
 
 SEED = 20261121
 
@@ -66,7 +67,7 @@ def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profi
     made = simulate_model_subjects(model, None, subjects, world.noise_deg, seed, spread=world.spread)
     batch = pack(made.motions)
     names = list(batch.subjects)
-    data = lanes_at(lanes(batch, [model]), np.arange(len(names)))
+    data = lanes(batch, [model])
     adapted = adapt_lanes(data)
     found = uncertainty(data, adapted)
     flat = (found.sd_mm > FLAT_MM) & profiles
@@ -88,49 +89,36 @@ def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profi
     return pd.DataFrame(columns).assign(model=model.name, world=world.name, made=subjects)
 
 
-def wilson(share: float, n: int) -> tuple[float, float]:
-    """95 % interval of a share seen n times (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
-    z2 = NORMAL_95**2
-    centre = (share + z2 / (2 * n)) / (1 + z2 / n)
-    half = NORMAL_95 * np.sqrt(share * (1 - share) / n + z2 / (4 * n * n)) / (1 + z2 / n)
-    return centre - half, centre + half
-
-
 def by_parameter(table: pd.DataFrame) -> str:
     """Markdown: one line a set and parameter."""
     header = ["set", "parameter", "rms error, mm", "covered", "by +-1.96 SD", "by the noise alone", "median width, mm"]
     header.append("at a bound")
-    lines = [header, ["---"] * len(header)]
+    lines = []
     for (model, name), rows in table.groupby(["model", "parameter"], sort=False):
         rms = np.sqrt((rows["error_mm"] ** 2).mean())
         cells = [f"{rms:.1f}", percent(rows["covered"])]
         cells += [f"{100 * rows[key].mean():.0f} %" for key in ("covered_by_sd", "covered_by_noise")]
         cells += [f"{rows['width_mm'].median():.1f}", f"{100 * (rows['interval'] == 'bounds').mean():.0f} %"]
         lines.append([str(model), str(name), *cells])
-    return markdown(lines)
+    return markdown(header, lines)
 
 
 def by_world(table: pd.DataFrame) -> str:
     """Markdown: one line a world, all sets and parameters; then without those at a bound."""
     header = ["world", "subjects adapted ok", "covered", "not at a bound", "M_y, A_y", "the other four", "noise found"]
-    lines = [header, ["---"] * len(header)]
+    lines = []
     for world, rows in table.groupby("world", sort=False):
         flat = rows["parameter"].isin(["M_y", "A_y"])
         parts = [rows, rows[rows["interval"] != "bounds"], rows[flat], rows[~flat]]
         cells = [percent(part["covered"]) for part in parts]
         lines.append([str(world), str(len(rows) // len(ADAPTED)), *cells, f"{rows['noise_deg'].median():.2f} deg"])
-    return markdown(lines)
+    return markdown(header, lines)
 
 
 def percent(covered: pd.Series) -> str:
     """'95.1 % (94-96)'."""
-    share, (low, high) = covered.mean(), wilson(covered.mean(), len(covered))
+    share, (low, high) = covered.mean(), wilson(int(covered.sum()), len(covered), NORMAL_95)
     return f"{100 * share:.1f} % ({100 * low:.0f}-{100 * high:.0f})"
-
-
-def markdown(lines: list[list[str]]) -> str:
-    """Cells as a table."""
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 @app.command()

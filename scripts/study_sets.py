@@ -29,6 +29,7 @@ from adapt.tables import ALL_MOTIONS
 from models import load_model
 from models.girdle import ADAPTED
 from motions import ANGLES, InputError, read_motions
+from scripts.reporting import markdown
 
 SETS = ("R2", "R4", "R6")
 
@@ -56,7 +57,7 @@ app = typer.Typer(add_completion=False)
 
 def mean_motion_table(fits: pd.DataFrame, label: str, motion: str, subjects: list[str]) -> str:
     """One of Tables 3.4 and 3.5: the published cells, then ours of each subject and set, not adapted."""
-    lines = [["motion", "set", *ANGLES, "all"], ["---"] * 9]
+    header, lines = ["motion", "set", *ANGLES, "all"], []
     for name in SETS:
         cells = PUBLISHED_DEG[label][name]
         lines.append([label, name, *(f"{mean} ({sd})" for mean, sd in cells), f"{np.mean([c[0] for c in cells]):.1f}"])
@@ -67,7 +68,7 @@ def mean_motion_table(fits: pd.DataFrame, label: str, motion: str, subjects: lis
             off = rows[[f"{angle}_difference_deg" for angle in ANGLES]].abs()
             cells = [f"{mean:.1f} ({sd:.1f})" for mean, sd in zip(off.mean(), off.std(), strict=True)]
             lines.append([f"{subject}, {motion}", name, *cells, f"{off.mean().mean():.1f}"])
-    return markdown(lines)
+    return markdown(header, lines)
 
 
 def variance_shares(values: Float[np.ndarray, "sets subjects"]) -> tuple[float, float, float]:
@@ -90,7 +91,7 @@ def grid(table: pd.DataFrame, column: str) -> Float[np.ndarray, "sets subjects"]
 def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
     """Shares of variance and, in its own unit, SD over sets of one subject and over subjects of one set."""
     header = ["quantity", "SD over sets", "SD over subjects", "of the set", "of the subject", "rest"]
-    lines = [header, ["---"] * len(header)]
+    lines = []
     good = parameters[parameters["status"] == status.OK]
     for name in ADAPTED:
         changed = good.assign(change=good[f"{name}_mm"] - good[f"{name}_mm_prior"])
@@ -101,7 +102,7 @@ def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
         rows = rows[rows["subject"].isin(parameters["subject"])]
         for angle in ANGLES:
             lines.append([f"{angle}, gap {state}, deg", *shared(grid(rows, f"{angle}_deg"))])
-    return markdown(lines)
+    return markdown(header, lines)
 
 
 def shared(values: Float[np.ndarray, "sets subjects"]) -> list[str]:
@@ -118,7 +119,7 @@ def share_cell(share: float) -> str:
 
 def apart_table(fits: pd.DataFrame) -> str:
     """Mean |simulated with one set - with another| of the same posture, before and after adaptation, degrees."""
-    lines = [["sets", "state", *ANGLES, "all"], ["---"] * 9]
+    header, lines = ["sets", "state", *ANGLES, "all"], []
     good = fits[fits["status"] == status.OK].set_index(["subject", "motion", "posture"])
     for one, other in itertools.combinations(SETS, 2):
         for adapted, state in ((0, "before"), (1, "after")):
@@ -126,12 +127,7 @@ def apart_table(fits: pd.DataFrame) -> str:
             simulated = [part[[f"{angle}_simulated_deg" for angle in ANGLES]] for part in pair]
             off = (simulated[0] - simulated[1]).abs().mean()
             lines.append([f"{one}, {other}", state, *(f"{x:.1f}" for x in off), f"{off.mean():.1f}"])
-    return markdown(lines)
-
-
-def markdown(lines: list[list[str]]) -> str:
-    """Cells as a table."""
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return markdown(header, lines)
 
 
 @app.command()

@@ -221,7 +221,6 @@ def test_a_case_that_raises_is_recorded_and_stops_no_other(tmp_path: Path, monke
         return {"answer": "none", "excess": math.inf}
 
     monkeypatch.setattr(blind_check, "_examined", examined)
-    monkeypatch.setattr(blind_check, "prepare", lambda: None)
     path, cases = tmp_path / "cases.jsonl", plan(["one"], [0], [TRUE, OTHER, THIRD])
     blind_check.run_missing(path, cases, 1)
     found = {x["label"]: x for x in read_lines(path)}
@@ -344,7 +343,6 @@ def test_one_case_from_its_world_to_its_report(
     # two effects: the whole library would compile for a minute
     monkeypatch.setattr(blind_check, "EFFECTS", {name: EFFECTS[name] for name in (TRUE, label)})
     monkeypatch.setitem(CONDITIONS, "standard", replace(CONDITIONS["standard"], subjects=3))
-    monkeypatch.setattr(blind_check, "prepare", lambda: None)
     blind_check.main(tmp_path, condition=["standard"], seeds="1:2", labels=[label], jobs=1)
     printed = capsys.readouterr().out
     (found,) = read_lines(tmp_path / "cases.jsonl")

@@ -1,6 +1,8 @@
 """Reading motion files: what is read, what is refused, and what the refusal says."""
 
+import os
 import shutil
+import threading
 from contextlib import suppress
 from pathlib import Path
 
@@ -342,3 +344,17 @@ def test_the_published_motions_are_read(tmp_path):
     assert len(motions.posture) == sum(len(path.read_text().splitlines()) - 1 for path in paths)
     assert np.isfinite(motions.angles_deg).all()
     assert list(motions.extra.columns) == ["motion_angle_deg"]
+
+
+def test_a_pipe_is_read_as_the_file_would_be(tmp_path):
+    """It can be read only once."""
+    text = table(*rows_of("P1"), *rows_of("P2"))
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_text, args=(text,))
+    writer.start()
+    motions = read_motions(pipe)
+    writer.join()
+    expected = read_motions(written(tmp_path, text))
+    assert motions.subjects == expected.subjects
+    np.testing.assert_array_equal(motions.angles_deg, expected.angles_deg)

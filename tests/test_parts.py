@@ -15,6 +15,7 @@ from command import girdle
 
 from adapt import parts as parts_module
 from adapt.api import adapt_subjects
+from adapt.output import inputs_record, run_key
 from adapt.parts import FOLDER, Chunks, Parts, Work, one_after_another
 from models import load_model
 from motions import MotionStream, read_motions, write_motions
@@ -197,3 +198,12 @@ def test_an_address_without_a_scheduler_is_bad_input(motion, tmp_path, monkeypat
     ended = girdle("adapt", motion, "--dask", "tcp://127.0.0.1:1", "--out", tmp_path)
     assert ended.status == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:1" in ended.err
+
+
+def test_a_run_of_a_pipe_goes_on_with_no_other(motion, tmp_path):
+    """Files are known again by their hash; a pipe has none, and may hold something else the next time."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    of_file, of_pipe = (inputs_record([path], ["R2"]) for path in (motion, pipe))
+    assert run_key(of_file, {}) == run_key(of_file, {})
+    assert run_key(of_pipe, {}) != run_key(of_pipe, {})

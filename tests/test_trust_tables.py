@@ -9,9 +9,10 @@ from adapt.batch import pack
 from adapt.trust.heldout import MOTION, OTHER, POSTURES, by_subject, folds, folds_between
 from adapt.trust.plausibility import PASS, WARNING, checks, region_distances_mm
 from adapt.trust.trust import jump_free_share
+from adapt.trust.uncertainty import NORMAL_95
 from models import load_model, model_names
 from motions import Motions
-from scripts import study_recovery, study_sets
+from scripts import reporting, study_sets
 
 ROUNDING = 1e-12
 
@@ -153,6 +154,6 @@ def test_tables_of_the_thesis_beside_ours():
 
 def test_the_interval_of_a_share_by_the_published_example():
     """Ten of ten: Wilson's lower limit is n / (n + z^2) = 10 / 13.84."""
-    low, high = study_recovery.wilson(1.0, 10)
+    low, high = reporting.wilson(10, 10, NORMAL_95)
     assert low == pytest.approx(10.0 / (10.0 + 1.959964**2))
     assert high == pytest.approx(1.0)

@@ -100,7 +100,7 @@ class Observed:
 def observe(motions: Motions, batch: Batch | None = None) -> Observed:
     """The subjects of the motions. A missing elevation counts as the arm hanging."""
     batch = pack(motions) if batch is None else batch
-    rows = batch.rows[:, : len(batch.subjects)]
+    rows = batch.rows
     values = motions.angles_deg / DEG
     if any(name in motions.landmarks_mm for name in SHOWN):
         nothing = np.full((len(values), 3), np.nan)
@@ -115,7 +115,7 @@ def observe(motions: Motions, batch: Batch | None = None) -> Observed:
         values=np.where(np.isfinite(values), values, absent[:, None, None]),
         measured=np.isfinite(values),
         elevation_deg=np.nan_to_num(motions.humerus_elevation_deg)[rows],
-        counted=np.asarray(batch.counted)[:, : len(batch.subjects)],
+        counted=batch.counted,
         motion=number[rows],
         subjects=batch.subjects,
         motions=names,

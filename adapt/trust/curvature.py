@@ -23,11 +23,10 @@ from jaxtyping import Array, Float
 from adapt.adaptation import Adapted, Lanes, problem_of
 from adapt.chunks import in_chunks
 from adapt.constraints import ByHand
-from adapt.linalg import Factor, hessian, jacobian, matmul, matvec, transpose
+from adapt.linalg import Factor, matmul, matvec, transpose
 from adapt.newton import eliminate
-from adapt.objective import thorax_distance_mm2
+from adapt.objective import ThoraxPoints
 from adapt.subject import Problem, joint
-from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
 
 _LANES = 64
@@ -72,17 +71,13 @@ def _curvature(girdle: Girdle, points_mm, shares, problem: Problem, theta, angle
         slope = -problem.weights * direction.reshape(6, *[1] * (angles.ndim - 1))
         return jnp.where(problem.counted, eliminate(still, slope, problem.weights).slope, 0.0)
 
-    of_points = hessian(lambda x: thorax_distance_mm2(girdle.with_adapted(x), points_mm, shares), theta)
+    thorax = ThoraxPoints(girdle, points_mm, shares)
     B = jax.vmap(by_angle, out_axes=1)(jnp.eye(6))
     softness = jnp.where(problem.weights > 0.0, 1.0 / problem.weights, 0.0)
 
-    def distances(x):
-        moved = girdle.with_adapted(x).over_postures()
-        return signed_distance_mm(points_mm, moved.centre_mm, moved.semi_axes_mm)
-
-    slope = jacobian(distances, theta)
+    slope = jnp.stack(thorax.distances(theta)[1], axis=1)
     points_information = 2.0 * jnp.einsum("nil,nl,njl->ijl", slope, shares, slope)
-    return of_points, of_motion, B, points_information, jnp.einsum("iapl,apl,japl->ijl", B, softness, B)
+    return thorax.curvature(theta), of_motion, B, points_information, jnp.einsum("iapl,apl,japl->ijl", B, softness, B)
 
 
 def _multipliers(G, pull):

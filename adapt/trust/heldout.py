@@ -5,7 +5,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
@@ -105,7 +104,7 @@ def held_out(
         np.tile(np.stack([getattr(part, k) for part in parts], axis=1), models) for k in ("fitted", "tested")
     )
     progress(f"held-out gaps, {len(lane)} adaptations")
-    part_of = lanes_at(data, lane, counted=jnp.asarray(fitted))
+    part_of = lanes_at(data, lane, counted=fitted)
     without = adapt_lanes(part_of, weight)
     thetas = (np.asarray(part_of.girdle.adapted_mm), adapted.theta_mm[:, lane], without.theta_mm)
     good = (np.ones(len(lane), bool), adapted.status[lane] == status.OK, without.status == status.OK)
@@ -115,7 +114,7 @@ def held_out(
 
 def _gaps_deg(data: Lanes, theta_mm, of: Bool[np.ndarray, "postures lanes"]) -> Float[np.ndarray, "6 postures lanes"]:
     posture, lane = np.nonzero(of)
-    girdle = lanes_of(data.girdle.with_adapted(jnp.asarray(theta_mm)), lane)
+    girdle = lanes_of(data.girdle.with_adapted(theta_mm), lane)
     angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
     found = fit_lanes(girdle, angles, measured, places=_PLACES)
     result = np.full((6, *of.shape), np.nan)

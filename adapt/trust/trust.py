@@ -11,7 +11,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from adapt import status
-from adapt.adaptation import Adapted, Lanes, adapted_from, lanes, lanes_at
+from adapt.adaptation import Adapted, Lanes, adapted_from, lanes
 from adapt.api import Adaptations, adapt_subjects, previous_rows
 from adapt.batch import pack
 from adapt.objective import WEIGHT
@@ -66,9 +66,7 @@ def assess_trust(
     names = [model.name for model in models]
     result = adapt_subjects(motions, models, weight, progress=progress)
     batch = pack(motions)
-    subjects, width = batch.subjects, batch.angles.shape[-1]
-    real = np.concatenate([m * width + np.arange(len(subjects)) for m in range(len(models))])
-    data = lanes_at(lanes(batch, models), real)
+    subjects, data = batch.subjects, lanes(batch, models)
     adapted = joined([result.adapted[name] for name in names])
     progress("uncertainty")
     found = uncertainty(data, adapted, weight)
