@@ -27,7 +27,7 @@ from models.effects import Effect
 _SIZES = (0.5, 1.0)
 """Shares of an effect's scale that its amplitude is as likely to be of: small ones and large ones."""
 
-_SPREADS = (0.4, 0.7, 1.0)
+_SPREADS = (0.2, 0.4, 0.7, 1.0)
 """Shares of ``THETA_SD_MM`` by which adapted parameters may vary between subjects: the data choose."""
 
 _ABOUT_SIZE = 0.4

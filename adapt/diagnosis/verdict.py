@@ -38,8 +38,9 @@ _PAIR_DOUBT = 2.0
 _MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
 """Beyond these a test is no surer."""
 
-_NONE_KEPT = 0.4
-"""An effect is blamed only where none, against it, is less probable than this."""
+_BLAMED_BELOW = 0.4
+"""An effect is blamed only where none, against it, and unknown are both less probable than this: a wrong name costs
+more than no name."""
 
 _PART_GAIN = 10.0
 """Log evidence over none from which an effect that is not enough is named as part of an unknown cause."""
@@ -116,11 +117,11 @@ def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, .
     order = np.argsort(-shares, kind="stable")
     none = ranking.hypotheses.index(())
     best = next(ranking.hypotheses[k] for k in order if k != none)
-    if unknown >= 0.5:
+    if unknown >= _BLAMED_BELOW:
         gain = ranking.log_evidence[ranking.hypotheses.index(best)] - ranking.log_evidence[none]
         partly = best if gain > _PART_GAIN else ()
         return UNKNOWN, partly, len(partly) > 1
-    if shares[none] >= _NONE_KEPT:
+    if shares[none] >= _BLAMED_BELOW:
         return NONE, (), False
     alike = [(ranking.hypotheses[k], shares[k]) for k in order if len(ranking.hypotheses[k]) == len(best)]
     names = dict.fromkeys(name for hypothesis in _credible(alike) for name in hypothesis)
