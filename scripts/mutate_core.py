@@ -1,8 +1,8 @@
 """Small faults put into the numerical core one at a time: which of them do its tests not notice?
 
-``python scripts/mutate_core.py --mutants 120 --seed 1`` draws mutants of the files in TESTS_OF, runs the tests of
-the file on each in a copy of the project, and prints who survived. A mutant is killed if a test fails or the tests take
-LONGEST_S.
+``python scripts/mutate_core.py --mutants 40 --seed 1`` draws so many mutants of each file in TESTS_OF, runs the tests
+of the file on each in a copy of the project, the quickest first and none after one that fails, and prints who survived.
+A mutant is killed if a test fails or the tests take PATIENCE times as long as on the project as it is.
 
 Every mutant is a copy of the project of its own, tried in processes of their own: the tree that one is working in stays
 as it is, and functions with decorators (custom derivatives, all that is compiled) are changed too.
@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Annotated
+from xml.etree import ElementTree
 
 import typer
 from numpy.random import PCG64, Generator
@@ -39,8 +41,11 @@ TESTS_OF = {
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
 
-LONGEST_S = 600.0
-"""The tests of one file take less than a minute on a free machine."""
+PATIENCE, AT_LEAST_S = 5.0, 60.0
+"""A mutant that turns a loop into a longer one, or into one without end, is noticed by that; a busy machine is not."""
+
+_ALL_PASSED, _SOME_FAILED, _INTERRUPTED = 0, 1, 2
+"""Exit statuses of pytest: interrupted where a file cannot be imported. Others say that it was called wrongly."""
 
 EQUIVALENT: dict[str, str] = {}
 """Why a mutant that survives changes no result, by its description."""
@@ -124,28 +129,48 @@ def _changes(node: ast.expr) -> Iterator[ast.expr]:
             yield ast.Call(ast.Attribute(of, _CALLED[name], context), arguments, keywords)
 
 
-def survives(mutant: Mutant, folder: Path) -> bool:
-    """Whether all its tests pass on the copy of the project in the folder, which is put back after."""
+@dataclass(frozen=True)
+class Tests:
+    """The tests of one file, the quickest first, and how long a mutant may take over them."""
+
+    names: list[str]
+    longest_s: float
+
+
+def tests_of(file: str, folder: Path) -> Tests:
+    """From a run on the project as it is, which must pass."""
+    report = folder / "report.xml"
+    began = time.monotonic()
+    assert _passes(folder, [*TESTS_OF[file], f"--junitxml={report}"], None), f"the tests of {file} fail as it is"
+    took_s = time.monotonic() - began
+    cases = sorted(ElementTree.parse(report).iter("testcase"), key=lambda case: float(case.attrib["time"]))
+    names = [f"{case.attrib['classname'].replace('.', '/')}.py::{case.attrib['name']}" for case in cases]
+    return Tests(names, max(AT_LEAST_S, PATIENCE * took_s))
+
+
+def survives(mutant: Mutant, tests: Tests, folder: Path) -> bool:
+    """Whether all the tests pass on the copy of the project in the folder, which is put back after."""
     path = folder / mutant.file
     whole = path.read_bytes()
     path.write_text(mutant.source)
     try:
-        return passes(folder, TESTS_OF[mutant.file])
+        return _passes(folder, tests.names, tests.longest_s)
     finally:
         path.write_bytes(whole)
 
 
-def passes(folder: Path, tests: list[str]) -> bool:
+def _passes(folder: Path, arguments: list[str], longest_s: float | None) -> bool:
     """Whether the tests pass on the packages in the folder, and not on those that are installed."""
-    command = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", *tests]
+    command = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", *arguments]
     environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         ended = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, timeout=LONGEST_S, check=False
+            command, cwd=folder, env=environment, capture_output=True, timeout=longest_s, check=False
         )
     except subprocess.TimeoutExpired:
         return False
-    return ended.returncode == 0
+    assert ended.returncode in (_ALL_PASSED, _SOME_FAILED, _INTERRUPTED), ended.stderr.decode()
+    return ended.returncode == _ALL_PASSED
 
 
 def _copied(folder: Path) -> Path:
@@ -156,28 +181,30 @@ def _copied(folder: Path) -> Path:
 
 
 def main(
-    mutants_to_try: Annotated[int, typer.Option("--mutants", min=1, help="How many, drawn from all there are.")] = 120,
+    mutants_to_try: Annotated[int, typer.Option("--mutants", min=1, help="How many of each file.")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="The same seed draws the same ones.")] = 1,
     jobs: Annotated[int, typer.Option(min=1, help="How many at once.")] = 2,
     only: Annotated[list[str], typer.Option(help="One of the files; repeatable. Else all.")] = list(TESTS_OF),  # noqa: B006
 ) -> None:
     """Draw mutants of the numerical core and name those that no test notices."""
-    every = [one for file in only for one in mutants(file, (ROOT / file).read_text())]
-    order = Generator(PCG64(seed)).permutation(len(every))[:mutants_to_try]
-    drawn = [every[k] for k in sorted(order)]
+    every, drawn = [], []
+    for file in only:
+        there = mutants(file, (ROOT / file).read_text())
+        order = Generator(PCG64(seed)).permutation(len(there))[:mutants_to_try]
+        every += there
+        drawn += [there[k] for k in sorted(order)]
     with tempfile.TemporaryDirectory() as home:
         free: SimpleQueue[Path] = SimpleQueue()
         for number in range(jobs):
             free.put(_copied(Path(home) / str(number)))
         whole = free.get()
-        for file in only:
-            assert passes(whole, TESTS_OF[file]), f"the tests of {file} fail as it is"
+        tests = {file: tests_of(file, whole) for file in only}
         free.put(whole)
 
         def tried(mutant: Mutant) -> bool:
             folder = free.get()
             try:
-                return survives(mutant, folder)
+                return survives(mutant, tests[mutant.file], folder)
             finally:
                 free.put(folder)
 
