@@ -18,7 +18,7 @@ from adapt import output, parts
 from models import load_model
 from motions.files import part_name
 
-TABLES = {"fits.csv", "parameters.csv", "summary.csv", "run.json"}
+TABLES = {"fits.csv", "heldout.csv", "parameters.csv", "summary.csv", "run.json"}
 
 FULL_KB = 160
 """Of a small disk: two subjects need 30 kB, twice that for their part, all ten with their models five times as much."""
@@ -185,7 +185,7 @@ def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, oth
 
 
 def test_a_read_only_folder_is_status_2_before_any_work(quick, motion, tmp_path, monkeypatch, small_disk):
-    monkeypatch.setattr(parts, "adapt_subjects", lambda *_: pytest.fail("worked for nothing"))
+    monkeypatch.setattr(parts, "adapt_subjects", lambda *_, **__: pytest.fail("worked for nothing"))
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     for folder in (small_disk, small_disk / "below"):
         refused(girdle("adapt", motion, "--out", folder), str(folder), "Read-only file system", "--out")
