@@ -22,7 +22,15 @@ from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.flat import flat_directions
 from adapt.trust.profile import profile_intervals
 from adapt.trust.trust import BOUNDS
-from adapt.trust.uncertainty import NORMAL_95, PERSON_SD_MM, Uncertainty, reduced_inverse, sd, uncertainty
+from adapt.trust.uncertainty import (
+    NORMAL_95,
+    PERSON_SD_MM,
+    Uncertainty,
+    reduced_inverse,
+    sd,
+    uncertainty,
+    within_bounds,
+)
 from models import ParameterSet, load_model
 from motions import Motions
 from motions.rotations import DEG
@@ -143,7 +151,8 @@ def test_noise_of_no_subject_is_no_uncertainty(case):
     assert sd(found.noise_mm2).max() == 0.0
     none = uncertainty(case.data, adapted, person_sd_mm=np.zeros(6))
     assert sd(none.person_mm2).max() == 0.0
-    np.testing.assert_allclose(none.sd_mm, sd(case.found.noise_mm2))
+    np.testing.assert_allclose(none.noise_mm2, case.found.noise_mm2)
+    assert (none.sd_mm <= sd(case.found.noise_mm2)).all()
 
 
 def test_points_alone_forbid_everything_and_motion_alone_nothing(case):
@@ -176,6 +185,23 @@ def test_a_parameter_at_its_bound_may_be_anywhere_between_them_and_takes_others_
     assert (np.sign(told) == np.sign(seen)).all()
 
 
+def test_what_nothing_holds_is_held_by_its_bounds_alone(case):
+    """Two places drawn at random in an interval of length W differ by W / sqrt(6); what is firm stays as it is."""
+    everybody = uncertainty(case.data, case.adapted, person_sd_mm=np.full(6, 1e6))
+    room_mm = np.subtract(*np.asarray(case.data.bounds_mm)[::-1]) / np.sqrt(6.0)
+    assert (everybody.sd_mm <= room_mm + 1e-9).all()
+    assert (everybody.sd_mm[0] >= 0.85 * room_mm[0]).all()  # the bounds of the others hold M_y a little, too
+    firm = uncertainty(case.data, case.adapted, person_sd_mm=np.zeros(6))
+    np.testing.assert_allclose(firm.sd_mm[FIRM], sd(firm.noise_mm2)[FIRM], rtol=0.02)
+    two = np.zeros((6, 6, 1))
+    two[0, 0] = two[1, 1] = 24.0
+    two[0, 1] = two[1, 0] = 12.0
+    found = within_bounds(two, np.full((6, 1), 12.0))
+    expected = np.linalg.inv(np.linalg.inv(two[:2, :2, 0]) + np.eye(2) / 24.0)
+    np.testing.assert_allclose(found[:2, :2, 0], expected)
+    assert np.abs(found[2:]).max() == 0.0
+
+
 def test_a_reduced_inverse_by_hand():
     matrix = np.array([[4.0, 2.0, 0.0], [2.0, 5.0, 0.0], [0.0, 0.0, 2.0]])
     whole = np.eye(6)
@@ -194,7 +220,7 @@ def test_a_reduced_inverse_by_hand():
 def test_profile_intervals_are_the_parabola_where_e_is_one_and_longer_where_it_is_flat(case):
     """At a tenth of the spread E is a parabola about its optimum, and the profile's ends are those of the curvature."""
     small = uncertainty(case.data, case.adapted, person_sd_mm=0.1 * PERSON_SD_MM)
-    small = replace(small, noise_mm2=0.01 * small.noise_mm2)
+    small = replace(small, covariance_mm2=0.01 * small.noise_mm2 + small.person_mm2)
     profile = profile_intervals(case.data, case.adapted, small, np.ones((6, SUBJECTS), bool))
     assert not profile.open.any()
     half = np.abs(profile.ends_mm - case.adapted.theta_mm) / (NORMAL_95 * small.sd_mm)

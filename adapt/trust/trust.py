@@ -111,9 +111,9 @@ def uncertainty_table(
 ) -> pd.DataFrame:
     """``uncertainty.csv``: mm; ``low_mm`` and ``high_mm`` are the 95 % interval, ``interval`` where it comes from.
 
-    ``sd_mm`` is all parts together, ``sd_noise_mm`` what repeated measurement of the same person would scatter by,
-    ``sd_person_mm`` what comes from the thorax points being another person's. ``points_share``: of what holds the
-    parameter, the share that is the thorax points'.
+    ``sd_mm`` is all parts together, as far as the bounds leave room for them, ``sd_noise_mm`` what repeated measurement
+    of the same person would scatter by, ``sd_person_mm`` what comes from the thorax points being another person's.
+    ``points_share``: of what holds the parameter, the share that is the thorax points'.
     """
     ends, origin = intervals(data, adapted, found, profile)
     good = adapted.status == status.OK
