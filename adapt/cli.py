@@ -40,7 +40,7 @@ from adapt.parts import (
     one_after_another,
     sample,
 )
-from adapt.repeat import other_versions, recorded_arguments
+from adapt.repeat import other_versions, read_record, recorded_arguments
 from adapt.simulation import simulate_model_subjects
 from adapt.tables import Tables
 from adapt.terminal import PlainConsole, print_heldout, print_parameters, print_summary, progress
@@ -98,11 +98,12 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
         return
     parameters = {one.name: one for one in context.command.params if one.name}
     options = set(parameters) - {"motions", "model", "out", "repeat"}
-    recorded = recorded_arguments(path, str(context.command.name), options)
+    record = read_record(path)
+    recorded = recorded_arguments(record, path, str(context.command.name), options)
     if not parameters["model"].multiple:
         recorded["model"] = recorded["model"][0]
     context.default_map = recorded
-    if different := other_versions(path):
+    if different := other_versions(record):
         errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
 
 

@@ -12,7 +12,7 @@ from adapt.adaptation import Adapted, Lanes, adapt_lanes
 from adapt.heldout import MOTION, Fold, by_subject, held_out, heldout_table
 from motions.rotations import DEG
 
-WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 """Half decades about the thesis's 10: between two of them the gap changes by some hundredths of a degree."""
 
 
