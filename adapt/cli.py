@@ -441,21 +441,24 @@ def _write_report(
     found: Object | None = None,
     of: int = 0,
 ) -> Exception | None:
-    """The page, to take its place with the tables; or what went wrong with it, which must not keep them from theirs."""
+    """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
+    had), which must not keep them from theirs."""
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        text = report_html(motions, models, result, failed, found, of)
+        write_whole(folder / REPORT, report_html(motions, models, result, failed, found, of))
     except Exception as error:
         return error
-    write_whole(folder / REPORT, text)
     return None
 
 
 def _raise_without_report(folder: Path, wrong: Exception | None) -> None:
     """No page of an earlier run stands beside the tables of this one."""
     if wrong is not None:
-        (folder / REPORT).unlink(missing_ok=True)
+        page = folder / REPORT
+        page.unlink(missing_ok=True)
+        if isinstance(wrong, InputError):
+            raise InputError(str(page), None, wrong.cause, "Make room; the tables are there") from wrong
         raise wrong
 
 

@@ -165,9 +165,9 @@ def test_a_full_disk_is_status_2_and_leaves_the_earlier_results(quick, motion, t
     assert contents(folder) == before
 
 
-@pytest.mark.parametrize("nth", range(1, 8))
+@pytest.mark.parametrize("nth", range(1, 9))
 def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, other, monkeypatch, nth):
-    """The part, fits, parameters, summary, the two models, run.json: the ``nth`` of them finds no room."""
+    """The part, fits, parameters, heldout, summary, the two models, run.json: the ``nth`` of them finds no room."""
     before, opened, count = contents(earlier), Path.open, iter(range(1, 100))
 
     def full(path: Path, mode: str = "r", **options: Any) -> Any:
@@ -182,6 +182,30 @@ def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, oth
     (home,) = (earlier / parts.FOLDER).iterdir()
     refused(result, str(home / "0000000.zip" if nth == 1 else earlier), "No space left on device", "Make room")
     assert contents(earlier) == before
+
+
+def test_a_disk_with_room_for_the_tables_alone_gets_them_and_keeps_no_older_report(earlier, other, monkeypatch):
+    opened, before = Path.open, contents(earlier)
+
+    def full(path: Path, mode: str = "r", **options: Any) -> Any:
+        file = opened(path, mode, **options)
+        if mode == "wb" and path.parent != earlier and (path.parent / "run.json").exists():  # what comes after it
+            file.close()
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return file
+
+    monkeypatch.setattr(Path, "open", full)
+    result = girdle("adapt", other, "--out", earlier)
+    (said,) = result.messages
+    assert result.status == 2
+    assert said.startswith(f"error: {earlier / 'report.html'}: the file cannot be written (No space left on device)")
+    assert "the tables are there" in said
+    assert "after adaptation" in result.out
+    after = contents(earlier)
+    assert "report.html" in before
+    assert "report.html" not in after
+    assert set(after) >= TABLES
+    assert all(after[name] != before[name] for name in TABLES)
 
 
 def test_a_read_only_folder_is_status_2_before_any_work(quick, motion, tmp_path, monkeypatch, small_disk):
