@@ -225,9 +225,13 @@ def main(
             finally:
                 free.put(folder)
 
+        survivors = []
         with ThreadPoolExecutor(jobs) as threads:
             outcome = track(threads.map(tried, drawn), "mutants", len(drawn), console=Console(stderr=True))
-            survivors = [mutant for mutant, alive in zip(drawn, outcome, strict=True) if alive]
+            for mutant, alive in zip(drawn, outcome, strict=True):
+                if alive:  # at once: a run takes an hour, and may be stopped
+                    print(_said(mutant), flush=True)
+                    survivors.append(mutant)
     _print(every, drawn, survivors)
 
 
@@ -239,8 +243,11 @@ def _print(every: list[Mutant], drawn: list[Mutant], survivors: list[Mutant]) ->
         there, tried, alive, same = (count[file] for count in counts)
         table.add_row(file, *(f"{number}" for number in (there, tried, tried - alive, same, alive - same)))
     Console().print(table)
-    for one in survivors:
-        print(f"survived: {one.name}" + (f" (equivalent: {EQUIVALENT[one.place]})" if one in equivalent else ""))
+
+
+def _said(survivor: Mutant) -> str:
+    why = EQUIVALENT.get(survivor.place)
+    return f"survived: {survivor.name}" + (f" (equivalent: {why})" if why else "")
 
 
 if __name__ == "__main__":
