@@ -9,9 +9,9 @@ as it is, and functions with decorators (custom derivatives, all that is compile
 """
 
 import ast
+import multiprocessing
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -24,6 +24,7 @@ from queue import SimpleQueue
 from typing import Annotated
 from xml.etree import ElementTree
 
+import pytest
 import typer
 from numpy.random import PCG64, Generator
 from rich.console import Console
@@ -49,6 +50,10 @@ _ALL_PASSED, _SOME_FAILED, _INTERRUPTED = 0, 1, 2
 
 _PAST_THE_END = "JAX takes an index past the end for the last one"
 _NOT_ASSIGNED = "nothing assigns to it; a type checker sees who would"
+
+_PROCESSES = multiprocessing.get_context("forkserver")
+_PROCESSES.set_forkserver_preload(["pytest", "jax", "jax.numpy", "hypothesis", "jaxtyping", "scipy.optimize", "casadi"])
+"""Every process begins with what takes seconds to import, and none has the project in it."""
 
 EQUIVALENT: dict[str, str] = {
     "models/girdle.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
@@ -178,16 +183,26 @@ def survives(mutant: Mutant, tests: Tests, folder: Path) -> bool:
 
 def _passes(folder: Path, arguments: list[str], longest_s: float | None) -> bool:
     """Whether the tests pass on the packages in the folder, and not on those that are installed."""
-    command = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", *arguments]
-    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-    try:
-        ended = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, timeout=longest_s, check=False
-        )
-    except subprocess.TimeoutExpired:
+    process = _PROCESSES.Process(target=_test, args=(folder, arguments))
+    process.start()
+    process.join(longest_s)
+    if process.is_alive():
+        process.kill()
+        process.join()
         return False
-    assert ended.returncode in (_ALL_PASSED, _SOME_FAILED, _INTERRUPTED), ended.stderr.decode()
-    return ended.returncode == _ALL_PASSED
+    assert process.exitcode in (_ALL_PASSED, _SOME_FAILED, _INTERRUPTED), f"pytest ended with {process.exitcode}"
+    return process.exitcode == _ALL_PASSED
+
+
+def _test(folder: Path, arguments: list[str]) -> None:
+    """In a process of its own, which has the libraries but nothing of the project."""
+    sys.dont_write_bytecode = True
+    sys.path.insert(0, str(folder))
+    os.chdir(folder)
+    silence = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(silence, stream)
+    os._exit(pytest.main(["-x", "-n", "0", "-p", "no:cacheprovider", *arguments]))
 
 
 def _copied(folder: Path) -> Path:
