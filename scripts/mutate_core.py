@@ -202,7 +202,7 @@ def _test(folder: Path, arguments: list[str]) -> None:
     silence = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(silence, stream)
-    os._exit(pytest.main(["-x", "-n", "0", "-p", "no:cacheprovider", *arguments]))
+    os._exit(pytest.main(["-x", "-n", "0", "-p", "no:cacheprovider", "--assert=plain", *arguments]))
 
 
 def _copied(folder: Path) -> Path:

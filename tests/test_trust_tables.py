@@ -19,7 +19,9 @@ from adapt.heldout import (
     mean_unseen_deg,
     reported_gaps_deg,
 )
+from adapt.terminal import PlainConsole
 from adapt.trust.plausibility import PASS, WARNING, checks, region_distances_mm
+from adapt.trust.terminal import print_weights
 from adapt.trust.trust import jump_free_share
 from adapt.trust.uncertainty import NORMAL_95
 from models import load_model, model_names
@@ -165,6 +167,19 @@ def test_a_thorax_that_is_none_is_warned_of():
         assert name in {check.name for check in checks(model, theta) if check.verdict == WARNING}
     nothing = checks(model, np.full(6, np.nan))
     assert {check.verdict for check in nothing} == {WARNING}
+
+
+@pytest.mark.parametrize(("best", "chosen"), [(10.0, True), (1.0, False), (100.0, False)])
+def test_a_weight_at_the_end_of_those_tried_is_not_called_chosen(best, chosen, capsys):
+    rows = [
+        {"model": "R2", "weight": weight, "subjects_ok": 1, "thorax_points_rms_mm": 1.0, "j_rms_deg": 1.0}
+        | {"at_bound": 0, "gap_in_sample_deg": 1.0, "gap_unseen_deg": 1.0, "best": int(weight == best)}
+        for weight in (1.0, 10.0, 100.0)
+    ]
+    print_weights(PlainConsole(), pd.DataFrame(rows))
+    out = capsys.readouterr().out
+    assert f"{best:g}*" in out
+    assert ("these motions choose none" not in out) == chosen
 
 
 # --- studies -------------------------------------------------------------------------------------------------------
