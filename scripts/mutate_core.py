@@ -48,7 +48,6 @@ PATIENCE, AT_LEAST_S = 5.0, 60.0
 _ALL_PASSED, _SOME_FAILED, _INTERRUPTED = 0, 1, 2
 """Exit statuses of pytest: interrupted where a file cannot be imported. Others say that it was called wrongly."""
 
-_PAST_THE_END = "JAX takes an index past the end for the last one"
 _NOT_ASSIGNED = "nothing assigns to it; a type checker sees who would"
 
 _PROCESSES = multiprocessing.get_context("forkserver")
@@ -56,6 +55,9 @@ _PROCESSES.set_forkserver_preload(["pytest", "jax", "jax.numpy", "hypothesis", "
 """Every process begins with what takes seconds to import, and none has the project in it."""
 
 EQUIVALENT: dict[str, str] = {
+    "models/ellipsoid.py: _OFF_PLANE = 1e-13: 1e-13 -> 1.5000000000000002e-13": (
+        "the share of an axis that a point is moved by only has to be more than 0 and less than shows"
+    ),
     "models/girdle.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     "models/girdle.py: return length, jnp.sum(v * dv, axis=0) / jnp.where(length > 0.0, length, 1.0): 1.0 -> 1.5": (
         "only where v = 0, which makes the numerator 0"
