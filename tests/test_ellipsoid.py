@@ -110,6 +110,21 @@ def test_numpy_finds_what_jax_finds():
     np.testing.assert_allclose(found, distance(jnp.asarray(p), jnp.asarray(np.tile(a, 2))), rtol=0.0, atol=ROUNDING_MM)
 
 
+def test_a_point_on_the_plane_has_its_foot_on_the_positive_side():
+    """Of the centre the two ends of the shortest axis are equally near; a point just below the plane goes down."""
+    for side, z in ((1.0, 0.0), (1.0, 1e-9), (-1.0, -1e-9)):
+        found = closest_point(jnp.array([0.0, 0.0, z]), THORAX)
+        np.testing.assert_allclose(found, [0.0, 0.0, side * 130.0], rtol=0.0, atol=1e-6)
+
+
+def test_the_distance_beside_its_derivatives_is_the_distance():
+    """The rule of the derivative says the value anew."""
+    x, a = sample(20, seed=10)
+    p = jnp.asarray(1.3 * x)
+    value, _ = jax.jvp(distance, (p, jnp.asarray(a)), (jnp.ones_like(p), jnp.zeros_like(p)))
+    np.testing.assert_allclose(value, distance(p, jnp.asarray(a)), rtol=0.0, atol=ROUNDING_MM)
+
+
 def test_foot_points_are_on_the_surface_and_the_normal_meets_the_point():
     generator = np.random.default_rng(4)
     a = generator.uniform(60.0, 450.0, (3, 100_000))
