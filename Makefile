@@ -30,7 +30,7 @@ fuzz: .venv/dev ## thousands of broken files through every reader: a quarter of 
 	$(BIN)/python scripts/fuzz_readers.py --inputs 2000 --keep out/fuzz
 
 mutants: .venv/dev ## small faults put into the numerical core: which of them do the tests not notice? an hour
-	$(BIN)/python scripts/mutate_core.py --mutants 120
+	$(BIN)/python scripts/mutate_core.py --mutants 40
 
 recovery: .venv/runtime ## do the intervals of adapted parameters hold the truth? simulated subjects; prints its figures
 	$(BIN)/python scripts/study_recovery.py

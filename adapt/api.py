@@ -1,6 +1,6 @@
 """The two fits from Python: motions and models in, arrays and tables out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import jax
@@ -11,6 +11,7 @@ from adapt.adaptation import Adapted, adapt_lanes, lanes
 from adapt.batch import pack
 from adapt.chunks import lanes_of
 from adapt.fit import Fitted, fit_lanes, follow_motions
+from adapt.heldout import NOTHING, fewest_folds, held_out_gaps
 from adapt.objective import DEFAULT_READING, WEIGHT
 from adapt.tables import ALL_MOTIONS, STATISTICS, Tables, fits_table, parameters_table, summary_table
 from models.girdle import Girdle
@@ -67,11 +68,13 @@ def adapt_subjects(
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Progress = lambda _: None,
+    held_out: Collection[str] = (),
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
     ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.objective.READINGS``. Subjects are independent: one
-    that fails has its status and leaves the others as they are.
+    that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
+    each of their motions, or, with a single motion, each third of their postures: see ``adapt.heldout``.
     """
     models, motions = _as_list(models), _with_gaps(motions)
     _, before = _before(motions, models, progress)
@@ -94,7 +97,18 @@ def adapt_subjects(
     fits = pd.concat([before, *tables], ignore_index=True)
     summary = summary_table(fits)
     parameters = parameters_table(motions.subjects, models, results, fits)
-    return Adaptations(by_model=by_model, fits=fits, summary=summary, adapted=results, parameters=parameters)
+    heldout = _held_out(motions, models, fits, weight, reading, progress, held_out)
+    return Adaptations(
+        by_model=by_model, fits=fits, summary=summary, adapted=results, parameters=parameters, heldout=heldout
+    )
+
+
+def _held_out(motions: Motions, models, fits, weight, reading, progress, subjects: Collection[str]) -> pd.DataFrame:
+    chosen = np.isin(motions.subject, list(subjects))
+    if not chosen.any():
+        return NOTHING
+    of_chosen = pd.DataFrame(fits[fits["subject"].isin(list(subjects))])
+    return held_out_gaps(motions.select(chosen), models, of_chosen, weight, reading, progress, fewest_folds)
 
 
 def _check_names(motions: Motions) -> None:

@@ -29,11 +29,21 @@ from adapt.output import (
     write_table,
     written_together,
 )
-from adapt.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, not_adapted, one_after_another
-from adapt.repeat import other_versions, recorded_arguments
+from adapt.parts import (
+    LANES,
+    MOST_HELD_OUT,
+    MOST_SHOWN,
+    Parts,
+    Work,
+    failed_subjects,
+    not_adapted,
+    one_after_another,
+    sample,
+)
+from adapt.repeat import other_versions, read_record, recorded_arguments
 from adapt.simulation import simulate_model_subjects
 from adapt.tables import Tables
-from adapt.terminal import PlainConsole, print_parameters, print_summary, progress
+from adapt.terminal import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.trust import assess_trust
 from adapt.trust.terminal import print_trust
 from models import ParameterSet, load_model, model_names
@@ -50,6 +60,8 @@ EXIT_SOME_NOT_HANDLED = 3
 EXIT_INTERRUPTED = 130
 
 NO_EFFECT = "none"
+
+REPORT = "report.html"
 
 MOST_NOISE_DEG = 20.0
 """More noise than this is a slip of the pen: every posture would be within it."""
@@ -86,11 +98,12 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
         return
     parameters = {one.name: one for one in context.command.params if one.name}
     options = set(parameters) - {"motions", "model", "out", "repeat"}
-    recorded = recorded_arguments(path, str(context.command.name), options)
+    record = read_record(path)
+    recorded = recorded_arguments(record, path, str(context.command.name), options)
     if not parameters["model"].multiple:
         recorded["model"] = recorded["model"][0]
     context.default_map = recorded
-    if different := other_versions(path):
+    if different := other_versions(record):
         errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
 
 
@@ -155,8 +168,9 @@ def adapt(
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
 
-    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, run.json, report.html (the page
-    to look at) and, in models/, each adapted model as a TOML file that --model takes.
+    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, heldout.csv (the gap on each
+    motion, adapted without it), run.json, report.html (the page to look at) and, in models/, each adapted model as a
+    TOML file that --model takes.
 
     Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
     """
@@ -166,8 +180,8 @@ def adapt(
     options: dict[str, object] = {"weight": weight, "reading": reading}
     subjects = files.subjects
     size = chunk or max(1, LANES // len(models))
-    shown = subjects if len(subjects) <= size else subjects[:: -(-len(subjects) // MOST_SHOWN)]
-    work = Work(tuple(models), weight, reading, frozenset(shown))
+    shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
+    work = Work(tuple(models), weight, reading, shown, sample(subjects, MOST_HELD_OUT))
     maker = on_cluster(dask) if dask else one_after_another
     chunks = files.in_chunks(size)
     chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
@@ -180,12 +194,14 @@ def adapt(
                 result, failed = parts.become_tables(part, models)
                 write_adapted_models(part, models, result.parameters, f"w = {weight:g}, reading {reading}")
                 write_run(part, "adapt", record, options, files.rejected)
+                table = replace(table, rejected=tuple(files.rejected))
+                wrong = _write_report(part, table, models, result.of(table.subjects), failed, of=len(subjects))
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
         print_summary(console, result.summary)
         print_parameters(console, result.parameters)
-        table = replace(table, rejected=tuple(files.rejected))
-        _write_report(folder, table, models, result.of(table.subjects), failed, of=len(subjects))
+        print_heldout(console, result.heldout, len(subjects))
+        _raise_without_report(folder, wrong)
     _finish(table, failed)
 
 
@@ -225,7 +241,7 @@ def diagnose_gap(
     with results_folder(out) as folder:
         with progress(errors) as report:
             by_model = diagnose(table, models, noise_deg, progress=report)
-            result = adapt_subjects(table, models, progress=report)
+            result = adapt_subjects(table, models, progress=report, held_out=table.subjects)
             report("figures")
             found = as_json(by_model)
             with written_together(folder) as part:
@@ -233,9 +249,10 @@ def diagnose_gap(
                 write_json(found, part / "diagnosis.json")
                 _write_adaptations(part, result)
                 write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
+                failed = not_adapted(result) | found["left_out"]
+                wrong = _write_report(part, table, models, result, failed, found)
         print_diagnosis(console, found)
-        failed = not_adapted(result) | found["left_out"]
-        _write_report(folder, table, models, result, failed, found)
+        _raise_without_report(folder, wrong)
     _finish(table, failed)
 
 
@@ -263,7 +280,7 @@ def trust_results(
             found = assess_trust(table, models, weight, choose_weight, report)
         with written_together(folder) as part:
             _write_adaptations(part, found.adaptations)
-            for name in ("uncertainty", "heldout", "plausibility"):
+            for name in ("uncertainty", "plausibility"):
                 write_table(getattr(found, name), part / f"{name}.csv")
             write_table(found.subjects, part / "trust.csv")
             if found.weights is not None:
@@ -405,6 +422,7 @@ def _write(folder: Path, result: PostureFits) -> None:
 def _write_adaptations(folder: Path, result: Adaptations) -> None:
     _write(folder, result)
     write_table(result.parameters, folder / "parameters.csv")
+    write_table(result.heldout, folder / "heldout.csv")
 
 
 def _write_figures(folder: Path, found: Object) -> None:
@@ -422,11 +440,26 @@ def _write_report(
     failed: dict[str, str],
     found: Object | None = None,
     of: int = 0,
-) -> None:
-    """Comes last: whatever goes wrong with it, the tables are there."""
+) -> Exception | None:
+    """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
+    had), which must not keep them from theirs."""
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
-    write_whole(folder / "report.html", report_html(motions, models, result, failed, found, of))
+    try:
+        write_whole(folder / REPORT, report_html(motions, models, result, failed, found, of))
+    except Exception as error:
+        return error
+    return None
+
+
+def _raise_without_report(folder: Path, wrong: Exception | None) -> None:
+    """No page of an earlier run stands beside the tables of this one."""
+    if wrong is not None:
+        page = folder / REPORT
+        page.unlink(missing_ok=True)
+        if isinstance(wrong, InputError):
+            raise InputError(str(page), None, wrong.cause, "Make room; the tables are there") from wrong
+        raise wrong
 
 
 def _finish(motions: Motions, failed: dict[str, str]) -> None:

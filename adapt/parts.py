@@ -34,6 +34,9 @@ LANES = 1024
 MOST_SHOWN = 400
 """Subjects of which the report of a run of several parts is made."""
 
+MOST_HELD_OUT = 400
+"""Subjects that are adapted anew without parts of their postures, two or three times each: of more, a sample."""
+
 _STATES = (0, 1)
 """Of the column ``adapted``."""
 
@@ -47,10 +50,12 @@ class Work:
     reading: str
     shown: frozenset[str]
     """The subjects of the report."""
+    held_out: frozenset[str]
+    """The subjects whose gap is looked at on what was held out, too."""
 
     def part(self, motions: Motions) -> bytes:
         """The part of these subjects; the same wherever it is made."""
-        result = adapt_subjects(motions, self.models, self.weight, self.reading)
+        result = adapt_subjects(motions, self.models, self.weight, self.reading, held_out=self.held_out)
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w") as file:
             for k, model in enumerate(self.models):
@@ -60,7 +65,8 @@ class Work:
                     file.writestr(f"fits{state}/{k}.csv", _csv(rows))
                     file.writestr(f"shown{state}/{k}.csv", _csv(rows[rows["subject"].isin(self.shown)]))
                     file.writestr(f"summary{state}/{k}.csv", _csv(subject_rows(rows)))
-                file.writestr(f"parameters/{k}.csv", _csv(result.parameters[result.parameters["model"] == model.name]))
+                for name, table in (("parameters", result.parameters), ("heldout", result.heldout)):
+                    file.writestr(f"{name}/{k}.csv", _csv(table[table["model"] == model.name]))
             file.writestr("failed.json", json.dumps(not_adapted(result)))
         return content.getvalue()
 
@@ -69,6 +75,11 @@ Chunks = Iterator[tuple[int, Motions]]
 
 Maker = Callable[[Work, Chunks], Iterable[tuple[int, bytes]]]
 """Makes the parts of numbered chunks, in any order."""
+
+
+def sample(subjects: Sequence[str], most: int) -> frozenset[str]:
+    """At most so many, one in so many in the order of the files."""
+    return frozenset(subjects[:: -(-len(subjects) // most)])
 
 
 def one_after_another(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
@@ -107,19 +118,21 @@ class Parts:
         return Motions.concatenate(shown)
 
     def become_tables(self, folder: Path, models: Sequence[ParameterSet]) -> tuple[Tables, dict[str, str]]:
-        """Write fits.csv, parameters.csv and summary.csv. The tables, fits only of the subjects that the report shows;
-        and by subject what failed."""
+        """Write fits.csv, parameters.csv, heldout.csv and summary.csv. The tables, fits only of the subjects that the
+        report shows; and by subject what failed."""
         states = [(state, k) for state in _STATES for k in range(len(models))]
         with ExitStack() as stack:
             parts = [stack.enter_context(zipfile.ZipFile(path)) for path in sorted(self._home.glob("*.zip"))]
-            names = [f"parameters/{k}.csv" for k in range(len(models))]
+            parameters, heldout = ([f"{n}/{k}.csv" for k in range(len(models))] for n in ("parameters", "heldout"))
             write_pieces_whole(folder / "fits.csv", _joined(parts, [f"fits{state}/{k}.csv" for state, k in states]))
-            write_pieces_whole(folder / "parameters.csv", _joined(parts, names))
+            write_pieces_whole(folder / "parameters.csv", _joined(parts, parameters))
+            write_pieces_whole(folder / "heldout.csv", _joined(parts, heldout))
             by_subject = {(models[k].name, s): _table(parts, [f"summary{s}/{k}.csv"]) for s, k in states}
             tables = Tables(
                 fits=_table(parts, [f"shown{state}/{k}.csv" for state, k in states]),
                 summary=summary_of(by_subject),
-                parameters=_table(parts, names),
+                parameters=_table(parts, parameters),
+                heldout=_table(parts, heldout),
             )
             failed = {subject: why for part in parts for subject, why in json.loads(part.read("failed.json")).items()}
         write_pieces_whole(folder / "summary.csv", [_csv(tables.summary).encode()])
@@ -170,5 +183,5 @@ def _joined(parts: Sequence[zipfile.ZipFile], names: Sequence[str]) -> Iterator[
 def _table(parts: Sequence[zipfile.ZipFile], names: Sequence[str]) -> pd.DataFrame:
     """The same, read. Every number as it was written, names as text."""
     content = io.BytesIO(b"".join(_joined(parts, names)))
-    text = dict.fromkeys(("model", "subject", "motion", "status"), str)
+    text = dict.fromkeys(("model", "subject", "motion", "status", "held_out"), str)
     return pd.read_csv(content, dtype=text, keep_default_na=False, na_values=[""])

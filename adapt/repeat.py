@@ -13,13 +13,16 @@ from motions.files import read_text
 _WRITE_AGAIN = "Give the run.json of a run of this version"
 
 
-def recorded_arguments(path: Path, command: str, options: Collection[str]) -> dict[str, Any]:
-    """The arguments of the command by the names of its parameters.
+Record = dict[str, Any]
+"""What ``write_run`` wrote."""
+
+
+def recorded_arguments(record: Record, path: Path, command: str, options: Collection[str]) -> dict[str, Any]:
+    """The arguments of the command by the names of its parameters, from the record that the file at ``path`` holds.
 
     options: those that the command records; --out is none of them, so that no record says where to write. InputError
-    if the file is no record of this command, or if an input is not, byte for byte, what it was.
+    if it is no record of this command, or if an input is not, byte for byte, what it was.
     """
-    record = _record(path)
     if record["command"] != command:
         cause = f"this is the record of 'girdle {record['command']}', not of 'girdle {command}'"
         raise InputError(str(path), None, cause, f"Repeat it with girdle {record['command']} --repeat")
@@ -34,9 +37,9 @@ def recorded_arguments(path: Path, command: str, options: Collection[str]) -> di
     return {"motions": motions, "model": [model["name"] for model in record["models"]], **record["options"]}
 
 
-def other_versions(path: Path) -> list[str]:
+def other_versions(record: Record) -> list[str]:
     """What has another version now than in the record, as 'numpy 2.1.0, now 2.2.0': the last digits may differ."""
-    now, then = versions(), _record(path)["versions"]
+    now, then = versions(), record["versions"]
     return [f"{name} {then.get(name, 'unknown')}, now {now[name]}" for name in now if then.get(name) != now[name]]
 
 
@@ -49,7 +52,7 @@ def _check_unchanged(file: Path, recorded_sha256: str | None, record: Path) -> N
     raise InputError(str(file), None, cause, "Put it back as it was, or run the command without --repeat")
 
 
-def _record(path: Path) -> dict[str, Any]:
+def read_record(path: Path) -> Record:
     """InputError if the file is not what ``write_run`` writes."""
     try:
         record = json.loads(read_text(path, _WRITE_AGAIN))

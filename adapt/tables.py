@@ -28,7 +28,7 @@ DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
 
 @dataclass(frozen=True)
 class Tables:
-    """The three tables of an adaptation."""
+    """The tables of an adaptation."""
 
     fits: pd.DataFrame
     """One row a model, posture and state (adapted or not): the columns of ``fits.csv``."""
@@ -36,6 +36,8 @@ class Tables:
     """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4."""
     parameters: pd.DataFrame
     """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
+    heldout: pd.DataFrame
+    """One row a model, subject and part held out: the columns of ``heldout.csv``; none of whom none was asked for."""
 
     def of(self, subjects: Sequence[str]) -> "Tables":
         """The tables of these subjects alone; these tables if that is all."""
@@ -43,7 +45,8 @@ class Tables:
         if mine.all():
             return self
         fits = self.fits[self.fits["subject"].isin(subjects)]
-        return Tables(fits, summary_table(fits), self.parameters[mine])
+        heldout = self.heldout[self.heldout["subject"].isin(subjects)]
+        return Tables(fits, summary_table(fits), self.parameters[mine], heldout)
 
 
 def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:

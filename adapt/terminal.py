@@ -14,6 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
 from rich.table import Table
 
+from adapt.heldout import MOTION, by_model, by_subject
 from adapt.tables import ALL_MOTIONS, STATISTICS, parameter_statistics
 from motions.files import printable
 from motions.table import ANGLES
@@ -89,3 +90,37 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
             name = "" if number else str(model)
             table.add_row(name, row["parameter"], *values, bound, end_section=number == len(rows) - 1)
     console.print(table)
+
+
+def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> None:
+    """The gap on what an adaptation has not seen beside that on the same postures before it and in sample."""
+    known = heldout["subject"].nunique()
+    if known < subjects:
+        why = "a sample of many, or who has a single posture" if known else "every subject has a single posture"
+        console.print(f"Held-out gaps of {known} of {subjects} subjects: {why}")
+    if not known:
+        return
+    means = by_model(heldout).to_dict("index")
+    parts = heldout.groupby(["model", "subject"]).size()
+    for model, rows in by_subject(heldout).groupby("model", sort=False):
+        title = (
+            f"{model}: mean |simulated - measured|, degrees, before, after (seen), and where\n"
+            "the motion, or third of a single one, was held out from the adaptation (unseen)"
+        )
+        table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        table.add_column("subject", overflow="fold")
+        for header in ("clav", "seen", "unseen", "scap", "seen", "unseen"):
+            table.add_column(header, justify="right", no_wrap=True)
+        table.add_column("held out", no_wrap=True)
+        for row in rows.to_dict("records") if known <= _MOST_PRINTED else ():
+            said = f"{parts[model, row['subject']]} motions" if row["kind"] == MOTION else "thirds"
+            table.add_row(row["subject"], *_heldout_cells(row), said)
+        table.add_section()
+        table.add_row("mean", *_heldout_cells(means[model]), "")
+        console.print(table)
+
+
+def _heldout_cells(row: dict) -> list[str]:
+    words = ("before", "in_sample", "unseen")
+    values = [row[f"{bone}_gap_{word}_deg"] for bone in ("clavicle", "scapula") for word in words]
+    return [f"{value:.1f}" for value in values]

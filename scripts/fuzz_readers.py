@@ -26,7 +26,7 @@ from rich.progress import track
 from rich.table import Table
 
 from adapt.output import inputs_record, write_run
-from adapt.repeat import recorded_arguments
+from adapt.repeat import read_record, recorded_arguments
 from models.parameters import FOLDER, load_model
 from motions.errors import InputError
 from motions.formats.angle_table import table_from_motions
@@ -67,7 +67,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         return read_any(path, Mapping(), labels)
 
     def record(path: Path) -> object:
-        return recorded_arguments(path, "adapt", {"weight", "reading"})
+        return recorded_arguments(read_record(path), path, "adapt", {"weight", "reading"})
 
     return {
         "motion CSV": Kind(".csv", read_motions, b"\n".join(DATA_FILE.read_bytes().splitlines()[:29])),
@@ -148,6 +148,7 @@ def file_number(kind: Kind, seed: int, number: int) -> bytes:
 def _work(name: str, seed: int, numbers: range, pipe: Connection) -> None:
     with tempfile.TemporaryDirectory() as folder:
         kind = kinds(Path(folder))[name]
+        outcome(kind, kind.valid, Path(folder))  # what is compiled for the first valid file is no hang
         for number in numbers:
             pipe.send(outcome(kind, file_number(kind, seed, number), Path(folder)))
 

@@ -11,17 +11,17 @@ and the gap on each motion held out from the others.
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import pandas as pd
 import typer
 
-from adapt import cli
-from adapt.adaptation import adapt_lanes, lanes
+from adapt import adapt_subjects, cli
+from adapt.adaptation import lanes
 from adapt.batch import pack
-from adapt.objective import WEIGHT
-from adapt.trust.heldout import folds, folds_between, held_out, heldout_table
+from adapt.heldout import folds, folds_between, held_out_gaps
 from adapt.trust.weight import weight_table
 from models import load_model
 from motions import InputError, read_motions
@@ -80,18 +80,17 @@ def main(
     names = model or ["R2", "R4", "R6"]
     models = [load_model(name) for name in names]
     batch = pack(motions)
-    subjects, data = batch.subjects, lanes(batch, models)
-    adapted = adapt_lanes(data, WEIGHT)
+    fits = adapt_subjects(motions, models).fits
     for fitted, tested in ((one, other), (other, one)):
-        parts = folds_between(motions, batch, fitted, tested)
-        if not parts:
+        choose = partial(folds_between, fitted=fitted, tested=tested)
+        if not choose(motions, batch):
             known = ", ".join(sorted(set(motions.motion.tolist())))
             raise InputError("--one", None, f"no subject has both '{one}' and '{other}'", f"The motions are {known}")
-        found = held_out(data, adapted, len(subjects), parts)
-        print(gap_table(heldout_table(subjects, names, parts, found), fitted), end="\n\n")
+        print(gap_table(held_out_gaps(motions, models, fits, choose=choose), fitted), end="\n\n")
     if weights:
         report = lambda stage: print(stage, file=sys.stderr, flush=True)  # noqa: E731
-        print(curve(weight_table(data, subjects, names, folds(motions, batch), progress=report)))
+        data, parts = lanes(batch, models), folds(motions, batch)
+        print(curve(weight_table(data, batch.subjects, names, parts, progress=report)))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from adapt import Adaptations, status
 from adapt.adaptation import Adapted
 from adapt.fit import Fitted
+from adapt.heldout import BONES, COLUMNS, MOTION
 from adapt.tables import fits_table, parameters_table, summary_table
 from models import ParameterSet
 from motions import ANGLES, Motions
@@ -16,6 +17,9 @@ from motions.rotations import DEG
 
 GAP_DEG = {False: 6.0, True: 2.0}
 """Simulated less measured, every angle, before (False) and after adaptation (True)."""
+
+UNSEEN_DEG = 3.0
+"""The same on motions held out."""
 
 MOVED_MM = np.array([-10.0, 2.0, 1.0, 20.0, -1.0, 3.0])
 """Adapted parameters less the set's own."""
@@ -64,8 +68,26 @@ def adaptations(
     parameters = parameters_table(motions.subjects, models, results, fits)
     by_model = {one.name: fitted[True] for one in models}
     return Adaptations(
-        by_model=by_model, fits=fits, summary=summary_table(fits), adapted=results, parameters=parameters
+        by_model=by_model,
+        fits=fits,
+        summary=summary_table(fits),
+        adapted=results,
+        parameters=parameters,
+        heldout=_heldout(motions, models),
     )
+
+
+def _heldout(motions: Motions, models: Sequence[ParameterSet]) -> pd.DataFrame:
+    """Every motion of every subject off by UNSEEN_DEG."""
+    gaps = dict(zip(("before", "in_sample", "unseen"), (GAP_DEG[False], GAP_DEG[True], UNSEEN_DEG), strict=True))
+    rows = [
+        {"model": model.name, "subject": subject, "kind": MOTION, "held_out": motion, "postures": 1, "adapted_to": 1}
+        | {f"{bone}gap_{word}_deg": gap for word, gap in gaps.items() for bone in BONES}
+        | {"status": status.OK}
+        for model in models
+        for subject, motion in dict.fromkeys(zip(motions.subject.tolist(), motions.motion.tolist(), strict=True))
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndarray) -> Fitted:

@@ -40,6 +40,11 @@ SUMMARY_COLUMNS = [
     *(f"{name}_deg" for name in (*ANGLES, "clavicle", "scapula")),
     *("postures", "postures_ok"),
 ]
+HELDOUT_COLUMNS = [
+    *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
+    *(f"{bone}gap_{word}_deg" for word in ("before", "in_sample", "unseen") for bone in ("", "clavicle_", "scapula_")),
+    "status",
+]
 """The contract of the files, in order. Scripts of users rely on it: changing one is a new major version."""
 
 OPEN_MM = 1e-6
@@ -100,7 +105,7 @@ def test_fit_writes_its_files_and_nothing_else(fitted):
 def test_adapt_writes_its_files_and_nothing_else(adapted):
     assert (adapted.ended.status, adapted.ended.messages) == (0, [])
     names = sorted(path.name for path in adapted.folder.iterdir())
-    assert names == ["fits.csv", "models", "parameters.csv", "report.html", "run.json", "summary.csv"]
+    assert names == ["fits.csv", "heldout.csv", "models", "parameters.csv", "report.html", "run.json", "summary.csv"]
     models = sorted(path.name for path in (adapted.folder / "models").iterdir())
     assert models == ["R2_simulated01.toml", "R2_simulated02.toml"]
     assert "R2, after adaptation" in adapted.ended.out
@@ -130,10 +135,11 @@ def test_a_report_that_fails_leaves_the_tables(motion, adapted, tmp_path, monkey
         raise RuntimeError("no report")
 
     monkeypatch.setattr("adapt.report.report_html", fail)
+    (tmp_path / "report.html").write_text("of an earlier run")
     with pytest.raises(RuntimeError, match="no report"):
         girdle("adapt", motion, "--model", "R2", "--weight", "5", "--out", tmp_path)
     names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == ["fits.csv", "models", "parameters.csv", "run.json", "summary.csv"]
+    assert names == ["fits.csv", "heldout.csv", "models", "parameters.csv", "run.json", "summary.csv"]
     assert (tmp_path / "fits.csv").read_bytes() == (adapted.folder / "fits.csv").read_bytes()
 
 
@@ -142,6 +148,20 @@ def test_columns_are_the_contracts(fitted, adapted):
         assert run.table("fits").columns.tolist() == FITS_COLUMNS
         assert run.table("summary").columns.tolist() == SUMMARY_COLUMNS
     assert adapted.table("parameters").columns.tolist() == PARAMETERS_COLUMNS
+    assert adapted.table("heldout").columns.tolist() == HELDOUT_COLUMNS
+
+
+def test_each_motion_was_held_out_of_an_adaptation(adapted):
+    """Two motions of each subject; what an adaptation has not seen is not fitted better than what it has."""
+    table = adapted.table("heldout")
+    assert table["held_out"].tolist() == ["abduction", "forward_flexion"] * 2
+    assert (table["gap_unseen_deg"] > table["gap_in_sample_deg"]).all()
+    summary = adapted.table("summary").query("motion == 'all' and subject == 'simulated01'").set_index("adapted")
+    for state, word in ((0, "before"), (1, "in_sample")):
+        for bone in ("clavicle", "scapula"):
+            gap = table[f"{bone}_gap_{word}_deg"][:2].mean()  # seven postures each
+            assert gap == pytest.approx(summary[f"{bone}_deg"][state])
+    assert "unseen" in adapted.ended.out
 
 
 def test_fits_have_one_row_a_posture_and_state(fitted, adapted):

@@ -41,7 +41,7 @@ from models.effects import EFFECTS
 from models.girdle import ADAPTED
 from motions import ANGLES, write_motions
 
-TABLES = ("fits.csv", "parameters.csv", "summary.csv")
+TABLES = ("fits.csv", "heldout.csv", "parameters.csv", "summary.csv")
 FILES = sorted(["diagnosis.json", "report.html", "run.json", *TABLES, *FIGURES])
 
 KEYS = {
@@ -300,7 +300,7 @@ def asked(monkeypatch) -> dict[str, Any]:
         return {"R4": replace(NOTHING, model="R4", gap=gap_of(2.0, 2.0)), "R2": SKIN}
 
     monkeypatch.setattr(cli, "diagnose", answer)
-    monkeypatch.setattr(cli, "adapt_subjects", lambda motions, models, progress: adaptations(motions, models))
+    monkeypatch.setattr(cli, "adapt_subjects", lambda motions, models, progress, held_out: adaptations(motions, models))
     return asked
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from models.ellipsoid import closest_point, signed_distance_mm
+from models.ellipsoid import closest_point, foot_multiplier, signed_distance_mm
 
 ROUNDING_MM = 1e-10
 """Distances are of 100s of mm; 1e3 times their rounding, for the sums and the root of the secular equation. The point
@@ -19,6 +19,9 @@ ON_SURFACE = 1e-12
 
 DIRECTION = 1e-9
 """Sine of the angle between p - x and the normal, times distance over 1 mm: rounding of p - x, 1e-13 mm, over it."""
+
+MULTIPLIER = 1e-9
+"""Relative: t is a small difference of points 100s of mm long, exact to 1e-13 mm each."""
 
 GRADIENT_FD = 1e-7
 """Central differences of step 1e-4 mm: truncation 1e-9, rounding 1e-13 mm / 1e-4 mm, with room."""
@@ -85,6 +88,41 @@ def test_points_along_the_normal_come_back_to_their_foot():
     np.testing.assert_allclose(found, t * np.linalg.norm(x / a**2, axis=0), atol=ROUNDING_MM, rtol=1e-12)
     # Next to the evolute (t = -min a^2) the foot point slides 1 / (1 + t / min a^2) = 100 times as far as p.
     np.testing.assert_allclose(foot(jnp.asarray(p), jnp.asarray(a)), x, rtol=0.0, atol=100.0 * ROUNDING_MM)
+
+
+def test_the_multiplier_of_a_foot_by_hand():
+    """p = x + t x / a^2 with a foot x that is chosen: t comes back, in numpy and in JAX, inside as outside."""
+    x, a = sample(20, seed=8)
+    for t in (-2000.0, 500.0, 30_000.0):
+        p = x + t * x / a**2
+        for found in (foot_multiplier(p, a), foot_multiplier(jnp.asarray(p), jnp.asarray(a))):
+            np.testing.assert_allclose(found, t, rtol=MULTIPLIER)
+    r, d = 100.0, 7.0
+    assert float(foot_multiplier(jnp.array([r + d, 0.0, 0.0]), jnp.full(3, r))) == pytest.approx(d * r, rel=MULTIPLIER)
+
+
+def test_numpy_finds_what_jax_finds():
+    """The root of the distance is numpy's own there."""
+    x, a = sample(50, seed=9)
+    p = np.concatenate([0.4 * x, 1.2 * x], axis=1)
+    found = signed_distance_mm(p, np.zeros_like(p), np.tile(a, 2))
+    assert isinstance(found, np.ndarray)
+    np.testing.assert_allclose(found, distance(jnp.asarray(p), jnp.asarray(np.tile(a, 2))), rtol=0.0, atol=ROUNDING_MM)
+
+
+def test_a_point_on_the_plane_has_its_foot_on_the_positive_side():
+    """Of the centre the two ends of the shortest axis are equally near; a point just below the plane goes down."""
+    for side, z in ((1.0, 0.0), (1.0, 1e-9), (-1.0, -1e-9)):
+        found = closest_point(jnp.array([0.0, 0.0, z]), THORAX)
+        np.testing.assert_allclose(found, [0.0, 0.0, side * 130.0], rtol=0.0, atol=1e-6)
+
+
+def test_the_distance_beside_its_derivatives_is_the_distance():
+    """The rule of the derivative says the value anew."""
+    x, a = sample(20, seed=10)
+    p = jnp.asarray(1.3 * x)
+    value, _ = jax.jvp(distance, (p, jnp.asarray(a)), (jnp.ones_like(p), jnp.zeros_like(p)))
+    np.testing.assert_allclose(value, distance(p, jnp.asarray(a)), rtol=0.0, atol=ROUNDING_MM)
 
 
 def test_foot_points_are_on_the_surface_and_the_normal_meets_the_point():

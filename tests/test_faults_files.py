@@ -18,7 +18,7 @@ from adapt import output, parts
 from models import load_model
 from motions.files import part_name
 
-TABLES = {"fits.csv", "parameters.csv", "summary.csv", "run.json"}
+TABLES = {"fits.csv", "heldout.csv", "parameters.csv", "summary.csv", "run.json"}
 
 FULL_KB = 160
 """Of a small disk: two subjects need 30 kB, twice that for their part, all ten with their models five times as much."""
@@ -165,9 +165,9 @@ def test_a_full_disk_is_status_2_and_leaves_the_earlier_results(quick, motion, t
     assert contents(folder) == before
 
 
-@pytest.mark.parametrize("nth", range(1, 8))
+@pytest.mark.parametrize("nth", range(1, 9))
 def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, other, monkeypatch, nth):
-    """The part, fits, parameters, summary, the two models, run.json: the ``nth`` of them finds no room."""
+    """The part, fits, parameters, heldout, summary, the two models, run.json: the ``nth`` of them finds no room."""
     before, opened, count = contents(earlier), Path.open, iter(range(1, 100))
 
     def full(path: Path, mode: str = "r", **options: Any) -> Any:
@@ -184,8 +184,32 @@ def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, oth
     assert contents(earlier) == before
 
 
+def test_a_disk_with_room_for_the_tables_alone_gets_them_and_keeps_no_older_report(earlier, other, monkeypatch):
+    opened, before = Path.open, contents(earlier)
+
+    def full(path: Path, mode: str = "r", **options: Any) -> Any:
+        file = opened(path, mode, **options)
+        if mode == "wb" and path.parent != earlier and (path.parent / "run.json").exists():  # what comes after it
+            file.close()
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return file
+
+    monkeypatch.setattr(Path, "open", full)
+    result = girdle("adapt", other, "--out", earlier)
+    (said,) = result.messages
+    assert result.status == 2
+    assert said.startswith(f"error: {earlier / 'report.html'}: the file cannot be written (No space left on device)")
+    assert "the tables are there" in said
+    assert "after adaptation" in result.out
+    after = contents(earlier)
+    assert "report.html" in before
+    assert "report.html" not in after
+    assert set(after) >= TABLES
+    assert all(after[name] != before[name] for name in TABLES)
+
+
 def test_a_read_only_folder_is_status_2_before_any_work(quick, motion, tmp_path, monkeypatch, small_disk):
-    monkeypatch.setattr(parts, "adapt_subjects", lambda *_: pytest.fail("worked for nothing"))
+    monkeypatch.setattr(parts, "adapt_subjects", lambda *_, **__: pytest.fail("worked for nothing"))
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     for folder in (small_disk, small_disk / "below"):
         refused(girdle("adapt", motion, "--out", folder), str(folder), "Read-only file system", "--out")

@@ -64,6 +64,12 @@ def folder(tmp_path: Path) -> Path:
         parameters("c", (1000.0, 0.0), ("M_y",), "not_converged"),
     ]
     pd.DataFrame(rows).to_csv(tmp_path / "parameters.csv", index=False)
+    heldout = [
+        {"model": "R2", "subject": subject, "kind": "motion", "held_out": motion, "postures": postures}
+        | {"clavicle_gap_unseen_deg": gap_deg / 2.0, "scapula_gap_unseen_deg": gap_deg}
+        for subject, motion, postures, gap_deg in (("001", "1", 2, 3.0), ("001", "2", 1, 6.0), ("b", "1", 3, 8.0))
+    ]
+    pd.DataFrame(heldout).to_csv(tmp_path / "heldout.csv", index=False)
     return tmp_path
 
 
@@ -111,11 +117,12 @@ def test_a_name_that_is_not_there_is_named_with_those_that_are(folder, option, c
 
 
 def test_the_table_of_the_gap_is_the_one_worked_out_by_hand(folder, capsys):
-    """Scapula: tipping is the worst angle; clavicle: axial rotation, 0.3 deg less. Centre: (5 + 15) / 2 mm."""
+    """Scapula: tipping is the worst angle; clavicle: axial rotation, 0.3 deg less. Centre: (5 + 15) / 2 mm. Held out:
+    (2 * 3 + 6) / 3 degrees of the one subject and 8 of the other."""
     summarise_gap.main(folder)
     *_, row, _, endings = capsys.readouterr().out.splitlines()
     cells = [cell.strip() for cell in row.strip("|").split("|")]
-    gaps = ["6.0 -> 3.0", "20.0 -> 10.0", "3.0 -> 1.5", "19.7 -> 9.7"]
+    gaps = ["6.0 -> 3.0 (6.0)", "20.0 -> 10.0", "3.0 -> 1.5 (3.0)", "19.7 -> 9.7"]
     assert cells == ["R2", *gaps, "10 mm", "2 of 2 (A_y 2, conoid_length 1)"]
     assert endings.startswith("ok: 2 of 3 adaptations, 12 of 12 posture fits; 0 jumps along a motion.")
 

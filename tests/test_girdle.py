@@ -196,3 +196,14 @@ def test_a_batch_is_its_members():
     np.testing.assert_allclose(each, found, rtol=0.0, atol=ROUNDING_MM)
     over_postures = jax.tree.map(lambda x: jnp.repeat(x[..., None], 4, axis=-1), HAND).over_postures()
     np.testing.assert_allclose(constraint_residuals_mm(over_postures, angles), found, rtol=0.0, atol=ROUNDING_MM)
+
+
+def test_numpy_finds_what_jax_finds():
+    """The text is one, but not the length of the conoid nor the root of the distance: numpy's are their own."""
+    generator = np.random.default_rng(4)
+    angles = generator.uniform(-0.5, 0.5, (6, 5))
+    spread = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], 5, axis=-1), HAND)
+    found = constraint_residuals_mm(spread, angles)
+    assert isinstance(found, np.ndarray)
+    expected = jax.vmap(lambda q: constraint_residuals_mm(HAND, q), -1, -1)(jnp.asarray(angles))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING_MM)

@@ -2,12 +2,23 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, Reading, jitted_geometric_fit, thorax_distance_mm2
+from adapt.objective import (
+    DEFAULT_READING,
+    READINGS,
+    WEIGHT,
+    Reading,
+    ThoraxPoints,
+    fitted_girdle,
+    jitted_geometric_fit,
+    thorax_distance_mm2,
+)
 from models import load_model
+from models.ellipsoid import signed_distance_mm
 
 D_MM2, J_DEG2, W = 16.0, 9.0, 10.0
 
@@ -18,6 +29,9 @@ BY_HAND = {
     "rms_cm_rad": 0.4 + 10.0 * 3.0 * np.radians(1.0),
     "rms_mm_deg": 4.0 + 10.0 * 3.0,
 }
+
+EXACT = 1e-11
+"""Relative to the largest: derivatives by hand and by JAX are sums of the same hundred terms in another order."""
 
 FITTED_MM = 1e-4
 """Levenberg-Marquardt stops at 1e-10 of its steps; along M_y and A_y the points hardly hold the ellipsoid."""
@@ -75,3 +89,38 @@ def test_a_geometric_fit_that_fails_keeps_the_ellipsoid():
     model = load_model("R2").girdle
     fitted = jitted_geometric_fit(model, jnp.full((3, 40), jnp.nan))
     np.testing.assert_array_equal(fitted.adapted_mm, model.adapted_mm)
+
+
+def test_derivatives_of_d_by_hand_are_those_of_jax():
+    """At parameters off the set's own, of ten points of which one does not count."""
+    model = load_model("R2")
+    shares = np.append(np.full(9, 1.0 / 9.0), 0.0)
+    points = np.asarray(model.points_mm)[:, :10]
+    thorax = ThoraxPoints(model.girdle, jnp.asarray(points), jnp.asarray(shares))
+    theta = model.girdle.adapted_mm + jnp.array([12.0, -5.0, 3.0, -20.0, 4.0, 1.0])
+
+    def D(theta):
+        return thorax_distance_mm2(model.girdle.with_adapted(theta), jnp.asarray(points), jnp.asarray(shares))
+
+    def distances(theta):
+        moved = model.girdle.with_adapted(theta)
+        return signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+
+    at, slopes = thorax.distances(theta)
+    found = [thorax.value(theta), at.d, jnp.stack(slopes, axis=-1), thorax.slope(theta), thorax.curvature(theta)]
+    expected = [D(theta), distances(theta), jax.jacobian(distances)(theta), jax.grad(D)(theta), jax.hessian(D)(theta)]
+    for one, other in zip(found, expected, strict=True):
+        assert one.shape == other.shape
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=EXACT * max(1.0, float(jnp.abs(other).max())))
+
+
+def test_an_ellipsoid_on_its_points_is_not_fitted_again_and_one_off_them_is():
+    """The points of a shipped set lie on its ellipsoid; with all of them moved, so is the centre."""
+    model = load_model("R2")
+    points = np.asarray(model.points_mm)
+    assert fitted_girdle(model.girdle, points) is model.girdle
+    lower = points + np.array([0.0, -1.0, 2.0])[:, None]
+    fitted = fitted_girdle(model.girdle, lower)
+    moved = np.asarray(fitted.adapted_mm) - np.asarray(model.girdle.adapted_mm)
+    np.testing.assert_allclose(moved, [-1.0, 2.0, 0.0, 0.0, 0.0, 0.0], rtol=0.0, atol=FITTED_MM)
+    assert isinstance(fitted.centre_mm, np.ndarray)

@@ -24,7 +24,7 @@ from motions.simulation import simulate_subjects
 SAME = 1e-9
 """Degrees, mm, mm^2: solutions are exact to rounding, whoever is solved beside them."""
 
-TABLES = ("fits", "parameters", "summary")
+TABLES = ("fits", "heldout", "parameters", "summary")
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def whole(motion, tmp_path_factory) -> Path:
 
 
 def work() -> Work:
-    return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset())
+    return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset(), frozenset())
 
 
 def assert_same_tables(folder: Path, expected: Path) -> None:

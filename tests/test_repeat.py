@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from command import girdle, refused, written
 
+from adapt import repeat
 from adapt.output import inputs_record, write_run
 from models.parameters import FOLDER
 
@@ -52,6 +53,16 @@ def test_a_record_does_not_say_where_to_write(record, tmp_path):
     ended = girdle("adapt", "--repeat", record)
     refused(ended, str(record), "girdle adapt has no option 'out' to repeat", "Give the run.json of a run")
     assert not (tmp_path / "elsewhere").exists()
+
+
+def test_a_record_is_read_once(record, tmp_path, monkeypatch):
+    """It may be a pipe, or another one a moment later."""
+    read = []
+    monkeypatch.setattr(repeat, "read_text", lambda path, remedy: read.append(path) or path.read_text())
+    changed(record, versions={})
+    ended = girdle("adapt", "--repeat", record, "--out", tmp_path / "out")
+    assert "the last digits may differ" in ended.err
+    assert read == [record]
 
 
 def test_other_versions_are_a_note(record, tmp_path):

@@ -8,7 +8,7 @@ from html import unescape
 import numpy as np
 import pytest
 from diagnoses import BY_KIND, SKIN, gap_of, of
-from handmade import GAP_DEG, MOVED_MM, adaptations, motions_of, rising
+from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, data_of, simulated
 
 from adapt.diagnosis.json_form import as_json
@@ -206,6 +206,16 @@ def test_the_sentence_says_before_and_after():
     )
 
 
+def test_the_sentence_says_what_is_left_on_motions_that_were_held_out():
+    made = adaptations(motions_of(rising(2, 4)), R2)
+    sentence = headline(made.summary, "2 subjects", made.heldout)
+    assert sentence.endswith("from 6.0 to 2.0 degrees, and to 3.0 and 3.0 on motions that it has not seen.")
+    thirds = headline(made.summary, "2 subjects", made.heldout.assign(kind="postures"))
+    assert thirds.endswith("and to 3.0 and 3.0 on postures that it has not seen.")
+    nothing = headline(made.summary, "2 subjects", made.heldout.iloc[:0])
+    assert nothing.endswith("from 6.0 to 2.0 degrees.")
+
+
 def test_the_sentence_names_the_closest_of_several_sets():
     motions = motions_of(rising(2, 4))
     summary = adaptations(motions, MODELS).summary
@@ -255,6 +265,19 @@ def test_the_overview_counts_what_was_fitted():
     (row,) = overview(adaptations(motions, R2, failed=["s2"]))
     assert (row.postures, row.postures_ok, row.subjects, row.adapted) == (12, (12, 8), 3, 2)
     assert row.gap_deg["scapula"] == pytest.approx((GAP_DEG[False], GAP_DEG[True]))
+    assert row.unseen_deg == {"clavicle": UNSEEN_DEG, "scapula": UNSEEN_DEG}
+
+
+def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
+    motions = motions_of(rising(3, 4))
+    made = adaptations(motions, R2)
+    two = replace(made, heldout=made.heldout[made.heldout["subject"] != "s2"])
+    said = words_of(report_html(motions, R2, two))
+    assert f"{UNSEEN_DEG}° {UNSEEN_DEG}° 12 of 12" in said
+    assert "of 2 of the subjects" in said
+    assert "of 2 of the subjects" not in words_of(report_html(motions, R2, made))
+    (model,) = figure_data(motions, R2, two, {})["models"]
+    assert model["unseen_deg"] == [[UNSEEN_DEG] * 2, [None] * 2, [UNSEEN_DEG] * 2]
 
 
 def test_who_was_not_handled_is_named():

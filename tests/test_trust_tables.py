@@ -6,8 +6,22 @@ import pytest
 from handmade import adaptations, motions_of, rising
 
 from adapt.batch import pack
-from adapt.trust.heldout import MOTION, OTHER, POSTURES, by_subject, folds, folds_between
+from adapt.heldout import (
+    COLUMNS,
+    MOTION,
+    OTHER,
+    POSTURES,
+    by_subject,
+    fewest_folds,
+    folds,
+    folds_between,
+    held_out_gaps,
+    mean_unseen_deg,
+    reported_gaps_deg,
+)
+from adapt.terminal import PlainConsole
 from adapt.trust.plausibility import PASS, WARNING, checks, region_distances_mm
+from adapt.trust.terminal import print_weights
 from adapt.trust.trust import jump_free_share
 from adapt.trust.uncertainty import NORMAL_95
 from models import load_model, model_names
@@ -47,6 +61,36 @@ def test_each_motion_of_who_has_several_and_every_third_posture_is_held_out_once
     for subject in (0, 1):
         tested = sum(fold.tested.astype(int) for fold in found if (fold.subject, fold.kind) == (subject, POSTURES))
         np.testing.assert_array_equal(tested, counted[:, subject])
+
+
+def test_the_fewest_folds_leave_out_postures_only_of_who_has_one_motion():
+    motions = two_motions()
+    found = fewest_folds(motions, pack(motions))
+    assert [(fold.subject, fold.kind) for fold in found] == [*[(0, MOTION)] * 2, *[(1, POSTURES)] * 3]
+
+
+def test_who_has_a_single_posture_has_nothing_to_hold_out():
+    motions = motions_of(rising(1, 1))
+    made = adaptations(motions, [load_model("R2")])
+    found = held_out_gaps(motions, [load_model("R2")], made.fits)
+    assert (len(found), tuple(found.columns)) == (0, COLUMNS)
+    assert np.isnan(list(mean_unseen_deg(found, "R2").values())).all()
+
+
+def test_reported_gaps_are_those_of_the_table_of_fits():
+    """Every angle 6 degrees off before and 2 after; one that was not measured and a fit that failed have none."""
+    angles_deg = rising(2, 4)
+    angles_deg[0, 1, 3] = np.nan
+    motions = motions_of(angles_deg)
+    made = adaptations(motions, [load_model("R2"), load_model("R4")], failed=["s2"])
+    gaps = reported_gaps_deg(pack(motions), ["R2", "R4"], made.fits)
+    for word, gap_deg in (("before", 6.0), ("in_sample", 2.0)):
+        assert gaps[word].shape == (6, 4, 4)
+        for lane in (0, 2):  # s1 with both models
+            missing = np.isnan(gaps[word][..., lane])
+            assert np.argwhere(missing).tolist() == [[3, 1]]
+            np.testing.assert_allclose(gaps[word][..., lane][~missing], gap_deg)
+        assert np.isnan(gaps[word][..., 1]).all() == (word == "in_sample")
 
 
 def test_a_fold_between_two_motions_is_of_those_who_have_both():
@@ -123,6 +167,19 @@ def test_a_thorax_that_is_none_is_warned_of():
         assert name in {check.name for check in checks(model, theta) if check.verdict == WARNING}
     nothing = checks(model, np.full(6, np.nan))
     assert {check.verdict for check in nothing} == {WARNING}
+
+
+@pytest.mark.parametrize(("best", "chosen"), [(10.0, True), (1.0, False), (100.0, False)])
+def test_a_weight_at_the_end_of_those_tried_is_not_called_chosen(best, chosen, capsys):
+    rows = [
+        {"model": "R2", "weight": weight, "subjects_ok": 1, "thorax_points_rms_mm": 1.0, "j_rms_deg": 1.0}
+        | {"at_bound": 0, "gap_in_sample_deg": 1.0, "gap_unseen_deg": 1.0, "best": int(weight == best)}
+        for weight in (1.0, 10.0, 100.0)
+    ]
+    print_weights(PlainConsole(), pd.DataFrame(rows))
+    out = capsys.readouterr().out
+    assert f"{best:g}*" in out
+    assert ("these motions choose none" not in out) == chosen
 
 
 # --- studies -------------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from adapt.heldout import MOTION, mean_unseen_deg
 from adapt.report.states import STATES, state_rows
 from adapt.tables import ALL_MOTIONS
 from motions.table import ANGLES
@@ -28,8 +29,8 @@ def closest(summary: pd.DataFrame) -> str:
     return min(dict.fromkeys(summary["model"]), key=gap_deg)
 
 
-def headline(summary: pd.DataFrame, people: str) -> str:
-    """``people`` says who they are: '10 simulated subjects'."""
+def headline(summary: pd.DataFrame, people: str, heldout: pd.DataFrame | None = None) -> str:
+    """``people`` says who they are: '10 simulated subjects'; ``heldout`` is the table of gaps on what was held out."""
     models = list(dict.fromkeys(summary["model"]))
     best = closest(summary)
     before, after = (statistic(summary, best, state) for state in STATES)
@@ -41,4 +42,17 @@ def headline(summary: pd.DataFrame, people: str) -> str:
     if not parts:
         return f"No posture of {people} could be fitted."
     start = f"Of {len(models)} parameter sets {best} comes closest: adapting it" if models[1:] else f"Adapting {best}"
-    return f"{start} to {people} takes the mean gap of the {' and that of the '.join(parts)} degrees."
+    return (
+        f"{start} to {people} takes the mean gap of the {' and that of the '.join(parts)} degrees"
+        f"{_unseen(heldout, best)}."
+    )
+
+
+def _unseen(heldout: pd.DataFrame | None, model: str) -> str:
+    """', and to 4.1 and 3.9 on motions that it has not seen', of the bones that have such a gap."""
+    if heldout is None:
+        return ""
+    gaps = mean_unseen_deg(heldout, model)
+    known = [f"{gaps[bone]:.1f}" for bone in BONES if np.isfinite(gaps[bone])]
+    what = "motions" if set(heldout["kind"]) == {MOTION} else "postures"
+    return f", and to {' and '.join(known)} on {what} that it has not seen" if known else ""

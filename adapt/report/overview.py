@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from adapt import status
+from adapt.heldout import mean_unseen_deg
 from adapt.report.headline import BONES, statistic
 from adapt.report.states import STATES, state_rows
 from adapt.tables import Tables, parameter_statistics
@@ -23,6 +24,8 @@ class Row:
     model: str
     gap_deg: dict[str, tuple[float, float]]
     """Mean absolute difference of each bone over the subjects; under 'largest' that of one angle of one subject."""
+    unseen_deg: dict[str, float]
+    """Mean absolute difference of each bone on what was held out from the adaptation; NaN without."""
     postures: int
     postures_ok: tuple[int, int]
     subjects: int
@@ -48,6 +51,7 @@ def _row(result: Tables, model: str) -> Row:
     return Row(
         model=model,
         gap_deg=gap_deg | {"largest": tuple(_largest(row) for row in largest)},
+        unseen_deg=mean_unseen_deg(result.heldout, model),
         postures=len(fits[0]),
         postures_ok=tuple(int(ok.sum()) for ok in fits),
         subjects=len(parameters),

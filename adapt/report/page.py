@@ -53,8 +53,8 @@ def report_html(
         _environment()
         .get_template("report.html")
         .render(
-            sentence=diagnosis["verdict"]["sentence"] if diagnosis else headline(result.summary, who),
-            adaptation=headline(result.summary, who),
+            sentence=diagnosis["verdict"]["sentence"] if diagnosis else headline(result.summary, who, result.heldout),
+            adaptation=headline(result.summary, who, result.heldout),
             diagnosis=diagnosis,
             by_model=by_model,
             who=who,
@@ -66,6 +66,7 @@ def report_html(
             postures_drawn=len(data["posture"]),
             overview=overview(result),
             parameters=adapted_parameters(result),
+            held_out=result.heldout["subject"].nunique(),
             not_handled=not_handled or {},
             rejected=[str(error) for error in motions.rejected],
             data=_json(data),

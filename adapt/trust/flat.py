@@ -20,7 +20,7 @@ def flat_directions(covariance_mm2: Float[np.ndarray, "6 6"]) -> list[str]:
     other by 11 mm the other way ('with': the same way), which neither the motion nor the points tell from what it is.
     """
     if not np.isfinite(covariance_mm2).all():
-        return ["not determined: E does not curve upward in every direction"]
+        return ["not determined: motion and points leave a direction open"]
     variances, directions = np.linalg.eigh(covariance_mm2)
     order = np.argsort(variances)[::-1]
     return [_sentence(np.sqrt(variances[k]) * directions[:, k]) for k in order if variances[k] > FLAT_MM**2]

@@ -26,7 +26,7 @@ def print_trust(console: Console, found: Trust) -> None:
         if said:
             console.print(f"{row['model']}, {row['subject']}: {said}", soft_wrap=True)
     if found.weights is not None:
-        _print_weights(console, found.weights)
+        print_weights(console, found.weights)
 
 
 def _table(title: str, headers: tuple[str, ...], names: int) -> Table:
@@ -71,7 +71,8 @@ def _number(value: float, form: str, unit: str = "") -> str:
     return "" if math.isnan(value) else f"{value:{form}}{unit}"
 
 
-def _print_weights(console: Console, weights: pd.DataFrame) -> None:
+def print_weights(console: Console, weights: pd.DataFrame) -> None:
+    """The trade-off curve of w, and whether it has a least gap at all."""
     title = "w of E = D + w mean(J), by motions held out (* smallest gap unseen)"
     headers = ("model", "w", "points rms, mm", "J rms, deg", "gap seen", "gap unseen", "at bound")
     table = _table(title, headers, 1)
@@ -81,3 +82,8 @@ def _print_weights(console: Console, weights: pd.DataFrame) -> None:
         bound = f"{row['at_bound']} of {row['subjects_ok']}"
         table.add_row(row["model"], name, *(_number(row[key], ".2f") for key in keys), bound)
     console.print(table)
+    for model, rows in weights.groupby("model", sort=False):
+        best = rows.loc[rows["best"] == 1, "weight"]
+        if len(best) and best.iloc[0] in (rows["weight"].min(), rows["weight"].max()):
+            said = f"{model}: the smallest gap unseen is at the end of the weights tried, so these motions choose none"
+            console.print(said, soft_wrap=True)

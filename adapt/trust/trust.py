@@ -4,7 +4,7 @@
 """How far an adaptation can be trusted: its uncertainty, its gap on what it has not seen, and if it is a thorax."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -14,10 +14,10 @@ from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapted_from, lanes
 from adapt.api import Adaptations, adapt_subjects, previous_rows
 from adapt.batch import pack
+from adapt.heldout import MOTION, POSTURES, by_subject, folds, held_out_gaps
 from adapt.objective import WEIGHT
 from adapt.tables import DIFFERENCES
 from adapt.trust.flat import FLAT_MM, flat_directions
-from adapt.trust.heldout import MOTION, POSTURES, by_subject, folds, held_out, heldout_table
 from adapt.trust.plausibility import PASS, WARNING, checks
 from adapt.trust.profile import Profile, profile_intervals
 from adapt.trust.uncertainty import NORMAL_95, Uncertainty, sd, uncertainty
@@ -38,12 +38,11 @@ class Trust:
     """Tables of an adaptation; see the functions that make them for their columns."""
 
     adaptations: Adaptations
+    """With both kinds of folds held out."""
     subjects: pd.DataFrame
     """``trust.csv``: one row a model and subject."""
     uncertainty: pd.DataFrame
     """``uncertainty.csv``: one row a model, subject and parameter."""
-    heldout: pd.DataFrame
-    """``heldout.csv``: one row a model, subject and part held out."""
     plausibility: pd.DataFrame
     """``plausibility.csv``: one row a model, subject and check."""
     weights: pd.DataFrame | None
@@ -74,13 +73,14 @@ def assess_trust(
     profile = profile_intervals(data, adapted, found, found.sd_mm > FLAT_MM, weight)
     progress("adaptation without the thorax points")
     free = adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
-    parts = folds(motions, batch)
-    heldout = heldout_table(subjects, names, parts, held_out(data, adapted, len(subjects), parts, weight, progress))
+    heldout = held_out_gaps(motions, models, result.fits, weight, progress=progress)
     plausible = plausibility_table(subjects, models, adapted)
     spread = uncertainty_table(subjects, models, data, adapted, found, profile)
-    weights = weight_table(data, subjects, names, parts, progress=progress) if choose_weight else None
+    weights = None
+    if choose_weight:
+        weights = weight_table(data, subjects, names, folds(motions, batch), progress=progress)
     summary = _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible)
-    return Trust(result, summary, spread, heldout, plausible, weights)
+    return Trust(replace(result, heldout=heldout), summary, spread, plausible, weights)
 
 
 def joined(parts: Sequence[Adapted]) -> Adapted:
@@ -111,9 +111,9 @@ def uncertainty_table(
 ) -> pd.DataFrame:
     """``uncertainty.csv``: mm; ``low_mm`` and ``high_mm`` are the 95 % interval, ``interval`` where it comes from.
 
-    ``sd_mm`` is all parts together, ``sd_noise_mm`` what repeated measurement of the same person would scatter by,
-    ``sd_person_mm`` what comes from the thorax points being another person's. ``points_share``: of what holds the
-    parameter, the share that is the thorax points'.
+    ``sd_mm`` is all parts together, as far as the bounds leave room for them, ``sd_noise_mm`` what repeated measurement
+    of the same person would scatter by, ``sd_person_mm`` what comes from the thorax points being another person's.
+    ``points_share``: of what holds the parameter, the share that is the thorax points'.
     """
     ends, origin = intervals(data, adapted, found, profile)
     good = adapted.status == status.OK

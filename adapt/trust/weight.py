@@ -9,9 +9,10 @@ import pandas as pd
 
 from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapt_lanes
-from adapt.trust.heldout import MOTION, Fold, by_subject, held_out, heldout_table
+from adapt.heldout import MOTION, Fold, by_subject, held_out, heldout_table
+from motions.rotations import DEG
 
-WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 """Half decades about the thesis's 10: between two of them the gap changes by some hundredths of a degree."""
 
 
@@ -52,7 +53,9 @@ def weight_table(
 def _gaps(data, adapted: Adapted, subjects, models, parts, weight) -> dict[str, dict[str, float]]:
     if not parts:
         return {}
-    found = held_out(data, adapted, len(subjects), parts, weight)
-    gaps = by_subject(heldout_table(subjects, models, parts, found))
+    found = held_out(data, len(subjects), parts, weight)
+    good = np.asarray(data.measured) & (adapted.status == status.OK)
+    in_sample = np.where(good, np.abs(adapted.angles - np.asarray(data.angles)) * DEG, np.nan)
+    gaps = by_subject(heldout_table(subjects, models, parts, found, {"in_sample": in_sample}))
     words = ["gap_in_sample_deg", "gap_unseen_deg"]
     return gaps.groupby("model")[words].mean().to_dict("index")

@@ -2,7 +2,7 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The gap on postures that an adaptation has not seen: each motion held out in turn, and every third posture."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,13 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from adapt import status
-from adapt.adaptation import Adapted, Lanes, adapt_lanes, lanes_at
-from adapt.batch import Batch
+from adapt.adaptation import Adapted, Lanes, adapt_lanes, lanes, lanes_at
+from adapt.batch import Batch, pack
 from adapt.chunks import lanes_of
 from adapt.fit import fit_lanes
-from adapt.objective import WEIGHT
+from adapt.objective import DEFAULT_READING, WEIGHT
+from adapt.tables import DIFFERENCES
+from models.parameters import ParameterSet
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -23,8 +25,21 @@ MOTION, POSTURES, OTHER = "motion", "postures", "only"
 
 _POSTURE_FOLDS = 3
 
+SEEN = {"before": 0, "in_sample": 1}
+"""Gaps of the fits that are reported, by their word; and the column ``adapted`` of their table."""
+
 BONES = {"": slice(0, 6), "clavicle_": slice(0, 3), "scapula_": slice(3, 6)}
 """Gaps of a table, by the beginning of the column."""
+
+COLUMNS = (
+    *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
+    *(f"{bone}gap_{word}_deg" for word in (*SEEN, "unseen") for bone in BONES),
+    "status",
+)
+"""Of ``heldout.csv``, whether anything could be held out or not."""
+
+NOTHING = pd.DataFrame(columns=list(COLUMNS))
+"""The table of what was not held out."""
 
 _PLACES = 3
 """A posture that no fit has been to starts from a few places, as before an adaptation."""
@@ -57,6 +72,13 @@ def folds(motions: Motions, batch: Batch) -> list[Fold]:
     return found
 
 
+def fewest_folds(motions: Motions, batch: Batch) -> list[Fold]:
+    """Every motion of a subject that has several; every third posture of one that has not."""
+    every = folds(motions, batch)
+    several = {part.subject for part in every if part.kind == MOTION}
+    return [part for part in every if part.kind == MOTION or part.subject not in several]
+
+
 def folds_between(motions: Motions, batch: Batch, fitted: str, tested: str) -> list[Fold]:
     """Adapt to one motion, look at another one, of every subject that has both."""
     found = []
@@ -74,46 +96,69 @@ def _named(motions: Motions, batch: Batch):
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Gaps of L = models x folds lanes, degrees; lane = model * folds + fold."""
+    """L = models x folds lanes; lane = model * folds + fold."""
 
     adapted: Adapted
     """Without the postures held out."""
-    before_deg: Float[np.ndarray, "6 postures lanes"]
-    """|simulated - measured| of the model as it is, at the postures tested; NaN elsewhere and where a fit failed."""
-    in_sample_deg: Float[np.ndarray, "6 postures lanes"]
-    """Of the girdle adapted to all postures."""
     unseen_deg: Float[np.ndarray, "6 postures lanes"]
-    """Of the girdle adapted without them."""
+    """|simulated - measured| at the postures tested; NaN elsewhere and where a fit failed."""
 
 
 def held_out(
     data: Lanes,
-    adapted: Adapted,
     subjects: int,
     parts: Sequence[Fold],
     weight: float = WEIGHT,
+    reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
 ) -> HeldOut:
-    """Adapt every lane (model * subjects + subject) of ``data`` anew without the postures of each of its folds.
-
-    ``adapted`` are the adaptations of the same lanes to everything.
-    """
-    models = adapted.theta_mm.shape[-1] // subjects
+    """Adapt every lane (model * subjects + subject) of ``data`` anew without the postures of each of its folds."""
+    models = data.counted.shape[1] // subjects
     lane = np.concatenate([m * subjects + np.array([part.subject for part in parts]) for m in range(models)])
     fitted, tested = (
         np.tile(np.stack([getattr(part, k) for part in parts], axis=1), models) for k in ("fitted", "tested")
     )
     progress(f"held-out gaps, {len(lane)} adaptations")
     part_of = lanes_at(data, lane, counted=fitted)
-    without = adapt_lanes(part_of, weight)
-    thetas = (np.asarray(part_of.girdle.adapted_mm), adapted.theta_mm[:, lane], without.theta_mm)
-    good = (np.ones(len(lane), bool), adapted.status[lane] == status.OK, without.status == status.OK)
-    gaps = [_gaps_deg(part_of, theta, tested & ok) for theta, ok in zip(thetas, good, strict=True)]
-    return HeldOut(without, *gaps)
+    without = adapt_lanes(part_of, weight, reading)
+    return HeldOut(without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK)))
+
+
+def held_out_gaps(
+    motions: Motions,
+    models: Sequence[ParameterSet],
+    fits: pd.DataFrame,
+    weight: float = WEIGHT,
+    reading: str = DEFAULT_READING,
+    progress: Callable[[str], None] = lambda _: None,
+    choose: Callable[[Motions, Batch], list[Fold]] = folds,
+) -> pd.DataFrame:
+    """``heldout.csv`` of these motions and the table of their fits before and after adaptation."""
+    batch, names = pack(motions), [model.name for model in models]
+    parts = choose(motions, batch)
+    if not parts:
+        return NOTHING
+    found = held_out(lanes(batch, list(models)), len(batch.subjects), parts, weight, reading, progress)
+    return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))
+
+
+def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -> dict[str, np.ndarray]:
+    """|simulated - measured| of all postures before and after (in sample), (6, postures, lanes), from their table."""
+    gaps = {}
+    for word, state in SEEN.items():
+        parts = []
+        for model in models:
+            rows = fits[(fits["model"] == model) & (fits["adapted"] == state)]
+            good = (rows["status"] == status.OK).to_numpy()
+            parts.append(np.where(good, rows[DIFFERENCES].abs().to_numpy().T, np.nan)[:, batch.rows])
+        gaps[word] = np.concatenate(parts, axis=-1)
+    return gaps
 
 
 def _gaps_deg(data: Lanes, theta_mm, of: Bool[np.ndarray, "postures lanes"]) -> Float[np.ndarray, "6 postures lanes"]:
     posture, lane = np.nonzero(of)
+    if not len(lane):
+        return np.full((6, *of.shape), np.nan)
     girdle = lanes_of(data.girdle.with_adapted(theta_mm), lane)
     angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
     found = fit_lanes(girdle, angles, measured, places=_PLACES)
@@ -125,9 +170,17 @@ def _gaps_deg(data: Lanes, theta_mm, of: Bool[np.ndarray, "postures lanes"]) -> 
 
 
 def heldout_table(
-    subjects: Sequence[str], models: Sequence[str], parts: Sequence[Fold], found: HeldOut
+    subjects: Sequence[str],
+    models: Sequence[str],
+    parts: Sequence[Fold],
+    found: HeldOut,
+    seen_deg: Mapping[str, Float[np.ndarray, "6 postures lanes"]],
 ) -> pd.DataFrame:
-    """``heldout.csv``: one row a model, subject and part held out; gaps are mean |simulated - measured|, degrees."""
+    """``heldout.csv``: one row a model, subject and part held out; gaps are mean |simulated - measured|, degrees.
+
+    All are of the postures held out: before adaptation, adapted to everything (in_sample) and without them (unseen).
+    ``seen_deg``: the first two, by lane model * subjects + subject.
+    """
     rows = []
     for m, model in enumerate(models):
         for k, part in enumerate(parts):
@@ -135,8 +188,9 @@ def heldout_table(
             row: dict[str, object] = {"model": model, "subject": subjects[part.subject]}
             row |= {"kind": part.kind, "held_out": part.held_out}
             row |= {"postures": int(part.tested.sum()), "adapted_to": int(part.fitted.sum())}
-            for word in ("before", "in_sample", "unseen"):
-                gap = getattr(found, f"{word}_deg")[..., lane]
+            of_subject = m * len(subjects) + part.subject
+            gaps = {word: seen_deg[word][:, part.tested, of_subject] for word in SEEN if word in seen_deg}
+            for word, gap in (gaps | {"unseen": found.unseen_deg[:, part.tested, lane]}).items():
                 for bone, angles in BONES.items():
                     row[f"{bone}gap_{word}_deg"] = mean_of(gap[angles])
             row["status"] = found.adapted.status[lane]
@@ -159,3 +213,15 @@ def by_subject(table: pd.DataFrame) -> pd.DataFrame:
     sums = (part.groupby(keys, sort=False).sum() for part in (weighed, counts))
     total, count = sums
     return (total / count.where(count > 0)).reset_index()
+
+
+def by_model(table: pd.DataFrame) -> pd.DataFrame:
+    """Gaps of each model: mean over the subjects, whatever was held out of each."""
+    return pd.DataFrame(by_subject(table).drop(columns=["subject", "kind"]).groupby("model", sort=False).mean())
+
+
+def mean_unseen_deg(table: pd.DataFrame, model: str) -> dict[str, float]:
+    """By bone; NaN where nothing was held out."""
+    gaps = by_model(table)
+    names = {bone.removesuffix("_"): f"{bone}gap_unseen_deg" for bone in BONES if bone}
+    return {bone: float(gaps.at[model, name]) if model in gaps.index else np.nan for bone, name in names.items()}
