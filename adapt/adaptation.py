@@ -5,6 +5,7 @@ Lanes: every subject with every model is one element of a flat batch.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import numpy as np
@@ -12,14 +13,15 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.batch import Batch
-from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
+from adapt.chunks import compiled, in_chunks, in_rounds, lanes_of, with_lanes
 from adapt.constraints import ByHand
-from adapt.fit import FEWEST_ANGLES, fit_lanes
+from adapt.fit import FEWEST_ANGLES, GIRDLE, fit_lanes
+from adapt.kernel import Kernel
 from adapt.linalg import Factor, diagonal, matmul, trace, transpose
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, ThoraxPoints, fitted_girdle, thorax_distance_mm2
 from adapt.posture import mean_square_deg2, objective_weights
-from adapt.subject import Problem, Subject, evaluated, joint, solve_subjects
-from adapt.sweep import Swept, sweep
+from adapt.subject import Problem, Subject, joint, solve_subjects
+from adapt.sweep import Fixed, Start, Swept, sweep
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
 from motions.arrays import Array, xp
@@ -217,10 +219,10 @@ def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> S
     ``adapt.subject`` judges the end of every lane, with g and its feet computed anew.
     """
     lanes, postures = theta.shape[-1], angles.shape[1]
-    start = Swept(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, int), np.zeros(lanes, bool))
-    swept = resumed(_sweep, _LANES, _SWEEPS, fixed, start, _AT_ONCE)
-    point = swept.theta, swept.angles, swept.multipliers
-    result = in_chunks(_judged, _LANES, *fixed, *point, at_once=_AT_ONCE)._replace(iterations=swept.iterations)
+    start = Start(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, bool))
+    swept = in_rounds(_sweep, _SWEEPS, (Fixed(*fixed),), start)
+    nothing = np.zeros((postures, lanes))
+    result = Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
     left = np.flatnonzero(~result.converged)
     if len(left):
         at_once = len(left) if lanes < _MANY else 0
@@ -290,14 +292,15 @@ _SWEEPS, _SWEEP_ITERATIONS = 4, 10
 four."""
 
 
-@compiled
-def _sweep(girdle: Girdle, points_mm, shares, problem: Problem, start: Swept) -> Swept:
-    return sweep(girdle, points_mm, shares, problem, start, _SWEEP_ITERATIONS)
-
-
-@compiled
-def _judged(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles, multipliers) -> Subject:
-    return evaluated(*_conditions(girdle, points_mm, shares), problem, theta, angles, multipliers)
+_sweep = Kernel(
+    "subjects",
+    partial(sweep, iterations=_SWEEP_ITERATIONS),
+    (
+        Fixed(GIRDLE, "3 points", "points", Problem("6 postures", "6 postures", "postures bool", "6", "6")),
+        Start("6", "6 postures", "3 postures", "bool"),
+    ),
+    Swept("6", "6 postures", "3 postures", "3 postures", "postures", "6", "int", "bool"),
+)
 
 
 @jax.jit

@@ -4,7 +4,8 @@ Lanes: every posture of every subject with every girdle is one element of a flat
 """
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -12,8 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
-from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
+from adapt.chunks import in_chunks, in_rounds, lanes_of, with_lanes
 from adapt.constraints import ByHand, Constraints, Differentiated
+from adapt.kernel import Kernel
 from adapt.posture import (
     Postures,
     close_chain,
@@ -23,7 +25,7 @@ from adapt.posture import (
     solve_from_two_starts,
     solve_postures,
 )
-from adapt.posture_sweep import SweptPostures, closed_nearby, sweep_postures
+from adapt.posture_sweep import PostureStart, SweptPostures, closed_nearby, sweep_postures
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
 from motions.arrays import Array, repeat, xp
@@ -162,7 +164,11 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
 
 def _trackers(girdle: Chain) -> list[tuple[Any, Any]]:
     """The fast path, then the careful one for what it did not follow; with effects the careful one alone."""
-    return [(_many, _track_quickly), (_few, _track)] if isinstance(girdle, Girdle) else [(_few, _track)]
+    return [(_at_once, _track_quickly), (_few, _track)] if isinstance(girdle, Girdle) else [(_few, _track)]
+
+
+def _at_once(function, *arrays) -> Any:
+    return function(*arrays)
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
@@ -262,16 +268,12 @@ def _few(function, girdle: Chain, *arrays) -> Any:
     return in_chunks(function, _FEW_LANES, girdle, *arrays, at_once=at_once)
 
 
-def _many(function, girdle: Girdle, *arrays) -> Any:
-    return in_chunks(function, _LANES, girdle, *arrays, at_once=_AT_ONCE)
-
-
 def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
     """The lowest of several starts, and where it is sure: the nearest two converged, and none found another valley.
 
     The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
     """
-    around = [_many(_nearby, girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
+    around = [_nearby(girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
     starts = [target, *around]
     many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
     found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
@@ -285,16 +287,16 @@ def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bo
 def _swept(girdle: Girdle, target, weights, start) -> Postures:
     """The fast path, judged by the conditions of ``adapt.posture`` with g and its feet computed anew."""
     lanes = start.shape[1]
-    state = SweptPostures(start, np.zeros((3, lanes)), np.zeros(lanes, bool), np.zeros(lanes, int))
-    swept = resumed(_sweep, _LANES, _SWEEPS, (girdle, target, weights), state, _AT_ONCE)
-    return _many(_judged, girdle, target, weights, swept.angles, swept.multipliers)
+    first = PostureStart(start, np.zeros((3, lanes)), np.zeros(lanes, bool))
+    return _as_postures(in_rounds(_sweep, _SWEEPS, (girdle, target, weights), first))
 
 
-_LANES = 4096
-"""Postures in a chunk: 32 kB an array, so that what an operation needs is in a core's second cache."""
+def _as_postures(swept: SweptPostures) -> Postures:
+    rest = np.zeros_like(swept.stationarity)
+    return Postures(
+        swept.angles, swept.multipliers, swept.residual_mm, swept.stationarity, rest, rest + np.inf, swept.iterations
+    )
 
-_AT_ONCE = 8192
-"""Postures up to which numpy is done before the compiled program of the fast path is loaded."""
 
 _FEW_LANES = 64
 """Postures in a chunk of the careful path, which is long to compile."""
@@ -317,19 +319,22 @@ _PLACES_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""
 
 
-@compiled
-def _nearby(girdle: Girdle, target: Array) -> Array:
-    return closed_nearby(girdle, target)
+def _numbers_of_girdle() -> Girdle:
+    scalars = {"ts_distance_mm", "ai_distance_mm", "conoid_length_mm"}
+    return Girdle(**{one.name: "" if one.name in scalars else "3" for one in fields(Girdle)})  # type: ignore[arg-type]
 
 
-@compiled
-def _sweep(girdle: Girdle, target: Array, weights: Array, state: SweptPostures) -> SweptPostures:
-    return sweep_postures(girdle, target, weights, state, _SWEEP_ITERATIONS)
+GIRDLE: Any = _numbers_of_girdle()
+"""Shapes of a girdle's numbers, for ``adapt.kernel``."""
 
+_nearby = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6")
 
-@compiled
-def _judged(girdle: Girdle, target: Array, weights: Array, angles: Array, multipliers: Array) -> Postures:
-    return evaluated(ByHand(girdle), angles, multipliers, target, weights)
+_sweep = Kernel(
+    "postures",
+    partial(sweep_postures, iterations=_SWEEP_ITERATIONS),
+    (GIRDLE, "6", "6", PostureStart("6", "3", "bool")),
+    SweptPostures("6", "3", "3", "", "int", "bool"),
+)
 
 
 def _constraints(girdle: Chain) -> Constraints:
@@ -354,22 +359,17 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
     return closed, constraints.residual(closed)
 
 
-@compiled
-def _track_quickly(girdle: Girdle, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
+def _track_quickly(girdle: Girdle, target, weights, target_before, start) -> Postures:
     """Continuation by the fast path; a lane that failed on the way ends as NaN."""
-    lane = xp.zeros_like(target[0])
-
-    def step(carry):
-        number, state, arrived = carry
-        on_the_way = target_before + (number + 1) / _TRACKING_STEPS * (target - target_before)
-        state = state._replace(converged=lane > 0.0, iterations=xp.zeros_like(state.iterations))
-        state = sweep_postures(girdle, on_the_way, weights, state, _SWEEP_ITERATIONS)
-        return number + 1, state, arrived & state.converged
-
-    first = SweptPostures(start, xp.zeros_like(start[:3]), lane > 0.0, xp.zeros_like(lane, int))
-    _, end, arrived = repeat(_TRACKING_STEPS, step, (0, first, lane == 0.0))
-    angles = xp.where(arrived[None], end.angles, xp.nan)
-    return evaluated(ByHand(girdle), angles, end.multipliers, target, weights)
+    lanes = start.shape[1]
+    swept, arrived = PostureStart(start, np.zeros((3, lanes)), np.zeros(lanes, bool)), np.ones(lanes, bool)
+    for number in range(1, _TRACKING_STEPS + 1):
+        on_the_way = target_before + number / _TRACKING_STEPS * (target - target_before)
+        first = PostureStart(swept.angles, swept.multipliers, np.zeros(lanes, bool))
+        swept = _sweep(girdle, on_the_way, weights, first)
+        arrived &= swept.converged
+    postures = _as_postures(swept)
+    return postures._replace(angles=np.where(arrived, postures.angles, np.nan), residual_mm=np.where(arrived, postures.residual_mm, np.nan))
 
 
 @jax.jit
