@@ -15,6 +15,9 @@ from motions.arrays import Array, repeat_while, xp
 _SHORTER = 0.3
 """Factor on a step whose end was refused."""
 
+_HARDLY = 0.05
+"""Share of a step that is taken in any case."""
+
 _ROUNDING = 1e-11
 """Relative error of the merit: a rise below it is no rise."""
 
@@ -37,8 +40,13 @@ State = TypeVar("State", bound=Tried)
 
 
 def good_enough(state: Tried, merit: Float[Array, " lanes"]) -> Bool[Array, " lanes"]:
-    """Whether the point tried may be gone on from. NaN may not."""
-    return merit <= state.merit + _ROUNDING * (1.0 + abs(state.merit))
+    """Whether the point tried may be gone on from. NaN may not.
+
+    A step that is still refused when hardly anything is left of it goes uphill, as one may where a posture or theta is
+    not at a minimum: the point is taken, and the next step is another one, with the new multipliers and a small radius.
+    """
+    lower = merit <= state.merit + _ROUNDING * (1.0 + abs(state.merit))
+    return lower | ((state.length < _HARDLY) & (merit < xp.inf))
 
 
 def accepted_or_shorter(good: Bool[Array, " lanes"], accepted: State, state: State) -> State:
@@ -47,7 +55,7 @@ def accepted_or_shorter(good: Bool[Array, " lanes"], accepted: State, state: Sta
     return jax.tree.map(lambda yes, no: xp.where(good, yes, no), accepted, refused)
 
 
-def until_converged(advance: Callable[[Any], Any], first: Any, iterations: int) -> Any:
+def until_converged(advance: Callable[[Any], Any], first: Any, iterations: Float[Array, " lanes"]) -> Any:
     """``advance`` of (state, what goes with it) at most so many times.
 
     A lane that has converged stays where it is; what goes with the state is left alone there by ``advance`` itself.

@@ -5,7 +5,6 @@ Lanes: every posture of every subject with every girdle is one element of a flat
 
 import itertools
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import Any
 
 import jax
@@ -288,7 +287,7 @@ def _swept(girdle: Girdle, target, weights, start) -> Postures:
     """The fast path, judged by the conditions of ``adapt.posture`` with g and its feet computed anew."""
     lanes = start.shape[1]
     first = PostureStart(start, np.zeros((3, lanes)), np.zeros(lanes, bool))
-    return _as_postures(in_rounds(_sweep, _SWEEPS, (girdle, target, weights), first))
+    return _as_postures(in_rounds(_sweep, _ROUNDS, (girdle, target, weights), first))
 
 
 def _as_postures(swept: SweptPostures) -> Postures:
@@ -304,8 +303,8 @@ _FEW_LANES = 64
 _FEW_AT_ONCE = 512
 """Postures up to which numpy does the careful path: 2 ms each, a tenth of that compiled, which takes 12 s once."""
 
-_SWEEPS, _SWEEP_ITERATIONS = 3, 10
-"""Rounds of the fast path, and iterations a round: 9 of 10 postures need one round, 99 of 100 two."""
+_ROUNDS = (10, 10, 40)
+"""Most iterations of the fast path in each round: 9 of 10 postures need one round, 99 of 100 two."""
 
 _SAME_DEG2 = 1e-6
 """Two optima whose J differ by less are one."""
@@ -331,8 +330,8 @@ _nearby = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6")
 
 _sweep = Kernel(
     "postures",
-    partial(sweep_postures, iterations=_SWEEP_ITERATIONS),
-    (GIRDLE, "6", "6", PostureStart("6", "3", "bool")),
+    sweep_postures,
+    (GIRDLE, "6", "6", PostureStart("6", "3", "bool"), ""),
     SweptPostures("6", "3", "3", "", "int", "bool"),
 )
 
@@ -366,7 +365,7 @@ def _track_quickly(girdle: Girdle, target, weights, target_before, start) -> Pos
     for number in range(1, _TRACKING_STEPS + 1):
         on_the_way = target_before + number / _TRACKING_STEPS * (target - target_before)
         first = PostureStart(swept.angles, swept.multipliers, np.zeros(lanes, bool))
-        swept = _sweep(girdle, on_the_way, weights, first)
+        swept = _sweep(girdle, on_the_way, weights, first, np.full(lanes, float(_ROUNDS[0])))
         arrived &= swept.converged
     postures = _as_postures(swept)
     return postures._replace(angles=np.where(arrived, postures.angles, np.nan), residual_mm=np.where(arrived, postures.residual_mm, np.nan))

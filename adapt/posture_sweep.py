@@ -64,7 +64,7 @@ def sweep_postures(
     measured: Float[Array, " 6 lanes"],
     weights: Float[Array, " 6 lanes"],
     start: PostureStart,
-    iterations: int,
+    iterations: Float[Array, " lanes"],
 ) -> SweptPostures:
     """At most ``iterations`` iterations on from ``start``; a lane that has converged there stays where it is."""
     lane, theta = xp.zeros_like(measured[0]), adapted(girdle)

@@ -112,7 +112,7 @@ class _Sums(NamedTuple):
     """Lower triangle of the system in theta."""
 
 
-def sweep(fixed: Fixed, start: Start, iterations: int) -> Swept:
+def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swept:
     """At most ``iterations`` iterations on from ``start``; a lane that has converged there stays where it is."""
     girdle, points_mm, shares, problem = fixed
     over_postures, over_points = along(problem.counted, problem.counted), along(shares)
@@ -203,7 +203,7 @@ def _thorax(girdle: Girdle, theta: Components, point, share, t) -> tuple[_Sums, 
     return _Sums(share * at.d**2, zero, by_parameter, by_parameter, [*matrix, [zero] * 6]), at.t
 
 
-def _iterate(fixed: Fixed, iterations: int, state: _State, postures: Any, points: Any) -> tuple[_State, Any, Any]:
+def _iterate(fixed: Fixed, iterations: Float[Array, " lanes"], state: _State, postures: Any, points: Any) -> tuple[_State, Any, Any]:
     girdle, points_mm, shares, problem = fixed
     over_postures, over_points = along(problem.counted, problem.counted), along(shares)
     theta = [x + state.length * dx for x, dx in zip(state.theta, state.dtheta, strict=True)]
