@@ -35,7 +35,7 @@ _FIRST_RADIUS_MM = 15.0
 _GROWTH = 2.0
 """Factor on the trust radius after a full step."""
 
-_ACTIVE_SETS = 5
+_ACTIVE_SETS = 10
 """Changes of the set of parameters at a bound within one step."""
 
 
@@ -236,7 +236,7 @@ def _iterate(fixed: Fixed, iterations: Float[Array, " lanes"], state: _State, po
     good = good_enough(state, sums.E + sums.augmented)
     taken = good & ~state.converged & (state.iterations < iterations)
 
-    radius = xp.where(state.length < 1.0, xp.maximum(state.length * state.radius_mm, 1.0), _GROWTH * state.radius_mm)
+    radius = xp.where(state.length < 1.0, xp.maximum(state.length * state.radius_mm, 0.01), _GROWTH * state.radius_mm)
     low = [xp.maximum(bound - x, -radius) for bound, x in zip(problem.lower, theta, strict=True)]
     high = [xp.minimum(bound - x, radius) for bound, x in zip(problem.upper, theta, strict=True)]
     dtheta, definite = _box_minimum(sums.matrix, sums.right, low, high)
@@ -301,6 +301,7 @@ def _box_minimum(
             [xp.where(a, b < 0.0, y > hi) for a, b, y, hi in zip(above, push, x, high, strict=True)],
         )
 
-    none = [size < size] * 6
-    x, definite = with_fixed(*repeat(_ACTIVE_SETS, again, (none, none)))
+    at_low = [(lo >= 0.0) & (b > 0.0) for lo, b in zip(low, slope, strict=True)]
+    at_high = [(hi <= 0.0) & (b < 0.0) for hi, b in zip(high, slope, strict=True)]
+    x, definite = with_fixed(*repeat(_ACTIVE_SETS, again, (at_low, at_high)))
     return [xp.clip(y, lo, hi) for y, lo, hi in zip(x, low, high, strict=True)], definite
