@@ -224,8 +224,7 @@ def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> S
     result = Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
     left = np.flatnonzero(~result.converged)
     if len(left):
-        at_once = len(left) if lanes < _MANY else 0
-        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=at_once)
+        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=_FEW_AT_ONCE)
         result = with_lanes(result, left, careful)
     return result
 
@@ -274,17 +273,16 @@ def _conditions(girdle: Girdle, points_mm, shares) -> tuple[ByHand, ThoraxPoints
 
 
 _LANES = 256
-"""Subjects in a chunk: 14 postures of each are 30 kB an array."""
+"""Subjects in a chunk of a compiled program: 14 postures of each are 30 kB an array."""
 
 _AT_ONCE = 128
-"""Subjects up to which numpy is done before the compiled program of the fast path is loaded."""
+"""Subjects up to which numpy is done before a compiled program is loaded."""
 
 _FEW_LANES = 16
 """Subjects in a chunk of the careful path, which is long to compile."""
 
-_MANY = 512
-"""Subjects of a batch from which the careful path is compiled (16 s, once) for those of them that need it; numpy does
-it for smaller batches, in a second."""
+_FEW_AT_ONCE = 64
+"""Subjects up to which numpy does the careful path; it takes a minute to compile."""
 
 _SWEEPS = (10, 10, 20, 20, 400)
 """Most iterations of the fast path in each round: measured on simulated subjects, 8 of 10 lanes need one round, 199 of
