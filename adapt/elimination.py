@@ -6,7 +6,8 @@ changes no solution since G dq + T dtheta = -g:
     L D L' = H + G' s G =: K,   S = G K^-1 G',   rho = g - G K^-1 W (q - s),   tau = T - G K^-1 C
     mu = S^-1 (rho + tau dtheta),   lambda = mu - s (g + T dtheta),   dq = -K^-1 (W (q - s) + C dtheta + G' mu)
 
-A posture whose K is not positive definite is no minimum there and goes without curvature, C and s (Gauss-Newton).
+A posture whose K is not positive definite, with more stiffness either, is no minimum there and goes without curvature,
+C and s (Gauss-Newton).
 """
 
 from typing import NamedTuple
@@ -19,6 +20,9 @@ from motions.arrays import Array, xp
 STIFFNESS = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see ``adapt.newton``). Of 5 to 100 the
 one with the fewest iterations on simulated subjects."""
+
+STIFFER = 10.0
+"""Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
 
 Components = list[Array]
 
@@ -92,6 +96,16 @@ class Steps(NamedTuple):
         return backward(self.lower, back), multipliers
 
 
+def _stiffened(
+    H: list[Components], G: list[Components], stiffness: Components, floor: Array
+) -> tuple[list[Components], Components, Array]:
+    """L, D^-1 and where no pivot is below ``floor``, of H + G' s G."""
+    stiff = [[s * x for x in row] for s, row in zip(stiffness, G, strict=True)]
+    return factorised(
+        [[x + product(column(stiff, i), column(G, j)) for j, x in enumerate(row)] for i, row in enumerate(H)], floor
+    )
+
+
 class Elimination:
     """A posture's share of the system in the parameters, and its ``steps``; ``pull`` is W (q - s).
 
@@ -105,17 +119,21 @@ class Elimination:
         damped = [xp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
         self._at, self._coupled = at, ELLIPSOID if parameters else 0
         self._T = _parameter_slopes(at.T if parameters else [])
-        self.stiffness = [STIFFNESS * scale / product(row, row) for row in at.G]
-        stiff = [[s * x for x in row] for s, row in zip(self.stiffness, at.G, strict=True)]
-        K = [[at.qq[i][j] + product(column(stiff, i), column(at.G, j)) for j in range(i + 1)] for i in range(6)]
-        for i, w in enumerate(damped):
-            K[i][i] = K[i][i] + w
-        L, inverse, convex = factorised(K, PIVOT_FLOOR * scale)
-        self.convex = convex
-        lower = [[xp.where(convex, x, 0.0) for x in row] for row in L]
-        inverse = [xp.where(convex, x, 1.0 / w) for x, w in zip(inverse, damped, strict=True)]
-        used = [xp.where(convex, s, 0.0) for s in self.stiffness]
-        C = [[xp.where(convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
+        least = [STIFFNESS * scale / product(row, row) for row in at.G]
+        more = [STIFFER * s for s in least]
+        H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
+        L, inverse, convex = _stiffened(H, at.G, least, PIVOT_FLOOR * scale)
+        L2, inverse2, convex2 = _stiffened(H, at.G, more, PIVOT_FLOOR * scale)
+        self.convex = convex | convex2
+        self.stiffness = [xp.where(convex, s, t) for s, t in zip(least, more, strict=True)]
+
+        def chosen(one, other, without):
+            return xp.where(convex, one, xp.where(convex2, other, without))
+
+        lower = [[chosen(x, y, 0.0) for x, y in zip(*rows, strict=True)] for rows in zip(L, L2, strict=True)]
+        inverse = [chosen(x, y, 1.0 / w) for x, y, w in zip(inverse, inverse2, damped, strict=True)]
+        used = [xp.where(self.convex, s, 0.0) for s in self.stiffness]
+        C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
         self._sides = [forward(lower, side) for side in (*at.G, *C, pull)]
         self._weighed = [[x * d for x, d in zip(side, inverse, strict=True)] for side in self._sides]
         S = [[self._gram(i, j) for j in range(i + 1)] for i in range(3)]

@@ -132,7 +132,7 @@ class Kernel:
 
 def _padded(x: np.ndarray) -> np.ndarray:
     """A block full of lanes: the last one again and again."""
-    return np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, WIDTH - x.shape[-1])], mode="edge")
+    return x.take(np.minimum(np.arange(WIDTH), x.shape[-1] - 1), axis=-1)
 
 
 @cache
