@@ -297,6 +297,7 @@ _sweep = Kernel(
         "",
     ),
     Swept("6", "6 postures", "3 postures", "3 postures", "postures", "6", "int", "bool"),
+    _LANES,
 )
 
 

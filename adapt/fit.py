@@ -45,6 +45,9 @@ OFFSETS_SEED = 0
 _OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
 """Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
 
+_TRACKING_ROUNDS = (10, 40)
+"""Most iterations of the fast path in each step of it."""
+
 _TRACKING_STEPS = 4
 """A posture is followed to the next one in this many steps along the straight line of measured angles."""
 
@@ -333,13 +336,17 @@ def _numbers_of_girdle() -> Girdle:
 GIRDLE: Any = _numbers_of_girdle()
 """Shapes of a girdle's numbers, for ``adapt.kernel``."""
 
-_nearby = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6")
+_LANES = 4096
+"""Postures in a chunk of a program of JAX."""
+
+_nearby = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6", _LANES)
 
 _sweep = Kernel(
     "postures",
     sweep_postures,
     (GIRDLE, "6", "6", PostureStart("6", "3", "bool"), ""),
     SweptPostures("6", "3", "3", "", "int", "bool"),
+    _LANES,
 )
 
 
@@ -368,14 +375,14 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
 def _track_quickly(girdle: Girdle, target, weights, target_before, start) -> Postures:
     """Continuation by the fast path; a lane that failed on the way ends as NaN."""
     lanes = start.shape[1]
-    swept, arrived = PostureStart(start, np.zeros((3, lanes)), np.zeros(lanes, bool)), np.ones(lanes, bool)
+    angles, multipliers, arrived = start, np.zeros((3, lanes)), np.ones(lanes, bool)
     for number in range(1, _TRACKING_STEPS + 1):
         on_the_way = target_before + number / _TRACKING_STEPS * (target - target_before)
-        first = PostureStart(swept.angles, swept.multipliers, np.zeros(lanes, bool))
-        swept = _sweep(girdle, on_the_way, weights, first, np.full(lanes, float(_ROUNDS[0])))
-        arrived &= swept.converged
+        first = PostureStart(angles, multipliers, np.zeros(lanes, bool))
+        swept = in_rounds(_sweep, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
+        angles, multipliers, arrived = swept.angles, swept.multipliers, arrived & swept.converged
     postures = _as_postures(swept)
-    return postures._replace(angles=np.where(arrived, postures.angles, np.nan), residual_mm=np.where(arrived, postures.residual_mm, np.nan))
+    return postures._replace(residual_mm=np.where(arrived, postures.residual_mm, np.nan))
 
 
 @jax.jit

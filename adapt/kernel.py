@@ -2,6 +2,7 @@
 
 A kernel's text (such as ``adapt.sweep.sweep``) is called once with ``motions.machine`` numbers; LLVM makes object code
 of what it leaves behind, which is kept between runs. No length is in the code: one compilation serves every batch.
+Where JAX sees an accelerator, JAX compiles the same text for it.
 """
 
 import ctypes
@@ -18,6 +19,7 @@ import jax
 import numpy as np
 import platformdirs
 
+from adapt.chunks import compiled, in_chunks
 from motions.errors import InputError
 from motions.files import write_bytes_whole
 from motions.machine import WIDTH, Code, Lane
@@ -57,14 +59,24 @@ class _Leaf:
 class Kernel:
     """``text`` compiled. ``inputs`` (one tree an argument) and ``outputs`` are trees of words, see ``_Leaf``."""
 
-    def __init__(self, name: str, text: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any):
-        self.name, self._text, self._inputs = name, text, inputs
+    def __init__(self, name: str, text: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any, chunk: int):
+        """``chunk``: lanes that JAX works on at a time."""
+        self.name, self.text, self._inputs, self._chunk = name, text, inputs, chunk
         self._takes = [_Leaf(words) for words in jax.tree.leaves(inputs)]
         words, self._result = jax.tree.flatten(outputs)
         self._gives = [_Leaf(one) for one in words]
+        self._program = compiled(text)
 
     def __call__(self, *trees: Any) -> Any:
         """The text of these arrays, lanes last, as numpy."""
+        return self.by_jax(*trees) if has_accelerator() else self.by_machine(*trees)
+
+    def by_jax(self, *trees: Any) -> Any:
+        """On every device that JAX sees."""
+        return in_chunks(self._program, self._chunk, *trees)
+
+    def by_machine(self, *trees: Any) -> Any:
+        """On the cores of this processor."""
         arrays = [
             np.ascontiguousarray(x, leaf.dtype) for x, leaf in zip(jax.tree.leaves(trees), self._takes, strict=True)
         ]
@@ -90,16 +102,18 @@ class Kernel:
         pointers = (ctypes.c_void_p * len(arrays))(*(x.ctypes.data for x in arrays))
         lengths = (ctypes.c_int64 * len(sizes))(*sizes)
         blocks = -(-sizes[0] // WIDTH)
+        turns = iter(range(0, blocks, _BLOCKS_A_TURN))
 
-        def run(first: int) -> None:
+        def run() -> None:
             scratch = np.empty(rows * max(sizes[1:]) * WIDTH)
-            function(pointers, lengths, first, min(first + _BLOCKS_A_TURN, blocks), scratch.ctypes.data)
+            for first in turns:  # each goes to the thread that asks first
+                function(pointers, lengths, first, min(first + _BLOCKS_A_TURN, blocks), scratch.ctypes.data)
 
-        turns = range(0, blocks, _BLOCKS_A_TURN)
-        if len(turns) == 1:
-            run(0)
-        else:
-            list(_threads().map(run, turns))
+        others = min(_cores(), -(-blocks // _BLOCKS_A_TURN)) - 1
+        waiting = [_threads().submit(run) for _ in range(others)]
+        run()
+        for one in waiting:
+            one.result()
 
     @cached_property
     def _function(self) -> tuple[Any, int]:
@@ -119,7 +133,7 @@ class Kernel:
                 rows = code.argument(number, leaf.rows, leaf.axis, leaf.kind is bool)
                 values = rows if leaf.axis is not None else [row.load("0") for row in rows]
                 arguments.append(values if leaf.components else values[0])
-            given = self._text(*jax.tree.unflatten(jax.tree.structure(self._inputs), arguments))
+            given = self.text(*jax.tree.unflatten(jax.tree.structure(self._inputs), arguments))
             for number, (leaf, value) in enumerate(zip(self._gives, self._result.flatten_up_to(given), strict=True)):
                 values = list(value) if leaf.components else [value]
                 rows = code.argument(len(self._takes) + number, leaf.rows, leaf.axis, leaf.kind is bool)
@@ -136,8 +150,18 @@ def _padded(x: np.ndarray) -> np.ndarray:
 
 
 @cache
+def has_accelerator() -> bool:
+    """Whether JAX sees something better than a CPU."""
+    return jax.default_backend() != "cpu"
+
+
+@cache
 def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.cpu_count())
+    return ThreadPoolExecutor(_cores())
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
 
 
 # --- compiling, once

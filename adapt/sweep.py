@@ -206,7 +206,9 @@ def _thorax(girdle: Girdle, theta: Components, point, share, t) -> tuple[_Sums, 
     return _Sums(share * at.d**2, zero, by_parameter, by_parameter, [*matrix, [zero] * 6]), at.t
 
 
-def _iterate(fixed: Fixed, iterations: Float[Array, " lanes"], state: _State, postures: Any, points: Any) -> tuple[_State, Any, Any]:
+def _iterate(
+    fixed: Fixed, iterations: Float[Array, " lanes"], state: _State, postures: Any, points: Any
+) -> tuple[_State, Any, Any]:
     girdle, points_mm, shares, problem = fixed
     over_postures, over_points = along(problem.counted, problem.counted), along(shares)
     theta = [x + state.length * dx for x, dx in zip(state.theta, state.dtheta, strict=True)]
@@ -286,9 +288,7 @@ def _box_minimum(
 
     def with_fixed(below, above):
         free = [~(a | b) for a, b in zip(below, above, strict=True)]
-        value = [
-            xp.where(a, lo, xp.where(b, hi, 0.0)) for a, b, lo, hi in zip(below, above, low, high, strict=True)
-        ]
+        value = [xp.where(a, lo, xp.where(b, hi, 0.0)) for a, b, lo, hi in zip(below, above, low, high, strict=True)]
         reduced = [[xp.where(free[i] & free[j], x, 0.0) for j, x in enumerate(row)] for i, row in enumerate(matrix)]
         for i in range(6):
             reduced[i][i] = xp.where(free[i], reduced[i][i], size)
