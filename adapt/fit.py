@@ -4,7 +4,9 @@ Lanes: every posture of every subject with every girdle is one element of a flat
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -48,7 +50,7 @@ _OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0,
 _TRACKING_ROUNDS = (10, 40)
 """Most iterations of the fast path in each step of it."""
 
-_TRACKING_STEPS = 4
+_TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
 """A posture is followed to the next one in this many steps along the straight line of measured angles."""
 
 
@@ -155,45 +157,42 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
         orders += [list(itertools.pairwise(lanes[best:])), list(itertools.pairwise(lanes[best::-1]))]
     for number in range(max(map(len, orders), default=0)):
         before, after = np.array([order[number] for order in orders if number < len(order)]).T
-        for run, track in _trackers(problem[0]):
+        for track in _trackers(problem[0]):
             if not len(after):
                 break
-            tracked = _track_lanes(fitted, problem, before, after, run, track)
+            tracked = _track_lanes(fitted, problem, before, after, track)
             arrived = tracked.status == status.OK
             _put(fitted, after[arrived], _pick(tracked, arrived))
             before, after = before[~arrived], after[~arrived]
 
 
-def _trackers(girdle: Chain) -> list[tuple[Any, Any]]:
-    """The fast path, then the careful one for what it did not follow; with effects the careful one alone."""
-    return [(_at_once, _track_quickly), (_few, _track)] if isinstance(girdle, Girdle) else [(_few, _track)]
-
-
-def _at_once(function, *arrays) -> Any:
-    return function(*arrays)
+def _trackers(girdle: Chain) -> list[Callable[..., Postures]]:
+    """The fast path, in shorter steps for what it did not follow; with effects the careful one."""
+    if isinstance(girdle, Girdle):
+        return [partial(_track_quickly, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
+    return [partial(_few, _track)]
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
-    """Where continuation from the posture before does not lead to this one, the careful one where the fast one
-    does not arrive."""
+    """Where continuation from the posture before does not lead to this one."""
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
     after, broken = after[good], np.zeros(len(previous), bool)
-    for run, track in _trackers(problem[0]):
+    for track in _trackers(problem[0]):
         if not len(after):
             break
-        tracked = _track_lanes(fitted, problem, previous[after], after, run, track)
+        tracked = _track_lanes(fitted, problem, previous[after], after, track)
         near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= SAME_BRANCH_RAD
         broken[after] = ~near
         after = after[tracked.status != status.OK]
     return broken
 
 
-def _track_lanes(fitted: Fitted, problem, before, after, run, track) -> Fitted:
+def _track_lanes(fitted: Fitted, problem, before, after, track) -> Fitted:
     girdle, target, weights = problem
     part = lanes_of((girdle, target, weights), after)
     start = target[:, before], fitted.angles[:, before]
-    return _as_fitted(run(track, *part, *start), *part[1:])
+    return _as_fitted(track(*part, *start), *part[1:])
 
 
 def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
@@ -372,12 +371,12 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
     return closed, constraints.residual(closed)
 
 
-def _track_quickly(girdle: Girdle, target, weights, target_before, start) -> Postures:
+def _track_quickly(steps: int, girdle: Girdle, target, weights, target_before, start) -> Postures:
     """Continuation by the fast path; a lane that failed on the way ends as NaN."""
     lanes = start.shape[1]
     angles, multipliers, arrived = start, np.zeros((3, lanes)), np.ones(lanes, bool)
-    for number in range(1, _TRACKING_STEPS + 1):
-        on_the_way = target_before + number / _TRACKING_STEPS * (target - target_before)
+    for number in range(1, steps + 1):
+        on_the_way = target_before + number / steps * (target - target_before)
         first = PostureStart(angles, multipliers, np.zeros(lanes, bool))
         swept = in_rounds(_sweep, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
         angles, multipliers, arrived = swept.angles, swept.multipliers, arrived & swept.converged

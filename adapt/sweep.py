@@ -2,12 +2,12 @@
 
 The same problem, conditions and tolerances; derivatives by hand (``models.derivatives``), every array one component.
 Each iteration evaluates once and eliminates the postures (``adapt.elimination``); theta minimises what is left, a
-quadratic model, within its bounds and a trust radius (``_box_minimum``). The length of the step is found by backtracking
-(``adapt.backtracking``) on the augmented Lagrangian  E + lambda'g + 1/2 g' s g,  which needs no more than g: a refused
-point costs one evaluation.
+quadratic model, within its bounds and a trust radius (``_box_minimum``). The length of the step is found by
+backtracking (``adapt.backtracking``) on the augmented Lagrangian  E + lambda'g + 1/2 g' s g,  which needs no more than
+g: a refused point costs one evaluation.
 
-One text for the engines of ``motions.arrays``: what is done to a posture or a thorax point is a function of one of them.
-A lane that does not end here is no failure: ``adapt.subject`` goes on with it.
+One text for the engines of ``motions.arrays``: what is done to a posture or a thorax point is a function of one of
+them. A lane that does not end here is no failure: ``adapt.subject`` goes on with it.
 """
 
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from motions.rotations import DEG
 _THETA_FLOOR = 1e-9
 """Smallest pivot of the matrix in theta, relative to its largest entry; a raised one leads to the trust radius."""
 
-_FIRST_RADIUS_MM = 15.0
+_FIRST_RADIUS_MM, _LEAST_RADIUS_MM = 15.0, 0.01
 
 _GROWTH = 2.0
 """Factor on the trust radius after a full step."""
@@ -39,7 +39,7 @@ _ACTIVE_SETS = 5
 """Changes of the set of parameters at a bound within one step."""
 
 _COORDINATE_STEPS = 8
-"""Rounds of steps along each parameter alone after them: they nearly halve the lanes that need a second round of ``adapt.adaptation``."""
+"""Rounds of steps along each parameter alone after them: a third fewer lanes need a second round of the fast path."""
 
 
 class Fixed(NamedTuple):
@@ -241,7 +241,9 @@ def _iterate(
     good = good_enough(state, sums.E + sums.augmented)
     taken = good & ~state.converged & (state.iterations < iterations)
 
-    radius = xp.where(state.length < 1.0, xp.maximum(state.length * state.radius_mm, 0.01), _GROWTH * state.radius_mm)
+    radius = xp.where(
+        state.length < 1.0, xp.maximum(state.length * state.radius_mm, _LEAST_RADIUS_MM), _GROWTH * state.radius_mm
+    )
     low = [xp.maximum(bound - x, -radius) for bound, x in zip(problem.lower, theta, strict=True)]
     high = [xp.minimum(bound - x, radius) for bound, x in zip(problem.upper, theta, strict=True)]
     dtheta, definite = _box_minimum(sums.matrix, sums.right, low, high)

@@ -101,7 +101,7 @@ class Whole:
         return total, jax.tree.map(lambda x: xp.max(self._of_counted(x), axis=0, initial=0.0), worst), kept
 
     def advanced(self, taken: Array, function: Callable[..., tuple[Any, Any, Any]], old: Any, *trees: Any):
-        """The same, where what is kept takes the place of ``old``, the function's first tree, in the ``taken`` lanes."""
+        """The same; in the ``taken`` lanes what is kept takes the place of ``old``, the function's first tree."""
         sums, worst, kept = self.reduced(function, old, *trees)
         return sums, worst, jax.tree.map(lambda new, before: xp.where(taken, new, before), kept, old)
 
