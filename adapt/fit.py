@@ -241,12 +241,13 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     """From ``start`` or from two starts: the fast path, and the careful one for the lanes that need it."""
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
+    part: Any
     if start is None:
         quick, sure = _quickly(girdle, target, weights, places)
         far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
         again = np.flatnonzero(~sure | far) if places < _FAR_PLACES else np.array([], int)
         if len(again):
-            part: Any = lanes_of((girdle, target, weights), again)
+            part = lanes_of((girdle, target, weights), again)
             quick = _with_lower(quick, again, _quickly(*part, _FAR_PLACES)[0], part)
     else:
         quick = _swept(girdle, target, weights, start)
@@ -254,8 +255,7 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     if not len(left):
         return quick
     part = lanes_of((girdle, target, weights), left)
-    careful = _carefully(*part, None if start is None else start[:, left])
-    return _with_lower(quick, left, careful, part)
+    return _with_lower(quick, left, _carefully(*part, None if start is None else start[:, left]), part)
 
 
 def _with_lower(found: Postures, lanes, other: Postures, problem: tuple[Girdle, Array, Array]) -> Postures:
@@ -374,14 +374,14 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
 def _track_quickly(steps: int, girdle: Girdle, target, weights, target_before, start) -> Postures:
     """Continuation by the fast path; a lane that failed on the way ends as NaN."""
     lanes = start.shape[1]
-    angles, multipliers, arrived = start, np.zeros((3, lanes)), np.ones(lanes, bool)
+    nowhere, arrived = np.zeros(lanes, bool), np.ones(lanes, bool)
+    here: Any = PostureStart(start, np.zeros((3, lanes)), nowhere)
     for number in range(1, steps + 1):
         on_the_way = target_before + number / steps * (target - target_before)
-        first = PostureStart(angles, multipliers, np.zeros(lanes, bool))
-        swept = in_rounds(_sweep, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
-        angles, multipliers, arrived = swept.angles, swept.multipliers, arrived & swept.converged
-    postures = _as_postures(swept)
-    return postures._replace(residual_mm=np.where(arrived, postures.residual_mm, np.nan))
+        first = PostureStart(here.angles, here.multipliers, nowhere)
+        here = in_rounds(_sweep, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
+        arrived &= here.converged
+    return _as_postures(here._replace(residual_mm=np.where(arrived, here.residual_mm, np.nan)))
 
 
 @jax.jit

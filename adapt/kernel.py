@@ -61,7 +61,7 @@ class Kernel:
 
     def __init__(self, name: str, text: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any, chunk: int):
         """``chunk``: lanes that JAX works on at a time."""
-        self.name, self.text, self._inputs, self._chunk = name, text, inputs, chunk
+        self.name, self.text, self.inputs, self.chunk = name, text, inputs, chunk
         self._takes = [_Leaf(words) for words in jax.tree.leaves(inputs)]
         words, self._result = jax.tree.flatten(outputs)
         self._gives = [_Leaf(one) for one in words]
@@ -73,7 +73,7 @@ class Kernel:
 
     def by_jax(self, *trees: Any) -> Any:
         """On every device that JAX sees."""
-        return in_chunks(self._program, self._chunk, *trees)
+        return in_chunks(self._program, self.chunk, *trees)
 
     def by_machine(self, *trees: Any) -> Any:
         """On the cores of this processor."""
@@ -121,7 +121,6 @@ class Kernel:
         library = _linked(self.name, _object_code(self.name, self.code))
         function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 2, ctypes.c_void_p)
         rows = ctypes.CFUNCTYPE(ctypes.c_int64)(library[f"{self.name}_rows"])
-        self._library = library  # keeps the code in memory
         return function(library[self.name]), rows()
 
     def code(self) -> Code:
@@ -133,7 +132,7 @@ class Kernel:
                 rows = code.argument(number, leaf.rows, leaf.axis, leaf.kind is bool)
                 values = rows if leaf.axis is not None else [row.load("0") for row in rows]
                 arguments.append(values if leaf.components else values[0])
-            given = self.text(*jax.tree.unflatten(jax.tree.structure(self._inputs), arguments))
+            given = self.text(*jax.tree.unflatten(jax.tree.structure(self.inputs), arguments))
             for number, (leaf, value) in enumerate(zip(self._gives, self._result.flatten_up_to(given), strict=True)):
                 values = list(value) if leaf.components else [value]
                 rows = code.argument(len(self._takes) + number, leaf.rows, leaf.axis, leaf.kind is bool)
@@ -221,9 +220,21 @@ def compiled_text(text: str) -> bytes:
     return _machine().emit_object(module)
 
 
+@cache
+def _jit() -> Any:
+    import llvmlite.binding as llvm
+
+    return llvm.create_lljit_compiler(_machine())
+
+
+_LINKED: list[Any] = []
+"""Kept to the end of the process: functions may be running in threads, and LLVM cannot give one of them back alone."""
+
+
 def _linked(name: str, made: bytes) -> Any:
     import llvmlite.binding as llvm
 
-    jit = llvm.create_lljit_compiler(_machine())
     builder = llvm.JITLibraryBuilder().add_object_img(made).add_current_process()
-    return builder.export_symbol(name).export_symbol(f"{name}_rows").link(jit, name)
+    exported = builder.export_symbol(name).export_symbol(f"{name}_rows")
+    _LINKED.append(exported.link(_jit(), f"{name}{len(_LINKED)}"))
+    return _LINKED[-1]

@@ -158,7 +158,8 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swe
     of_points, *_ = over_points.reduced(thorax_slope, points_mm, shares)
     free = _free(problem, theta, [x + y for x, y in zip(slope, of_points, strict=True)])
     converged = _closed_and_stationary(gape, rest, free)
-    return Swept(stacked(theta), *map(stacked, kept), stacked(free), state.iterations, converged)
+    angles, multipliers, residual, rest = map(stacked, kept)
+    return Swept(stacked(theta), angles, multipliers, residual, rest, stacked(free), state.iterations, converged)
 
 
 def _pull(weights, q, measured) -> Components:
