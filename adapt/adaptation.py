@@ -219,7 +219,7 @@ def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> S
     """
     lanes, postures = theta.shape[-1], angles.shape[1]
     start = Start(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, bool))
-    swept = in_rounds(_sweep, _SWEEPS, (Fixed(*fixed),), start)
+    swept = in_rounds(subjects_kernel, _SWEEPS, (Fixed(*fixed),), start)
     nothing = np.zeros((postures, lanes))
     result = Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
     left = np.flatnonzero(~result.converged)
@@ -288,7 +288,7 @@ _SWEEPS = (10, 10, 20, 20, 400)
 """Most iterations of the fast path in each round: measured on simulated subjects, 8 of 10 lanes need one round, 199 of
 200 four; the others, one of whose postures is at no strict minimum, converge linearly."""
 
-_sweep = Kernel(
+subjects_kernel = Kernel(
     "subjects",
     sweep,
     (

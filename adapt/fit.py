@@ -248,14 +248,16 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
         again = np.flatnonzero(~sure | far) if places < _FAR_PLACES else np.array([], int)
         if len(again):
             part = lanes_of((girdle, target, weights), again)
-            quick = _with_lower(quick, again, _quickly(*part, _FAR_PLACES)[0], part)
+            lower, _ = _quickly(part[0], part[1], part[2], _FAR_PLACES)
+            quick = _with_lower(quick, again, lower, part)
     else:
         quick = _swept(girdle, target, weights, start)
     left = np.flatnonzero(~quick.converged)
     if not len(left):
         return quick
     part = lanes_of((girdle, target, weights), left)
-    return _with_lower(quick, left, _carefully(*part, None if start is None else start[:, left]), part)
+    careful = _carefully(part[0], part[1], part[2], None if start is None else start[:, left])
+    return _with_lower(quick, left, careful, part)
 
 
 def _with_lower(found: Postures, lanes, other: Postures, problem: tuple[Girdle, Array, Array]) -> Postures:
@@ -282,7 +284,7 @@ def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bo
 
     The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
     """
-    around = [_nearby(girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
+    around = [nearby_kernel(girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
     starts = [target, *around]
     many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
     found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
@@ -297,7 +299,7 @@ def _swept(girdle: Girdle, target, weights, start) -> Postures:
     """The fast path, judged by the conditions of ``adapt.posture`` with g and its feet computed anew."""
     lanes = start.shape[1]
     first = PostureStart(start, np.zeros((3, lanes)), np.zeros(lanes, bool))
-    return _as_postures(in_rounds(_sweep, _ROUNDS, (girdle, target, weights), first))
+    return _as_postures(in_rounds(postures_kernel, _ROUNDS, (girdle, target, weights), first))
 
 
 def _as_postures(swept: SweptPostures) -> Postures:
@@ -338,9 +340,9 @@ GIRDLE: Any = _numbers_of_girdle()
 _LANES = 4096
 """Postures in a chunk of a program of JAX."""
 
-_nearby = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6", _LANES)
+nearby_kernel = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6", _LANES)
 
-_sweep = Kernel(
+postures_kernel = Kernel(
     "postures",
     sweep_postures,
     (GIRDLE, "6", "6", PostureStart("6", "3", "bool"), ""),
@@ -379,7 +381,7 @@ def _track_quickly(steps: int, girdle: Girdle, target, weights, target_before, s
     for number in range(1, steps + 1):
         on_the_way = target_before + number / steps * (target - target_before)
         first = PostureStart(here.angles, here.multipliers, nowhere)
-        here = in_rounds(_sweep, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
+        here = in_rounds(postures_kernel, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
         arrived &= here.converged
     return _as_postures(here._replace(residual_mm=np.where(arrived, here.residual_mm, np.nan)))
 

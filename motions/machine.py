@@ -379,7 +379,9 @@ class Code:
             self._lines.append(f"%lane = select i1 {fits}, i64 {lane}, i64 {last}")
             yield
 
-    def repeat_while(self, unfinished: Callable[[Any], Lane], advance: Callable[[Any], Any], state: Any) -> Any:
+    def repeat_while(
+        self, unfinished: Callable[[Any], Lane], advance: Callable[[Any], Any], state: Any, name: str = "while"
+    ) -> Any:
         """As of ``motions.arrays``; a lane that has finished stays as it is. Rows of ``state`` are changed in place."""
         import jax
 
@@ -393,7 +395,7 @@ class Code:
             now = [self.loaded(places[k], truths[k]) if k in places else x for k, x in enumerate(leaves)]
             return now, jax.tree.unflatten(tree, now)
 
-        with self._again("while") as (go_on, ended):
+        with self._again(name) as (go_on, ended):
             before, old = here()
             mask = unfinished(old)
             bits = self.once(f"bitcast <{WIDTH} x i1> {mask.operand} to i{WIDTH}")
@@ -410,7 +412,8 @@ class Code:
             number, now = numbered
             return number + 1.0, advance(now)
 
-        return self.repeat_while(lambda numbered: numbered[0] < times, next_one, (self.lane(0.0), state))[1]
+        first = self.lane(0.0), state
+        return self.repeat_while(lambda numbered: numbered[0] < times, next_one, first, f"times.{times}.")[1]
 
     @contextmanager
     def _again(self, name: str) -> Iterator[tuple[str, str]]:

@@ -15,7 +15,7 @@ from adapt.kernel import Kernel
 from adapt.objective import WEIGHT, ThoraxPoints
 from adapt.posture import objective_weights
 from adapt.posture_sweep import PostureStart
-from adapt.subject import evaluated
+from adapt.subject import conditions, joint
 from adapt.sweep import Fixed, Start
 from models import load_model
 from motions import Motions
@@ -67,11 +67,11 @@ def posture_arguments(iterations: float = 30.0):
 
 def test_subjects_by_three_engines(data):
     given = arguments(data)
-    found = adaptation._sweep.by_machine(*given)
+    found = adaptation.subjects_kernel.by_machine(*given)
     assert found.converged.all()
     with np.errstate(all="ignore"):
-        at_once = adaptation._sweep.text(*given)
-    for other in (at_once, adaptation._sweep.by_jax(*given)):
+        at_once = adaptation.subjects_kernel.text(*given)
+    for other in (at_once, adaptation.subjects_kernel.by_jax(*given)):
         np.testing.assert_array_equal(found.converged, other.converged)
         np.testing.assert_allclose(found.theta, other.theta, rtol=SAME_RELATIVE, atol=0.0)
         np.testing.assert_allclose(found.angles, other.angles, rtol=0.0, atol=SAME_RAD)
@@ -79,25 +79,27 @@ def test_subjects_by_three_engines(data):
 
 def test_postures_by_three_engines():
     given = posture_arguments()
-    found = fit._sweep.by_machine(*given)
+    found = fit.postures_kernel.by_machine(*given)
     ended = found.converged
     assert ended.mean() > 0.8  # in one round from one start
     with np.errstate(all="ignore"):
-        at_once = fit._sweep.text(*given)
-    for other in (at_once, fit._sweep.by_jax(*given)):
+        at_once = fit.postures_kernel.text(*given)
+    for other in (at_once, fit.postures_kernel.by_jax(*given)):
         np.testing.assert_array_equal(found.converged, other.converged)
         np.testing.assert_allclose(found.angles[:, ended], other.angles[:, ended], rtol=0.0, atol=SAME_RAD)
-    near = fit._nearby.by_machine(given[0], given[1])
-    np.testing.assert_allclose(near, fit._nearby.text(given[0], given[1]), rtol=0.0, atol=SAME_RAD)
+    near = fit.nearby_kernel.by_machine(given[0], given[1])
+    np.testing.assert_allclose(near, fit.nearby_kernel.text(given[0], given[1]), rtol=0.0, atol=SAME_RAD)
 
 
 @pytest.mark.parametrize("iterations", [2.0, 60.0])
 def test_the_conditions_are_those_of_the_definition(data, iterations):
-    """On the way as at the end: ``adapt.subject.evaluated`` at the point where the sweep stopped."""
+    """On the way as at the end: ``adapt.subject.conditions`` at the point where the sweep stopped."""
     fixed, *rest = arguments(data, iterations)
-    found = adaptation._sweep.by_machine(fixed, *rest)
-    conditions = ByHand(fixed.girdle.over_postures()), ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.shares)
-    expected = evaluated(*conditions, fixed.problem, found.theta, found.angles, found.multipliers)
+    found = adaptation.subjects_kernel.by_machine(fixed, *rest)
+    constraints, thorax = ByHand(fixed.girdle.over_postures()), ThoraxPoints(*fixed[:3])
+    z, point = joint(found.angles, found.theta), (found.theta, found.angles, found.multipliers)
+    at = constraints.residual(z), constraints.pull(z, found.multipliers)
+    expected = conditions(thorax, fixed.problem, *point, *at)
     for name in ("residual_mm", "stationarity", "slope"):
         scale = max(1.0, np.abs(getattr(expected, name)).max())
         np.testing.assert_allclose(
@@ -109,19 +111,19 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
 
 def test_a_lane_is_the_same_alone_and_in_any_company(data):
     """To the last bit: alone, among others, and among so many that every core has some."""
-    among = adaptation._sweep.by_machine(*arguments(data))
-    many = adaptation._sweep.by_machine(*arguments(lanes_at(data, np.arange(300) % SUBJECTS)))
+    among = adaptation.subjects_kernel.by_machine(*arguments(data))
+    many = adaptation.subjects_kernel.by_machine(*arguments(lanes_at(data, np.arange(300) % SUBJECTS)))
     for k in range(SUBJECTS):
-        alone = adaptation._sweep.by_machine(*arguments(lanes_at(data, np.array([k]))))
+        alone = adaptation.subjects_kernel.by_machine(*arguments(lanes_at(data, np.array([k]))))
         for name in ("theta", "angles", "multipliers", "residual_mm", "slope", "converged"):
             np.testing.assert_array_equal(getattr(alone, name)[..., 0], getattr(among, name)[..., k])
             np.testing.assert_array_equal(getattr(many, name)[..., k::SUBJECTS][..., 0], getattr(among, name)[..., k])
 
 
 def test_one_bad_lane_harms_no_other(data):
-    good = adaptation._sweep.by_machine(*arguments(data))
+    good = adaptation.subjects_kernel.by_machine(*arguments(data))
     data.angles[1, 0, 4] = np.nan
-    found = adaptation._sweep.by_machine(*arguments(data))
+    found = adaptation.subjects_kernel.by_machine(*arguments(data))
     data.angles[1, 0, 4] = 0.1
     rest = np.arange(SUBJECTS) != 4
     assert not found.converged[4]
@@ -130,16 +132,16 @@ def test_one_bad_lane_harms_no_other(data):
 
 def test_few_and_no_lanes():
     given = posture_arguments()
-    whole = fit._sweep.by_machine(*given)
+    whole = fit.postures_kernel.by_machine(*given)
     for count in (0, 1, 7, 8, 9):
-        part = fit._sweep.by_machine(*lanes_of(given, np.arange(count)))
+        part = fit.postures_kernel.by_machine(*lanes_of(given, np.arange(count)))
         np.testing.assert_array_equal(part.angles, whole.angles[:, :count])
 
 
 def test_a_wrong_shape_is_an_error():
     given = posture_arguments()
     with pytest.raises(ValueError, match="shape"):
-        fit._sweep.by_machine(given[0], given[1][:5], *given[2:])
+        fit.postures_kernel.by_machine(given[0], given[1][:5], *given[2:])
 
 
 def test_far_postures_end_no_higher_than_the_careful_path():
