@@ -81,8 +81,8 @@ class Kernel:
             np.ascontiguousarray(x, leaf.dtype) for x, leaf in zip(jax.tree.leaves(trees), self._takes, strict=True)
         ]
         lanes = arrays[0].shape[-1]
-        if lanes < WIDTH:
-            arrays = [np.repeat(x[..., -1:], WIDTH, axis=-1) if not lanes else _padded(x) for x in arrays]
+        if 0 < lanes < WIDTH:
+            arrays = [_padded(x) for x in arrays]
         sizes = [arrays[0].shape[-1], 1, 1]
         for x, leaf in zip(arrays, self._takes, strict=True):
             if leaf.axis is not None:
@@ -109,7 +109,7 @@ class Kernel:
             for first in turns:  # each goes to the thread that asks first
                 function(pointers, lengths, first, min(first + _BLOCKS_A_TURN, blocks), scratch.ctypes.data)
 
-        others = min(_cores(), -(-blocks // _BLOCKS_A_TURN)) - 1
+        others = min(_cores(), -(-blocks // _BLOCKS_A_TURN)) - 1  # this thread works too
         waiting = [_threads().submit(run) for _ in range(others)]
         run()
         for one in waiting:

@@ -103,7 +103,7 @@ class Row:
         self.code.stored(self._at(index), self.code.lane(value), self._bytes)
 
     def _at(self, index: str) -> str:
-        element = "i8" if self._bytes else self.code.element
+        element = "i8" if self._bytes else "double"
         return self.code.once(f"getelementptr {element}, ptr {self._pointer}, i64 {self._place(index)}")
 
 
@@ -165,9 +165,10 @@ class Code:
     the loops. Blocks of lanes from ``first`` to ``last``; the last block of all ends with the last lane.
     """
 
-    def __init__(self, name: str, element: str = "double"):
-        self.name, self.element = name, element
-        self.vector = f"<{WIDTH} x {element}>"
+    vector = f"<{WIDTH} x double>"
+
+    def __init__(self, name: str):
+        self.name = name
         self.operations: Counter[tuple[str, ...]] = Counter()
         self._lines: list[Any] = []
         self._known: list[dict[str, str]] = [{}]
@@ -183,10 +184,7 @@ class Code:
             return x
         if isinstance(x, bool):
             return Lane(self, f"splat (i1 {str(x).lower()})", truth=True)
-        value = float(x)
-        if self.element == "float":
-            (value,) = struct.unpack("f", struct.pack("f", value))
-        return Lane(self, f"splat ({self.element} 0x{struct.pack('>d', value).hex().upper()})")
+        return Lane(self, f"splat (double 0x{struct.pack('>d', float(x)).hex().upper()})")
 
     def once(self, instruction: str) -> str:
         """The name of its value; the one of before if it was computed on the way here."""
@@ -198,6 +196,7 @@ class Code:
         return name
 
     def number(self, operation: str, a: Any, b: Any) -> Lane:
+        """``contract``: a product and a sum may become one instruction, rounded once."""
         a, b = self.lane(a), self.lane(b)
         return Lane(self, self.once(f"{operation} contract {self.vector} {a.operand}, {b.operand}"))
 
@@ -227,8 +226,7 @@ class Code:
 
     def called(self, function: str, *arguments: Any, flags: str = "") -> Lane:
         operands = ", ".join(f"{self.vector} {self.lane(x).operand}" for x in arguments)
-        suffix = f"v{WIDTH}f{32 if self.element == 'float' else 64}"
-        return Lane(self, self.once(f"call {flags}{self.vector} @llvm.{function}.{suffix}({operands})"))
+        return Lane(self, self.once(f"call {flags}{self.vector} @llvm.{function}.v{WIDTH}f64({operands})"))
 
     def compared(self, how: str, a: Any, b: Any) -> Lane:
         a, b = self.lane(a), self.lane(b)
@@ -285,7 +283,7 @@ class Code:
         """Sine and cosine of what is left of x without whole quarter turns, at most pi/4, and how many of four."""
         turns = self.called("roundeven", x * (2.0 / pi))
         left = x
-        for part in _half_pi_parts(20 if self.element == "float" else 53):
+        for part in half_pi_parts():
             left = left - turns * part
         square = left * left
         sine = cosine = self.lane(0.0)
@@ -500,13 +498,11 @@ def _arity(function: str) -> int:
     return 2 if "imum" in function else 1
 
 
-def _half_pi_parts(bits: int) -> list[float]:
-    """pi/2 as a sum: parts of few bits, and the rest."""
-    few = _PART_BITS if bits == 53 else 11
+def half_pi_parts() -> list[float]:
+    """pi/2 as a sum: two parts of few bits, and the rest."""
     parts, rest = [], _HALF_PI
-    for _ in range(2):
-        scale = Decimal(2) ** (few - 1 + (0 if not parts else few * len(parts)))
-        part = (rest * scale).to_integral_value() / scale
-        parts.append(float(part))
-        rest -= part
+    for number in range(1, 3):
+        scale = Decimal(2) ** (_PART_BITS * number - 1)
+        parts.append(float((rest * scale).to_integral_value() / scale))
+        rest -= Decimal(parts[-1])
     return [*parts, float(rest)]

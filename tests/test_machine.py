@@ -8,7 +8,7 @@ from numpy.random import PCG64, Generator
 
 from adapt.kernel import Kernel
 from motions.arrays import along, repeat, repeat_while, xp
-from motions.machine import Code
+from motions.machine import Code, half_pi_parts
 
 ULP = 2.3e-16
 """Relative: one unit in the last place."""
@@ -136,9 +136,7 @@ def test_operations_are_counted_where_they_are_done():
 
 def test_parts_of_a_turn_are_exact():
     """The first parts of pi/2 have few enough bits that their products with whole numbers are exact."""
-    from motions.machine import _half_pi_parts
-
-    parts = _half_pi_parts(53)
+    parts = half_pi_parts()
     assert sum(parts) == np.pi / 2
     for part in parts[:2]:
         mantissa, _ = np.frexp(part)
