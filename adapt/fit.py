@@ -243,13 +243,13 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
         return _carefully(girdle, target, weights, start)
     part: Any
     if start is None:
-        quick, sure = _quickly(girdle, target, weights, places)
+        quick, sure = _quickly(girdle, target, weights, [np.zeros(6), *_OFFSETS_DEG[: places - 1]])
         far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
         again = np.flatnonzero(~sure | far) if places < _FAR_PLACES else np.array([], int)
         if len(again):
             part = lanes_of((girdle, target, weights), again)
-            lower, _ = _quickly(part[0], part[1], part[2], _FAR_PLACES)
-            quick = _with_lower(quick, again, lower, part)
+            others, _ = _quickly(part[0], part[1], part[2], _OFFSETS_DEG[places - 1 : _FAR_PLACES - 1], near=False)
+            quick = _with_lower(quick, again, others, part)
     else:
         quick = _swept(girdle, target, weights, start)
     left = np.flatnonzero(~quick.converged)
@@ -279,13 +279,15 @@ def _few(function, girdle: Chain, *arrays) -> Any:
     return in_chunks(function, _FEW_LANES, girdle, *arrays, at_once=at_once)
 
 
-def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
+def _quickly(
+    girdle: Girdle, target, weights, offsets_deg, near: bool = True
+) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
     """The lowest of several starts, and where it is sure: the nearest two converged, and none found another valley.
 
-    The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
+    The measured angles (``near``), and where the chain closes from these offsets to them.
     """
-    around = [nearby_kernel(girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
-    starts = [target, *around]
+    around = [nearby_kernel(girdle, target + offset[:, None]) for offset in np.asarray(offsets_deg) / DEG]
+    starts = [target, *around] if near else around
     many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
     found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
     j = np.where(found.converged, mean_square_deg2(found.angles, many[1], many[2]), np.inf).reshape(len(starts), -1)
