@@ -215,7 +215,7 @@ def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "
 def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
     """The optima reached from here: the fast path, then the careful one for the lanes that need it.
 
-    ``adapt.subject`` judges the end of every lane, with g and its feet computed anew.
+    Both judge the end of every lane by the conditions of ``adapt.subject``, with g and its feet computed anew.
     """
     lanes, postures = theta.shape[-1], angles.shape[1]
     start = Start(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, bool))
@@ -281,7 +281,7 @@ _AT_ONCE = 128
 _FEW_LANES = 16
 """Subjects in a chunk of the careful path, which is long to compile."""
 
-_FEW_AT_ONCE = 64
+_FEW_AT_ONCE = 256
 """Subjects up to which numpy does the careful path; it takes a minute to compile."""
 
 _SWEEPS = (10, 10, 20, 20, 400)
