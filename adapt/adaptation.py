@@ -12,14 +12,15 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.batch import Batch
-from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
+from adapt.chunks import compiled, in_chunks, in_rounds, lanes_of, with_lanes
 from adapt.constraints import ByHand
-from adapt.fit import FEWEST_ANGLES, fit_lanes
+from adapt.fit import FEWEST_ANGLES, GIRDLE, fit_lanes
+from adapt.kernel import Kernel
 from adapt.linalg import Factor, diagonal, matmul, trace, transpose
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, ThoraxPoints, fitted_girdle, thorax_distance_mm2
 from adapt.posture import mean_square_deg2, objective_weights
-from adapt.subject import Problem, Subject, evaluated, joint, solve_subjects
-from adapt.sweep import Swept, sweep
+from adapt.subject import Problem, Subject, joint, solve_subjects
+from adapt.sweep import Fixed, Start, Swept, sweep
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
 from motions.arrays import Array, xp
@@ -214,17 +215,16 @@ def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "
 def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
     """The optima reached from here: the fast path, then the careful one for the lanes that need it.
 
-    ``adapt.subject`` judges the end of every lane, with g and its feet computed anew.
+    Both judge the end of every lane by the conditions of ``adapt.subject``, with g and its feet computed anew.
     """
     lanes, postures = theta.shape[-1], angles.shape[1]
-    start = Swept(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, int), np.zeros(lanes, bool))
-    swept = resumed(_sweep, _LANES, _SWEEPS, fixed, start, _AT_ONCE)
-    point = swept.theta, swept.angles, swept.multipliers
-    result = in_chunks(_judged, _LANES, *fixed, *point, at_once=_AT_ONCE)._replace(iterations=swept.iterations)
+    start = Start(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, bool))
+    swept = in_rounds(subjects_kernel, _SWEEPS, (Fixed(*fixed),), start)
+    nothing = np.zeros((postures, lanes))
+    result = Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
     left = np.flatnonzero(~result.converged)
     if len(left):
-        at_once = len(left) if lanes < _MANY else 0
-        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=at_once)
+        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=_FEW_AT_ONCE)
         result = with_lanes(result, left, careful)
     return result
 
@@ -273,31 +273,32 @@ def _conditions(girdle: Girdle, points_mm, shares) -> tuple[ByHand, ThoraxPoints
 
 
 _LANES = 256
-"""Subjects in a chunk: 14 postures of each are 30 kB an array."""
+"""Subjects in a chunk of a compiled program: 14 postures of each are 30 kB an array."""
 
 _AT_ONCE = 128
-"""Subjects up to which numpy is done before the compiled program of the fast path is loaded."""
+"""Subjects up to which numpy is done before a compiled program is loaded."""
 
 _FEW_LANES = 16
 """Subjects in a chunk of the careful path, which is long to compile."""
 
-_MANY = 512
-"""Subjects of a batch from which the careful path is compiled (16 s, once) for those of them that need it; numpy does
-it for smaller batches, in a second."""
+_FEW_AT_ONCE = 256
+"""Subjects up to which numpy does the careful path; it takes a minute to compile."""
 
-_SWEEPS, _SWEEP_ITERATIONS = 4, 10
-"""Rounds of the fast path, and iterations a round: measured on simulated subjects, 7 of 10 lanes need one, 99 of 100
-four."""
+_SWEEPS = (10, 10, 20, 20, 400)
+"""Most iterations of the fast path in each round: measured on simulated subjects, 8 of 10 lanes need one round, 199 of
+200 four; the others, one of whose postures is at no strict minimum, converge linearly."""
 
-
-@compiled
-def _sweep(girdle: Girdle, points_mm, shares, problem: Problem, start: Swept) -> Swept:
-    return sweep(girdle, points_mm, shares, problem, start, _SWEEP_ITERATIONS)
-
-
-@compiled
-def _judged(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles, multipliers) -> Subject:
-    return evaluated(*_conditions(girdle, points_mm, shares), problem, theta, angles, multipliers)
+subjects_kernel = Kernel(
+    "subjects",
+    sweep,
+    (
+        Fixed(GIRDLE, "3 points", "points", Problem("6 postures", "6 postures", "postures bool", "6", "6")),
+        Start("6", "6 postures", "3 postures", "bool"),
+        "",
+    ),
+    Swept("6", "6 postures", "3 postures", "3 postures", "postures", "6", "int", "bool"),
+    _LANES,
+)
 
 
 @jax.jit

@@ -8,14 +8,15 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 import jax
-import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.chunks import lanes_of, with_lanes
-from motions.arrays import Array, is_jax, xp
+from motions.arrays import Array, repeat_while, xp
 
 _SHORTER = 0.3
 """Factor on a step whose end was refused."""
+
+_HARDLY = 0.05
+"""Share of a step that is taken in any case."""
 
 _ROUNDING = 1e-11
 """Relative error of the merit: a rise below it is no rise."""
@@ -39,8 +40,13 @@ State = TypeVar("State", bound=Tried)
 
 
 def good_enough(state: Tried, merit: Float[Array, " lanes"]) -> Bool[Array, " lanes"]:
-    """Whether the point tried may be gone on from. NaN may not."""
-    return merit <= state.merit + _ROUNDING * (1.0 + abs(state.merit))
+    """Whether the point tried may be gone on from. NaN may not.
+
+    A step that is still refused when hardly anything is left of it goes uphill, as one may where a posture or theta is
+    not at a minimum: the point is taken, and the next step is another one, with the new multipliers and a small radius.
+    """
+    lower = merit <= state.merit + _ROUNDING * (1.0 + abs(state.merit))
+    return lower | ((state.length < _HARDLY) & (merit < xp.inf))
 
 
 def accepted_or_shorter(good: Bool[Array, " lanes"], accepted: State, state: State) -> State:
@@ -49,29 +55,18 @@ def accepted_or_shorter(good: Bool[Array, " lanes"], accepted: State, state: Sta
     return jax.tree.map(lambda yes, no: xp.where(good, yes, no), accepted, refused)
 
 
-def until_converged(iterate: Callable[..., State], fixed: tuple[Any, ...], first: State, iterations: int) -> State:
-    """``iterate(*fixed, state)`` at most so many times; a lane that has converged stays where it is."""
-    if not is_jax(first.length):
-        return _of_the_unfinished(iterate, fixed, first, iterations)
+def until_converged(advance: Callable[[Any], Any], first: Any, iterations: Float[Array, " lanes"]) -> Any:
+    """``advance`` of (state, what goes with it) at most so many times.
 
-    def advance(state: State) -> State:
-        return jax.tree.map(lambda old, new: xp.where(state.converged, old, new), state, iterate(*fixed, state))
+    A lane that has converged stays where it is; what goes with the state is left alone there by ``advance`` itself.
+    """
 
-    def unfinished(state: State) -> Bool[Array, ""]:
-        return xp.any(~state.converged & (state.iterations < iterations))
+    def active(state: Tried) -> Bool[Array, " lanes"]:
+        return ~state.converged & (state.iterations < iterations)
 
-    return jax.lax.while_loop(unfinished, advance, first)
+    def next_one(old: Any) -> Any:
+        state, *rest = advance(old)
+        here = active(old[0])
+        return (jax.tree.map(lambda new, before: xp.where(here, new, before), state, old[0]), *rest)
 
-
-def _of_the_unfinished(iterate, fixed, first: State, iterations: int) -> State:
-    """On numpy's arrays: who has converged costs nothing any more."""
-    whole, state, active = first, first, np.arange(first.length.shape[-1])
-    for number in range(iterations + 1):
-        done = state.converged
-        if number == iterations or done.all():
-            break
-        if done.any():
-            whole = with_lanes(whole, active, state)
-            active, fixed, state = active[~done], lanes_of(fixed, ~done), lanes_of(state, ~done)
-        state = iterate(*fixed, state)
-    return with_lanes(whole, active, state)
+    return repeat_while(lambda now: xp.any(active(now[0])), next_one, first)

@@ -39,10 +39,12 @@ class Batch:
 def pack(motions: Motions) -> Batch:
     """The motions of one or many subjects as one batch."""
     subjects = motions.subjects
-    rows = [np.flatnonzero(motions.subject == name) for name in subjects]
+    number = {name: k for k, name in enumerate(subjects)}
+    of_row = np.array([number[name] for name in motions.subject])
+    counts = np.bincount(of_row, minlength=len(subjects))
+    rows = np.split(np.argsort(of_row, kind="stable"), np.cumsum(counts)[:-1])
     postures = -(-max(map(len, rows)) // _POSTURE_STEP) * _POSTURE_STEP
     index = np.stack([np.pad(r, (0, postures - len(r)), mode="edge") for r in rows], axis=1)
-    counts = np.array([len(r) for r in rows])
     angles = np.moveaxis(motions.angles_deg[index], -1, 0)
     measured = np.isfinite(angles)
     return Batch(

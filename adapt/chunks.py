@@ -6,7 +6,7 @@ to one size, so that one program serves every batch.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
 from inspect import unwrap
@@ -66,17 +66,25 @@ def _workers(devices: list[Any]) -> int:
     return 2 * len(devices)
 
 
-def resumed(
-    function: Callable[..., Any], size: int, rounds: int, fixed: tuple[Any, ...], state: Any, at_once: int = 0
-) -> Any:
-    """``state = function(*fixed, state)``, again on the lanes not yet ``converged``: who has is left alone."""
-    state = jax.tree.map(np.asarray, state)
-    for _ in range(rounds):
-        left = np.flatnonzero(~state.converged)
+def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[Any, ...], start: Any) -> Any:
+    """``function(*fixed, start, iterations)``, again on the lanes not yet ``converged``: who has is left alone.
+
+    ``rounds`` are the most iterations of each. The result has the fields of ``start``, and its ``iterations`` add up.
+    """
+
+    def done(fixed: tuple[Any, ...], start: Any, iterations: int) -> Any:
+        return function(*fixed, start, np.full(start.converged.shape, float(iterations)))
+
+    result = done(fixed, start, rounds[0])
+    for iterations in rounds[1:]:
+        left = np.flatnonzero(~result.converged)
         if not len(left):
             break
-        state = with_lanes(state, left, in_chunks(function, size, *lanes_of((*fixed, state), left), at_once=at_once))
-    return state
+        before = lanes_of(result, left)
+        again = type(start)(*(getattr(before, name) for name in start._fields))
+        further = done(lanes_of(fixed, left), again, iterations)
+        result = with_lanes(result, left, further._replace(iterations=before.iterations + further.iterations))
+    return result
 
 
 def lanes_of(tree: Any, index: Any) -> Any:

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from adapt.linalg import ElementwiseFunction, gradient, hessian, jacobian
 from adapt.newton import Linearised
-from models.derivatives import ELLIPSOID, Chain, chain
-from models.girdle import Girdle, feet
+from models.derivatives import ELLIPSOID, Chain, chain, feet
+from models.girdle import Girdle
 from motions.arrays import Array, xp
 
 Z = Float[Array, " n *batch"]
@@ -86,7 +86,8 @@ class ByHand:
 
     def _chain(self, z, multipliers) -> Chain:
         girdle = self._at(z)
-        return chain(girdle, list(z[:6]), list(girdle.adapted_mm), list(multipliers), feet(girdle, z[:6]))
+        q, theta = list(z[:6]), list(girdle.adapted_mm)
+        return chain(girdle, q, theta, list(multipliers), feet(girdle, q, theta))
 
 
 def _stacked(row, z):

@@ -6,17 +6,23 @@ changes no solution since G dq + T dtheta = -g:
     L D L' = H + G' s G =: K,   S = G K^-1 G',   rho = g - G K^-1 W (q - s),   tau = T - G K^-1 C
     mu = S^-1 (rho + tau dtheta),   lambda = mu - s (g + T dtheta),   dq = -K^-1 (W (q - s) + C dtheta + G' mu)
 
-A posture whose K is not positive definite is no minimum there and goes without curvature, C and s (Gauss-Newton).
+A posture whose K is not positive definite, with more stiffness either, is no minimum there and goes without curvature,
+C and s (Gauss-Newton).
 """
+
+from typing import NamedTuple
 
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import PIVOT_FLOOR, UNMEASURED_WEIGHT
-from models.derivatives import Chain
+from models.derivatives import ELLIPSOID, Chain
 from motions.arrays import Array, xp
 
 STIFFNESS = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see ``adapt.newton``). Of 5 to 100 the
 one with the fewest iterations on simulated subjects."""
+
+STIFFER = 10.0
+"""Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
 
 Components = list[Array]
 
@@ -49,73 +55,112 @@ def stationarity(at: Chain, pull: Components, multipliers: Components) -> Array:
     return largest([x + product(column(at.G, k), multipliers) for k, x in enumerate(pull)])
 
 
-class Elimination:
-    """dq and lambda of postures as affine functions of the parameters' steps; ``pull`` is W (q - s).
+def _parameter_slopes(T: list[Components]) -> list[Components]:
+    """dg/dtheta, 3 x 6, of the ellipsoid's d(A1, A2)/du; without those, of no parameters."""
+    if not T:
+        return [[], [], []]
+    zero = xp.zeros_like(T[0][0])
+    return [[*row, zero] for row in T] + [[zero] * ELLIPSOID + [zero - 1.0]]
 
-    ``coupled`` parameters are the first ones of T that have a C; without any it is the step of a posture fit.
+
+class Steps(NamedTuple):
+    """dq and lambda of postures as affine functions of the parameters' steps: what is kept of an elimination."""
+
+    lower: list[Components]
+    """L."""
+    weighed: list[Components]
+    """D^-1 L^-1 of G', C and W (q - s)."""
+    constant: Components
+    linear: list[Components]
+    """mu = constant + linear dtheta, by parameter."""
+    used: Components
+    """s, 0 where it is not."""
+    T: list[Components]
+    """d(A1, A2)/du."""
+    g: Components
+
+    def moved(self, d: Components) -> tuple[Components, Components]:
+        """dq and the new lambda for the parameters' steps d."""
+        mu, open_chain = self.constant, self.g
+        if d:
+            mu = [c + product(column(self.linear, i), d) for i, c in enumerate(mu)]
+            slopes = _parameter_slopes(self.T)
+            open_chain = [g + product(row, d) for g, row in zip(self.g, slopes, strict=True)]
+        multipliers = [m - s * g for m, s, g in zip(mu, self.used, open_chain, strict=True)]
+        back = []
+        for i in range(6):
+            x = self.weighed[-1][i] + product(column(self.weighed[:3], i), mu)
+            if d:
+                x = x + product(column(self.weighed[3:-1], i), d[:ELLIPSOID])
+            back.append(-x)
+        return backward(self.lower, back), multipliers
+
+
+def _stiffened(
+    H: list[Components], G: list[Components], stiffness: Components, floor: Array
+) -> tuple[list[Components], Components, Array]:
+    """L, D^-1 and where no pivot is below ``floor``, of H + G' s G."""
+    stiff = [[s * x for x in row] for s, row in zip(stiffness, G, strict=True)]
+    return factorised(
+        [[x + product(column(stiff, i), column(G, j)) for j, x in enumerate(row)] for i, row in enumerate(H)], floor
+    )
+
+
+class Elimination:
+    """A posture's share of the system in the parameters, and its ``steps``; ``pull`` is W (q - s).
+
+    Without ``parameters`` it is the step of a posture fit.
     """
 
-    def __init__(self, at: Chain, weights: Components, pull: Components, T: list[Components], coupled: int):
+    def __init__(self, at: Chain, weights: Components, pull: Components, parameters: bool):
         scale = weights[0]
         for w in weights[1:]:
             scale = xp.maximum(scale, w)
         damped = [xp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
-        self.at, self.T, self.coupled = at, T, coupled
-        self.stiffness = [STIFFNESS * scale / product(row, row) for row in at.G]
-        stiff = [[s * x for x in row] for s, row in zip(self.stiffness, at.G, strict=True)]
-        K = [[at.qq[i][j] + product(column(stiff, i), column(at.G, j)) for j in range(i + 1)] for i in range(6)]
-        for i, w in enumerate(damped):
-            K[i][i] += w
-        L, inverse, convex = factorised(K, PIVOT_FLOOR * scale)
-        self.convex = convex
-        self.lower = [[xp.where(convex, x, 0.0) for x in row] for row in L]
-        self.inverse = [xp.where(convex, x, 1.0 / w) for x, w in zip(inverse, damped, strict=True)]
-        self.used = [xp.where(convex, s, 0.0) for s in self.stiffness]
-        C = [[xp.where(convex, x, 0.0) for x in column(at.qu, k)] for k in range(coupled)]
-        self.sides = [forward(self.lower, side) for side in (*at.G, *C, pull)]
-        self.weighed = [[x * d for x, d in zip(side, self.inverse, strict=True)] for side in self.sides]
+        self._at, self._coupled = at, ELLIPSOID if parameters else 0
+        self._T = _parameter_slopes(at.T if parameters else [])
+        least = [STIFFNESS * scale / product(row, row) for row in at.G]
+        more = [STIFFER * s for s in least]
+        H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
+        L, inverse, convex = _stiffened(H, at.G, least, PIVOT_FLOOR * scale)
+        L2, inverse2, convex2 = _stiffened(H, at.G, more, PIVOT_FLOOR * scale)
+        self.convex = convex | convex2
+        self.stiffness = [xp.where(convex, s, t) for s, t in zip(least, more, strict=True)]
+
+        def chosen(one, other, without):
+            return xp.where(convex, one, xp.where(convex2, other, without))
+
+        lower = [[chosen(x, y, 0.0) for x, y in zip(*rows, strict=True)] for rows in zip(L, L2, strict=True)]
+        inverse = [chosen(x, y, 1.0 / w) for x, y, w in zip(inverse, inverse2, damped, strict=True)]
+        used = [xp.where(self.convex, s, 0.0) for s in self.stiffness]
+        C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
+        self._sides = [forward(lower, side) for side in (*at.G, *C, pull)]
+        self._weighed = [[x * d for x, d in zip(side, inverse, strict=True)] for side in self._sides]
         S = [[self._gram(i, j) for j in range(i + 1)] for i in range(3)]
-        self._S, self._S_inverse, _ = factorised(S, 0.0 * scale)
+        self._S, self._S_inverse, _ = factorised(S, xp.zeros_like(scale))
         rho = [g - self._gram(i, -1) for i, g in enumerate(at.g)]
-        columns = len(T[0]) if T else 0
-        self.tau = [column(T, k) for k in range(columns)]
-        for k in range(coupled):
-            self.tau[k] = [x - self._gram(i, 3 + k) for i, x in enumerate(self.tau[k])]
-        self.constant, self.linear = self._solved(rho), [self._solved(x) for x in self.tau]
+        self._tau = [column(self._T, k) for k in range(len(self._T[0]))]
+        for k in range(self._coupled):
+            self._tau[k] = [x - self._gram(i, 3 + k) for i, x in enumerate(self._tau[k])]
+        constant, linear = self._solved(rho), [self._solved(x) for x in self._tau]
+        self.steps = Steps(lower, self._weighed, constant, linear, used, at.T if parameters else [], at.g)
 
     def _gram(self, a: int, b: int) -> Array:
-        return product(self.sides[a], self.weighed[b])
+        return product(self._sides[a], self._weighed[b])
 
     def _solved(self, b: Components) -> Components:
         return backward(self._S, [x * d for x, d in zip(forward(self._S, b), self._S_inverse, strict=True)])
 
     def slope(self, i: int) -> Array:
         """What the postures add to the right-hand side of parameter i, after their own steps."""
-        b = product(self.tau[i], self.constant)
-        b -= sum(s * row[i] * g for s, row, g in zip(self.used, self.T, self.at.g, strict=True))
-        return b - self._gram(3 + i, -1) if i < self.coupled else b
+        b = product(self._tau[i], self.steps.constant)
+        b = b - sum(s * row[i] * g for s, row, g in zip(self.steps.used, self._T, self._at.g, strict=True))
+        return b - self._gram(3 + i, -1) if i < self._coupled else b
 
     def curvature(self, i: int, j: int) -> Array:
         """What they add to the matrix, U - C' K^-1 C + tau' S^-1 tau - T' s T."""
-        entry = product(self.tau[i], self.linear[j])
-        entry -= sum(s * row[i] * row[j] for s, row in zip(self.used, self.T, strict=True))
-        if i >= self.coupled:
+        entry = product(self._tau[i], self.steps.linear[j])
+        entry = entry - sum(s * row[i] * row[j] for s, row in zip(self.steps.used, self._T, strict=True))
+        if i >= self._coupled:
             return entry
-        return entry + xp.where(self.convex, self.at.uu[i][j], 0.0) - self._gram(3 + i, 3 + j)
-
-    def moved(self, d: Components) -> tuple[Components, Components]:
-        """dq and the new lambda for the parameters' steps d."""
-        mu = self.constant
-        if d:
-            mu = [c + product(column(self.linear, i), d) for i, c in enumerate(mu)]
-        multipliers = [
-            m - s * (g + product(row, d) if d else g)
-            for m, s, g, row in zip(mu, self.used, self.at.g, self.T or [[]] * 3, strict=True)
-        ]
-        back = []
-        for i in range(6):
-            x = self.weighed[-1][i] + product(column(self.weighed[:3], i), mu)
-            if d:
-                x += product(column(self.weighed[3:-1], i), d[: self.coupled])
-            back.append(-x)
-        return backward(self.lower, back), multipliers
+        return entry + xp.where(self.convex, self._at.uu[i][j], 0.0) - self._gram(3 + i, 3 + j)

@@ -4,7 +4,9 @@ Lanes: every posture of every subject with every girdle is one element of a flat
 """
 
 import itertools
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -12,8 +14,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
-from adapt.chunks import compiled, in_chunks, lanes_of, resumed, with_lanes
+from adapt.chunks import in_chunks, in_rounds, lanes_of, with_lanes
 from adapt.constraints import ByHand, Constraints, Differentiated
+from adapt.kernel import Kernel
 from adapt.posture import (
     Postures,
     close_chain,
@@ -23,7 +26,7 @@ from adapt.posture import (
     solve_from_two_starts,
     solve_postures,
 )
-from adapt.posture_sweep import SweptPostures, closed_nearby, sweep_postures
+from adapt.posture_sweep import PostureStart, SweptPostures, closed_nearby, sweep_postures
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
 from motions.arrays import Array, repeat, xp
@@ -44,7 +47,10 @@ OFFSETS_SEED = 0
 _OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
 """Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
 
-_TRACKING_STEPS = 4
+_TRACKING_ROUNDS = (10, 40)
+"""Most iterations of the fast path in each step of it."""
+
+_TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
 """A posture is followed to the next one in this many steps along the straight line of measured angles."""
 
 
@@ -151,41 +157,42 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
         orders += [list(itertools.pairwise(lanes[best:])), list(itertools.pairwise(lanes[best::-1]))]
     for number in range(max(map(len, orders), default=0)):
         before, after = np.array([order[number] for order in orders if number < len(order)]).T
-        for run, track in _trackers(problem[0]):
+        for track in _trackers(problem[0]):
             if not len(after):
                 break
-            tracked = _track_lanes(fitted, problem, before, after, run, track)
+            tracked = _track_lanes(fitted, problem, before, after, track)
             arrived = tracked.status == status.OK
             _put(fitted, after[arrived], _pick(tracked, arrived))
             before, after = before[~arrived], after[~arrived]
 
 
-def _trackers(girdle: Chain) -> list[tuple[Any, Any]]:
-    """The fast path, then the careful one for what it did not follow; with effects the careful one alone."""
-    return [(_many, _track_quickly), (_few, _track)] if isinstance(girdle, Girdle) else [(_few, _track)]
+def _trackers(girdle: Chain) -> list[Callable[..., Postures]]:
+    """The fast path, in shorter steps for what it did not follow; with effects the careful one."""
+    if isinstance(girdle, Girdle):
+        return [partial(_track_quickly, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
+    return [partial(_few, _track)]
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
-    """Where continuation from the posture before does not lead to this one, the careful one where the fast one
-    does not arrive."""
+    """Where continuation from the posture before does not lead to this one."""
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
     after, broken = after[good], np.zeros(len(previous), bool)
-    for run, track in _trackers(problem[0]):
+    for track in _trackers(problem[0]):
         if not len(after):
             break
-        tracked = _track_lanes(fitted, problem, previous[after], after, run, track)
+        tracked = _track_lanes(fitted, problem, previous[after], after, track)
         near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= SAME_BRANCH_RAD
         broken[after] = ~near
         after = after[tracked.status != status.OK]
     return broken
 
 
-def _track_lanes(fitted: Fitted, problem, before, after, run, track) -> Fitted:
+def _track_lanes(fitted: Fitted, problem, before, after, track) -> Fitted:
     girdle, target, weights = problem
     part = lanes_of((girdle, target, weights), after)
     start = target[:, before], fitted.angles[:, before]
-    return _as_fitted(run(track, *part, *start), *part[1:])
+    return _as_fitted(track(*part, *start), *part[1:])
 
 
 def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
@@ -234,20 +241,30 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     """From ``start`` or from two starts: the fast path, and the careful one for the lanes that need it."""
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
+    part: Any
     if start is None:
-        quick, sure = _quickly(girdle, target, weights, places)
+        quick, sure = _quickly(girdle, target, weights, [np.zeros(6), *_OFFSETS_DEG[: places - 1]])
+        far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
+        again = np.flatnonzero(~sure | far) if places < _FAR_PLACES else np.array([], int)
+        if len(again):
+            part = lanes_of((girdle, target, weights), again)
+            others, _ = _quickly(part[0], part[1], part[2], _OFFSETS_DEG[places - 1 : _FAR_PLACES - 1], near=False)
+            quick = _with_lower(quick, again, others, part)
     else:
         quick = _swept(girdle, target, weights, start)
-        sure = quick.converged
-    far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
-    left = np.flatnonzero(~sure | (far & (places == 1)))
+    left = np.flatnonzero(~quick.converged)
     if not len(left):
         return quick
-    part: tuple[Girdle, Array, Array] = lanes_of((girdle, target, weights), left)
-    careful = _carefully(*part, None if start is None else start[:, left])
-    before, after = (mean_square_deg2(x.angles, *part[1:]) for x in (lanes_of(quick, left), careful))
-    better = np.asarray(careful.converged & ~(quick.converged[left] & (before < after)))
-    return with_lanes(quick, left[better], lanes_of(careful, better))
+    part = lanes_of((girdle, target, weights), left)
+    careful = _carefully(part[0], part[1], part[2], None if start is None else start[:, left])
+    return _with_lower(quick, left, careful, part)
+
+
+def _with_lower(found: Postures, lanes, other: Postures, problem: tuple[Girdle, Array, Array]) -> Postures:
+    """The other fits of these lanes in their places, where they converged and are lower."""
+    before, after = (mean_square_deg2(x.angles, *problem[1:]) for x in (lanes_of(found, lanes), other))
+    better = np.asarray(other.converged & ~(found.converged[lanes] & (before <= after)))
+    return with_lanes(found, lanes[better], lanes_of(other, better))
 
 
 def _carefully(girdle: Chain, target, weights, start) -> Postures:
@@ -262,17 +279,15 @@ def _few(function, girdle: Chain, *arrays) -> Any:
     return in_chunks(function, _FEW_LANES, girdle, *arrays, at_once=at_once)
 
 
-def _many(function, girdle: Girdle, *arrays) -> Any:
-    return in_chunks(function, _LANES, girdle, *arrays, at_once=_AT_ONCE)
-
-
-def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
+def _quickly(
+    girdle: Girdle, target, weights, offsets_deg, near: bool = True
+) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
     """The lowest of several starts, and where it is sure: the nearest two converged, and none found another valley.
 
-    The measured angles, where the chain closes nearest to them, and where it closes from a few places around.
+    The measured angles (``near``), and where the chain closes from these offsets to them.
     """
-    around = [_many(_nearby, girdle, target + offset[:, None]) for offset in _PLACES_DEG[:places] / DEG]
-    starts = [target, *around]
+    around = [nearby_kernel(girdle, target + offset[:, None]) for offset in np.asarray(offsets_deg) / DEG]
+    starts = [target, *around] if near else around
     many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
     found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
     j = np.where(found.converged, mean_square_deg2(found.angles, many[1], many[2]), np.inf).reshape(len(starts), -1)
@@ -285,16 +300,16 @@ def _quickly(girdle: Girdle, target, weights, places: int) -> tuple[Postures, Bo
 def _swept(girdle: Girdle, target, weights, start) -> Postures:
     """The fast path, judged by the conditions of ``adapt.posture`` with g and its feet computed anew."""
     lanes = start.shape[1]
-    state = SweptPostures(start, np.zeros((3, lanes)), np.zeros(lanes, bool), np.zeros(lanes, int))
-    swept = resumed(_sweep, _LANES, _SWEEPS, (girdle, target, weights), state, _AT_ONCE)
-    return _many(_judged, girdle, target, weights, swept.angles, swept.multipliers)
+    first = PostureStart(start, np.zeros((3, lanes)), np.zeros(lanes, bool))
+    return _as_postures(in_rounds(postures_kernel, _ROUNDS, (girdle, target, weights), first))
 
 
-_LANES = 4096
-"""Postures in a chunk: 32 kB an array, so that what an operation needs is in a core's second cache."""
+def _as_postures(swept: SweptPostures) -> Postures:
+    rest = np.zeros_like(swept.stationarity)
+    return Postures(
+        swept.angles, swept.multipliers, swept.residual_mm, swept.stationarity, rest, rest + np.inf, swept.iterations
+    )
 
-_AT_ONCE = 8192
-"""Postures up to which numpy is done before the compiled program of the fast path is loaded."""
 
 _FEW_LANES = 64
 """Postures in a chunk of the careful path, which is long to compile."""
@@ -302,34 +317,40 @@ _FEW_LANES = 64
 _FEW_AT_ONCE = 512
 """Postures up to which numpy does the careful path: 2 ms each, a tenth of that compiled, which takes 12 s once."""
 
-_SWEEPS, _SWEEP_ITERATIONS = 3, 10
-"""Rounds of the fast path, and iterations a round: 9 of 10 postures need one round, 99 of 100 two."""
+_ROUNDS = (10, 10, 40, 400)
+"""Most iterations of the fast path in each round: 9 of 10 postures need one round, 99 of 100 two."""
 
 _SAME_DEG2 = 1e-6
 """Two optima whose J differ by less are one."""
 
-_FAR_DEG2 = 200.0
-"""From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: from two starts alone both
-paths are tried.
+_FAR_DEG2, _FAR_PLACES = 200.0, 3
+"""From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: it starts from more places.
 Measured postures leave 64 with R2 as it is; with das3, which does not close at rest, 440."""
 
 _PLACES_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""
 
 
-@compiled
-def _nearby(girdle: Girdle, target: Array) -> Array:
-    return closed_nearby(girdle, target)
+def _numbers_of_girdle() -> Girdle:
+    scalars = {"ts_distance_mm", "ai_distance_mm", "conoid_length_mm"}
+    return Girdle(**{one.name: "" if one.name in scalars else "3" for one in fields(Girdle)})  # type: ignore[arg-type]
 
 
-@compiled
-def _sweep(girdle: Girdle, target: Array, weights: Array, state: SweptPostures) -> SweptPostures:
-    return sweep_postures(girdle, target, weights, state, _SWEEP_ITERATIONS)
+GIRDLE: Any = _numbers_of_girdle()
+"""Shapes of a girdle's numbers, for ``adapt.kernel``."""
 
+_LANES = 4096
+"""Postures in a chunk of a program of JAX."""
 
-@compiled
-def _judged(girdle: Girdle, target: Array, weights: Array, angles: Array, multipliers: Array) -> Postures:
-    return evaluated(ByHand(girdle), angles, multipliers, target, weights)
+nearby_kernel = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6", _LANES)
+
+postures_kernel = Kernel(
+    "postures",
+    sweep_postures,
+    (GIRDLE, "6", "6", PostureStart("6", "3", "bool"), ""),
+    SweptPostures("6", "3", "3", "", "int", "bool"),
+    _LANES,
+)
 
 
 def _constraints(girdle: Chain) -> Constraints:
@@ -354,22 +375,17 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
     return closed, constraints.residual(closed)
 
 
-@compiled
-def _track_quickly(girdle: Girdle, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
+def _track_quickly(steps: int, girdle: Girdle, target, weights, target_before, start) -> Postures:
     """Continuation by the fast path; a lane that failed on the way ends as NaN."""
-    lane = xp.zeros_like(target[0])
-
-    def step(carry):
-        number, state, arrived = carry
-        on_the_way = target_before + (number + 1) / _TRACKING_STEPS * (target - target_before)
-        state = state._replace(converged=lane > 0.0, iterations=xp.zeros_like(state.iterations))
-        state = sweep_postures(girdle, on_the_way, weights, state, _SWEEP_ITERATIONS)
-        return number + 1, state, arrived & state.converged
-
-    first = SweptPostures(start, xp.zeros_like(start[:3]), lane > 0.0, xp.zeros_like(lane, int))
-    _, end, arrived = repeat(_TRACKING_STEPS, step, (0, first, lane == 0.0))
-    angles = xp.where(arrived[None], end.angles, xp.nan)
-    return evaluated(ByHand(girdle), angles, end.multipliers, target, weights)
+    lanes = start.shape[1]
+    nowhere, arrived = np.zeros(lanes, bool), np.ones(lanes, bool)
+    here: Any = PostureStart(start, np.zeros((3, lanes)), nowhere)
+    for number in range(1, steps + 1):
+        on_the_way = target_before + number / steps * (target - target_before)
+        first = PostureStart(here.angles, here.multipliers, nowhere)
+        here = in_rounds(postures_kernel, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
+        arrived &= here.converged
+    return _as_postures(here._replace(residual_mm=np.where(arrived, here.residual_mm, np.nan)))
 
 
 @jax.jit

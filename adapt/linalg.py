@@ -54,16 +54,17 @@ def factorised(rows: Rows, floor: Array) -> tuple[Rows, list[Array], Array]:
     """L below its diagonal, 1 / D and where no pivot was below ``floor``, of A = L D L' given by its lower triangle."""
     n = len(rows)
     lower: Rows = [list(row[:-1]) for row in rows]
-    pivots, positive = [], floor <= floor
+    pivots, inverse, positive = [], [], floor <= floor
     for j in range(n):
         scaled = [lower[j][k] * pivots[k] for k in range(j)]
         pivot = rows[j][j] - sum(lower[j][k] * scaled[k] for k in range(j))
         positive &= pivot > floor
         pivots.append(xp.maximum(pivot, floor))
+        inverse.append(1.0 / pivots[j])
         for i in range(j + 1, n):
             inner = sum(lower[i][k] * scaled[k] for k in range(j))
-            lower[i][j] = (rows[i][j] - inner) / pivots[j]
-    return lower, [1.0 / pivot for pivot in pivots], positive
+            lower[i][j] = (rows[i][j] - inner) * inverse[j]
+    return lower, inverse, positive
 
 
 def forward(lower: Rows, b: list[Array]) -> list[Array]:

@@ -29,7 +29,7 @@ RECORD = "run.json"
 Files = dict[str, list[dict[str, str | None]]]
 """What run.json says of the motion files and the models."""
 
-_VERSIONS_OF = ("girdle", "jax", "jaxlib", "numpy", "optimistix", "pandas")
+_VERSIONS_OF = ("girdle", "jax", "jaxlib", "llvmlite", "numpy", "optimistix", "pandas")
 
 
 def prepare_folder(path: str | os.PathLike[str]) -> Path:

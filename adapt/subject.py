@@ -106,7 +106,7 @@ def solve_subjects(
     def here(theta, angles, multipliers) -> tuple[Subject, Linearised]:
         at = constraints.linearised(joint(angles, theta), multipliers)
         pull = xp.sum(multipliers[:, None] * xp.concatenate([at.G, at.T], axis=1), axis=0)
-        return _conditions(thorax, problem, theta, angles, multipliers, at.residual, pull), at
+        return conditions(thorax, problem, theta, angles, multipliers, at.residual, pull), at
 
     def advance(carry):
         state, at = carry
@@ -134,15 +134,8 @@ def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
     return at_lower | at_upper
 
 
-def evaluated(constraints: Constraints, thorax: Thorax, problem: Problem, theta, angles, multipliers) -> Subject:
-    """The conditions of an optimum at this point, not iterated yet."""
-    z = joint(angles, theta)
-    return _conditions(
-        thorax, problem, theta, angles, multipliers, constraints.residual(z), constraints.pull(z, multipliers)
-    )
-
-
-def _conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, pull) -> Subject:
+def conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, pull) -> Subject:
+    """Those of an optimum at this point, with g and d(multipliers . g)/dz there; not iterated yet."""
     stationarity = largest(problem.weights * (angles - problem.measured) + pull[:6]) / DEG
     slope = thorax.slope(theta) + problem.total(pull[6:])
     slope = xp.where(_held(problem, theta, slope), 0.0, slope)

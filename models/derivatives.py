@@ -20,8 +20,10 @@ sum a_i^2 m_i^2 = 1 fixes t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m
     d2d/da_i da_j = 2 a_i m_i w_i y_j / L + e_i (n.w y_j + 2 n_j a_j w_j) / L + [i = j] (4 a_i^2 m_i w_i - m_i^2) / L
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
+from models.ellipsoid import foot_multiplier
 from motions.arrays import Array, xp
 
 Vector = tuple[Array, Array, Array]
@@ -70,7 +72,7 @@ class Bone(NamedTuple):
         """e_a x r, e_b x r and e_c x r."""
         s, c = self.sin_a, self.cos_a
         return (
-            (r[2], 0.0 * r[0], -r[0]),
+            (r[2], xp.zeros_like(r[0]), -r[0]),
             (-c * r[1], c * r[0] - s * r[2], s * r[1]),
             cross(self.x, r),
         )
@@ -202,6 +204,15 @@ def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
     return centre + [[-at.pa[1][i], -at.pa[2][i], *at.aa[i][: i + 1]] for i in range(3)]
 
 
+def feet(girdle, q: Sequence[Array], theta: Sequence[Array]) -> list[Array]:
+    """t of the foot points of TS and AI on the ellipsoid, mm^2, from however far: where :func:`chain` starts."""
+    clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
+    centre: Vector = girdle.centre_mm[0], theta[0], theta[1]
+    ac_from_centre = _minus(_sum(tuple(girdle.sc_mm), clavicle.rotate(tuple(girdle.ac_mm))), centre)
+    points = [_sum(ac_from_centre, scapula.rotate(tuple(v))) for v in (girdle.ts_mm, girdle.ai_mm)]
+    return [foot_multiplier(point, theta[2:5]) for point in points]
+
+
 def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], feet: list[Array]) -> Chain:
     """The constraints at angles q and adapted parameters theta, from the feet t of TS and AI at a point nearby.
 
@@ -217,7 +228,7 @@ def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], 
     ac_spin = clavicle.spin(to_ac)
 
     g, G, T = [], [], []
-    zero = 0.0 * q[0]
+    zero = xp.zeros_like(q[0])
     qq = [[zero] * (i + 1) for i in range(6)]
     qu = [[zero] * ELLIPSOID for _ in range(6)]
     uu = [[zero] * (i + 1) for i in range(ELLIPSOID)]

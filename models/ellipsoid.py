@@ -11,11 +11,16 @@ Newton on  1 - S^(-1/2),  nearly linear in tau, climbs monotonically to the root
 equation of More and Sorensen, SIAM J. Sci. Stat. Comput. 4, 1983).
 """
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
 from motions.arrays import Array, is_jax, repeat_while, xp
+
+Vector = Sequence[Array] | Array
+"""Three components: an array of them, or each by itself."""
 
 _UNROLLED_STEPS = 3
 """Newton steps every point takes; a point within 60 mm of a thorax needs no more, deep ones go on in a loop."""
@@ -66,11 +71,10 @@ def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) ->
     return a * a * p / (root(p, a)[None] + _beyond_shortest(a))
 
 
-def foot_multiplier(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
-    """t of p - x = t (x_i / a_i^2), mm^2, x the closest point."""
-    x = closest_point(p, a)
-    m = x / (a * a)
-    return ((p - x) * m).sum(axis=0) / (m * m).sum(axis=0)
+def foot_multiplier(p: Vector, a: Vector) -> Array:
+    """t of p - x = t (x_i / a_i^2), mm^2, x the closest point. Of components, as everything below."""
+    nudged = tuple(x + xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y for x, y in zip(p, a, strict=True))
+    return _largest_root(nudged, a) - _shortest(a) ** 2
 
 
 def _beyond_shortest(a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
@@ -84,28 +88,35 @@ def _outward_normal(x: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) 
     return gradient / xp.sqrt((gradient * gradient).sum(axis=0))[None]
 
 
-def _secular(tau, p, a):
+def _shortest(a: Vector) -> Array:
+    return xp.minimum(xp.minimum(a[0], a[1]), a[2])
+
+
+def _secular(tau, p: Vector, a: Vector) -> tuple[Array, Array]:
     """S and -dS/dtau / 2 at tau = t + min a^2."""
-    inverse = 1.0 / (tau[None] + _beyond_shortest(a))
-    terms = (a * p * inverse) ** 2
-    return terms.sum(axis=0), (terms * inverse).sum(axis=0)
+    shortest = _shortest(a)
+    inverse = [1.0 / (tau + (x - shortest) * (x + shortest)) for x in a]
+    terms = [(x * y * z) ** 2 for x, y, z in zip(a, p, inverse, strict=True)]
+    half_slope = terms[0] * inverse[0] + terms[1] * inverse[1] + terms[2] * inverse[2]
+    return terms[0] + terms[1] + terms[2], half_slope
 
 
-def _largest_root(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
-
+def _largest_root(p: Vector, a: Vector) -> Array:
     def newton(tau):
         S, half_slope = _secular(tau, p, a)
         return tau + (xp.sqrt(S) - 1.0) * S / half_slope, S
 
     # One term of S alone reaches 1 at `below`: the root lies to its right, and Newton from the left never passes it.
-    below = (a * abs(p) - _beyond_shortest(a)).max(axis=0)
-    tau = xp.maximum(below, newton(a.min(axis=0) ** 2)[0])  # tau = min a^2 is the surface itself
+    shortest = _shortest(a)
+    left = [y * abs(x) - (y - shortest) * (y + shortest) for x, y in zip(p, a, strict=True)]
+    below = xp.maximum(xp.maximum(left[0], left[1]), left[2])
+    tau = xp.maximum(below, newton(shortest**2)[0])  # tau = min a^2 is the surface itself
     for _ in range(_UNROLLED_STEPS - 1):
         tau, _ = newton(tau)
 
     def unfinished(carry):
         step, _, S = carry
-        return (step < _MAX_STEPS) & (abs(S - 1.0) > _LAST_STEP).any()
+        return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP)
 
     def again(carry):
         step, tau, _ = carry

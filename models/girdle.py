@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from models.ellipsoid import foot_multiplier, signed_distance_mm
+from models.ellipsoid import signed_distance_mm
 from motions.arrays import Array, xp
 from motions.rotations import rotate, rotation_from_cardan
 
@@ -130,14 +130,6 @@ def landmarks(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Landmarks:
 def constraint_residuals_mm(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
     """A1, A2, A3 in mm of six angles in radians: clavicle (y, z, x), scapula (y, z, x) (thesis, Appendix A)."""
     return chain_residuals_mm(girdle, *bone_rotations(angles))
-
-
-def feet(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> list[Float[Array, " *batch"]]:
-    """t of the foot points of TS and AI on the ellipsoid, mm^2: where ``models.derivatives.chain`` starts."""
-    at = landmarks(girdle, angles)
-    return [
-        foot_multiplier(*xp.broadcast_arrays(point - girdle.centre_mm, girdle.semi_axes_mm)) for point in (at.TS, at.AI)
-    ]
 
 
 def _length(v: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:

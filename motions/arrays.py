@@ -1,6 +1,7 @@
-"""One text for numpy and JAX: at once on numpy's arrays where there is little to do, compiled where there is much.
+"""One text, three engines: at once on numpy's arrays, compiled by JAX, or as machine code (``motions.machine``).
 
-A compiled program takes seconds to load, even from the cache; a few hundred lanes take numpy less than that.
+What is done along an axis before the lanes (postures of a subject, points of a thorax) is said of one place, with
+``along``: on arrays of all places at once, in machine code in a loop.
 """
 
 from collections.abc import Callable
@@ -9,6 +10,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from motions.machine import Lane, Loop, Row
 
 Array = Any
 """numpy's or JAX's: what comes in goes out. A type checker cannot follow which, so it is told nothing."""
@@ -35,6 +38,8 @@ class _Either:
 
         def call(*arguments: Any, **options: Any) -> Any:
             for x in arguments:
+                if type(x) is Lane:
+                    return getattr(x.code, name)(*arguments, **options)
                 if type(x) is not np.ndarray and is_jax(x):
                     return traced(*arguments, **options)
             return at_once(*arguments, **options)
@@ -47,8 +52,11 @@ xp: Any = _Either()
 
 
 def repeat_while(unfinished: Callable[[Any], Any], advance: Callable[[Any], Any], state: Any) -> Any:
-    """``jax.lax.while_loop``, at once on numpy's arrays."""
-    if is_jax(jax.tree.leaves(state)):
+    """``jax.lax.while_loop``, at once on numpy's arrays; of ``Lane``s each goes on for itself."""
+    leaves = jax.tree.leaves(state)
+    if code := _code_of(leaves):
+        return code.repeat_while(unfinished, advance, state)
+    if is_jax(leaves):
         return jax.lax.while_loop(unfinished, advance, state)
     while unfinished(state):
         state = advance(state)
@@ -57,7 +65,10 @@ def repeat_while(unfinished: Callable[[Any], Any], advance: Callable[[Any], Any]
 
 def repeat(times: int, advance: Callable[[Any], Any], state: Any) -> Any:
     """So many times in a row: ``jax.lax.fori_loop``, at once on numpy's arrays."""
-    if is_jax(jax.tree.leaves(state)):
+    leaves = jax.tree.leaves(state)
+    if code := _code_of(leaves):
+        return code.repeat(times, advance, state)
+    if is_jax(leaves):
         return jax.lax.fori_loop(0, times, lambda _, x: advance(x), state)
     for _ in range(times):
         state = advance(state)
@@ -69,3 +80,42 @@ def for_each(function: Callable[..., Any], *arrays: Any, like: Any) -> Any:
     if is_jax(like):
         return jax.vmap(function)(*map(jnp.asarray, arrays))
     return jax.tree.map(lambda *x: np.stack(x), *map(function, *arrays))
+
+
+def _code_of(leaves: list[Any]) -> Any:
+    """Where their arithmetic is written to, if some are ``Lane``s."""
+    return next((x.code for x in leaves if type(x) is Lane), None)
+
+
+class Whole:
+    """All places of an axis at once, which is the first one of each array."""
+
+    def __init__(self, counted: Array | None):
+        self._counted = counted
+
+    def reduced(self, function: Callable[..., tuple[Any, Any, Any]], *trees: Any) -> tuple[Any, Any, Any]:
+        """The function gives, of one place in each of the trees: what is summed over the places that count; that of
+        which the largest is wanted (0 if none counts); and what is kept of each."""
+        sums, worst, kept = function(*trees)
+        total = jax.tree.map(lambda x: xp.sum(self._of_counted(x), axis=0), sums)
+        return total, jax.tree.map(lambda x: xp.max(self._of_counted(x), axis=0, initial=0.0), worst), kept
+
+    def advanced(self, taken: Array, function: Callable[..., tuple[Any, Any, Any]], old: Any, *trees: Any):
+        """The same; in the ``taken`` lanes what is kept takes the place of ``old``, the function's first tree."""
+        sums, worst, kept = self.reduced(function, old, *trees)
+        return sums, worst, jax.tree.map(lambda new, before: xp.where(taken, new, before), kept, old)
+
+    def _of_counted(self, x: Array) -> Array:
+        return x if self._counted is None else xp.where(self._counted, x, 0.0)
+
+
+def along(like: Any, counted: Any = None) -> Any:
+    """Over the places of an axis, those of ``like``; ``counted`` (truths) says which have a part in sums."""
+    return Loop(like, counted) if isinstance(like, Row) else Whole(counted)
+
+
+def stacked(components: Any) -> Any:
+    """Components as one array, where they are arrays; anything else as it is."""
+    if not isinstance(components, (list, tuple)) or type(components[0]) in (Lane, Row):
+        return components
+    return xp.stack(components)

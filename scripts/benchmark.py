@@ -7,6 +7,7 @@ both is compared subject by subject. Ratios are medians over the repeats, beside
 """
 
 import json
+import math
 import multiprocessing
 import os
 import resource
@@ -29,13 +30,16 @@ import numpy as np  # noqa: E402
 import typer  # noqa: E402
 from oracles import bones, ipopt_call, slsqp  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from adapt.adaptation import lanes, lanes_at, solved_from_geometric_fit  # noqa: E402
+from adapt.adaptation import lanes, lanes_at, problem_of, solved_from_geometric_fit, subjects_kernel  # noqa: E402
 from adapt.batch import pack  # noqa: E402
 from adapt.cache import keep_compiled  # noqa: E402
 from adapt.differentiable import nested_objective  # noqa: E402
 from adapt.fit import fit_lanes  # noqa: E402
+from adapt.kernel import Kernel  # noqa: E402
 from adapt.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
+from adapt.sweep import Fixed, Start  # noqa: E402
 from models import load_model  # noqa: E402
+from motions.arrays import repeat  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from motions.simulation import simulate_subjects  # noqa: E402
 
@@ -143,6 +147,60 @@ def nested_seconds(model: str, subjects: int) -> float:
     return timed(run) / subjects
 
 
+def operations_of_iteration(postures: int, points: int) -> int:
+    """Additions, multiplications, divisions and roots of one iteration of one subject, counted in its machine code."""
+    code = subjects_kernel.code()
+    code.text()
+    lengths = {"posture": postures, "point": points}
+    total = 0
+    for path, count in code.operations.items():
+        if path[:2] == ("block", "while"):
+            times = [lengths[word] if word in lengths else int(word.split(".")[1]) for word in path[2:]]
+            total += count * math.prod(times)
+    return total
+
+
+def _chains(x: Any) -> list[Any]:
+    def longer(values: list[Any]) -> list[Any]:
+        for _ in range(_LINKS):
+            values = [0.999 * value + 0.5 for value in values]
+        return values
+
+    return repeat(_PEAK_ROUNDS, longer, [x + float(k) for k in range(_CHAINS)])
+
+
+_CHAINS, _LINKS, _PEAK_ROUNDS = 12, 32, 1000
+"""Independent multiply-adds, enough to hide that each takes four cycles; those between two looks at memory; and how
+often."""
+
+PEAK = Kernel("peak", _chains, ("",), str(_CHAINS), 64)
+"""Nothing but multiply-adds of registers, by the compiler and the threads of the fits."""
+
+
+def peak_gflops() -> float:
+    """What this machine reaches at best, while the benchmark runs."""
+    x = np.ones(64 * 8 * (os.cpu_count() or 1))
+    PEAK.by_machine(x)
+    return len(x) * _CHAINS * _LINKS * _PEAK_ROUNDS * 2 / timed(lambda: PEAK.by_machine(x)) / 1e9
+
+
+def sweep_gflops(data: Any) -> tuple[float, int]:
+    """Of the first iterations of every subject, those of lanes that wait for their partners not counted; and of one
+    iteration of a subject, operations."""
+    postures, lanes_ = data.counted.shape
+    problem = problem_of(data, np.full(lanes_, WEIGHT))
+    theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
+    start = Start(theta, data.angles, np.zeros((3, postures, lanes_)), np.zeros(lanes_, bool))
+    fixed = Fixed(data.girdle, data.points_mm, data.shares, problem)
+    operations = operations_of_iteration(postures, data.shares.shape[0])
+
+    def run() -> Any:
+        return subjects_kernel.by_machine(fixed, start, np.full(lanes_, 10.0))
+
+    done = run().iterations.sum()
+    return float(done) * operations / timed(run) / 1e9, operations
+
+
 def spread(values: list[float]) -> dict[str, float]:
     return {"median": float(np.median(values)), "least": min(values), "most": max(values)}
 
@@ -181,7 +239,9 @@ def benchmark(
     known = np.isfinite(measured)
     fitted = fit_lanes(girdles, measured, known)
 
-    rows: dict[str, list[float]] = {key: [] for key in ("adapt", "ipopt", "single", "fit", "slsqp")}
+    keys = ("adapt", "ipopt", "single", "fit", "slsqp", "gflops", "peak_gflops")
+    rows: dict[str, list[float]] = {key: [] for key in keys}
+    operations = 0
     E_ipopt, J_slsqp = np.empty(0), np.empty(0)
     for _ in range(repeats):
         rows["adapt"].append(subjects / timed(lambda: solved_from_geometric_fit(data)))
@@ -191,6 +251,9 @@ def benchmark(
         rows["fit"].append(count / timed(lambda: fit_lanes(girdles, measured, known)))
         seconds, J_slsqp = on_all_cores(slsqp_share, model, 2 * peers, subjects)
         rows["slsqp"].append(2 * peers / seconds)
+        reached, operations = sweep_gflops(data)
+        rows["gflops"].append(reached)
+        rows["peak_gflops"].append(peak_gflops())
     cores = os.cpu_count() or 1
     E = values_of(data, ours)[:peers]
     off = E / E_ipopt - 1.0
@@ -201,6 +264,7 @@ def benchmark(
         "adapt_vs_ipopt": [a / b for a, b in zip(rows["adapt"], rows["ipopt"], strict=True)],
         "adapt_single_vs_ipopt": [a / (b / cores) for a, b in zip(rows["single"], rows["ipopt"], strict=True)],
         "fit_vs_slsqp": [a / b for a, b in zip(rows["fit"], rows["slsqp"], strict=True)],
+        "share_of_peak": [a / b for a, b in zip(rows["gflops"], rows["peak_gflops"], strict=True)],
     }
     result = {
         **{key: float(np.median(values)) for key, values in ratio.items()},
@@ -212,6 +276,7 @@ def benchmark(
         "spread": {key: spread(values) for key, values in (ratio | rows).items()},
         "subjects_vs_nested_jaxopt": float(np.median(rows["adapt"])) * nested_seconds(model, 3),
         "seconds_of_subjects": seconds,
+        "operations_of_one_iteration": operations,
         "agreement": {
             "converged": float(np.mean(ours.converged)),
             "same_as_ipopt": float(np.mean(np.abs(off) <= SAME_E)),

@@ -2,22 +2,28 @@
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxtyping import Array
 
-from adapt.chunks import compiled, in_chunks, resumed
+from adapt.chunks import compiled, in_chunks, in_rounds
 
 SIZE = 64
 
 
-class Count(NamedTuple):
-    """Something iterated: halved until it is at most 1."""
+class Begin(NamedTuple):
+    """Where something is iterated from."""
 
-    value: Array
-    steps: Array
-    converged: Array
+    value: np.ndarray
+    converged: np.ndarray
+
+
+class Count(NamedTuple):
+    """Where it ended: halved until it is at most 1, if the iterations allow it."""
+
+    value: np.ndarray
+    also: np.ndarray
+    iterations: np.ndarray
+    converged: np.ndarray
 
 
 @pytest.mark.parametrize("lanes", [1, 7, 8, 9, 63, 64, 65, 200])
@@ -59,21 +65,22 @@ def test_who_has_converged_is_left_alone():
     """Lanes that end in the first round come back untouched by the others' further rounds."""
     handled = []
 
-    def halved(fixed, state):
-        handled.append(np.asarray(fixed).tolist())
-        value = jnp.where(state.converged, state.value, state.value / 2.0)
-        return Count(value, state.steps + ~state.converged, value <= 1.0)
+    def halved(fixed, start, iterations):
+        handled.append((fixed.tolist(), iterations.tolist()))
+        value = np.where(start.converged, start.value, start.value / 2.0**iterations)
+        return Count(value, start.converged, np.where(start.converged, 0.0, iterations), value <= 1.0)
 
     values = np.array([1.5, 8.0, 0.5, 3.0])
-    start = Count(jnp.asarray(values), jnp.zeros(4, int), jnp.asarray(values <= 1.0))
-    end = resumed(lambda *x: halved(*x), 4, 10, (np.arange(4),), start)
-    np.testing.assert_array_equal(end.value, [0.75, 1.0, 0.5, 0.75])
-    np.testing.assert_array_equal(end.steps, [1, 3, 0, 2])
-    assert [sorted(set(lanes)) for lanes in handled] == [[0, 1, 3], [1, 3], [1]]
+    end = in_rounds(halved, (1, 1, 2), (np.arange(4),), Begin(values, values <= 1.0))
+    np.testing.assert_array_equal(end.value, [0.75, 0.5, 0.5, 0.75])
+    np.testing.assert_array_equal(end.iterations, [1, 4, 0, 2])
+    assert handled == [([0, 1, 2, 3], [1.0] * 4), ([1, 3], [1.0] * 2), ([1], [2.0])]
 
 
 def test_rounds_end_where_nothing_converges():
-    start = Count(jnp.ones(3), jnp.zeros(3, int), jnp.zeros(3, bool))
-    end = resumed(lambda state: state._replace(steps=state.steps + 1), 8, 5, (), start)
-    assert end.steps.tolist() == [5, 5, 5]
+    def stays(start, iterations):
+        return Count(start.value, start.converged, iterations, start.converged)
+
+    end = in_rounds(stays, (3, 2), (), Begin(np.ones(3), np.zeros(3, bool)))
+    assert end.iterations.tolist() == [5, 5, 5]
     assert not end.converged.any()

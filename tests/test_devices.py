@@ -15,11 +15,11 @@ import json
 import jax
 import numpy as np
 from adapt import fit
-from adapt.chunks import in_chunks
 from models import load_model
 from motions.rotations import DEG
 from motions.simulation import simulate_subjects
 
+fit.nearby_kernel.chunk = 64
 target = simulate_subjects(20, seed=2).angles_deg.T / DEG
 count = target.shape[1]
 girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
@@ -32,8 +32,8 @@ def recorded(tree, device):
 
 
 jax.device_put = recorded
-found = in_chunks(fit._nearby, 64, girdle, target)
-expected = in_chunks(fit._nearby, 64, girdle, target, at_once=count)
+found = fit.nearby_kernel.by_jax(girdle, target)
+expected = fit.nearby_kernel.by_machine(girdle, target)
 print(json.dumps({"devices": len(jax.devices()), "used": len(used), "off": float(np.abs(found - expected).max())}))
 """
 
