@@ -73,8 +73,11 @@ def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) ->
 
 def foot_multiplier(p: Vector, a: Vector) -> Array:
     """t of p - x = t (x_i / a_i^2), mm^2, x the closest point. Of components, as everything below."""
-    nudged = tuple(x + xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y for x, y in zip(p, a, strict=True))
-    return _largest_root(nudged, a) - _shortest(a) ** 2
+    off_plane = tuple(
+        xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y)
+        for x, y in zip(p, a, strict=True)
+    )
+    return _largest_root(off_plane, a) - _shortest(a) ** 2
 
 
 def _beyond_shortest(a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:

@@ -75,10 +75,19 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
+def listening(command: list[str], environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
+    """A process that an interrupt reaches, even where the tests run in the background and do not hear one."""
+    heard = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    finally:
+        signal.signal(signal.SIGINT, heard)
+
+
 def started(at: str, *arguments: object) -> subprocess.Popen[str]:
     """The command in a process of its own, when it has come to the stage."""
     command = [sys.executable, str(Path(__file__).with_name("quick_girdle.py")), at, *map(str, arguments)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = listening(command)
     assert process.stdout is not None
     if at != "never":
         assert process.stdout.readline() == f"{at}\n", process.communicate()[1]
@@ -141,7 +150,7 @@ def test_an_interrupt_in_mid_batch_ends_the_real_fits(tmp_path):
     motion = written(tmp_path, [header, *many])
     command = [str(Path(sys.executable).with_name("girdle")), "fit", str(motion), "--out", str(tmp_path / "out")]
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}  # nothing compiled yet: it is at work for long
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    process = listening(command, environment)
     assert process.stderr is not None
     while not (tmp_path / "out").exists() and process.poll() is None:
         pass
