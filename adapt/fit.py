@@ -241,6 +241,7 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     """From ``start`` or from two starts: the fast path, and the careful one for the lanes that need it."""
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
+    girdle = jax.tree.map(np.ascontiguousarray, girdle)  # once, instead of in each call of a kernel
     part: Any
     if start is None:
         quick, sure = _quickly(girdle, target, weights, [np.zeros(6), *_OFFSETS_DEG[: places - 1]])
@@ -288,13 +289,14 @@ def _quickly(
     """
     around = [nearby_kernel(girdle, target + offset[:, None]) for offset in np.asarray(offsets_deg) / DEG]
     starts = [target, *around] if near else around
-    many = jax.tree.map(lambda x: np.concatenate([np.asarray(x)] * len(starts), axis=-1), (girdle, target, weights))
-    found = _swept(many[0], many[1], many[2], np.concatenate(starts, axis=-1))
-    j = np.where(found.converged, mean_square_deg2(found.angles, many[1], many[2]), np.inf).reshape(len(starts), -1)
-    lanes = j.shape[1]
-    lowest = np.argmin(j, axis=0) * lanes + np.arange(lanes)
+    found = [_swept(girdle, target, weights, x) for x in starts]
+    j = np.stack([np.where(x.converged, mean_square_deg2(x.angles, target, weights), np.inf) for x in found])
+    lowest = np.argmin(j, axis=0)
     apart = np.where(np.isfinite(j), j, -np.inf).max(axis=0) > j.min(axis=0) + _SAME_DEG2
-    return lanes_of(found, lowest), np.asarray(np.isfinite(j[:2]).all(axis=0) & ~apart)
+    best = found[0]
+    for k, other in enumerate(found[1:], 1):
+        best = jax.tree.map(lambda x, y, at=lowest == k: np.where(at, y, x), best, other)
+    return best, np.asarray(np.isfinite(j[:2]).all(axis=0) & ~apart)
 
 
 def _swept(girdle: Girdle, target, weights, start) -> Postures:

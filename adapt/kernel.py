@@ -159,6 +159,7 @@ def _threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(_cores())
 
 
+@cache
 def _cores() -> int:
     return os.cpu_count() or 1
 
