@@ -128,6 +128,7 @@ def main(
     others: Annotated[int, typer.Option(min=2, help="The same in each other world.")] = 128,
     model: Annotated[list[str] | None, typer.Option(help="Parameter set; repeatable.")] = None,
     profiles: Annotated[bool, typer.Option(help="Intervals of flat parameters by profiles of E.")] = True,
+    seed: Annotated[int, typer.Option(help="Of the first world's subjects; each other world takes the next.")] = SEED,
 ) -> None:
     """Print, as Markdown, how often the intervals hold the truth. All subjects are simulated."""
     sets = [load_model(name) for name in model or ("R6", "R2", "breteler_dissection")]
@@ -136,10 +137,11 @@ def main(
     for number, world in enumerate(WORLDS):
         for one in sets:
             count = others if number else subjects
-            path = folder / f"{world.name.replace(' ', '_')}-{one.name}-{count}{'' if profiles else '-sd'}.csv"
+            name = f"{world.name.replace(' ', '_')}-{one.name}-{count}-{seed + number}"
+            path = folder / f"{name}{'' if profiles else '-sd'}.csv"
             if not path.exists():
                 print(f"{world.name}: {one.name}", file=sys.stderr, flush=True)
-                write_table(recovered(one, world, count, SEED + number, profiles), path)
+                write_table(recovered(one, world, count, seed + number, profiles), path)
             parts.append(pd.read_csv(path))
     report(pd.concat(parts, ignore_index=True))
 
