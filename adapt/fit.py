@@ -241,22 +241,22 @@ def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
     """From ``start`` or from two starts: the fast path, and the careful one for the lanes that need it."""
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
-    girdle = jax.tree.map(np.ascontiguousarray, girdle)  # once, instead of in each call of a kernel
+    own: Girdle = jax.tree.map(np.ascontiguousarray, girdle)  # once, instead of in each call of a kernel
     part: Any
     if start is None:
-        quick, sure = _quickly(girdle, target, weights, [np.zeros(6), *_OFFSETS_DEG[: places - 1]])
+        quick, sure = _quickly(own, target, weights, [np.zeros(6), *_OFFSETS_DEG[: places - 1]])
         far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
         again = np.flatnonzero(~sure | far) if places < _FAR_PLACES else np.array([], int)
         if len(again):
-            part = lanes_of((girdle, target, weights), again)
+            part = lanes_of((own, target, weights), again)
             others, _ = _quickly(part[0], part[1], part[2], _OFFSETS_DEG[places - 1 : _FAR_PLACES - 1], near=False)
             quick = _with_lower(quick, again, others, part)
     else:
-        quick = _swept(girdle, target, weights, start)
+        quick = _swept(own, target, weights, start)
     left = np.flatnonzero(~quick.converged)
     if not len(left):
         return quick
-    part = lanes_of((girdle, target, weights), left)
+    part = lanes_of((own, target, weights), left)
     careful = _carefully(part[0], part[1], part[2], None if start is None else start[:, left])
     return _with_lower(quick, left, careful, part)
 

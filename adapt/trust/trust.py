@@ -26,8 +26,8 @@ from models.girdle import ADAPTED
 from models.parameters import ParameterSet
 from motions.table import Motions
 
-PARABOLA, PROFILE, BOUNDS, NONE = "parabola", "profile", "bounds", "none"
-"""Where an interval comes from: +-1.96 SD; the profile of E, where SD > FLAT_MM; the bounds, at one of them."""
+PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
+"""Where an interval comes from: +-1.96 SD within the bounds; the bounds, at one of them."""
 
 _ALMOST_NO_POINTS = 1e3
 """Factor on w at which the thorax points only decide what the motion leaves open: D counts a thousandth."""
@@ -88,16 +88,12 @@ def joined(parts: Sequence[Adapted]) -> Adapted:
     return Adapted(**{k: np.concatenate([getattr(part, k) for part in parts], axis=-1) for k in vars(parts[0])})
 
 
-def intervals(
-    data: Lanes, adapted: Adapted, found: Uncertainty, profile: Profile
-) -> tuple[Float[np.ndarray, "2 6 lanes"], np.ndarray]:
+def intervals(data: Lanes, adapted: Adapted, found: Uncertainty) -> tuple[Float[np.ndarray, "2 6 lanes"], np.ndarray]:
     """95 % intervals, mm, within the bounds, and where each comes from."""
     bounds = np.asarray(data.bounds_mm)
     half = NORMAL_95 * found.sd_mm
     ends = np.clip(np.stack([adapted.theta_mm - half, adapted.theta_mm + half]), bounds[:1], bounds[1:])
-    origin = np.where(np.isfinite(half), PARABOLA, NONE).astype("U8")
-    by_profile = np.isfinite(profile.ends_mm).all(axis=0)
-    ends, origin = np.where(by_profile, profile.ends_mm, ends), np.where(by_profile, PROFILE, origin)
+    origin = np.where(np.isfinite(half), PARABOLA, NONE)
     return np.where(found.free, ends, bounds), np.where(found.free, origin, BOUNDS)
 
 
@@ -113,9 +109,11 @@ def uncertainty_table(
 
     ``sd_mm`` is all parts together, as far as the bounds leave room for them, ``sd_noise_mm`` what repeated measurement
     of the same person would scatter by, ``sd_person_mm`` what comes from the thorax points being another person's.
+    ``profile_low_mm`` and ``profile_high_mm``, where SD > ``FLAT_MM``: how far E itself would let the parameter go, a
+    check of the parabola (simulated, the interval holds the truth as often as it should, the profile less often).
     ``points_share``: of what holds the parameter, the share that is the thorax points'.
     """
-    ends, origin = intervals(data, adapted, found, profile)
+    ends, origin = intervals(data, adapted, found)
     good = adapted.status == status.OK
     noise, person, both = sd(found.noise_mm2), sd(found.person_mm2), found.sd_mm
     rows = []
@@ -127,6 +125,7 @@ def uncertainty_table(
             row |= {"parameter": name, "adapted_mm": adapted.theta_mm[k, lane], "prior_mm": own[k]}
             numbers = {"sd_mm": both[k, lane], "sd_noise_mm": noise[k, lane], "sd_person_mm": person[k, lane]}
             numbers |= {"low_mm": ends[0, k, lane], "high_mm": ends[1, k, lane]}
+            numbers |= {f"profile_{end}_mm": profile.ends_mm[i, k, lane] for i, end in enumerate(("low", "high"))}
             numbers |= {"points_share": found.points_share[k, lane]}
             row |= {key: value if good[lane] else np.nan for key, value in numbers.items()}
             row |= {"interval": origin[k, lane] if good[lane] else NONE, "at_bound": int(adapted.at_bound[k, lane])}
