@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis import where
 from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
-from adapt.diagnosis.evidence import Hypothesis, Linear, alike, posterior
+from adapt.diagnosis.evidence import Hypothesis, Linear, Spread, alike, posterior, unlike
 from adapt.diagnosis.expected import expected_effects
 from adapt.diagnosis.heldout import HeldOut, gaps
 from adapt.diagnosis.misfit import misfit
@@ -251,23 +251,27 @@ def _amplitudes(
     highest = float(data.elevation_deg[data.counted].max())
     found = {}
     for name in named:
-        fitted = next(one for one in ranking.fitted if len(one.hypothesis) == len(best) and name in one.hypothesis)
-        found[name] = _channels(fitted, [e for e in effects if e.name in fitted.hypothesis], name, highest)
+        k = next(k for k, h in enumerate(ranking.hypotheses) if len(h) == len(best) and name in h)
+        spread = unlike if ranking.unlike[k] > 0.0 else alike
+        at_work = [e for e in effects if e.name in ranking.hypotheses[k]]
+        found[name] = _channels(ranking.fitted[k], spread, at_work, name, highest)
     return found
 
 
-def _channels(fitted: Linear, effects: Sequence[Effect], name: str, elevation_deg: float) -> tuple[Amplitude, ...]:
-    mean = posterior(fitted, alike(fitted.scale))
+def _channels(
+    fitted: Linear, spread: Spread, effects: Sequence[Effect], name: str, elevation_deg: float
+) -> tuple[Amplitude, ...]:
+    mean = posterior(fitted, spread(fitted.scale))
     before = [one.name for one in effects].index(name)
     effect, first = effects[before], sum(one.amplitudes for one in effects[:before])
     part = slice(first, first + effect.amplitudes)
     # The strengths at one elevation are linear in the amplitudes.
     L = np.asarray(effect.at(jnp.eye(effect.amplitudes), jnp.full(effect.amplitudes, elevation_deg)))
     value = L @ mean.a[:, part].mean(axis=0)
-    spread = _INTERVAL * np.sqrt(np.diagonal(L @ mean.mean_covariance[part, part] @ L.T))
+    half = _INTERVAL * np.sqrt(np.diagonal(L @ mean.mean_covariance[part, part] @ L.T))
     return tuple(
-        Amplitude(channel, float(v), float(v - s), float(v + s))
-        for channel, v, s in zip(effect.channels, value, spread, strict=True)
+        Amplitude(channel, float(v), float(v - h), float(v + h))
+        for channel, v, h in zip(effect.channels, value, half, strict=True)
     )
 
 

@@ -6,18 +6,15 @@ So does one that leaves more scatter between postures than the noise of the angl
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import Block, Linear, alike, log_evidence, log_sum, over_noise, unlike
+from adapt.diagnosis.evidence import Block, Linear, Spread, alike, log_evidence, log_sum, over_noise, unlike
 from adapt.diagnosis.observed import NoiseEstimate, Observed
 from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
-
-Spread = Callable[[Float[np.ndarray, " amplitudes"]], Block]
-"""alike or unlike."""
 
 SMOOTH, FINE = 3, 6
 """Terms over elevation in each motion: a constant, a slope and a bend; or nearly any course of seven postures."""

@@ -11,7 +11,7 @@ by adding them.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,6 +51,10 @@ def alike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
 def unlike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
     """Amplitudes that every subject has for itself, of either sign."""
     return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale)
+
+
+Spread = Callable[[Float[np.ndarray, " amplitudes"]], Block]
+"""alike or unlike."""
 
 
 @dataclass(frozen=True)
