@@ -99,7 +99,7 @@ class Kernel:
 
     def _run(self, arrays: list[np.ndarray], sizes: list[int]) -> None:
         function, rows = self._function
-        pointers = (ctypes.c_void_p * len(arrays))(*(x.ctypes.data for x in arrays))
+        pointers = (ctypes.c_void_p * len(arrays))(*(x.__array_interface__["data"][0] for x in arrays))
         lengths = (ctypes.c_int64 * len(sizes))(*sizes)
         blocks = -(-sizes[0] // WIDTH)
         turns = iter(range(0, blocks, _BLOCKS_A_TURN))
