@@ -68,7 +68,7 @@ def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) ->
     """The point of the surface nearest to p, both relative to the centre and along the axes, in mm."""
     p = p + xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a
     root = _secular_root if is_jax([p, a]) else _largest_root
-    return a * a * p / (root(p, a)[None] + _beyond_shortest(a))
+    return a * a * p / (root(p, a)[None] + xp.stack(_beyond_shortest(a)))
 
 
 def foot_multiplier(p: Vector, a: Vector) -> Array:
@@ -80,10 +80,14 @@ def foot_multiplier(p: Vector, a: Vector) -> Array:
     return _largest_root(off_plane, a) - _shortest(a) ** 2
 
 
-def _beyond_shortest(a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
+def _shortest(a: Vector) -> Array:
+    return xp.minimum(xp.minimum(a[0], a[1]), a[2])
+
+
+def _beyond_shortest(a: Vector) -> list[Array]:
     """a_i^2 - min a^2 as a product, which is exactly 0 for the shortest axis however the compiler fuses it."""
-    shortest = a.min(axis=0)[None]
-    return (a - shortest) * (a + shortest)
+    shortest = _shortest(a)
+    return [(x - shortest) * (x + shortest) for x in a]
 
 
 def _outward_normal(x: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
@@ -91,14 +95,9 @@ def _outward_normal(x: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) 
     return gradient / xp.sqrt((gradient * gradient).sum(axis=0))[None]
 
 
-def _shortest(a: Vector) -> Array:
-    return xp.minimum(xp.minimum(a[0], a[1]), a[2])
-
-
 def _secular(tau, p: Vector, a: Vector) -> tuple[Array, Array]:
     """S and -dS/dtau / 2 at tau = t + min a^2."""
-    shortest = _shortest(a)
-    inverse = [1.0 / (tau + (x - shortest) * (x + shortest)) for x in a]
+    inverse = [1.0 / (tau + beyond) for beyond in _beyond_shortest(a)]
     terms = [(x * y * z) ** 2 for x, y, z in zip(a, p, inverse, strict=True)]
     half_slope = terms[0] * inverse[0] + terms[1] * inverse[1] + terms[2] * inverse[2]
     return terms[0] + terms[1] + terms[2], half_slope
@@ -110,10 +109,9 @@ def _largest_root(p: Vector, a: Vector) -> Array:
         return tau + (xp.sqrt(S) - 1.0) * S / half_slope, S
 
     # One term of S alone reaches 1 at `below`: the root lies to its right, and Newton from the left never passes it.
-    shortest = _shortest(a)
-    left = [y * abs(x) - (y - shortest) * (y + shortest) for x, y in zip(p, a, strict=True)]
+    left = [y * abs(x) - beyond for x, y, beyond in zip(p, a, _beyond_shortest(a), strict=True)]
     below = xp.maximum(xp.maximum(left[0], left[1]), left[2])
-    tau = xp.maximum(below, newton(shortest**2)[0])  # tau = min a^2 is the surface itself
+    tau = xp.maximum(below, newton(_shortest(a) ** 2)[0])  # tau = min a^2 is the surface itself
     for _ in range(_UNROLLED_STEPS - 1):
         tau, _ = newton(tau)
 

@@ -184,21 +184,20 @@ def peak_gflops() -> float:
     return len(x) * _CHAINS * _LINKS * _PEAK_ROUNDS * 2 / timed(lambda: PEAK.by_machine(x)) / 1e9
 
 
-def sweep_gflops(data: Any) -> tuple[float, int]:
-    """Of the first iterations of every subject, those of lanes that wait for their partners not counted; and of one
-    iteration of a subject, operations."""
+def sweep_gflops(data: Any, operations: int) -> float:
+    """Of the first iterations of every subject, of so many operations each; those of lanes that wait for their partners
+    are not counted."""
     postures, lanes_ = data.counted.shape
     problem = problem_of(data, np.full(lanes_, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, lanes_)), np.zeros(lanes_, bool))
     fixed = Fixed(data.girdle, data.points_mm, data.shares, problem)
-    operations = operations_of_iteration(postures, data.shares.shape[0])
 
     def run() -> Any:
         return subjects_kernel.by_machine(fixed, start, np.full(lanes_, 10.0))
 
     done = run().iterations.sum()
-    return float(done) * operations / timed(run) / 1e9, operations
+    return float(done) * operations / timed(run) / 1e9
 
 
 def spread(values: list[float]) -> dict[str, float]:
@@ -241,7 +240,7 @@ def benchmark(
 
     keys = ("adapt", "ipopt", "single", "fit", "slsqp", "gflops", "peak_gflops")
     rows: dict[str, list[float]] = {key: [] for key in keys}
-    operations = 0
+    operations = operations_of_iteration(data.counted.shape[0], data.shares.shape[0])
     E_ipopt, J_slsqp = np.empty(0), np.empty(0)
     for _ in range(repeats):
         rows["adapt"].append(subjects / timed(lambda: solved_from_geometric_fit(data)))
@@ -251,8 +250,7 @@ def benchmark(
         rows["fit"].append(count / timed(lambda: fit_lanes(girdles, measured, known)))
         seconds, J_slsqp = on_all_cores(slsqp_share, model, 2 * peers, subjects)
         rows["slsqp"].append(2 * peers / seconds)
-        reached, operations = sweep_gflops(data)
-        rows["gflops"].append(reached)
+        rows["gflops"].append(sweep_gflops(data, operations))
         rows["peak_gflops"].append(peak_gflops())
     cores = os.cpu_count() or 1
     E = values_of(data, ours)[:peers]

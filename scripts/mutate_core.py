@@ -66,10 +66,7 @@ EQUIVALENT: dict[str, str] = {
     "models/ellipsoid.py: return (step + 1, *newton(tau)): 1 -> 2": (
         "30 steps are more than the 25 that any point needs"
     ),
-    "models/ellipsoid.py: tau = xp.maximum(below, newton(a.min(axis=0) ** 2)[0])  "
-    "# tau = min a^2 is the surface itself: "
-    "a.min(axis=0) -> a.max(axis=0)": "another start of the same root",
-    "models/ellipsoid.py: return (step < _MAX_STEPS) & (abs(S - 1.0) > _LAST_STEP).any(): 1.0 -> 1.5": (
+    "models/ellipsoid.py: return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP): 1.0 -> 1.5": (
         "all steps are taken, the later ones for nothing"
     ),
     "models/ellipsoid.py: _OFF_PLANE = 1e-13: 1e-13 -> 1.5000000000000002e-13": _ANY_SHARE,
