@@ -14,8 +14,8 @@ from adapt.diagnosis.evidence import (
     alike,
     log_evidence,
     log_sum,
-    over_noise,
     posterior,
+    products,
     statistics,
     unlike,
 )
@@ -154,14 +154,14 @@ def test_extra_columns_are_further_amplitudes_with_a_prior_of_their_own():
     more = np.random.default_rng(5).standard_normal((SUBJECTS, RESIDUALS, MORE))
     block = shifted(fitted.scale) + unlike(np.array([0.7, 1.3]))
     wider = replace(fitted, A=np.concatenate([fitted.A, more], axis=2))
-    assert_same(log_evidence(statistics(fitted, more), block), dense(wider, block).log_evidence)
+    assert_same(log_evidence(products(fitted, more).at(), block), dense(wider, block).log_evidence)
 
 
 def test_extra_columns_that_cannot_act_change_nothing():
     fitted = linear_of(6)
     more = np.random.default_rng(7).standard_normal((SUBJECTS, RESIDUALS, MORE))
     block = alike(fitted.scale)
-    with_more = log_evidence(statistics(fitted, more), block + alike(np.zeros(MORE)))
+    with_more = log_evidence(products(fitted, more).at(), block + alike(np.zeros(MORE)))
     assert_same(with_more, log_evidence(statistics(fitted), block))
 
 
@@ -184,7 +184,7 @@ def test_other_noise_is_that_of_the_dense_gaussian(prior, share):
 def test_noise_integrated_out_is_the_mixture_of_the_dense_gaussians(prior):
     fitted, block = linear_of(), prior(linear_of().scale)
     shares = [(0.8, 0.3), (1.0, 0.5), (1.3, 0.2)]
-    found = log_sum([log_evidence(of, block) for of in over_noise(fitted, shares)])
+    found = log_sum([log_evidence(of, block) for of in products(fitted).over_noise(shares)])
     expected = [np.log(weight) + dense(fitted, block, noise=share).log_evidence for share, weight in shares]
     assert found == pytest.approx(np.logaddexp.reduce(expected), rel=SAME)
 
@@ -193,7 +193,10 @@ def test_more_columns_keep_their_meaning_at_other_noise():
     """A column acts on the measurement: as columns of the hypothesis do."""
     fitted = linear_of()
     less = replace(fitted, A=fitted.A[..., :3], scale=fitted.scale[:3], linear=fitted.linear)
-    (whole,), (split,) = over_noise(fitted, [(0.7, 1.0)]), over_noise(less, [(0.7, 1.0)], fitted.A[..., 3:])
+    (whole,), (split,) = (
+        products(fitted).over_noise([(0.7, 1.0)]),
+        products(less, fitted.A[..., 3:]).over_noise([(0.7, 1.0)]),
+    )
     np.testing.assert_allclose(split.information, whole.information, rtol=SAME, atol=SAME)
     np.testing.assert_allclose(split.pull, whole.pull, rtol=SAME, atol=SAME)
     assert split.log == pytest.approx(whole.log, rel=SAME)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import Block, Linear, Spread, alike, log_evidence, log_sum, over_noise, unlike
+from adapt.diagnosis.evidence import Block, Linear, Spread, alike, log_evidence, log_sum, products, unlike
 from adapt.diagnosis.observed import NoiseEstimate, Observed
 from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
@@ -78,9 +78,9 @@ def _scatters(fitted: Linear) -> list[Kind]:
 
 def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]) -> float:
     """The most of any kind and size; the noise is integrated out, with and without."""
-    without = log_sum([log_evidence(of, prior) for of in over_noise(fitted, noises)])
+    without = log_sum([log_evidence(of, prior) for of in products(fitted).over_noise(noises)])
     gains = []
     for columns, spread in kinds:
-        with_more, one = over_noise(fitted, noises, columns), np.ones(columns.shape[2])
+        with_more, one = products(fitted, columns).over_noise(noises), np.ones(columns.shape[2])
         gains += [log_sum([log_evidence(of, prior + spread(one * s)) for of in with_more]) for s in _SCALES_MM]
     return max(gains) - without

@@ -24,6 +24,8 @@ THETA_SD_MM = np.array([30.0, 8.0, 6.0, 30.0, 12.0, 3.0])
 """Prior SD of a subject's adapted parameters about the model's own, in the order of ADAPTED: the spread between
 subjects of Table 6.5 (R2: 31, 6, 3, 24, 17, 2 mm), rounded."""
 
+_ADAPTED = len(THETA_SD_MM)
+
 BETWEEN_SUBJECTS = 0.3
 """Prior SD of a subject's amplitude about the common one, as a share of the effect's scale."""
 
@@ -118,28 +120,50 @@ class Statistics:
     pull: Float[np.ndarray, "subjects amplitudes"]
 
 
-def statistics(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more"] | None = None) -> Statistics:
-    """Sufficient statistics of the amplitudes; ``extra`` are further columns beside those of the hypothesis."""
-    columns = fitted.A if extra is None else np.concatenate([fitted.A, extra], axis=2)
-    marginal = np.eye(fitted.y.shape[1]) + fitted.X @ np.swapaxes(fitted.X, 1, 2)
-    root = np.linalg.cholesky(marginal)
-    both = np.linalg.solve(root, np.concatenate([fitted.linear[..., None], columns], axis=2))
-    b, B = both[..., 0], both[..., 1:]
-    log = -0.5 * (b**2).sum() - np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
-    return Statistics(float(log), np.swapaxes(B, 1, 2) @ B, np.einsum("srk,sr->sk", B, b))
+@dataclass(frozen=True)
+class Products:
+    """Inner products over a subject's residuals: all that evidence needs of them, whatever the noise and the spread."""
+
+    gram: Float[np.ndarray, "subjects columns columns"]
+    """Of the columns X, linear, A and what is beside A."""
+    residuals: int
+    """How many there are, of all subjects."""
+    spread: float
+    """That X is for."""
+
+    def at(self, noise_share: float = 1.0, spread: float | None = None) -> Statistics:
+        """What is left once the adapted parameters are integrated out.
+
+        From (1 + X X')^-1 = 1 - X (1 + X'X)^-1 X' and det(1 + X X') = det(1 + X'X): 6x6 in place of residuals squared.
+        """
+        unit = np.ones(self.gram.shape[1])
+        unit[:_ADAPTED] = 1.0 if spread is None else spread / self.spread
+        gram = self.gram * np.outer(unit, unit) / noise_share**2
+        root = np.linalg.cholesky(np.eye(_ADAPTED) + gram[:, :_ADAPTED, :_ADAPTED])
+        through = np.linalg.solve(root, gram[:, :_ADAPTED, _ADAPTED:])
+        left = gram[:, _ADAPTED:, _ADAPTED:] - np.swapaxes(through, 1, 2) @ through
+        log = -0.5 * left[:, 0, 0].sum() - np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
+        return Statistics(float(log), left[:, 1:, 1:], left[:, 1:, 0])
+
+    def over_noise(self, shares: Sequence[tuple[float, float]], spread: float | None = None) -> list[Statistics]:
+        """The same for each share of the noise there may be, its probability included: their evidences add up."""
+        found = []
+        for share, probability in shares:
+            of = self.at(share, spread)
+            found.append(replace(of, log=of.log + math.log(probability) - self.residuals * math.log(share)))
+        return found
 
 
-def over_noise(
-    fitted: Linear,
-    shares: Sequence[tuple[float, float]],
-    extra: Float[np.ndarray, "subjects residuals more"] | None = None,
-) -> list[Statistics]:
-    """The same for each share of the noise there may be, its probability included: their evidences add up."""
-    residuals, found = np.count_nonzero(fitted.y), []
-    for share, probability in shares:
-        of = statistics(fitted.with_noise(share), None if extra is None else extra / share)
-        found.append(replace(of, log=of.log + math.log(probability) - residuals * math.log(share)))
-    return found
+def products(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more"] | None = None) -> Products:
+    """Inner products of a fitted hypothesis; ``extra`` are further columns beside its own."""
+    more = () if extra is None else (extra,)
+    columns = np.concatenate([fitted.X, fitted.linear[..., None], fitted.A, *more], axis=2)
+    return Products(np.swapaxes(columns, 1, 2) @ columns, np.count_nonzero(fitted.y), fitted.spread)
+
+
+def statistics(fitted: Linear) -> Statistics:
+    """Sufficient statistics of the amplitudes."""
+    return products(fitted).at()
 
 
 def log_evidence(of: Statistics, prior: Block) -> float:

@@ -17,7 +17,7 @@ from adapt.diagnosis.evidence import (
     common_amplitude,
     log_evidence,
     log_sum,
-    over_noise,
+    products,
     statistics,
     unlike,
 )
@@ -105,9 +105,10 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
 def _weighed(fitted: Linear, effects: Sequence[Effect], noise: NoiseEstimate) -> _Weighed:
     """Evidence summed over the noise there may be, the spreads of the adapted parameters, and the amplitudes' sizes,
     alike or unlike."""
+    inner = products(fitted)
     alike_logs, unlike_logs = np.empty(len(_SPREADS)), np.empty(len(_SPREADS))
     for k, spread in enumerate(_SPREADS):
-        at_noises = over_noise(fitted.with_spread(spread), noise.likely_shares)
+        at_noises = inner.over_noise(noise.likely_shares, spread)
         sized = [(of, size) for of in at_noises for size in _SIZES]
         alike_logs[k] = log_sum([_log_alike(of, fitted.scale, effects, size) for of, size in sized])
         unlike_logs[k] = log_sum([log_evidence(of, unlike(fitted.scale) * size) for of, size in sized])
