@@ -241,6 +241,7 @@ def line_of(found: Diagnosis, single: Ranking) -> Line:
         "gap_deg": {k: asdict(gaps[k]["all"]) for k in ("noise_floor", "adapted", "with_effect")},
         "indistinguishable": found.indistinguishable,
         "detectable": found.detectable,
+        "foreseen": {name: one.named for name, one in found.foreseen.items()},
         "subjects": list(found.subjects),
         "left_out": found.left_out,
     }

@@ -190,12 +190,19 @@ def _shrinkage_error(lines: Iterable[Line]) -> str:
     return f"{100 * np.median(np.abs(found[:, 0] - found[:, 1])):.1f} points ({len(found)})" if len(found) else "-"
 
 
+def _foreseen(lines: Iterable[Line]) -> str:
+    """What the diagnoses themselves foresaw, before they saw a residual, had the effect its typical size."""
+    found = [line["foreseen"][line["label"]] for line in lines if line["label"] in line.get("foreseen", {})]
+    return f"{100 * np.mean(found):.1f} % ({len(found)})" if found else "-"
+
+
 MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
     "true effect in the reported set": ("effect", lambda of: rate(map(covered, of))),
     "the same, of answers 'effect'": ("effect", lambda of: rate(covered(line) for line in of if named(line))),
     "mean size of the reported set": ("effect", _mean_size),
     "most probable effect = true": ("effect", lambda of: rate(most_probable_effect(x) == x["label"] for x in of)),
     "effect at work: named first": ("effect", lambda of: rate(first(line) == line["label"] for line in of)),
+    "the same, foreseen": ("effect", _foreseen),
     "effect at work: confident wrong name": ("effect", lambda of: rate(map(confidently_wrong, of))),
     "effect at work: none": ("effect", lambda of: rate(line["answer"] == NONE for line in of)),
     "effect at work: unknown": ("effect", lambda of: rate(line["answer"] == UNKNOWN for line in of)),

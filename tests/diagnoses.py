@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 from adapt.diagnosis import Amplitude, Changed, Diagnosis
+from adapt.diagnosis.foreseen import Foreseen
 from adapt.diagnosis.heldout import Gap, HeldOut
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.next_measurement import Proposal
@@ -55,6 +56,8 @@ PROPOSALS = [
     Proposal("twice as many subjects (20)", 0.5, 1.2, 0.77),
 ]
 
+SELDOM = Foreseen(0.25, 0.45, {"skin_artefact": 0.3})
+
 SKIN = Diagnosis(
     model="R2",
     subjects=tuple(f"s{k}" for k in range(10)),
@@ -74,6 +77,7 @@ SKIN = Diagnosis(
     constraints=[ConstraintResidual("A1", None, 140, 0.1, None, -2.0, 2.0, None)],
     indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
     detectable=dict.fromkeys(EFFECTS, 1.5) | {"thorax_asymmetry": None, "thorax_shape": 0.15},
+    foreseen=dict.fromkeys(EFFECTS, Foreseen(0.9, 0.1, {})) | {"sc_translation": SELDOM},
     next_measurement=PROPOSALS,
     ranking=cast(Ranking, None),  # what the ranking says is in the other fields
 )

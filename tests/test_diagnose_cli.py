@@ -46,7 +46,8 @@ FILES = sorted(["diagnosis.json", "report.html", "run.json", *TABLES, *FIGURES])
 
 KEYS = {
     *("model", "verdict", "probability", "pairs", "amplitude", "gap_deg", "where", "where_by", "shares"),
-    *("constraints", "parameters", "indistinguishable", "smallest_detectable", "next_measurement", "noise"),
+    *("constraints", "parameters", "indistinguishable", "smallest_detectable", "foreseen"),
+    *("next_measurement", "noise"),
     *("at_other_noise", "expected", "subjects", "left_out", "postures", "best"),
 }
 """The contract of diagnosis.json: scripts of users rely on it."""
@@ -223,6 +224,7 @@ def test_the_notes_name_what_the_verdict_rests_on():
         "Noise: 1.40 deg an angle, estimated from 166 degrees of freedom (landmarks, where given: 2.0 mm).",
         "Were the noise 2.10 deg, the answer would be none.",
         "The motions are marked with skin_artefact: likelier beforehand.",
+        "Such data would name an effect of typical size in 85% of cases, least sc_translation in 25%.",
         "These postures and this noise cannot tell apart conoid_strain and clavicle_axial_estimate.",
         "Left out: s11: 2 postures.",
     ]

@@ -11,6 +11,7 @@ from adapt.diagnosis import where
 from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
 from adapt.diagnosis.evidence import Hypothesis, Linear, Spread, alike, posterior, unlike
 from adapt.diagnosis.expected import expected_effects
+from adapt.diagnosis.foreseen import Foreseen, foresee
 from adapt.diagnosis.heldout import HeldOut, gaps
 from adapt.diagnosis.misfit import misfit
 from adapt.diagnosis.most_probable import fit_hypotheses
@@ -94,6 +95,8 @@ class Diagnosis:
     indistinguishable: list[list[str]]
     detectable: dict[str, float | None]
     """Smallest amplitude of each effect that these data would show, in its unit."""
+    foreseen: dict[str, Foreseen]
+    """What a diagnosis of such data would make of each effect, if it were at work."""
     next_measurement: list[Proposal]
     ranking: Ranking
 
@@ -163,6 +166,7 @@ def _diagnose(
     hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
     postures = closed(girdle, effects, data, noise)
     apart = separation(girdle, effects, hypotheses, postures, noise)
+    foreseen = foresee(girdle, effects, postures, noise)
     progress("every effect")
     ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
     verdict = judge(ranking, names, expected)
@@ -195,6 +199,7 @@ def _diagnose(
         constraints=where.constraint_residuals_mm(data, _at_measured(girdle, data, none)),
         indistinguishable=alike_sets(hypotheses, apart),
         detectable=smallest_detectable(girdle, effects, postures, noise),
+        foreseen=foreseen,
         next_measurement=propose(girdle, effects, _candidates(ranking, verdict), data, noise),
         ranking=ranking,
     )

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.evidence import THETA_SD_MM, Hypothesis, alike
-from adapt.diagnosis.misfit import free_columns, misfit, prior_z
+from adapt.diagnosis.misfit import columns_of, free_columns, misfit, prior_z
 from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
@@ -32,7 +32,7 @@ _CLOSING_STEPS = 12
 _SIZES = 2.0 ** np.arange(-4.0, 4.5, 0.5)
 """Shares of an effect's scale tried for the smallest detectable amplitude."""
 
-_MOST_SUBJECTS = 24
+MOST_SUBJECTS = 24
 """More subjects are represented by so many: which effects look alike does not change, the size of D does."""
 
 
@@ -116,8 +116,11 @@ def _prior(girdle: Girdle, effects, lanes: int):
     return np.repeat(prior_z(girdle, effects)[:, None], lanes, axis=1)
 
 
-def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:
-    data = data.of_subjects(np.arange(min(data.counted.shape[1], _MOST_SUBJECTS)))
+def slopes(
+    girdle: Girdle, effects: tuple[Effect, ...], hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
+) -> tuple[Float[np.ndarray, "subjects residuals 6"], list[Float[np.ndarray, "subjects residuals amplitudes"]]]:
+    """Derivatives of the whitened residuals at the model as it is: by the adapted parameters, in prior standard
+    deviations, and by the amplitudes of each hypothesis, in units of its effects. ``data`` are ``closed`` ones."""
     subjects = data.counted.shape[1]
     chosen = free_columns(effects, hypotheses)
     at = misfit(
@@ -127,17 +130,23 @@ def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, 
         noise,
         _prior(girdle, effects, subjects * len(hypotheses)),
         np.repeat(chosen, subjects, axis=1),
-    )
+    ).slopes
+    each = at.reshape(len(hypotheses), subjects, -1, len(chosen))
+    amplitudes = [columns_of(effects, hypothesis) for hypothesis in hypotheses]
+    by_amplitudes = [of[..., len(ADAPTED) : len(ADAPTED) + len(k)] for of, k in zip(each, amplitudes, strict=True)]
+    return each[0, ..., : len(ADAPTED)] * THETA_SD_MM, by_amplitudes
+
+
+def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:
+    data = data.of_subjects(np.arange(min(data.counted.shape[1], MOST_SUBJECTS)))
+    X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     by_name = {effect.name: effect for effect in effects}
+    adapted = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2)
     found = []
-    for h, hypothesis in enumerate(hypotheses):
-        slopes = at.slopes[h * subjects : (h + 1) * subjects].reshape(subjects, -1, len(chosen))
-        X = slopes[..., : len(ADAPTED)] * THETA_SD_MM
+    for hypothesis, A in zip(hypotheses, by_amplitudes, strict=True):
         scale = np.concatenate([np.zeros(0), *(_typical_sd(by_name[name]) for name in hypothesis)])
-        A = slopes[..., len(ADAPTED) : len(ADAPTED) + len(scale)]
         between = A * alike(scale).between
-        within = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2) + between @ np.swapaxes(between, 1, 2)
-        found.append(Column(within, A * alike(scale).common))
+        found.append(Column(adapted + between @ np.swapaxes(between, 1, 2), A * alike(scale).common))
     return found
 
 

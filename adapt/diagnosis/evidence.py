@@ -112,23 +112,27 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is left of the subjects once their adapted parameters are integrated out."""
+    """What is left of the subjects once their adapted parameters are integrated out: of one data set or many draws."""
 
-    log: float
+    log: Float[np.ndarray, "*draws"]
     """Log evidence with all amplitudes 0."""
     information: Float[np.ndarray, "subjects amplitudes amplitudes"]
-    pull: Float[np.ndarray, "subjects amplitudes"]
+    pull: Float[np.ndarray, "*draws subjects amplitudes"]
 
 
 @dataclass(frozen=True)
 class Products:
     """Inner products over a subject's residuals: all that evidence needs of them, whatever the noise and the spread."""
 
-    gram: Float[np.ndarray, "subjects columns columns"]
-    """Of the columns X, linear, A and what is beside A."""
+    columns: Float[np.ndarray, "subjects columns columns"]
+    """Of X, A and what is beside A with each other."""
+    seen: Float[np.ndarray, "*draws subjects columns"]
+    """Of them with what was seen (``linear``)."""
+    square: Float[np.ndarray, "*draws"]
+    """Of what was seen with itself, summed over subjects."""
     residuals: int
     """How many there are, of all subjects."""
-    spread: float
+    spread: float = 1.0
     """That X is for."""
 
     def at(self, noise_share: float = 1.0, spread: float | None = None) -> Statistics:
@@ -136,14 +140,19 @@ class Products:
 
         From (1 + X X')^-1 = 1 - X (1 + X'X)^-1 X' and det(1 + X X') = det(1 + X'X): 6x6 in place of residuals squared.
         """
-        unit = np.ones(self.gram.shape[1])
-        unit[:_ADAPTED] = 1.0 if spread is None else spread / self.spread
-        gram = self.gram * np.outer(unit, unit) / noise_share**2
-        root = np.linalg.cholesky(np.eye(_ADAPTED) + gram[:, :_ADAPTED, :_ADAPTED])
-        through = np.linalg.solve(root, gram[:, :_ADAPTED, _ADAPTED:])
-        left = gram[:, _ADAPTED:, _ADAPTED:] - np.swapaxes(through, 1, 2) @ through
-        log = -0.5 * left[:, 0, 0].sum() - np.log(np.diagonal(root, axis1=1, axis2=2)).sum()
-        return Statistics(float(log), left[:, 1:, 1:], left[:, 1:, 0])
+        unit = np.full(self.columns.shape[1], 1.0 / noise_share)
+        unit[:_ADAPTED] *= 1.0 if spread is None else spread / self.spread
+        columns, seen = self.columns * np.outer(unit, unit), self.seen * unit / noise_share
+        root = np.linalg.cholesky(np.eye(_ADAPTED) + columns[:, :_ADAPTED, :_ADAPTED])
+        away = np.linalg.inv(root)
+        through = away @ columns[:, :_ADAPTED, _ADAPTED:]
+        own = np.einsum("sij,...sj->...si", away, seen[..., :_ADAPTED])
+        log = -0.5 * (self.square / noise_share**2 - (own**2).sum(axis=(-1, -2)))
+        return Statistics(
+            log=log - np.log(np.diagonal(root, axis1=1, axis2=2)).sum(),
+            information=columns[:, _ADAPTED:, _ADAPTED:] - np.swapaxes(through, 1, 2) @ through,
+            pull=seen[..., _ADAPTED:] - np.einsum("sia,...si->...sa", through, own),
+        )
 
     def over_noise(self, shares: Sequence[tuple[float, float]], spread: float | None = None) -> list[Statistics]:
         """The same for each share of the noise there may be, its probability included: their evidences add up."""
@@ -157,8 +166,14 @@ class Products:
 def products(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more"] | None = None) -> Products:
     """Inner products of a fitted hypothesis; ``extra`` are further columns beside its own."""
     more = () if extra is None else (extra,)
-    columns = np.concatenate([fitted.X, fitted.linear[..., None], fitted.A, *more], axis=2)
-    return Products(np.swapaxes(columns, 1, 2) @ columns, np.count_nonzero(fitted.y), fitted.spread)
+    columns = np.concatenate([fitted.X, fitted.A, *more], axis=2)
+    return Products(
+        columns=np.swapaxes(columns, 1, 2) @ columns,
+        seen=np.einsum("src,sr->sc", columns, fitted.linear),
+        square=np.asarray((fitted.linear**2).sum()),
+        residuals=int(np.count_nonzero(fitted.y)),
+        spread=fitted.spread,
+    )
 
 
 def statistics(fitted: Linear) -> Statistics:
@@ -166,21 +181,23 @@ def statistics(fitted: Linear) -> Statistics:
     return products(fitted).at()
 
 
-def log_evidence(of: Statistics, prior: Block) -> float:
+def log_evidence(of: Statistics, prior: Block) -> Float[np.ndarray, "*draws"]:
     """log p(y | hypothesis) but for a constant that all hypotheses on the same data share."""
     return _combined(of, prior)[0]
 
 
 def common_amplitude(
     of: Statistics, prior: Block
-) -> tuple[float, Float[np.ndarray, " amplitudes"], Float[np.ndarray, "amplitudes amplitudes"]]:
+) -> tuple[
+    Float[np.ndarray, "*draws"], Float[np.ndarray, "*draws amplitudes"], Float[np.ndarray, "amplitudes amplitudes"]
+]:
     """Log evidence, and mean and covariance of the common amplitude."""
     return _combined(of, prior)[:3]
 
 
-def log_sum(logs: Sequence[float] | np.ndarray) -> float:
-    """log of the sum of the exponentials."""
-    return float(np.logaddexp.reduce(logs))
+def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray) -> Float[np.ndarray, "*draws"]:
+    """log of the sum of the exponentials, over the first axis."""
+    return np.logaddexp.reduce(np.asarray(logs), axis=0)
 
 
 def _combined(of: Statistics, prior: Block):
@@ -190,14 +207,15 @@ def _combined(of: Statistics, prior: Block):
     eye = np.eye(len(c))
     S = np.linalg.inv(eye + b[:, None] * information * b)
     own = b[:, None] * S * b
-    log = of.log + 0.5 * mean @ (of.pull + pull).sum(axis=0)
-    log += 0.5 * np.einsum("si,sij,sj->", pull, own, pull) + 0.5 * np.linalg.slogdet(S)[1].sum()
+    log = of.log + 0.5 * (of.pull + pull).sum(axis=-2) @ mean
+    followed = np.einsum("sij,...sj->...si", own, pull)
+    log = log + 0.5 * (pull * followed).sum(axis=(-1, -2)) + 0.5 * np.linalg.slogdet(S)[1].sum()
     common_information = (information - information @ own @ information).sum(axis=0)
-    common_pull = (pull - np.einsum("sij,sjk,sk->si", information, own, pull)).sum(axis=0)
+    common_pull = (pull - np.einsum("sij,...sj->...si", information, followed)).sum(axis=-2)
     covariance = np.linalg.inv(eye + c[:, None] * common_information * c)
-    mu = covariance @ (c * common_pull)
-    log += 0.5 * (c * common_pull) @ mu + 0.5 * np.linalg.slogdet(covariance)[1]
-    return float(log), mean + c * mu, c[:, None] * covariance * c, own
+    mu = (c * common_pull) @ covariance
+    log = log + 0.5 * (c * common_pull * mu).sum(axis=-1) + 0.5 * np.linalg.slogdet(covariance)[1]
+    return log, mean + c * mu, c[:, None] * covariance * c, own
 
 
 def posterior(fitted: Linear, prior: Block) -> Posterior:
@@ -211,4 +229,4 @@ def posterior(fitted: Linear, prior: Block) -> Posterior:
     u = np.linalg.solve(XX, np.einsum("srk,sr->sk", fitted.X, rest)[..., None])[..., 0]
     follows = np.eye(len(common)) - (own @ of.information).mean(axis=0)
     mean_covariance = follows @ covariance @ follows.T + own.sum(axis=0) / len(own) ** 2
-    return Posterior(log, common, covariance, u, a, mean_covariance)
+    return Posterior(float(log), common, covariance, u, a, mean_covariance)

@@ -47,6 +47,7 @@ def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
             name: None if value is None else {"value": value, "unit": effects[name].unit}
             for name, value in of.detectable.items()
         },
+        "foreseen": of.foreseen,
         "next_measurement": of.next_measurement,
         "noise": {**vars(of.noise.noise), "source": of.noise.source, "freedom": of.noise.freedom},
         "at_other_noise": [{"noise_deg": deg, **_verdict(one)} for deg, one in sorted(of.at_other_noise.items())],

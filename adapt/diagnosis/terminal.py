@@ -13,6 +13,12 @@ from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 _EFFECTS, _CELLS, _PROPOSALS = 5, 5, 3
 """Rows of the tables; diagnosis.json has them all."""
 
+_SELDOM = 3
+"""So many effects that such data would least often name are told."""
+
+_SURELY = 0.8
+"""Shares above it need no word."""
+
 _BAR = 20
 """Characters of probability 1."""
 
@@ -52,7 +58,8 @@ def notes(of: Object) -> list[str]:
     left_out = [f"Left out: {subject}: {why}." for subject, why in of["left_out"].items()]
     marked = [f"The motions are marked with {name}: likelier beforehand." for name in of["expected"]]
     parts = [_made_of(of["shares"]["all"])] if of["shares"]["all"] else []
-    return [f"Parameter set {of['model']}.", _noise(of["noise"]), *other, *marked, *parts, *alike, *left_out]
+    rest = [*other, *marked, *parts, _foreseen(of["foreseen"]), *alike, *left_out]
+    return [f"Parameter set {of['model']}.", _noise(of["noise"]), *rest]
 
 
 def _table(words: Sequence[str], numbers: Sequence[str]) -> Table:
@@ -142,6 +149,15 @@ def _noise(noise: Mapping[str, Any]) -> str:
 def _alike(effects: Sequence[str], all_effects: Collection[str]) -> str:
     which = f"any of the {len(effects)} effects" if len(effects) == len(all_effects) else listed(effects, "and")
     return f"These postures and this noise cannot tell apart {which}."
+
+
+def _foreseen(of: Mapping[str, Any]) -> str:
+    """How often such data would name an effect rightly, and which ones they would least often."""
+    often = {name: one["named"] for name, one in of.items()}
+    least = sorted(often, key=often.__getitem__)[:_SELDOM]
+    each = [f"{name} in {often[name]:.0%}" for name in least if often[name] < _SURELY]
+    seldom = f", least {listed(each, 'and')}" if each else ""
+    return f"Such data would name an effect of typical size in {sum(often.values()) / len(often):.0%} of cases{seldom}."
 
 
 def _answer(verdict: Mapping[str, Any]) -> tuple[str, bool, frozenset[str]]:

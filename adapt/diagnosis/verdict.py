@@ -38,7 +38,7 @@ _PAIR_DOUBT = 2.0
 _MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
 """Beyond these a test is no surer."""
 
-_BLAMED_BELOW = 0.4
+BLAMED_BELOW = 0.4
 """An effect is blamed only where none, against it, and unknown are both less probable than this: a wrong name costs
 more than no name."""
 
@@ -71,7 +71,7 @@ def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) 
 
     ``expected`` are those of the names that the motions are marked with.
     """
-    shares = _shares(ranking, _single_priors(names, expected))
+    shares = shares_of(ranking.hypotheses, ranking.log_evidence, names, expected)
     unknown = _unknown(ranking, shares)
     probability = dict.fromkeys([*names, NONE], 0.0)
     pairs: dict[str, float] = {}
@@ -104,24 +104,30 @@ def _single_priors(names: Sequence[str], expected: Sequence[str]) -> dict[Hypoth
     return {(): _NONE_PRIOR, **priors}
 
 
-def _shares(ranking: Ranking, single: dict[Hypothesis, float]) -> Float[np.ndarray, " hypotheses"]:
-    """Tempered posterior probabilities of the hypotheses of the list."""
-    pairs = sum(len(hypothesis) == 2 for hypothesis in ranking.hypotheses)
-    priors = [single.get(hypothesis, _PAIR_PRIOR / max(pairs, 1)) for hypothesis in ranking.hypotheses]
-    log = ranking.log_evidence / _TEMPERATURE + np.log(priors)
-    weight = np.exp(log - log.max())
-    return weight / weight.sum()
+def shares_of(
+    hypotheses: Sequence[Hypothesis],
+    log_evidence: Float[np.ndarray, " hypotheses *draws"],
+    names: Sequence[str],
+    expected: Sequence[str] = (),
+) -> Float[np.ndarray, " hypotheses *draws"]:
+    """Tempered posterior probabilities of none, effects and pairs among each other; of one data set or many draws."""
+    single = _single_priors(names, expected)
+    pairs = sum(len(hypothesis) == 2 for hypothesis in hypotheses)
+    priors = np.array([single.get(hypothesis, _PAIR_PRIOR / max(pairs, 1)) for hypothesis in hypotheses])
+    log = log_evidence / _TEMPERATURE + np.log(priors).reshape(-1, *(1,) * (log_evidence.ndim - 1))
+    weight = np.exp(log - log.max(axis=0))
+    return weight / weight.sum(axis=0)
 
 
 def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, ...], bool]:
     order = np.argsort(-shares, kind="stable")
     none = ranking.hypotheses.index(())
     best = next(ranking.hypotheses[k] for k in order if k != none)
-    if unknown >= _BLAMED_BELOW:
+    if unknown >= BLAMED_BELOW:
         gain = ranking.log_evidence[ranking.hypotheses.index(best)] - ranking.log_evidence[none]
         partly = best if gain > _PART_GAIN else ()
         return UNKNOWN, partly, len(partly) > 1
-    if shares[none] >= _BLAMED_BELOW:
+    if shares[none] >= BLAMED_BELOW:
         return NONE, (), False
     alike = [(ranking.hypotheses[k], shares[k]) for k in order if len(ranking.hypotheses[k]) == len(best)]
     names = dict.fromkeys(name for hypothesis in _credible(alike) for name in hypothesis)

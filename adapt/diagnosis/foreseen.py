@@ -1,0 +1,117 @@
+"""How often a diagnosis of such data would name each effect, if it were at work: before any residual is seen.
+
+Linear about the model as it is, what a subject shows of an effect is Gaussian,
+
+    y_s = X_s u_s + A_s a_s + noise,
+
+so that data can be drawn and weighed by thousands: a draw is its inner products with the columns X and A, N(G c, G) for
+their Gram matrix G and coefficients c. The evidence is that of the diagnosis, with the noise known. No method that
+knows no more than this evidence does names effects of this kind more often; a set of effects that these data hardly
+tell apart shows as names taken for each other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+from numpy.random import Generator, default_rng
+
+from adapt.diagnosis.distinguish import MOST_SUBJECTS, slopes
+from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, Hypothesis, Products
+from adapt.diagnosis.observed import Noise, Observed
+from adapt.diagnosis.priors import over_priors
+from adapt.diagnosis.verdict import BLAMED_BELOW, shares_of
+from models.effects import Effect
+from models.effects.effect import COURSE_SD
+from models.girdle import ADAPTED, Girdle
+
+_DRAWS = 100
+"""Of each effect: a share of one half is known to 5 points."""
+
+_SEED = 1999
+"""The same draws for the same data: nothing else is random in a diagnosis."""
+
+_SPREAD = 0.5
+"""Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary: between the least and the most that
+the evidence allows for."""
+
+_NAMED_OFTEN = 0.05
+"""A name that an effect is taken for less often than this is not told."""
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What would become of an effect of its typical size."""
+
+    named: float
+    """Share of draws in which it would be the first name."""
+    none: float
+    """Share in which nothing would be blamed."""
+    taken_for: dict[str, float]
+    """Shares in which another would be the first name, the largest first."""
+
+
+def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> dict[str, Foreseen]:
+    """By name of the effect. ``data`` are ``closed`` ones (see ``distinguish``)."""
+    data = data.of_subjects(np.arange(min(data.counted.shape[1], MOST_SUBJECTS)))
+    names = [effect.name for effect in effects]
+    hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
+    X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
+    columns = np.concatenate([X, *by_amplitudes], axis=2)
+    gram = np.swapaxes(columns, 1, 2) @ columns
+    ends = np.cumsum([X.shape[2], *(A.shape[2] for A in by_amplitudes)])
+    own = [np.arange(*span) for span in pairwise(ends)]
+    generator = default_rng(_SEED)
+    seen = np.concatenate([_draws(gram, k, effect, generator) for k, effect in zip(own[1:], effects, strict=True)])
+    alone = [[], *([effect] for effect in effects)]
+    logs = np.array([_log_evidence(gram, seen, k, at_work) for k, at_work in zip(own, alone, strict=True)])
+    shares = shares_of(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
+    return {name: _outcomes(k, shares[:, k], names) for k, name in enumerate(names)}
+
+
+def typical_amplitudes(
+    effect: Effect, draws: int, subjects: int, generator: Generator
+) -> Float[np.ndarray, "draws subjects amplitudes"]:
+    """Amplitudes of its typical size: all channels together as long as the scale of the largest, which lies within
+    what the sources of every effect give, in a direction of its nature's signs, and alike in all subjects."""
+    scale, sign = np.asarray(effect.scale), np.asarray(effect.sign or (0,) * len(effect.channels))
+    way = generator.standard_normal((draws, len(scale))) * scale
+    way = np.where(sign == 0, way, sign * np.abs(way))
+    way *= scale.max() / np.linalg.norm(way, axis=1, keepdims=True)
+    size = np.maximum(1.0 + BETWEEN_SUBJECTS * generator.standard_normal((draws, subjects)), 0.0)
+    amplitudes = size[..., None] * way[:, None]
+    if not effect.over_elevation:
+        return amplitudes
+    more = generator.standard_normal((draws, len(COURSE_SD) - 1)) * COURSE_SD[1:]
+    course = np.concatenate([np.ones((draws, 1)), more], axis=1)
+    return (amplitudes[..., None] * course[:, None, None]).reshape(draws, subjects, -1)
+
+
+def _draws(gram, own, effect: Effect, generator: Generator) -> Float[np.ndarray, "draws subjects columns"]:
+    """Inner products of the columns with what subjects who have the effect show."""
+    subjects, columns, _ = gram.shape
+    values, vectors = np.linalg.eigh(gram)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
+    coefficients = np.zeros((_DRAWS, subjects, columns))
+    coefficients[..., : len(ADAPTED)] = _SPREAD * generator.standard_normal((_DRAWS, subjects, len(ADAPTED)))
+    coefficients[..., own] = typical_amplitudes(effect, _DRAWS, subjects, generator)
+    noise = generator.standard_normal((_DRAWS, subjects, columns))
+    return np.einsum("sij,dsj->dsi", gram, coefficients) + np.einsum("sij,dsj->dsi", root, noise)
+
+
+def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:
+    """But for the sum of squares of what was seen, which all hypotheses share."""
+    k = np.concatenate([np.arange(len(ADAPTED)), own])
+    of = Products(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
+    scale = np.concatenate([np.zeros(0), *(np.asarray(effect.prior_sd) for effect in effects)])
+    return over_priors(of, scale, effects, [(1.0, 1.0)]).log_evidence
+
+
+def _outcomes(at_work: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> Foreseen:
+    nothing = shares[0] >= BLAMED_BELOW
+    first = np.where(nothing, -1, shares[1:].argmax(axis=0))
+    often = [float((first == k).mean()) for k in range(len(names))]
+    others = sorted((-share, names[k]) for k, share in enumerate(often) if k != at_work and share >= _NAMED_OFTEN)
+    return Foreseen(often[at_work], float(nothing.mean()), {name: -share for share, name in others})

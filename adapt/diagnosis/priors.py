@@ -1,0 +1,109 @@
+"""Evidence over all that may be so beforehand: spreads of parameters, sizes, signs, likeness of subjects, noise."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.evidence import (
+    Block,
+    Linear,
+    Products,
+    Statistics,
+    alike,
+    common_amplitude,
+    log_evidence,
+    log_sum,
+    statistics,
+    unlike,
+)
+from models.effects import Effect
+
+_SIZES = (0.5, 1.0)
+"""Shares of an effect's scale that its amplitude is as likely to be of: small ones and large ones."""
+
+_SPREADS = (0.2, 0.4, 0.7, 1.0)
+"""Shares of ``THETA_SD_MM`` by which adapted parameters may vary between subjects: the data choose."""
+
+_ABOUT_SIZE = 0.4
+"""SD of the amplitude of an effect of one channel about its size, as a share of it: scales are typical values of the
+effect where it is at work, not of its absence."""
+
+_UNLIKE_SHARE = 0.05
+"""Prior probability that an effect's sign differs from subject to subject."""
+
+_AGAINST_SHARE = 0.01
+"""Prior probability that an effect goes against the sign of its nature."""
+
+_erfc = np.vectorize(math.erfc, otypes=[float])
+
+
+@dataclass(frozen=True)
+class OverPriors:
+    """The evidence of a hypothesis, of one data set or of many draws."""
+
+    log_evidence: Float[np.ndarray, "*draws"]
+    unlike: Float[np.ndarray, "*draws"]
+    """Log evidence that amplitudes differ between subjects, less that they are alike."""
+    of_spread: Float[np.ndarray, " spreads *draws"]
+    """Log evidence with each of ``_SPREADS``."""
+
+    @property
+    def spread(self) -> float:
+        """Of one data set, the spread of the adapted parameters that it chooses."""
+        return _SPREADS[int(np.argmax(self.of_spread))]
+
+
+def over_priors(
+    of: Products,
+    scale: Float[np.ndarray, " amplitudes"],
+    effects: Sequence[Effect],
+    noise_shares: Sequence[tuple[float, float]],
+) -> OverPriors:
+    """Evidence summed over the noise there may be, the spreads of the adapted parameters, and the amplitudes' sizes,
+    alike or unlike. ``scale`` and ``effects`` are the hypothesis's own."""
+    alike_logs, unlike_logs = [], []
+    for spread in _SPREADS:
+        sized = [(at, size) for at in of.over_noise(noise_shares, spread) for size in _SIZES]
+        alike_logs.append(log_sum([_log_alike(at, scale, effects, size) for at, size in sized]))
+        unlike_logs.append(log_sum([log_evidence(at, unlike(scale) * size) for at, size in sized]))
+    shares = np.log([1.0 - _UNLIKE_SHARE, _UNLIKE_SHARE])
+    each = np.logaddexp(np.asarray(alike_logs) + shares[0], np.asarray(unlike_logs) + shares[1])
+    return OverPriors(log_sum(each), log_sum(unlike_logs) - log_sum(alike_logs), each)
+
+
+def likeliest_prior(fitted: Linear) -> Block:
+    """Of the priors of the amplitudes, the one with the most evidence."""
+    of = statistics(fitted)
+    priors = [spread(fitted.scale) * size for spread in (alike, unlike) for size in _SIZES]
+    return max(priors, key=lambda prior: float(log_evidence(of, prior)))
+
+
+def _log_alike(of: Statistics, scale, effects: Sequence[Effect], size: float):
+    """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs."""
+    prior = alike(scale) * size
+    if len(effects) == 1 and len(effects[0].channels) == 1:
+        return _log_about(of, prior, effects[0])
+    log, common, covariance = common_amplitude(of, prior)
+    signs = np.array([sign for effect in effects for sign in effect.signs])
+    for k in np.flatnonzero(signs):
+        agreed = _normal_cdf(signs[k] * common[..., k] / math.sqrt(covariance[k, k]))
+        log = log + np.log(2.0 * ((1.0 - _AGAINST_SHARE) * agreed + _AGAINST_SHARE * (1.0 - agreed)))
+    return log
+
+
+def _log_about(of: Statistics, prior: Block, effect: Effect):
+    """The same for one channel, whose amplitude lies about plus or minus the size."""
+    logs = []
+    for sign in (1.0, -1.0):
+        mean, common = prior.mean.copy(), prior.common.copy()
+        mean[0], common[0] = sign * common[0], _ABOUT_SIZE * common[0]
+        share = 0.5 if not effect.signs[0] else 1.0 - _AGAINST_SHARE if sign == effect.signs[0] else _AGAINST_SHARE
+        logs.append(math.log(share) + log_evidence(of, replace(prior, mean=mean, common=common)))
+    return log_sum(logs)
+
+
+def _normal_cdf(x):
+    return 0.5 * _erfc(-x / math.sqrt(2.0))
