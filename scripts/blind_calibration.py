@@ -102,7 +102,7 @@ def logistic(x: Float[np.ndarray, "n 2"], hit: Bool[np.ndarray, " n"]) -> tuple[
 
 def unknown(x: Float[np.ndarray, "n 2"], terms: tuple[float, float, float]) -> Bool[np.ndarray, " n"]:
     """Where 'unknown' is the answer."""
-    odds = verdict._BLAMED_BELOW / (1.0 - verdict._BLAMED_BELOW)
+    odds = verdict.BLAMED_BELOW / (1.0 - verdict.BLAMED_BELOW)
     return terms[0] + x @ np.array(terms[1:]) >= math.log(odds)
 
 
