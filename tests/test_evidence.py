@@ -1,6 +1,7 @@
 """Evidence and means against dense Gaussian algebra: all subjects stacked, every covariance written out."""
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,13 @@ from adapt.diagnosis.evidence import (
     Block,
     Linear,
     alike,
+    common_shift,
     log_evidence,
     log_sum,
     posterior,
     products,
     statistics,
+    turned,
     unlike,
 )
 
@@ -193,10 +196,7 @@ def test_more_columns_keep_their_meaning_at_other_noise():
     """A column acts on the measurement: as columns of the hypothesis do."""
     fitted = linear_of()
     less = replace(fitted, A=fitted.A[..., :3], scale=fitted.scale[:3], linear=fitted.linear)
-    (whole,), (split,) = (
-        products(fitted).over_noise([(0.7, 1.0)]),
-        products(less, fitted.A[..., 3:]).over_noise([(0.7, 1.0)]),
-    )
+    whole, split = products(fitted).at(0.7), products(less, fitted.A[..., 3:]).at(0.7)
     np.testing.assert_allclose(split.information, whole.information, rtol=SAME, atol=SAME)
     np.testing.assert_allclose(split.pull, whole.pull, rtol=SAME, atol=SAME)
     assert split.log == pytest.approx(whole.log, rel=SAME)
@@ -228,6 +228,41 @@ def test_a_spread_is_of_the_original_parameters_not_of_the_last_ones():
     for name in ("X", "u", "spread"):
         assert_same(getattr(twice, name), getattr(once, name))
     assert_same(np.einsum("srk,sk->sr", once.X, once.u), np.einsum("srk,sk->sr", fitted.X, fitted.u))
+
+
+# --- what subjects have in common -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("spread", [1.0, 0.4])
+def test_a_common_shift_is_that_of_the_dense_gaussian(spread):
+    """It is in units of ``THETA_SD_MM``, whatever the spread between subjects is."""
+    fitted = linear_of(20)
+    wider = replace(fitted, A=np.concatenate([fitted.A, fitted.X], axis=2))
+    block = shifted(fitted.scale) + common_shift(0.5)
+    found = log_evidence(products(fitted).with_shift().at(spread=spread), block)
+    assert_same(found, dense(wider, block, spread=spread).log_evidence)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_signs_are_turned_to_those_with_the_most_evidence(seed):
+    fitted = linear_of(seed, amplitudes=2)
+    block = alike(fitted.scale)
+    patterns = [np.array([1.0, *signs]) for signs in product([1.0, -1.0], repeat=SUBJECTS - 1)]
+    turnings = [replace(fitted, A=signs[:, None, None] * fitted.A) for signs in patterns]
+    expected = max(dense(one, block).log_evidence for one in turnings)
+    assert_same(log_evidence(turned(statistics(fitted), block), block), expected)
+
+
+@each_prior
+def test_many_draws_at_once_are_each_by_itself(prior):
+    one, other = linear_of(21), replace(linear_of(21), linear=linear_of(22).linear)
+    block, each = prior(one.scale), [products(of) for of in (one, other)]
+    both = replace(
+        each[0], seen=np.stack([of.seen for of in each]), square=np.stack([np.asarray(of.square) for of in each])
+    )
+    for change in (lambda of: of.at(0.8, 0.5), lambda of: turned(of.at(), alike(one.scale))):
+        expected = [float(log_evidence(change(of), block)) for of in each]
+        assert_same(log_evidence(change(both), block), expected)
 
 
 # --- what must not matter -------------------------------------------------------------------------

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import Block, Linear, Spread, alike, log_evidence, log_sum, products, unlike
+from adapt.diagnosis.evidence import Block, Linear, Spread, alike, common_shift, log_evidence, log_sum, products, unlike
 from adapt.diagnosis.observed import NoiseEstimate, Observed
+from adapt.diagnosis.priors import SHIFT
 from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
 
@@ -77,10 +78,13 @@ def _scatters(fitted: Linear) -> list[Kind]:
 
 
 def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]) -> float:
-    """The most of any kind and size; the noise is integrated out, with and without."""
-    without = log_sum([log_evidence(of, prior) for of in products(fitted).over_noise(noises)])
+    """The most of any kind and size; the noise is integrated out, with and without. A shift of the adapted parameters
+    that subjects have in common is no discrepancy: it may be there in both."""
+    shifted = prior + common_shift(SHIFT)
+    without = log_sum([log_evidence(of, shifted) for of in products(fitted).with_shift().over_noise(noises)])
     gains = []
     for columns, spread in kinds:
-        with_more, one = products(fitted, columns).over_noise(noises), np.ones(columns.shape[2])
-        gains += [log_sum([log_evidence(of, prior + spread(one * s)) for of in with_more]) for s in _SCALES_MM]
+        with_more, one = products(fitted, columns).with_shift().over_noise(noises), np.ones(columns.shape[2])
+        priors = [prior + spread(one * scale) + common_shift(SHIFT) for scale in _SCALES_MM]
+        gains += [log_sum([log_evidence(of, wider) for of in with_more]) for wider in priors]
     return max(gains) - without

@@ -26,6 +26,9 @@ subjects of Table 6.5 (R2: 31, 6, 3, 24, 17, 2 mm), rounded."""
 
 _ADAPTED = len(THETA_SD_MM)
 
+_TURNS = 3
+"""Rounds of turning signs: the eigenvector is nearly always right."""
+
 BETWEEN_SUBJECTS = 0.3
 """Prior SD of a subject's amplitude about the common one, as a share of the effect's scale."""
 
@@ -53,6 +56,13 @@ def alike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
 def unlike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
     """Amplitudes that every subject has for itself, of either sign."""
     return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale)
+
+
+def common_shift(share: float) -> Block:
+    """Adapted parameters that are off by the same in all subjects (see ``Products.with_shift``): the people measured
+    are not on average the person whose girdle the parameter set is. ``share`` is that of their SD between people."""
+    nothing = np.zeros(_ADAPTED)
+    return Block(nothing, nothing + share, nothing)
 
 
 Spread = Callable[[Float[np.ndarray, " amplitudes"]], Block]
@@ -154,6 +164,15 @@ class Products:
             pull=seen[..., _ADAPTED:] - np.einsum("sia,...si->...sa", through, own),
         )
 
+    def with_shift(self) -> "Products":
+        """The same with X once more behind all columns, in units of ``THETA_SD_MM``: what a shift of the adapted
+        parameters does that all subjects have in common."""
+        again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)])
+        unit = np.ones(len(again))
+        unit[-_ADAPTED:] /= self.spread
+        columns = self.columns[:, again[:, None], again] * np.outer(unit, unit)
+        return replace(self, columns=columns, seen=self.seen[..., again] * unit)
+
     def over_noise(self, shares: Sequence[tuple[float, float]], spread: float | None = None) -> list[Statistics]:
         """The same for each share of the noise there may be, its probability included: their evidences add up."""
         found = []
@@ -195,27 +214,63 @@ def common_amplitude(
     return _combined(of, prior)[:3]
 
 
+def turned(of: Statistics, prior: Block) -> Statistics:
+    """The same with the signs of some subjects' amplitudes turned, so that all agree best on a common one.
+
+    Of signs s, the evidence grows with s'Qs, Q = p C p' from each subject's pull p on the common amplitude and its
+    covariance C: s starts as the signs of Q's largest eigenvector; each is then turned as long as that adds.
+    """
+    by_subject = _pulls(of, prior)
+    Q = by_subject.pull @ by_subject.covariance @ np.swapaxes(by_subject.pull, -1, -2)
+    sign = np.where(np.linalg.eigh(Q)[1][..., -1] < 0.0, -1.0, 1.0)
+    own = np.diagonal(Q, axis1=-2, axis2=-1)
+    for _ in range(_TURNS):
+        for k in range(sign.shape[-1]):
+            with_others = (Q[..., k, :] * sign).sum(axis=-1) - own[..., k] * sign[..., k]
+            sign[..., k] = np.where(sign[..., k] * with_others < 0.0, -sign[..., k], sign[..., k])
+    return replace(of, pull=of.pull * sign[..., None])
+
+
 def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray) -> Float[np.ndarray, "*draws"]:
     """log of the sum of the exponentials, over the first axis."""
     return np.logaddexp.reduce(np.asarray(logs), axis=0)
 
 
-def _combined(of: Statistics, prior: Block):
-    """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b of each subject."""
+@dataclass(frozen=True)
+class _Pulls:
+    """What each subject says of the common amplitude, its own deviation integrated out."""
+
+    own: Float[np.ndarray, "subjects amplitudes amplitudes"]
+    """The shrinkage b S b of each subject's deviation."""
+    log: Float[np.ndarray, "*draws"]
+    """Log evidence with the common amplitude at its prior mean."""
+    pull: Float[np.ndarray, "*draws subjects amplitudes"]
+    """On the common amplitude, in its prior standard deviations."""
+    covariance: Float[np.ndarray, "amplitudes amplitudes"]
+    """Of it, in the same."""
+
+
+def _pulls(of: Statistics, prior: Block) -> _Pulls:
     b, c, mean = prior.between, prior.common, prior.mean
     information, pull = of.information, of.pull - of.information @ mean
     eye = np.eye(len(c))
     S = np.linalg.inv(eye + b[:, None] * information * b)
     own = b[:, None] * S * b
-    log = of.log + 0.5 * (of.pull + pull).sum(axis=-2) @ mean
     followed = np.einsum("sij,...sj->...si", own, pull)
+    log = of.log + 0.5 * (of.pull + pull).sum(axis=-2) @ mean
     log = log + 0.5 * (pull * followed).sum(axis=(-1, -2)) + 0.5 * np.linalg.slogdet(S)[1].sum()
-    common_information = (information - information @ own @ information).sum(axis=0)
-    common_pull = (pull - np.einsum("sij,...sj->...si", information, followed)).sum(axis=-2)
-    covariance = np.linalg.inv(eye + c[:, None] * common_information * c)
-    mu = (c * common_pull) @ covariance
-    log = log + 0.5 * (c * common_pull * mu).sum(axis=-1) + 0.5 * np.linalg.slogdet(covariance)[1]
-    return log, mean + c * mu, c[:, None] * covariance * c, own
+    left = (information - information @ own @ information).sum(axis=0)
+    covariance = np.linalg.inv(eye + c[:, None] * left * c)
+    return _Pulls(own, log, c * (pull - np.einsum("sij,...sj->...si", information, followed)), covariance)
+
+
+def _combined(of: Statistics, prior: Block):
+    """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b of each subject."""
+    by_subject, c = _pulls(of, prior), prior.common
+    pull, covariance = by_subject.pull.sum(axis=-2), by_subject.covariance
+    mu = pull @ covariance
+    log = by_subject.log + 0.5 * (pull * mu).sum(axis=-1) + 0.5 * np.linalg.slogdet(covariance)[1]
+    return log, prior.mean + c * mu, c[:, None] * covariance * c, by_subject.own
 
 
 def posterior(fitted: Linear, prior: Block) -> Posterior:

@@ -14,9 +14,11 @@ from adapt.diagnosis.evidence import (
     Statistics,
     alike,
     common_amplitude,
+    common_shift,
     log_evidence,
     log_sum,
     statistics,
+    turned,
     unlike,
 )
 from models.effects import Effect
@@ -31,8 +33,13 @@ _ABOUT_SIZE = 0.4
 """SD of the amplitude of an effect of one channel about its size, as a share of it: scales are typical values of the
 effect where it is at work, not of its absence."""
 
-_UNLIKE_SHARE = 0.05
-"""Prior probability that an effect's sign differs from subject to subject."""
+_SHIFT_SHARE, SHIFT = 0.1, 0.5
+"""Prior probability that the people measured differ from the parameter set on average, not only from each other; and by
+which share of ``THETA_SD_MM``."""
+
+_OPPOSED_SHARE, _UNLIKE_SHARE = 0.05, 0.02
+"""Prior probability that an effect's sign differs from subject to subject, all else being alike; and that each subject
+has amplitudes of its own."""
 
 _AGAINST_SHARE = 0.01
 """Prior probability that an effect goes against the sign of its nature."""
@@ -46,7 +53,7 @@ class OverPriors:
 
     log_evidence: Float[np.ndarray, "*draws"]
     unlike: Float[np.ndarray, "*draws"]
-    """Log evidence that amplitudes differ between subjects, less that they are alike."""
+    """Log odds that amplitudes differ between subjects, in sign or in all."""
     of_spread: Float[np.ndarray, " spreads *draws"]
     """Log evidence with each of ``_SPREADS``."""
 
@@ -62,16 +69,34 @@ def over_priors(
     effects: Sequence[Effect],
     noise_shares: Sequence[tuple[float, float]],
 ) -> OverPriors:
-    """Evidence summed over the noise there may be, the spreads of the adapted parameters, and the amplitudes' sizes,
-    alike or unlike. ``scale`` and ``effects`` are the hypothesis's own."""
+    """Evidence summed over the noise there may be, the spreads of the adapted parameters and what they have in common,
+    and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own."""
+    subjects, shifted = of.columns.shape[0], of.with_shift()
     alike_logs, unlike_logs = [], []
     for spread in _SPREADS:
-        sized = [(at, size) for at in of.over_noise(noise_shares, spread) for size in _SIZES]
-        alike_logs.append(log_sum([_log_alike(at, scale, effects, size) for at, size in sized]))
-        unlike_logs.append(log_sum([log_evidence(at, unlike(scale) * size) for at, size in sized]))
-    shares = np.log([1.0 - _UNLIKE_SHARE, _UNLIKE_SHARE])
-    each = np.logaddexp(np.asarray(alike_logs) + shares[0], np.asarray(unlike_logs) + shares[1])
-    return OverPriors(log_sum(each), log_sum(unlike_logs) - log_sum(alike_logs), each)
+        sized = [(at, alike(scale) * size) for at in of.over_noise(noise_shares, spread) for size in _SIZES]
+        sized_shifted = [
+            (at, alike(scale) * size + common_shift(SHIFT))
+            for at in shifted.over_noise(noise_shares, spread)
+            for size in _SIZES
+        ]
+        alike_logs.append(
+            _mixed(
+                (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects) for at, prior in sized]),
+                (_SHIFT_SHARE, [_log_alike(at, prior, effects) for at, prior in sized_shifted]),
+            )
+        )
+        opposed = [log_evidence(turned(at, prior), prior) for at, prior in sized]
+        own = [log_evidence(at, unlike(prior.common)) for at, prior in sized]
+        unlike_logs.append(_mixed((_OPPOSED_SHARE * 0.5 ** (subjects - 1), opposed), (_UNLIKE_SHARE, own)))
+    share = 1.0 - _OPPOSED_SHARE - _UNLIKE_SHARE
+    each = np.logaddexp(np.asarray(alike_logs) + math.log(share), np.asarray(unlike_logs))
+    return OverPriors(log_sum(each), log_sum(unlike_logs) - log_sum(alike_logs) - math.log(share), each)
+
+
+def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, "*draws"]:
+    """Log evidence of what is so with these probabilities, each with a sum over what else may be."""
+    return log_sum([math.log(share) + log_sum(logs) for share, logs in parts])
 
 
 def likeliest_prior(fitted: Linear) -> Block:
@@ -81,9 +106,8 @@ def likeliest_prior(fitted: Linear) -> Block:
     return max(priors, key=lambda prior: float(log_evidence(of, prior)))
 
 
-def _log_alike(of: Statistics, scale, effects: Sequence[Effect], size: float):
+def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect]):
     """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs."""
-    prior = alike(scale) * size
     if len(effects) == 1 and len(effects[0].channels) == 1:
         return _log_about(of, prior, effects[0])
     log, common, covariance = common_amplitude(of, prior)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from adapt.diagnosis.departures import with_departures
 from adapt.diagnosis.discrepancy import discrepancy_gain
 from adapt.diagnosis.evidence import Hypothesis, Linear, alike, products
 from adapt.diagnosis.observed import NoiseEstimate, Observed
@@ -47,6 +48,8 @@ class _Weighed:
 
     fitted: Linear
     """With the spread of the adapted parameters that the data choose."""
+    wider: Linear
+    """The same with what its amplitudes may depart by."""
     log_evidence: float
     unlike: float
 
@@ -54,12 +57,12 @@ class _Weighed:
 def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> Ranking:
     """Weigh fitted hypotheses; examine the best for what they leave."""
     by_name = {effect.name: effect for effect in effects}
-    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis], noise) for one in fitted]
+    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis], data, noise) for one in fitted]
     weighed.sort(key=lambda one: -one.log_evidence)
     best = weighed[0].log_evidence
     examined = [one for k, one in enumerate(weighed) if k < _EXAMINED or not one.fitted.hypothesis]
     gain = max(
-        one.log_evidence - best + discrepancy_gain(one.fitted, data, likeliest_prior(one.fitted), noise)
+        one.log_evidence - best + discrepancy_gain(one.wider, data, likeliest_prior(one.wider), noise)
         for one in examined
     )
     top = weighed[0].fitted
@@ -75,9 +78,11 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
     )
 
 
-def _weighed(fitted: Linear, effects: Sequence[Effect], noise: NoiseEstimate) -> _Weighed:
-    found = over_priors(products(fitted), fitted.scale, effects, noise.likely_shares)
-    return _Weighed(fitted.with_spread(found.spread), float(found.log_evidence), float(found.unlike))
+def _weighed(fitted: Linear, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> _Weighed:
+    wider = with_departures(fitted, effects, data)
+    found = over_priors(products(wider), wider.scale, effects, noise.likely_shares)
+    fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
+    return _Weighed(fitted, wider, float(found.log_evidence), float(found.unlike))
 
 
 def _freedom(fitted: Linear, data: Observed) -> float:

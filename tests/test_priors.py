@@ -1,0 +1,80 @@
+"""Evidence over all priors: what people may have in common or not decides where the data say so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adapt.diagnosis.evidence import Linear, products
+from adapt.diagnosis.priors import OverPriors, over_priors
+from models.effects import EFFECTS
+
+CLEAR = 3.0
+"""Nats: odds of 20 to 1."""
+
+EFFECT = EFFECTS["scapula_landmark_bias"]
+SUBJECTS, RESIDUALS = 8, 30
+
+
+def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0) -> Linear:
+    """Three amplitudes, (subjects, 3) in units of the scale, and adapted parameters that are all off by ``shift``."""
+    generator = np.random.default_rng(seed)
+    X, A = (3.0 * generator.standard_normal((SUBJECTS, RESIDUALS, k)) for k in (6, 3))
+    scale = np.asarray(EFFECT.prior_sd)
+    u = 0.2 * generator.standard_normal((SUBJECTS, 6)) + shift
+    linear = np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, amplitudes)
+    linear = linear + generator.standard_normal((SUBJECTS, RESIDUALS))
+    nothing = np.zeros(0)
+    return Linear((EFFECT.name,), nothing, nothing, linear, X, A / scale, scale, nothing, nothing, linear, nothing)
+
+
+def weighed(fitted: Linear) -> OverPriors:
+    return over_priors(products(fitted), fitted.scale, [EFFECT], [(1.0, 1.0)])
+
+
+def plain(fitted: Linear) -> float:
+    """Log evidence without an amplitude."""
+    none = replace(fitted, A=fitted.A[..., :0], scale=fitted.scale[:0])
+    return float(over_priors(products(none), none.scale, [], [(1.0, 1.0)]).log_evidence)
+
+
+WAY = np.array([0.6, -0.3, 0.5])
+SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
+
+
+def test_amplitudes_of_all_alike_are_found_alike():
+    found = weighed(subjects(np.tile(WAY, (SUBJECTS, 1))))
+    assert found.unlike < -CLEAR
+
+
+@pytest.mark.parametrize(
+    "amplitudes",
+    [SIGNS[:, None] * WAY, np.random.default_rng(5).standard_normal((SUBJECTS, 3))],
+    ids=["signs differ", "all differ"],
+)
+def test_amplitudes_that_differ_are_found_to_differ(amplitudes):
+    fitted = subjects(amplitudes)
+    assert weighed(fitted).unlike > CLEAR
+    assert weighed(fitted).log_evidence > plain(fitted) + CLEAR
+
+
+def test_signs_that_differ_cost_less_than_amplitudes_of_ones_own():
+    """Half of 2^8 patterns, but one direction in place of eight."""
+    opposed = weighed(subjects(SIGNS[:, None] * WAY)).log_evidence
+    alike = weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).log_evidence
+    own = weighed(
+        subjects(np.linalg.norm(WAY) / np.sqrt(3.0) * np.sign(np.random.default_rng(6).standard_normal((8, 3))))
+    )
+    assert own.log_evidence < opposed < alike
+
+
+def test_parameters_off_by_the_same_in_all_need_no_effect():
+    """A shift of half a SD in eight subjects: sixteen times as improbable as it is where only subjects differ."""
+    fitted = subjects(np.zeros((SUBJECTS, 3)), shift=0.5)
+    assert plain(fitted) > float(weighed(fitted).log_evidence)
+    spread = over_priors(products(replace(fitted, A=fitted.A[..., :0])), np.zeros(0), [], [(1.0, 1.0)]).spread
+    assert spread < 0.5
+
+
+def test_the_spread_is_the_one_that_the_subjects_have():
+    assert weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).spread == 0.2
