@@ -12,6 +12,7 @@ from adapt.diagnosis.evidence import (
     BETWEEN_SUBJECTS,
     Block,
     Linear,
+    agreeing_signs,
     alike,
     common_shift,
     log_evidence,
@@ -19,7 +20,6 @@ from adapt.diagnosis.evidence import (
     posterior,
     products,
     statistics,
-    turned,
     unlike,
 )
 
@@ -250,7 +250,8 @@ def test_signs_are_turned_to_those_with_the_most_evidence(seed):
     patterns = [np.array([1.0, *signs]) for signs in product([1.0, -1.0], repeat=SUBJECTS - 1)]
     turnings = [replace(fitted, A=signs[:, None, None] * fitted.A) for signs in patterns]
     expected = max(dense(one, block).log_evidence for one in turnings)
-    assert_same(log_evidence(turned(statistics(fitted), block), block), expected)
+    of = statistics(fitted)
+    assert_same(log_evidence(of.turned(agreeing_signs(of, block)), block), expected)
 
 
 @each_prior
@@ -260,7 +261,7 @@ def test_many_draws_at_once_are_each_by_itself(prior):
     both = replace(
         each[0], seen=np.stack([of.seen for of in each]), square=np.stack([np.asarray(of.square) for of in each])
     )
-    for change in (lambda of: of.at(0.8, 0.5), lambda of: turned(of.at(), alike(one.scale))):
+    for change in (lambda of: of.at(0.8, 0.5), lambda of: of.at().turned(agreeing_signs(of.at(), alike(one.scale)))):
         expected = [float(log_evidence(change(of), block)) for of in each]
         assert_same(log_evidence(change(both), block), expected)
 

@@ -129,6 +129,10 @@ class Statistics:
     information: Float[np.ndarray, "subjects amplitudes amplitudes"]
     pull: Float[np.ndarray, "*draws subjects amplitudes"]
 
+    def turned(self, sign: Float[np.ndarray, "*draws subjects"]) -> "Statistics":
+        """The same of amplitudes whose sign is turned where ``sign`` is -1."""
+        return replace(self, pull=self.pull * sign[..., None])
+
 
 @dataclass(frozen=True)
 class Products:
@@ -214,11 +218,11 @@ def common_amplitude(
     return _combined(of, prior)[:3]
 
 
-def turned(of: Statistics, prior: Block) -> Statistics:
-    """The same with the signs of some subjects' amplitudes turned, so that all agree best on a common one.
+def agreeing_signs(of: Statistics, prior: Block) -> Float[np.ndarray, "*draws subjects"]:
+    """Signs of the subjects' amplitudes with which all agree best on a common one.
 
-    Of signs s, the evidence grows with s'Qs, Q = p C p' from each subject's pull p on the common amplitude and its
-    covariance C: s starts as the signs of Q's largest eigenvector; each is then turned as long as that adds.
+    The evidence grows with s'Qs, Q = p C p' from each subject's pull p on the common amplitude and its covariance C:
+    the signs s start as those of Q's largest eigenvector; each is then turned as long as that adds.
     """
     by_subject = _pulls(of, prior)
     Q = by_subject.pull @ by_subject.covariance @ np.swapaxes(by_subject.pull, -1, -2)
@@ -228,7 +232,7 @@ def turned(of: Statistics, prior: Block) -> Statistics:
         for k in range(sign.shape[-1]):
             with_others = (Q[..., k, :] * sign).sum(axis=-1) - own[..., k] * sign[..., k]
             sign[..., k] = np.where(sign[..., k] * with_others < 0.0, -sign[..., k], sign[..., k])
-    return replace(of, pull=of.pull * sign[..., None])
+    return sign
 
 
 def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray) -> Float[np.ndarray, "*draws"]:

@@ -12,13 +12,13 @@ from adapt.diagnosis.evidence import (
     Linear,
     Products,
     Statistics,
+    agreeing_signs,
     alike,
     common_amplitude,
     common_shift,
     log_evidence,
     log_sum,
     statistics,
-    turned,
     unlike,
 )
 from models.effects import Effect
@@ -72,6 +72,7 @@ def over_priors(
     """Evidence summed over the noise there may be, the spreads of the adapted parameters and what they have in common,
     and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own."""
     subjects, shifted = of.columns.shape[0], of.with_shift()
+    sign = agreeing_signs(of.at(), alike(scale))
     alike_logs, unlike_logs = [], []
     for spread in _SPREADS:
         sized = [(at, alike(scale) * size) for at in of.over_noise(noise_shares, spread) for size in _SIZES]
@@ -86,7 +87,7 @@ def over_priors(
                 (_SHIFT_SHARE, [_log_alike(at, prior, effects) for at, prior in sized_shifted]),
             )
         )
-        opposed = [log_evidence(turned(at, prior), prior) for at, prior in sized]
+        opposed = [log_evidence(at.turned(sign), prior) for at, prior in sized]
         own = [log_evidence(at, unlike(prior.common)) for at, prior in sized]
         unlike_logs.append(_mixed((_OPPOSED_SHARE * 0.5 ** (subjects - 1), opposed), (_UNLIKE_SHARE, own)))
     share = 1.0 - _OPPOSED_SHARE - _UNLIKE_SHARE
