@@ -17,7 +17,7 @@ from adapt.diagnosis.ranking import Ranking
 
 NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
 
-_TEMPERATURE = 1.25
+_TEMPERATURE = 1.1
 """Divides log evidence: real courses are not the prior's, so evidence is too sure of itself."""
 
 _NONE_PRIOR = 0.5
@@ -29,7 +29,7 @@ _EXPECTED_SHARE = 0.5
 _PAIR_PRIOR = 0.02
 """Prior probability, beside those, that two effects act together, shared alike by the pairs tried."""
 
-_UNKNOWN_TERMS = (-1.0, 0.3, 1.2)
+_UNKNOWN_TERMS = (-1.4, 0.55, 1.6)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
 _PAIR_DOUBT = 2.0
