@@ -66,6 +66,12 @@ EQUIVALENT: dict[str, str] = {
     "models/ellipsoid.py: return (step + 1, *newton(tau)): 1 -> 2": (
         "30 steps are more than the 25 that any point needs"
     ),
+    "models/ellipsoid.py: return repeat_while(unfinished, again, (0, tau, S))[1]: 0 -> 1": "59 steps are, too",
+    "models/ellipsoid.py: for _ in range(_UNROLLED_STEPS - 1):: _UNROLLED_STEPS - 1 -> _UNROLLED_STEPS + 1": (
+        "two steps more, for nothing"
+    ),
+    "models/ellipsoid.py: xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y): "
+    "xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y -> xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) / y": _ANY_SHARE,
     "models/ellipsoid.py: return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP): 1.0 -> 1.5": (
         "all steps are taken, the later ones for nothing"
     ),
