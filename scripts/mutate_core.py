@@ -35,10 +35,14 @@ ROOT = Path(__file__).parents[1]
 
 TESTS_OF = {
     "motions/rotations.py": ["tests/test_motions_rotations.py"],
+    "motions/machine.py": ["tests/test_machine.py"],
     "models/ellipsoid.py": ["tests/test_ellipsoid.py"],
     "models/girdle.py": ["tests/test_girdle.py"],
     "models/derivatives.py": ["tests/test_derivatives.py"],
     "adapt/objective.py": ["tests/test_objective.py"],
+    "adapt/elimination.py": ["tests/test_elimination.py"],
+    "adapt/backtracking.py": ["tests/test_backtracking.py"],
+    "adapt/diagnosis/evidence.py": ["tests/test_evidence.py"],
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
 
