@@ -21,9 +21,6 @@ from motions.simulation import DATA_FILE
 SAME = 1e-12
 """Relative: subjects are independent, whoever is in the batch. Sums over other shapes may round otherwise."""
 
-TENTH_NM = 1e-4
-"""Difference of a parameter, mm, that ends where its slope is below the tolerance of 1e-8: see THETA_TOLERANCE."""
-
 GOOD = ["simulated01", "simulated02"]
 
 
@@ -88,8 +85,7 @@ def test_good_subjects_are_what_they_are_alone(everyone):
         rows = tables[name][tables[name]["subject"].isin(GOOD)].reset_index(drop=True)
         assert (rows["status"] == expected["status"]).all()
         for column in expected.select_dtypes("number"):
-            atol = TENTH_NM if name == "parameters" else SAME * 180.0
-            np.testing.assert_allclose(rows[column], expected[column], rtol=1e-9, atol=atol, err_msg=column)
+            np.testing.assert_allclose(rows[column], expected[column], rtol=SAME, atol=SAME * 180.0, err_msg=column)
 
 
 def test_what_is_called_ok_closes_and_the_rest_is_named(everyone):
