@@ -1,6 +1,6 @@
 """The loop of the fast paths by hand: what is accepted, what is tried again, and who has stopped."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ class State(NamedTuple):
     converged: np.ndarray
 
 
-def state(x, length=1.0, merit=2.0, iterations=0, converged=False) -> State:
+def state(x: Any, length: Any = 1.0, merit: Any = 2.0, iterations: Any = 0, converged: Any = False) -> State:
     parts = np.broadcast_arrays(np.asarray(x, float), length, merit, iterations, converged)
     return State(*(np.array(part) for part in parts))
 

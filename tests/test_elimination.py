@@ -54,7 +54,7 @@ def case() -> Case:
     measured = simulate_subjects(1, seed=5).angles_deg[:14].T[:, np.arange(LANES) % 14] / float(DEG)
     q = measured + generator.normal(size=(6, LANES)) * 0.05
     theta = np.asarray(girdle.adapted_mm)[:, None] + generator.normal(size=(6, LANES))
-    weights = np.full((6, LANES), 2.0 * float(DEG) ** 2 / 6.0)
+    weights = 2.0 * float(DEG) ** 2 / 6.0 * generator.uniform(0.5, 2.0, (6, LANES))
     weights[2, ::3] = 0.0
     multipliers = OF_LAMBDA[:, None] * np.geomspace(0.1, 300.0, LANES)
     start = feet(girdle, list(q), list(theta))
