@@ -58,9 +58,15 @@ _PROCESSES = multiprocessing.get_context("forkserver")
 _PROCESSES.set_forkserver_preload(["pytest", "jax", "jax.numpy", "hypothesis", "jaxtyping", "scipy.optimize", "casadi"])
 """Every process begins with what takes seconds to import, and none has the project in it."""
 
+_SAME_LENGTH = "both are of one length; strict only says so"
+
 _ANY_SHARE = "the way that a point is moved off a plane only has to be more than 0 and less than shows"
 
 EQUIVALENT: dict[str, str] = {
+    "adapt/elimination.py: zero = xp.zeros_like(T[0][0]): 0 -> 1": "all entries are of one shape",
+    "adapt/elimination.py: self.stiffness = [xp.where(convex, s, t) for s, t in zip(least, more, strict=True)]: "
+    "True -> False": _SAME_LENGTH,
+    "adapt/diagnosis/evidence.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     "adapt/objective.py: solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
         "the last step is quadratic: far less than 1e-4 mm either way"
     ),

@@ -61,6 +61,25 @@ def test_arithmetic_is_that_of_numpy():
     np.testing.assert_allclose(machine(arithmetic, 3, 15, x), np.stack(arithmetic(x)), rtol=2 * ULP, atol=0.0)
 
 
+def neutral(x):
+    """Every operation with 0 and 1 on either side, which need no instruction where they change nothing."""
+    a, found = x[0], []
+    for constant in (0.0, 1.0, xp.zeros_like(x[0]), xp.zeros_like(x[0]) + 1.0):
+        found += [a + constant, constant + a, a - constant, constant - a, a * constant, constant * a, constant / a]
+    return [*found, a / 1.0, a**1]
+
+
+def test_zero_and_one_are_what_they_are_in_every_operation():
+    x = values(1)
+    np.testing.assert_allclose(machine(neutral, 1, 30, x), np.stack(neutral(x)), rtol=2 * ULP, atol=0.0)
+
+
+def test_what_is_0_by_construction_stays_so_whatever_it_is_multiplied_by():
+    x = np.array([[np.nan, np.inf, 2.0]])
+    found = machine(lambda q: [q[0] * xp.zeros_like(q[0]), 0.0 * q[0]], 1, 2, x)
+    assert found.tolist() == [[0.0] * 3] * 2
+
+
 def test_what_is_not_a_number_stays_so():
     """In either place; a comparison with it is false."""
     x = np.array([[np.nan, 1.0, np.nan], [1.0, np.nan, np.nan], [2.0, 2.0, 2.0]])
