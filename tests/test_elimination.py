@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from adapt.elimination import STIFFER, STIFFNESS, Elimination, augmented, stationarity
-from adapt.newton import UNMEASURED_WEIGHT
+from adapt.newton import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from models import load_model
 from models.derivatives import ELLIPSOID, Chain, chain, feet
 from motions.rotations import DEG
@@ -109,6 +109,18 @@ def test_a_posture_is_convex_where_its_stiffened_hessian_is_definite(case):
     scale = case.weights.max(axis=0) / np.sum(case.G**2, axis=2).T
     expected = np.where(little, STIFFNESS, np.where(more, STIFFNESS * STIFFER, 0.0)) * scale
     np.testing.assert_allclose(used, expected, rtol=EXACT)
+
+
+@pytest.mark.parametrize(("share", "convex"), [(2.0 * PIVOT_FLOOR, True), (0.5 * PIVOT_FLOOR, False)])
+def test_a_direction_that_is_nearly_flat_is_no_minimum(share, convex):
+    """Three angles are held by the constraints; of the others one has hardly any curvature, as a share of W."""
+    one, nothing = np.ones(1), np.zeros(1)
+    weight = 500.0
+    qq = [[nothing] * i + [(share - 1.0) * weight * one if i == 5 else nothing] for i in range(6)]
+    held = [[one if i == k else nothing for i in range(6)] for k in range(3)]
+    at = Chain([nothing] * 3, held, [], qq, [], [], [nothing] * 2)
+    found = Elimination(at, [weight * one] * 6, [nothing] * 6, parameters=False)
+    assert found.convex.tolist() == [convex]
 
 
 def conditions(case: Case, convex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

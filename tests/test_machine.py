@@ -117,6 +117,18 @@ def test_each_lane_iterates_for_itself():
     assert len(set(steps)) > 5
 
 
+def test_a_truth_goes_round_in_a_loop():
+    """Halved three times, and whether it was below 1 on the way, or before."""
+
+    def text(x):
+        y, below = repeat(3, lambda now: (now[0] / 2.0, now[1] | (now[0] < 1.0)), (x, x > 7.0))
+        return [y, xp.where(below, 1.0, 0.0)]
+
+    x = np.array([8.0, 7.0, 4.0, 3.9, 0.5])
+    found = Kernel("below", text, ("",), "2", 64).by_machine(x)
+    np.testing.assert_array_equal(found, [x / 8.0, [1.0, 0.0, 0.0, 1.0, 1.0]])
+
+
 def test_loops_over_places_sum_count_keep_and_replace():
     """``along``: three numbers a posture, of which some do not count, and a second pass over what the first kept."""
 
