@@ -21,7 +21,7 @@ from adapt.simulation import simulate_model_subjects
 from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.flat import flat_directions
 from adapt.trust.profile import profile_intervals
-from adapt.trust.trust import BOUNDS, NONE
+from adapt.trust.trust import BOUNDS, NONE, intervals
 from adapt.trust.uncertainty import (
     NORMAL_95,
     PERSON_SD_MM,
@@ -203,6 +203,17 @@ def test_what_nothing_holds_is_held_by_its_bounds_alone(case):
     assert np.abs(found[2:]).max() == 0.0
 
 
+def test_without_an_angle_to_spare_nothing_is_said_of_the_noise(case):
+    """Three angles a posture, which three degrees of freedom follow: no noise, no interval, no direction."""
+    few = np.array(case.data.measured)
+    few[[2, 4, 5]] = False
+    found = uncertainty(lanes_at(case.data, np.arange(SUBJECTS), measured=few), case.adapted)
+    assert np.isnan(found.noise_deg).all()
+    _, origin = intervals(case.data, case.adapted, found)
+    assert set(origin.ravel()) == {NONE}
+    assert flat_directions(found.covariance_mm2[..., 0]) == ["not determined: motion and points leave a direction open"]
+
+
 def test_a_reduced_inverse_by_hand():
     matrix = np.array([[4.0, 2.0, 0.0], [2.0, 5.0, 0.0], [0.0, 0.0, 2.0]])
     whole = np.eye(6)
@@ -330,22 +341,3 @@ def test_the_command_writes_its_tables(tmp_path):
     assert table["weights"]["best"].sum() == 1
     assert "95 % intervals" in ended.out
     assert "simulated02" in ended.out
-
-
-def test_of_a_single_posture_nothing_is_held_out_and_nothing_said_that_is_not_known(tmp_path):
-    """Three angles of the other one leave no residual to tell the noise by: no interval. Both are adapted."""
-    header, *rows = DATA_FILE.read_text().splitlines()[: 1 + 14]
-    one = rows[4].replace("simulated01", "one_posture")
-    few = [",".join([*c[:4], c[4], c[5], "", c[7], "", "", *c[10:]]) for c in (row.split(",") for row in rows)]
-    lines = [header, *(row.replace("simulated01", "three_angles") for row in few), one]
-    ended = girdle("trust", written(tmp_path, lines), "--out", tmp_path / "out")
-    assert (ended.status, ended.messages) == (0, [])
-    table = pd.read_csv(tmp_path / "out" / "trust.csv").set_index("subject")
-    assert set(table["status"]) == {status.OK}
-    assert np.isnan(
-        table.loc["one_posture", ["gap_unseen_motion_deg", "gap_unseen_postures_deg", "jump_free"]].tolist()
-    ).all()
-    assert np.isnan(table.loc["three_angles", "noise_deg"])
-    spread = pd.read_csv(tmp_path / "out" / "uncertainty.csv").set_index("subject")
-    assert set(spread.loc["three_angles", "interval"]) == {NONE}
-    assert "not determined" in table.loc["three_angles", "flat"]

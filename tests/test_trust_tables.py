@@ -123,6 +123,11 @@ def test_a_jump_is_counted_among_the_steps_along_motions():
     assert jump_free_share(motions, fits) == pytest.approx({"s1": 0.9, "s2": 1.0})
 
 
+def test_a_single_posture_is_no_step():
+    motions = motions_of(rising(1, 1))
+    assert np.isnan(jump_free_share(motions, pd.DataFrame({"jump": [0]}))["s1"])
+
+
 # --- thorax points ---------------------------------------------------------------------------------------------------
 
 
