@@ -120,7 +120,7 @@ def test_a_direction_that_is_nearly_flat_is_no_minimum(share, convex):
     held = [[one if i == k else nothing for i in range(6)] for k in range(3)]
     at = Chain([nothing] * 3, held, [], qq, [], [], [nothing] * 2)
     found = Elimination(at, [weight * one] * 6, [nothing] * 6, parameters=False)
-    assert found.convex.tolist() == [convex]
+    assert np.asarray(found.convex).tolist() == [convex]
 
 
 def conditions(case: Case, convex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
