@@ -1,8 +1,9 @@
 # Two commands on a bare machine with Python 3.11+, pip and make: `make adapt` and `make test`.
 PYTHON ?= python3
 BIN := .venv/bin
+MOTIONS ?= ../shared/motions/*.csv
 
-.PHONY: adapt test lint types units lock blind recovery fuzz mutants clean
+.PHONY: adapt test lint types units lock blind recovery heldout sets readings speed fuzz mutants clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -34,6 +35,18 @@ mutants: .venv/dev ## small faults put into the numerical core: which of them do
 
 recovery: .venv/runtime ## do the intervals of adapted parameters hold the truth? simulated subjects; prints its figures
 	$(BIN)/python scripts/study_recovery.py
+
+heldout: .venv/runtime ## adapted to one motion, looked at on another; w by motions held out; of measured motions
+	$(BIN)/python scripts/study_heldout.py $(MOTIONS) --weights
+
+sets: .venv/runtime ## what depends on the cadaver, beside Tables 3.4 and 3.5; of measured motions
+	$(BIN)/python scripts/study_sets.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
+
+readings: .venv/runtime ## which reading of E is the thesis's: ten minutes; of measured motions
+	$(BIN)/python scripts/study_objective.py $(MOTIONS)
+
+speed: .venv/dev ## the fits against IPOPT, SLSQP and jaxopt: minutes; simulated subjects
+	$(BIN)/python scripts/benchmark.py --subjects 1000 --peers 30 --repeats 5
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

@@ -35,10 +35,14 @@ ROOT = Path(__file__).parents[1]
 
 TESTS_OF = {
     "motions/rotations.py": ["tests/test_motions_rotations.py"],
+    "motions/machine.py": ["tests/test_machine.py"],
     "models/ellipsoid.py": ["tests/test_ellipsoid.py"],
     "models/girdle.py": ["tests/test_girdle.py"],
     "models/derivatives.py": ["tests/test_derivatives.py"],
     "adapt/objective.py": ["tests/test_objective.py"],
+    "adapt/elimination.py": ["tests/test_elimination.py"],
+    "adapt/backtracking.py": ["tests/test_backtracking.py"],
+    "adapt/diagnosis/evidence.py": ["tests/test_evidence.py"],
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
 
@@ -54,9 +58,23 @@ _PROCESSES = multiprocessing.get_context("forkserver")
 _PROCESSES.set_forkserver_preload(["pytest", "jax", "jax.numpy", "hypothesis", "jaxtyping", "scipy.optimize", "casadi"])
 """Every process begins with what takes seconds to import, and none has the project in it."""
 
+_SAME_LENGTH = "both are of one length; strict only says so"
+
 _ANY_SHARE = "the way that a point is moved off a plane only has to be more than 0 and less than shows"
 
 EQUIVALENT: dict[str, str] = {
+    "adapt/elimination.py: zero = xp.zeros_like(T[0][0]): 0 -> 1": "all entries are of one shape",
+    "adapt/elimination.py: self.stiffness = [xp.where(convex, s, t) for s, t in zip(least, more, strict=True)]: "
+    "True -> False": _SAME_LENGTH,
+    "adapt/elimination.py: return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, strict=True)], g): "
+    "True -> False": _SAME_LENGTH,
+    "adapt/elimination.py: lower = [[chosen(x, y, 0.0) for x, y in zip(*rows, strict=True)] "
+    "for rows in zip(L, L2, strict=True)]: True -> False": _SAME_LENGTH,
+    "adapt/elimination.py: return backward(self._S, [x * d for x, d in "
+    "zip(forward(self._S, b), self._S_inverse, strict=True)]): True -> False": _SAME_LENGTH,
+    "adapt/diagnosis/evidence.py: return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
+    "0.0 * scale -> 0.0 / scale": "no effect has the scale 0",
+    "adapt/diagnosis/evidence.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     "adapt/objective.py: solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
         "the last step is quadratic: far less than 1e-4 mm either way"
     ),
@@ -66,6 +84,12 @@ EQUIVALENT: dict[str, str] = {
     "models/ellipsoid.py: return (step + 1, *newton(tau)): 1 -> 2": (
         "30 steps are more than the 25 that any point needs"
     ),
+    "models/ellipsoid.py: return repeat_while(unfinished, again, (0, tau, S))[1]: 0 -> 1": "59 steps are, too",
+    "models/ellipsoid.py: for _ in range(_UNROLLED_STEPS - 1):: _UNROLLED_STEPS - 1 -> _UNROLLED_STEPS + 1": (
+        "two steps more, for nothing"
+    ),
+    "models/ellipsoid.py: xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y): "
+    "xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y -> xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) / y": _ANY_SHARE,
     "models/ellipsoid.py: return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP): 1.0 -> 1.5": (
         "all steps are taken, the later ones for nothing"
     ),

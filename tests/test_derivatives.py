@@ -1,12 +1,14 @@
 """The derivatives written by hand against automatic differentiation of the definitions."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from models import load_model, model_names
-from models.derivatives import chain, distance, ellipsoid_curvature, ellipsoid_slope, foot
+from models.derivatives import Chain, chain, distance, ellipsoid_curvature, ellipsoid_slope, feet, foot
 from models.ellipsoid import signed_distance_mm
 from models.girdle import constraint_residuals_mm
 from motions.rotations import DEG
@@ -32,11 +34,10 @@ def assert_same(found, expected) -> None:
 
 
 def lower(rows, size: int) -> np.ndarray:
-    """The symmetric matrix of a lower triangle."""
+    """The symmetric matrix of a lower triangle, which has no other entries."""
     full = np.zeros((size, size))
-    for i in range(size):
-        for j in range(i + 1):
-            full[i, j] = full[j, i] = rows[i][j]
+    for i, row in enumerate(rows):
+        full[i, : i + 1] = full[: i + 1, i] = np.asarray(row)
     return full
 
 
@@ -59,6 +60,14 @@ def test_distance_with_slopes_and_curvatures(k):
     assert_same(lower(ellipsoid_curvature(at), 5), jax.hessian(d)(ellipsoid))
 
 
+def settled(girdle, q, theta) -> Chain:
+    """The constraints at feet that have come to rest."""
+    start = [jnp.zeros(())] * 2
+    for _ in range(SETTLED):
+        start = chain(girdle, list(q), list(theta), list(MULTIPLIERS), start).feet
+    return chain(girdle, list(q), list(theta), list(MULTIPLIERS), start)
+
+
 @pytest.mark.parametrize("name", model_names())
 def test_chain_with_slopes_and_curvatures(name):
     girdle = load_model(name).girdle
@@ -70,10 +79,7 @@ def test_chain_with_slopes_and_curvatures(name):
         return constraint_residuals_mm(girdle.with_adapted(z[6:]), z[:6])
 
     slopes, curvature = jax.jacfwd(g)(z), jax.hessian(lambda z: MULTIPLIERS @ g(z))(z)
-    feet = [jnp.zeros(())] * 2
-    for _ in range(SETTLED):
-        feet = chain(girdle, list(q), list(theta), list(MULTIPLIERS), feet).feet
-    at = chain(girdle, list(q), list(theta), list(MULTIPLIERS), feet)
+    at = settled(girdle, q, theta)
     assert_same(at.g, g(z))
     assert_same(at.G, slopes[:, :6])
     assert_same(at.T, slopes[:2, 6:11])
@@ -83,3 +89,13 @@ def test_chain_with_slopes_and_curvatures(name):
     assert_same(at.qu, curvature[:6, 6:11])
     assert_same(lower(at.uu, 5), curvature[6:11, 6:11])
     assert_same(curvature[11], np.zeros(12))
+
+
+def test_feet_are_where_those_of_the_chain_come_to_rest():
+    """Of a thorax beside the plane x = 0, which no parameter set has: every part of its centre counts."""
+    girdle = replace(load_model("R2").girdle, centre_mm=jnp.array([6.0, -296.0, 78.0]))
+    q = jnp.asarray(simulate_subjects(1, seed=5).angles_deg[4] / DEG)
+    theta = girdle.adapted_mm
+    at = settled(girdle, q, theta)
+    assert_same(feet(girdle, list(q), list(theta)), at.feet)
+    assert_same(at.g, constraint_residuals_mm(girdle, q))

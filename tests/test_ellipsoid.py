@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from models import ellipsoid, load_model, model_names
 from models.ellipsoid import closest_point, foot_multiplier, signed_distance_mm
 
 ROUNDING_MM = 1e-10
@@ -22,6 +23,9 @@ DIRECTION = 1e-9
 
 MULTIPLIER = 1e-9
 """Relative: t is a small difference of points 100s of mm long, exact to 1e-13 mm each."""
+
+LOOP_MM = 1e-6
+"""What the steps before the loop may leave near the surface: see models.ellipsoid."""
 
 GRADIENT_FD = 1e-7
 """Central differences of step 1e-4 mm: truncation 1e-9, rounding 1e-13 mm / 1e-4 mm, with room."""
@@ -111,8 +115,9 @@ def test_numpy_finds_what_jax_finds():
 
 
 def test_a_point_on_the_plane_has_its_foot_on_the_positive_side():
-    """Of the centre the two ends of the shortest axis are equally near; a point just below the plane goes down."""
-    for side, z in ((1.0, 0.0), (1.0, 1e-9), (-1.0, -1e-9)):
+    """Of the centre the two ends of the shortest axis are equally near; a point below the plane, however little, goes
+    down."""
+    for side, z in ((1.0, 0.0), (1.0, 1e-9), (-1.0, -1e-9), (1.0, 1e-12), (-1.0, -1e-12)):
         found = closest_point(jnp.array([0.0, 0.0, z]), THORAX)
         np.testing.assert_allclose(found, [0.0, 0.0, side * 130.0], rtol=0.0, atol=1e-6)
 
@@ -195,6 +200,19 @@ def test_deep_inside_next_to_the_plane_of_the_shortest_axis():
     for scale in (1e-12, 1e-9, 1e-6, 1e-3):
         x = np.asarray(foot(jnp.asarray(scale * generator.normal(size=axes.shape)), jnp.asarray(axes)))
         assert np.abs(np.sum((x / axes) ** 2, axis=0) - 1.0).max() <= ON_SURFACE
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_the_steps_that_every_point_takes_are_enough_near_the_surface(name, monkeypatch):
+    """The root is that of a nearly linear function: without the loop nothing is lost that a constraint would see."""
+    direction = np.random.default_rng(12).normal(size=(3, 1000))
+    a = np.asarray(load_model(name).girdle.semi_axes_mm)[:, None] * np.ones_like(direction)
+    x = a * direction / np.linalg.norm(direction, axis=0)
+    normal = x / a**2 / np.linalg.norm(x / a**2, axis=0)
+    off_mm = np.linspace(-20.0, 60.0, 1000)
+    monkeypatch.setattr(ellipsoid, "repeat_while", lambda unfinished, again, carry: carry)
+    found = signed_distance_mm(x + off_mm * normal, np.zeros_like(x), a)
+    np.testing.assert_allclose(found, off_mm, rtol=0.0, atol=LOOP_MM)
 
 
 def test_a_point_without_numbers_leaves_the_others():

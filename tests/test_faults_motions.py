@@ -21,9 +21,6 @@ from motions.simulation import DATA_FILE
 SAME = 1e-12
 """Relative: subjects are independent, whoever is in the batch. Sums over other shapes may round otherwise."""
 
-TENTH_NM = 1e-4
-"""Difference of a parameter, mm, that ends where its slope is below the tolerance of 1e-8: see THETA_TOLERANCE."""
-
 GOOD = ["simulated01", "simulated02"]
 
 
@@ -52,7 +49,10 @@ LEFT_OUT = {
 STRANGE = {
     "constant": of_first("constant", lambda k, c: ANGLES_OF_ONE),
     "one_posture": of_first("one_posture", lambda k, c: c)[5:6],
+    "half_a_turn_apart": of_first("half_a_turn_apart", lambda k, c: ["170", *c[1:]]),
+    "three_angles": of_first("three_angles", lambda k, c: [c[0], c[1], "", c[3], "", ""]),
 }
+"""Clavicle and scapula of the third contradict each other; of the fourth nothing is left to tell how good a fit is."""
 
 
 @pytest.fixture(scope="module")
@@ -88,8 +88,7 @@ def test_good_subjects_are_what_they_are_alone(everyone):
         rows = tables[name][tables[name]["subject"].isin(GOOD)].reset_index(drop=True)
         assert (rows["status"] == expected["status"]).all()
         for column in expected.select_dtypes("number"):
-            atol = TENTH_NM if name == "parameters" else SAME * 180.0
-            np.testing.assert_allclose(rows[column], expected[column], rtol=1e-9, atol=atol, err_msg=column)
+            np.testing.assert_allclose(rows[column], expected[column], rtol=SAME, atol=SAME * 180.0, err_msg=column)
 
 
 def test_what_is_called_ok_closes_and_the_rest_is_named(everyone):
@@ -97,7 +96,8 @@ def test_what_is_called_ok_closes_and_the_rest_is_named(everyone):
     fits, parameters = tables["fits"], tables["parameters"]
     ok = fits[fits["status"] == status.OK]
     assert np.abs(ok[["a1_mm", "a2_mm", "a3_mm"]].to_numpy()).max() <= OPEN_MM
-    assert np.isfinite(ok[DIFFERENCES].to_numpy()).all()
+    measured = ok[[f"{angle}_measured_deg" for angle in ANGLES]].notna()
+    np.testing.assert_array_equal(np.isfinite(ok[DIFFERENCES]), measured)
     failed = set(fits[(fits["status"] != status.OK) & (fits["adapted"] == 1)]["subject"])
     failed |= set(parameters[parameters["status"] != status.OK]["subject"])
     named = {re.split(": ", line)[1] for line in result.messages if line.startswith("not handled: ")}

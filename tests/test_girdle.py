@@ -187,6 +187,12 @@ def test_where_the_attachments_coincide_the_slope_is_finite():
     assert np.isfinite(BY_ANGLE(girdle, REST)).all()
 
 
+def test_a_conoid_shorter_than_a_millimetre_has_its_own_slope():
+    girdle = replace(HAND, clavicle_conoid_mm=HAND.ac_mm, scapula_conoid_mm=jnp.array([0.2, 0.3, -0.1]))
+    by_length = BY_GIRDLE(girdle, REST).scapula_conoid_mm[2]
+    assert float(jnp.linalg.norm(by_length)) == pytest.approx(1.0, abs=EXACT)
+
+
 def test_a_batch_is_its_members():
     generator = np.random.default_rng(2)
     angles = jnp.asarray(generator.uniform(-0.5, 0.5, (6, 3, 4)))
@@ -194,6 +200,7 @@ def test_a_batch_is_its_members():
     found = np.asarray(constraint_residuals_mm(spread, angles))
     each = jax.vmap(jax.vmap(lambda q: constraint_residuals_mm(HAND, q), -1, -1), -1, -1)(angles)
     np.testing.assert_allclose(each, found, rtol=0.0, atol=ROUNDING_MM)
+    np.testing.assert_allclose(constraint_residuals_mm(HAND.over_axes(2), angles), found, rtol=0.0, atol=ROUNDING_MM)
     over_postures = jax.tree.map(lambda x: jnp.repeat(x[..., None], 4, axis=-1), HAND).over_postures()
     np.testing.assert_allclose(constraint_residuals_mm(over_postures, angles), found, rtol=0.0, atol=ROUNDING_MM)
 

@@ -61,6 +61,25 @@ def test_arithmetic_is_that_of_numpy():
     np.testing.assert_allclose(machine(arithmetic, 3, 15, x), np.stack(arithmetic(x)), rtol=2 * ULP, atol=0.0)
 
 
+def neutral(x):
+    """Every operation with 0 and 1 on either side, which need no instruction where they change nothing."""
+    a, found = x[0], []
+    for constant in (0.0, 1.0, xp.zeros_like(x[0]), xp.zeros_like(x[0]) + 1.0):
+        found += [a + constant, constant + a, a - constant, constant - a, a * constant, constant * a, constant / a]
+    return [*found, a / 1.0, a**1]
+
+
+def test_zero_and_one_are_what_they_are_in_every_operation():
+    x = values(1)
+    np.testing.assert_allclose(machine(neutral, 1, 30, x), np.stack(neutral(x)), rtol=2 * ULP, atol=0.0)
+
+
+def test_what_is_0_by_construction_stays_so_whatever_it_is_multiplied_by():
+    x = np.array([[np.nan, np.inf, 2.0]])
+    found = machine(lambda q: [q[0] * xp.zeros_like(q[0]), 0.0 * q[0]], 1, 2, x)
+    assert found.tolist() == [[0.0] * 3] * 2
+
+
 def test_what_is_not_a_number_stays_so():
     """In either place; a comparison with it is false."""
     x = np.array([[np.nan, 1.0, np.nan], [1.0, np.nan, np.nan], [2.0, 2.0, 2.0]])
@@ -96,6 +115,18 @@ def test_each_lane_iterates_for_itself():
     np.testing.assert_allclose(found, np.sqrt(x), rtol=1e-9, atol=0.0)
     np.testing.assert_array_equal(np.stack([found, steps]), alone)
     assert len(set(steps)) > 5
+
+
+def test_a_truth_goes_round_in_a_loop():
+    """Halved three times, and whether it was below 1 on the way, or before."""
+
+    def text(x):
+        y, below = repeat(3, lambda now: (now[0] / 2.0, now[1] | (now[0] < 1.0)), (x, x > 7.0))
+        return [y, xp.where(below, 1.0, 0.0)]
+
+    x = np.array([8.0, 7.0, 4.0, 3.9, 0.5])
+    found = Kernel("below", text, ("",), "2", 64).by_machine(x)
+    np.testing.assert_array_equal(found, [x / 8.0, [1.0, 0.0, 0.0, 1.0, 1.0]])
 
 
 def test_loops_over_places_sum_count_keep_and_replace():

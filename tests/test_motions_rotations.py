@@ -79,10 +79,14 @@ def test_the_series_of_small_vectors_is_exact_up_to_its_end(squared):
 
 
 def test_a_batch_is_its_members():
+    """Of numpy arrays, whose indices have an end, as of JAX's."""
     generator = np.random.default_rng(1)
     angles = generator.uniform(-1.5, 1.5, (3, 4, 5))
     vectors = generator.normal(size=(3, 4, 5))
     R = np.asarray(rotation_from_cardan(jnp.asarray(angles)))
+    np.testing.assert_allclose(cardan_from_rotation(R), angles, rtol=0.0, atol=TOLERANCE)
+    magnitude = np.array([[Rotation.from_matrix(R[..., j, k]).magnitude() for k in range(5)] for j in range(4)])
+    np.testing.assert_allclose(mean_angle(R), magnitude, rtol=0.0, atol=ANGLE_TOLERANCE)
     rotated, squared = rotate(jnp.asarray(R), jnp.asarray(vectors)), compose(jnp.asarray(R), jnp.asarray(R))
     for k in np.ndindex(4, 5):
         at = (..., *k)

@@ -16,12 +16,12 @@ from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapt_lanes, adapted_from, lanes, lanes_at
 from adapt.api import adapt_subjects
 from adapt.batch import pack
-from adapt.heldout import POSTURES, by_subject, folds, held_out
+from adapt.heldout import MOTION, POSTURES, by_subject, folds, held_out
 from adapt.simulation import simulate_model_subjects
 from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.flat import flat_directions
 from adapt.trust.profile import profile_intervals
-from adapt.trust.trust import BOUNDS
+from adapt.trust.trust import BOUNDS, NONE, intervals
 from adapt.trust.uncertainty import (
     NORMAL_95,
     PERSON_SD_MM,
@@ -31,6 +31,7 @@ from adapt.trust.uncertainty import (
     uncertainty,
     within_bounds,
 )
+from adapt.trust.weight import WEIGHTS, weight_table
 from models import ParameterSet, load_model
 from motions import Motions
 from motions.rotations import DEG
@@ -202,6 +203,17 @@ def test_what_nothing_holds_is_held_by_its_bounds_alone(case):
     assert np.abs(found[2:]).max() == 0.0
 
 
+def test_without_an_angle_to_spare_nothing_is_said_of_the_noise(case):
+    """Three angles a posture, which three degrees of freedom follow: no noise, no interval, no direction."""
+    few = np.array(case.data.measured)
+    few[[2, 4, 5]] = False
+    found = uncertainty(lanes_at(case.data, np.arange(SUBJECTS), measured=few), case.adapted)
+    assert np.isnan(found.noise_deg).all()
+    _, origin = intervals(case.data, case.adapted, found)
+    assert set(origin.ravel()) == {NONE}
+    assert flat_directions(found.covariance_mm2[..., 0]) == ["not determined: motion and points leave a direction open"]
+
+
 def test_a_reduced_inverse_by_hand():
     matrix = np.array([[4.0, 2.0, 0.0], [2.0, 5.0, 0.0], [0.0, 0.0, 2.0]])
     whole = np.eye(6)
@@ -278,15 +290,35 @@ def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
     assert (seen["gap_unseen_deg"] > seen["gap_in_sample_deg"]).all()
 
 
+# --- w -------------------------------------------------------------------------------------------------------------
+
+
+def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_smallest_unseen_gap(case):
+    """Of optima of D + w J a larger w has no larger J and no smaller D; the thesis's w is the adaptation itself."""
+    parts = folds(case.motions, pack(case.motions))
+    table = weight_table(case.data, case.motions.subjects, [case.model.name], parts, weights=(0.1, 10.0, 1000.0))
+    assert table["weight"].tolist() == [0.1, 10.0, 1000.0]
+    assert (table["subjects_ok"] == SUBJECTS).all()
+    assert (table["thorax_points_rms_mm"].diff().dropna() >= 0.0).all()
+    assert (table["j_rms_deg"].diff().dropna() <= 0.0).all()
+    of_thesis = table.iloc[1]
+    assert of_thesis["thorax_points_rms_mm"] == pytest.approx(np.sqrt(case.adapted.D_mm2.mean()))
+    assert of_thesis["j_rms_deg"] == pytest.approx(np.sqrt(case.adapted.mean_j_deg2.mean()))
+    motions_alone = [part for part in parts if part.kind == MOTION]
+    unseen = held_out(case.data, SUBJECTS, motions_alone).unseen_deg
+    assert of_thesis["gap_unseen_deg"] == pytest.approx(np.nanmean(unseen), rel=1e-9)  # all motions are of one length
+    assert table["best"].tolist() == [int(gap == table["gap_unseen_deg"].min()) for gap in table["gap_unseen_deg"]]
+
+
 # --- the command ---------------------------------------------------------------------------------------------------
 
 
 def test_the_command_writes_its_tables(tmp_path):
     """Two shipped, simulated subjects: files, one row each, and what the terminal says of them."""
     lines = DATA_FILE.read_text().splitlines()[: 1 + 14 * 2]
-    ended = girdle("trust", written(tmp_path, lines), "--model", "R6", "--out", tmp_path / "out")
+    ended = girdle("trust", written(tmp_path, lines), "--model", "R6", "--choose-weight", "--out", tmp_path / "out")
     assert (ended.status, ended.messages) == (0, [])
-    names = ("fits", "heldout", "parameters", "plausibility", "summary", "trust", "uncertainty")
+    names = ("fits", "heldout", "parameters", "plausibility", "summary", "trust", "uncertainty", "weights")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
         [*(f"{n}.csv" for n in names), "run.json"]
     )
@@ -305,5 +337,7 @@ def test_the_command_writes_its_tables(tmp_path):
     forbidden = table["trust"]["points_forbid"].dropna()  # without a value where w x 1000 did not converge
     assert len(forbidden) >= 1
     assert forbidden.between(0.0, 1.0).all()
+    assert table["weights"]["weight"].tolist() == list(WEIGHTS)
+    assert table["weights"]["best"].sum() == 1
     assert "95 % intervals" in ended.out
     assert "simulated02" in ended.out

@@ -22,7 +22,7 @@ from adapt.heldout import (
 from adapt.terminal import PlainConsole
 from adapt.trust.plausibility import PASS, WARNING, checks, region_distances_mm
 from adapt.trust.terminal import print_weights
-from adapt.trust.trust import jump_free_share
+from adapt.trust.trust import forbidden_share, jump_free_share
 from adapt.trust.uncertainty import NORMAL_95
 from models import load_model, model_names
 from motions import Motions
@@ -121,6 +121,22 @@ def test_a_jump_is_counted_among_the_steps_along_motions():
     assert jump_free_share(motions, fits) == {"s1": 1.0, "s2": 1.0}
     fits.loc[2, "jump"] = 1
     assert jump_free_share(motions, fits) == pytest.approx({"s1": 0.9, "s2": 1.0})
+
+
+def test_a_single_posture_is_no_step():
+    motions = motions_of(rising(1, 1))
+    assert np.isnan(jump_free_share(motions, pd.DataFrame({"jump": [0]}))["s1"])
+
+
+# --- thorax points ---------------------------------------------------------------------------------------------------
+
+
+def test_what_the_points_forbid_by_hand():
+    """From 100 to 30 with them, to 20 without: 10 of 80. No share where nothing falls, or without is above with."""
+    assert forbidden_share(100.0, 30.0, 20.0) == 0.125
+    assert forbidden_share(100.0, 20.0, 20.0) == 0.0
+    unknown = [(100.0, 15.0, 20.0), (20.0, 20.0, 20.0), (100.0, 30.0, np.nan), (100.0, np.nan, 20.0)]
+    assert np.isnan([forbidden_share(*J) for J in unknown]).all()
 
 
 # --- plausibility --------------------------------------------------------------------------------------------------

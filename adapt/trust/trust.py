@@ -169,6 +169,7 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
     )
     gap = fits.groupby(["model", "subject", "adapted"])["gap_deg"].mean().to_dict()
     before = result.parameters.set_index(["model", "subject"])["mean_j_before_deg2"].to_dict()
+    least = [np.where(one.status == status.OK, one.mean_j_deg2, np.nan) for one in (adapted, free)]
     warned = (
         plausible[plausible["verdict"] == WARNING].groupby(["model", "subject"])["check"].apply(", ".join).to_dict()
     )
@@ -182,7 +183,7 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
             row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
             row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)
             row["noise_deg"] = found.noise_deg[lane]
-            row["points_forbid"] = _forbidden(before[model, subject], adapted, free, lane)
+            row["points_forbid"] = forbidden_share(before[model, subject], *(J[lane] for J in least))
             row["jump_free"] = smooth[subject]
             row["at_bound"] = ", ".join(n for n, at in zip(ADAPTED, adapted.at_bound[:, lane], strict=True) if at)
             row["flat"] = "; ".join(flat_directions(found.covariance_mm2[..., lane]))
@@ -191,8 +192,11 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
     return pd.DataFrame(rows)
 
 
-def _forbidden(before: float, adapted: Adapted, free: Adapted, lane: int) -> float:
-    if free.status[lane] != status.OK or adapted.status[lane] != status.OK:
+def forbidden_share(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:
+    """Of the fall of mean J from before adaptation to an adaptation without thorax points, what there is not with them.
+
+    NaN where the one without them failed, or ended in another valley, above the one with them.
+    """
+    if not without_deg2 < before_deg2 or not without_deg2 <= adapted_deg2:
         return float("nan")
-    fall = before - free.mean_j_deg2[lane]
-    return float((adapted.mean_j_deg2[lane] - free.mean_j_deg2[lane]) / fall) if fall > 0.0 else float("nan")
+    return float((adapted_deg2 - without_deg2) / (before_deg2 - without_deg2))
