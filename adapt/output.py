@@ -14,7 +14,7 @@ from uuid import uuid4
 
 import pandas as pd
 
-from adapt.fit import OFFSETS_SEED
+from adapt.quick_fit import OFFSETS_SEED
 from models.parameters import FOLDER, model_file
 from motions.errors import InputError
 from motions.files import is_part, part_name, write_whole
