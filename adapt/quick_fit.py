@@ -31,8 +31,8 @@ _FAR_DEG2 = 200.0
 Measured postures leave 64 with R2 as it is; with das3, which does not close at rest, 440."""
 
 _CLOSING_STEPS, _FAR_CLOSING_STEPS = 3.0, 6.0
-"""Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of what is left:
-0.001 mm at simulated angles after three, 1e-12 mm 15 degrees off them after six."""
+"""Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of
+what is left: 0.001 mm at simulated angles after three, 1e-12 mm 15 degrees off them after six."""
 
 _LOWEST_ROUNDS = (14.0, 40.0, 400.0)
 """Most iterations from each of two starts: measured, 99 of 100 postures need one round, 999 of 1000 two."""
