@@ -34,8 +34,9 @@ _CLOSING_STEPS, _FAR_CLOSING_STEPS = 3.0, 6.0
 """Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of
 what is left: 0.001 mm at simulated angles after three, 1e-12 mm 15 degrees off them after six."""
 
-_LOWEST_ROUNDS = (14.0, 40.0, 400.0)
-"""Most iterations from each of two starts: measured, 99 of 100 postures need one round, 999 of 1000 two."""
+_LOWEST_ROUNDS = (20.0, 60.0, 400.0)
+"""Most iterations from each of two starts: of simulated postures 995 of 1000 need
+one round, from places around 8 of 10."""
 
 _ROUNDS = (10, 10, 40, 400)
 """Most iterations from one start alone, in each round."""
