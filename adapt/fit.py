@@ -156,7 +156,7 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
             before, after = before[~arrived], after[~arrived]
 
 
-def _trackers(girdle: Chain) -> list[Callable[..., Postures]]:
+def _trackers(girdle: Chain) -> list[Callable[..., SweptPostures]]:
     """The fast path, in shorter steps for what it did not follow; with effects the careful one."""
     if isinstance(girdle, Girdle):
         return [partial(tracked, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
@@ -181,8 +181,7 @@ def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
 def _track_lanes(fitted: Fitted, problem, before, after, track) -> Fitted:
     girdle, target, weights = problem
     part = lanes_of((girdle, target, weights), after)
-    start = target[:, before], fitted.angles[:, before]
-    return _as_fitted(track(*part, *start))
+    return _as_fitted(track(*part, target[:, before], fitted.angles[:, before]))
 
 
 def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
@@ -202,8 +201,8 @@ _WORDS = np.array([status.NOT_CONVERGED, status.OK], "U16")
 
 def _as_fitted(solved: SweptPostures) -> Fitted:
     words = _WORDS[(solved.converged & np.isfinite(solved.j_deg2)).astype(int)]
-    numbers = solved.angles, solved.multipliers, solved.residual_mm, solved.stationarity, solved.j_deg2
-    return Fitted(*(np.require(x, requirements="W") for x in numbers), words, np.zeros(len(words), bool))
+    angles, multipliers, residual_mm, stationarity, j_deg2 = (np.require(x, requirements="W") for x in solved[:5])
+    return Fitted(angles, multipliers, residual_mm, stationarity, j_deg2, words, np.zeros(len(words), bool))
 
 
 def _unsolved(closed, residual, target, weights) -> Fitted:
@@ -230,7 +229,8 @@ def _solved(girdle: Chain, target, weights, start, around: bool) -> SweptPosture
     quick = fitted_from_places(problem, around) if start is None else fitted_from(problem, start)
     left = np.flatnonzero(~quick.converged)
     if len(left):
-        careful = _carefully(*lanes_of(problem, left), None if start is None else start[:, left])
+        part = lanes_of(problem, left)
+        careful = _carefully(part[0], part[1], part[2], None if start is None else start[:, left])
         better = careful.converged & ~(quick.converged[left] & (quick.j_deg2[left] <= careful.j_deg2))
         put_lanes(quick, left[better], lanes_of(careful, better))
     return quick
@@ -247,9 +247,15 @@ def _track_carefully(girdle: Chain, target, weights, target_before, start) -> Sw
 
 
 def _as_swept(solved: Postures, target, weights) -> SweptPostures:
-    conditions = solved.angles, solved.multipliers, solved.residual_mm, solved.stationarity
-    j = np.asarray(mean_square_deg2(solved.angles, target, weights))
-    return SweptPostures(*conditions, j, solved.iterations, np.asarray(solved.converged))
+    return SweptPostures(
+        solved.angles,
+        solved.multipliers,
+        solved.residual_mm,
+        solved.stationarity,
+        np.asarray(mean_square_deg2(solved.angles, target, weights)),
+        solved.iterations,
+        np.asarray(solved.converged),
+    )
 
 
 def _few(function, girdle: Chain, *arrays) -> Any:

@@ -79,7 +79,8 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
         left = np.flatnonzero(~result.settled)
         if not len(left):
             break
-        put_lanes(result, left, found(*lanes_of((problem, starts), left), iterations))
+        part, places = lanes_of((problem, starts), left)
+        put_lanes(result, left, found(part, places, iterations))
     return result
 
 
