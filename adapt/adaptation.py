@@ -14,11 +14,12 @@ from adapt import status
 from adapt.batch import Batch
 from adapt.chunks import compiled, in_chunks, in_rounds, lanes_of, with_lanes
 from adapt.constraints import ByHand
-from adapt.fit import FEWEST_ANGLES, GIRDLE, fit_lanes
+from adapt.fit import FEWEST_ANGLES, fit_lanes
 from adapt.kernel import Kernel
 from adapt.linalg import Factor, diagonal, matmul, trace, transpose
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, ThoraxPoints, fitted_girdle, thorax_distance_mm2
 from adapt.posture import mean_square_deg2, objective_weights
+from adapt.quick_fit import GIRDLE
 from adapt.subject import Problem, Subject, joint, solve_subjects
 from adapt.sweep import Fixed, Start, Swept, sweep
 from models.girdle import ADAPTED, Girdle
@@ -33,9 +34,6 @@ sets and in 11 of 900 simulated adaptations, by up to 3 %; starts with M_y again
 
 _ROUNDS = 4
 """A lane that did not converge, or has a posture in the higher of two valleys, goes on from fresh posture fits."""
-
-_PLACES = 3
-"""E is the sum of the lowest J of every posture: their fits start from a few places."""
 
 _LOWER_DEG2 = 1e-6
 """A fresh posture fit lower by less than this is the same one."""
@@ -242,7 +240,7 @@ def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, 
     lane = np.tile(np.arange(count), postures)
     girdle = lanes_of(data.girdle.with_adapted(theta), lane)
     fitted = fit_lanes(
-        girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1), places=_PLACES
+        girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1), around=True
     )
     return fitted.angles.reshape(6, postures, count)
 

@@ -17,7 +17,7 @@ from adapt.output import prepare_folder
 from models.girdle import ADAPTED, Girdle
 from models.parameters import HALF_WIDTHS_MM, ParameterSet
 from models.writing import parameters_toml
-from motions.files import file_names, printable, write_whole
+from motions.files import file_names, printable
 
 FOLDER = "models"
 """Below the folder of the results."""
@@ -35,7 +35,7 @@ def write_adapted_models(
 ) -> list[Path]:
     """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
 
-    how: the options of the adaptation, for the [source] lines.
+    how: the options of the adaptation, for the [source] lines. The folder is one of ``adapt.output.written_together``.
     """
     prepare_folder(folder / FOLDER)
     of_name = {model.name: model for model in models}
@@ -46,7 +46,8 @@ def write_adapted_models(
         if word != status.OK:
             continue
         flags = dict(zip(ADAPTED, at_bound[number].tolist(), strict=True))
-        write_whole(path, adapted_toml(of_name[model], subject, theta_mm[number], flags, how))
+        text = adapted_toml(of_name[model], subject, theta_mm[number], flags, how)
+        path.write_bytes(text.encode())  # not each whole or not at all: the folder is
         written.append(path)
     return written
 

@@ -13,7 +13,17 @@ from adapt.chunks import lanes_of
 from adapt.fit import Fitted, fit_lanes, follow_motions
 from adapt.heldout import NOTHING, fewest_folds, held_out_gaps
 from adapt.objective import DEFAULT_READING, WEIGHT
-from adapt.tables import ALL_MOTIONS, STATISTICS, Tables, fits_table, parameters_table, summary_table
+from adapt.tables import (
+    ALL_MOTIONS,
+    STATISTICS,
+    SubjectRows,
+    Tables,
+    fits_table,
+    parameters_table,
+    rows_of_subjects,
+    summary_of,
+    summary_table,
+)
 from models.girdle import Girdle
 from models.parameters import ParameterSet
 from motions.errors import InputError
@@ -41,6 +51,8 @@ class Adaptations(PostureFits, Tables):
 
     adapted: dict[str, Adapted]
     """By model; lanes in the order of ``motions.subjects``."""
+    subjects: SubjectRows
+    """What the summary is made of."""
 
 
 def fit_postures(
@@ -95,11 +107,17 @@ def adapt_subjects(
     by_model = _fitted_rows(motions, models, girdle, start)
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
     fits = pd.concat([before, *tables], ignore_index=True)
-    summary = summary_table(fits)
+    subjects = rows_of_subjects(fits)
     parameters = parameters_table(motions.subjects, models, results, fits)
     heldout = _held_out(motions, models, fits, weight, reading, progress, held_out)
     return Adaptations(
-        by_model=by_model, fits=fits, summary=summary, adapted=results, parameters=parameters, heldout=heldout
+        by_model=by_model,
+        fits=fits,
+        summary=summary_of(subjects),
+        adapted=results,
+        subjects=subjects,
+        parameters=parameters,
+        heldout=heldout,
     )
 
 

@@ -31,7 +31,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int = 0) -> Any:
-    """``function(*trees)`` over the last axis of every array, in chunks of ``size`` lanes; the results as numpy.
+    """``function(*trees)`` over the last axis of every array, in chunks of ``size`` lanes; the results as numpy, to be
+    written to.
 
     Up to ``at_once`` lanes the function (``compiled``) runs on numpy's arrays as it is written.
     """
@@ -39,7 +40,7 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
     lanes = jax.tree.leaves(trees)[0].shape[-1]
     if lanes <= at_once:
         with np.errstate(all="ignore"):  # a lane that fails is NaN, and found out
-            return jax.tree.map(np.asarray, unwrap(function)(*trees))
+            return jax.tree.map(np.array, unwrap(function)(*trees))
     devices = jax.local_devices()
     starts = range(0, lanes, size)
 
@@ -50,7 +51,7 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
         part = jax.tree.map(lambda x: x[..., index], trees)
         device = devices[number % len(devices)]
         result = function(*jax.device_put(part, device))
-        return jax.tree.map(lambda x: np.asarray(x)[..., :count], result)
+        return jax.tree.map(lambda x: np.array(x[..., :count]), result)
 
     if len(starts) == 1:
         return run(0)
@@ -88,16 +89,19 @@ def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[
 
 
 def lanes_of(tree: Any, index: Any) -> Any:
-    """The given lanes of every array of a tree."""
-    return jax.tree.map(lambda x: np.asarray(x)[..., index], tree)
+    """The given lanes of every array: their numbers, or where they are."""
+    index = np.flatnonzero(index) if np.asarray(index).dtype == bool else index
+    return jax.tree.map(lambda x: np.asarray(x).take(index, axis=-1), tree)
+
+
+def put_lanes(tree: Any, index: Any, values: Any) -> None:
+    """The given lanes of every array of a tree become those of ``values``."""
+    for whole, some in zip(jax.tree.leaves(tree), jax.tree.leaves(values), strict=True):
+        whole[..., index] = some
 
 
 def with_lanes(tree: Any, index: Any, values: Any) -> Any:
-    """The tree as numpy with the given lanes of every array replaced by those of ``values``."""
-
-    def replaced(whole, some):
-        whole = np.array(whole)
-        whole[..., index] = some
-        return whole
-
-    return jax.tree.map(replaced, tree, values)
+    """The same in a copy of the tree, as numpy."""
+    result = jax.tree.map(np.array, tree)
+    put_lanes(result, index, values)
+    return result

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from models.derivatives import ELLIPSOID, Chain
-from motions.arrays import Array, xp
+from motions.arrays import Array, repeat_while, xp
 
 STIFFNESS = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see ``adapt.newton``). Of 5 to 100 the
@@ -96,14 +96,37 @@ class Steps(NamedTuple):
         return backward(self.lower, back), multipliers
 
 
-def _stiffened(
-    H: list[Components], G: list[Components], stiffness: Components, floor: Array
-) -> tuple[list[Components], Components, Array]:
-    """L, D^-1 and where no pivot is below ``floor``, of H + G' s G."""
-    stiff = [[s * x for x in row] for s, row in zip(stiffness, G, strict=True)]
-    return factorised(
-        [[x + product(column(stiff, i), column(G, j)) for j, x in enumerate(row)] for i, row in enumerate(H)], floor
-    )
+class _Factor(NamedTuple):
+    """L D L' = H + G' s G."""
+
+    attempts: Array
+    stiffness: Components
+    """s."""
+    lower: list[Components]
+    """L below its diagonal."""
+    inverse: Components
+    """D^-1."""
+    convex: Array
+    """Whether no pivot is below the floor."""
+
+
+def _convex_factor(H: list[Components], G: list[Components], scale: Array) -> _Factor:
+    """With the least stiffness; with more of it where that leaves a pivot too small."""
+
+    def unfinished(tried: _Factor) -> Array:
+        return xp.any(~tried.convex & (tried.attempts < 2.0))
+
+    def stiffer(tried: _Factor) -> _Factor:
+        again = ~tried.convex & (tried.attempts > 0.0)
+        stiffness = [xp.where(again, STIFFER * s, s) for s in tried.stiffness]
+        stiff = [[s * x for x in row] for s, row in zip(stiffness, G, strict=True)]
+        K = [[x + product(column(stiff, i), column(G, j)) for j, x in enumerate(row)] for i, row in enumerate(H)]
+        return _Factor(tried.attempts + 1.0, stiffness, *factorised(K, PIVOT_FLOOR * scale))
+
+    zero = xp.zeros_like(scale)
+    least = [STIFFNESS * scale / product(row, row) for row in G]
+    nothing = _Factor(zero, least, [[zero] * i for i in range(6)], [zero] * 6, zero > 0.0)
+    return repeat_while(unfinished, stiffer, nothing)
 
 
 class Elimination:
@@ -119,19 +142,11 @@ class Elimination:
         damped = [xp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
         self._at, self._coupled = at, ELLIPSOID if parameters else 0
         self._T = _parameter_slopes(at.T if parameters else [])
-        least = [STIFFNESS * scale / product(row, row) for row in at.G]
-        more = [STIFFER * s for s in least]
         H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
-        L, inverse, convex = _stiffened(H, at.G, least, PIVOT_FLOOR * scale)
-        L2, inverse2, convex2 = _stiffened(H, at.G, more, PIVOT_FLOOR * scale)
-        self.convex = convex | convex2
-        self.stiffness = [xp.where(convex, s, t) for s, t in zip(least, more, strict=True)]
-
-        def chosen(one, other, without):
-            return xp.where(convex, one, xp.where(convex2, other, without))
-
-        lower = [[chosen(x, y, 0.0) for x, y in zip(*rows, strict=True)] for rows in zip(L, L2, strict=True)]
-        inverse = [chosen(x, y, 1.0 / w) for x, y, w in zip(inverse, inverse2, damped, strict=True)]
+        factor = _convex_factor(H, at.G, scale)
+        self.convex, self.stiffness = factor.convex, factor.stiffness
+        lower = [[xp.where(self.convex, x, 0.0) for x in row] for row in factor.lower]
+        inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped, strict=True)]
         used = [xp.where(self.convex, s, 0.0) for s in self.stiffness]
         C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
         self._sides = [forward(lower, side) for side in (*at.G, *C, pull)]

@@ -5,7 +5,7 @@ Lanes: every posture of every subject with every girdle is one element of a flat
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -14,9 +14,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
-from adapt.chunks import in_chunks, in_rounds, lanes_of, with_lanes
+from adapt.chunks import in_chunks, lanes_of, put_lanes
 from adapt.constraints import ByHand, Constraints, Differentiated
-from adapt.kernel import Kernel
 from adapt.posture import (
     Postures,
     close_chain,
@@ -26,7 +25,8 @@ from adapt.posture import (
     solve_from_two_starts,
     solve_postures,
 )
-from adapt.posture_sweep import PostureStart, SweptPostures, closed_nearby, sweep_postures
+from adapt.posture_sweep import SweptPostures
+from adapt.quick_fit import OFFSETS_DEG, fitted_from, fitted_from_places, tracked
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
 from motions.arrays import Array, repeat, xp
@@ -41,14 +41,6 @@ OPEN_CHAIN_MM = 1e-6
 
 SAME_BRANCH_RAD = 1e-6
 """Two solutions this close are one: converged ones agree to 1e-9 rad."""
-
-OFFSETS_SEED = 0
-
-_OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
-"""Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
-
-_TRACKING_ROUNDS = (10, 40)
-"""Most iterations of the fast path in each step of it."""
 
 _TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
 """A posture is followed to the next one in this many steps along the straight line of measured angles."""
@@ -80,22 +72,21 @@ def fit_lanes(
     angles: Float[np.ndarray, "6 lanes"],
     measured: Bool[np.ndarray, "6 lanes"],
     start: Float[np.ndarray, "6 lanes"] | None = None,
-    places: int = 1,
+    around: bool = False,
 ) -> Fitted:
     """The closest closed posture of each lane to its measured angles (rad), with multipliers and status.
 
     Every lane starts from ``start``, else from its measured angles and from where its chain closes nearest to them, and
-    the lower J wins; with more ``places`` (at most 9) also from where it closes from others around, for valleys
-    farther off. One that does not converge starts again where it closes from nine other places. A lane whose chain
-    closes from nowhere is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles,
-    or with a girdle that has no numbers (its adaptation failed), is ``invalid``.
+    the lower J wins; if asked for also from where it closes next to two places ``around``, for valleys farther off. One
+    that does not converge starts again where it closes from nine other places. A lane whose chain closes from nowhere
+    is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles, or with a girdle
+    that has no numbers (its adaptation failed), is ``invalid``.
     """
     target = np.where(measured, angles, REST_DEG[:, None] / DEG)
     weights = objective_weights(measured)
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0) & _finite(girdle)
     target = np.where(determined, target, REST_DEG[:, None] / DEG)
-    solved = _solved(girdle, target, weights, start, places)
-    fitted = _as_fitted(solved, target, weights)
+    fitted = _as_fitted(_solved(girdle, target, weights, start, around))
     fitted.status[~determined] = status.INVALID
     least_open = np.full(len(determined), np.inf)
     for offset in _PLACES_DEG / DEG:
@@ -104,7 +95,7 @@ def fit_lanes(
             return fitted
         part = lanes_of(girdle, again), target[:, again], weights[:, again]
         closed, residual = _few(_close, part[0], part[1] + offset[:, None])
-        tried = _as_fitted(_carefully(*part, closed), *part[1:])
+        tried = _as_fitted(_carefully(*part, closed))
         converged = tried.status == status.OK
         _put(fitted, again[converged], _pick(tried, converged))
         open_mm = np.abs(residual).max(axis=0)
@@ -117,8 +108,7 @@ def fit_lanes(
 
 def _finite(girdle: Chain) -> Bool[np.ndarray, " lanes"]:
     """Whether every number of the girdle of a lane is one."""
-    by_number = [np.isfinite(np.asarray(x)).reshape(-1, np.shape(x)[-1]).all(axis=0) for x in jax.tree.leaves(girdle)]
-    return np.all(by_number, axis=0)
+    return np.isfinite(sum(np.sum(x, axis=tuple(range(np.ndim(x) - 1))) for x in jax.tree.leaves(girdle)))
 
 
 def follow_motions(
@@ -166,11 +156,11 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
             before, after = before[~arrived], after[~arrived]
 
 
-def _trackers(girdle: Chain) -> list[Callable[..., Postures]]:
+def _trackers(girdle: Chain) -> list[Callable[..., SweptPostures]]:
     """The fast path, in shorter steps for what it did not follow; with effects the careful one."""
     if isinstance(girdle, Girdle):
-        return [partial(_track_quickly, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
-    return [partial(_few, _track)]
+        return [partial(tracked, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
+    return [_track_carefully]
 
 
 def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
@@ -191,8 +181,7 @@ def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
 def _track_lanes(fitted: Fitted, problem, before, after, track) -> Fitted:
     girdle, target, weights = problem
     part = lanes_of((girdle, target, weights), after)
-    start = target[:, before], fitted.angles[:, before]
-    return _as_fitted(track(*part, *start), *part[1:])
+    return _as_fitted(track(*part, target[:, before], fitted.angles[:, before]))
 
 
 def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " postures"]]:
@@ -207,18 +196,13 @@ def _motions_of(previous: Int[np.ndarray, " lanes"]) -> list[Int[np.ndarray, " p
     return chains
 
 
-def _as_fitted(solved: Postures, target, weights) -> Fitted:
-    j = np.asarray(mean_square_deg2(solved.angles, target, weights))
-    words = np.where(np.asarray(solved.converged) & np.isfinite(j), status.OK, status.NOT_CONVERGED).astype("U16")
-    return Fitted(
-        np.array(solved.angles),
-        np.array(solved.multipliers),
-        np.array(solved.residual_mm),
-        np.array(solved.stationarity),
-        j.copy(),
-        words,
-        np.zeros(len(j), bool),
-    )
+_WORDS = np.array([status.NOT_CONVERGED, status.OK], "U16")
+
+
+def _as_fitted(solved: SweptPostures) -> Fitted:
+    words = _WORDS[(solved.converged & np.isfinite(solved.j_deg2)).astype(int)]
+    angles, multipliers, residual_mm, stationarity, j_deg2 = (np.require(x, requirements="W") for x in solved[:5])
+    return Fitted(angles, multipliers, residual_mm, stationarity, j_deg2, words, np.zeros(len(words), bool))
 
 
 def _unsolved(closed, residual, target, weights) -> Fitted:
@@ -237,41 +221,41 @@ def _put(fitted: Fitted, lanes, values: Fitted) -> None:
         getattr(fitted, name)[..., lanes] = value
 
 
-def _solved(girdle: Chain, target, weights, start, places: int) -> Postures:
-    """From ``start`` or from two starts: the fast path, and the careful one for the lanes that need it."""
+def _solved(girdle: Chain, target, weights, start, around: bool) -> SweptPostures:
+    """The fast path, and the careful one for the lanes that need it."""
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
-    own: Girdle = jax.tree.map(np.ascontiguousarray, girdle)  # once, instead of in each call of a kernel
-    part: Any
-    if start is None:
-        quick, sure = _quickly(own, target, weights, [np.zeros(6), *_OFFSETS_DEG[: places - 1]])
-        far = np.asarray(mean_square_deg2(quick.angles, target, weights)) >= _FAR_DEG2
-        again = np.flatnonzero(~sure | far) if places < _FAR_PLACES else np.array([], int)
-        if len(again):
-            part = lanes_of((own, target, weights), again)
-            others, _ = _quickly(part[0], part[1], part[2], _OFFSETS_DEG[places - 1 : _FAR_PLACES - 1], near=False)
-            quick = _with_lower(quick, again, others, part)
-    else:
-        quick = _swept(own, target, weights, start)
+    problem = girdle, target, weights
+    quick = fitted_from_places(problem, around) if start is None else fitted_from(problem, start)
     left = np.flatnonzero(~quick.converged)
-    if not len(left):
-        return quick
-    part = lanes_of((own, target, weights), left)
-    careful = _carefully(part[0], part[1], part[2], None if start is None else start[:, left])
-    return _with_lower(quick, left, careful, part)
+    if len(left):
+        part = lanes_of(problem, left)
+        careful = _carefully(part[0], part[1], part[2], None if start is None else start[:, left])
+        better = careful.converged & ~(quick.converged[left] & (quick.j_deg2[left] <= careful.j_deg2))
+        put_lanes(quick, left[better], lanes_of(careful, better))
+    return quick
 
 
-def _with_lower(found: Postures, lanes, other: Postures, problem: tuple[Girdle, Array, Array]) -> Postures:
-    """The other fits of these lanes in their places, where they converged and are lower."""
-    before, after = (mean_square_deg2(x.angles, *problem[1:]) for x in (lanes_of(found, lanes), other))
-    better = np.asarray(other.converged & ~(found.converged[lanes] & (before <= after)))
-    return with_lanes(found, lanes[better], lanes_of(other, better))
-
-
-def _carefully(girdle: Chain, target, weights, start) -> Postures:
+def _carefully(girdle: Chain, target, weights, start) -> SweptPostures:
     if start is None:
-        return _few(_solve_twice, girdle, target, weights)
-    return _few(_solve, girdle, target, weights, start)
+        return _as_swept(_few(_solve_twice, girdle, target, weights), target, weights)
+    return _as_swept(_few(_solve, girdle, target, weights, start), target, weights)
+
+
+def _track_carefully(girdle: Chain, target, weights, target_before, start) -> SweptPostures:
+    return _as_swept(_few(_track, girdle, target, weights, target_before, start), target, weights)
+
+
+def _as_swept(solved: Postures, target, weights) -> SweptPostures:
+    return SweptPostures(
+        solved.angles,
+        solved.multipliers,
+        solved.residual_mm,
+        solved.stationarity,
+        np.asarray(mean_square_deg2(solved.angles, target, weights)),
+        solved.iterations,
+        np.asarray(solved.converged),
+    )
 
 
 def _few(function, girdle: Chain, *arrays) -> Any:
@@ -280,79 +264,14 @@ def _few(function, girdle: Chain, *arrays) -> Any:
     return in_chunks(function, _FEW_LANES, girdle, *arrays, at_once=at_once)
 
 
-def _quickly(
-    girdle: Girdle, target, weights, offsets_deg, near: bool = True
-) -> tuple[Postures, Bool[np.ndarray, " lanes"]]:
-    """The lowest of several starts, and where it is sure: the nearest two converged, and none found another valley.
-
-    The measured angles (``near``), and where the chain closes from these offsets to them.
-    """
-    around = [nearby_kernel(girdle, target + offset[:, None]) for offset in np.asarray(offsets_deg) / DEG]
-    starts = [target, *around] if near else around
-    found = [_swept(girdle, target, weights, x) for x in starts]
-    j = np.stack([np.where(x.converged, mean_square_deg2(x.angles, target, weights), np.inf) for x in found])
-    lowest = np.argmin(j, axis=0)
-    apart = np.where(np.isfinite(j), j, -np.inf).max(axis=0) > j.min(axis=0) + _SAME_DEG2
-    best = found[0]
-    for k, other in enumerate(found[1:], 1):
-        best = jax.tree.map(lambda x, y, at=lowest == k: np.where(at, y, x), best, other)
-    return best, np.asarray(np.isfinite(j[:2]).all(axis=0) & ~apart)
-
-
-def _swept(girdle: Girdle, target, weights, start) -> Postures:
-    """The fast path, judged by the conditions of ``adapt.posture`` with g and its feet computed anew."""
-    lanes = start.shape[1]
-    first = PostureStart(start, np.zeros((3, lanes)), np.zeros(lanes, bool))
-    return _as_postures(in_rounds(postures_kernel, _ROUNDS, (girdle, target, weights), first))
-
-
-def _as_postures(swept: SweptPostures) -> Postures:
-    rest = np.zeros_like(swept.stationarity)
-    return Postures(
-        swept.angles, swept.multipliers, swept.residual_mm, swept.stationarity, rest, rest + np.inf, swept.iterations
-    )
-
-
 _FEW_LANES = 64
 """Postures in a chunk of the careful path, which is long to compile."""
 
 _FEW_AT_ONCE = 512
 """Postures up to which numpy does the careful path: 2 ms each, a tenth of that compiled, which takes 12 s once."""
 
-_ROUNDS = (10, 10, 40, 400)
-"""Most iterations of the fast path in each round: 9 of 10 postures need one round, 99 of 100 two."""
-
-_SAME_DEG2 = 1e-6
-"""Two optima whose J differ by less are one."""
-
-_FAR_DEG2, _FAR_PLACES = 200.0, 3
-"""From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: it starts from more places.
-Measured postures leave 64 with R2 as it is; with das3, which does not close at rest, 440."""
-
-_PLACES_DEG = np.stack([np.zeros(6), *_OFFSETS_DEG])
+_PLACES_DEG = np.stack([np.zeros(6), *OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""
-
-
-def _numbers_of_girdle() -> Girdle:
-    scalars = {"ts_distance_mm", "ai_distance_mm", "conoid_length_mm"}
-    return Girdle(**{one.name: "" if one.name in scalars else "3" for one in fields(Girdle)})  # type: ignore[arg-type]
-
-
-GIRDLE: Any = _numbers_of_girdle()
-"""Shapes of a girdle's numbers, for ``adapt.kernel``."""
-
-_LANES = 4096
-"""Postures in a chunk of a program of JAX."""
-
-nearby_kernel = Kernel("nearby", closed_nearby, (GIRDLE, "6"), "6", _LANES)
-
-postures_kernel = Kernel(
-    "postures",
-    sweep_postures,
-    (GIRDLE, "6", "6", PostureStart("6", "3", "bool"), ""),
-    SweptPostures("6", "3", "3", "", "int", "bool"),
-    _LANES,
-)
 
 
 def _constraints(girdle: Chain) -> Constraints:
@@ -375,19 +294,6 @@ def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
     constraints = _constraints(girdle)
     closed = close_chain(constraints, start)
     return closed, constraints.residual(closed)
-
-
-def _track_quickly(steps: int, girdle: Girdle, target, weights, target_before, start) -> Postures:
-    """Continuation by the fast path; a lane that failed on the way ends as NaN."""
-    lanes = start.shape[1]
-    nowhere, arrived = np.zeros(lanes, bool), np.ones(lanes, bool)
-    here: Any = PostureStart(start, np.zeros((3, lanes)), nowhere)
-    for number in range(1, steps + 1):
-        on_the_way = target_before + number / steps * (target - target_before)
-        first = PostureStart(here.angles, here.multipliers, nowhere)
-        here = in_rounds(postures_kernel, _TRACKING_ROUNDS, (girdle, on_the_way, weights), first)
-        arrived &= here.converged
-    return _as_postures(here._replace(residual_mm=np.where(arrived, here.residual_mm, np.nan)))
 
 
 @jax.jit

@@ -41,9 +41,6 @@ COLUMNS = (
 NOTHING = pd.DataFrame(columns=list(COLUMNS))
 """The table of what was not held out."""
 
-_PLACES = 3
-"""A posture that no fit has been to starts from a few places, as before an adaptation."""
-
 
 @dataclass(frozen=True)
 class Fold:
@@ -161,7 +158,7 @@ def _gaps_deg(data: Lanes, theta_mm, of: Bool[np.ndarray, "postures lanes"]) -> 
         return np.full((6, *of.shape), np.nan)
     girdle = lanes_of(data.girdle.with_adapted(theta_mm), lane)
     angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
-    found = fit_lanes(girdle, angles, measured, places=_PLACES)
+    found = fit_lanes(girdle, angles, measured, around=True)
     result = np.full((6, *of.shape), np.nan)
     result[:, posture, lane] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan

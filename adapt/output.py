@@ -14,7 +14,8 @@ from uuid import uuid4
 
 import pandas as pd
 
-from adapt.fit import OFFSETS_SEED
+from adapt.quick_fit import OFFSETS_SEED
+from adapt.tables import as_csv
 from models.parameters import FOLDER, model_file
 from motions.errors import InputError
 from motions.files import is_part, part_name, write_whole
@@ -120,8 +121,8 @@ def _lock(folder: Path) -> int | None:
 
 
 def write_table(table: pd.DataFrame, path: Path) -> None:
-    """CSV with every digit that the numbers have; an empty cell is 'no value'."""
-    write_whole(path, table.to_csv(index=False, lineterminator="\n"))
+    """As CSV: see ``adapt.tables.as_csv``."""
+    write_whole(path, as_csv(table))
 
 
 def write_json(record: dict[str, object], path: Path) -> None:

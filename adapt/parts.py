@@ -20,7 +20,7 @@ import pandas as pd
 
 from adapt import status
 from adapt.api import adapt_subjects
-from adapt.tables import Tables, subject_rows, summary_of
+from adapt.tables import Tables, as_csv, summary_of
 from models.parameters import ParameterSet
 from motions.files import write_bytes_whole, write_pieces_whole
 from motions.table import Motions
@@ -62,11 +62,11 @@ class Work:
                 fits = result.fits[result.fits["model"] == model.name]
                 for state in _STATES:
                     rows = fits[fits["adapted"] == state]
-                    file.writestr(f"fits{state}/{k}.csv", _csv(rows))
-                    file.writestr(f"shown{state}/{k}.csv", _csv(rows[rows["subject"].isin(self.shown)]))
-                    file.writestr(f"summary{state}/{k}.csv", _csv(subject_rows(rows)))
+                    file.writestr(f"fits{state}/{k}.csv", as_csv(rows))
+                    file.writestr(f"shown{state}/{k}.csv", as_csv(rows[rows["subject"].isin(self.shown)]))
+                    file.writestr(f"summary{state}/{k}.csv", as_csv(result.subjects[model.name, state]))
                 for name, table in (("parameters", result.parameters), ("heldout", result.heldout)):
-                    file.writestr(f"{name}/{k}.csv", _csv(table[table["model"] == model.name]))
+                    file.writestr(f"{name}/{k}.csv", as_csv(table[table["model"] == model.name]))
             file.writestr("failed.json", json.dumps(not_adapted(result)))
         return content.getvalue()
 
@@ -135,7 +135,7 @@ class Parts:
                 heldout=_table(parts, heldout),
             )
             failed = {subject: why for part in parts for subject, why in json.loads(part.read("failed.json")).items()}
-        write_pieces_whole(folder / "summary.csv", [_csv(tables.summary).encode()])
+        write_pieces_whole(folder / "summary.csv", [as_csv(tables.summary).encode()])
         return tables, failed
 
     def remove(self) -> None:
@@ -162,10 +162,6 @@ def failed_subjects(fits: pd.DataFrame) -> dict[str, str]:
         subject: f"{len(rows)} posture fits {', '.join(sorted(set(rows['status'])))}"
         for subject, rows in bad.groupby("subject", sort=False)
     }
-
-
-def _csv(table: pd.DataFrame) -> str:
-    return table.to_csv(index=False, lineterminator="\n")
 
 
 def _joined(parts: Sequence[zipfile.ZipFile], names: Sequence[str]) -> Iterator[bytes]:

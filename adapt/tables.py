@@ -3,6 +3,8 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The results as tables: one row a posture, one row a subject, and the thesis's tables. Pandas lives here."""
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +28,10 @@ STATISTICS = ("mean", "std", "max", "min")
 DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
 
 
+SubjectRows = Mapping[tuple[str, int], pd.DataFrame]
+"""Rows of a table by model and state (0: as the model is, 1: adapted)."""
+
+
 @dataclass(frozen=True)
 class Tables:
     """The tables of an adaptation."""
@@ -47,6 +53,16 @@ class Tables:
         fits = self.fits[self.fits["subject"].isin(subjects)]
         heldout = self.heldout[self.heldout["subject"].isin(subjects)]
         return Tables(fits, summary_table(fits), self.parameters[mine], heldout)
+
+
+def as_csv(table: pd.DataFrame) -> str:
+    """Every digit that the numbers have; an empty cell is 'no value'. pandas would write the same, in half as much time
+    again."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(table.columns)
+    rows.writerows(zip(*([None if x != x else x for x in table[name].tolist()] for name in table), strict=True))
+    return text.getvalue()
 
 
 def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:
@@ -81,12 +97,15 @@ def summary_table(fits: pd.DataFrame) -> pd.DataFrame:
     Only postures whose fit is ``ok`` count; ``postures`` and ``postures_ok`` say how many there were and counted.
     ``clavicle`` and ``scapula`` are the means of their three angles.
     """
-    groups = fits.groupby(["model", "adapted"], sort=False)
-    return summary_of({key: subject_rows(rows) for key, rows in groups})
+    return summary_of(rows_of_subjects(fits))
 
 
-def subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
-    """The rows of subjects of one model and state, of all motions and of each."""
+def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
+    """What a summary is made of: the rows of subjects, of all motions and of each, by model and state."""
+    return {key: _subject_rows(rows) for key, rows in fits.groupby(["model", "adapted"], sort=False)}
+
+
+def _subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
     blocks = []
     for motion in [ALL_MOTIONS, *dict.fromkeys(fits["motion"])]:
         block = _by_subject(fits if motion == ALL_MOTIONS else fits[fits["motion"] == motion])
@@ -95,7 +114,7 @@ def subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(blocks, ignore_index=True)
 
 
-def summary_of(subjects: Mapping[tuple[str, int], pd.DataFrame]) -> pd.DataFrame:
+def summary_of(subjects: SubjectRows) -> pd.DataFrame:
     """:func:`summary_table` of these rows of subjects, by model and state."""
     blocks = []
     for (model, adapted), rows in subjects.items():

@@ -45,14 +45,15 @@ def whole_number_in(row: Row, column: str) -> int:
 def measured_in(row: Row, column: str) -> float:
     """The finite number in a cell; NaN (not measured) if the cell is empty or says nan."""
     text = row.cells[column]
+    value = float(text) if _NUMBER.fullmatch(text) else None
+    if value is not None and math.isfinite(value):
+        return value
     if text.lower() in _NOT_MEASURED:
         return math.nan
-    if text.lower().lstrip("+-") in _INFINITE or (_NUMBER.fullmatch(text) and math.isinf(float(text))):
+    if value is not None or text.lower().lstrip("+-") in _INFINITE:
         raise row.error(f"{column} is infinite ({_quoted(text)})", "Empty the cell if it was not measured")
-    if not _NUMBER.fullmatch(text):
-        remedy = "Write a number with a decimal point, or empty the cell if it was not measured"
-        raise row.error(f"{column} is {_quoted(text)}, not a number", remedy)
-    return float(text)
+    remedy = "Write a number with a decimal point, or empty the cell if it was not measured"
+    raise row.error(f"{column} is {_quoted(text)}, not a number", remedy)
 
 
 def angle_in(row: Row, column: str) -> float:

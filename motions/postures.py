@@ -1,5 +1,6 @@
 """One row of a motion file as one posture of a right shoulder."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ MIRROR_ANGLES = np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
 
 MIRROR_POSITION = np.array([-1.0, 1.0, 1.0])
 """x of the thorax frame is to the right."""
+
+_FIRST_COLUMNS = tuple((name, landmark_columns(name)[0]) for name in LANDMARKS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +51,7 @@ def posture_from_row(row: Row) -> Posture:
     side = side_in(row)
     left = side == "left"
     angles_deg = _angles_deg(row)
-    landmarks_mm = {name: _position_mm(row, name) for name in LANDMARKS if landmark_columns(name)[0] in row.cells}
+    landmarks_mm = {name: _position_mm(row, name) for name, column in _FIRST_COLUMNS if column in row.cells}
     return Posture(
         row=row,
         side=side,
@@ -65,14 +68,14 @@ def posture_from_row(row: Row) -> Posture:
 
 def _angles_deg(row: Row) -> Float[np.ndarray, "6"]:
     """The six angles as the file gives them, degrees; at least three of them were measured."""
-    angles_deg = np.array([angle_in(row, column) for column in ANGLE_COLUMNS])
-    measured = int(np.sum(~np.isnan(angles_deg)))
+    angles_deg = [angle_in(row, column) for column in ANGLE_COLUMNS]
+    measured = sum(not math.isnan(angle) for angle in angles_deg)
     if measured == 0:
         raise row.error("no angle was measured", "Delete the row or fill it in")
     if measured < LEAST_MEASURED_ANGLES:
         cause = f"{measured} of the six angles measured are too few: the girdle has three degrees of freedom"
         raise row.error(cause, "Fill in at least three angles or delete the row")
-    return angles_deg
+    return np.array(angles_deg)
 
 
 def _position_mm(row: Row, name: str) -> Float[np.ndarray, "3"]:

@@ -10,7 +10,7 @@ from adapt import Adaptations, status
 from adapt.adaptation import Adapted
 from adapt.fit import Fitted
 from adapt.heldout import BONES, COLUMNS, MOTION
-from adapt.tables import fits_table, parameters_table, summary_table
+from adapt.tables import fits_table, parameters_table, rows_of_subjects, summary_table
 from models import ParameterSet
 from motions import ANGLES, Motions
 from motions.rotations import DEG
@@ -71,6 +71,7 @@ def adaptations(
         by_model=by_model,
         fits=fits,
         summary=summary_table(fits),
+        subjects=rows_of_subjects(fits),
         adapted=results,
         parameters=parameters,
         heldout=_heldout(motions, models),

@@ -14,12 +14,14 @@ PROGRAM = """
 import json
 import jax
 import numpy as np
-from adapt import fit
+from adapt import quick_fit
+from adapt.posture import objective_weights
+from adapt.posture_sweep import PostureStart
 from models import load_model
 from motions.rotations import DEG
 from motions.simulation import simulate_subjects
 
-fit.nearby_kernel.chunk = 64
+quick_fit.postures_kernel.chunk = 64
 target = simulate_subjects(20, seed=2).angles_deg.T / DEG
 count = target.shape[1]
 girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
@@ -32,8 +34,10 @@ def recorded(tree, device):
 
 
 jax.device_put = recorded
-found = fit.nearby_kernel.by_jax(girdle, target)
-expected = fit.nearby_kernel.by_machine(girdle, target)
+start = PostureStart(target, np.zeros((3, count)), np.zeros(count, bool))
+given = girdle, target, objective_weights(np.ones(target.shape, bool)), start, np.full(count, 30.0)
+found = quick_fit.postures_kernel.by_jax(*given).angles
+expected = quick_fit.postures_kernel.by_machine(*given).angles
 print(json.dumps({"devices": len(jax.devices()), "used": len(used), "off": float(np.abs(found - expected).max())}))
 """
 

@@ -5,7 +5,7 @@ import numpy as np
 import platformdirs
 import pytest
 
-from adapt import adaptation, fit, kernel
+from adapt import adaptation, fit, kernel, quick_fit
 from adapt.adaptation import Lanes, lanes, lanes_at, problem_of
 from adapt.batch import pack
 from adapt.chunks import lanes_of
@@ -79,16 +79,57 @@ def test_subjects_by_three_engines(data):
 
 def test_postures_by_three_engines():
     given = posture_arguments()
-    found = fit.postures_kernel.by_machine(*given)
+    found = quick_fit.postures_kernel.by_machine(*given)
     ended = found.converged
     assert ended.mean() > 0.8  # in one round from one start
     with np.errstate(all="ignore"):
-        at_once = fit.postures_kernel.text(*given)
-    for other in (at_once, fit.postures_kernel.by_jax(*given)):
+        at_once = quick_fit.postures_kernel.text(*given)
+    for other in (at_once, quick_fit.postures_kernel.by_jax(*given)):
         np.testing.assert_array_equal(found.converged, other.converged)
         np.testing.assert_allclose(found.angles[:, ended], other.angles[:, ended], rtol=0.0, atol=SAME_RAD)
-    near = fit.nearby_kernel.by_machine(given[0], given[1])
-    np.testing.assert_allclose(near, fit.nearby_kernel.text(given[0], given[1]), rtol=0.0, atol=SAME_RAD)
+
+
+def two_starts(iterations: float = 30.0):
+    girdle, target, weights, _, most = posture_arguments(iterations)
+    steps = np.full(len(most), 3.0), np.full(len(most), 1.0)
+    return girdle, target, weights, (target, target), steps, most
+
+
+def test_the_lowest_from_two_starts_by_three_engines():
+    given = two_starts()
+    found = quick_fit.lowest_kernel.by_machine(*given)
+    assert found.settled.mean() > 0.9
+    with np.errstate(all="ignore"):
+        at_once = quick_fit.lowest_kernel.text(*given)
+    for other in (at_once, quick_fit.lowest_kernel.by_jax(*given)):
+        np.testing.assert_array_equal(found.settled, other.settled)
+        np.testing.assert_array_equal(found.apart, other.apart)
+        same = found.settled
+        np.testing.assert_allclose(found.swept.angles[:, same], other.swept.angles[:, same], rtol=0.0, atol=SAME_RAD)
+
+
+def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
+    """Each start followed to its end by itself, 40 degrees from any closed chain, where they often end apart."""
+    target = simulate_subjects(8, seed=9).angles_deg.T / DEG
+    target = target + np.random.default_rng(1).normal(size=target.shape) * 20.0 / DEG
+    count = target.shape[1]
+    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R4").girdle)
+    weights, most, closed = objective_weights(np.ones(target.shape, bool)), np.full(count, 400.0), np.full(count, 6.0)
+    starts = tuple(target + offset[:, None] / DEG for offset in quick_fit.OFFSETS_DEG[:2])
+
+    def fitted(*two: np.ndarray):
+        return quick_fit.lowest_kernel.by_machine(girdle, target, weights, two, (closed, closed), most)
+
+    both, each = fitted(*starts), [fitted(one, one) for one in starts]
+    ended = both.settled & each[0].settled & each[1].settled
+    assert ended.mean() > 0.8  # the others go on to the careful path
+    assert (both.apart & ended).sum() > 3
+    j = np.stack([one.swept.j_deg2 for one in each])
+    np.testing.assert_allclose(both.swept.j_deg2[ended], j.min(axis=0)[ended], rtol=0.0, atol=1e-6)
+    np.testing.assert_array_equal(both.apart[ended], (np.abs(j[1] - j[0]) > 1e-6)[ended])
+    assert not any(one.apart.any() for one in each)
+    expected = fit.mean_square_deg2(both.swept.angles, target, weights)
+    np.testing.assert_allclose(both.swept.j_deg2, expected, rtol=1e-12, atol=0.0)
 
 
 @pytest.mark.parametrize("iterations", [2.0, 60.0])
@@ -132,16 +173,16 @@ def test_one_bad_lane_harms_no_other(data):
 
 def test_few_and_no_lanes():
     given = posture_arguments()
-    whole = fit.postures_kernel.by_machine(*given)
+    whole = quick_fit.postures_kernel.by_machine(*given)
     for count in (0, 1, 7, 8, 9):
-        part = fit.postures_kernel.by_machine(*lanes_of(given, np.arange(count)))
+        part = quick_fit.postures_kernel.by_machine(*lanes_of(given, np.arange(count)))
         np.testing.assert_array_equal(part.angles, whole.angles[:, :count])
 
 
 def test_a_wrong_shape_is_an_error():
     given = posture_arguments()
     with pytest.raises(ValueError, match="shape"):
-        fit.postures_kernel.by_machine(given[0], given[1][:5], *given[2:])
+        quick_fit.postures_kernel.by_machine(given[0], given[1][:5], *given[2:])
 
 
 def test_far_postures_end_no_higher_than_the_careful_path():

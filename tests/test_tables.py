@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from adapt import status
-from adapt.tables import ALL_MOTIONS, DIFFERENCES, STATISTICS, parameter_statistics, summary_table
+from adapt.tables import ALL_MOTIONS, DIFFERENCES, STATISTICS, as_csv, parameter_statistics, summary_table
 from models.girdle import ADAPTED
 from motions import ANGLES
 
@@ -142,3 +142,14 @@ def test_parameter_statistics_by_hand():
 def test_parameter_statistics_of_nobody():
     found = parameter_statistics(parameters("R2", [-300.0], [status.NOT_CONVERGED]))
     assert found["model"].tolist() == []
+
+
+def test_csv_is_that_of_pandas():
+    """Numbers of every size, nothing, infinity, and names that need quotation marks."""
+    generator = np.random.default_rng(4)
+    values = generator.normal(size=200) * 10.0 ** generator.integers(-20, 20, 200)
+    values[:4] = np.nan, np.inf, -0.0, 1e16
+    names = ["plain", "a,b", 'say "so"', "two\nlines", "", " space ", "ä", "=1"]
+    table = pd.DataFrame({"name": np.resize(names, 200), "number": values, "count": np.arange(200), "x": np.nan})
+    for part in (table, table.iloc[:0]):
+        assert as_csv(part) == part.to_csv(index=False, lineterminator="\n")
