@@ -64,12 +64,8 @@ _ANY_SHARE = "the way that a point is moved off a plane only has to be more than
 
 EQUIVALENT: dict[str, str] = {
     "adapt/elimination.py: zero = xp.zeros_like(T[0][0]): 0 -> 1": "all entries are of one shape",
-    "adapt/elimination.py: self.stiffness = [xp.where(convex, s, t) for s, t in zip(least, more, strict=True)]: "
-    "True -> False": _SAME_LENGTH,
     "adapt/elimination.py: return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, strict=True)], g): "
     "True -> False": _SAME_LENGTH,
-    "adapt/elimination.py: lower = [[chosen(x, y, 0.0) for x, y in zip(*rows, strict=True)] "
-    "for rows in zip(L, L2, strict=True)]: True -> False": _SAME_LENGTH,
     "adapt/elimination.py: return backward(self._S, [x * d for x, d in "
     "zip(forward(self._S, b), self._S_inverse, strict=True)]): True -> False": _SAME_LENGTH,
     "adapt/diagnosis/evidence.py: return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "

@@ -172,8 +172,8 @@ def test_the_gap_never_grows_when_an_angle_need_not_be_met(seed, angle):
     """The sum of squares of the others, which the fit is free to bring down further."""
     angles, measured_ones = measured(seed), np.ones((6, POSTURES), bool)
     girdle = repeated(R2, POSTURES)
-    all_six = fit_lanes(girdle, angles, measured_ones, places=9)
+    all_six = fit_lanes(girdle, angles, measured_ones, around=True)
     measured_ones[angle] = False
-    without = fit_lanes(girdle, angles, measured_ones, places=9)
+    without = fit_lanes(girdle, angles, measured_ones, around=True)
     assert set(all_six.status) == set(without.status) == {status.OK}
     assert (5.0 * without.j_deg2 <= 6.0 * all_six.j_deg2 * (1.0 + RISES)).all()
