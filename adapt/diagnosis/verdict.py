@@ -32,13 +32,13 @@ _PAIR_PRIOR = 0.02
 _UNKNOWN_TERMS = (-1.4, 0.55, 1.6)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
-_PAIR_DOUBT = 2.0
+_PAIR_DOUBT = 4.0
 """Added to those log odds as far as pairs are the answer: two effects of the list mimic more than one does."""
 
 _MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
 """Beyond these a test is no surer."""
 
-BLAMED_BELOW = 0.4
+BLAMED_BELOW = 0.33
 """An effect is blamed only where none, against it, and unknown are both less probable than this: a wrong name costs
 more than no name."""
 
