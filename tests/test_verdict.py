@@ -216,7 +216,7 @@ def test_unknown_names_nothing_where_no_effect_explains_much_more_than_none(behi
 
 
 def test_a_pair_gives_half_to_each_of_its_two():
-    verdict = judged({("a", "c"): 0.0})
+    verdict = judged({("a", "c"): 0.0}, discrepancy_gain=-10.0)
     known = 1.0 - verdict.probability[UNKNOWN]
     assert verdict.probability["a"] == pytest.approx(verdict.probability["c"], abs=SUM)
     assert verdict.probability["a"] + verdict.probability["c"] == pytest.approx(known, abs=SUM)
