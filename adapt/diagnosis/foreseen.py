@@ -5,9 +5,9 @@ Linear about the model as it is, what a subject shows of an effect is Gaussian,
     y_s = X_s u_s + A_s a_s + noise,
 
 so that data can be drawn and weighed by thousands: a draw is its inner products with the columns X and A, N(G c, G) for
-their Gram matrix G and coefficients c. The evidence is that of the diagnosis, with the noise known. No method that
-knows no more than this evidence does names effects of this kind more often; a set of effects that these data hardly
-tell apart shows as names taken for each other.
+their Gram matrix G and coefficients c. The evidence is that of the diagnosis, with the noise known and courses as smooth
+as the library has them: about the most that any method could tell of such data that knows as little beforehand. Effects
+that these data hardly tell apart show as names taken for each other.
 """
 
 from collections.abc import Sequence
