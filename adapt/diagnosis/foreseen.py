@@ -4,10 +4,10 @@ Linear about the model as it is, what a subject shows of an effect is Gaussian,
 
     y_s = X_s u_s + A_s a_s + noise,
 
-so that data can be drawn and weighed by thousands: a draw is its inner products with the columns X and A, N(G c, G) for
-their Gram matrix G and coefficients c. The evidence is that of the diagnosis, with the noise known and courses as smooth
-as the library has them: about the most that any method could tell of such data that knows as little beforehand. Effects
-that these data hardly tell apart show as names taken for each other.
+so that data can be drawn and weighed by thousands: a draw is its inner products with the columns X and A, N(G c, G)
+for their Gram matrix G and coefficients c. The evidence is that of the diagnosis, with the noise known and courses as
+smooth as the library has them: about the most that any method could tell of such data that knows as little beforehand.
+Effects that these data hardly tell apart show as names taken for each other.
 """
 
 from collections.abc import Sequence
