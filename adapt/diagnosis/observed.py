@@ -29,8 +29,8 @@ _UNMEASURED = Noise(angle_deg=60.0, landmark_mm=300.0)
 """Noise of what was not measured: any value it could have."""
 
 
-_NODES = 5
-"""Of the quadrature over the noise: they reach 2.9 standard deviations."""
+_NODES = 3
+"""Of the quadrature over the noise: nine change log evidence by 0.2 nats at most, mostly by less than 0.05."""
 
 
 @dataclass(frozen=True)
