@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
-from adapt.chunks import in_chunks, lanes_of, put_lanes
+from adapt.chunks import in_chunks, lanes_of
 from adapt.constraints import ByHand, Constraints, Differentiated
 from adapt.posture import (
     Postures,
@@ -26,7 +26,7 @@ from adapt.posture import (
     solve_postures,
 )
 from adapt.posture_sweep import SweptPostures
-from adapt.quick_fit import OFFSETS_DEG, fitted_from, fitted_from_places, tracked
+from adapt.quick_fit import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower, tracked
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
 from motions.arrays import Array, repeat, xp
@@ -230,9 +230,7 @@ def _solved(girdle: Chain, target, weights, start, around: bool) -> SweptPosture
     left = np.flatnonzero(~quick.converged)
     if len(left):
         part = lanes_of(problem, left)
-        careful = _carefully(part[0], part[1], part[2], None if start is None else start[:, left])
-        better = careful.converged & ~(quick.converged[left] & (quick.j_deg2[left] <= careful.j_deg2))
-        put_lanes(quick, left[better], lanes_of(careful, better))
+        put_lower(quick, left, _carefully(part[0], part[1], part[2], None if start is None else start[:, left]))
     return quick
 
 

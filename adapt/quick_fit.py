@@ -8,7 +8,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from adapt.chunks import in_rounds, lanes_of, put_lanes
 from adapt.kernel import Kernel
@@ -61,10 +61,14 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     if len(again):
         part = lanes_of(problem, again)
         one, other = (part[1] + offset[:, None] / DEG for offset in OFFSETS_DEG[:2])
-        second = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS)).swept
-        lower = second.converged & ~(found.converged[again] & (found.j_deg2[again] <= second.j_deg2))
-        put_lanes(found, again[lower], lanes_of(second, lower))
+        put_lower(found, again, _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS)).swept)
     return found
+
+
+def put_lower(found: SweptPostures, lanes: Int[np.ndarray, " again"], other: SweptPostures) -> None:
+    """The other fits of these lanes take their places where they converged and are lower."""
+    lower = other.converged & ~(found.converged[lanes] & (found.j_deg2[lanes] <= other.j_deg2))
+    put_lanes(found, lanes[lower], lanes_of(other, lower))
 
 
 def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[float, float]) -> Lowest:

@@ -21,9 +21,6 @@ _BINS = 10
 _SHRINKAGE = 0.1
 """Predicted and realised shrinkage should be this close."""
 
-_OTHER_SIZES = ("half", "mixed", "power_0.25", "power_1.5", "power_2")
-"""Conditions whose effects are not as a diagnosis foresees them."""
-
 _MOST_CONFUSIONS = 12
 _MOST_FAILURES = 10
 
@@ -195,7 +192,7 @@ def _shrinkage_error(lines: Iterable[Line]) -> str:
 
 def _foreseen(lines: Iterable[Line]) -> str:
     """What the diagnoses themselves foresaw, before they saw a residual, of an effect of its typical size."""
-    typical = (line for line in lines if line["condition"] not in _OTHER_SIZES)
+    typical = [line for line in lines if POWER.get(line["condition"], 1.0) == 1.0 and line["condition"] != "mixed"]
     found = [line["foreseen"][line["label"]] for line in typical if line["label"] in line.get("foreseen", {})]
     return f"{100 * np.mean(found):.1f} % ({len(found)})" if found else "-"
 

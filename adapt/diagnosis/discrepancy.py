@@ -80,11 +80,11 @@ def _scatters(fitted: Linear) -> list[Kind]:
 def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]) -> float:
     """The most of any kind and size; the noise is integrated out, with and without. A shift of the adapted parameters
     that subjects have in common is no discrepancy: it may be there in both."""
-    shifted = prior + common_shift(SHIFT)
-    without = log_sum([log_evidence(of, shifted) for of in products(fitted).with_shift().over_noise(noises)])
+    shift = common_shift(SHIFT)
+    without = log_sum([log_evidence(of, prior + shift) for of in products(fitted).with_shift().over_noise(noises)])
     gains = []
     for columns, spread in kinds:
         with_more, one = products(fitted, columns).with_shift().over_noise(noises), np.ones(columns.shape[2])
-        priors = [prior + spread(one * scale) + common_shift(SHIFT) for scale in _SCALES_MM]
+        priors = [prior + spread(one * scale) + shift for scale in _SCALES_MM]
         gains += [log_sum([log_evidence(of, wider) for of in with_more]) for wider in priors]
     return max(gains) - without

@@ -32,7 +32,7 @@ _CLOSING_STEPS = 12
 _SIZES = 2.0 ** np.arange(-4.0, 4.5, 0.5)
 """Shares of an effect's scale tried for the smallest detectable amplitude."""
 
-MOST_SUBJECTS = 24
+_MOST_SUBJECTS = 24
 """More subjects are represented by so many: which effects look alike does not change, the size of D does."""
 
 
@@ -120,8 +120,9 @@ def slopes(
     girdle: Girdle, effects: tuple[Effect, ...], hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
 ) -> tuple[Float[np.ndarray, "subjects residuals 6"], list[Float[np.ndarray, "subjects residuals amplitudes"]]]:
     """Derivatives of the whitened residuals at the model as it is: by the adapted parameters, in prior standard
-    deviations, and by the amplitudes of each hypothesis, in units of its effects. ``data`` are ``closed`` ones."""
-    subjects = data.counted.shape[1]
+    deviations, and by the amplitudes of each hypothesis, in units of its effects. ``data`` are ``closed`` ones; of many
+    subjects, the first ones."""
+    subjects = min(data.counted.shape[1], _MOST_SUBJECTS)
     chosen = free_columns(effects, hypotheses)
     at = misfit(
         girdle,
@@ -138,7 +139,6 @@ def slopes(
 
 
 def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:
-    data = data.of_subjects(np.arange(min(data.counted.shape[1], MOST_SUBJECTS)))
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     by_name = {effect.name: effect for effect in effects}
     adapted = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2)

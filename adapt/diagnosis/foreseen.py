@@ -18,8 +18,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.random import Generator, default_rng
 
-from adapt.diagnosis.distinguish import MOST_SUBJECTS, slopes
+from adapt.diagnosis.distinguish import slopes
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, Hypothesis, Products
+from adapt.diagnosis.misfit import prior_sd_of
 from adapt.diagnosis.observed import Noise, Observed
 from adapt.diagnosis.priors import over_priors
 from adapt.diagnosis.verdict import BLAMED_BELOW, shares_of
@@ -55,16 +56,18 @@ class Foreseen:
 
 def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> dict[str, Foreseen]:
     """By name of the effect. ``data`` are ``closed`` ones (see ``distinguish``)."""
-    data = data.of_subjects(np.arange(min(data.counted.shape[1], MOST_SUBJECTS)))
     names = [effect.name for effect in effects]
     hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     columns = np.concatenate([X, *by_amplitudes], axis=2)
     gram = np.swapaxes(columns, 1, 2) @ columns
+    root = root_of(gram)
     ends = np.cumsum([X.shape[2], *(A.shape[2] for A in by_amplitudes)])
     own = [np.arange(*span) for span in pairwise(ends)]
     generator = default_rng(_SEED)
-    seen = np.concatenate([_draws(gram, k, effect, generator) for k, effect in zip(own[1:], effects, strict=True)])
+    seen = np.concatenate(
+        [_draws(gram, root, k, effect, generator) for k, effect in zip(own[1:], effects, strict=True)]
+    )
     alone = [[], *([effect] for effect in effects)]
     logs = np.array([_log_evidence(gram, seen, k, at_work) for k, at_work in zip(own, alone, strict=True)])
     shares = shares_of(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
@@ -76,7 +79,7 @@ def typical_amplitudes(
 ) -> Float[np.ndarray, "draws subjects amplitudes"]:
     """Amplitudes of its typical size: all channels together as long as the scale of the largest, which lies within
     what the sources of every effect give, in a direction of its nature's signs, and alike in all subjects."""
-    scale, sign = np.asarray(effect.scale), np.asarray(effect.sign or (0,) * len(effect.channels))
+    scale, sign = np.asarray(effect.scale), np.asarray(effect.channel_signs)
     way = generator.standard_normal((draws, len(scale))) * scale
     way = np.where(sign == 0, way, sign * np.abs(way))
     way *= scale.max() / np.linalg.norm(way, axis=1, keepdims=True)
@@ -89,11 +92,15 @@ def typical_amplitudes(
     return (amplitudes[..., None] * course[:, None, None]).reshape(draws, subjects, -1)
 
 
-def _draws(gram, own, effect: Effect, generator: Generator) -> Float[np.ndarray, "draws subjects columns"]:
+def root_of(gram: Float[np.ndarray, "subjects columns columns"]) -> Float[np.ndarray, "subjects columns columns"]:
+    """R with R R' = G, of matrices that may be singular."""
+    values, vectors = np.linalg.eigh(gram)
+    return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
+
+
+def _draws(gram, root, own, effect: Effect, generator: Generator) -> Float[np.ndarray, "draws subjects columns"]:
     """Inner products of the columns with what subjects who have the effect show."""
     subjects, columns, _ = gram.shape
-    values, vectors = np.linalg.eigh(gram)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
     coefficients = np.zeros((_DRAWS, subjects, columns))
     coefficients[..., : len(ADAPTED)] = _SPREAD * generator.standard_normal((_DRAWS, subjects, len(ADAPTED)))
     coefficients[..., own] = typical_amplitudes(effect, _DRAWS, subjects, generator)
@@ -105,8 +112,7 @@ def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarra
     """But for the sum of squares of what was seen, which all hypotheses share."""
     k = np.concatenate([np.arange(len(ADAPTED)), own])
     of = Products(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
-    scale = np.concatenate([np.zeros(0), *(np.asarray(effect.prior_sd) for effect in effects)])
-    return over_priors(of, scale, effects, [(1.0, 1.0)]).log_evidence
+    return over_priors(of, prior_sd_of(effects), effects, [(1.0, 1.0)]).log_evidence
 
 
 def _outcomes(at_work: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> Foreseen:

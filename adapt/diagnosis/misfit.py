@@ -12,7 +12,7 @@ posture fit in units of the noise.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -56,6 +56,11 @@ def columns_of(effects: tuple[Effect, ...], active: tuple[str, ...]) -> Int[np.n
     spans = [range(a, b) for effect, (a, b) in zip(effects, itertools.pairwise(ends), strict=True)
              if effect.name in active]  # fmt: skip
     return np.array([column for span in spans for column in span], int)
+
+
+def prior_sd_of(effects: Iterable[Effect]) -> Float[np.ndarray, " amplitudes"]:
+    """Prior SD of the amplitudes of these effects, one after the other; of none, none."""
+    return np.concatenate([np.zeros(0), *(np.asarray(effect.prior_sd) for effect in effects)])
 
 
 def free_columns(

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, THETA_SD_MM, Hypothesis, Linear, alike, posterior
-from adapt.diagnosis.misfit import Misfit, columns_of, free_columns, misfit, prior_z
+from adapt.diagnosis.misfit import Misfit, columns_of, free_columns, misfit, prior_sd_of, prior_z
 from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
@@ -108,7 +108,7 @@ def fit_hypotheses(
 def _layout(effects, hypotheses) -> tuple[Int[np.ndarray, "free hypotheses"], Float[np.ndarray, "free hypotheses"]]:
     """The columns of z that each hypothesis frees, padded with -1, and their prior scales."""
     columns = free_columns(effects, hypotheses)
-    scale = np.concatenate([THETA_SD_MM, *(np.asarray(effect.prior_sd) for effect in effects)])
+    scale = np.concatenate([THETA_SD_MM, prior_sd_of(effects)])
     return columns, np.where(columns >= 0, scale[columns], 1.0)
 
 
@@ -197,7 +197,7 @@ def _cost(fitted: Linear) -> float:
 
 def _linear(effects, hypothesis: Hypothesis, at: Misfit, z, prior, span: slice) -> Linear:
     chosen = columns_of(effects, hypothesis)
-    scale = np.concatenate([np.zeros(0), *(np.asarray(e.prior_sd) for e in effects if e.name in hypothesis)])
+    scale = prior_sd_of(e for e in effects if e.name in hypothesis)
     y = at.y[span].reshape(at.y[span].shape[0], -1)
     slopes = at.slopes[span].reshape(*y.shape, -1)
     X, A = slopes[..., _THETA] * THETA_SD_MM, slopes[..., len(ADAPTED) : len(ADAPTED) + len(chosen)]

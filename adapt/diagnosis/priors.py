@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float
@@ -73,14 +74,12 @@ def over_priors(
     and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own."""
     subjects, shifted = of.columns.shape[0], of.with_shift()
     sign = agreeing_signs(of.at(), alike(scale))
+    priors = [alike(scale) * size for size in _SIZES]
+    priors_shifted = [prior + common_shift(SHIFT) for prior in priors]
     alike_logs, unlike_logs = [], []
     for spread in _SPREADS:
-        sized = [(at, alike(scale) * size) for at in of.over_noise(noise_shares, spread) for size in _SIZES]
-        sized_shifted = [
-            (at, alike(scale) * size + common_shift(SHIFT))
-            for at in shifted.over_noise(noise_shares, spread)
-            for size in _SIZES
-        ]
+        sized = list(product(of.over_noise(noise_shares, spread), priors))
+        sized_shifted = product(shifted.over_noise(noise_shares, spread), priors_shifted)
         alike_logs.append(
             _mixed(
                 (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects) for at, prior in sized]),

@@ -72,11 +72,15 @@ class Effect:
         return len(self.channels) * (len(COURSE_SD) if self.over_elevation else 1)
 
     @property
+    def channel_signs(self) -> tuple[int, ...]:
+        """The expected sign of each channel: +1, -1, or 0 for either."""
+        return self.sign or (0,) * len(self.channels)
+
+    @property
     def signs(self) -> tuple[int, ...]:
         """The expected sign of each amplitude; the later terms of a course have none."""
-        sign = self.sign or (0,) * len(self.channels)
         more = (0,) * (self.amplitudes // len(self.channels) - 1)
-        return tuple(value for channel in sign for value in (channel, *more))
+        return tuple(value for channel in self.channel_signs for value in (channel, *more))
 
     @property
     def prior_sd(self) -> Float[Array, " amplitudes"]:
