@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from models import load_model
 from models.effects import EFFECTS, Effect, ExtendedGirdle
-from models.effects.effect import COURSE_SD, course
+from models.effects.effect import COURSE_SD
 from models.girdle import constraint_residuals_mm
 from motions.rotations import DEG, cardan_from_rotation
 from motions.simulation import simulate_subjects
@@ -237,10 +237,26 @@ def test_a_course_is_zero_with_the_arm_hanging_and_its_first_term_full_at_150_de
     close(found, expected, SAME_MM)
 
 
+QUARTERS_DEG = jnp.array([37.5, 75.0, 112.5])
+"""A quarter, half and three quarters of 150 degrees."""
+
+
 def test_a_course_is_linear_bent_and_shifted_over_elevation():
-    """f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) at a quarter, half and three quarters of 150 degrees."""
-    found = course(jnp.array([37.5, 75.0, 112.5]))
+    """f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f)."""
+    found = EFFECTS["ac_translation"].course(QUARTERS_DEG)
     close(found, [[0.25, 0.5, 0.75], [0.75, 1.0, 0.75], [0.75, 0.0, -0.75]], SAME_MM)
+
+
+@pytest.mark.parametrize("name", ["skin_artefact", "conoid_strain"])
+def test_what_comes_late_goes_with_the_square_of_elevation(name):
+    """Three quarters of it lie in the upper half; bend and shift are those of all others."""
+    found = EFFECTS[name].course(QUARTERS_DEG)
+    close(found[0], [0.0625, 0.25, 0.5625], SAME_MM)
+    close(found[1:], EFFECTS["ac_translation"].course(QUARTERS_DEG)[1:], SAME_MM)
+
+
+def test_what_is_constant_has_a_course_of_one():
+    close(EFFECTS["thorax_tilt"].course(QUARTERS_DEG), np.ones((1, 3)), SAME_MM)
 
 
 # --- what they do, by the other engine ------------------------------------------------------------

@@ -1,9 +1,11 @@
-"""How an effect's amplitude may depart from its smooth course over elevation: as more columns of the linear model.
+"""What an effect may do beside what its amplitudes say: as more columns of the linear model.
 
 An effect that goes with elevation is fitted with three terms of a course, the same in every motion. Real courses have
 corners, and another plane of elevation another strength. A departure d(f) multiplies the course's first term f, so that
 its columns are those of the first term times d; in the evidence they are integrated out like the amplitudes. The larger
 an effect is, the more its departures show: without them a large effect would be taken for an unknown one.
+
+And an effect may take adapted parameters along, in all subjects alike (``Effect.takes_along_mm``).
 """
 
 from collections.abc import Sequence
@@ -12,10 +14,11 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import Linear
+from adapt.diagnosis.evidence import THETA_SD_MM, Linear
 from adapt.diagnosis.observed import Observed
 from models.effects import Effect
 from models.effects.effect import COURSE_SD, FULL_ELEVATION_DEG
+from models.girdle import ADAPTED
 
 _FINER_SD = (0.1, 0.1)
 """Prior SD of the next two terms of a course, as shares of the scale: a hinge at half the range, a late smooth step and
@@ -26,11 +29,15 @@ _MOTION_SD = 0.1
 
 
 def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -> Linear:
-    """The hypothesis with columns for the departures of ``effects``, its own, behind those of the amplitudes."""
+    """The hypothesis with columns for what else ``effects``, its own, may do, behind those of the amplitudes."""
     subjects, postures, m, _ = fitted.root.shape
     shares = _departures(data)
     columns, scales, start = [], [], 0
     for effect in effects:
+        for name, sd_mm in effect.takes_along_mm:
+            k = ADAPTED.index(name)
+            columns.append(fitted.X[..., k : k + 1] / (fitted.spread * THETA_SD_MM[k]))
+            scales.append(np.array([sd_mm]))
         if effect.over_elevation:
             first = start + len(COURSE_SD) * np.arange(len(effect.channels))
             by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * shares[:, :, None, None]

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis import where
+from adapt.diagnosis.amplitude import Amplitude, amplitudes
 from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
-from adapt.diagnosis.evidence import Hypothesis, Linear, Spread, alike, posterior, unlike
+from adapt.diagnosis.evidence import Hypothesis, Linear
 from adapt.diagnosis.expected import expected_effects
 from adapt.diagnosis.foreseen import Foreseen, foresee
 from adapt.diagnosis.heldout import HeldOut, gaps
@@ -42,21 +43,8 @@ _MORE_THAN_NONE, _NOT_ENOUGH = 3.0, 0.2
 _OTHER_NOISES = (0.67, 1.5)
 """Shares of the noise at which the verdict is looked at again."""
 
-_INTERVAL = 1.96
-"""Standard deviations of a 95 % interval."""
-
 _CANDIDATES = 3
 """At most so many candidates are to be separated by the next measurement."""
-
-
-@dataclass(frozen=True)
-class Amplitude:
-    """One channel of an effect: its mean over the subjects, with a 95 % interval; with elevation, at the highest."""
-
-    channel: str
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -189,7 +177,13 @@ def _diagnose(
         expected=expected,
         verdict=verdict,
         at_other_noise=_at_other_noise(ranking, effects, data, estimate, expected),
-        amplitude=_amplitudes(ranking, effects, data, verdict, explained.hypothesis),
+        amplitude=amplitudes(
+            ranking,
+            effects,
+            float(data.elevation_deg[data.counted].max()),
+            verdict.effects or (explained.hypothesis if verdict.answer == UNKNOWN else ()),
+            together=len(explained.hypothesis),
+        ),
         best=explained.hypothesis,
         gap=held_out,
         parameters=_changes(none, explained),
@@ -246,38 +240,6 @@ def _at_other_noise(
         fitted = [one.with_noise(share) for one in ranking.fitted]
         found[share * noise.noise.angle_deg] = judge(rank(fitted, effects, data, noise), names, expected)
     return found
-
-
-def _amplitudes(
-    ranking: Ranking, effects, data: Observed, verdict: Verdict, best: Hypothesis
-) -> dict[str, tuple[Amplitude, ...]]:
-    """Of each effect named, from the hypothesis that it acts alone, or from the most probable pair that has it."""
-    named = verdict.effects or (best if verdict.answer == UNKNOWN else ())
-    highest = float(data.elevation_deg[data.counted].max())
-    found = {}
-    for name in named:
-        k = next(k for k, h in enumerate(ranking.hypotheses) if len(h) == len(best) and name in h)
-        spread = unlike if ranking.unlike[k] > 0.0 else alike
-        at_work = [e for e in effects if e.name in ranking.hypotheses[k]]
-        found[name] = _channels(ranking.fitted[k], spread, at_work, name, highest)
-    return found
-
-
-def _channels(
-    fitted: Linear, spread: Spread, effects: Sequence[Effect], name: str, elevation_deg: float
-) -> tuple[Amplitude, ...]:
-    mean = posterior(fitted, spread(fitted.scale))
-    before = [one.name for one in effects].index(name)
-    effect, first = effects[before], sum(one.amplitudes for one in effects[:before])
-    part = slice(first, first + effect.amplitudes)
-    # The strengths at one elevation are linear in the amplitudes.
-    L = np.asarray(effect.at(jnp.eye(effect.amplitudes), jnp.full(effect.amplitudes, elevation_deg)))
-    value = L @ mean.a[:, part].mean(axis=0)
-    half = _INTERVAL * np.sqrt(np.diagonal(L @ mean.mean_covariance[part, part] @ L.T))
-    return tuple(
-        Amplitude(channel, float(v), float(v - h), float(v + h))
-        for channel, v, h in zip(effect.channels, value, half, strict=True)
-    )
 
 
 def _changes(none: Linear, explained: Linear) -> dict[str, Changed]:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis.diagnosis import Amplitude, Diagnosis
+from adapt.diagnosis.amplitude import Amplitude
+from adapt.diagnosis.diagnosis import Diagnosis
 from adapt.diagnosis.heldout import HeldOut
 from adapt.diagnosis.sentence import Object, sentence
 from adapt.diagnosis.verdict import Verdict

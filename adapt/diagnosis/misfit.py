@@ -25,7 +25,6 @@ from adapt.diagnosis.observed import Noise, Observed
 from adapt.linalg import jacobian
 from adapt.newton import STEP_LIMIT_RAD
 from models.effects import Effect, ExtendedGirdle
-from models.effects.effect import course
 from models.girdle import ADAPTED, Girdle
 from motions.table import ANGLES
 
@@ -143,17 +142,17 @@ def _chosen(
     elevation_deg,
 ) -> Float[np.ndarray, "lanes postures m columns"]:
     """dg/dz of each lane's columns: dg by the adapted parameters and the strengths, times the term of the course."""
-    inputs, terms = list(range(len(ADAPTED))), [-1] * len(ADAPTED)
-    first = len(ADAPTED)
+    inputs, first = [np.arange(len(ADAPTED))], len(ADAPTED)
+    over = [np.ones((len(ADAPTED), *elevation_deg.shape))]
     for effect in effects:
-        each = effect.amplitudes // len(effect.channels)
-        inputs += [first + k // each for k in range(effect.amplitudes)]
-        terms += [k % each if effect.over_elevation else -1 for k in range(effect.amplitudes)]
-        first += len(effect.channels)
-    over = np.concatenate([np.asarray(course(elevation_deg)), np.ones((1, *elevation_deg.shape))])
+        channels, course = len(effect.channels), np.asarray(effect.course(elevation_deg))
+        inputs.append(np.repeat(first + np.arange(channels), len(course)))
+        over.append(np.tile(course, (channels, 1, 1)))
+        first += channels
     lanes = np.arange(columns.shape[1])
-    factor = np.where(columns[:, None] >= 0, over[np.array(terms)[columns], :, lanes].transpose(0, 2, 1), 0.0)
-    picked = slopes[lanes[:, None], :, :, np.array(inputs)[columns].T]
+    at = np.concatenate(over)[columns, :, lanes].transpose(0, 2, 1)
+    factor = np.where(columns[:, None] >= 0, at, 0.0)
+    picked = slopes[lanes[:, None], :, :, np.concatenate(inputs)[columns].T]
     return picked.transpose(0, 2, 3, 1) * factor.transpose(2, 1, 0)[:, :, None]
 
 

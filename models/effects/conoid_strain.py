@@ -1,4 +1,4 @@
-"""The conoid is not rigid: its length changes as the arm is raised."""
+"""The conoid is not rigid: its length changes as the arm is raised. Soft and one-sided, it strains once it is taut."""
 
 from dataclasses import replace
 
@@ -17,6 +17,7 @@ EFFECT = Effect(
     channels=("length",),
     scale=(3.0,),
     over_elevation=True,
+    late=True,
     source="stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi 10.1109/TBME.2014.2309727); in vivo strain not found",
     adjust=_adjust,
     sign=(1,),

@@ -49,8 +49,8 @@ class Effect:
     """One candidate. ``channels`` are its independent directions, ``scale`` their prior SD in ``unit``.
 
     With ``over_elevation`` each channel follows a smooth course over humeral elevation that is zero with the arm
-    hanging (:func:`course`); else it is one number a subject. ``adjust`` takes the amplitude at the posture, in
-    ``unit``.
+    hanging (:meth:`course`), and that is slow at first if ``late``; else it is one number a subject. ``adjust`` takes
+    the amplitude at the posture, in ``unit``.
     """
 
     name: str
@@ -65,6 +65,9 @@ class Effect:
     show: Show = where_they_are
     sign: tuple[int, ...] = ()
     """Of each channel, where the effect's nature gives one: +1, -1, or 0 for either; empty for all 0."""
+    late: bool = False
+    takes_along_mm: tuple[tuple[str, float], ...] = ()
+    """Names of ADAPTED that the effect may move, in all subjects alike, with the prior SD of it."""
 
     @property
     def amplitudes(self) -> int:
@@ -92,18 +95,21 @@ class Effect:
         self, amplitude: Float[Array, " amplitudes *batch"], elevation_deg: Float[Array, " *batch"]
     ) -> Float[Array, " channels *batch"]:
         """The amplitude of each channel at the given elevations, in ``unit``."""
+        terms = amplitude.reshape(len(self.channels), -1, *amplitude.shape[1:])
+        return jnp.sum(terms * self.course(elevation_deg)[None], axis=1)
+
+    def course(self, elevation_deg: Float[Array, " *batch"]) -> Float[Array, " terms *batch"]:
+        """What each term of a channel's amplitude is times at these elevations: 1 for an effect that has no course.
+
+        Else f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) of f = elevation / 150 deg: a straight line, how much it bends,
+        and where; f^2 in place of f for one that comes ``late``. All are zero with the arm hanging; the first alone is
+        not with the arm up.
+        """
         if not self.over_elevation:
-            return amplitude
-        terms = amplitude.reshape(len(self.channels), len(COURSE_SD), *amplitude.shape[1:])
-        return jnp.sum(terms * course(elevation_deg)[None], axis=1)
-
-
-def course(elevation_deg: Float[Array, " *batch"]) -> Float[Array, " terms *batch"]:
-    """f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) of f = elevation / 150 deg: a straight line, how much it bends, and
-    where. All are zero with the arm hanging; the first alone is not with the arm up."""
-    f = elevation_deg / FULL_ELEVATION_DEG
-    bend = 4.0 * f * (1.0 - f)
-    return jnp.stack([f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
+            return jnp.ones((1, *elevation_deg.shape))
+        f = elevation_deg / FULL_ELEVATION_DEG
+        bend = 4.0 * f * (1.0 - f)
+        return jnp.stack([f**2 if self.late else f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
 
 
 @jax.tree_util.register_dataclass

@@ -1,4 +1,4 @@
-"""A marker on the skin lags behind the scapula, more the higher the arm."""
+"""A marker on the skin lags behind the scapula, most of it above 90 degrees."""
 
 import jax.numpy as jnp
 
@@ -28,6 +28,7 @@ EFFECT = Effect(
     channels=("about x", "about y", "about z"),
     scale=(5.0, 3.0, 7.0),
     over_elevation=True,
+    late=True,
     source="Meskers 2007, van Andel 2009, Warner 2012: 6-13 deg",
     adjust=_adjust,
     show=_show,

@@ -1,4 +1,8 @@
-"""The thorax ellipsoid's axes are not those of the thorax frame."""
+"""The thorax ellipsoid's axes are not those of the thorax frame.
+
+They turn about its centre. Had they turned about another point of its long axis, the centre would also lie further
+forward or back (and aside, which the sagittal plane forbids): the diagnosis allows for that.
+"""
 
 from dataclasses import replace
 
@@ -23,14 +27,21 @@ def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
     return centre + turned(rotation_from_vector(deg / DEG), points - centre)
 
 
+_SCALE_DEG = 7.0
+
+_PIVOT_APART_MM = 50.0
+"""How far from the centre the axes may well have turned, assumed: it lies some 150 mm below IJ, and the middle of
+the scapula 100 mm."""
+
 EFFECT = Effect(
     name="thorax_tilt",
     what="ellipsoid axes rotated from the thorax frame",
     unit="deg",
     channels=("about x", "about y", "about z"),
-    scale=(7.0, 7.0, 7.0),
+    scale=(_SCALE_DEG,) * 3,
     over_elevation=False,
     source="assumed: 5-10 deg, no figure found",
     adjust=_adjust,
     show=_show,
+    takes_along_mm=(("M_z", _PIVOT_APART_MM * _SCALE_DEG / float(DEG)),),
 )

@@ -1,0 +1,64 @@
+"""Amplitudes over what may act beside an effect: moments of a mixture, by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_evidence import linear_of
+
+from adapt.diagnosis.amplitude import Amplitude, amplitudes
+from adapt.diagnosis.evidence import Linear, alike, posterior
+from adapt.diagnosis.ranking import Ranking
+from models.effects import EFFECTS
+
+SAME = 1e-12
+"""Relative: a few sums."""
+
+NAME, ONE, OTHER = "clavicle_length", "scapula_size", "thorax_asymmetry"
+"""Effects of one constant channel each, in the order of the list."""
+
+LIST = tuple(EFFECTS[name] for name in (NAME, ONE, OTHER))
+
+
+def fitted(seed: int, *hypothesis: str) -> Linear:
+    return replace(linear_of(seed, amplitudes=len(hypothesis)), hypothesis=hypothesis)
+
+
+def ranking(*each: Linear, less: float = 0.0, unlike: float = -1.0) -> Ranking:
+    """The first is the best, the others are ``less`` nats less probable."""
+    log = np.array([0.0] + [-less] * (len(each) - 1))
+    return Ranking(each, log, np.full(len(each), unlike), 0.0, 1.0, 1.0, 0.0)
+
+
+def of(weighed: Ranking, together: int) -> Amplitude:
+    (found,) = amplitudes(weighed, LIST, 120.0, [NAME], together)[NAME]
+    return found
+
+
+def mean_and_variance(one: Linear) -> tuple[float, float]:
+    found = posterior(one, alike(one.scale))
+    return float(found.a[:, 0].mean()), float(found.mean_covariance[0, 0])
+
+
+def test_alone_it_is_that_of_the_effect_alone_whatever_pairs_say():
+    alone, pair = fitted(0, NAME), fitted(1, NAME, ONE)
+    mean, variance = mean_and_variance(alone)
+    half = 1.96 * np.sqrt(variance)
+    found = of(ranking(pair, alone), together=1)
+    np.testing.assert_allclose([found.value, found.low, found.high], [mean, mean - half, mean + half], rtol=SAME)
+
+
+def test_two_pairs_alike_probable_give_the_mean_and_an_interval_over_both():
+    pairs = [fitted(1, NAME, ONE), fitted(2, NAME, OTHER)]
+    (m1, v1), (m2, v2) = (mean_and_variance(one) for one in pairs)
+    mean, half = (m1 + m2) / 2.0, 1.96 * np.sqrt((v1 + v2) / 2.0 + (m1 - m2) ** 2 / 4.0)
+    found = of(ranking(*pairs, fitted(3, ONE, OTHER)), together=2)
+    np.testing.assert_allclose([found.value, found.low, found.high], [mean, mean - half, mean + half], rtol=SAME)
+
+
+@pytest.mark.parametrize("less", [40.0, np.log(3.0)])
+def test_each_counts_as_much_as_it_is_probable(less):
+    pairs = [fitted(1, NAME, ONE), fitted(2, NAME, OTHER)]
+    (m1, _), (m2, _) = (mean_and_variance(one) for one in pairs)
+    expected = m1 if less == 40.0 else 0.75 * m1 + 0.25 * m2
+    assert of(ranking(*pairs, less=less), together=2).value == pytest.approx(expected, rel=SAME)
