@@ -84,7 +84,8 @@ def test_draws_are_weighed_as_the_diagnosis_weighs_residuals(data):
         scale = np.asarray(effect.prior_sd) if effect else np.zeros(0)
         nothing = np.zeros(0)
         fitted = Linear(("a",), nothing, nothing, y, X, A, scale, nothing, nothing, y, nothing)
-        expected.append(float(over_priors(products(fitted), scale, alone, [(1.0, 1.0)]).log_evidence))
+        of = over_priors(products(fitted), scale, alone, [(1.0, 1.0)], spreads=foreseen._SPREADS)
+        expected.append(float(of.log_evidence))
     np.testing.assert_allclose(np.subtract(found, found[0]), np.subtract(expected, expected[0]), rtol=SAME, atol=SAME)
 
 

@@ -5,27 +5,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adapt.diagnosis import priors
 from adapt.diagnosis.evidence import Linear, products
 from adapt.diagnosis.priors import OverPriors, over_priors
-from models.effects import EFFECTS
+from models.effects import EFFECTS, Effect
 
 CLEAR = 3.0
 """Nats: odds of 20 to 1."""
+
+LITTLE = 0.1
+"""Nats: what is as good as impossible adds less."""
 
 EFFECT = EFFECTS["scapula_landmark_bias"]
 SUBJECTS, RESIDUALS = 8, 30
 
 
-def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0) -> Linear:
-    """Three amplitudes, (subjects, 3) in units of the scale, and adapted parameters that are all off by ``shift``."""
+def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0, effect: Effect = EFFECT) -> Linear:
+    """Amplitudes (subjects, amplitudes) in units of their scale, and adapted parameters that are all off by
+    ``shift``."""
     generator = np.random.default_rng(seed)
-    X, A = (3.0 * generator.standard_normal((SUBJECTS, RESIDUALS, k)) for k in (6, 3))
-    scale = np.asarray(EFFECT.prior_sd)
+    X, A = (3.0 * generator.standard_normal((SUBJECTS, RESIDUALS, k)) for k in (6, amplitudes.shape[1]))
+    scale = np.asarray(effect.prior_sd)
     u = 0.2 * generator.standard_normal((SUBJECTS, 6)) + shift
     linear = np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, amplitudes)
     linear = linear + generator.standard_normal((SUBJECTS, RESIDUALS))
     nothing = np.zeros(0)
-    return Linear((EFFECT.name,), nothing, nothing, linear, X, A / scale, scale, nothing, nothing, linear, nothing)
+    return Linear((effect.name,), nothing, nothing, linear, X, A / scale, scale, nothing, nothing, linear, nothing)
 
 
 def weighed(fitted: Linear) -> OverPriors:
@@ -78,3 +83,30 @@ def test_parameters_off_by_the_same_in_all_need_no_effect():
 
 def test_the_spread_is_the_one_that_the_subjects_have():
     assert weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).spread == 0.2
+
+
+GAP = EFFECTS["scapulothoracic_gap"]
+"""TS and AI, three terms of a course each."""
+
+ONE_COURSE = np.array([0.5, -0.4, 0.3, -1.0, 0.8, -0.6])
+TWO_COURSES = np.array([0.5, -2.0, 2.0, -1.0, -2.0, -2.0])
+
+
+def gained_by_one_course(amplitudes: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> float:
+    """Log evidence that channels may go together, over that of free ones alone."""
+    fitted = subjects(np.tile(amplitudes, (SUBJECTS, 1)), effect=GAP)
+    logs = []
+    for share in (priors._TOGETHER_SHARE, 0.0):
+        monkeypatch.setattr(priors, "_TOGETHER_SHARE", max(share, 1e-300))
+        logs.append(float(over_priors(products(fitted), fitted.scale, [GAP], [(1.0, 1.0)]).log_evidence))
+    return logs[0] - logs[1]
+
+
+def test_channels_that_follow_one_course_say_more(monkeypatch):
+    assert gained_by_one_course(ONE_COURSE, monkeypatch) > CLEAR
+
+
+def test_channels_that_do_not_are_left_free(monkeypatch):
+    """All that is lost is the prior probability of going together."""
+    expected = np.log(1.0 - priors._TOGETHER_SHARE)
+    assert gained_by_one_course(TWO_COURSES, monkeypatch) == pytest.approx(expected, abs=LITTLE)

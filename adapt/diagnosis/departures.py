@@ -34,16 +34,16 @@ def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -
     shares = _departures(data)
     columns, scales, start = [], [], 0
     for effect in effects:
-        for name, sd_mm in effect.takes_along_mm:
-            k = ADAPTED.index(name)
-            columns.append(fitted.X[..., k : k + 1] / (fitted.spread * THETA_SD_MM[k]))
-            scales.append(np.array([sd_mm]))
         if effect.over_elevation:
             first = start + len(COURSE_SD) * np.arange(len(effect.channels))
             by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * shares[:, :, None, None]
             columns.append(by_posture.reshape(subjects, postures * m, -1))
             scales.append(np.repeat(fitted.scale[first], shares.shape[2]))
         start += effect.amplitudes
+    for name, sd_mm in (taken for effect in effects for taken in effect.takes_along_mm):
+        k = ADAPTED.index(name)
+        columns.append(fitted.X[..., k : k + 1] / (fitted.spread * THETA_SD_MM[k]))
+        scales.append(np.array([sd_mm]))
     if not columns:
         return fitted
     more = np.concatenate(columns, axis=2)
@@ -53,6 +53,11 @@ def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -
         scale=np.concatenate([fitted.scale, *scales]),
         a=np.concatenate([fitted.a, np.zeros((subjects, more.shape[2]))], axis=1),
     )
+
+
+def of_each_channel(data: Observed) -> int:
+    """How many columns of departures a channel has; those of an effect stand together, channel by channel."""
+    return _departures(data).shape[2]
 
 
 def _departures(data: Observed) -> Float[np.ndarray, "subjects postures departures"]:

@@ -126,8 +126,15 @@ class Statistics:
 
     log: Float[np.ndarray, "*draws"]
     """Log evidence with all amplitudes 0."""
-    information: Float[np.ndarray, "subjects amplitudes amplitudes"]
+    information: Float[np.ndarray, "*draws subjects amplitudes amplitudes"]
+    """Of many draws the same one, without a first axis, or one each."""
     pull: Float[np.ndarray, "*draws subjects amplitudes"]
+
+    def made_of(self, T: Float[np.ndarray, "*draws amplitudes fewer"]) -> "Statistics":
+        """The same of the fewer amplitudes b that these, a = T b, are made of."""
+        T = T[..., None, :, :]
+        pull = (self.pull[..., None, :] @ T)[..., 0, :]
+        return replace(self, information=np.swapaxes(T, -1, -2) @ self.information @ T, pull=pull)
 
     def turned(self, sign: Float[np.ndarray, "*draws subjects"]) -> "Statistics":
         """The same of amplitudes whose sign is turned where ``sign`` is -1."""
@@ -210,12 +217,17 @@ def log_evidence(of: Statistics, prior: Block) -> Float[np.ndarray, "*draws"]:
 
 
 def common_amplitude(
-    of: Statistics, prior: Block
+    of: Statistics, prior: Block, along: Float[np.ndarray, "*draws amplitudes ways"] | None = None
 ) -> tuple[
-    Float[np.ndarray, "*draws"], Float[np.ndarray, "*draws amplitudes"], Float[np.ndarray, "amplitudes amplitudes"]
+    Float[np.ndarray, "*draws"],
+    Float[np.ndarray, "*draws amplitudes"],
+    Float[np.ndarray, "*draws amplitudes amplitudes"],
 ]:
-    """Log evidence, and mean and covariance of the common amplitude."""
-    return _combined(of, prior)[:3]
+    """Log evidence, and mean and covariance of the common amplitude.
+
+    ``along``: ways that each subject's amplitudes may differ beside the prior's deviations, in standard deviations.
+    """
+    return _combined(of, prior, along)[:3]
 
 
 def agreeing_signs(of: Statistics, prior: Block) -> Float[np.ndarray, "*draws subjects"]:
@@ -244,35 +256,44 @@ def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray) -> Float[
 class _Pulls:
     """What each subject says of the common amplitude, its own deviation integrated out."""
 
-    own: Float[np.ndarray, "subjects amplitudes amplitudes"]
-    """The shrinkage b S b of each subject's deviation."""
+    own: Float[np.ndarray, "*draws subjects amplitudes amplitudes"]
+    """The shrinkage b S b' of each subject's deviation."""
     log: Float[np.ndarray, "*draws"]
     """Log evidence with the common amplitude at its prior mean."""
     pull: Float[np.ndarray, "*draws subjects amplitudes"]
     """On the common amplitude, in its prior standard deviations."""
-    covariance: Float[np.ndarray, "amplitudes amplitudes"]
+    covariance: Float[np.ndarray, "*draws amplitudes amplitudes"]
     """Of it, in the same."""
 
 
-def _pulls(of: Statistics, prior: Block) -> _Pulls:
-    b, c, mean = prior.between, prior.common, prior.mean
+def _pulls(of: Statistics, prior: Block, along=None) -> _Pulls:
+    c, mean = prior.common, prior.mean
     information, pull = of.information, of.pull - of.information @ mean
-    eye = np.eye(len(c))
-    S = np.linalg.inv(eye + b[:, None] * information * b)
-    own = b[:, None] * S * b
-    followed = np.einsum("sij,...sj->...si", own, pull)
+    b = _deviations(prior.between, along)
+    S = np.linalg.inv(np.eye(b.shape[-1]) + np.swapaxes(b, -1, -2) @ information @ b)
+    own = b @ S @ np.swapaxes(b, -1, -2)
+    followed = np.einsum("...sij,...sj->...si", own, pull)
     log = of.log + 0.5 * (of.pull + pull).sum(axis=-2) @ mean
-    log = log + 0.5 * (pull * followed).sum(axis=(-1, -2)) + 0.5 * np.linalg.slogdet(S)[1].sum()
-    left = (information - information @ own @ information).sum(axis=0)
-    covariance = np.linalg.inv(eye + c[:, None] * left * c)
-    return _Pulls(own, log, c * (pull - np.einsum("sij,...sj->...si", information, followed)), covariance)
+    log = log + 0.5 * (pull * followed).sum(axis=(-1, -2)) + 0.5 * np.linalg.slogdet(S)[1].sum(axis=-1)
+    left = (information - information @ own @ information).sum(axis=-3)
+    covariance = np.linalg.inv(np.eye(len(c)) + c[:, None] * left * c)
+    return _Pulls(own, log, c * (pull - np.einsum("...sij,...sj->...si", information, followed)), covariance)
 
 
-def _combined(of: Statistics, prior: Block):
-    """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b of each subject."""
-    by_subject, c = _pulls(of, prior), prior.common
+def _deviations(between, along) -> Float[np.ndarray, "*draws 1 amplitudes ways"]:
+    """b with b b' the covariance of a subject's deviation from the common amplitude."""
+    each = np.diag(between)[:, between > 0.0]
+    if along is None:
+        return each[None]
+    each = np.broadcast_to(each, (*along.shape[:-1], each.shape[1]))
+    return np.concatenate([each, along], axis=-1)[..., None, :, :]
+
+
+def _combined(of: Statistics, prior: Block, along=None):
+    """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b' of each subject."""
+    by_subject, c = _pulls(of, prior, along), prior.common
     pull, covariance = by_subject.pull.sum(axis=-2), by_subject.covariance
-    mu = pull @ covariance
+    mu = np.einsum("...i,...ij->...j", pull, covariance)
     log = by_subject.log + 0.5 * (pull * mu).sum(axis=-1) + 0.5 * np.linalg.slogdet(covariance)[1]
     return log, prior.mean + c * mu, c[:, None] * covariance * c, by_subject.own
 

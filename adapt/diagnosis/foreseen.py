@@ -34,9 +34,9 @@ _DRAWS = 50
 _SEED = 1999
 """The same draws for the same data: nothing else is random in a diagnosis."""
 
-_SPREAD = 0.5
-"""Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary: between the least and the most that
-the evidence allows for."""
+_SPREAD, _SPREADS = 0.5, (0.4, 0.7)
+"""Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary, between the least and the most that
+the evidence allows for; and those of them that then have any weight."""
 
 _NAMED_OFTEN = 0.05
 """A name that an effect is taken for less often than this is not told."""
@@ -112,7 +112,7 @@ def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarra
     """But for the sum of squares of what was seen, which all hypotheses share."""
     k = np.concatenate([np.arange(len(ADAPTED)), own])
     of = Products(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
-    return over_priors(of, prior_sd_of(effects), effects, [(1.0, 1.0)]).log_evidence
+    return over_priors(of, prior_sd_of(effects), effects, [(1.0, 1.0)], spreads=_SPREADS).log_evidence
 
 
 def _outcomes(at_work: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> Foreseen:

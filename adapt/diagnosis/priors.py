@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from adapt.diagnosis.evidence import (
     Block,
@@ -22,6 +22,7 @@ from adapt.diagnosis.evidence import (
     statistics,
     unlike,
 )
+from adapt.diagnosis.one_course import one_course
 from models.effects import Effect
 
 _SIZES = (0.5, 1.0)
@@ -41,6 +42,9 @@ which share of ``THETA_SD_MM``."""
 _OPPOSED_SHARE, _UNLIKE_SHARE = 0.05, 0.02
 """Prior probability that an effect's sign differs from subject to subject, all else being alike; and that each subject
 has amplitudes of its own."""
+
+_TOGETHER_SHARE = 0.8
+"""Prior probability, all subjects being alike, that the channels of an effect follow one course."""
 
 _AGAINST_SHARE = 0.01
 """Prior probability that an effect goes against the sign of its nature."""
@@ -69,21 +73,24 @@ def over_priors(
     scale: Float[np.ndarray, " amplitudes"],
     effects: Sequence[Effect],
     noise_shares: Sequence[tuple[float, float]],
+    departures: int = 0,
+    spreads: Sequence[float] = _SPREADS,
 ) -> OverPriors:
     """Evidence summed over the noise there may be, the spreads of the adapted parameters and what they have in common,
-    and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own."""
+    and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own, with so many columns
+    for ``departures`` of each channel behind the amplitudes."""
     subjects, shifted = of.columns.shape[0], of.with_shift()
     sign = agreeing_signs(of.at(), alike(scale))
     priors = [alike(scale) * size for size in _SIZES]
     priors_shifted = [prior + common_shift(SHIFT) for prior in priors]
     alike_logs, unlike_logs = [], []
-    for spread in _SPREADS:
+    for spread in spreads:
         sized = list(product(of.over_noise(noise_shares, spread), priors))
         sized_shifted = product(shifted.over_noise(noise_shares, spread), priors_shifted)
         alike_logs.append(
             _mixed(
-                (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects) for at, prior in sized]),
-                (_SHIFT_SHARE, [_log_alike(at, prior, effects) for at, prior in sized_shifted]),
+                (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for at, prior in sized]),
+                (_SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for at, prior in sized_shifted]),
             )
         )
         opposed = [log_evidence(at.turned(sign), prior) for at, prior in sized]
@@ -106,14 +113,29 @@ def likeliest_prior(fitted: Linear) -> Block:
     return max(priors, key=lambda prior: float(log_evidence(of, prior)))
 
 
-def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect]):
-    """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs."""
+def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect], departures: int):
+    """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs, and
+    the channels of each effect go together or not."""
     if len(effects) == 1 and len(effects[0].channels) == 1:
         return _log_about(of, prior, effects[0])
-    log, common, covariance = common_amplitude(of, prior)
-    signs = np.array([sign for effect in effects for sign in effect.signs])
-    for k in np.flatnonzero(signs):
-        agreed = _normal_cdf(signs[k] * common[..., k] / math.sqrt(covariance[k, k]))
+    expected = np.zeros(len(prior.common), dtype=int)
+    signs = [sign for effect in effects for sign in effect.signs]
+    expected[: len(signs)] = signs
+    free, common, covariance = common_amplitude(of, prior)
+    free = free + _log_of_signs(expected, common, covariance)
+    if not effects:
+        return free
+    one = one_course(of, prior, common, effects, departures)
+    together, common, covariance = common_amplitude(one.of, one.prior, one.along)
+    together = together + _log_of_signs(expected[one.kept], common, covariance)
+    return _mixed((_TOGETHER_SHARE, [together]), (1.0 - _TOGETHER_SHARE, [free]))
+
+
+def _log_of_signs(expected: Int[np.ndarray, " amplitudes"], common, covariance):
+    """What is gained or lost by how far the common amplitudes have the expected signs, most of the prior's weight."""
+    log = 0.0
+    for k in np.flatnonzero(expected):
+        agreed = _normal_cdf(expected[k] * common[..., k] / np.sqrt(covariance[..., k, k]))
         log = log + np.log(2.0 * ((1.0 - _AGAINST_SHARE) * agreed + _AGAINST_SHARE * (1.0 - agreed)))
     return log
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.departures import with_departures
+from adapt.diagnosis.departures import of_each_channel, with_departures
 from adapt.diagnosis.discrepancy import discrepancy_gain
 from adapt.diagnosis.evidence import Hypothesis, Linear, alike, products
 from adapt.diagnosis.observed import NoiseEstimate, Observed
@@ -80,7 +80,7 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
 
 def _weighed(fitted: Linear, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> _Weighed:
     wider = with_departures(fitted, effects, data)
-    found = over_priors(products(wider), wider.scale, effects, noise.likely_shares)
+    found = over_priors(products(wider), wider.scale, effects, noise.likely_shares, of_each_channel(data))
     fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
     return _Weighed(fitted, wider, float(found.log_evidence), float(found.unlike))
 
