@@ -18,6 +18,7 @@ from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.noise import LEAST
 from adapt.diagnosis.sentence import Object
 from adapt.diagnosis.terminal import print_diagnosis
+from adapt.heldout import sample
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.output import (
     Files,
@@ -31,14 +32,12 @@ from adapt.output import (
 )
 from adapt.parts import (
     LANES,
-    MOST_HELD_OUT,
     MOST_SHOWN,
     Parts,
     Work,
     failed_subjects,
     not_adapted,
     one_after_another,
-    sample,
 )
 from adapt.repeat import other_versions, read_record, recorded_arguments
 from adapt.simulation import simulate_model_subjects
@@ -181,7 +180,7 @@ def adapt(
     subjects = files.subjects
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
-    work = Work(tuple(models), weight, reading, shown, sample(subjects, MOST_HELD_OUT))
+    work = Work(tuple(models), weight, reading, shown, sample(subjects))
     maker = on_cluster(dask) if dask else one_after_another
     chunks = files.in_chunks(size)
     chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
@@ -241,7 +240,7 @@ def diagnose_gap(
     with results_folder(out) as folder:
         with progress(errors) as report:
             by_model = diagnose(table, models, noise_deg, progress=report)
-            result = adapt_subjects(table, models, progress=report, held_out=table.subjects)
+            result = adapt_subjects(table, models, progress=report)
             report("figures")
             found = as_json(by_model)
             with written_together(folder) as part:

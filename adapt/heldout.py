@@ -14,32 +14,17 @@ from adapt.adaptation import Adapted, Lanes, adapt_lanes, lanes, lanes_at
 from adapt.batch import Batch, pack
 from adapt.chunks import lanes_of
 from adapt.fit import fit_lanes
+from adapt.heldout_table import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.objective import DEFAULT_READING, WEIGHT
 from adapt.tables import DIFFERENCES
 from models.parameters import ParameterSet
 from motions.rotations import DEG
 from motions.table import Motions
 
-MOTION, POSTURES, OTHER = "motion", "postures", "only"
-"""Kinds of folds: one motion held out, every third posture held out, one motion alone adapted to."""
-
 _POSTURE_FOLDS = 3
 
-SEEN = {"before": 0, "in_sample": 1}
-"""Gaps of the fits that are reported, by their word; and the column ``adapted`` of their table."""
-
-BONES = {"": slice(0, 6), "clavicle_": slice(0, 3), "scapula_": slice(3, 6)}
-"""Gaps of a table, by the beginning of the column."""
-
-COLUMNS = (
-    *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
-    *(f"{bone}gap_{word}_deg" for word in (*SEEN, "unseen") for bone in BONES),
-    "status",
-)
-"""Of ``heldout.csv``, whether anything could be held out or not."""
-
-NOTHING = pd.DataFrame(columns=list(COLUMNS))
-"""The table of what was not held out."""
+MOST_SUBJECTS = 400
+"""Of whom parts are held out where nobody says of whom: more take longer than their adaptation, and tell no more."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +74,11 @@ def folds_between(motions: Motions, batch: Batch, fitted: str, tested: str) -> l
 def _named(motions: Motions, batch: Batch):
     counted = np.asarray(batch.counted)
     return [(motions.motion[batch.rows[:, s]], counted[:, s]) for s in range(len(batch.subjects))]
+
+
+def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]:
+    """At most so many, one in so many in the order of the files."""
+    return frozenset(subjects[:: -(-len(subjects) // most)])
 
 
 @dataclass(frozen=True)
@@ -199,26 +189,3 @@ def mean_of(gaps_deg: Float[np.ndarray, "..."]) -> float:
     """Mean over what there is; NaN where there is nothing."""
     known = gaps_deg[np.isfinite(gaps_deg)]
     return float(known.mean()) if known.size else float("nan")
-
-
-def by_subject(table: pd.DataFrame) -> pd.DataFrame:
-    """Gaps of each model, subject and kind: mean over its parts, each counting as many times as it has postures."""
-    columns = [c for c in table.columns if c.endswith("_deg")]
-    weighed = table[columns].mul(table["postures"], axis=0).where(table[columns].notna())
-    counts = table[columns].notna().mul(table["postures"], axis=0)
-    keys = [table[k] for k in ("model", "subject", "kind")]
-    sums = (part.groupby(keys, sort=False).sum() for part in (weighed, counts))
-    total, count = sums
-    return (total / count.where(count > 0)).reset_index()
-
-
-def by_model(table: pd.DataFrame) -> pd.DataFrame:
-    """Gaps of each model: mean over the subjects, whatever was held out of each."""
-    return pd.DataFrame(by_subject(table).drop(columns=["subject", "kind"]).groupby("model", sort=False).mean())
-
-
-def mean_unseen_deg(table: pd.DataFrame, model: str) -> dict[str, float]:
-    """By bone; NaN where nothing was held out."""
-    gaps = by_model(table)
-    names = {bone.removesuffix("_"): f"{bone}gap_unseen_deg" for bone in BONES if bone}
-    return {bone: float(gaps.at[model, name]) if model in gaps.index else np.nan for bone, name in names.items()}

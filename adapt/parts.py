@@ -34,9 +34,6 @@ LANES = 1024
 MOST_SHOWN = 400
 """Subjects of which the report of a run of several parts is made."""
 
-MOST_HELD_OUT = 400
-"""Subjects that are adapted anew without parts of their postures, two or three times each: of more, a sample."""
-
 _STATES = (0, 1)
 """Of the column ``adapted``."""
 
@@ -75,11 +72,6 @@ Chunks = Iterator[tuple[int, Motions]]
 
 Maker = Callable[[Work, Chunks], Iterable[tuple[int, bytes]]]
 """Makes the parts of numbered chunks, in any order."""
-
-
-def sample(subjects: Sequence[str], most: int) -> frozenset[str]:
-    """At most so many, one in so many in the order of the files."""
-    return frozenset(subjects[:: -(-len(subjects) // most)])
 
 
 def one_after_another(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
@@ -127,12 +119,13 @@ class Parts:
             write_pieces_whole(folder / "fits.csv", _joined(parts, [f"fits{state}/{k}.csv" for state, k in states]))
             write_pieces_whole(folder / "parameters.csv", _joined(parts, parameters))
             write_pieces_whole(folder / "heldout.csv", _joined(parts, heldout))
+            unseen = _table(parts, heldout)
             by_subject = {(models[k].name, s): _table(parts, [f"summary{s}/{k}.csv"]) for s, k in states}
             tables = Tables(
                 fits=_table(parts, [f"shown{state}/{k}.csv" for state, k in states]),
-                summary=summary_of(by_subject),
+                summary=summary_of(by_subject, unseen),
                 parameters=_table(parts, parameters),
-                heldout=_table(parts, heldout),
+                heldout=unseen,
             )
             failed = {subject: why for part in parts for subject, why in json.loads(part.read("failed.json")).items()}
         write_pieces_whole(folder / "summary.csv", [as_csv(tables.summary).encode()])

@@ -14,6 +14,7 @@ import pandas as pd
 from adapt import status
 from adapt.adaptation import Adapted
 from adapt.fit import Fitted
+from adapt.heldout_table import MOTION, NOTHING, by_subject
 from models.girdle import ADAPTED
 from models.parameters import ParameterSet
 from motions.rotations import DEG
@@ -27,6 +28,8 @@ STATISTICS = ("mean", "std", "max", "min")
 
 DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
 
+HELD_OUT = {bone: f"{bone}_held_out_deg" for bone in ("clavicle", "scapula")}
+"""The last columns of the summary, by bone."""
 
 SubjectRows = Mapping[tuple[str, int], pd.DataFrame]
 """Rows of a table by model and state (0: as the model is, 1: adapted)."""
@@ -39,7 +42,7 @@ class Tables:
     fits: pd.DataFrame
     """One row a model, posture and state (adapted or not): the columns of ``fits.csv``."""
     summary: pd.DataFrame
-    """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4."""
+    """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4; and on what was held out."""
     parameters: pd.DataFrame
     """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
     heldout: pd.DataFrame
@@ -52,7 +55,7 @@ class Tables:
             return self
         fits = self.fits[self.fits["subject"].isin(subjects)]
         heldout = self.heldout[self.heldout["subject"].isin(subjects)]
-        return Tables(fits, summary_table(fits), self.parameters[mine], heldout)
+        return Tables(fits, summary_table(fits, heldout), self.parameters[mine], heldout)
 
 
 def as_csv(table: pd.DataFrame) -> str:
@@ -90,14 +93,16 @@ def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> p
     return pd.DataFrame(columns)
 
 
-def summary_table(fits: pd.DataFrame) -> pd.DataFrame:
+def summary_table(fits: pd.DataFrame, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
     """``summary.csv``: mean absolute difference in degrees by subject and angle, with mean, std, max and min rows.
 
     The layout of Tables 6.1-6.4, one block a model, motion (each, and all together) and state (before, after).
     Only postures whose fit is ``ok`` count; ``postures`` and ``postures_ok`` say how many there were and counted.
-    ``clavicle`` and ``scapula`` are the means of their three angles.
+    ``clavicle`` and ``scapula`` are the means of their three angles. After adaptation HELD_OUT says the same of each
+    bone where the row's postures were held out from it: a motion, each in turn for all motions together, thirds of the
+    postures of who has a single motion. Empty for who was not held out (``heldout.csv``).
     """
-    return summary_of(rows_of_subjects(fits))
+    return summary_of(rows_of_subjects(fits), heldout)
 
 
 def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
@@ -108,16 +113,17 @@ def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
 def _subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
     blocks = []
     for motion in [ALL_MOTIONS, *dict.fromkeys(fits["motion"])]:
-        block = _by_subject(fits if motion == ALL_MOTIONS else fits[fits["motion"] == motion])
+        block = _means_by_subject(fits if motion == ALL_MOTIONS else fits[fits["motion"] == motion])
         block.insert(0, "motion", motion)
         blocks.append(block)
     return pd.concat(blocks, ignore_index=True)
 
 
-def summary_of(subjects: SubjectRows) -> pd.DataFrame:
+def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
     """:func:`summary_table` of these rows of subjects, by model and state."""
     blocks = []
     for (model, adapted), rows in subjects.items():
+        rows = _with_held_out(rows, heldout[heldout["model"] == model] if adapted else NOTHING)
         motions = list(dict.fromkeys(rows["motion"]))
         # With one motion alone, all motions say the same.
         for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
@@ -130,7 +136,21 @@ def summary_of(subjects: SubjectRows) -> pd.DataFrame:
     return pd.concat(blocks, ignore_index=True)
 
 
-def _by_subject(rows: pd.DataFrame) -> pd.DataFrame:
+def _with_held_out(rows: pd.DataFrame, heldout: pd.DataFrame) -> pd.DataFrame:
+    """The rows of subjects of one model with HELD_OUT, where there is a gap in sample to stand beside."""
+    motions, whole = heldout[heldout["kind"] == MOTION], by_subject(heldout)
+    several = set(motions["subject"])
+    whole = whole[(whole["kind"] == MOTION) | ~whole["subject"].isin(several)].assign(held_out=ALL_MOTIONS)
+    known = pd.concat([motions, whole]).set_index(["subject", "held_out"])
+    part = rows["motion"].where(rows["subject"].isin(several), ALL_MOTIONS)
+    gaps = known.reindex(pd.MultiIndex.from_arrays([rows["subject"], part]))
+    columns = {}
+    for bone, name in HELD_OUT.items():
+        columns[name] = np.where(rows[f"{bone}_deg"].notna(), gaps[f"{bone}_gap_unseen_deg"].to_numpy(float), np.nan)
+    return rows.assign(**columns)
+
+
+def _means_by_subject(rows: pd.DataFrame) -> pd.DataFrame:
     good = rows["status"] == status.OK
     absolute = rows[DIFFERENCES].abs().where(good)
     absolute.columns = [f"{angle}_deg" for angle in ANGLES]

@@ -14,7 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
 from rich.table import Table
 
-from adapt.heldout import MOTION, by_model, by_subject
+from adapt.heldout_table import MOTION, by_model, by_subject
 from adapt.tables import ALL_MOTIONS, STATISTICS, parameter_statistics
 from motions.files import printable
 from motions.table import ANGLES

@@ -5,12 +5,14 @@
 
 Six panels, scapula above clavicle, over humerus elevation: measured angles as dots, simulated ones as a dashed line
 before adaptation and a solid line after it. All panels span the same number of degrees, so gaps compare across them.
-The same table gives the same bytes.
+Where a summary.csv stands beside the table, the gap of each bone on the motion, held out from the adaptation, stands
+beside that of its angles. The same tables give the same bytes.
 
     python scripts/draw_before_after.py results/fits.csv --subject NAME --model R2 --out before_after.svg
 """
 
 import math
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +25,7 @@ from matplotlib.ticker import MultipleLocator
 from adapt import cli, status
 from adapt.output import prepare_folder
 from adapt.svg import BLUE, NOTE, ORANGE, svg
+from adapt.tables import ALL_MOTIONS, HELD_OUT
 from motions import InputError
 from motions.files import write_whole
 
@@ -54,16 +57,16 @@ MARGIN_DEG = 2.0
 app = typer.Typer(add_completion=False)
 
 
-def read_fits(path: Path) -> pd.DataFrame:
-    """The table of all fits; names stay text, whatever they look like."""
-    remedy = "Name a fits.csv of `girdle adapt`"
+def read(path: Path, columns: Collection[str]) -> pd.DataFrame:
+    """A table with these columns, and more; names stay text, whatever they look like."""
+    remedy = "Name a fits.csv of `girdle adapt`, in the folder that it was written to"
     try:
-        fits = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
+        table = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
     except (OSError, ValueError) as error:
         raise InputError(str(path), None, "this is no table that can be read", remedy) from error
-    if not {*NAMES, "adapted", "status"} <= set(fits.columns):
-        raise InputError(str(path), None, "this is no table of fits", remedy)
-    return fits
+    if missing := [name for name in columns if name not in table.columns]:
+        raise InputError(str(path), None, f"the column {missing[0]} is missing", remedy)
+    return table
 
 
 def chosen(fits: pd.DataFrame, column: str, wanted: str | None, file: str) -> pd.DataFrame:
@@ -72,6 +75,17 @@ def chosen(fits: pd.DataFrame, column: str, wanted: str | None, file: str) -> pd
     if wanted is not None and wanted not in known:
         raise InputError(file, None, f"there is no {column} '{wanted}'", f"Use one of {', '.join(known)}")
     return fits[fits[column] == (wanted or known[0])]
+
+
+def held_out_deg(summary: Path, model: str, subject: str, motion: str) -> dict[str, float]:
+    """The gap of each bone on the motion held out, as far as the summary has it."""
+    if not summary.exists():
+        return {}
+    table = read(summary, (*NAMES, "adapted", *HELD_OUT.values()))
+    mine = table[(table["model"] == model) & (table["subject"] == subject) & (table["adapted"] == 1)]
+    of_motion, of_all = (mine[mine["motion"] == name] for name in (motion, ALL_MOTIONS))
+    row = (of_motion if len(of_motion) else of_all)[list(HELD_OUT.values())].mean()
+    return {bone: row[HELD_OUT[bone]] for bone in BONES if pd.notna(row[HELD_OUT[bone]])}
 
 
 def draw_panel(axes: Axes, rows: pd.DataFrame, angle: str) -> None:
@@ -102,8 +116,8 @@ def share_span(panels: list[Axes]) -> None:
         axes.set_yticks([TICK_DEG * tick for tick in ticks])
 
 
-def draw(rows: pd.DataFrame, title: str) -> Figure:
-    """The figure of one subject, model and motion, in the current style."""
+def draw(rows: pd.DataFrame, title: str, unseen_deg: Mapping[str, float]) -> Figure:
+    """The figure of one subject, model and motion, in the current style; with the gap held out, by bone."""
     figure = Figure(figsize=(8.0, 5.4), layout="constrained")
     grid = figure.subplots(2, 3, sharex=True)
     panels = list(grid.flat)
@@ -115,8 +129,10 @@ def draw(rows: pd.DataFrame, title: str) -> Figure:
     for axes in grid[-1]:
         axes.set_xlabel("humerus elevation, degrees")
         axes.xaxis.set_major_locator(MultipleLocator(ELEVATION_TICK_DEG))
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10.0)
-    figure.text(0.99, 0.985, "grey: mean |simulated − measured|, before → after", ha="right", va="top", **NOTE)
+    figure.suptitle(f"{title}\n", x=0.01, ha="left", fontsize=10.0)  # a line for the note
+    held_out = ", ".join(f"{bone} {gap:.1f}°" for bone, gap in unseen_deg.items())
+    note = "grey: mean |simulated − measured|, before → after" + (f"; held out: {held_out}" if held_out else "")
+    figure.text(0.01, 0.95, note, ha="left", va="top", **NOTE)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
@@ -132,15 +148,16 @@ def main(
     title: Annotated[str | None, typer.Option(help="Who this is. Default: the subject's name.")] = None,
 ) -> None:
     """Draw the measured and simulated angles of one subject over humerus elevation, before and after adaptation."""
-    rows = read_fits(fits)
+    rows = read(fits, (*NAMES, "adapted", "status"))
     for column, wanted in (("model", model), ("subject", subject), ("motion", motion)):
         rows = chosen(rows, column, wanted, str(fits))
     if set(rows["adapted"]) != {0, 1}:
         raise InputError(str(fits), None, "there are no fits before and after adaptation", "Run `girdle adapt`")
     first = rows.iloc[0]
     text = f"{title or first['subject']}, {first['motion']}, parameter set {first['model']}"
+    unseen_deg = held_out_deg(fits.parent / "summary.csv", *(first[name] for name in NAMES))
     prepare_folder(out.parent)
-    write_whole(out, svg(lambda: draw(rows, text)))
+    write_whole(out, svg(lambda: draw(rows, text, unseen_deg)))
 
 
 if __name__ == "__main__":

@@ -80,7 +80,7 @@ def main(
     names = model or ["R2", "R4", "R6"]
     models = [load_model(name) for name in names]
     batch = pack(motions)
-    fits = adapt_subjects(motions, models).fits
+    fits = adapt_subjects(motions, models, held_out=()).fits
     for fitted, tested in ((one, other), (other, one)):
         choose = partial(folds_between, fitted=fitted, tested=tested)
         if not choose(motions, batch):

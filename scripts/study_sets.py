@@ -25,7 +25,7 @@ import typer
 from jaxtyping import Float
 
 from adapt import adapt_subjects, cli, status
-from adapt.tables import ALL_MOTIONS
+from adapt.tables import ALL_MOTIONS, HELD_OUT
 from models import load_model
 from models.girdle import ADAPTED
 from motions import ANGLES, InputError, read_motions
@@ -89,7 +89,10 @@ def grid(table: pd.DataFrame, column: str) -> Float[np.ndarray, "sets subjects"]
 
 
 def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
-    """Shares of variance and, in its own unit, SD over sets of one subject and over subjects of one set."""
+    """Shares of variance and, in its own unit, SD over sets of one subject and over subjects of one set.
+
+    The gap held out, of each bone, is that on each motion in turn, adapted without it.
+    """
     header = ["quantity", "SD over sets", "SD over subjects", "of the set", "of the subject", "rest"]
     lines = []
     good = parameters[parameters["status"] == status.OK]
@@ -97,11 +100,12 @@ def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
         changed = good.assign(change=good[f"{name}_mm"] - good[f"{name}_mm_prior"])
         for label, table, column in ((f"{name}, mm", good, f"{name}_mm"), (f"{name}, change, mm", changed, "change")):
             lines.append([label, *shared(grid(table, column))])
-    for adapted, state in ((0, "before"), (1, "after")):
-        rows = summary[(summary["adapted"] == adapted) & (summary["motion"] == ALL_MOTIONS)]
-        rows = rows[rows["subject"].isin(parameters["subject"])]
-        for angle in ANGLES:
-            lines.append([f"{angle}, gap {state}, deg", *shared(grid(rows, f"{angle}_deg"))])
+    all_motions = summary[(summary["motion"] == ALL_MOTIONS) & summary["subject"].isin(parameters["subject"])]
+    before, after = (all_motions[all_motions["adapted"] == state] for state in (0, 1))
+    every = {name: f"{name}_deg" for name in (*ANGLES, *HELD_OUT)}
+    for rows, state, columns in ((before, "before", every), (after, "after", every), (after, "held out", HELD_OUT)):
+        for name, column in columns.items():
+            lines.append([f"{name}, gap {state}, deg", *shared(grid(rows, column))])
     return markdown(header, lines)
 
 

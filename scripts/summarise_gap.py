@@ -18,14 +18,13 @@ import pandas as pd
 import typer
 
 from adapt import cli, status
-from adapt.heldout import mean_unseen_deg
-from adapt.tables import ALL_MOTIONS
+from adapt.tables import ALL_MOTIONS, HELD_OUT
 from models.girdle import ADAPTED
 from motions import ANGLES, InputError
 
 BONES = {"scapula": ANGLES[3:], "clavicle": ANGLES[:3]}
 
-NAMES = ("model", "subject", "motion", "held_out")
+NAMES = ("model", "subject", "motion")
 
 app = typer.Typer(add_completion=False)
 
@@ -40,7 +39,7 @@ def read(folder: Path, name: str) -> pd.DataFrame:
         raise InputError(str(path), None, cause, "Name a folder that `girdle adapt` wrote") from error
 
 
-def gap_cells(summary: pd.DataFrame, unseen_deg: dict[str, float], model: str) -> list[str]:
+def gap_cells(summary: pd.DataFrame, model: str) -> list[str]:
     """Mean (with that held out) and max of each bone, before -> after, from the statistics rows of summary.csv."""
     mine = summary[(summary["model"] == model) & (summary["motion"] == ALL_MOTIONS)]
     mean, most = (mine[mine["subject"] == row].set_index("adapted") for row in ("mean", "max"))
@@ -50,7 +49,7 @@ def gap_cells(summary: pd.DataFrame, unseen_deg: dict[str, float], model: str) -
         all_gaps, most_gaps = (
             " -> ".join(f"{gap[state]:.1f}" for state in (0, 1)) for gap in (mean[f"{bone}_deg"], largest)
         )
-        cells += [f"{all_gaps} ({unseen_deg[bone]:.1f})", most_gaps]
+        cells += [f"{all_gaps} ({mean[HELD_OUT[bone]][1]:.1f})", most_gaps]
     return cells
 
 
@@ -69,7 +68,7 @@ def bound_cell(parameters: pd.DataFrame) -> str:
     return f"{at.any(axis=1).sum()} of {len(at)}" + (f" ({which})" if which else "")
 
 
-def markdown(summary: pd.DataFrame, parameters: pd.DataFrame, heldout: pd.DataFrame) -> str:
+def markdown(summary: pd.DataFrame, parameters: pd.DataFrame) -> str:
     """A line a parameter set."""
     header = ["set", "scapula mean (held out)", "scapula max", "clavicle mean (held out)", "clavicle max"]
     header += ["centre moved (mean)", "subjects with a parameter at a bound"]
@@ -77,7 +76,7 @@ def markdown(summary: pd.DataFrame, parameters: pd.DataFrame, heldout: pd.DataFr
     good = parameters[parameters["status"] == status.OK]
     for model in dict.fromkeys(parameters["model"]):
         mine = good[good["model"] == model]
-        gaps = gap_cells(summary, mean_unseen_deg(heldout, model), model)
+        gaps = gap_cells(summary, model)
         rows.append([model, *gaps, f"{centre_moved_mm(mine):.0f} mm", bound_cell(mine)])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
@@ -96,9 +95,9 @@ def main(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `girdle adapt` wrote.")],
 ) -> None:
     """Print, as Markdown, the gap before and after adaptation, how far the ellipsoid went and what is at a bound."""
-    names = ("summary", "parameters", "fits", "heldout")
-    summary, parameters, fits, heldout = (read(folder, f"{name}.csv") for name in names)
-    print(f"{markdown(summary, parameters, heldout)}\n\n{endings(fits, parameters)}")
+    names = ("summary", "parameters", "fits")
+    summary, parameters, fits = (read(folder, f"{name}.csv") for name in names)
+    print(f"{markdown(summary, parameters)}\n\n{endings(fits, parameters)}")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from adapt import Adaptations, status
 from adapt.adaptation import Adapted
 from adapt.fit import Fitted
-from adapt.heldout import BONES, COLUMNS, MOTION
+from adapt.heldout_table import BONES, COLUMNS, MOTION
 from adapt.tables import fits_table, parameters_table, rows_of_subjects, summary_table
 from models import ParameterSet
 from motions import ANGLES, Motions
@@ -67,14 +67,15 @@ def adaptations(
     results = {model.name: _adapted(motions, model, failed) for model in models}
     parameters = parameters_table(motions.subjects, models, results, fits)
     by_model = {one.name: fitted[True] for one in models}
+    heldout = _heldout(motions, models)
     return Adaptations(
         by_model=by_model,
         fits=fits,
-        summary=summary_table(fits),
+        summary=summary_table(fits, heldout),
         subjects=rows_of_subjects(fits),
         adapted=results,
         parameters=parameters,
-        heldout=_heldout(motions, models),
+        heldout=heldout,
     )
 
 

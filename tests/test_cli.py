@@ -39,6 +39,7 @@ SUMMARY_COLUMNS = [
     *("model", "adapted", "motion", "subject"),
     *(f"{name}_deg" for name in (*ANGLES, "clavicle", "scapula")),
     *("postures", "postures_ok"),
+    *("clavicle_held_out_deg", "scapula_held_out_deg"),
 ]
 HELDOUT_COLUMNS = [
     *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
@@ -162,6 +163,19 @@ def test_each_motion_was_held_out_of_an_adaptation(adapted):
             gap = table[f"{bone}_gap_{word}_deg"][:2].mean()  # seven postures each
             assert gap == pytest.approx(summary[f"{bone}_deg"][state])
     assert "unseen" in adapted.ended.out
+
+
+def test_the_summary_says_how_large_the_gap_is_where_a_motion_was_held_out(adapted):
+    """Each motion's is that of heldout.csv; all motions' the mean of them, as both have as many postures."""
+    unseen = adapted.table("heldout").set_index(["subject", "held_out"])
+    summary = adapted.table("summary").set_index(["adapted", "motion", "subject"])
+    for bone in ("clavicle", "scapula"):
+        of_motions = []
+        for subject, motion in unseen.index:
+            of_motions.append(summary[f"{bone}_held_out_deg"][1, motion, subject])
+            assert of_motions[-1] == pytest.approx(unseen[f"{bone}_gap_unseen_deg"][subject, motion])
+        assert summary[f"{bone}_held_out_deg"][1, "all", "mean"] == pytest.approx(np.mean(of_motions))
+        assert summary[f"{bone}_held_out_deg"][0].isna().all()
 
 
 def test_fits_have_one_row_a_posture_and_state(fitted, adapted):

@@ -5,7 +5,7 @@
 import importlib.util
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -44,8 +44,8 @@ def whole(motion, tmp_path_factory) -> Path:
     return folder
 
 
-def work() -> Work:
-    return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset(), frozenset())
+def work(held_out: Iterable[str] = ()) -> Work:
+    return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset(), frozenset(held_out))
 
 
 def assert_same_tables(folder: Path, expected: Path) -> None:
@@ -78,11 +78,11 @@ def test_a_part_is_what_its_subjects_are_alone(motion):
     folder = motion.parent / "alone"
     folder.mkdir()
     made = Parts(folder, "key")
-    made.make(work(), [motions], one_after_another, lambda _: None)
+    made.make(work(motions.subjects), [motions], one_after_another, lambda _: None)
     found, failed = made.become_tables(folder, work().models)
     made.remove()
-    pd.testing.assert_frame_equal(found.summary, tables.summary, check_exact=True)
-    pd.testing.assert_frame_equal(found.parameters, tables.parameters, check_exact=True)
+    for name in ("summary", "parameters", "heldout"):
+        pd.testing.assert_frame_equal(getattr(found, name), getattr(tables, name), check_exact=True)
     assert failed == {}
     assert not (folder / FOLDER).exists()
 

@@ -13,12 +13,14 @@ from pages import EVIL, MODELS, R2, data_of, simulated
 
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.sentence import amplitude_text
+from adapt.heldout_table import MOTION, POSTURES
 from adapt.report import chosen, report_html
 from adapt.report.bones import POINTS, bones_mm
 from adapt.report.figure_data import figure_data
 from adapt.report.gap_cells import ALL, heat_maps
 from adapt.report.headline import closest, headline
 from adapt.report.overview import overview, people
+from adapt.tables import summary_table
 from models import load_model
 from motions import ANGLES, Motions
 
@@ -199,21 +201,20 @@ def test_two_hundred_subjects_stay_small_and_the_page_says_what_is_left_out():
 
 def test_the_sentence_says_before_and_after():
     motions = motions_of(rising(2, 4))
-    summary = adaptations(motions, R2).summary
-    assert headline(summary, "2 subjects") == (
+    summary = summary_table(adaptations(motions, R2).fits)
+    assert headline(summary, "2 subjects", ()) == (
         "Adapting R2 to 2 subjects takes the mean gap of the scapula from 6.0 to 2.0 and that of the clavicle "
         "from 6.0 to 2.0 degrees."
     )
 
 
 def test_the_sentence_says_what_is_left_on_motions_that_were_held_out():
-    made = adaptations(motions_of(rising(2, 4)), R2)
-    sentence = headline(made.summary, "2 subjects", made.heldout)
+    summary = adaptations(motions_of(rising(2, 4)), R2).summary
+    sentence = headline(summary, "2 subjects", {MOTION})
     assert sentence.endswith("from 6.0 to 2.0 degrees, and to 3.0 and 3.0 on motions that it has not seen.")
-    thirds = headline(made.summary, "2 subjects", made.heldout.assign(kind="postures"))
-    assert thirds.endswith("and to 3.0 and 3.0 on postures that it has not seen.")
-    nothing = headline(made.summary, "2 subjects", made.heldout.iloc[:0])
-    assert nothing.endswith("from 6.0 to 2.0 degrees.")
+    for kinds in ({POSTURES}, {MOTION, POSTURES}):
+        thirds = headline(summary, "2 subjects", kinds)
+        assert thirds.endswith("and to 3.0 and 3.0 on postures that it has not seen.")
 
 
 def test_the_sentence_names_the_closest_of_several_sets():
@@ -222,21 +223,25 @@ def test_the_sentence_names_the_closest_of_several_sets():
     better = (summary["model"] == "R4") & (summary["adapted"] == 1)
     summary.loc[better, [f"{angle}_deg" for angle in (*ANGLES, "clavicle", "scapula")]] -= 0.5
     assert closest(summary) == "R4"
-    assert headline(summary, "2 subjects").startswith("Of 2 parameter sets R4 comes closest: adapting it to 2 subjects")
-    assert "from 6.0 to 1.5 degrees." in headline(summary, "2 subjects")
+    sentence = headline(summary, "2 subjects", {MOTION})
+    assert sentence.startswith("Of 2 parameter sets R4 comes closest: adapting it to 2 subjects")
+    assert "from 6.0 to 1.5 degrees, and to 3.0" in sentence
 
 
 def test_the_sentence_leaves_out_a_bone_that_was_not_measured():
     angles_deg = rising(2, 4)
     angles_deg[..., 3:] = np.nan
-    sentence = headline(adaptations(motions_of(angles_deg), R2).summary, "2 subjects")
-    assert sentence == "Adapting R2 to 2 subjects takes the mean gap of the clavicle from 6.0 to 2.0 degrees."
+    sentence = headline(adaptations(motions_of(angles_deg), R2).summary, "2 subjects", {MOTION})
+    assert sentence == (
+        "Adapting R2 to 2 subjects takes the mean gap of the clavicle from 6.0 to 2.0 degrees, "
+        "and to 3.0 on motions that it has not seen."
+    )
 
 
 def test_the_sentence_says_when_nothing_could_be_fitted():
     motions = motions_of(rising(1, 4))
     summary = adaptations(motions, R2, failed=["s1"]).summary
-    assert headline(summary, "1 subject") == "No posture of 1 subject could be fitted."
+    assert headline(summary, "1 subject", {MOTION}) == "No posture of 1 subject could be fitted."
 
 
 @pytest.mark.parametrize(
@@ -271,7 +276,8 @@ def test_the_overview_counts_what_was_fitted():
 def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
     motions = motions_of(rising(3, 4))
     made = adaptations(motions, R2)
-    two = replace(made, heldout=made.heldout[made.heldout["subject"] != "s2"])
+    heldout = made.heldout.query("subject != 's2'")
+    two = replace(made, heldout=heldout, summary=summary_table(made.fits, heldout))
     said = words_of(report_html(motions, R2, two))
     assert f"{UNSEEN_DEG}° {UNSEEN_DEG}° 12 of 12" in said
     assert "of 2 of the subjects" in said

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from adapt import status
-from adapt.tables import ALL_MOTIONS, DIFFERENCES, STATISTICS, as_csv, parameter_statistics, summary_table
+from adapt.heldout_table import MOTION, NOTHING, POSTURES
+from adapt.tables import ALL_MOTIONS, DIFFERENCES, HELD_OUT, STATISTICS, as_csv, parameter_statistics, summary_table
 from models.girdle import ADAPTED
 from motions import ANGLES
 
@@ -110,6 +111,72 @@ def test_models_and_states_apart():
     assert block(summary, model="R2", adapted=1).loc["one", "clavicle_y_deg"] == 1.0
     assert block(summary, model="R4").loc["mean", "clavicle_y_deg"] == 5.0
     assert np.isnan(block(summary, model="R4").loc["std", "clavicle_y_deg"])
+
+
+def heldout(*rows: tuple[str, str, str, int, float], model: str = "R2") -> pd.DataFrame:
+    """Rows of ``heldout.csv``: (subject, kind, held out, postures, gap of the clavicle); the scapula's is twice it."""
+    table = pd.DataFrame(rows, columns=["subject", "kind", "held_out", "postures", "clavicle_gap_unseen_deg"])
+    return table.assign(model=model, scapula_gap_unseen_deg=2.0 * table["clavicle_gap_unseen_deg"])
+
+
+SEVERAL = [("one", "abduction"), ("one", "flexion"), ("two", "abduction"), ("three", "abduction"), ("three", "flexion")]
+
+UNSEEN = (
+    ("one", MOTION, "abduction", 2, 1.0),
+    ("one", MOTION, "flexion", 1, 4.0),
+    ("one", POSTURES, "third 1", 3, 50.0),
+    ("two", POSTURES, "third 1", 2, 3.0),
+    ("two", POSTURES, "third 2", 1, 6.0),
+)
+"""Of one, both motions were held out, and (as `girdle trust` does) thirds; of two, which has one motion, thirds."""
+
+
+def before_and_after(model: str = "R2") -> pd.DataFrame:
+    rows = [(*names, 1.0, status.OK) for names in SEVERAL]
+    return pd.concat([fits(*rows, model=model, adapted=state) for state in (0, 1)], ignore_index=True)
+
+
+def test_the_gap_held_out_stands_beside_that_in_sample():
+    """One: (2 1 + 4) / 3 = 2; two: (2 3 + 6) / 3 = 4, its only motion's too; three was not held out."""
+    summary = summary_table(before_and_after(), heldout(*UNSEEN))
+    assert summary.columns.tolist()[-4:] == ["postures", "postures_ok", *HELD_OUT.values()]
+    expected = {
+        ALL_MOTIONS: {"one": 2.0, "two": 4.0, "mean": 3.0, "std": np.sqrt(2.0), "max": 4.0, "min": 2.0},
+        "abduction": {"one": 1.0, "two": 4.0, "mean": 2.5, "std": np.sqrt(4.5), "max": 4.0, "min": 1.0},
+        "flexion": {"one": 4.0, "mean": 4.0, "max": 4.0, "min": 4.0},
+    }
+    for motion, values in expected.items():
+        after = block(summary, motion=motion, adapted=1)
+        found = {bone: after[column].dropna().to_dict() for bone, column in HELD_OUT.items()}
+        assert found["clavicle"] == pytest.approx(values)
+        assert found["scapula"] == pytest.approx({name: 2.0 * value for name, value in values.items()})
+    assert summary.loc[summary["adapted"] == 0, list(HELD_OUT.values())].isna().to_numpy().all()
+
+
+def test_the_gap_held_out_is_that_of_its_model():
+    both = pd.concat([before_and_after(), before_and_after("R4")], ignore_index=True)
+    summary = summary_table(
+        both, pd.concat([heldout(*UNSEEN), heldout(("one", MOTION, "flexion", 1, 9.0), model="R4")])
+    )
+    mean = {model: block(summary, model=model, adapted=1, motion="all").loc["mean"] for model in ("R2", "R4")}
+    assert {model: row["clavicle_held_out_deg"] for model, row in mean.items()} == {"R2": 3.0, "R4": 9.0}
+
+
+def test_without_a_gap_in_sample_there_is_none_held_out():
+    """A motion that could not be fitted, of who was held out by thirds of the other one."""
+    lost = before_and_after()
+    lost.loc[(lost["subject"] == "three") & (lost["motion"] == "flexion"), "status"] = status.UNREACHABLE
+    summary = summary_table(lost, heldout(("three", POSTURES, "third 1", 1, 5.0)))
+    held = [block(summary, motion=m, adapted=1).loc["three", "scapula_held_out_deg"] for m in ("all", "abduction")]
+    assert held == [10.0, 10.0]
+    assert np.isnan(block(summary, motion="flexion", adapted=1).loc["three", "scapula_held_out_deg"])
+
+
+@pytest.mark.parametrize("nothing", [NOTHING, heldout()])
+def test_without_anything_held_out_the_columns_are_empty(nothing):
+    summary = summary_table(before_and_after(), nothing)
+    assert summary[list(HELD_OUT.values())].isna().to_numpy().all()
+    pd.testing.assert_frame_equal(summary, summary_table(before_and_after()))
 
 
 def parameters(model: str, M_y_mm: list[float], words: list[str]) -> pd.DataFrame:

@@ -16,8 +16,10 @@ from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapt_lanes, adapted_from, lanes, lanes_at
 from adapt.api import adapt_subjects
 from adapt.batch import pack
-from adapt.heldout import MOTION, POSTURES, by_subject, folds, held_out
+from adapt.heldout import folds, held_out
+from adapt.heldout_table import MOTION, POSTURES, by_subject
 from adapt.simulation import simulate_model_subjects
+from adapt.tables import HELD_OUT
 from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.flat import flat_directions
 from adapt.trust.profile import profile_intervals
@@ -290,6 +292,18 @@ def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
     assert (seen["gap_unseen_deg"] > seen["gap_in_sample_deg"]).all()
 
 
+def test_every_subject_has_a_held_out_gap_unless_nobody_shall(case):
+    """Two motions of each: both are held out; without, only the columns of the gap that was not looked at are empty."""
+    short = case.motions.select(np.isin(case.motions.subject, case.motions.subjects[:2]))
+    result, spared = (adapt_subjects(short, case.model, **options) for options in ({}, {"held_out": ()}))
+    assert len(result.heldout) == 2 * 2
+    assert len(spared.heldout) == 0
+    assert spared.summary[list(HELD_OUT.values())].isna().to_numpy().all()
+    pd.testing.assert_frame_equal(
+        *(one.summary.drop(columns=list(HELD_OUT.values())) for one in (result, spared)), check_exact=True
+    )
+
+
 # --- w -------------------------------------------------------------------------------------------------------------
 
 
@@ -330,6 +344,8 @@ def test_the_command_writes_its_tables(tmp_path):
     assert table["trust"]["gap_in_sample_deg"][0] == pytest.approx(
         gap[["clavicle_deg", "scapula_deg"]].mean(axis=1).item()
     )
+    held_out = gap[["clavicle_held_out_deg", "scapula_held_out_deg"]].mean(axis=1).item()
+    assert table["trust"]["gap_unseen_motion_deg"][0] == pytest.approx(held_out)
     spread = table["uncertainty"]
     assert (spread["low_mm"] <= spread["adapted_mm"]).all()
     assert (spread["adapted_mm"] <= spread["high_mm"]).all()

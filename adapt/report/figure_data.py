@@ -10,13 +10,12 @@ from jaxtyping import Float, Int
 
 from adapt import status
 from adapt.diagnosis.json_form import plain
-from adapt.heldout import by_subject
 from adapt.report.bones import POINTS, bones_mm
 from adapt.report.chosen import chosen_rows, chosen_subjects, gaps_deg
 from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
 from adapt.report.states import STATES, simulated_deg, state_rows
-from adapt.tables import ALL_MOTIONS, STATISTICS, Tables
+from adapt.tables import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
 from models.girdle import ADAPTED, CONSTRAINTS
 from models.parameters import ParameterSet
 from motions.table import ANGLE_NAMES, ANGLES, Motions
@@ -25,9 +24,6 @@ Rows = Int[np.ndarray, " rows"]
 
 COLUMNS = (*ANGLES, "clavicle", "scapula")
 """Of the table of subjects, mean absolute differences."""
-
-UNSEEN = ("clavicle", "scapula")
-"""Bones of which the same table has the gap on what was held out."""
 
 CONSTRAINT_NAMES = dict(
     zip(CONSTRAINTS, ("A1: TS to the ellipsoid", "A2: AI to the ellipsoid", "A3: length of the conoid"), strict=True)
@@ -54,7 +50,7 @@ def figure_data(
             "constraints": list(CONSTRAINT_NAMES.values()),
             "points": POINTS,
             "columns": COLUMNS,
-            "unseen": UNSEEN,
+            "unseen": list(HELD_OUT),
             "subjects": _subjects(motions, rows),
             "posture": motions.posture[rows],
             "elevation_deg": _rounded(motions.humerus_elevation_deg[rows], 1),
@@ -104,7 +100,7 @@ def _model(
         "adaptation": adapted["status"].to_numpy()[lane],
         "measured_points_mm": _flat(at_measured["before"][0]),
         "heat": _heat(motions, result.fits, model.name),
-        "unseen_deg": _rounded(_unseen(result.heldout, model.name, subjects), _ANGLE_DIGITS),
+        "unseen_deg": _rounded(_unseen(result.summary, model.name, subjects), _ANGLE_DIGITS),
         "states": {
             state: {
                 "theta_mm": _rounded(theta_mm[state][:, lane].T, _LENGTH_DIGITS),
@@ -131,15 +127,18 @@ def _fits(fits: pd.DataFrame, model: ParameterSet, theta_mm: Float[np.ndarray, "
 
 def _gaps(summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 8"]:
     """COLUMNS of each subject over all of its motions."""
+    return _of_subjects(summary, model, state, subjects)[[f"{column}_deg" for column in COLUMNS]].to_numpy(float)
+
+
+def _unseen(summary: pd.DataFrame, model: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 2"]:
+    """The gap of each bone on what was held out; NaN of who was not."""
+    return _of_subjects(summary, model, "after", subjects)[list(HELD_OUT.values())].to_numpy(float)
+
+
+def _of_subjects(summary: pd.DataFrame, model: str, state: str, subjects: Sequence[str]) -> pd.DataFrame:
     rows = state_rows(summary, model, state)
     rows = rows[(rows["motion"] == ALL_MOTIONS) & ~rows["subject"].isin(STATISTICS)].set_index("subject")
-    return rows.loc[list(subjects), [f"{column}_deg" for column in COLUMNS]].to_numpy(float)
-
-
-def _unseen(heldout: pd.DataFrame, model: str, subjects: Sequence[str]) -> Float[np.ndarray, "subjects 2"]:
-    """UNSEEN of each subject; NaN of who was not held out."""
-    gaps = by_subject(heldout).set_index(["model", "subject"])[[f"{bone}_gap_unseen_deg" for bone in UNSEEN]]
-    return gaps.reindex([(model, subject) for subject in subjects]).to_numpy(float)
+    return rows.loc[list(subjects)]
 
 
 def _heat(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any]:

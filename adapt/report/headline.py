@@ -1,11 +1,13 @@
 """One sentence: how far the adaptation brings the best parameter set to the measured bones."""
 
+from collections.abc import Collection, Mapping
+
 import numpy as np
 import pandas as pd
 
-from adapt.heldout import MOTION, mean_unseen_deg
+from adapt.heldout_table import MOTION
 from adapt.report.states import STATES, state_rows
-from adapt.tables import ALL_MOTIONS
+from adapt.tables import ALL_MOTIONS, HELD_OUT
 from motions.table import ANGLES
 
 BONES = ("scapula", "clavicle")
@@ -29,8 +31,8 @@ def closest(summary: pd.DataFrame) -> str:
     return min(dict.fromkeys(summary["model"]), key=gap_deg)
 
 
-def headline(summary: pd.DataFrame, people: str, heldout: pd.DataFrame | None = None) -> str:
-    """``people`` says who they are: '10 simulated subjects'; ``heldout`` is the table of gaps on what was held out."""
+def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
+    """``people`` says who they are: '10 simulated subjects'; ``kinds``, what was held out of them."""
     models = list(dict.fromkeys(summary["model"]))
     best = closest(summary)
     before, after = (statistic(summary, best, state) for state in STATES)
@@ -44,15 +46,13 @@ def headline(summary: pd.DataFrame, people: str, heldout: pd.DataFrame | None = 
     start = f"Of {len(models)} parameter sets {best} comes closest: adapting it" if models[1:] else f"Adapting {best}"
     return (
         f"{start} to {people} takes the mean gap of the {' and that of the '.join(parts)} degrees"
-        f"{_unseen(heldout, best)}."
+        f"{_unseen(after, kinds)}."
     )
 
 
-def _unseen(heldout: pd.DataFrame | None, model: str) -> str:
+def _unseen(after: Mapping[str, float], kinds: Collection[str]) -> str:
     """', and to 4.1 and 3.9 on motions that it has not seen', of the bones that have such a gap."""
-    if heldout is None:
-        return ""
-    gaps = mean_unseen_deg(heldout, model)
-    known = [f"{gaps[bone]:.1f}" for bone in BONES if np.isfinite(gaps[bone])]
-    what = "motions" if set(heldout["kind"]) == {MOTION} else "postures"
+    gaps = [after[HELD_OUT[bone]] for bone in BONES]
+    known = [f"{gap:.1f}" for gap in gaps if np.isfinite(gap)]
+    what = "motions" if set(kinds) == {MOTION} else "postures"
     return f", and to {' and '.join(known)} on {what} that it has not seen" if known else ""

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from adapt import status
-from adapt.heldout import mean_unseen_deg
 from adapt.report.headline import BONES, statistic
 from adapt.report.states import STATES, state_rows
-from adapt.tables import Tables, parameter_statistics
+from adapt.tables import HELD_OUT, Tables, parameter_statistics
 from models.girdle import ADAPTED
 from motions.table import ANGLES, Motions
 
@@ -51,7 +50,7 @@ def _row(result: Tables, model: str) -> Row:
     return Row(
         model=model,
         gap_deg=gap_deg | {"largest": tuple(_largest(row) for row in largest)},
-        unseen_deg=mean_unseen_deg(result.heldout, model),
+        unseen_deg={bone: after[name] for bone, name in HELD_OUT.items()},
         postures=len(fits[0]),
         postures_ok=tuple(int(ok.sum()) for ok in fits),
         subjects=len(parameters),

@@ -49,12 +49,13 @@ def report_html(
         "first_model": [one.name for one in models].index(diagnosis["model"] if diagnosis else closest(result.summary)),
         "gap": {name: _levels(of) for name, of in by_model.items()},
     }
+    adapted = headline(result.summary, who, set(result.heldout["kind"]))
     return (
         _environment()
         .get_template("report.html")
         .render(
-            sentence=diagnosis["verdict"]["sentence"] if diagnosis else headline(result.summary, who, result.heldout),
-            adaptation=headline(result.summary, who, result.heldout),
+            sentence=diagnosis["verdict"]["sentence"] if diagnosis else adapted,
+            adaptation=adapted,
             diagnosis=diagnosis,
             by_model=by_model,
             who=who,

@@ -14,9 +14,10 @@ from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapted_from, lanes
 from adapt.api import Adaptations, adapt_subjects, previous_rows
 from adapt.batch import pack
-from adapt.heldout import MOTION, POSTURES, by_subject, folds, held_out_gaps
+from adapt.heldout import folds, held_out_gaps
+from adapt.heldout_table import MOTION, POSTURES, by_subject
 from adapt.objective import WEIGHT
-from adapt.tables import DIFFERENCES
+from adapt.tables import DIFFERENCES, summary_of
 from adapt.trust.flat import FLAT_MM, flat_directions
 from adapt.trust.plausibility import PASS, WARNING, checks
 from adapt.trust.profile import Profile, profile_intervals
@@ -63,7 +64,7 @@ def assess_trust(
     """
     models = [models] if isinstance(models, ParameterSet) else list(models)
     names = [model.name for model in models]
-    result = adapt_subjects(motions, models, weight, progress=progress)
+    result = adapt_subjects(motions, models, weight, progress=progress, held_out=())
     batch = pack(motions)
     subjects, data = batch.subjects, lanes(batch, models)
     adapted = joined([result.adapted[name] for name in names])
@@ -80,7 +81,8 @@ def assess_trust(
     if choose_weight:
         weights = weight_table(data, subjects, names, folds(motions, batch), progress=progress)
     summary = _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible)
-    return Trust(replace(result, heldout=heldout), summary, spread, plausible, weights)
+    result = replace(result, heldout=heldout, summary=summary_of(result.subjects, heldout))
+    return Trust(result, summary, spread, plausible, weights)
 
 
 def joined(parts: Sequence[Adapted]) -> Adapted:

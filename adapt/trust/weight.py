@@ -9,7 +9,8 @@ import pandas as pd
 
 from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapt_lanes
-from adapt.heldout import MOTION, Fold, by_subject, held_out, heldout_table
+from adapt.heldout import Fold, held_out, heldout_table
+from adapt.heldout_table import MOTION, by_subject
 from motions.rotations import DEG
 
 WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)

@@ -1,0 +1,40 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""``heldout.csv`` as a table: its columns, and what it says of a model, a subject and a motion."""
+
+import pandas as pd
+
+MOTION, POSTURES, OTHER = "motion", "postures", "only"
+"""Kinds of folds: one motion held out, every third posture held out, one motion alone adapted to."""
+
+SEEN = {"before": 0, "in_sample": 1}
+"""Gaps of the fits that are reported, by their word; and the column ``adapted`` of their table."""
+
+BONES = {"": slice(0, 6), "clavicle_": slice(0, 3), "scapula_": slice(3, 6)}
+"""Gaps of a table, by the beginning of the column."""
+
+COLUMNS = (
+    *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
+    *(f"{bone}gap_{word}_deg" for word in (*SEEN, "unseen") for bone in BONES),
+    "status",
+)
+"""Of ``heldout.csv``, whether anything could be held out or not."""
+
+NOTHING = pd.DataFrame(columns=list(COLUMNS))
+"""The table of what was not held out."""
+
+
+def by_subject(table: pd.DataFrame) -> pd.DataFrame:
+    """Gaps of each model, subject and kind: mean over its parts, each counting as many times as it has postures."""
+    columns = [c for c in table.columns if c.endswith("_deg")]
+    weighed = table[columns].mul(table["postures"], axis=0).where(table[columns].notna())
+    counts = table[columns].notna().mul(table["postures"], axis=0)
+    keys = [table[k] for k in ("model", "subject", "kind")]
+    sums = (part.groupby(keys, sort=False).sum() for part in (weighed, counts))
+    total, count = sums
+    return (total / count.where(count > 0)).reset_index()
+
+
+def by_model(table: pd.DataFrame) -> pd.DataFrame:
+    """Gaps of each model: mean over the subjects, whatever was held out of each."""
+    return pd.DataFrame(by_subject(table).drop(columns=["subject", "kind"]).groupby("model", sort=False).mean())
