@@ -68,6 +68,12 @@ EQUIVALENT: dict[str, str] = {
     "True -> False": _SAME_LENGTH,
     "adapt/elimination.py: return backward(self._S, [x * d for x, d in "
     "zip(forward(self._S, b), self._S_inverse, strict=True)]): True -> False": _SAME_LENGTH,
+    "adapt/elimination.py: open_chain = [g + product(row, d) for g, row in zip(self.g, slopes, strict=True)]: "
+    "True -> False": _SAME_LENGTH,
+    "adapt/elimination.py: multipliers = [m - s * g for m, s, g in zip(mu, self.used, open_chain, strict=True)]: "
+    "True -> False": _SAME_LENGTH,
+    "adapt/elimination.py: inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in "
+    "zip(factor.inverse, damped, strict=True)]: True -> False": _SAME_LENGTH,
     "adapt/diagnosis/evidence.py: return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
     "0.0 * scale -> 0.0 / scale": "no effect has the scale 0",
     "adapt/diagnosis/evidence.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,

@@ -302,7 +302,7 @@ def asked(monkeypatch) -> dict[str, Any]:
         return {"R4": replace(NOTHING, model="R4", gap=gap_of(2.0, 2.0)), "R2": SKIN}
 
     monkeypatch.setattr(cli, "diagnose", answer)
-    monkeypatch.setattr(cli, "adapt_subjects", lambda motions, models, progress, held_out: adaptations(motions, models))
+    monkeypatch.setattr(cli, "adapt_subjects", lambda motions, models, progress: adaptations(motions, models))
     return asked
 
 
@@ -320,6 +320,21 @@ def test_the_command_writes_its_files_and_nothing_else(asked, tmp_path):
     assert (record["command"], record["options"]) == ("diagnose", {"noise_deg": None})
     assert ended.out.splitlines()[1] == SENTENCES["skin"]
     assert "Every parameter set" in ended.out
+
+
+@pytest.mark.parametrize("noise_deg", [None, 1.7])
+def test_a_repeated_diagnosis_asks_the_same_and_writes_the_same_bytes(asked, tmp_path, noise_deg):
+    """The noise, where it was given, and both models, by the record alone."""
+    motion, first, again = written(tmp_path, [ROW, *ROWS]), tmp_path / "first", tmp_path / "again"
+    given = () if noise_deg is None else ("--noise-deg", noise_deg)
+    assert girdle("diagnose", motion, "--model", "R4", "--model", "R2", *given, "--out", first).status == 0
+    asked.clear()
+    ended = girdle("diagnose", "--repeat", first / "run.json", "--out", again)
+    assert (ended.status, ended.messages) == (0, [])
+    assert asked == {"models": ["R4", "R2"], "noise_deg": noise_deg}
+    assert sorted(path.name for path in again.iterdir()) == FILES
+    for name in FILES:
+        assert (again / name).read_bytes() == (first / name).read_bytes(), name
 
 
 @pytest.mark.parametrize("noise", ["0", "-1", "nan", "inf", "100"])
