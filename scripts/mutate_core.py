@@ -76,6 +76,8 @@ EQUIVALENT: dict[str, str] = {
     "zip(factor.inverse, damped, strict=True)]: True -> False": _SAME_LENGTH,
     "adapt/diagnosis/evidence.py: return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
     "0.0 * scale -> 0.0 / scale": "no effect has the scale 0",
+    "adapt/diagnosis/evidence.py: return Block(nothing, nothing + share, nothing): "
+    "nothing + share -> nothing - share": ("an SD of the other sign: mu is as likely as -mu"),
     "adapt/diagnosis/evidence.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     "adapt/objective.py: solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
         "the last step is quadratic: far less than 1e-4 mm either way"

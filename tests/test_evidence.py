@@ -12,6 +12,7 @@ from adapt.diagnosis.evidence import (
     BETWEEN_SUBJECTS,
     Block,
     Linear,
+    Statistics,
     agreeing_signs,
     alike,
     common_shift,
@@ -230,6 +231,19 @@ def test_a_spread_is_of_the_original_parameters_not_of_the_last_ones():
     assert_same(np.einsum("srk,sk->sr", once.X, once.u), np.einsum("srk,sk->sr", fitted.X, fitted.u))
 
 
+@pytest.mark.parametrize("spread", [None, 0.7])
+def test_products_of_another_spread_are_those_of_the_dense_gaussian(spread):
+    """Taken at a spread of 0.4; then of the spread asked for, with what all subjects share in ``THETA_SD_MM`` still."""
+    fitted = linear_of(15)
+    made = products(fitted.with_spread(0.4))
+    block = shifted(fitted.scale)
+    assert_same(log_evidence(made.at(spread=spread), block), dense(fitted, block, spread=spread or 0.4).log_evidence)
+    wider = replace(fitted, A=np.concatenate([fitted.A, fitted.X], axis=2))
+    block = block + common_shift(0.5)
+    found = log_evidence(made.with_shift().at(spread=spread), block)
+    assert_same(found, dense(wider, block, spread=spread or 0.4).log_evidence)
+
+
 # --- what subjects have in common -----------------------------------------------------------------
 
 
@@ -252,6 +266,15 @@ def test_signs_are_turned_to_those_with_the_most_evidence(seed):
     expected = max(dense(one, block).log_evidence for one in turnings)
     of = statistics(fitted)
     assert_same(log_evidence(of.turned(agreeing_signs(of, block)), block), expected)
+
+
+def test_turning_begins_near_the_best_signs():
+    """Subjects that pull by (3, -2), (1, -1), (-3, -4), (-3, -4) and (0, 1): with the last one turned the sum is
+    (-2, -12), 148 squared. One by one from elsewhere it may end at (10, 6), 136, where no single turn adds."""
+    pull = np.array([[3.0, -2.0], [1.0, -1.0], [-3.0, -4.0], [-3.0, -4.0], [0.0, 1.0]])
+    of = Statistics(log=np.zeros(()), information=np.zeros((5, 2, 2)), pull=pull)
+    sign = agreeing_signs(of, alike(np.ones(2)))
+    assert np.sum((sign @ pull) ** 2) == pytest.approx(148.0)
 
 
 @each_prior

@@ -27,9 +27,9 @@ _MARGIN = 0.1
 """Four cadavers do not span everybody: a tenth beyond the smallest and the largest of them. Assumed."""
 
 VOLUME_L = (8.6 * (1 - _MARGIN), 33.7 * (1 + _MARGIN))
-"""The smallest and the largest published ellipsoid. No measured chest would bound it better: the points leave A_y open,
-so that a whole ellipsoid is no thorax even as published (R2's reaches 700 mm below IJ and holds 34 l of a body of 73 kg,
-Table 3.1). What a chest bounds is the depth and the width above; the volume beside them finds an A_y that ran away."""
+"""The smallest and the largest published ellipsoid. No chest bounds it: the points leave A_y open, so that a whole
+ellipsoid is no thorax even as published (R2's reaches 700 mm below IJ and holds 34 l, of a body of 73 kg, Table 3.1).
+What a chest bounds is the depth and the width above; beside them the volume finds an A_y that ran away."""
 
 _ELLIPSOIDS = "published ellipsoids of four cadavers (Tables 3.3 and 4.5, DAS3) and a tenth beyond"
 
