@@ -10,13 +10,12 @@ from typing import Annotated
 import typer
 
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
-from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
+from adapt.api import adapt_subjects, fit_postures
 from adapt.cache import keep_compiled
 from adapt.cluster import on_cluster
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.noise import LEAST
-from adapt.diagnosis.sentence import Object
 from adapt.diagnosis.terminal import print_diagnosis
 from adapt.heldout import sample
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
@@ -40,8 +39,8 @@ from adapt.parts import (
     one_after_another,
 )
 from adapt.repeat import other_versions, read_record, recorded_arguments
+from adapt.results import raise_without_report, write_adaptations, write_figures, write_fits, write_report
 from adapt.simulation import simulate_model_subjects
-from adapt.tables import Tables
 from adapt.terminal import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.trust import assess_trust
 from adapt.trust.terminal import print_trust
@@ -50,7 +49,6 @@ from models.effects import EFFECTS
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.acromion import ROTATIONS, acromion_rotation
 from motions.cells import SIDES
-from motions.files import write_whole
 from motions.landmarks.mapping import read_mapping
 from motions.landmarks.postures import Labels
 
@@ -59,8 +57,6 @@ EXIT_SOME_NOT_HANDLED = 3
 EXIT_INTERRUPTED = 130
 
 NO_EFFECT = "none"
-
-REPORT = "report.html"
 
 MOST_NOISE_DEG = 20.0
 """More noise than this is a slip of the pen: every posture would be within it."""
@@ -139,7 +135,7 @@ def fit(
         with progress(errors) as report:
             result = fit_postures(table, models, report)
         with written_together(folder) as part:
-            _write(part, result)
+            write_fits(part, result)
             write_run(part, "fit", record, {}, table.rejected)
     print_summary(console, result.summary)
     _finish(table, failed_subjects(result.fits))
@@ -194,13 +190,13 @@ def adapt(
                 write_adapted_models(part, models, result.parameters, f"w = {weight:g}, reading {reading}")
                 write_run(part, "adapt", record, options, files.rejected)
                 table = replace(table, rejected=tuple(files.rejected))
-                wrong = _write_report(part, table, models, result.of(table.subjects), failed, of=len(subjects))
+                wrong = write_report(part, table, models, result.of(table.subjects), failed, of=len(subjects))
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
         print_summary(console, result.summary)
         print_parameters(console, result.parameters)
         print_heldout(console, result.heldout, len(subjects))
-        _raise_without_report(folder, wrong)
+        raise_without_report(folder, wrong)
     _finish(table, failed)
 
 
@@ -244,14 +240,14 @@ def diagnose_gap(
             report("figures")
             found = as_json(by_model)
             with written_together(folder) as part:
-                _write_figures(part, found)
+                write_figures(part, found)
                 write_json(found, part / "diagnosis.json")
-                _write_adaptations(part, result)
+                write_adaptations(part, result)
                 write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
                 failed = not_adapted(result) | found["left_out"]
-                wrong = _write_report(part, table, models, result, failed, found)
+                wrong = write_report(part, table, models, result, failed, found)
         print_diagnosis(console, found)
-        _raise_without_report(folder, wrong)
+        raise_without_report(folder, wrong)
     _finish(table, failed)
 
 
@@ -278,7 +274,7 @@ def trust_results(
         with progress(errors) as report:
             found = assess_trust(table, models, weight, choose_weight, report)
         with written_together(folder) as part:
-            _write_adaptations(part, found.adaptations)
+            write_adaptations(part, found.adaptations)
             for name in ("uncertainty", "plausibility"):
                 write_table(getattr(found, name), part / f"{name}.csv")
             write_table(found.subjects, part / "trust.csv")
@@ -411,54 +407,6 @@ def _models(models: list[str]) -> list[ParameterSet]:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
     return sets
-
-
-def _write(folder: Path, result: PostureFits) -> None:
-    write_table(result.fits, folder / "fits.csv")
-    write_table(result.summary, folder / "summary.csv")
-
-
-def _write_adaptations(folder: Path, result: Adaptations) -> None:
-    _write(folder, result)
-    write_table(result.parameters, folder / "parameters.csv")
-    write_table(result.heldout, folder / "heldout.csv")
-
-
-def _write_figures(folder: Path, found: Object) -> None:
-    from adapt.diagnosis.figures import figures  # matplotlib takes half a second to load: not for every command
-
-    for name, text in figures(found).items():
-        write_whole(folder / name, text)
-
-
-def _write_report(
-    folder: Path,
-    motions: Motions,
-    models: list[ParameterSet],
-    result: Tables,
-    failed: dict[str, str],
-    found: Object | None = None,
-    of: int = 0,
-) -> Exception | None:
-    """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
-    had), which must not keep them from theirs."""
-    from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
-
-    try:
-        write_whole(folder / REPORT, report_html(motions, models, result, failed, found, of))
-    except Exception as error:
-        return error
-    return None
-
-
-def _raise_without_report(folder: Path, wrong: Exception | None) -> None:
-    """No page of an earlier run stands beside the tables of this one."""
-    if wrong is not None:
-        page = folder / REPORT
-        page.unlink(missing_ok=True)
-        if isinstance(wrong, InputError):
-            raise InputError(str(page), None, wrong.cause, "Make room; the tables are there") from wrong
-        raise wrong
 
 
 def _finish(motions: Motions, failed: dict[str, str]) -> None:
