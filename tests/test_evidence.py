@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 
 from adapt.diagnosis.evidence import (
     BETWEEN_SUBJECTS,
+    THETA_SD_MM,
     Block,
     Linear,
     Statistics,
@@ -23,6 +24,7 @@ from adapt.diagnosis.evidence import (
     statistics,
     unlike,
 )
+from models.girdle import ADAPTED
 
 SAME = 1e-9
 """Relative: two ways through linear systems whose condition is below 1e4 leave 1e-12."""
@@ -321,6 +323,14 @@ def test_turned_residuals_and_another_order_of_subjects_change_nothing(prior):
 
 
 # --- priors ---------------------------------------------------------------------------------------
+
+
+def test_the_prior_of_the_adapted_parameters_is_about_the_published_spread():
+    """Table 6.5, R2; the order is that of ADAPTED."""
+    published_mm = {"M_y": 31.0, "M_z": 6.0, "A_x": 3.0, "A_y": 24.0, "A_z": 17.0, "conoid_length": 2.0}
+    assert tuple(published_mm) == ADAPTED
+    share = THETA_SD_MM / np.array([*published_mm.values()])
+    assert (np.abs(np.log2(share)) <= 1.0).all()
 
 
 def test_alike_and_unlike_give_one_subject_the_same_prior():

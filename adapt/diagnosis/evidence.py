@@ -21,8 +21,8 @@ Hypothesis = tuple[str, ...]
 """Names of the effects at work; empty for none."""
 
 THETA_SD_MM = np.array([30.0, 8.0, 6.0, 30.0, 12.0, 3.0])
-"""Prior SD of a subject's adapted parameters about the model's own, in the order of ADAPTED: the spread between
-subjects of Table 6.5 (R2: 31, 6, 3, 24, 17, 2 mm), rounded."""
+"""Prior SD of a subject's adapted parameters about the model's own, in the order of ADAPTED. Assumed: within a factor
+of two of the spread between subjects of Table 6.5 (R2: 31, 6, 3, 24, 17, 2 mm)."""
 
 _ADAPTED = len(THETA_SD_MM)
 
