@@ -17,8 +17,8 @@ from adapt.diagnosis.ranking import Ranking
 
 NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
 
-_TEMPERATURE = 1.1
-"""Divides log evidence: real courses are not the prior's, so evidence is too sure of itself."""
+_TEMPERATURE = 1.0
+"""Divides log evidence: 1 takes it at its word, more allows for evidence that is too sure of itself."""
 
 _NONE_PRIOR = 0.5
 """Prior probability of no effect; single effects share the rest."""
@@ -29,7 +29,7 @@ _EXPECTED_SHARE = 0.5
 _PAIR_PRIOR = 0.02
 """Prior probability, beside those, that two effects act together, shared alike by the pairs tried."""
 
-_UNKNOWN_TERMS = (-1.4, 0.55, 1.6)
+_UNKNOWN_TERMS = (-0.3, 0.85, 1.35)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
 _PAIR_DOUBT = 4.0
