@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
 from adapt.batch import Batch
-from adapt.chunks import compiled, in_chunks, in_rounds, lanes_of, with_lanes
+from adapt.chunks import as_type, compiled, in_chunks, in_rounds, lanes_of, with_lanes
 from adapt.constraints import ByHand
 from adapt.fit import FEWEST_ANGLES, fit_lanes
 from adapt.kernel import Kernel
@@ -24,7 +24,7 @@ from adapt.subject import Problem, Subject, joint, solve_subjects
 from adapt.sweep import Fixed, Start, Swept, sweep
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
-from motions.arrays import Array, xp
+from motions.arrays import Array, ByType, xp
 
 STARTS_MM = np.array([[0.0] * 6, [60.0, 0.0, 0.0, 60.0, 0.0, 0.0], [-60.0, 0.0, 0.0, -60.0, 0.0, 0.0]])
 """Offsets of the starts from the geometric fit, in the order of ADAPTED. E has many local minima (thesis 6.2.6). Those
@@ -35,7 +35,7 @@ sets and in 11 of 900 simulated adaptations, by up to 3 %; starts with M_y again
 _ROUNDS = 4
 """A lane that did not converge, or has a posture in the higher of two valleys, goes on from fresh posture fits."""
 
-_LOWER_DEG2 = 1e-6
+_LOWER_DEG2 = ByType(1e-6, 1e-3)
 """A fresh posture fit lower by less than this is the same one."""
 
 _ROOT_ROUNDS = 100
@@ -72,7 +72,7 @@ class Adapted:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Lanes:
-    """The data and models of L lanes, padding included."""
+    """The data and models of L lanes, padding included. All numbers float64; or float32, for adaptations in that."""
 
     girdle: Girdle
     """Each model's girdle after its geometric fit, (component, lanes)."""
@@ -202,24 +202,36 @@ def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
         result = with_lanes(result, left, lanes_of(further, gains))
-    return _as_adapted(data, weight, reading, weights, result)
+    return _as_adapted(as_type(data, float), weight, reading, weights, result)
 
 
 def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
-    """The optima reached from here: the fast path, then the careful one for the lanes that need it.
+    """The optima reached from here: the fast path, then the careful one for the lanes that need it; after a fast path
+    in float32 (where the measured angles are) first the one in float64.
 
-    Both judge the end of every lane by the conditions of ``adapt.subject``, with g and its feet computed anew.
+    All judge the end of every lane by the conditions of ``adapt.subject``, with g and its feet computed anew.
     """
-    lanes, postures = theta.shape[-1], angles.shape[1]
-    start = Start(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, bool))
-    swept = in_rounds(subjects_kernel, _SWEEPS, (Fixed(*fixed),), start)
-    nothing = np.zeros((postures, lanes))
-    result = Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
+    result = swept_from(fixed, theta, angles)
     left = np.flatnonzero(~result.converged)
     if len(left):
-        careful = in_chunks(_solve, _FEW_LANES, *lanes_of((*fixed, theta, angles), left), at_once=_FEW_AT_ONCE)
-        result = with_lanes(result, left, careful)
+        again = lanes_of((fixed, theta, angles), left)
+        if fixed[3].measured.dtype == np.float32:
+            further = solved_from(*as_type(again, float))
+        else:
+            further = in_chunks(_solve, _FEW_LANES, *again[0], *again[1:], at_once=_FEW_AT_ONCE)
+        result = with_lanes(result, left, further)
     return result
+
+
+def swept_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
+    """The fast path alone, done in the type of the measured angles."""
+    lanes, postures = theta.shape[-1], angles.shape[1]
+    start = Start(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, bool))
+    measured = fixed[3].measured
+    given = as_type(((Fixed(*fixed),), start), measured.dtype)
+    swept = as_type(in_rounds(subjects_kernel, _SWEEPS.of(measured), *given), float)
+    nothing = np.zeros((postures, lanes))
+    return Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
 
 
 def _lower_postures(data: Lanes, solved: Subject) -> tuple[np.ndarray, np.ndarray]:
@@ -230,7 +242,7 @@ def _lower_postures(data: Lanes, solved: Subject) -> tuple[np.ndarray, np.ndarra
     fresh = fitted_angles(data, solved.theta)
     weights = objective_weights(data.measured)
     before, after = (mean_square_deg2(angles, data.angles, weights) for angles in (solved.angles, fresh))
-    lower = (after < before - _LOWER_DEG2) & data.counted
+    lower = (after < before - _LOWER_DEG2.of(data.angles)) & data.counted
     return np.where(lower[None], fresh, solved.angles), np.any(lower, axis=0)
 
 
@@ -277,9 +289,9 @@ _FEW_LANES = 16
 _FEW_AT_ONCE = 256
 """Subjects up to which numpy does the careful path; it takes a minute to compile."""
 
-_SWEEPS = (10, 10, 20, 20, 400)
+_SWEEPS = ByType((10, 10, 20, 20, 400), (10, 10, 20))
 """Most iterations of the fast path in each round: measured on simulated subjects, 8 of 10 lanes need one round, 199 of
-200 four; the others, one of whose postures is at no strict minimum, converge linearly."""
+200 four; the others, one of whose postures is at no strict minimum, converge linearly, which is left to float64."""
 
 subjects_kernel = Kernel(
     "subjects",

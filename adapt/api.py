@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 import pandas as pd
+from numpy.typing import DTypeLike
 
 from adapt.adaptation import Adapted, adapt_lanes, lanes
 from adapt.batch import pack
-from adapt.chunks import lanes_of
+from adapt.chunks import as_type, lanes_of
 from adapt.fit import Fitted, fit_lanes, follow_motions
 from adapt.heldout import fewest_folds, held_out_gaps, sample
 from adapt.heldout_table import NOTHING
@@ -57,21 +58,29 @@ class Adaptations(PostureFits, Tables):
 
 
 def fit_postures(
-    motions: Motions, models: ParameterSet | Sequence[ParameterSet], progress: Progress = lambda _: None
+    motions: Motions,
+    models: ParameterSet | Sequence[ParameterSet],
+    progress: Progress = lambda _: None,
+    dtype: DTypeLike = np.float64,
 ) -> PostureFits:
-    """Fit every posture with every model as it is, without adaptation (thesis 6.2.4; Tables 6.1, 6.2)."""
+    """Fit every posture with every model as it is, without adaptation (thesis 6.2.4; Tables 6.1, 6.2).
+
+    ``dtype``: see :func:`adapt_subjects`.
+    """
     motions = _with_gaps(motions)
-    by_model, fits = _before(motions, _as_list(models), progress)
+    by_model, fits = _before(motions, _as_list(models), progress, dtype)
     return PostureFits(by_model, fits, summary_table(fits))
 
 
-def _before(motions: Motions, models: list[ParameterSet], progress: Progress) -> tuple[dict[str, Fitted], pd.DataFrame]:
+def _before(
+    motions: Motions, models: list[ParameterSet], progress: Progress, dtype: DTypeLike
+) -> tuple[dict[str, Fitted], pd.DataFrame]:
     """The fits of the models as they are, and their table."""
     _check_names(motions)
     progress("posture fits")
     rows = len(motions.posture)
     girdle = jax.tree.map(lambda *x: np.repeat(np.stack(x, axis=-1), rows, axis=-1), *[one.girdle for one in models])
-    by_model = _fitted_rows(motions, models, girdle)
+    by_model = _fitted_rows(motions, models, girdle, dtype)
     return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
 
 
@@ -82,18 +91,23 @@ def adapt_subjects(
     reading: str = DEFAULT_READING,
     progress: Progress = lambda _: None,
     held_out: Collection[str] | None = None,
+    dtype: DTypeLike = np.float64,
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
     ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.objective.READINGS``. Subjects are independent: one
     that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
     each of their motions, or, with a single motion, each third of their postures: see ``adapt.heldout``. By default all
-    are, of more than 400 a sample; this takes at most twice the time of the rest, and ``()`` spares it.
+    are, of more than 400 a sample; this takes about twice the time of the rest, and ``()`` spares it.
+
+    ``dtype``: with float32 the fits are iterated in it, and again in float64 where that does not converge. Of simulated
+    subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm (``scripts/measure_float32.py``); where E
+    has several optima, one subject in a thousand ends in another one, as often a lower as a higher one.
     """
     models, motions = _as_list(models), _with_gaps(motions)
-    _, before = _before(motions, models, progress)
+    _, before = _before(motions, models, progress, dtype)
     batch = pack(motions)
-    data = lanes(batch, models)
+    data = as_type(lanes(batch, models), dtype)
     adapted = adapt_lanes(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     width = len(batch.subjects)
     results = {
@@ -106,13 +120,13 @@ def adapt_subjects(
     )
     girdle = lanes_of(data.girdle.with_adapted(adapted.theta_mm), lane)
     start = np.concatenate([batch.unpack(one.angles) for one in results.values()], axis=-1)
-    by_model = _fitted_rows(motions, models, girdle, start)
+    by_model = _fitted_rows(motions, models, girdle, dtype, start)
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
     fits = pd.concat([before, *tables], ignore_index=True)
     subjects = rows_of_subjects(fits)
     parameters = parameters_table(motions.subjects, models, results, fits)
     of = sample(motions.subjects) if held_out is None else held_out
-    heldout = _held_out(motions, models, fits, weight, reading, progress, of)
+    heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, of)
     return Adaptations(
         by_model=by_model,
         fits=fits,
@@ -124,12 +138,14 @@ def adapt_subjects(
     )
 
 
-def _held_out(motions: Motions, models, fits, weight, reading, progress, subjects: Collection[str]) -> pd.DataFrame:
+def _held_out(
+    motions: Motions, models, fits, weight, reading, progress, dtype, subjects: Collection[str]
+) -> pd.DataFrame:
     chosen = np.isin(motions.subject, list(subjects))
     if not chosen.any():
         return NOTHING
     of_chosen = pd.DataFrame(fits[fits["subject"].isin(list(subjects))])
-    return held_out_gaps(motions.select(chosen), models, of_chosen, weight, reading, progress, fewest_folds)
+    return held_out_gaps(motions.select(chosen), models, of_chosen, weight, reading, progress, fewest_folds, dtype)
 
 
 def _check_names(motions: Motions) -> None:
@@ -151,11 +167,11 @@ def _as_list(models) -> list[ParameterSet]:
 
 
 def _fitted_rows(
-    motions: Motions, models: Sequence[ParameterSet], girdle: Girdle, start: np.ndarray | None = None
+    motions: Motions, models: Sequence[ParameterSet], girdle: Girdle, dtype: DTypeLike, start: np.ndarray | None = None
 ) -> dict[str, Fitted]:
     """The fits by model. Lanes of ``girdle`` and ``start``: the rows of the motions for each model in turn."""
     rows = len(motions.posture)
-    angles = np.tile(motions.angles_deg.T / DEG, len(models))
+    angles = np.tile(motions.angles_deg.T / DEG, len(models)).astype(dtype, copy=False)
     measured = np.isfinite(angles)
     before = previous_rows(motions)
     previous = np.concatenate([np.where(before < 0, -1, before + k * rows) for k in range(len(models))])

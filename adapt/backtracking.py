@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 import jax
 from jaxtyping import Bool, Float, Int
 
-from motions.arrays import Array, repeat_while, xp
+from motions.arrays import Array, ByType, repeat_while, xp
 
 _SHORTER = 0.3
 """Factor on a step whose end was refused."""
@@ -18,8 +18,8 @@ _SHORTER = 0.3
 _HARDLY = 0.05
 """Share of a step that is taken in any case."""
 
-_ROUNDING = 1e-11
-"""Relative error of the merit: a rise below it is no rise."""
+_ROUNDING = ByType(1e-11, 1e-5)
+"""Relative error of the merit, of some thirty terms in float32: a rise below it is no rise."""
 
 
 class Tried(Protocol):
@@ -45,7 +45,7 @@ def good_enough(state: Tried, merit: Float[Array, " lanes"]) -> Bool[Array, " la
     A step that is still refused when hardly anything is left of it goes uphill, as one may where a posture or theta is
     not at a minimum: the point is taken, and the next step is another one, with the new multipliers and a small radius.
     """
-    lower = merit <= state.merit + _ROUNDING * (1.0 + abs(state.merit))
+    lower = merit <= state.merit + _ROUNDING.of(merit) * (1.0 + abs(state.merit))
     return lower | ((state.length < _HARDLY) & (merit < xp.inf))
 
 

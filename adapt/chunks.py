@@ -14,6 +14,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from numpy.typing import DTypeLike
 
 UNFUSED = {"xla_disable_hlo_passes": "fusion"}
 """Compiler option for the streams of elementwise operations. XLA's fusion computes a shared value anew in each of its
@@ -86,6 +87,16 @@ def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[
         further = done(lanes_of(fixed, left), again, iterations)
         result = with_lanes(result, left, further._replace(iterations=before.iterations + further.iterations))
     return result
+
+
+def as_type(tree: Any, dtype: DTypeLike) -> Any:
+    """The numbers of every array in this type; truths and counts as they are, and an array that has it already."""
+
+    def cast(x: Any) -> Any:
+        x = np.asarray(x)
+        return x.astype(dtype, copy=False) if x.dtype.kind == "f" else x
+
+    return jax.tree.map(cast, tree)
 
 
 def lanes_of(tree: Any, index: Any) -> Any:

@@ -7,6 +7,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
@@ -102,6 +103,15 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
         errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
 
 
+Float32 = Annotated[
+    bool,
+    typer.Option(
+        "--float32",
+        help="Iterate in float32, and in float64 where that does not converge: a little faster for a thousand subjects "
+        "and more. Angles change by less than 0.001 degrees, parameters by less than 0.1 mm.",
+    ),
+]
+
 Repeat = Annotated[
     Path | None,
     typer.Option(
@@ -124,6 +134,7 @@ def fit(
     motions: MotionFiles,
     out: Out,
     model: Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
+    float32: Float32 = False,
     repeat: Repeat = None,
 ) -> None:
     """Fit every posture with the models as they are (Tables 6.1 and 6.2).
@@ -133,10 +144,10 @@ def fit(
     table, models, record = _inputs(motions, model)
     with results_folder(out) as folder:
         with progress(errors) as report:
-            result = fit_postures(table, models, report)
+            result = fit_postures(table, models, report, np.float32 if float32 else np.float64)
         with written_together(folder) as part:
             write_fits(part, result)
-            write_run(part, "fit", record, {}, table.rejected)
+            write_run(part, "fit", record, {"float32": float32}, table.rejected)
     print_summary(console, result.summary)
     _finish(table, failed_subjects(result.fits))
 
@@ -159,6 +170,7 @@ def adapt(
     dask: Annotated[
         str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work, as tcp://host:8786.")
     ] = "",
+    float32: Float32 = False,
     repeat: Repeat = None,
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
@@ -172,11 +184,11 @@ def adapt(
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
     record, models, files = inputs_record(motions, model), _models(model), MotionStream(*motions)
-    options: dict[str, object] = {"weight": weight, "reading": reading}
+    options: dict[str, object] = {"weight": weight, "reading": reading, "float32": float32}
     subjects = files.subjects
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
-    work = Work(tuple(models), weight, reading, shown, sample(subjects))
+    work = Work(tuple(models), weight, reading, shown, sample(subjects), float32)
     maker = on_cluster(dask) if dask else one_after_another
     chunks = files.in_chunks(size)
     chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it

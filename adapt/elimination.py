@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import PIVOT_FLOOR, UNMEASURED_WEIGHT
+from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.derivatives import ELLIPSOID, Chain
-from motions.arrays import Array, repeat_while, xp
+from motions.arrays import Array, ByType, repeat_while, xp
 
 STIFFNESS = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see ``adapt.newton``). Of 5 to 100 the
@@ -23,6 +24,12 @@ one with the fewest iterations on simulated subjects."""
 
 STIFFER = 10.0
 """Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
+
+CLOSED_MM = ByType(CONSTRAINT_TOLERANCE_MM, 5e-4)
+"""|g| of a converged posture. In float32 rounding leaves 5e-5 mm, as much as 1e-7 of an ellipsoid of 400 mm."""
+
+STATIONARY = ByType(STATIONARITY_TOLERANCE, 1e-4)
+"""|dJ/dq + G' lambda| of a converged posture, deg^2 a degree. In float32 rounding leaves 1e-5."""
 
 Components = list[Array]
 

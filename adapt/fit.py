@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt import status
-from adapt.chunks import in_chunks, lanes_of
+from adapt.chunks import as_type, in_chunks, lanes_of
 from adapt.constraints import ByHand, Constraints, Differentiated
 from adapt.posture import (
     Postures,
@@ -29,7 +29,7 @@ from adapt.posture_sweep import SweptPostures
 from adapt.quick_fit import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower, tracked
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
-from motions.arrays import Array, repeat, xp
+from motions.arrays import Array, ByType, repeat, xp
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 
@@ -39,8 +39,8 @@ FEWEST_ANGLES = 3
 OPEN_CHAIN_MM = 1e-6
 """A chain still open by more than this after closing it from every start cannot be closed here."""
 
-SAME_BRANCH_RAD = 1e-6
-"""Two solutions this close are one: converged ones agree to 1e-9 rad."""
+SAME_BRANCH_RAD = ByType(1e-6, 1e-4)
+"""Two solutions this close are one: converged ones agree to 1e-9 rad, one in float32 to 2e-6."""
 
 _TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
 """A posture is followed to the next one in this many steps along the straight line of measured angles."""
@@ -81,12 +81,16 @@ def fit_lanes(
     that does not converge starts again where it closes from nine other places. A lane whose chain closes from nowhere
     is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles, or with a girdle
     that has no numbers (its adaptation failed), is ``invalid``.
+
+    Angles in float32 are fitted in float32, and in float64 where that does not converge.
     """
-    target = np.where(measured, angles, REST_DEG[:, None] / DEG)
+    rest = (REST_DEG[:, None] / DEG).astype(angles.dtype)
+    target = np.where(measured, angles, rest)
     weights = objective_weights(measured)
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0) & _finite(girdle)
-    target = np.where(determined, target, REST_DEG[:, None] / DEG)
+    target = np.where(determined, target, rest)
     fitted = _as_fitted(_solved(girdle, target, weights, start, around))
+    girdle, target = as_type((girdle, target), float)
     fitted.status[~determined] = status.INVALID
     least_open = np.full(len(determined), np.inf)
     for offset in _PLACES_DEG / DEG:
@@ -122,20 +126,19 @@ def follow_motions(
 
     ``previous`` is the lane of the posture before, or -1 at the start of a motion. Two neighbours are on one branch
     when continuation from one leads to the other. A motion with a jump is followed outward from its best posture
-    (lowest J): where continuation succeeds, its solution replaces the one found on its own.
+    (lowest J): where continuation succeeds, its solution replaces the one found on its own. It is done in float64.
     """
-    target = np.where(measured, angles, REST_DEG[:, None] / DEG)
+    target = np.where(measured, angles, REST_DEG[:, None] / DEG).astype(float)
     weights = objective_weights(measured)
-    problem = girdle, target, weights
+    problem, same_rad = (girdle, target, weights), SAME_BRANCH_RAD.of(angles)
     fitted = replace(fitted, **{name: value.copy() for name, value in vars(fitted).items()})
-    fitted.jump[:] = _breaks(fitted, problem, previous)
+    fitted.jump[:] = _breaks(fitted, problem, previous, same_rad)
     with_jump = [lanes for lanes in _motions_of(previous) if fitted.jump[lanes].any()]
     if with_jump:
         _follow_from_best(fitted, problem, with_jump)
         moved = np.concatenate(with_jump)
-        fitted.jump[moved] = _breaks(fitted, problem, np.where(np.isin(np.arange(len(previous)), moved), previous, -1))[
-            moved
-        ]
+        of_moved = np.where(np.isin(np.arange(len(previous)), moved), previous, -1)
+        fitted.jump[moved] = _breaks(fitted, problem, of_moved, same_rad)[moved]
     return fitted
 
 
@@ -163,7 +166,7 @@ def _trackers(girdle: Chain) -> list[Callable[..., SweptPostures]]:
     return [_track_carefully]
 
 
-def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
+def _breaks(fitted: Fitted, problem, previous, same_rad: float) -> Bool[np.ndarray, " lanes"]:
     """Where continuation from the posture before does not lead to this one."""
     after = np.flatnonzero(previous >= 0)
     good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
@@ -172,7 +175,7 @@ def _breaks(fitted: Fitted, problem, previous) -> Bool[np.ndarray, " lanes"]:
         if not len(after):
             break
         tracked = _track_lanes(fitted, problem, previous[after], after, track)
-        near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= SAME_BRANCH_RAD
+        near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= same_rad
         broken[after] = ~near
         after = after[tracked.status != status.OK]
     return broken
@@ -222,15 +225,21 @@ def _put(fitted: Fitted, lanes, values: Fitted) -> None:
 
 
 def _solved(girdle: Chain, target, weights, start, around: bool) -> SweptPostures:
-    """The fast path, and the careful one for the lanes that need it."""
+    """The fast path, and for the lanes that need it the careful one; after float32 first the fast one in float64."""
     if not isinstance(girdle, Girdle):
         return _carefully(girdle, target, weights, start)
     problem = girdle, target, weights
-    quick = fitted_from_places(problem, around) if start is None else fitted_from(problem, start)
+    quick = as_type(fitted_from_places(problem, around) if start is None else fitted_from(problem, start), float)
     left = np.flatnonzero(~quick.converged)
     if len(left):
-        part = lanes_of(problem, left)
-        put_lower(quick, left, _carefully(part[0], part[1], part[2], None if start is None else start[:, left]))
+        girdle, target, weights = lanes_of(problem, left)
+        start = None if start is None else start[:, left]
+        if target.dtype == np.float32:
+            girdle, target = as_type((girdle, target), float)
+            further = _solved(girdle, target, weights, start, around)
+        else:
+            further = _carefully(girdle, target, weights, start)
+        put_lower(quick, left, further)
     return quick
 
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
+from numpy.typing import DTypeLike
 
 from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapt_lanes, lanes, lanes_at
 from adapt.batch import Batch, pack
-from adapt.chunks import lanes_of
+from adapt.chunks import as_type, lanes_of
 from adapt.fit import fit_lanes
 from adapt.heldout_table import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.objective import DEFAULT_READING, WEIGHT
@@ -119,13 +120,15 @@ def held_out_gaps(
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
     choose: Callable[[Motions, Batch], list[Fold]] = folds,
+    dtype: DTypeLike = np.float64,
 ) -> pd.DataFrame:
     """``heldout.csv`` of these motions and the table of their fits before and after adaptation."""
     batch, names = pack(motions), [model.name for model in models]
     parts = choose(motions, batch)
     if not parts:
         return NOTHING
-    found = held_out(lanes(batch, list(models)), len(batch.subjects), parts, weight, reading, progress)
+    data = as_type(lanes(batch, list(models)), dtype)
+    found = held_out(data, len(batch.subjects), parts, weight, reading, progress)
     return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))
 
 

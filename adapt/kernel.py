@@ -1,4 +1,5 @@
-"""Functions of lanes as machine code of this processor: a thread a core over blocks of eight lanes.
+"""Functions of lanes as machine code of this processor: a thread a core over blocks of eight lanes, of sixteen
+in float32.
 
 A kernel's text (such as ``adapt.sweep.sweep``) is called once with ``motions.machine`` numbers; LLVM makes object code
 of what it leaves behind, which is kept between runs. No length is in the code: one compilation serves every batch.
@@ -11,7 +12,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ import platformdirs
 from adapt.chunks import compiled, in_chunks
 from motions.errors import InputError
 from motions.files import write_bytes_whole
-from motions.machine import WIDTH, Code, Lane
+from motions.machine import Code, Lane, width
 
 AXES = ("postures", "points")
 """What there can be several of in a lane."""
@@ -47,9 +48,8 @@ class _Leaf:
             else:
                 self.kind = {"bool": bool, "int": int}[word]
 
-    @property
-    def dtype(self) -> type:
-        return np.bool_ if self.kind is bool else np.float64
+    def dtype(self, number: type) -> type:
+        return np.bool_ if self.kind is bool else number
 
     def shape(self, sizes: Sequence[int]) -> tuple[int, ...]:
         axis = () if self.axis is None else (sizes[self.axis],)
@@ -57,7 +57,10 @@ class _Leaf:
 
 
 class Kernel:
-    """``text`` compiled. ``inputs`` (one tree an argument) and ``outputs`` are trees of words, see ``_Leaf``."""
+    """``text`` compiled. ``inputs`` (one tree an argument) and ``outputs`` are trees of words, see ``_Leaf``.
+
+    All of it is done in float32 where one of the arrays given is of that type, else in float64.
+    """
 
     def __init__(self, name: str, text: Callable[..., Any], inputs: tuple[Any, ...], outputs: Any, chunk: int):
         """``chunk``: lanes that JAX works on at a time."""
@@ -66,6 +69,7 @@ class Kernel:
         words, self._result = jax.tree.flatten(outputs)
         self._gives = [_Leaf(one) for one in words]
         self._program = compiled(text)
+        self._functions: dict[type, tuple[Any, int]] = {}
 
     def __call__(self, *trees: Any) -> Any:
         """The text of these arrays, lanes last, as numpy."""
@@ -73,39 +77,45 @@ class Kernel:
 
     def by_jax(self, *trees: Any) -> Any:
         """On every device that JAX sees."""
-        return in_chunks(self._program, self.chunk, *trees)
+        number = _number(trees)
+        arrays = [
+            np.asarray(x, leaf.dtype(number)) for x, leaf in zip(jax.tree.leaves(trees), self._takes, strict=True)
+        ]
+        return in_chunks(self._program, self.chunk, *jax.tree.unflatten(jax.tree.structure(trees), arrays))
 
     def by_machine(self, *trees: Any) -> Any:
         """On the cores of this processor."""
+        number = _number(trees)
         arrays = [
-            np.ascontiguousarray(x, leaf.dtype) for x, leaf in zip(jax.tree.leaves(trees), self._takes, strict=True)
+            np.ascontiguousarray(x, leaf.dtype(number))
+            for x, leaf in zip(jax.tree.leaves(trees), self._takes, strict=True)
         ]
         lanes = arrays[0].shape[-1]
-        if 0 < lanes < WIDTH:
-            arrays = [_padded(x) for x in arrays]
+        if 0 < lanes < width(number):
+            arrays = [_padded(x, width(number)) for x in arrays]
         sizes = [arrays[0].shape[-1], 1, 1]
         for x, leaf in zip(arrays, self._takes, strict=True):
             if leaf.axis is not None:
                 sizes[leaf.axis] = x.shape[-2]
             if x.shape != leaf.shape(sizes):
                 raise ValueError(f"{self.name}: an array of shape {x.shape} where {leaf.shape(sizes)} is expected")
-        results = [np.empty(leaf.shape(sizes), leaf.dtype) for leaf in self._gives]
-        self._run([*arrays, *results], sizes)
+        results = [np.empty(leaf.shape(sizes), leaf.dtype(number)) for leaf in self._gives]
+        self._run([*arrays, *results], sizes, number)
         results = [
             x[..., :lanes].astype(int) if leaf.kind is int else x[..., :lanes]
             for x, leaf in zip(results, self._gives, strict=True)
         ]
         return jax.tree.unflatten(self._result, results)
 
-    def _run(self, arrays: list[np.ndarray], sizes: list[int]) -> None:
-        function, rows = self._function
+    def _run(self, arrays: list[np.ndarray], sizes: list[int], number: type) -> None:
+        function, rows = self._function(number)
         pointers = (ctypes.c_void_p * len(arrays))(*(x.__array_interface__["data"][0] for x in arrays))
         lengths = (ctypes.c_int64 * len(sizes))(*sizes)
-        blocks = -(-sizes[0] // WIDTH)
+        blocks = -(-sizes[0] // width(number))
         turns = iter(range(0, blocks, _BLOCKS_A_TURN))
 
         def run() -> None:
-            scratch = np.empty(rows * max(sizes[1:]) * WIDTH)
+            scratch = np.empty(rows * max(sizes[1:]) * width(number), number)
             for first in turns:  # each goes to the thread that asks first
                 function(pointers, lengths, first, min(first + _BLOCKS_A_TURN, blocks), scratch.ctypes.data)
 
@@ -115,17 +125,19 @@ class Kernel:
         for one in waiting:
             one.result()
 
-    @cached_property
-    def _function(self) -> tuple[Any, int]:
+    def _function(self, number: type) -> tuple[Any, int]:
         """The function, and how many numbers a lane and posture it keeps in scratch."""
-        library = _linked(self.name, _object_code(self.name, self.code))
-        function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 2, ctypes.c_void_p)
-        rows = ctypes.CFUNCTYPE(ctypes.c_int64)(library[f"{self.name}_rows"])
-        return function(library[self.name]), rows()
+        if number not in self._functions:
+            name = f"{self.name}_{number.__name__}"
+            library = _linked(name, _object_code(name, lambda: self.code(number)))
+            function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 2, ctypes.c_void_p)
+            rows = ctypes.CFUNCTYPE(ctypes.c_int64)(library[f"{name}_rows"])
+            self._functions[number] = function(library[name]), rows()
+        return self._functions[number]
 
-    def code(self) -> Code:
+    def code(self, dtype: type = np.float64) -> Code:
         """The text's instructions."""
-        code = Code(self.name)
+        code = Code(f"{self.name}_{dtype.__name__}", dtype)
         with code.blocks():
             arguments = []
             for number, leaf in enumerate(self._takes):
@@ -143,9 +155,14 @@ class Kernel:
         return code
 
 
-def _padded(x: np.ndarray) -> np.ndarray:
+def _number(trees: Any) -> type:
+    """The type of number to work in."""
+    return np.float32 if any(x.dtype == np.float32 for x in jax.tree.leaves(trees)) else np.float64
+
+
+def _padded(x: np.ndarray, lanes: int) -> np.ndarray:
     """A block full of lanes: the last one again and again."""
-    return x.take(np.minimum(np.arange(WIDTH), x.shape[-1] - 1), axis=-1)
+    return x.take(np.minimum(np.arange(lanes), x.shape[-1] - 1), axis=-1)
 
 
 @cache

@@ -49,10 +49,12 @@ class Work:
     """The subjects of the report."""
     held_out: frozenset[str]
     """The subjects whose gap is looked at on what was held out, too."""
+    float32: bool = False
 
     def part(self, motions: Motions) -> bytes:
         """The part of these subjects; the same wherever it is made."""
-        result = adapt_subjects(motions, self.models, self.weight, self.reading, held_out=self.held_out)
+        dtype = np.float32 if self.float32 else np.float64
+        result = adapt_subjects(motions, self.models, self.weight, self.reading, held_out=self.held_out, dtype=dtype)
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w") as file:
             for k, model in enumerate(self.models):

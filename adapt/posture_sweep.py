@@ -9,23 +9,32 @@ import jax
 from jaxtyping import Bool, Float, Int
 
 from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
-from adapt.elimination import Components, Elimination, augmented, column, largest, product, stationarity
+from adapt.elimination import (
+    CLOSED_MM,
+    STATIONARY,
+    Components,
+    Elimination,
+    augmented,
+    column,
+    largest,
+    product,
+    stationarity,
+)
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import STEP_LIMIT_RAD
-from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.derivatives import Chain, chain, feet
 from models.girdle import Girdle
-from motions.arrays import Array, repeat, repeat_while, stacked, xp
+from motions.arrays import Array, ByType, repeat, repeat_while, stacked, xp
 from motions.rotations import DEG
 
-_LAST_STEP_RAD = 1e-7
+_LAST_STEP_RAD = ByType(1e-7, 1e-5)
 """A fit ends with a step this short: quadratically, nothing but rounding is left after it, and the conditions
 are looked at there."""
 
 _SAME_VALLEY_RAD = 1e-3
 """A Newton step that ends this near to a known optimum leads to it."""
 
-_SAME_DEG2 = 1e-6
+_SAME_DEG2 = ByType(1e-6, 1e-3)
 """Two optima whose J differ by less are one."""
 
 
@@ -159,7 +168,7 @@ def sweep_from_two_starts(
             multipliers=[xp.where(lower, x, y) for x, y in zip(multipliers, best.multipliers, strict=True)],
             j_deg2=xp.where(lower, J, best.j_deg2),
             settled=best.settled & end.converged,
-            apart=another & (best.j_deg2 < xp.inf) & (abs(J - best.j_deg2) > _SAME_DEG2),
+            apart=another & (best.j_deg2 < xp.inf) & (abs(J - best.j_deg2) > _SAME_DEG2.of(J)),
             iterations=best.iterations + end.iterations,
         )
         return list(starts[1]), closing_steps[1], further
@@ -209,7 +218,7 @@ def _judged(problem: _Problem, q: Components, multipliers: Components, iteration
     """The conditions of ``adapt.posture`` there, with the feet computed anew."""
     at = problem.chain(q, multipliers, problem.feet(q))
     rest = stationarity(at, problem.pull(q), multipliers) / DEG
-    converged = (largest(at.g) <= CONSTRAINT_TOLERANCE_MM) & (rest <= STATIONARITY_TOLERANCE)
+    converged = (largest(at.g) <= CLOSED_MM.of(rest)) & (rest <= STATIONARY.of(rest))
     return SweptPostures(
         stacked(q), stacked(multipliers), stacked(at.g), rest, problem.j_deg2(q), iterations, converged
     )
@@ -223,7 +232,7 @@ def _iterate(problem: _Problem, known: Components, state: _State) -> _State:
     good = good_enough(state, J + augmented(state.target, state.stiffness, at.g))
     posture = Elimination(at, problem.weights, pull, parameters=False)
     step, target = posture.steps.moved([])
-    arrived = (largest(step) <= _LAST_STEP_RAD) | _near([x + dx for x, dx in zip(q, step, strict=True)], known)
+    arrived = (largest(step) <= _LAST_STEP_RAD.of(J)) | _near([x + dx for x, dx in zip(q, step, strict=True)], known)
     accepted = _State(
         base=q,
         multipliers=multipliers,

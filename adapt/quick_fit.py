@@ -1,6 +1,7 @@
 """The fast path of the posture fits: many lanes, from several starts, in rounds of more and more iterations.
 
-A lane that has not converged at the end is no failure: ``adapt.fit`` goes on with it.
+All of it is done in the type of the measured angles, float64 or float32. A lane that has not converged at the end is no
+failure: ``adapt.fit`` goes on with it.
 """
 
 from dataclasses import fields
@@ -14,6 +15,7 @@ from adapt.chunks import in_rounds, lanes_of, put_lanes
 from adapt.kernel import Kernel
 from adapt.posture_sweep import Lowest, PostureStart, SweptPostures, sweep_from_two_starts, sweep_postures
 from models.girdle import Girdle
+from motions.arrays import ByType
 from motions.rotations import DEG
 
 Problem = tuple[Girdle, Float[np.ndarray, "6 lanes"], Float[np.ndarray, "6 lanes"]]
@@ -34,11 +36,11 @@ _CLOSING_STEPS, _FAR_CLOSING_STEPS = 3.0, 6.0
 """Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of
 what is left: 0.001 mm at simulated angles after three, 1e-12 mm 15 degrees off them after six."""
 
-_LOWEST_ROUNDS = (20.0, 60.0, 400.0)
+_LOWEST_ROUNDS = ByType((20.0, 60.0, 400.0), (20.0, 60.0))
 """Most iterations from each of two starts: of simulated postures 995 of 1000 need
-one round, from places around 8 of 10."""
+one round, from places around 8 of 10. What float32 has not done by then it mostly cannot do."""
 
-_ROUNDS = (10, 10, 40, 400)
+_ROUNDS = ByType((10, 10, 40, 400), (10, 10))
 """Most iterations from one start alone, in each round."""
 
 _TRACKING_ROUNDS = (10, 40)
@@ -49,20 +51,23 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     """The lowest of the optima reached from the measured angles, from where the chain closes next to them and, if
     asked for or needed, from where it closes next to two places ``around``.
 
-    They are needed where the first two starts do not lead to one optimum, or to one far from the measured angles.
+    They are needed where the first two starts do not lead to one optimum, or to one far from the measured angles. In
+    float32 a lane has converged only if every start has led to an optimum: one not found there may be the lowest.
     """
     problem = _contiguous(problem)
     target = problem[1]
     # one step from the measured angles: closing is what a fit begins with there
     first = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
-    found = first.swept
+    found, settled = first.swept, first.settled
     needed = ~first.settled | first.apart | ~found.converged | (found.j_deg2 >= _FAR_DEG2) | around
     again = np.flatnonzero(needed)
     if len(again):
         part = lanes_of(problem, again)
         one, other = (part[1] + offset[:, None] / DEG for offset in OFFSETS_DEG[:2])
-        put_lower(found, again, _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS)).swept)
-    return found
+        further = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
+        put_lower(found, again, further.swept)
+        settled[again] &= further.settled
+    return found._replace(converged=found.converged & settled) if target.dtype == np.float32 else found
 
 
 def put_lower(found: SweptPostures, lanes: Int[np.ndarray, " again"], other: SweptPostures) -> None:
@@ -78,8 +83,9 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
         one, other, most = (np.full(starts[0].shape[1], x) for x in (*closing_steps, iterations))
         return lowest_kernel(*problem, starts, (one, other), most)
 
-    result = found(problem, starts, _LOWEST_ROUNDS[0])
-    for iterations in _LOWEST_ROUNDS[1:]:
+    first, *others = _LOWEST_ROUNDS.of(problem[1])
+    result = found(problem, starts, first)
+    for iterations in others:
         left = np.flatnonzero(~result.settled)
         if not len(left):
             break
@@ -90,7 +96,8 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
 
 def fitted_from(problem: Problem, start: Float[np.ndarray, "6 lanes"]) -> SweptPostures:
     """The optimum reached from one start alone."""
-    return in_rounds(postures_kernel, _ROUNDS, _contiguous(problem), _start(start, np.zeros_like(start[:3])))
+    rounds = _ROUNDS.of(problem[1])
+    return in_rounds(postures_kernel, rounds, _contiguous(problem), _start(start, np.zeros_like(start[:3])))
 
 
 def tracked(steps: int, girdle: Girdle, target, weights, target_before, start) -> SweptPostures:
@@ -112,8 +119,8 @@ def _start(angles, multipliers) -> PostureStart:
 
 
 def _contiguous(problem: Problem) -> Problem:
-    """Once, instead of in each call of a kernel."""
-    return jax.tree.map(np.ascontiguousarray, problem)
+    """And of the type of the measured angles; once, instead of in each call of a kernel."""
+    return jax.tree.map(lambda x: np.ascontiguousarray(x, problem[1].dtype), problem)
 
 
 def _numbers_of_girdle() -> Girdle:

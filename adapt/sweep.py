@@ -16,19 +16,22 @@ import jax
 from jaxtyping import Bool, Float, Int
 
 from adapt.backtracking import accepted_or_shorter, good_enough, until_converged
-from adapt.elimination import Components, Elimination, augmented, largest, product, stationarity
+from adapt.elimination import CLOSED_MM, STATIONARY, Components, Elimination, augmented, largest, product, stationarity
 from adapt.linalg import backward, factorised, forward
 from adapt.newton import STEP_LIMIT_RAD
-from adapt.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from adapt.subject import THETA_TOLERANCE, Problem
 from models.derivatives import ELLIPSOID, chain, distance, ellipsoid_curvature, ellipsoid_slope, feet, foot
 from models.ellipsoid import foot_multiplier
 from models.girdle import Girdle
-from motions.arrays import Array, along, repeat, stacked, xp
+from motions.arrays import Array, ByType, along, repeat, stacked, xp
 from motions.rotations import DEG
 
-_THETA_FLOOR = 1e-9
+_THETA_FLOOR = ByType(1e-9, 1e-6)
 """Smallest pivot of the matrix in theta, relative to its largest entry; a raised one leads to the trust radius."""
+
+_FLAT = ByType(THETA_TOLERANCE, 5e-5)
+"""|dE/dtheta| of a converged free parameter. In float32 rounding leaves 1e-5: 0.1 mm in the flattest direction that is
+told from none, of a curvature of ``_THETA_FLOOR`` times 1e2."""
 
 _FIRST_RADIUS_MM, _LEAST_RADIUS_MM = 15.0, 0.01
 
@@ -181,8 +184,8 @@ def _free(problem: Problem, theta: Components, slope: Components) -> Components:
 
 
 def _closed_and_stationary(gape: Array, rest: Array, free_slope: Components) -> Array:
-    closed = (gape <= CONSTRAINT_TOLERANCE_MM) & (rest <= STATIONARITY_TOLERANCE)
-    return closed & (largest(free_slope) <= THETA_TOLERANCE)
+    closed = (gape <= CLOSED_MM.of(gape)) & (rest <= STATIONARY.of(rest))
+    return closed & (largest(free_slope) <= _FLAT.of(gape))
 
 
 def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Array, Array, Array]:
@@ -295,7 +298,7 @@ def _box_minimum(
         reduced = [[xp.where(free[i] & free[j], x, 0.0) for j, x in enumerate(row)] for i, row in enumerate(matrix)]
         for i in range(6):
             reduced[i][i] = xp.where(free[i], reduced[i][i], size)
-        L, inverse, positive = factorised(reduced, _THETA_FLOOR * size)
+        L, inverse, positive = factorised(reduced, _THETA_FLOOR.of(size) * size)
         right = [xp.where(f, -b, size * v) for f, b, v in zip(free, pushed(value), value, strict=True)]
         return backward(L, [x * d for x, d in zip(forward(L, right), inverse, strict=True)]), positive
 
@@ -317,7 +320,7 @@ def _box_minimum(
         x = list(x)
         for i in range(6):
             pull = slope[i] + product([matrix[max(i, j)][min(i, j)] for j in range(6)], x)
-            x[i] = xp.clip(x[i] - pull / xp.maximum(matrix[i][i], _THETA_FLOOR * size), low[i], high[i])
+            x[i] = xp.clip(x[i] - pull / xp.maximum(matrix[i][i], _THETA_FLOOR.of(size) * size), low[i], high[i])
         return x
 
     return repeat(_COORDINATE_STEPS, lowered, x), definite

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from motions.arrays import Array, is_jax, repeat_while, xp
+from motions.arrays import Array, ByType, is_jax, repeat_while, xp
 
 Vector = Sequence[Array] | Array
 """Three components: an array of them, or each by itself."""
@@ -26,7 +26,7 @@ _UNROLLED_STEPS = 3
 """Newton steps every point takes. From 20 mm inside a thorax to 60 mm outside they leave less than 1e-6 mm, most often
 nothing; what they leave, and points deeper inside, goes on in a loop."""
 
-_LAST_STEP = 1e-8
+_LAST_STEP = ByType(1e-8, 1e-4)
 """|S - 1| from which one more Newton step, converging quadratically, is exact to rounding."""
 
 _MAX_STEPS = 60
@@ -75,7 +75,7 @@ def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) ->
 def foot_multiplier(p: Vector, a: Vector) -> Array:
     """t of p - x = t (x_i / a_i^2), mm^2, x the closest point. Of components, as everything below."""
     off_plane = tuple(
-        xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y)
+        xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y))
         for x, y in zip(p, a, strict=True)
     )
     return _largest_root(off_plane, a) - _shortest(a) ** 2
@@ -118,7 +118,7 @@ def _largest_root(p: Vector, a: Vector) -> Array:
 
     def unfinished(carry):
         step, _, S = carry
-        return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP)
+        return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.of(S))
 
     def again(carry):
         step, tau, _ = carry

@@ -5,7 +5,7 @@ What is done along an axis before the lanes (postures of a subject, points of a 
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,9 @@ Array = Any
 """numpy's or JAX's: what comes in goes out. A type checker cannot follow which, so it is told nothing."""
 
 
+Value = TypeVar("Value")
+
+
 def is_jax(x: Any) -> bool:
     """Whether an array is JAX's (or traced), or one in a list of arrays is."""
     if type(x) in _NOT_JAX:
@@ -25,6 +28,18 @@ def is_jax(x: Any) -> bool:
 
 
 _NOT_JAX = {np.ndarray, np.float64, np.bool_, float, int, bool, str, type(None)}  # what there is most of, quickly
+
+
+class ByType(NamedTuple, Generic[Value]):
+    """What depends on the type of number: a tolerance for float64, another for float32, whose rounding is 5e8 times as
+    large."""
+
+    float64: Value
+    float32: Value
+
+    def of(self, like: Any) -> Value:
+        """That of the type of ``like``."""
+        return self.float32 if like.dtype == np.float32 else self.float64
 
 
 class _Either:

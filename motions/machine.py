@@ -1,4 +1,4 @@
-"""Numbers of eight lanes whose arithmetic writes LLVM instructions: machine code from the text that numpy and JAX run.
+"""Numbers of many lanes whose arithmetic writes LLVM instructions: machine code from the text that numpy and JAX run.
 
 Called with ``Lane``s, a function of components leaves its instructions in a ``Code``, in which every value stays in a
 register or in the first cache, however many there are. Loops (over postures, thorax points, iterations) are written
@@ -14,27 +14,36 @@ from decimal import Decimal
 from math import factorial, pi
 from typing import Any
 
-WIDTH = 8
-"""Lanes: a register of AVX-512 in float64; LLVM uses several shorter ones where there is none."""
+import numpy as np
+from numpy.typing import DTypeLike
+
+_REGISTER_BYTES = 64
+"""Of AVX-512: eight lanes of float64, sixteen of float32; LLVM uses several shorter ones where there is none."""
 
 _HALF_PI = Decimal("1.57079632679489661923132169163975144209858469968755")
 
-_PART_BITS = 32
-"""Bits of each of the first parts of pi/2: its product with a count of quarter turns is exact up to 2^20 of them."""
+_PART_BITS = {8: 32, 4: 12}
+"""By bytes of the number: bits of each of the first parts of pi/2, whose product with a count of quarter turns is exact
+up to 2^20 of them, in float32 up to 2^12."""
 
-_SERIES = 9
-"""Terms of sine and cosine on +-pi/4: the first one left out is below 1e-18."""
+_SERIES = {8: 9, 4: 6}
+"""Terms of sine and cosine on +-pi/4: the first one left out is below 1e-18, in float32 below 2e-10."""
 
 _OPERATIONS = ("fadd", "fsub", "fmul", "fdiv", "@llvm.sqrt", "@llvm.maximum", "@llvm.minimum")
 
 
 class Lane:
-    """A number (or a truth) in each of eight lanes, as an operand of LLVM."""
+    """A number (or a truth) in each of the lanes, as an operand of LLVM."""
 
     __slots__ = ("code", "operand", "truth")
 
     def __init__(self, code: "Code", operand: str, truth: bool = False):
         self.code, self.operand, self.truth = code, operand, truth
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Of the numbers of its code."""
+        return self.code.dtype
 
     def __add__(self, other):
         return self.code.added(self, other)
@@ -103,7 +112,7 @@ class Row:
         self.code.stored(self._at(index), self.code.lane(value), self._bytes)
 
     def _at(self, index: str) -> str:
-        element = "i8" if self._bytes else "double"
+        element = "i8" if self._bytes else self.code.element
         return self.code.once(f"getelementptr {element}, ptr {self._pointer}, i64 {self._place(index)}")
 
 
@@ -165,10 +174,12 @@ class Code:
     the loops. Blocks of lanes from ``first`` to ``last``; the last block of all ends with the last lane.
     """
 
-    vector = f"<{WIDTH} x double>"
-
-    def __init__(self, name: str):
-        self.name = name
+    def __init__(self, name: str, dtype: DTypeLike):
+        """``dtype``: float64 or float32, the type of all numbers."""
+        self.name, self.dtype = name, np.dtype(dtype)
+        self.width = width(dtype)
+        self.element = {8: "double", 4: "float"}[self.dtype.itemsize]
+        self.vector = f"<{self.width} x {self.element}>"
         self.operations: Counter[tuple[str, ...]] = Counter()
         self._lines: list[Any] = []
         self._known: list[dict[str, str]] = [{}]
@@ -184,7 +195,8 @@ class Code:
             return x
         if isinstance(x, bool):
             return Lane(self, f"splat (i1 {str(x).lower()})", truth=True)
-        return Lane(self, f"splat (double 0x{struct.pack('>d', float(x)).hex().upper()})")
+        rounded = float(self.dtype.type(x))  # LLVM writes the bits of a float as those of the same double
+        return Lane(self, f"splat ({self.element} 0x{struct.pack('>d', rounded).hex().upper()})")
 
     def once(self, instruction: str) -> str:
         """The name of its value; the one of before if it was computed on the way here."""
@@ -226,7 +238,8 @@ class Code:
 
     def called(self, function: str, *arguments: Any, flags: str = "") -> Lane:
         operands = ", ".join(f"{self.vector} {self.lane(x).operand}" for x in arguments)
-        return Lane(self, self.once(f"call {flags}{self.vector} @llvm.{function}.v{WIDTH}f64({operands})"))
+        size = self.dtype.itemsize
+        return Lane(self, self.once(f"call {flags}{self.vector} @llvm.{function}.v{self.width}f{8 * size}({operands})"))
 
     def compared(self, how: str, a: Any, b: Any) -> Lane:
         a, b = self.lane(a), self.lane(b)
@@ -234,7 +247,7 @@ class Code:
 
     def both(self, operation: str, a: Any, b: Any) -> Lane:
         a, b = self.lane(a), self.lane(b)
-        return Lane(self, self.once(f"{operation} <{WIDTH} x i1> {a.operand}, {b.operand}"), truth=True)
+        return Lane(self, self.once(f"{operation} <{self.width} x i1> {a.operand}, {b.operand}"), truth=True)
 
     # --- functions of numpy
 
@@ -242,8 +255,8 @@ class Code:
         yes, no = self.lane(yes), self.lane(no)
         if yes.operand == no.operand:
             return yes
-        kind = f"<{WIDTH} x i1>" if yes.truth else self.vector
-        instruction = f"select <{WIDTH} x i1> {condition.operand}, {kind} {yes.operand}, {kind} {no.operand}"
+        kind = f"<{self.width} x i1>" if yes.truth else self.vector
+        instruction = f"select <{self.width} x i1> {condition.operand}, {kind} {yes.operand}, {kind} {no.operand}"
         return Lane(self, self.once(instruction), yes.truth)
 
     def zeros_like(self, _: Any, kind: type = float) -> Lane:
@@ -283,11 +296,11 @@ class Code:
         """Sine and cosine of what is left of x without whole quarter turns, at most pi/4, and how many of four."""
         turns = self.called("roundeven", x * (2.0 / pi))
         left = x
-        for part in half_pi_parts():
+        for part in half_pi_parts(self.dtype):
             left = left - turns * part
         square = left * left
         sine = cosine = self.lane(0.0)
-        for k in reversed(range(_SERIES)):
+        for k in reversed(range(_SERIES[self.dtype.itemsize])):
             sine = sine * square + (-1.0) ** k / factorial(2 * k + 1)
             cosine = cosine * square + (-1.0) ** k / factorial(2 * k)
         return left * sine, cosine, turns - 4.0 * self.called("floor", 0.25 * turns)
@@ -297,25 +310,26 @@ class Code:
     def loaded(self, address: str, truth: bool, bytes_: bool = False) -> Lane:
         name = self._new()
         if not bytes_:
-            self._lines.append(f"{name} = load {self.vector}, ptr {address}, align 8")
+            self._lines.append(f"{name} = load {self.vector}, ptr {address}, align {self.dtype.itemsize}")
             number = Lane(self, name)
             return number > 0.5 if truth else number
-        self._lines.append(f"{name} = load <{WIDTH} x i8>, ptr {address}, align 1")
-        return Lane(self, self.once(f"icmp ne <{WIDTH} x i8> {name}, splat (i8 0)"), truth=True)
+        self._lines.append(f"{name} = load <{self.width} x i8>, ptr {address}, align 1")
+        return Lane(self, self.once(f"icmp ne <{self.width} x i8> {name}, splat (i8 0)"), truth=True)
 
     def stored(self, address: str, value: Lane, bytes_: bool = False, into: list[Any] | None = None) -> None:
         if bytes_:
-            as_bytes = self.once(f"zext <{WIDTH} x i1> {value.operand} to <{WIDTH} x i8>")
-            self._lines.append(f"store <{WIDTH} x i8> {as_bytes}, ptr {address}, align 1")
+            as_bytes = self.once(f"zext <{self.width} x i1> {value.operand} to <{self.width} x i8>")
+            self._lines.append(f"store <{self.width} x i8> {as_bytes}, ptr {address}, align 1")
             return
         if value.truth:
             value = self.where(value, 1.0, 0.0)
-        (self._lines if into is None else into).append(f"store {self.vector} {value.operand}, ptr {address}, align 8")
+        store = f"store {self.vector} {value.operand}, ptr {address}, align {self.dtype.itemsize}"
+        (self._lines if into is None else into).append(store)
 
     def variable(self) -> str:
         """Room for one number a lane."""
         name = self._new()
-        self._entry.append(f"{name} = alloca {self.vector}, align 64")
+        self._entry.append(f"{name} = alloca {self.vector}, align {_REGISTER_BYTES}")
         return name
 
     def scratch(self, size: str, truth: bool) -> Row:
@@ -324,7 +338,7 @@ class Code:
 
         def place(index: str) -> str:
             first = self.once(f"mul i64 {index}, ROWS")
-            return self.once(f"mul i64 {self.once(f'add i64 {first}, {row}')}, {WIDTH}")
+            return self.once(f"mul i64 {self.once(f'add i64 {first}, {row}')}, {self.width}")
 
         return Row(self, "%scratch", size, place, truth, bytes_=False)
 
@@ -372,7 +386,7 @@ class Code:
     def blocks(self) -> Iterator[None]:
         """Within, ``%lane`` is the first lane of one block after the other."""
         with self.loop("%last", "block", "%first") as block:
-            last, lane = self.once(f"sub i64 {self.size(0)}, {WIDTH}"), self.once(f"mul i64 {block}, {WIDTH}")
+            last, lane = self.once(f"sub i64 {self.size(0)}, {self.width}"), self.once(f"mul i64 {block}, {self.width}")
             fits = self.once(f"icmp slt i64 {lane}, {last}")
             self._lines.append(f"%lane = select i1 {fits}, i64 {lane}, i64 {last}")
             yield
@@ -396,8 +410,8 @@ class Code:
         with self._again(name) as (go_on, ended):
             before, old = here()
             mask = unfinished(old)
-            bits = self.once(f"bitcast <{WIDTH} x i1> {mask.operand} to i{WIDTH}")
-            self._branch(self.once(f"icmp ne i{WIDTH} {bits}, 0"), go_on, ended)
+            bits = self.once(f"bitcast <{self.width} x i1> {mask.operand} to i{self.width}")
+            self._branch(self.once(f"icmp ne i{self.width} {bits}, 0"), go_on, ended)
             for k, x in enumerate(jax.tree.leaves(advance(old))):
                 if k in places:
                     self.stored(places[k], self.where(mask, x, before[k]))
@@ -498,11 +512,16 @@ def _arity(function: str) -> int:
     return 2 if "imum" in function else 1
 
 
-def half_pi_parts() -> list[float]:
+def width(dtype: DTypeLike) -> int:
+    """Lanes of a block of such numbers."""
+    return _REGISTER_BYTES // np.dtype(dtype).itemsize
+
+
+def half_pi_parts(dtype: DTypeLike) -> list[float]:
     """pi/2 as a sum: two parts of few bits, and the rest."""
     parts, rest = [], _HALF_PI
     for number in range(1, 3):
-        scale = Decimal(2) ** (_PART_BITS * number - 1)
+        scale = Decimal(2) ** (_PART_BITS[np.dtype(dtype).itemsize] * number - 1)
         parts.append(float((rest * scale).to_integral_value() / scale))
         rest -= Decimal(parts[-1])
     return [*parts, float(rest)]

@@ -42,6 +42,7 @@ from models import load_model  # noqa: E402
 from motions.arrays import repeat  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from motions.simulation import simulate_subjects  # noqa: E402
+from scripts import measure_float32 as float32  # noqa: E402
 
 SAME_E = 1e-6
 """Relative: two optima are one. IPOPT stops at 1e-10 of its scaled conditions."""
@@ -216,6 +217,18 @@ def warm_wall_s() -> tuple[float, float]:
         return timed(run), timed(run)
 
 
+def against_ipopt(off: np.ndarray) -> dict[str, float]:
+    """Shares of the subjects by the relative difference of E."""
+    same = np.abs(off) <= SAME_E
+    return {
+        "same_as_ipopt": float(np.mean(same)),
+        "lower": float(np.mean(off < -SAME_E)),
+        "higher": float(np.mean(off > SAME_E)),
+        "ipopt_failed": float(np.mean(np.isnan(off))),
+        "largest_difference_of_the_same": float(np.nanmax(np.where(same, np.abs(off), 0.0))),
+    }
+
+
 @app.command()
 def benchmark(
     model: str = "R2",
@@ -253,8 +266,6 @@ def benchmark(
         rows["gflops"].append(sweep_gflops(data, operations))
         rows["peak_gflops"].append(peak_gflops())
     cores = os.cpu_count() or 1
-    E = values_of(data, ours)[:peers]
-    off = E / E_ipopt - 1.0
     sizes = [n for n in (250, 1000, 4000, 16000, 64000) if n < largest] + [largest]
     seconds = {n: _seconds(model, n) for n in sizes}
     cold, warm = warm_wall_s()
@@ -277,14 +288,13 @@ def benchmark(
         "operations_of_one_iteration": operations,
         "agreement": {
             "converged": float(np.mean(ours.converged)),
-            "same_as_ipopt": float(np.mean(np.abs(off) <= SAME_E)),
-            "lower": float(np.mean(off < -SAME_E)),
-            "higher": float(np.mean(off > SAME_E)),
-            "ipopt_failed": float(np.mean(np.isnan(off))),
-            "largest_difference_of_the_same": float(np.nanmax(np.where(np.abs(off) <= SAME_E, np.abs(off), 0.0))),
-            "fits_not_above_slsqp": float(
-                np.mean(~(fitted.j_deg2[: 2 * peers] > J_slsqp + 1e-6)),
-            ),
+            **against_ipopt(values_of(data, ours)[:peers] / E_ipopt - 1.0),
+            "fits_not_above_slsqp": float(np.mean(~(fitted.j_deg2[: 2 * peers] > J_slsqp + 1e-6))),
+        },
+        "float32": {
+            "times_as_fast": float32.speeds(data, repeats),
+            "again_in_float64": float32.shares_in_float64(data),
+            "changes": float32.errors(simulate_subjects(subjects, seed=SEED), [load_model(model)]),
         },
         "machine": {"cores": cores, "devices": [str(d) for d in jax.devices()], "load": os.getloadavg()},
         "model": model,

@@ -92,9 +92,11 @@ EQUIVALENT: dict[str, str] = {
     "models/ellipsoid.py: for _ in range(_UNROLLED_STEPS - 1):: _UNROLLED_STEPS - 1 -> _UNROLLED_STEPS + 1": (
         "two steps more, for nothing"
     ),
-    "models/ellipsoid.py: xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y): "
-    "xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) * y -> xp.where(x < 0.0, -_OFF_PLANE, _OFF_PLANE) / y": _ANY_SHARE,
-    "models/ellipsoid.py: return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP): 1.0 -> 1.5": (
+    "models/ellipsoid.py: xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y)): "
+    "-_OFF_PLANE * y -> -_OFF_PLANE / y": _ANY_SHARE,
+    "models/ellipsoid.py: xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y)): "
+    "_OFF_PLANE * y -> _OFF_PLANE / y": _ANY_SHARE,
+    "models/ellipsoid.py: return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.of(S)): 1.0 -> 1.5": (
         "all steps are taken, the later ones for nothing"
     ),
     "models/ellipsoid.py: _OFF_PLANE = 1e-13: 1e-13 -> 1.5000000000000002e-13": _ANY_SHARE,

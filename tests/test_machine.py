@@ -10,11 +10,13 @@ from adapt.kernel import Kernel
 from motions.arrays import along, repeat, repeat_while, xp
 from motions.machine import Code, half_pi_parts
 
-ULP = 2.3e-16
+ULP = {np.float64: 2.3e-16, np.float32: 1.2e-7}
 """Relative: one unit in the last place."""
 
-SINE_ERROR = 2.0 * ULP
-"""Of sine and cosine, absolute; of the sine of what is small, relative."""
+TYPES = list(ULP)
+
+SINE_ERROR = 2.0
+"""Units in the last place of 1, of sine and cosine; of the sine of what is small, relative."""
 
 LANES = 29
 """Not a multiple of eight."""
@@ -56,9 +58,12 @@ def arithmetic(x):
     ]
 
 
-def test_arithmetic_is_that_of_numpy():
-    x = values(3)
-    np.testing.assert_allclose(machine(arithmetic, 3, 15, x), np.stack(arithmetic(x)), rtol=2 * ULP, atol=0.0)
+@pytest.mark.parametrize("dtype", TYPES)
+def test_arithmetic_is_that_of_numpy(dtype):
+    x = values(3).astype(dtype)
+    found = machine(arithmetic, 3, 15, x)
+    assert found.dtype == dtype
+    np.testing.assert_allclose(found, np.stack(arithmetic(x)), rtol=2 * ULP[dtype], atol=0.0)
 
 
 def neutral(x):
@@ -69,9 +74,10 @@ def neutral(x):
     return [*found, a / 1.0, a**1]
 
 
-def test_zero_and_one_are_what_they_are_in_every_operation():
-    x = values(1)
-    np.testing.assert_allclose(machine(neutral, 1, 30, x), np.stack(neutral(x)), rtol=2 * ULP, atol=0.0)
+@pytest.mark.parametrize("dtype", TYPES)
+def test_zero_and_one_are_what_they_are_in_every_operation(dtype):
+    x = values(1).astype(dtype)
+    np.testing.assert_allclose(machine(neutral, 1, 30, x), np.stack(neutral(x)), rtol=2 * ULP[dtype], atol=0.0)
 
 
 def test_what_is_0_by_construction_stays_so_whatever_it_is_multiplied_by():
@@ -86,15 +92,20 @@ def test_what_is_not_a_number_stays_so():
     found = machine(arithmetic, 3, 15, x)
     expected = np.stack(arithmetic(x))
     np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
-    np.testing.assert_allclose(found, expected, rtol=2 * ULP, atol=0.0)
+    np.testing.assert_allclose(found, expected, rtol=2 * ULP[np.float64], atol=0.0)
 
 
-@pytest.mark.parametrize("size", [1e-9, 1.0, 100.0, 1e4])
-def test_sine_and_cosine(size):
-    x = np.concatenate([values(1, 2)[0] * size / 10.0, [0.0, np.pi / 4, np.pi / 2, np.pi, -np.pi, 1.5 * np.pi]])[None]
+@pytest.mark.parametrize(
+    ("size", "dtype"),
+    [*((size, np.float64) for size in (1e-9, 1.0, 100.0, 1e4)), (1e-9, np.float32), (1e3, np.float32)],
+)
+def test_sine_and_cosine(size, dtype):
+    places = [values(1, 2)[0] * size / 10.0, [0.0, np.pi / 4, np.pi / 2, np.pi, -np.pi, 1.5 * np.pi]]
+    x = np.concatenate(places).astype(dtype)[None]
     sine, cosine = machine(lambda q: [xp.sin(q[0]), xp.cos(q[0])], 1, 2, x)
-    assert np.abs(cosine - np.cos(x[0])).max() <= SINE_ERROR
-    assert np.all(np.abs(sine - np.sin(x[0])) <= SINE_ERROR * np.minimum(1.0, np.maximum(np.abs(x[0]), 1e-300)))
+    x, most = x[0].astype(float), SINE_ERROR * ULP[dtype]
+    assert np.abs(cosine - np.cos(x)).max() <= most
+    assert np.all(np.abs(sine - np.sin(x)) <= most * np.minimum(1.0, np.maximum(np.abs(x), 1e-300)))
 
 
 def test_each_lane_iterates_for_itself():
@@ -165,10 +176,11 @@ def test_operations_are_counted_where_they_are_done():
     assert dict(code.operations) == {("block", "point"): 2, ("block",): 1}
 
 
-def test_parts_of_a_turn_are_exact():
+@pytest.mark.parametrize(("dtype", "bits"), [(np.float64, 33), (np.float32, 13)])
+def test_parts_of_a_turn_are_exact(dtype, bits):
     """The first parts of pi/2 have few enough bits that their products with whole numbers are exact."""
-    parts = half_pi_parts()
-    assert sum(parts) == np.pi / 2
+    parts = half_pi_parts(dtype)
+    assert abs(sum(parts) - np.pi / 2) <= np.spacing(np.pi / 2)
     for part in parts[:2]:
         mantissa, _ = np.frexp(part)
-        assert float(mantissa) * 2**33 == int(float(mantissa) * 2**33)
+        assert float(mantissa) * 2**bits == int(float(mantissa) * 2**bits)
