@@ -10,6 +10,7 @@ in brackets on what was held out from the adaptation, and the largest of one ang
 counts, and the last lines say how much did.
 """
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -29,14 +30,17 @@ NAMES = ("model", "subject", "motion")
 app = typer.Typer(add_completion=False)
 
 
-def read(folder: Path, name: str) -> pd.DataFrame:
-    """One table of the folder; names stay text, whatever they look like."""
+def read(folder: Path, name: str, columns: Collection[str] = ()) -> pd.DataFrame:
+    """One table of the folder, with these columns; names stay text, whatever they look like."""
     path = folder / name
     try:
-        return pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
+        table = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
     except (OSError, ValueError) as error:
         cause = "this is no table that can be read"
         raise InputError(str(path), None, cause, "Name a folder that `girdle adapt` wrote") from error
+    if missing := [column for column in columns if column not in table]:
+        raise InputError(str(path), None, f"it has no column {missing[0]}", "Run `girdle adapt` anew")
+    return table
 
 
 def gap_cells(summary: pd.DataFrame, model: str) -> list[str]:
@@ -95,8 +99,8 @@ def main(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `girdle adapt` wrote.")],
 ) -> None:
     """Print, as Markdown, the gap before and after adaptation, how far the ellipsoid went and what is at a bound."""
-    names = ("summary", "parameters", "fits")
-    summary, parameters, fits = (read(folder, f"{name}.csv") for name in names)
+    summary = read(folder, "summary.csv", HELD_OUT.values())
+    parameters, fits = (read(folder, f"{name}.csv") for name in ("parameters", "fits"))
     print(f"{markdown(summary, parameters)}\n\n{endings(fits, parameters)}")
 
 

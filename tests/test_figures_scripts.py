@@ -140,3 +140,10 @@ def test_a_folder_of_something_else_is_named(folder):
     (folder / "summary.csv").unlink()
     with pytest.raises(InputError, match=r"summary\.csv"):
         summarise_gap.main(folder)
+
+
+def test_a_folder_of_an_earlier_version_is_to_be_written_anew(folder):
+    table = pd.read_csv(folder / "summary.csv").drop(columns="scapula_held_out_deg")
+    table.to_csv(folder / "summary.csv", index=False)
+    with pytest.raises(InputError, match=r"no column scapula_held_out_deg\. Run `girdle adapt` anew"):
+        summarise_gap.main(folder)
