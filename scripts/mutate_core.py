@@ -43,6 +43,7 @@ TESTS_OF = {
     "adapt/elimination.py": ["tests/test_elimination.py"],
     "adapt/backtracking.py": ["tests/test_backtracking.py"],
     "adapt/diagnosis/evidence.py": ["tests/test_evidence.py"],
+    "adapt/diagnosis/one_course.py": ["tests/test_one_course.py"],
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
 
@@ -79,6 +80,7 @@ EQUIVALENT: dict[str, str] = {
     "adapt/diagnosis/evidence.py: return Block(nothing, nothing + share, nothing): "
     "nothing + share -> nothing - share": ("an SD of the other sign: mu is as likely as -mu"),
     "adapt/diagnosis/evidence.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
+    "adapt/diagnosis/one_course.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     "adapt/objective.py: solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
         "the last step is quadratic: far less than 1e-4 mm either way"
     ),

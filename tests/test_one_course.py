@@ -25,8 +25,8 @@ COLUMNS = 6 + 3 + 2 * DEPARTURES + BESIDE
 FREE = np.array([2.0, 0.3, -0.1, -4.0, 0.2, 0.5, 3.0, -1.0, 2.0, 0.1, 0.2, 0.3, 0.4, 9.0])
 
 
-def columns(seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).standard_normal((SUBJECTS, 20, COLUMNS))
+def columns(seed: int = 0, count: int = COLUMNS) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal((SUBJECTS, 20, count))
 
 
 def statistics_of(A: np.ndarray, seen: np.ndarray) -> Statistics:
@@ -54,6 +54,20 @@ def test_channels_share_the_terms_and_departures_of_their_course():
     expected = statistics_of(B, seen)
     np.testing.assert_allclose(found.of.information, expected.information, rtol=SAME, atol=SAME)
     np.testing.assert_allclose(found.of.pull, expected.pull, rtol=SAME, atol=SAME)
+
+
+def test_two_effects_with_a_course_have_one_each():
+    """Conoid (3 amplitudes) and gap (6), then the departures of the conoid and those of TS and of AI."""
+    pair, count = [EFFECTS["conoid_strain"], GAP], 9 + 3 * DEPARTURES
+    A, free, block = columns(count=count), np.arange(1.0, count + 1.0), alike(np.ones(count))
+    found = one_course(statistics_of(A, np.ones((SUBJECTS, 20))), block, free, pair, DEPARTURES)
+    np.testing.assert_array_equal(found.kept, [0, 3, 6])
+    own = [A[..., 1], A[..., 2], A[..., 9], A[..., 10]]
+    others = [4.0 * A[..., k] + 7.0 * A[..., j] for k, j in ((4, 7), (5, 8), (11, 13), (12, 14))]
+    B = np.stack([*np.moveaxis(A[..., found.kept], -1, 0), *own, *others], axis=-1)
+    expected = statistics_of(B, np.ones((SUBJECTS, 20)))
+    np.testing.assert_allclose(found.of.pull, expected.pull, rtol=SAME, atol=SAME)
+    assert found.along.shape == (11, 2)
 
 
 def test_what_they_may_be_beforehand():
