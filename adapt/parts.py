@@ -61,8 +61,9 @@ class Work:
                 fits = result.fits[result.fits["model"] == model.name]
                 for state in _STATES:
                     rows = fits[fits["adapted"] == state]
-                    file.writestr(f"fits{state}/{k}.csv", as_csv(rows))
-                    file.writestr(f"shown{state}/{k}.csv", as_csv(rows[rows["subject"].isin(self.shown)]))
+                    text, shown = as_csv(rows), rows["subject"].isin(self.shown)
+                    file.writestr(f"fits{state}/{k}.csv", text)
+                    file.writestr(f"shown{state}/{k}.csv", text if shown.all() else as_csv(rows[shown]))
                     file.writestr(f"summary{state}/{k}.csv", as_csv(result.subjects[model.name, state]))
                 for name, table in (("parameters", result.parameters), ("heldout", result.heldout)):
                     file.writestr(f"{name}/{k}.csv", as_csv(table[table["model"] == model.name]))
