@@ -63,7 +63,7 @@ class Work:
                     rows = fits[fits["adapted"] == state]
                     text, shown = as_csv(rows), rows["subject"].isin(self.shown)
                     file.writestr(f"fits{state}/{k}.csv", text)
-                    file.writestr(f"shown{state}/{k}.csv", text if shown.all() else as_csv(rows[shown]))
+                    file.writestr(f"shown{state}/{k}.csv", text if bool(shown.all()) else as_csv(rows[shown]))
                     file.writestr(f"summary{state}/{k}.csv", as_csv(result.subjects[model.name, state]))
                 for name, table in (("parameters", result.parameters), ("heldout", result.heldout)):
                     file.writestr(f"{name}/{k}.csv", as_csv(table[table["model"] == model.name]))
