@@ -60,12 +60,13 @@ class OverPriors:
     unlike: Float[np.ndarray, "*draws"]
     """Log odds that amplitudes differ between subjects, in sign or in all."""
     of_spread: Float[np.ndarray, " spreads *draws"]
-    """Log evidence with each of ``_SPREADS``."""
+    """Log evidence with each of ``spreads``."""
+    spreads: Sequence[float]
 
     @property
     def spread(self) -> float:
         """Of one data set, the spread of the adapted parameters that it chooses."""
-        return _SPREADS[int(np.argmax(self.of_spread))]
+        return self.spreads[int(np.argmax(self.of_spread))]
 
 
 def over_priors(
@@ -81,6 +82,7 @@ def over_priors(
     for ``departures`` of each channel behind the amplitudes."""
     subjects, shifted = of.columns.shape[0], of.with_shift()
     sign = agreeing_signs(of.at(), alike(scale))
+    unsigned = [replace(effect, sign=()) for effect in effects]
     priors = [alike(scale) * size for size in _SIZES]
     priors_shifted = [prior + common_shift(SHIFT) for prior in priors]
     alike_logs, unlike_logs = [], []
@@ -93,12 +95,12 @@ def over_priors(
                 (_SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for at, prior in sized_shifted]),
             )
         )
-        opposed = [log_evidence(at.turned(sign), prior) for at, prior in sized]
+        opposed = [_log_alike(at.turned(sign), prior, unsigned, departures) for at, prior in sized]
         own = [log_evidence(at, unlike(prior.common)) for at, prior in sized]
         unlike_logs.append(_mixed((_OPPOSED_SHARE * 0.5 ** (subjects - 1), opposed), (_UNLIKE_SHARE, own)))
     share = 1.0 - _OPPOSED_SHARE - _UNLIKE_SHARE
     each = np.logaddexp(np.asarray(alike_logs) + math.log(share), np.asarray(unlike_logs))
-    return OverPriors(log_sum(each), log_sum(unlike_logs) - log_sum(alike_logs) - math.log(share), each)
+    return OverPriors(log_sum(each), log_sum(unlike_logs) - log_sum(alike_logs) - math.log(share), each, spreads)
 
 
 def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, "*draws"]:
