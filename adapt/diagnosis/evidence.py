@@ -122,12 +122,13 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is left of the subjects once their adapted parameters are integrated out: of one data set or many draws."""
+    """What is left of the subjects once their adapted parameters are integrated out: of one data set or many draws,
+    with one noise and spread or, along first axes, several."""
 
     log: Float[np.ndarray, "*draws"]
     """Log evidence with all amplitudes 0."""
     information: Float[np.ndarray, "*draws subjects amplitudes amplitudes"]
-    """Of many draws the same one, without a first axis, or one each."""
+    """Where it is the same for all draws, along axes of length 1."""
     pull: Float[np.ndarray, "*draws subjects amplitudes"]
 
     def made_of(self, T: Float[np.ndarray, "*draws amplitudes fewer"]) -> "Statistics":
@@ -169,9 +170,10 @@ class Products:
         through = away @ columns[:, :_ADAPTED, _ADAPTED:]
         own = np.einsum("sij,...sj->...si", away, seen[..., :_ADAPTED])
         log = -0.5 * (self.square / noise_share**2 - (own**2).sum(axis=(-1, -2)))
+        information = columns[:, _ADAPTED:, _ADAPTED:] - np.swapaxes(through, 1, 2) @ through
         return Statistics(
             log=log - np.log(np.diagonal(root, axis1=1, axis2=2)).sum(),
-            information=columns[:, _ADAPTED:, _ADAPTED:] - np.swapaxes(through, 1, 2) @ through,
+            information=information.reshape((1,) * log.ndim + information.shape),
             pull=seen[..., _ADAPTED:] - np.einsum("sia,...si->...sa", through, own),
         )
 
@@ -184,13 +186,22 @@ class Products:
         columns = self.columns[:, again[:, None], again] * np.outer(unit, unit)
         return replace(self, columns=columns, seen=self.seen[..., again] * unit)
 
-    def over_noise(self, shares: Sequence[tuple[float, float]], spread: float | None = None) -> list[Statistics]:
-        """The same for each share of the noise there may be, its probability included: their evidences add up."""
+    def over_noise(self, shares: Sequence[tuple[float, float]], spread: float | None = None) -> Statistics:
+        """The same, along a first axis, for each share of the noise there may be, its probability included: the
+        evidences add up."""
         found = []
         for share, probability in shares:
             of = self.at(share, spread)
             found.append(replace(of, log=of.log + math.log(probability) - self.residuals * math.log(share)))
-        return found
+        return _stacked(found)
+
+    def over(self, shares: Sequence[tuple[float, float]], spreads: Sequence[float]) -> Statistics:
+        """The same for each of ``spreads``, along another axis before that of the noise."""
+        return _stacked([self.over_noise(shares, spread) for spread in spreads])
+
+
+def _stacked(each: Sequence[Statistics]) -> Statistics:
+    return Statistics(*(np.stack(values) for values in zip(*(vars(of).values() for of in each), strict=True)))
 
 
 def products(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more"] | None = None) -> Products:
@@ -247,9 +258,9 @@ def agreeing_signs(of: Statistics, prior: Block) -> Float[np.ndarray, "*draws su
     return sign
 
 
-def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray) -> Float[np.ndarray, "*draws"]:
-    """log of the sum of the exponentials, over the first axis."""
-    return np.logaddexp.reduce(np.asarray(logs), axis=0)
+def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray, axis: int = 0) -> Float[np.ndarray, "*draws"]:
+    """log of the sum of the exponentials, over an axis."""
+    return np.logaddexp.reduce(np.asarray(logs), axis=axis)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -80,32 +79,28 @@ def over_priors(
     """Evidence summed over the noise there may be, the spreads of the adapted parameters and what they have in common,
     and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own, with so many columns
     for ``departures`` of each channel behind the amplitudes."""
-    subjects, shifted = of.columns.shape[0], of.with_shift()
     sign = agreeing_signs(of.at(), alike(scale))
     unsigned = [replace(effect, sign=()) for effect in effects]
     priors = [alike(scale) * size for size in _SIZES]
-    priors_shifted = [prior + common_shift(SHIFT) for prior in priors]
-    alike_logs, unlike_logs = [], []
-    for spread in spreads:
-        sized = list(product(of.over_noise(noise_shares, spread), priors))
-        sized_shifted = product(shifted.over_noise(noise_shares, spread), priors_shifted)
-        alike_logs.append(
-            _mixed(
-                (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for at, prior in sized]),
-                (_SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for at, prior in sized_shifted]),
-            )
-        )
-        opposed = [_log_alike(at.turned(sign), prior, unsigned, departures) for at, prior in sized]
-        own = [log_evidence(at, unlike(prior.common)) for at, prior in sized]
-        unlike_logs.append(_mixed((_OPPOSED_SHARE * 0.5 ** (subjects - 1), opposed), (_UNLIKE_SHARE, own)))
+    at, shifted = (one.over(noise_shares, spreads) for one in (of, of.with_shift()))
+    opposed = at.turned(sign)
+    alike_log = _mixed(
+        (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for prior in priors]),
+        (_SHIFT_SHARE, [_log_alike(shifted, prior + common_shift(SHIFT), effects, departures) for prior in priors]),
+    )
+    unlike_log = _mixed(
+        (_OPPOSED_SHARE * 0.5 ** (sign.shape[-1] - 1), [_log_alike(opposed, p, unsigned, departures) for p in priors]),
+        (_UNLIKE_SHARE, [log_evidence(at, unlike(prior.common)) for prior in priors]),
+    )
     share = 1.0 - _OPPOSED_SHARE - _UNLIKE_SHARE
-    each = np.logaddexp(np.asarray(alike_logs) + math.log(share), np.asarray(unlike_logs))
-    return OverPriors(log_sum(each), log_sum(unlike_logs) - log_sum(alike_logs) - math.log(share), each, spreads)
+    each = np.logaddexp(alike_log + math.log(share), unlike_log)
+    return OverPriors(log_sum(each), log_sum(unlike_log) - log_sum(alike_log) - math.log(share), each, spreads)
 
 
-def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, "*draws"]:
-    """Log evidence of what is so with these probabilities, each with a sum over what else may be."""
-    return log_sum([math.log(share) + log_sum(logs) for share, logs in parts])
+def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, " spreads *draws"]:
+    """Log evidence of what is so with these probabilities, each with a sum over sizes and, along the second axis,
+    noises."""
+    return log_sum([math.log(share) + log_sum(log_sum(logs), axis=1) for share, logs in parts])
 
 
 def likeliest_prior(fitted: Linear) -> Block:
@@ -130,7 +125,7 @@ def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect], departur
     one = one_course(of, prior, common, effects, departures)
     together, common, covariance = common_amplitude(one.of, one.prior, one.along)
     together = together + _log_of_signs(expected[one.kept], common, covariance)
-    return _mixed((_TOGETHER_SHARE, [together]), (1.0 - _TOGETHER_SHARE, [free]))
+    return np.logaddexp(math.log(_TOGETHER_SHARE) + together, math.log(1.0 - _TOGETHER_SHARE) + free)
 
 
 def _log_of_signs(expected: Int[np.ndarray, " amplitudes"], common, covariance):
