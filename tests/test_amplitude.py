@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from test_discrepancy import observed
 from test_evidence import linear_of
 
 from adapt.diagnosis.amplitude import Amplitude, amplitudes
@@ -31,7 +32,7 @@ def ranking(*each: Linear, less: float = 0.0, unlike: float = -1.0) -> Ranking:
 
 
 def of(weighed: Ranking, together: int) -> Amplitude:
-    (found,) = amplitudes(weighed, LIST, 120.0, [NAME], together)[NAME]
+    (found,) = amplitudes(weighed, LIST, observed(), [NAME], together)[NAME]
     return found
 
 

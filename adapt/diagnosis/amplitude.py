@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import Hypothesis, Linear, Spread, alike, posterior, unlike
+from adapt.diagnosis.departures import with_departures
+from adapt.diagnosis.evidence import Hypothesis, Spread, alike, posterior, unlike
+from adapt.diagnosis.observed import Observed
 from adapt.diagnosis.ranking import Ranking
 from models.effects import Effect
 
@@ -26,19 +28,21 @@ class Amplitude:
 
 
 def amplitudes(
-    ranking: Ranking, effects: Sequence[Effect], elevation_deg: float, named: Sequence[str], together: int
+    ranking: Ranking, effects: Sequence[Effect], data: Observed, named: Sequence[str], together: int
 ) -> dict[str, tuple[Amplitude, ...]]:
     """Of each effect named, over the hypotheses of ``together`` effects that have it, as probable as they are.
 
     With weights w_k, means m_k and variances v_k of these: m = sum w_k m_k and v = sum w_k (v_k + (m_k - m)^2). Where
-    it is not known what acts beside an effect, its interval says so.
+    it is not known what acts beside an effect, its interval says so. The departures of its course (nothing at 150
+    degrees) and what it takes along are allowed for.
     """
+    elevation_deg = float(data.elevation_deg[data.counted].max())
     by_name = {effect.name: effect for effect in effects}
     found = {}
     for name in named:
         chosen = [k for k, h in enumerate(ranking.hypotheses) if len(h) == together and name in h]
         weight = np.exp(ranking.log_evidence[chosen] - ranking.log_evidence[chosen].max())
-        each = [_strength(ranking, k, by_name, name, elevation_deg) for k in chosen]
+        each = [_strength(ranking, k, by_name, name, data, elevation_deg) for k in chosen]
         means, variances = (np.array(part) for part in zip(*each, strict=True))
         mean = np.average(means, axis=0, weights=weight)
         half = _INTERVAL * np.sqrt(np.average(variances + (means - mean) ** 2, axis=0, weights=weight))
@@ -50,13 +54,14 @@ def amplitudes(
 
 
 def _strength(
-    ranking: Ranking, k: int, by_name: dict[str, Effect], name: str, elevation_deg: float
+    ranking: Ranking, k: int, by_name: dict[str, Effect], name: str, data: Observed, elevation_deg: float
 ) -> tuple[Float[np.ndarray, " channels"], Float[np.ndarray, " channels"]]:
     """Mean and variance of each channel of one effect in one hypothesis, at one elevation."""
     spread: Spread = unlike if ranking.unlike[k] > 0.0 else alike
-    fitted: Linear = ranking.fitted[k]
+    hypothesis = ranking.hypotheses[k]
+    fitted = with_departures(ranking.fitted[k], [by_name[one] for one in hypothesis], data)
     mean = posterior(fitted, spread(fitted.scale))
-    effect, part = by_name[name], _own(fitted.hypothesis, by_name, name)
+    effect, part = by_name[name], _own(hypothesis, by_name, name)
     # The strengths at one elevation are linear in the amplitudes.
     L = np.asarray(effect.at(jnp.eye(effect.amplitudes), jnp.full(effect.amplitudes, elevation_deg)))
     return L @ mean.a[:, part].mean(axis=0), np.diagonal(L @ mean.mean_covariance[part, part] @ L.T)

@@ -180,7 +180,7 @@ def _diagnose(
         amplitude=amplitudes(
             ranking,
             effects,
-            float(data.elevation_deg[data.counted].max()),
+            data,
             verdict.effects or (explained.hypothesis if verdict.answer == UNKNOWN else ()),
             together=len(explained.hypothesis),
         ),
