@@ -8,7 +8,7 @@ from test_discrepancy import observed
 from test_evidence import linear_of
 
 from adapt.diagnosis.amplitude import Amplitude, amplitudes
-from adapt.diagnosis.evidence import Linear, alike, posterior
+from adapt.diagnosis.evidence import THETA_SD_MM, Linear, alike, posterior
 from adapt.diagnosis.ranking import Ranking
 from models.effects import EFFECTS
 
@@ -63,3 +63,18 @@ def test_each_counts_as_much_as_it_is_probable(less):
     (m1, _), (m2, _) = (mean_and_variance(one) for one in pairs)
     expected = m1 if less == 40.0 else 0.75 * m1 + 0.25 * m2
     assert of(ranking(*pairs, less=less), together=2).value == pytest.approx(expected, rel=SAME)
+
+
+def test_what_an_effect_takes_along_is_allowed_for():
+    """A tilted thorax whose centre may have moved: M_z is a column of its own beside the three angles."""
+    tilt = EFFECTS["thorax_tilt"]
+    one = replace(linear_of(4, amplitudes=3), hypothesis=("thorax_tilt",), scale=np.asarray(tilt.scale))
+    column = one.X[..., 1:2] / THETA_SD_MM[1]
+    wide = replace(one, A=np.concatenate([one.A, column], axis=2), scale=np.append(one.scale, 50.0 * np.radians(7.0)))
+    expected = posterior(wide, alike(wide.scale))
+    found = amplitudes(ranking(one), [tilt], observed(), ["thorax_tilt"], together=1)["thorax_tilt"]
+    np.testing.assert_allclose([channel.value for channel in found], expected.a[:, :3].mean(axis=0), rtol=1e-9)
+    half = 1.96 * np.sqrt(np.diagonal(expected.mean_covariance)[:3])
+    np.testing.assert_allclose([channel.high - channel.value for channel in found], half, rtol=1e-9)
+    plain = posterior(one, alike(one.scale))
+    assert (half > 1.96 * np.sqrt(np.diagonal(plain.mean_covariance))).all()
