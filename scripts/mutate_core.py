@@ -80,6 +80,8 @@ EQUIVALENT: dict[str, str] = {
     "adapt/diagnosis/evidence.py: return Block(nothing, nothing + share, nothing): "
     "nothing + share -> nothing - share": ("an SD of the other sign: mu is as likely as -mu"),
     "adapt/diagnosis/evidence.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
+    "adapt/diagnosis/evidence.py: again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)]): "
+    "1 -> 2": "the products are a square",
     "adapt/diagnosis/one_course.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     "adapt/objective.py: solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
         "the last step is quadratic: far less than 1e-4 mm either way"
