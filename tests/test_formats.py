@@ -15,6 +15,7 @@ from motions.formats.mot import read_mot, write_mot
 from motions.formats.reading import read_any
 from motions.formats.trc import read_trc
 from motions.landmarks.mapping import Mapping, read_mapping
+from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
 from motions.simulation import DATA_FILE
 from motions.writing import write_motions
@@ -425,6 +426,7 @@ def test_isb_angles_are_through_aa_unless_the_file_says_ac(tmp_path):
         ('[markers]\nXX = "a"', "no landmark 'XX'", "IJ, PX, C7, T8"),
         ('[markers]\nIJ = "a"\nPX = "a"', "'a' stands for two", "of its own"),
         ('unit = "inch"', "unit is 'inch'", "mm, cm, m"),
+        ('unit = ["x"]', r"unit is \['x'\]", "mm, cm, m"),
         ('axes = ["x", "y"]', "axes is", '"-z"'),
         ('axes = ["x", "y", "y"]', "axes is", '"-z"'),
         ('units = "mm"', "key 'units' is unknown", "Known: unit"),
@@ -456,3 +458,13 @@ def test_a_kind_of_file_that_is_not_known(tmp_path, name):
     with pytest.raises(InputError, match=r"not known|no ending") as caught:
         read_any(tmp_path / name, Mapping(), LABELS)
     assert ".c3d, .trc" in caught.value.remedy
+
+
+def test_a_position_beyond_all_laboratories_is_named():
+    """Before anything is made of it that overflows."""
+    names = ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")
+    positions = np.zeros((len(names), 3, 2))
+    positions[3, 0, 1] = -1e308
+    markers = Markers("trial.trc", names, positions, "mm", {})
+    with pytest.raises(InputError, match=r"trial\.trc: marker 'T8' has a coordinate of 1e\+308\. Correct it"):
+        landmarks_mm(markers, Mapping())

@@ -71,7 +71,7 @@ def read_mapping(path: Path | None) -> Mapping:
         if key not in _KEYS:
             raise InputError(file, None, f"the key {key!r} is unknown", f"Known: {', '.join(_KEYS)}. {_EXAMPLE}")
     unit, axes = document.get("unit"), document.get("axes", ["x", "y", "z"])
-    if unit is not None and unit not in UNITS_MM:
+    if unit is not None and unit not in tuple(UNITS_MM):  # it may be anything that TOML can say
         raise InputError(file, None, f"unit is {unit!r}", f"Write one of {', '.join(UNITS_MM)}")
     if not _is_frame(axes):
         remedy = 'Name x, y and z once each, negated where it must be, as in axes = ["x", "y", "-z"]'

@@ -16,6 +16,9 @@ NEEDED = (*THORAX, "TS", "AI")
 NECK_MM = (60.0, 250.0)
 """From IJ to C7 through the neck: 100-150 mm in adults. Metres or inches taken for mm are far outside."""
 
+_FARTHEST = 1e9
+"""A thousand kilometres in mm. Numbers near the largest that there are would overflow in what is made of them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Markers:
@@ -43,6 +46,7 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
     for landmark in MARKERS:
         position = _position(markers, mapping, landmark)
         if position is not None:
+            _check_distance(markers, mapping.marker(landmark), position)
             found[landmark] = factor * (mapping.axes_matrix @ position)
     if "AC" not in found and "AA" not in found:
         _not_there(markers, mapping, "AC")
@@ -79,6 +83,14 @@ def _position(markers: Markers, mapping: Mapping, landmark: str) -> Float[np.nda
             _not_there(markers, mapping, landmark)
         return None
     return position
+
+
+def _check_distance(markers: Markers, name: str, position: Float[np.ndarray, "3 frames"]) -> None:
+    """InputError if a marker is where none can be, in any unit."""
+    farthest = float(np.abs(position[np.isfinite(position)]).max())
+    if farthest > _FARTHEST:
+        cause = f"marker {name!r} has a coordinate of {farthest:.3g}"
+        raise InputError(markers.file, None, cause, "Correct it, or leave it empty if it was not measured")
 
 
 def _not_there(markers: Markers, mapping: Mapping, landmark: str) -> None:
