@@ -43,6 +43,7 @@ from motions.arrays import repeat  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from motions.simulation import simulate_subjects  # noqa: E402
 from scripts import measure_float32 as float32  # noqa: E402
+from scripts.reporting import timed  # noqa: E402
 
 SAME_E = 1e-6
 """Relative: two optima are one. IPOPT stops at 1e-10 of its scaled conditions."""
@@ -50,12 +51,6 @@ SAME_E = 1e-6
 SEED = 5
 
 app = typer.Typer(add_completion=False)
-
-
-def timed(run: Callable[[], Any]) -> float:
-    start = time.perf_counter()
-    run()
-    return time.perf_counter() - start
 
 
 def ipopt_share(model: str, subjects: int, total: int, first: int, step: int) -> tuple[float, list[float]]:

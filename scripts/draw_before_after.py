@@ -12,7 +12,7 @@ beside that of its angles. The same tables give the same bytes.
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +28,7 @@ from adapt.svg import BLUE, NOTE, ORANGE, svg
 from adapt.tables import ALL_MOTIONS, HELD_OUT
 from motions import InputError
 from motions.files import write_whole
+from scripts.reporting import NAMES, read_table
 
 PANELS = {
     "scapula_y": "Protraction",
@@ -42,8 +43,6 @@ PANELS = {
 BONES = ("scapula", "clavicle")
 """One a row."""
 
-NAMES = ("model", "subject", "motion")
-
 BEFORE = {"color": ORANGE, "linestyle": (0, (4, 2)), "label": "simulated, before adaptation"}
 AFTER = {"color": BLUE, "linestyle": "-", "label": "simulated, after adaptation"}
 MEASURED = {"color": "black", "linestyle": "none", "marker": "o", "markersize": 3.5, "label": "measured"}
@@ -55,18 +54,6 @@ MARGIN_DEG = 2.0
 """Room above and below the curves."""
 
 app = typer.Typer(add_completion=False)
-
-
-def read(path: Path, columns: Collection[str]) -> pd.DataFrame:
-    """A table with these columns, and more; names stay text, whatever they look like."""
-    remedy = "Name a fits.csv of `girdle adapt`, in the folder that it was written to"
-    try:
-        table = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
-    except (OSError, ValueError) as error:
-        raise InputError(str(path), None, "this is no table that can be read", remedy) from error
-    if missing := [name for name in columns if name not in table.columns]:
-        raise InputError(str(path), None, f"the column {missing[0]} is missing", remedy)
-    return table
 
 
 def chosen(fits: pd.DataFrame, column: str, wanted: str | None, file: str) -> pd.DataFrame:
@@ -81,7 +68,7 @@ def held_out_deg(summary: Path, model: str, subject: str, motion: str) -> dict[s
     """The gap of each bone on the motion held out, as far as the summary has it."""
     if not summary.exists():
         return {}
-    table = read(summary, (*NAMES, "adapted", *HELD_OUT.values()))
+    table = read_table(summary, (*NAMES, "adapted", *HELD_OUT.values()))
     mine = table[(table["model"] == model) & (table["subject"] == subject) & (table["adapted"] == 1)]
     of_motion, of_all = (mine[mine["motion"] == name] for name in (motion, ALL_MOTIONS))
     row = (of_motion if len(of_motion) else of_all)[list(HELD_OUT.values())].mean()
@@ -148,7 +135,7 @@ def main(
     title: Annotated[str | None, typer.Option(help="Who this is. Default: the subject's name.")] = None,
 ) -> None:
     """Draw the measured and simulated angles of one subject over humerus elevation, before and after adaptation."""
-    rows = read(fits, (*NAMES, "adapted", "status"))
+    rows = read_table(fits, (*NAMES, "adapted", "status"))
     for column, wanted in (("model", model), ("subject", subject), ("motion", motion)):
         rows = chosen(rows, column, wanted, str(fits))
     if set(rows["adapted"]) != {0, 1}:

@@ -9,7 +9,6 @@ import resource
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -35,6 +34,7 @@ from motions import Motions, read_motions, write_motions  # noqa: E402
 from motions.rhythm import REST_DEG  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from motions.simulation import simulate_subjects  # noqa: E402
+from scripts.reporting import timed  # noqa: E402
 
 SEED = 11
 
@@ -123,12 +123,6 @@ def speeds(data: Lanes, repeats: int) -> dict[str, float]:
         "posture_fits": ratio(lambda one: fit_lanes(*of_postures(one))),
         "adaptations": ratio(lambda one: adapt_lanes(one)),
     }
-
-
-def timed(run: Callable[[], Any]) -> float:
-    start = time.perf_counter()
-    run()
-    return time.perf_counter() - start
 
 
 def command_speed(motions: Motions, models: Sequence[str], repeats: int) -> float:

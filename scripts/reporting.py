@@ -1,7 +1,34 @@
-"""What the printed results of several studies share: Markdown tables, and how sure a rate is."""
+"""What several scripts share: reading tables, timing, Markdown tables, and how sure a rate is."""
 
 import math
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Callable, Collection, Iterable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from motions import InputError
+
+NAMES = ("model", "subject", "motion")
+
+
+def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:
+    """A table that `girdle adapt` wrote, with these columns and more; names stay text, whatever they look like."""
+    try:
+        table = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
+    except (OSError, ValueError) as error:
+        cause = "this is no table that can be read"
+        raise InputError(str(path), None, cause, "Name what `girdle adapt` wrote, in its folder") from error
+    if missing := [name for name in columns if name not in table.columns]:
+        raise InputError(str(path), None, f"it has no column {missing[0]}", "Run `girdle adapt` anew")
+    return table
+
+
+def timed(run: Callable[[], object]) -> float:
+    """Seconds that it takes."""
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -10,7 +10,6 @@ in brackets on what was held out from the adaptation, and the largest of one ang
 counts, and the last lines say how much did.
 """
 
-from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -21,26 +20,12 @@ import typer
 from adapt import cli, status
 from adapt.tables import ALL_MOTIONS, HELD_OUT
 from models.girdle import ADAPTED
-from motions import ANGLES, InputError
+from motions import ANGLES
+from scripts.reporting import markdown, read_table
 
 BONES = {"scapula": ANGLES[3:], "clavicle": ANGLES[:3]}
 
-NAMES = ("model", "subject", "motion")
-
 app = typer.Typer(add_completion=False)
-
-
-def read(folder: Path, name: str, columns: Collection[str] = ()) -> pd.DataFrame:
-    """One table of the folder, with these columns; names stay text, whatever they look like."""
-    path = folder / name
-    try:
-        table = pd.read_csv(path, converters=dict.fromkeys(NAMES, str))
-    except (OSError, ValueError) as error:
-        cause = "this is no table that can be read"
-        raise InputError(str(path), None, cause, "Name a folder that `girdle adapt` wrote") from error
-    if missing := [column for column in columns if column not in table]:
-        raise InputError(str(path), None, f"it has no column {missing[0]}", "Run `girdle adapt` anew")
-    return table
 
 
 def gap_cells(summary: pd.DataFrame, model: str) -> list[str]:
@@ -72,17 +57,17 @@ def bound_cell(parameters: pd.DataFrame) -> str:
     return f"{at.any(axis=1).sum()} of {len(at)}" + (f" ({which})" if which else "")
 
 
-def markdown(summary: pd.DataFrame, parameters: pd.DataFrame) -> str:
+def gap_table(summary: pd.DataFrame, parameters: pd.DataFrame) -> str:
     """A line a parameter set."""
     header = ["set", "scapula mean (held out)", "scapula max", "clavicle mean (held out)", "clavicle max"]
     header += ["centre moved (mean)", "subjects with a parameter at a bound"]
-    rows = [header, ["---"] * len(header)]
+    rows = []
     good = parameters[parameters["status"] == status.OK]
     for model in dict.fromkeys(parameters["model"]):
         mine = good[good["model"] == model]
         gaps = gap_cells(summary, model)
         rows.append([model, *gaps, f"{centre_moved_mm(mine):.0f} mm", bound_cell(mine)])
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    return markdown(header, rows)
 
 
 def endings(fits: pd.DataFrame, parameters: pd.DataFrame) -> str:
@@ -99,9 +84,9 @@ def main(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that `girdle adapt` wrote.")],
 ) -> None:
     """Print, as Markdown, the gap before and after adaptation, how far the ellipsoid went and what is at a bound."""
-    summary = read(folder, "summary.csv", HELD_OUT.values())
-    parameters, fits = (read(folder, f"{name}.csv") for name in ("parameters", "fits"))
-    print(f"{markdown(summary, parameters)}\n\n{endings(fits, parameters)}")
+    summary = read_table(folder / "summary.csv", HELD_OUT.values())
+    parameters, fits = (read_table(folder / f"{name}.csv") for name in ("parameters", "fits"))
+    print(f"{gap_table(summary, parameters)}\n\n{endings(fits, parameters)}")
 
 
 if __name__ == "__main__":

@@ -294,10 +294,9 @@ def _pulls(of: Statistics, prior: Block, along=None) -> _Pulls:
 def _deviations(between, along) -> Float[np.ndarray, "*draws 1 amplitudes ways"]:
     """b with b b' the covariance of a subject's deviation from the common amplitude."""
     each = np.diag(between)[:, between > 0.0]
-    if along is None:
-        return each[None]
-    each = np.broadcast_to(each, (*along.shape[:-1], each.shape[1]))
-    return np.concatenate([each, along], axis=-1)[..., None, :, :]
+    if along is not None:
+        each = np.concatenate([np.broadcast_to(each, (*along.shape[:-1], each.shape[1])), along], axis=-1)
+    return each[..., None, :, :]
 
 
 def _combined(of: Statistics, prior: Block, along=None):

@@ -57,7 +57,8 @@ class _Weighed:
 def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> Ranking:
     """Weigh fitted hypotheses; examine the best for what they leave."""
     by_name = {effect.name: effect for effect in effects}
-    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis], data, noise) for one in fitted]
+    departures = of_each_channel(data)
+    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis], data, noise, departures) for one in fitted]
     weighed.sort(key=lambda one: -one.log_evidence)
     best = weighed[0].log_evidence
     examined = [one for k, one in enumerate(weighed) if k < _EXAMINED or not one.fitted.hypothesis]
@@ -78,9 +79,11 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
     )
 
 
-def _weighed(fitted: Linear, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> _Weighed:
+def _weighed(
+    fitted: Linear, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate, departures: int
+) -> _Weighed:
     wider = with_departures(fitted, effects, data)
-    found = over_priors(products(wider), wider.scale, effects, noise.likely_shares, of_each_channel(data))
+    found = over_priors(products(wider), wider.scale, effects, noise.likely_shares, departures)
     fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
     return _Weighed(fitted, wider, float(found.log_evidence), float(found.unlike))
 
