@@ -1,6 +1,6 @@
 """The most probable parameters of every subject under every hypothesis, and the linear model there.
 
-Lanes are hypotheses x subjects, all descended together (Gauss-Newton with damping). A subject alone can end in a worse
+Lanes are hypotheses x subjects, descended side by side (Gauss-Newton with damping). A subject alone can end in a worse
 valley, so there are three rounds: each subject by itself under a wide prior; then under the prior that its fellows
 suggest, both from where it is and from where they are; then all subjects of a hypothesis together, under the
 hierarchical prior, so that the linearisation is where the pooled answer is.
@@ -34,8 +34,8 @@ _OPEN_MM = 0.2
 
 _THETA = np.arange(len(ADAPTED))
 
-Look = Callable[[np.ndarray, np.ndarray | None, int], Misfit]
-"""The misfit of all lanes at z, from the nearest postures so far, after some projections."""
+Look = Callable[[np.ndarray, np.ndarray | None, int, np.ndarray], Misfit]
+"""The misfit at z, from the nearest postures so far, after some projections, of some of the lanes."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,10 @@ class _Prior:
     columns: Int[np.ndarray, "free lanes"]
     mean: Float[np.ndarray, "parameters lanes"]
     sd: Float[np.ndarray, "free lanes"]
+
+    def of(self, lanes: Int[np.ndarray, " chosen"]) -> "_Prior":
+        """Those of some lanes."""
+        return _Prior(*(values[:, lanes] for values in vars(self).values()))
 
     def away(self, z: Float[np.ndarray, "parameters lanes"]) -> Float[np.ndarray, "free lanes"]:
         """z less its mean, in standard deviations."""
@@ -87,12 +91,13 @@ def fit_hypotheses(
 ) -> list[Linear]:
     """Every hypothesis fitted to all subjects, in the given order."""
     subjects = data.counted.shape[1]
-    lanes = data.of_subjects(np.tile(np.arange(subjects), len(hypotheses)))
+    subject = np.tile(np.arange(subjects), len(hypotheses))
     columns, scales = (np.repeat(x, subjects, axis=1) for x in _layout(effects, hypotheses))
     start = np.repeat(prior_z(girdle, effects)[:, None], columns.shape[1], axis=1)
 
-    def look(z, nearest, projections):
-        return misfit(girdle, effects, lanes, noise, z, columns, nearest, projections)
+    def look(z, nearest, projections, lanes):
+        seen = data.of_subjects(subject[lanes])
+        return misfit(girdle, effects, seen, noise, z, columns[:, lanes], nearest, projections)
 
     is_amplitude = np.arange(len(columns))[:, None] >= len(ADAPTED)
     wide = _Prior(columns, start, np.where(is_amplitude, np.hypot(1.0, BETWEEN_SUBJECTS), 1.0) * scales)
@@ -113,27 +118,27 @@ def _layout(effects, hypotheses) -> tuple[Int[np.ndarray, "free hypotheses"], Fl
 
 
 def _descend(look: Look, prior: _Prior, z, nearest) -> _Found:
-    """Each lane by itself to its most probable z."""
+    """Each lane by itself to its most probable z; one that has come to rest costs nothing more."""
 
-    def weighed(at: Misfit, z):
-        cost = (at.y**2).sum(axis=(1, 2)) + (prior.away(z) ** 2).sum(axis=0) + _penalty(at).sum(axis=1)
-        return _Found(z, at.nearest, np.where(np.isfinite(cost), cost, np.inf))
+    def found(z, nearest, projections, lanes) -> tuple[_Found, Misfit]:
+        at, own = look(z, nearest, projections, lanes), prior.of(lanes)
+        cost = (at.y**2).sum(axis=(1, 2)) + (own.away(z) ** 2).sum(axis=0) + _penalty(at).sum(axis=1)
+        return _Found(z, at.nearest, np.where(np.isfinite(cost), cost, np.inf)), at
 
-    at = look(z, nearest, 4 if nearest is None else 2)
-    best = weighed(at, z)
+    best, at = found(z.copy(), nearest, 4 if nearest is None else 2, np.arange(z.shape[1]))
     y, slopes = at.y, at.slopes
     damping = np.full(z.shape[1], _FIRST_DAMPING)
     for _ in range(_STEPS):
         step = _newton_step(y, slopes, prior, best.z, damping)
-        at = look(prior.moved(best.z, step), best.nearest, 2)
-        tried = weighed(at, prior.moved(best.z, step))
-        better = tried.cost <= best.cost
-        damping = np.where(better, damping * 0.1, np.maximum(damping * 100.0, 1e-2))
-        best = best.lower(tried)
-        y = np.where(better[:, None, None], at.y, y)
-        slopes = np.where(better[:, None, None, None], at.slopes, slopes)
-        if np.abs(step).max() < _SMALL_STEP:
+        moving = np.flatnonzero(np.abs(step).max(axis=0) >= _SMALL_STEP)
+        if not len(moving):
             break
+        tried, at = found(prior.moved(best.z, step)[:, moving], best.nearest[..., moving], 2, moving)
+        better = tried.cost <= best.cost[moving]
+        damping[moving] = np.where(better, damping[moving] * 0.1, np.maximum(damping[moving] * 100.0, 1e-2))
+        taken = moving[better]
+        best.z[:, taken], best.nearest[..., taken] = tried.z[:, better], tried.nearest[..., better]
+        best.cost[taken], y[taken], slopes[taken] = tried.cost[better], at.y[better], at.slopes[better]
     return best
 
 
@@ -152,26 +157,34 @@ def _newton_step(y, slopes, prior: _Prior, z, damping) -> Float[np.ndarray, "fre
 
 def _together(girdle, effects, hypotheses, look: Look, found: _Found) -> list[Linear]:
     """All subjects of each hypothesis, from what was found for each: whole steps, or shorter ones where they fail."""
-    prior = prior_z(girdle, effects)
+    prior, subjects = prior_z(girdle, effects), found.z.shape[1] // len(hypotheses)
 
-    def linear(z, nearest) -> tuple[list[Linear], Float[np.ndarray, " hypotheses"]]:
-        at = look(z, nearest, 2)
-        subjects = z.shape[1] // len(hypotheses)
-        spans = [slice(h * subjects, (h + 1) * subjects) for h in range(len(hypotheses))]
-        fitted = [_linear(effects, h, at, z, prior, span) for h, span in zip(hypotheses, spans, strict=True)]
-        return fitted, np.array([_cost(one) + _penalty(at)[s].sum() for one, s in zip(fitted, spans, strict=True)])
+    def linear(chosen: Sequence[int], z, nearest) -> tuple[list[Linear], list[float]]:
+        """Of some of the hypotheses."""
+        lanes = (np.array(chosen)[:, None] * subjects + np.arange(subjects)).ravel()
+        at = look(z, nearest, 2, lanes)
+        spans = [slice(k * subjects, (k + 1) * subjects) for k in range(len(chosen))]
+        fitted = [_linear(effects, hypotheses[h], at, z, prior, s) for h, s in zip(chosen, spans, strict=True)]
+        return fitted, [_cost(one) + _penalty(at)[s].sum() for one, s in zip(fitted, spans, strict=True)]
 
-    best, cost = linear(found.z, found.nearest)
+    moving = list(range(len(hypotheses)))
+    best, cost = linear(moving, found.z, found.nearest)
     share = np.ones(len(hypotheses))
     for _ in range(_STEPS):
-        ways = [t * (_pooled_z(effects, one, prior) - one.z) for one, t in zip(best, share, strict=True)]
-        trial = np.concatenate([one.z + way for one, way in zip(best, ways, strict=True)], axis=1)
-        tried, cost_tried = linear(trial, np.concatenate([one.nearest for one in best], axis=2))
-        better = cost_tried < cost
-        settled = np.abs(cost - cost_tried) < _SETTLED
-        best = [new if good else old for new, old, good in zip(tried, best, better, strict=True)]
-        cost, share = np.where(better, cost_tried, cost), np.where(better, np.minimum(1.0, 2.0 * share), 0.25 * share)
-        if settled.all():
+        now = [best[h] for h in moving]
+        ways = [share[h] * (_pooled_z(effects, best[h], prior) - best[h].z) for h in moving]
+        trial = np.concatenate([one.z + way for one, way in zip(now, ways, strict=True)], axis=1)
+        tried = linear(moving, trial, np.concatenate([one.nearest for one in now], axis=2))
+        settled = []
+        for h, fitted, cost_tried in zip(moving, *tried, strict=True):
+            if abs(cost[h] - cost_tried) < _SETTLED:
+                settled.append(h)
+            if cost_tried < cost[h]:
+                best[h], cost[h], share[h] = fitted, cost_tried, min(1.0, 2.0 * share[h])
+            else:
+                share[h] *= 0.25
+        moving = [h for h in moving if h not in settled]
+        if not moving:
             break
     return best
 
