@@ -247,7 +247,7 @@ def test_a_course_is_linear_bent_and_shifted_over_elevation():
     close(found, [[0.25, 0.5, 0.75], [0.75, 1.0, 0.75], [0.75, 0.0, -0.75]], SAME_MM)
 
 
-@pytest.mark.parametrize("name", ["skin_artefact", "conoid_strain"])
+@pytest.mark.parametrize("name", ["clavicle_axial_estimate", "conoid_strain", "skin_artefact"])
 def test_what_comes_late_goes_with_the_square_of_elevation(name):
     """Three quarters of it lie in the upper half; bend and shift are those of all others."""
     found = EFFECTS[name].course(QUARTERS_DEG)

@@ -155,13 +155,13 @@ def test_effects_alike_are_named_together_most_probable_first():
 
 
 @pytest.mark.parametrize("evidence", [(0.0, 0.0, 0.0, 0.0), (0.0, -1.0, -4.0, -6.0), (0.0, -2.0, -3.0, -20.0)])
-def test_the_set_is_the_smallest_that_holds_97_percent_of_all_effects(evidence):
+def test_the_set_is_the_smallest_that_holds_95_percent_of_all_effects(evidence):
     verdict = judged({(name,): value for name, value in zip(NAMES, evidence, strict=True)})
     probability = np.array([verdict.probability[name] for name in verdict.effects])
     of_all = sum(verdict.probability[name] for name in NAMES)
     assert list(probability) == sorted(probability, reverse=True)
-    assert probability.sum() >= 0.97 * of_all
-    assert probability[:-1].sum() < 0.97 * of_all
+    assert probability.sum() >= 0.95 * of_all
+    assert probability[:-1].sum() < 0.95 * of_all
 
 
 def test_the_set_grows_as_effects_come_closer():

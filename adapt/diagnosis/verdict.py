@@ -45,8 +45,8 @@ more than no name."""
 _PART_GAIN = 10.0
 """Log evidence over none from which an effect that is not enough is named as part of an unknown cause."""
 
-_SET_PROBABILITY = 0.97
-"""What the reported set holds of the probability of all effects."""
+_SET_PROBABILITY = 0.95
+"""What the reported set holds of the probability of all effects, at least; mostly more, as a name comes in whole."""
 
 
 @dataclass(frozen=True)
