@@ -9,6 +9,9 @@ missing there. Everything is simulated, from the same parameter set that the dia
     python scripts/blind_check.py --out out/calibration --seeds 0:12                    cases to fit thresholds on
     python scripts/blind_check.py --out out/calibration --calibrate                     the thresholds that follow
 
+With --keep-fits the fits of a case are kept too, and --weigh has the code as it is now weigh them anew: in seconds a
+case one sees what another prior does. Nothing is fitted again, and no shrinkage realised again.
+
 How far the gap shrinks on a motion that nobody has seen is checked on a third motion. A world's random numbers depend
 on its number of motions (directions and noise do), so where it is needed the world has all three, and the diagnosis is
 shown the first two.
@@ -46,6 +49,7 @@ from models.effects import EFFECTS
 from motions import read_motions
 from motions.rotations import DEG
 from scripts import blind_calibration, blind_report
+from scripts.blind_fits import Kept, keep, read_kept, weighed_anew
 from scripts.blind_report import Line, key, kind
 from scripts.blind_world import LABELS, World, make_world
 
@@ -179,28 +183,45 @@ def world_of(case: Case) -> World:
 # One case -----------------------------------------------------------------------------------------------------------
 
 
-def run_case(case: Case) -> Line:
-    """A case from its world to its line; what goes wrong becomes its line."""
+Examine = Callable[[Case, Path | None], Line]
+
+
+def run_case(case: Case, how: Examine, fits: Path | None) -> Line:
+    """A case to its line; what goes wrong becomes its line."""
     line = {"origin": "simulated", **asdict(case), "model": case.model, "code": code_state()}
+    start = time.monotonic()
     try:
-        return finite(line | _examined(case))
+        return finite(line | how(case, fits) | {"seconds": time.monotonic() - start})
     except Exception as error:  # any failure is one case's: the others go on
         return line | {"failed": f"{type(error).__name__}: {error}"}
 
 
-def _examined(case: Case) -> Line:
-    """The verdict, and only then the truth."""
-    start = time.monotonic()
+def examine(case: Case, fits: Path | None) -> Line:
+    """The verdict on a case's world, and only then the truth; the fits are kept in the folder, if there is one."""
     world, model, how = world_of(case), load_model(case.model), CONDITIONS[case.condition]
     effects = tuple(e for e in EFFECTS.values() if not (how.left_out and e.name == case.label))
     with tempfile.TemporaryDirectory() as folder:
         shown = written(world.table, SHOWN_MOTIONS, Path(folder) / "motions.csv")
         found = diagnose(read_motions(shown), model, effects=effects)[model.name]
-        recorded = line_of(found, single_ranking(found, observed(shown, found.subjects)))
+        data = observed(shown, found.subjects)
+        recorded = line_of(found, single_ranking(found, data))
         if UNSEEN_MOTION in set(world.table["motion"]) and found.verdict.answer == EFFECT and not how.left_out:
             unseen = written(world.table, (SHOWN_MOTIONS[-1], UNSEEN_MOTION), Path(folder) / "unseen.csv")
             recorded["realised_deg"] = realised_gaps(found, model, observed(unseen, found.subjects))
-    return recorded | told(found, world.truth) | {"seconds": time.monotonic() - start}
+    if fits:
+        keep(Kept(found, data, world.truth), _kept_in(fits, case))
+    return recorded | told(found, world.truth)
+
+
+def weigh(case: Case, fits: Path | None) -> Line:
+    """The verdict of the code as it is now on the fits of a case that were kept."""
+    kept = read_kept(_kept_in(fits or Path(), case))
+    found = weighed_anew(kept)
+    return line_of(found, single_ranking(found, kept.data)) | told(found, kept.truth)
+
+
+def _kept_in(fits: Path, case: Case) -> Path:
+    return fits / f"{case.condition}_{case.label}_{case.seed}_{case.repeat}.pickle"
 
 
 def written(table: pd.DataFrame, motions: Sequence[str], path: Path) -> Path:
@@ -346,23 +367,23 @@ def append_lines(path: Path, lines: Iterator[Line], progress: Callable[[Line], N
             progress(line)
 
 
-def run(cases: Sequence[Case], jobs: int) -> Iterator[Line]:
+def run(cases: Sequence[Case], jobs: int, how: Examine, fits: Path | None) -> Iterator[Line]:
     """The lines of the cases as they are done."""
     if jobs == 1:
         keep_compiled()
-        yield from map(run_case, cases)
+        yield from (run_case(case, how, fits) for case in cases)
         return
     for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(threads, "1")  # the processes started below are as many as the cores
     pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), keep_compiled)
     try:
-        for done in as_completed([pool.submit(run_case, case) for case in cases]):
+        for done in as_completed([pool.submit(run_case, case, how, fits) for case in cases]):
             yield done.result()
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def run_missing(path: Path, cases: Sequence[Case], jobs: int) -> None:
+def run_missing(path: Path, cases: Sequence[Case], jobs: int, how: Examine = examine, fits: Path | None = None) -> None:
     """All cases that are not yet in the file, with a bar on stderr."""
     left = missing(cases, read_lines(path))
     columns = (
@@ -380,7 +401,7 @@ def run_missing(path: Path, cases: Sequence[Case], jobs: int) -> None:
             if "failed" in line:
                 bar.console.print(f"failed: {key(line)}: {line['failed']}", markup=False, highlight=False)
 
-        append_lines(path, run(left, jobs), show)
+        append_lines(path, run(left, jobs, how, fits), show)
 
 
 # Command line -------------------------------------------------------------------------------------------------------
@@ -413,11 +434,13 @@ def main(
     seeds: Annotated[str, typer.Option(metavar="A:B", help="Seeds A to B - 1. Default: the reported ones.")] = "",
     labels: Annotated[list[str] | None, typer.Option(help="Only this label; repeatable. Default: all.")] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    keep_fits: Annotated[bool, typer.Option("--keep-fits", help="Keep the fits in FOLDER/fits.")] = False,
+    weigh_kept: Annotated[bool, typer.Option("--weigh", help="Weigh the kept fits anew; print the figures.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Run nothing; print the figures.")] = False,
     calibrate: Annotated[bool, typer.Option("--calibrate", help="Run nothing; print fitted thresholds.")] = False,
 ) -> None:
     """Diagnose simulated subjects with withheld effects; print, as Markdown, how often the diagnosis is right."""
-    path = out / "cases.jsonl"
+    path, fits = out / "cases.jsonl", out / "fits"
     chosen, of_labels = _conditions(condition or []), labels or []
     if calibrate:
         within = _seeds(seeds) if seeds else CALIBRATION_SEEDS
@@ -431,8 +454,13 @@ def main(
         cases = plan(chosen, within, of_labels)
         if not cases:
             raise typer.BadParameter(f"no case has such a label. A label is one of {', '.join((*SINGLE, *PAIRS))}")
+        how, kept_in = examine, fits if keep_fits else None
+        if weigh_kept:
+            path, how, kept_in = out / "weighed.jsonl", weigh, fits
+            path.unlink(missing_ok=True)
+            cases = [case for case in cases if _kept_in(fits, case).exists()]
         try:
-            run_missing(path, cases, jobs)
+            run_missing(path, cases, jobs, how, kept_in)
         except (KeyboardInterrupt, BrokenProcessPool) as error:
             why = "stopped" if isinstance(error, KeyboardInterrupt) else "a process ended, perhaps for want of memory"
             print(f"{why}; what is done is kept. Give the same command to go on.", file=sys.stderr)

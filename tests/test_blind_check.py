@@ -214,15 +214,14 @@ def test_a_rerun_skips_what_is_done_and_forgets_a_broken_last_line(tmp_path: Pat
     assert {case.label for case in missing(cases, read_lines(path))} == {THIRD}
 
 
-def test_a_case_that_raises_is_recorded_and_stops_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def examined(case: Case) -> Line:
+def test_a_case_that_raises_is_recorded_and_stops_no_other(tmp_path: Path) -> None:
+    def examined(case: Case, fits: Path | None) -> Line:
         if case.label == OTHER:
             raise ValueError("no such shoulder")
         return {"answer": "none", "excess": math.inf}
 
-    monkeypatch.setattr(blind_check, "_examined", examined)
     path, cases = tmp_path / "cases.jsonl", plan(["one"], [0], [TRUE, OTHER, THIRD])
-    blind_check.run_missing(path, cases, 1)
+    blind_check.run_missing(path, cases, 1, examined)
     found = {x["label"]: x for x in read_lines(path)}
     assert found[OTHER]["failed"] == "ValueError: no such shoulder"
     assert found[TRUE]["answer"] == found[THIRD]["answer"] == "none"
@@ -343,7 +342,8 @@ def test_one_case_from_its_world_to_its_report(
     # two effects: the whole library would compile for a minute
     monkeypatch.setattr(blind_check, "EFFECTS", {name: EFFECTS[name] for name in (TRUE, label)})
     monkeypatch.setitem(CONDITIONS, "standard", replace(CONDITIONS["standard"], subjects=3))
-    blind_check.main(tmp_path, condition=["standard"], seeds="1:2", labels=[label], jobs=1)
+    asked: dict[str, Any] = {"condition": ["standard"], "seeds": "1:2", "labels": [label], "jobs": 1}
+    blind_check.main(tmp_path, **asked, keep_fits=True)
     printed = capsys.readouterr().out
     (found,) = read_lines(tmp_path / "cases.jsonl")
     assert "failed" not in found
@@ -363,6 +363,14 @@ def test_one_case_from_its_world_to_its_report(
     assert realised["with_effect"] < realised["adapted"]
     assert "Simulated cases: 1, seeds 1 to 1 (1)" in printed
     # done is done: nothing is diagnosed again
-    monkeypatch.setattr(blind_check, "_examined", lambda case: pytest.fail("ran again"))
-    blind_check.main(tmp_path, condition=["standard"], seeds="1:2", labels=[label], jobs=1)
+    monkeypatch.setattr(blind_check, "examine", lambda case, fits: pytest.fail("ran again"))
+    blind_check.main(tmp_path, **asked)
     assert capsys.readouterr().out == printed
+    # the fits that were kept are weighed alike, and otherwise by other code
+    blind_check.main(tmp_path, **asked, weigh_kept=True)
+    (weighed,) = read_lines(tmp_path / "weighed.jsonl")
+    assert (weighed["answer"], weighed["effects"]) == (found["answer"], found["effects"])
+    assert weighed["probability"] == pytest.approx(found["probability"], abs=1e-9)  # the spread chosen rounds a digit
+    monkeypatch.setattr(verdict, "BLAMED_BELOW", 0.0)
+    blind_check.main(tmp_path, **asked, weigh_kept=True)
+    assert read_lines(tmp_path / "weighed.jsonl")[0]["answer"] == "unknown"

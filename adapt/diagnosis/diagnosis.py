@@ -161,9 +161,9 @@ def _diagnose(
     if len(effects) > 1 and _worth_pairs(ranking, verdict):
         progress("pairs of effects")
         ranking = _with_pairs(girdle, effects, data, estimate, ranking)
-        verdict = judge(ranking, names, expected)
     none = next(one for one in ranking.fitted if not one.hypothesis)
-    explained = _explanation(ranking, verdict)
+    concluded = conclude(ranking, effects, data, expected)
+    explained = concluded.explained
     seen = misfit(girdle, effects, data, noise, none.z)
     gap = where.Gap(data, seen.nearest[:6], seen.noise_variance[:6] * float(DEG) ** 2)
     held_out = gaps(girdle, effects, data, noise, [none, explained], progress)
@@ -175,15 +175,9 @@ def _diagnose(
         postures=int(data.counted.sum()),
         noise=estimate,
         expected=expected,
-        verdict=verdict,
+        verdict=concluded.verdict,
         at_other_noise=_at_other_noise(ranking, effects, data, estimate, expected),
-        amplitude=amplitudes(
-            ranking,
-            effects,
-            data,
-            verdict.effects or (explained.hypothesis if verdict.answer == UNKNOWN else ()),
-            together=len(explained.hypothesis),
-        ),
+        amplitude=concluded.amplitude,
         best=explained.hypothesis,
         gap=held_out,
         parameters=_changes(none, explained),
@@ -194,9 +188,29 @@ def _diagnose(
         indistinguishable=alike_sets(hypotheses, apart),
         detectable=smallest_detectable(girdle, effects, postures, noise),
         foreseen=foreseen,
-        next_measurement=propose(girdle, effects, _candidates(ranking, verdict), data, noise),
+        next_measurement=propose(girdle, effects, _candidates(ranking, concluded.verdict), data, noise),
         ranking=ranking,
     )
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """What follows from a ranking."""
+
+    verdict: Verdict
+    explained: Linear
+    """What the gap is compared with."""
+    amplitude: dict[str, tuple[Amplitude, ...]]
+    """As in Diagnosis."""
+
+
+def conclude(ranking: Ranking, effects: tuple[Effect, ...], data: Observed, expected: tuple[str, ...]) -> Conclusion:
+    """The verdict on a ranking, and the sizes of the effects in it."""
+    verdict = judge(ranking, [effect.name for effect in effects], expected)
+    explained = _explanation(ranking, verdict)
+    named = verdict.effects or (explained.hypothesis if verdict.answer == UNKNOWN else ())
+    together = len(explained.hypothesis)
+    return Conclusion(verdict, explained, amplitudes(ranking, effects, data, named, together))
 
 
 def _worth_pairs(ranking: Ranking, verdict: Verdict) -> bool:
