@@ -9,7 +9,7 @@ from test_discrepancy import KNOWN, POSTURES, SUBJECTS, observed, with_offsets
 from adapt.diagnosis.departures import with_departures
 from adapt.diagnosis.discrepancy import discrepancy_gain
 from adapt.diagnosis.evidence import Linear, products
-from adapt.diagnosis.priors import likeliest_prior, over_priors
+from adapt.diagnosis.priors import likeliest_prior, likely_spreads, over_priors
 from models.effects import EFFECTS
 from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import ADAPTED
@@ -60,7 +60,7 @@ def test_a_tilted_thorax_may_take_its_centre_along_in_all_subjects():
     """M_z by 50 mm times 7 deg, 6.1 mm; with half the spread of the adapted parameters a column of X is half a mm's."""
     tilt, one = EFFECTS["thorax_tilt"], fitted_to(F)
     fitted = replace(one, A=np.ones((SUBJECTS, 3 * POSTURES, 3)), scale=np.ones(3), a=np.zeros((SUBJECTS, 3)))
-    for spread in (1.0, 0.5):
+    for spread in (np.ones(6), np.full(6, 0.5)):
         wide = with_departures(fitted.with_spread(spread), [tilt], DATA)
         np.testing.assert_allclose(wide.A[..., 3], one.X[..., ADAPTED.index("M_z")] / 8.0, rtol=SAME)
         np.testing.assert_allclose(wide.scale[3:], [50.0 * np.radians(7.0)], rtol=SAME)
@@ -72,7 +72,9 @@ def test_one_motion_has_nothing_to_depart_from():
 
 
 def evidence_of(fitted: Linear) -> float:
-    return float(over_priors(products(fitted), fitted.scale, [GAP], [(1.0, 1.0)]).log_evidence)
+    of = products(fitted)
+    spreads, log_share = likely_spreads(of, fitted.a)
+    return float(over_priors(of, fitted.scale, [GAP], [(1.0, 1.0)], spreads).log_evidence) - log_share
 
 
 CORNER = 2.0 * np.maximum(0.0, 2.0 * F - 1.0)

@@ -35,7 +35,11 @@ _NORMAL: Any = multivariate_normal
 SUBJECTS, RESIDUALS, AMPLITUDES, MORE = 3, 11, 4, 2
 
 
-def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: float = 1.0) -> Linear:
+ALL, EACH = np.ones(6), np.array([0.4, 1.2, 0.7, 0.3, 2.0, 0.5])
+"""Spreads of the adapted parameters."""
+
+
+def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: np.ndarray | float = 1.0) -> Linear:
     """Random columns and residuals of three subjects."""
     generator = np.random.default_rng(seed)
 
@@ -56,7 +60,7 @@ def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: float = 1.0) 
         a=a,
         linear=np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, a) - y,
         root=normal(1, RESIDUALS, RESIDUALS),
-        spread=spread,
+        spread=np.full(6, spread),
     )
 
 
@@ -90,14 +94,14 @@ class Dense:
     mean_covariance: np.ndarray
 
 
-def dense(fitted: Linear, block: Block, noise: float = 1.0, spread: float = 1.0) -> Dense:
+def dense(fitted: Linear, block: Block, noise: float = 1.0, spread: np.ndarray | float = 1.0) -> Dense:
     """Unknowns in the order u of all subjects, a of all subjects, the common amplitude."""
     S, R, K = fitted.A.shape
     common, between = np.diag(block.common**2), np.diag(block.between**2)
     n_u, n_a = 6 * S, K * S
     mean = np.concatenate([np.zeros(n_u), np.tile(block.mean, S + 1)])
     P = np.zeros((n_u + n_a + K, n_u + n_a + K))
-    P[:n_u, :n_u] = spread**2 * np.eye(n_u)
+    P[:n_u, :n_u] = np.diag(np.tile(spread * np.ones(6), n_u // 6) ** 2)
     P[n_u:, n_u:] = np.kron(np.ones((S + 1, S + 1)), common)
     P[n_u : n_u + n_a, n_u : n_u + n_a] += np.kron(np.eye(S), between)
     H = np.zeros((S * R, len(P)))
@@ -213,7 +217,7 @@ def test_other_noise_and_back_is_the_same():
     assert_same(fitted.with_noise(0.5).y, 2.0 * fitted.y)
 
 
-@pytest.mark.parametrize("spread", [0.4, 1.7])
+@pytest.mark.parametrize("spread", [EACH, 1.7 * ALL], ids=["each its own", "all alike"])
 def test_other_spread_is_that_of_the_dense_gaussian(spread):
     """u is counted in units of the spread."""
     fitted = linear_of(10)
@@ -227,29 +231,33 @@ def test_other_spread_is_that_of_the_dense_gaussian(spread):
 def test_a_spread_is_of_the_original_parameters_not_of_the_last_ones():
     """And it moves neither residuals nor what the parameters are: X u stays."""
     fitted = linear_of(11)
-    twice, once = fitted.with_spread(0.4).with_spread(0.7), fitted.with_spread(0.7)
+    twice, once = fitted.with_spread(EACH).with_spread(0.7 * ALL), fitted.with_spread(0.7 * ALL)
     for name in ("X", "u", "spread"):
         assert_same(getattr(twice, name), getattr(once, name))
     assert_same(np.einsum("srk,sk->sr", once.X, once.u), np.einsum("srk,sk->sr", fitted.X, fitted.u))
 
 
-@pytest.mark.parametrize("spread", [None, 0.7])
+@pytest.mark.parametrize("spread", [None, 0.7 * ALL], ids=["as made", "another"])
 def test_products_of_another_spread_are_those_of_the_dense_gaussian(spread):
-    """Taken at a spread of 0.4; then of the spread asked for, with what all subjects share in ``THETA_SD_MM`` still."""
+    """Taken at spreads of their own; then of those asked for, with what all subjects share in ``THETA_SD_MM`` still."""
     fitted = linear_of(15)
-    made = products(fitted.with_spread(0.4))
+    made = products(fitted.with_spread(EACH))
+    of_these = EACH if spread is None else spread
     block = shifted(fitted.scale)
-    assert_same(log_evidence(made.at(spread=spread), block), dense(fitted, block, spread=spread or 0.4).log_evidence)
+    assert_same(
+        log_evidence(made.at(spread=spread), block),
+        dense(fitted, block, spread=of_these).log_evidence,
+    )
     wider = replace(fitted, A=np.concatenate([fitted.A, fitted.X], axis=2))
     block = block + common_shift(0.5)
     found = log_evidence(made.with_shift().at(spread=spread), block)
-    assert_same(found, dense(wider, block, spread=spread or 0.4).log_evidence)
+    assert_same(found, dense(wider, block, spread=of_these).log_evidence)
 
 
 # --- what subjects have in common -----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("spread", [1.0, 0.4])
+@pytest.mark.parametrize("spread", [ALL, EACH], ids=["all alike", "each its own"])
 def test_a_common_shift_is_that_of_the_dense_gaussian(spread):
     """It is in units of ``THETA_SD_MM``, whatever the spread between subjects is."""
     fitted = linear_of(20)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from adapt.diagnosis import priors
-from adapt.diagnosis.evidence import Linear, products
-from adapt.diagnosis.priors import OverPriors, over_priors
+from adapt.diagnosis.evidence import THETA_SD_MM, Linear, log_evidence, products, unlike
+from adapt.diagnosis.priors import SPREADS_MM, OverPriors, likely_spreads, over_priors
 from models.effects import EFFECTS, Effect
 
 CLEAR = 3.0
@@ -15,6 +15,9 @@ CLEAR = 3.0
 
 LITTLE = 0.1
 """Nats: what is as good as impossible adds less."""
+
+SPREADS = np.outer((0.2, 0.4, 0.7, 1.0), np.ones(6))
+"""Of all parameters alike: what is tested here does not depend on which."""
 
 EFFECT = EFFECTS["scapula_landmark_bias"]
 SUBJECTS, RESIDUALS = 8, 30
@@ -34,13 +37,13 @@ def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0, effect: 
 
 
 def weighed(fitted: Linear) -> OverPriors:
-    return over_priors(products(fitted), fitted.scale, [EFFECT], [(1.0, 1.0)])
+    return over_priors(products(fitted), fitted.scale, [EFFECT], [(1.0, 1.0)], SPREADS)
 
 
 def plain(fitted: Linear) -> float:
     """Log evidence without an amplitude."""
     none = replace(fitted, A=fitted.A[..., :0], scale=fitted.scale[:0])
-    return float(over_priors(products(none), none.scale, [], [(1.0, 1.0)]).log_evidence)
+    return float(over_priors(products(none), none.scale, [], [(1.0, 1.0)], SPREADS).log_evidence)
 
 
 WAY = np.array([0.6, -0.3, 0.5])
@@ -77,12 +80,40 @@ def test_parameters_off_by_the_same_in_all_need_no_effect():
     """A shift of half a SD in eight subjects: sixteen times as improbable as it is where only subjects differ."""
     fitted = subjects(np.zeros((SUBJECTS, 3)), shift=0.5)
     assert plain(fitted) > float(weighed(fitted).log_evidence)
-    spread = over_priors(products(replace(fitted, A=fitted.A[..., :0])), np.zeros(0), [], [(1.0, 1.0)]).spread
-    assert spread < 0.5
+    spread = over_priors(products(replace(fitted, A=fitted.A[..., :0])), np.zeros(0), [], [(1.0, 1.0)], SPREADS).spread
+    assert (spread < 0.5).all()
 
 
 def test_the_spread_is_the_one_that_the_subjects_have():
-    assert weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).spread == 0.2
+    np.testing.assert_array_equal(weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).spread, SPREADS[0])
+
+
+def wider_chests() -> Linear:
+    """Without effect; A_x differs by 8 mm either way, all else by what is least in ``SPREADS_MM``."""
+    fitted = subjects(np.zeros((SUBJECTS, 3)))
+    generator = np.random.default_rng(3)
+    sd = np.array([least for least, *_ in SPREADS_MM]) / THETA_SD_MM
+    u = sd * generator.choice([-1.0, 1.0], (SUBJECTS, 6))
+    u[:, 2] *= 8.0 / SPREADS_MM[2][0]
+    seen = np.einsum("srk,sk->sr", fitted.X, u) + generator.standard_normal((SUBJECTS, RESIDUALS))
+    return replace(fitted, linear=seen)
+
+
+def test_each_parameter_has_a_spread_of_its_own():
+    spreads, log_share = likely_spreads(products(wider_chests()), np.zeros((SUBJECTS, 3)))
+    assert np.log(0.2) < log_share <= 0.0
+    of = over_priors(products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
+    least = np.array([least for least, *_ in SPREADS_MM]) / THETA_SD_MM
+    np.testing.assert_allclose(of.spread, np.where(np.arange(6) == 2, 8.0 / THETA_SD_MM, least))
+
+
+def test_likely_spreads_are_those_of_the_evidence_without_the_amplitudes():
+    """Amplitudes taken out of what was seen leave the evidence of the adapted parameters alone."""
+    fitted, amplitudes = wider_chests(), np.random.default_rng(4).standard_normal((SUBJECTS, 3))
+    bare = replace(fitted, A=fitted.A[..., :0], linear=fitted.linear - np.einsum("srk,sk->sr", fitted.A, amplitudes))
+    expected = [float(log_evidence(products(bare).at(spread=s), unlike(np.zeros(0)))) for s in SPREADS]
+    found = products(fitted).log_of_spreads(amplitudes, SPREADS)
+    np.testing.assert_allclose(found - found[0], np.array(expected) - expected[0], atol=1e-8)
 
 
 GAP = EFFECTS["scapulothoracic_gap"]
@@ -98,7 +129,7 @@ def gained_by_one_course(amplitudes: np.ndarray, monkeypatch: pytest.MonkeyPatch
     logs = []
     for share in (priors._TOGETHER_SHARE, 0.0):
         monkeypatch.setattr(priors, "_TOGETHER_SHARE", max(share, 1e-300))
-        logs.append(float(over_priors(products(fitted), fitted.scale, [GAP], [(1.0, 1.0)]).log_evidence))
+        logs.append(float(over_priors(products(fitted), fitted.scale, [GAP], [(1.0, 1.0)], SPREADS).log_evidence))
     return logs[0] - logs[1]
 
 

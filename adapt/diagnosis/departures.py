@@ -31,7 +31,7 @@ _MOTION_SD = 0.1
 def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -> Linear:
     """The hypothesis with columns for what else ``effects``, its own, may do, behind those of the amplitudes."""
     subjects, postures, m, _ = fitted.root.shape
-    shares = _departures(data)
+    shares = departures_of(data)
     columns, scales, start = [], [], 0
     for effect in effects:
         if effect.over_elevation:
@@ -42,7 +42,7 @@ def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -
         start += effect.amplitudes
     for name, sd_mm in (taken for effect in effects for taken in effect.takes_along_mm):
         k = ADAPTED.index(name)
-        columns.append(fitted.X[..., k : k + 1] / (fitted.spread * THETA_SD_MM[k]))
+        columns.append(fitted.X[..., k : k + 1] / (fitted.spread[k] * THETA_SD_MM[k]))
         scales.append(np.array([sd_mm]))
     if not columns:
         return fitted
@@ -57,10 +57,10 @@ def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -
 
 def of_each_channel(data: Observed) -> int:
     """How many columns of departures a channel has; those of an effect stand together, channel by channel."""
-    return _departures(data).shape[2]
+    return departures_of(data).shape[2]
 
 
-def _departures(data: Observed) -> Float[np.ndarray, "subjects postures departures"]:
+def departures_of(data: Observed) -> Float[np.ndarray, "subjects postures departures"]:
     """d at each posture, of one prior SD: 8 (1 - f) T_k(1 - 2 f) for the Chebyshev polynomials after the course's own,
     and what sets one motion apart from the others."""
     f = data.elevation_deg.T / FULL_ELEVATION_DEG

@@ -12,7 +12,7 @@ by adding them.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -89,16 +89,17 @@ class Linear:
     linear: Float[np.ndarray, "subjects residuals"]
     """X u + A a - y at z: y of other u and a is X u + A a - linear."""
     root: Float[np.ndarray, "subjects postures m m"]
-    spread: float = 1.0
-    """By which share of ``THETA_SD_MM`` adapted parameters vary between subjects: that is the unit of u and X."""
+    spread: Float[np.ndarray, " 6"] = field(default_factory=lambda: np.ones(_ADAPTED))
+    """By which share of its ``THETA_SD_MM`` each adapted parameter varies between subjects: that is the unit of u and
+    X."""
 
     def with_noise(self, share: float) -> "Linear":
         """The same, had the noise been ``share`` times what it was taken for."""
         changed = {name: getattr(self, name) / share for name in ("y", "X", "A", "linear", "root")}
         return replace(self, **changed)
 
-    def with_spread(self, spread: float) -> "Linear":
-        """The same with another spread of the adapted parameters."""
+    def with_spread(self, spread: Float[np.ndarray, " 6"]) -> "Linear":
+        """The same with other spreads of the adapted parameters."""
         share = spread / self.spread
         return replace(self, X=share * self.X, u=self.u / share, spread=spread)
 
@@ -154,10 +155,10 @@ class Products:
     """Of what was seen with itself, summed over subjects."""
     residuals: int
     """How many there are, of all subjects."""
-    spread: float = 1.0
+    spread: Float[np.ndarray, " 6"] = field(default_factory=lambda: np.ones(_ADAPTED))
     """That X is for."""
 
-    def at(self, noise_share: float = 1.0, spread: float | None = None) -> Statistics:
+    def at(self, noise_share: float = 1.0, spread: Float[np.ndarray, " 6"] | None = None) -> Statistics:
         """What is left once the adapted parameters are integrated out.
 
         From (1 + X X')^-1 = 1 - X (1 + X'X)^-1 X' and det(1 + X X') = det(1 + X'X): 6x6 in place of residuals squared.
@@ -177,6 +178,18 @@ class Products:
             pull=seen[..., _ADAPTED:] - np.einsum("sia,...si->...sa", through, own),
         )
 
+    def log_of_spreads(
+        self, amplitudes: Float[np.ndarray, "subjects amplitudes"], spreads: Float[np.ndarray, "spreads 6"]
+    ) -> Float[np.ndarray, " spreads"]:
+        """Log evidence of each of the spreads with these amplitudes, but for what all spreads share."""
+        unit = (spreads / self.spread)[:, None]
+        own = self.seen[:, :_ADAPTED] - np.einsum("sik,sk->si", self.columns[:, :_ADAPTED, _ADAPTED:], amplitudes)
+        scaled = unit[..., None] * self.columns[:, :_ADAPTED, :_ADAPTED] * unit[..., None, :]
+        root = np.linalg.cholesky(np.eye(_ADAPTED) + scaled)
+        away = np.linalg.solve(root, (unit * own)[..., None])
+        logs = 0.5 * (away**2).sum(axis=(-1, -2)) - np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
+        return logs.sum(axis=-1)
+
     def with_shift(self) -> "Products":
         """The same with X once more behind all columns, in units of ``THETA_SD_MM``: what a shift of the adapted
         parameters does that all subjects have in common."""
@@ -186,7 +199,9 @@ class Products:
         columns = self.columns[:, again[:, None], again] * np.outer(unit, unit)
         return replace(self, columns=columns, seen=self.seen[..., again] * unit)
 
-    def over_noise(self, shares: Sequence[tuple[float, float]], spread: float | None = None) -> Statistics:
+    def over_noise(
+        self, shares: Sequence[tuple[float, float]], spread: Float[np.ndarray, " 6"] | None = None
+    ) -> Statistics:
         """The same, along a first axis, for each share of the noise there may be, its probability included: the
         evidences add up."""
         found = []
@@ -195,7 +210,7 @@ class Products:
             found.append(replace(of, log=of.log + math.log(probability) - self.residuals * math.log(share)))
         return _stacked(found)
 
-    def over(self, shares: Sequence[tuple[float, float]], spreads: Sequence[float]) -> Statistics:
+    def over(self, shares: Sequence[tuple[float, float]], spreads: Float[np.ndarray, "spreads 6"]) -> Statistics:
         """The same for each of ``spreads``, along another axis before that of the noise."""
         return _stacked([self.over_noise(shares, spread) for spread in spreads])
 

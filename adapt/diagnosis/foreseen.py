@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.random import Generator, default_rng
 
+from adapt.diagnosis.axial_turn import mean_subject
 from adapt.diagnosis.distinguish import slopes
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, Hypothesis, Products
 from adapt.diagnosis.misfit import prior_sd_of
@@ -34,9 +35,9 @@ _DRAWS = 50
 _SEED = 1999
 """The same draws for the same data: nothing else is random in a diagnosis."""
 
-_SPREAD, _SPREADS = 0.5, (0.4, 0.7)
-"""Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary, between the least and the most that
-the evidence allows for; and those of them that then have any weight."""
+_SPREAD, _SPREADS = 0.5, np.outer((0.4, 0.7), np.ones(6))
+"""Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary; and those with which draws are
+weighed, as if the data had chosen them."""
 
 _NAMED_OFTEN = 0.05
 """A name that an effect is taken for less often than this is not told."""
@@ -61,6 +62,9 @@ def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: 
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     columns = np.concatenate([X, *by_amplitudes], axis=2)
     gram = np.swapaxes(columns, 1, 2) @ columns
+    if (mean := mean_subject(effects, data)) is not None:
+        row = np.concatenate([np.zeros(len(ADAPTED)), mean.columns[: gram.shape[1] - len(ADAPTED)]])
+        gram = np.concatenate([gram, np.outer(row, row)[None]])
     root = root_of(gram)
     ends = np.cumsum([X.shape[2], *(A.shape[2] for A in by_amplitudes)])
     own = [np.arange(*span) for span in pairwise(ends)]

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.evidence import (
+    THETA_SD_MM,
     Block,
     Linear,
     Products,
@@ -27,8 +29,15 @@ from models.effects import Effect
 _SIZES = (0.5, 1.0)
 """Shares of an effect's scale that its amplitude is as likely to be of: small ones and large ones."""
 
-_SPREADS = (0.2, 0.4, 0.7, 1.0)
-"""Shares of ``THETA_SD_MM`` by which adapted parameters may vary between subjects: the data choose."""
+SPREADS_MM = ((7.0, 25.0), (3.0, 7.0), (2.0, 4.0, 8.0), (7.0, 25.0), (4.0, 12.0), (0.9, 2.5))
+"""SDs of each of ADAPTED between people that there may be, any with any: the data choose. Table 6.5 has 8-31, 6-7, 2-3,
+13-24, 15-17 and 1-2 mm, fitted with noise and within bounds; A_x may vary more, as chests do (assumed). One held
+to vary less than it does would be taken for a constant effect: a wider chest for another clavicle."""
+
+_SPREADS = np.array(list(product(*SPREADS_MM))) / THETA_SD_MM
+
+_LIKELIEST = 8
+"""So many are weighed with all else; the others are allowed for by their weight with the amplitudes as fitted."""
 
 _ABOUT_SIZE = 0.4
 """SD of the amplitude of an effect of one channel about its size, as a share of it: scales are typical values of the
@@ -60,11 +69,11 @@ class OverPriors:
     """Log odds that amplitudes differ between subjects, in sign or in all."""
     of_spread: Float[np.ndarray, " spreads *draws"]
     """Log evidence with each of ``spreads``."""
-    spreads: Sequence[float]
+    spreads: Float[np.ndarray, "spreads 6"]
 
     @property
-    def spread(self) -> float:
-        """Of one data set, the spread of the adapted parameters that it chooses."""
+    def spread(self) -> Float[np.ndarray, " 6"]:
+        """Of one data set, the spreads of the adapted parameters that it chooses."""
         return self.spreads[int(np.argmax(self.of_spread))]
 
 
@@ -73,8 +82,8 @@ def over_priors(
     scale: Float[np.ndarray, " amplitudes"],
     effects: Sequence[Effect],
     noise_shares: Sequence[tuple[float, float]],
+    spreads: Float[np.ndarray, "spreads 6"],
     departures: int = 0,
-    spreads: Sequence[float] = _SPREADS,
 ) -> OverPriors:
     """Evidence summed over the noise there may be, the spreads of the adapted parameters and what they have in common,
     and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own, with so many columns
@@ -95,6 +104,15 @@ def over_priors(
     share = 1.0 - _OPPOSED_SHARE - _UNLIKE_SHARE
     each = np.logaddexp(alike_log + math.log(share), unlike_log)
     return OverPriors(log_sum(each), log_sum(unlike_log) - log_sum(alike_log) - math.log(share), each, spreads)
+
+
+def likely_spreads(
+    of: Products, amplitudes: Float[np.ndarray, "subjects amplitudes"]
+) -> tuple[Float[np.ndarray, "likeliest 6"], float]:
+    """The spreads with the most evidence for these amplitudes, and the log of their share of the evidence of all."""
+    log = of.log_of_spreads(amplitudes, _SPREADS)
+    chosen = np.sort(np.argsort(-log, kind="stable")[:_LIKELIEST])
+    return _SPREADS[chosen], float(log_sum(log[chosen]) - log_sum(log))
 
 
 def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, " spreads *draws"]:

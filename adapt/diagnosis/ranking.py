@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from adapt.diagnosis.axial_turn import mean_subject, with_mean_subject
 from adapt.diagnosis.departures import of_each_channel, with_departures
 from adapt.diagnosis.discrepancy import discrepancy_gain
 from adapt.diagnosis.evidence import Hypothesis, Linear, alike, products
 from adapt.diagnosis.observed import NoiseEstimate, Observed
-from adapt.diagnosis.priors import likeliest_prior, over_priors
+from adapt.diagnosis.priors import likeliest_prior, likely_spreads, over_priors
 from models.effects import Effect
 
 _EXAMINED = 3
@@ -83,9 +84,12 @@ def _weighed(
     fitted: Linear, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate, departures: int
 ) -> _Weighed:
     wider = with_departures(fitted, effects, data)
-    found = over_priors(products(wider), wider.scale, effects, noise.likely_shares, departures)
+    of = products(wider)
+    spreads, log_share = likely_spreads(of, wider.a)
+    of = with_mean_subject(of, mean_subject(effects, data))
+    found = over_priors(of, wider.scale, effects, noise.likely_shares, spreads, departures)
     fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
-    return _Weighed(fitted, wider, float(found.log_evidence), float(found.unlike))
+    return _Weighed(fitted, wider, float(found.log_evidence) - log_share, float(found.unlike))
 
 
 def _freedom(fitted: Linear, data: Observed) -> float:

@@ -31,4 +31,5 @@ EFFECT = Effect(
     source="true 17-35 deg over elevation (Ludewig, Matsuki, Sahara)",
     adjust=_adjust,
     sign=(1,),
+    axial=(1.0,),
 )

@@ -66,6 +66,9 @@ class Effect:
     sign: tuple[int, ...] = ()
     """Of each channel, where the effect's nature gives one: +1, -1, or 0 for either; empty for all 0."""
     late: bool = False
+    axial: tuple[float, ...] = ()
+    """How much farther the clavicle has turned about its own axis than was measured, deg a unit of each channel; empty
+    where the effect does not hide such a turn."""
     takes_along_mm: tuple[tuple[str, float], ...] = ()
     """Names of ADAPTED that the effect may move, in all subjects alike, with the prior SD of it."""
 
