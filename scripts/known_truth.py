@@ -20,6 +20,8 @@ from jaxtyping import Float
 
 from adapt import cli
 from adapt.diagnosis import Diagnosis, diagnose
+from adapt.diagnosis.axial_turn import turns_deg
+from adapt.diagnosis.observed import observe
 from models import load_model
 from motions import Motions, read_motions
 from motions.rhythm import clavicle_axial_rotation
@@ -42,6 +44,8 @@ def known_truth(
     as_is, in_aa = (read_motions(*sorted(folder.glob(pattern))) for folder in (ac, aa))
     truth = constant_rotation(as_is, in_aa)
     print(f"Known rotation from AC to AA frame: {_degrees(truth)}\n")
+    turns = [turns_deg(observe(motions)).mean() for motions in (as_is, with_estimated_axial(as_is))]
+    print("Axial rotation of the clavicle by 150 deg of elevation: {:.1f} deg, estimated {:.1f} deg\n".format(*turns))
     print("| model | motions | answer | effects | log evidence over the next | amplitude of the bias, deg |")
     print("|---|---|---|---|---|---|")
     for name in model:

@@ -65,11 +65,15 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
             by_departure = np.einsum("ps,spd->d", course[0] * weight, departures_of(data))
             beside.append(np.outer(axial, by_departure).ravel())
     taken_along = np.zeros(sum(len(effect.takes_along_mm) for effect in effects))
-    measured_deg = float((data.values[_AXIAL] * weight).sum() * DEG)
     return MeanSubject(
         np.concatenate([*own, *beside, taken_along]) / sd,
-        (_PUBLISHED_DEG - measured_deg) / sd,
+        (_PUBLISHED_DEG - float(turns_deg(data).sum()) / subjects) / sd,
     )
+
+
+def turns_deg(data: Observed) -> Float[np.ndarray, " subjects"]:
+    """How far each subject's clavicle turned as measured, deg by full elevation: 0 where no elevations have a slope."""
+    return (data.values[_AXIAL] * _slope_weights(data)).sum(axis=0) * float(DEG)
 
 
 def with_mean_subject(of: Products, mean: MeanSubject | None) -> Products:
