@@ -18,12 +18,12 @@ SUBJECTS, POSTURES = 4, 6
 SAME = 1e-12
 
 
-def turning(by_full_elevation_deg: float, course: float = 1.0, elevation_deg=(0.0, 75.0, 150.0)) -> Observed:
+def turning(by_full_elevation_deg: float, elevation_deg=(0.0, 75.0, 150.0)) -> Observed:
     """Two motions of three postures each; the second starts 20 degrees farther on."""
-    elevation = np.tile(np.repeat(elevation_deg, 1), 2)
+    elevation = np.tile(elevation_deg, 2)
     f = elevation / 150.0
     values = np.zeros((6, POSTURES, SUBJECTS))
-    values[2] = (by_full_elevation_deg * f**course + 20.0 * (np.arange(POSTURES) >= 3))[:, None] / DEG
+    values[2] = (by_full_elevation_deg * f + 20.0 * (np.arange(POSTURES) >= 3))[:, None] / DEG
     return Observed(
         values=values,
         measured=np.ones((6, POSTURES, SUBJECTS), bool),

@@ -53,27 +53,33 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
     subjects = int(weight.any(axis=0).sum())
     if not subjects:
         return None
-    weight = weight / subjects
     sd = np.hypot(_STUDIES_DEG, _PEOPLE_DEG / np.sqrt(subjects))
+    departures = departures_of(data)
     own, beside = [np.zeros(0)], [np.zeros(0)]
     for effect in effects:
+        by_term, by_departure = np.zeros(effect.amplitudes // len(effect.channels)), np.zeros(departures.shape[2])
+        if effect.axial:
+            course = np.asarray(effect.course(jnp.asarray(data.elevation_deg)))
+            by_term = (course * weight).sum(axis=(1, 2)) / subjects
+            by_departure = np.einsum("ps,spd->d", course[0] * weight, departures) / subjects
         axial = effect.axial or np.zeros(len(effect.channels))
-        course = np.asarray(effect.course(jnp.asarray(data.elevation_deg)))
-        by_term = (course * weight).sum(axis=(1, 2))
         own.append(np.outer(axial, by_term).ravel())
         if effect.over_elevation:
-            by_departure = np.einsum("ps,spd->d", course[0] * weight, departures_of(data))
             beside.append(np.outer(axial, by_departure).ravel())
     taken_along = np.zeros(sum(len(effect.takes_along_mm) for effect in effects))
     return MeanSubject(
         np.concatenate([*own, *beside, taken_along]) / sd,
-        (_PUBLISHED_DEG - float(turns_deg(data).sum()) / subjects) / sd,
+        (_PUBLISHED_DEG - float(_turns_deg(data, weight).sum()) / subjects) / sd,
     )
 
 
 def turns_deg(data: Observed) -> Float[np.ndarray, " subjects"]:
     """How far each subject's clavicle turned as measured, deg by full elevation: 0 where no elevations have a slope."""
-    return (data.values[_AXIAL] * _slope_weights(data)).sum(axis=0) * float(DEG)
+    return _turns_deg(data, _slope_weights(data))
+
+
+def _turns_deg(data: Observed, weight: Float[np.ndarray, "postures subjects"]) -> Float[np.ndarray, " subjects"]:
+    return (data.values[_AXIAL] * weight).sum(axis=0) * float(DEG)
 
 
 def with_mean_subject(of: Products, mean: MeanSubject | None) -> Products:
