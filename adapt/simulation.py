@@ -48,8 +48,8 @@ def simulate_model_subjects(
     """Subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
 
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
-    effect is ``size`` times its scale, shared out over its channels, with signs common to all subjects (those of its
-    nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters differ by ``spread`` times
+    effect is ``size`` times its scale in each of its directions, without details, with signs common to all subjects
+    (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters differ by ``spread`` times
     PARAMETER_SD_MM. A posture that its chain cannot take is left out.
     """
     generator = Generator(PCG64(seed))
@@ -75,10 +75,9 @@ def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) ->
         return np.zeros((0, subjects))
     signs = np.where(effect.signs, effect.signs, generator.choice([-1.0, 1.0], effect.amplitudes))
     common = size * np.asarray(effect.prior_sd) * signs
-    if effect.over_elevation:
-        terms = effect.amplitudes // len(effect.channels)
-        common = np.where(np.arange(effect.amplitudes) % terms == 0, common, 0.0)
-    common = common / np.sqrt(len(effect.channels))
+    amplitude = np.arange(effect.amplitudes)
+    plain = (amplitude % effect.terms == 0) & (amplitude < len(effect.directions) * effect.terms)
+    common = np.where(plain, common, 0.0)
     return common[:, None] * (1.0 + AMPLITUDE_SPREAD * generator.standard_normal((1, subjects)))
 
 

@@ -57,7 +57,7 @@ def test_a_lag_adds_its_own_course_to_what_was_measured():
     each = of_each_channel(data)
     np.testing.assert_allclose(found.columns[:3], 0.0)
     np.testing.assert_allclose(found.columns[3:6] * sd_deg(), [1.0, 0.0, 0.0], atol=SAME)
-    assert len(found.columns) == 6 + len(TILT.channels) + 2 * each + len(TILT.takes_along_mm)
+    assert len(found.columns) == 6 + len(TILT.channels) + 2 * each
     start = 6 + len(TILT.channels) + each
     np.testing.assert_allclose(found.columns[6:start], 0.0)
     first, second = found.columns[start + each - 2 : start + each] * sd_deg()

@@ -12,7 +12,6 @@ from adapt.diagnosis.evidence import Linear, products
 from adapt.diagnosis.priors import likeliest_prior, likely_spreads, over_priors
 from models.effects import EFFECTS
 from models.effects.effect import FULL_ELEVATION_DEG
-from models.girdle import ADAPTED
 
 SAME = 1e-12
 """Relative: a few products."""
@@ -54,16 +53,6 @@ def test_columns_are_those_of_the_first_term_times_the_departure():
 def test_an_effect_that_is_constant_has_none():
     fitted = replace(fitted_to(F), A=np.ones((SUBJECTS, 3 * POSTURES, 1)), scale=np.ones(1), a=np.zeros((SUBJECTS, 1)))
     assert with_departures(fitted, [EFFECTS["clavicle_length"]], DATA) is fitted
-
-
-def test_a_tilted_thorax_may_take_its_centre_along_in_all_subjects():
-    """M_z by 50 mm times 7 deg, 6.1 mm; with half the spread of the adapted parameters a column of X is half a mm's."""
-    tilt, one = EFFECTS["thorax_tilt"], fitted_to(F)
-    fitted = replace(one, A=np.ones((SUBJECTS, 3 * POSTURES, 3)), scale=np.ones(3), a=np.zeros((SUBJECTS, 3)))
-    for spread in (np.ones(6), np.full(6, 0.5)):
-        wide = with_departures(fitted.with_spread(spread), [tilt], DATA)
-        np.testing.assert_allclose(wide.A[..., 3], one.X[..., ADAPTED.index("M_z")] / 8.0, rtol=SAME)
-        np.testing.assert_allclose(wide.scale[3:], [50.0 * np.radians(7.0)], rtol=SAME)
 
 
 def test_one_motion_has_nothing_to_depart_from():

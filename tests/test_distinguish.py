@@ -26,9 +26,6 @@ SURE = 1e-4
 STAYS = 0.01
 """Share of the way to the closed posture that is left after it: four projections do not settle the widest gaps."""
 
-TYPICAL = 0.67
-"""Of a scale: the median of |N(0, 1)|, shared out over the channels."""
-
 DRAWS = 20_000
 """Of the log evidence, whose mean is the divergence."""
 
@@ -86,7 +83,7 @@ def random_slopes(monkeypatch):
 
 def covariance(slopes: np.ndarray, hypothesis: tuple[str, ...], size: float = 1.0) -> np.ndarray:
     """Of the residuals of all subjects stacked, with effects of ``size`` times their typical size."""
-    prior = np.concatenate([TYPICAL * np.asarray(e.prior_sd) / np.sqrt(len(e.channels)) for e in SMALL_EFFECTS])
+    prior = np.concatenate([np.asarray(e.prior_sd) for e in SMALL_EFFECTS])
     acts = np.concatenate([np.full(effect.amplitudes, effect.name in hypothesis) for effect in SMALL_EFFECTS])
     X, A = slopes[..., :6] * THETA_SD_MM, slopes[..., 6:] * np.where(acts, size * prior, 0.0)
     n = X.shape[1]
@@ -159,7 +156,7 @@ def test_the_smallest_detectable_amplitude_is_the_first_of_its_steps_that_is_tol
         ]
         k = int(np.argmax(np.array(D) >= TOLD_APART))
         assert k > 0, "the slopes of this test are too large to be a test"
-        assert found[effect.name] == pytest.approx(sizes[k] * TYPICAL * np.sqrt(np.mean(np.square(effect.scale))))
+        assert found[effect.name] == pytest.approx(sizes[k] * np.linalg.norm(effect.scale))
 
 
 def test_what_nothing_shows_is_not_detectable(random_slopes):

@@ -37,16 +37,33 @@ def data():
     return closed(MODEL.girdle, CHOSEN, postures, Noise(1.0))
 
 
-def test_amplitudes_are_as_long_as_the_largest_scale_and_keep_the_signs_of_nature():
+def test_amplitudes_are_as_long_as_the_scales_and_keep_the_signs_of_nature():
     effect = EFFECTS["skin_artefact"]
     drawn = typical_amplitudes(effect, DRAWS, 3, np.random.default_rng(0))
     channels = drawn.reshape(DRAWS, 3, 3, -1)[..., 0]
-    length = np.linalg.norm(channels, axis=2) / max(effect.scale)
+    length = np.linalg.norm(channels, axis=2) / np.linalg.norm(effect.scale)
     assert (channels[..., 0] >= 0.0).all()
     assert (channels[..., 2] >= 0.0).all()
     assert abs(np.sign(channels[:, 0, 1]).mean()) < SE
     assert abs(length.mean() - 1.0) < SE
     assert abs(length.std() - BETWEEN_SUBJECTS) < SE
+
+
+def test_the_direction_that_leads_is_as_large_as_the_scale_beside_the_others():
+    """AI and TS before they are made as long as the scales: TS / AI is a Gaussian of theirs."""
+    effect = EFFECTS["scapulothoracic_gap"]
+    drawn = typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0, ::3]
+    ts, ai = drawn[(drawn != 0.0).all(axis=1)].T
+    ratio = ts / ai * effect.scale[1] / effect.scale[0]
+    assert abs(ratio.mean()) < SE
+    assert abs(ratio.std() - 1.0) < SE
+
+
+def test_details_make_an_effect_no_larger():
+    effect = EFFECTS["clavicle_length"]
+    length, detail = np.moveaxis(typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0], -1, 0)
+    assert abs(np.abs(length).mean() / effect.scale[0] - 1.0) < SE
+    assert abs(detail.std() / effect.scale[1] - np.hypot(1.0, BETWEEN_SUBJECTS)) < 2.0 * SE
 
 
 def test_amplitudes_of_one_draw_have_one_direction_and_one_course():

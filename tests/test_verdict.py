@@ -103,20 +103,20 @@ def test_no_name_is_given_where_unknown_is_nearly_as_probable(excess, answer):
     assert verdict.answer == answer
 
 
-def test_equal_evidence_gives_the_effects_equal_shares_and_none_as_much_as_all_of_them():
+def test_equal_evidence_gives_the_effects_equal_shares_and_none_a_third():
     verdict = judged({(): 0.0, **{(name,): 0.0 for name in NAMES}})
     known = 1.0 - verdict.probability[UNKNOWN]
     for name in NAMES:
-        assert verdict.probability[name] == pytest.approx(0.5 * known / len(NAMES), abs=SUM)
-    assert verdict.probability[NONE] == pytest.approx(0.5 * known, abs=SUM)
+        assert verdict.probability[name] == pytest.approx(0.65 * known / len(NAMES), abs=SUM)
+    assert verdict.probability[NONE] == pytest.approx(0.35 * known, abs=SUM)
 
 
 def test_a_marked_effect_is_as_probable_beforehand_as_all_others():
     verdict = judge(ranking({(): 0.0, **{(name,): 0.0 for name in NAMES}}), NAMES, expected=("b", "left out"))
     known = 1.0 - verdict.probability[UNKNOWN]
-    assert verdict.probability["b"] == pytest.approx(0.25 * known, abs=SUM)
-    assert verdict.probability["a"] == pytest.approx(0.25 * known / 3, abs=SUM)
-    assert verdict.probability[NONE] == pytest.approx(0.5 * known, abs=SUM)
+    assert verdict.probability["b"] == pytest.approx(0.325 * known, abs=SUM)
+    assert verdict.probability["a"] == pytest.approx(0.325 * known / 3, abs=SUM)
+    assert verdict.probability[NONE] == pytest.approx(0.35 * known, abs=SUM)
 
 
 def test_a_mark_does_not_outweigh_the_angles():

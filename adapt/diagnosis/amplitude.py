@@ -34,7 +34,7 @@ def amplitudes(
 
     With weights w_k, means m_k and variances v_k of these: m = sum w_k m_k and v = sum w_k (v_k + (m_k - m)^2). Where
     it is not known what acts beside an effect, its interval says so. The departures of its course (nothing at 150
-    degrees) and what it takes along are allowed for.
+    degrees) and its details are allowed for, and not told.
     """
     elevation_deg = float(data.elevation_deg[data.counted].max())
     by_name = {effect.name: effect for effect in effects}
@@ -48,7 +48,7 @@ def amplitudes(
         half = _INTERVAL * np.sqrt(np.average(variances + (means - mean) ** 2, axis=0, weights=weight))
         found[name] = tuple(
             Amplitude(channel, float(v), float(v - h), float(v + h))
-            for channel, v, h in zip(by_name[name].channels, mean, half, strict=True)
+            for channel, v, h in zip(by_name[name].directions, mean, half, strict=False)
         )
     return found
 

@@ -57,7 +57,7 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
     departures = departures_of(data)
     own, beside = [np.zeros(0)], [np.zeros(0)]
     for effect in effects:
-        by_term, by_departure = np.zeros(effect.amplitudes // len(effect.channels)), np.zeros(departures.shape[2])
+        by_term, by_departure = np.zeros(effect.terms), np.zeros(departures.shape[2])
         if effect.axial:
             course = np.asarray(effect.course(jnp.asarray(data.elevation_deg)))
             by_term = (course * weight).sum(axis=(1, 2)) / subjects
@@ -66,9 +66,8 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
         own.append(np.outer(axial, by_term).ravel())
         if effect.over_elevation:
             beside.append(np.outer(axial, by_departure).ravel())
-    taken_along = np.zeros(sum(len(effect.takes_along_mm) for effect in effects))
     return MeanSubject(
-        np.concatenate([*own, *beside, taken_along]) / sd,
+        np.concatenate([*own, *beside]) / sd,
         (_PUBLISHED_DEG - float(_turns_deg(data, weight).sum()) / subjects) / sd,
     )
 

@@ -4,8 +4,6 @@ An effect that goes with elevation is fitted with three terms of a course, the s
 corners, and another plane of elevation another strength. A departure d(f) multiplies the course's first term f, so that
 its columns are those of the first term times d; in the evidence they are integrated out like the amplitudes. The larger
 an effect is, the more its departures show: without them a large effect would be taken for an unknown one.
-
-And an effect may take adapted parameters along, in all subjects alike (``Effect.takes_along_mm``).
 """
 
 from collections.abc import Sequence
@@ -14,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import THETA_SD_MM, Linear
+from adapt.diagnosis.evidence import Linear
 from adapt.diagnosis.observed import Observed
 from models.effects import Effect
 from models.effects.effect import COURSE_SD, FULL_ELEVATION_DEG
-from models.girdle import ADAPTED
 
 _FINER_SD = (0.1, 0.1)
 """Prior SD of the next two terms of a course, as shares of the scale: a hinge at half the range, a late smooth step and
@@ -40,10 +37,6 @@ def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -
             columns.append(by_posture.reshape(subjects, postures * m, -1))
             scales.append(np.repeat(fitted.scale[first], shares.shape[2]))
         start += effect.amplitudes
-    for name, sd_mm in (taken for effect in effects for taken in effect.takes_along_mm):
-        k = ADAPTED.index(name)
-        columns.append(fitted.X[..., k : k + 1] / (fitted.spread[k] * THETA_SD_MM[k]))
-        scales.append(np.array([sd_mm]))
     if not columns:
         return fitted
     more = np.concatenate(columns, axis=2)

@@ -15,16 +15,13 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.evidence import THETA_SD_MM, Hypothesis, alike
-from adapt.diagnosis.misfit import columns_of, free_columns, misfit, prior_z
+from adapt.diagnosis.misfit import columns_of, free_columns, misfit, prior_sd_of, prior_z
 from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
 
 TOLD_APART = 3.0
 """Expected log evidence (odds of 20 to 1) from which two hypotheses are told apart."""
-
-_TYPICAL = 0.67
-"""Median size of an effect's amplitude in its scale: prior draws are larger as often as smaller."""
 
 _CLOSING_STEPS = 12
 """Projections until postures far from the model as it is have come to rest."""
@@ -99,7 +96,7 @@ def alike_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]
 def smallest_detectable(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> dict[str, float | None]:
-    """The amplitude of each effect (all channels together) from which these data would show it, in its unit; None
+    """The amplitude of each effect (all directions together) from which these data would show it, in its unit; None
     where 16 times its typical size would not do."""
     hypotheses = [(), *((effect.name,) for effect in effects)]
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
@@ -107,7 +104,7 @@ def smallest_detectable(
     for effect, column in zip(effects, columns, strict=True):
         sizes = (size for size in _SIZES if _divergence(_scaled(column, nothing, size), nothing) >= TOLD_APART)
         size = next(sizes, None)
-        typical = _TYPICAL * np.sqrt(np.mean(np.square(effect.scale)))
+        typical = np.linalg.norm(effect.scale[: len(effect.directions)])
         found[effect.name] = None if size is None else float(size * typical)
     return found
 
@@ -144,15 +141,10 @@ def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, 
     adapted = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2)
     found = []
     for hypothesis, A in zip(hypotheses, by_amplitudes, strict=True):
-        scale = np.concatenate([np.zeros(0), *(_typical_sd(by_name[name]) for name in hypothesis)])
+        scale = prior_sd_of(by_name[name] for name in hypothesis)
         between = A * alike(scale).between
         found.append(Column(adapted + between @ np.swapaxes(between, 1, 2), A * alike(scale).common))
     return found
-
-
-def _typical_sd(effect: Effect) -> Float[np.ndarray, " amplitudes"]:
-    """SD of each amplitude such that all channels together are of the effect's typical size."""
-    return np.asarray(effect.prior_sd) * _TYPICAL / np.sqrt(len(effect.channels))
 
 
 def _scaled(column: Column, nothing: Column, size: float) -> Column:

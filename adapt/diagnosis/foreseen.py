@@ -81,12 +81,14 @@ def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: 
 def typical_amplitudes(
     effect: Effect, draws: int, subjects: int, generator: Generator
 ) -> Float[np.ndarray, "draws subjects amplitudes"]:
-    """Amplitudes of its typical size: all channels together as long as the scale of the largest, which lies within
-    what the sources of every effect give, in a direction of its nature's signs, and alike in all subjects."""
-    scale, sign = np.asarray(effect.scale), np.asarray(effect.channel_signs)
-    way = generator.standard_normal((draws, len(scale))) * scale
-    way = np.where(sign == 0, way, sign * np.abs(way))
-    way *= scale.max() / np.linalg.norm(way, axis=1, keepdims=True)
+    """Amplitudes of its typical size: all directions together as long as their scales, in a direction of its nature's
+    signs, and alike in all subjects; with details."""
+    scale, sign, main = np.asarray(effect.scale), np.asarray(effect.channel_signs), len(effect.directions)
+    way = generator.standard_normal((draws, len(scale)))
+    if effect.leading is not None:
+        way[:, effect.leading] = np.sign(way[:, effect.leading])
+    way = np.where(sign == 0, way, sign * np.abs(way)) * scale
+    way[:, :main] *= np.linalg.norm(scale[:main]) / np.linalg.norm(way[:, :main], axis=1, keepdims=True)
     size = np.maximum(1.0 + BETWEEN_SUBJECTS * generator.standard_normal((draws, subjects)), 0.0)
     amplitudes = size[..., None] * way[:, None]
     if not effect.over_elevation:

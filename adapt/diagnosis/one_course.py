@@ -80,7 +80,7 @@ def _groups(effects: Sequence[Effect], departures: int) -> tuple[list[Int[np.nda
     firsts, groups, own = [], [], 0
     for effect in effects:
         channels = np.arange(len(effect.channels))
-        firsts.append(own + channels * (effect.amplitudes // len(channels)))
+        firsts.append(own + channels * effect.terms)
         own += effect.amplitudes
         if effect.over_elevation:
             groups += [_Group(firsts[-1], firsts[-1] + k, COURSE_SD[k]) for k in range(1, terms)]

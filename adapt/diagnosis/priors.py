@@ -40,16 +40,16 @@ _LIKELIEST = 8
 """So many are weighed with all else; the others are allowed for by their weight with the amplitudes as fitted."""
 
 _ABOUT_SIZE = 0.4
-"""SD of the amplitude of an effect of one channel about its size, as a share of it: scales are typical values of the
-effect where it is at work, not of its absence."""
+"""SD of the amplitude of the channel that leads about the effect's size, as a share of it: scales are typical values of
+the effect where it is at work, not of its absence."""
 
 _SHIFT_SHARE, SHIFT = 0.1, 0.5
 """Prior probability that the people measured differ from the parameter set on average, not only from each other; and by
 which share of ``THETA_SD_MM``."""
 
-_OPPOSED_SHARE, _UNLIKE_SHARE = 0.05, 0.02
-"""Prior probability that an effect's sign differs from subject to subject, all else being alike; and that each subject
-has amplitudes of its own."""
+_OPPOSED_SHARE, _UNLIKE_SHARE, _UNLIKE_SIGNED_SHARE = 0.05, 0.02, 0.002
+"""Prior probability that an effect's sign differs from subject to subject, all else being alike; that each subject has
+amplitudes of its own, of either sign; and that of an effect whose nature has a sign."""
 
 _TOGETHER_SHARE = 0.8
 """Prior probability, all subjects being alike, that the channels of an effect follow one course."""
@@ -93,15 +93,16 @@ def over_priors(
     priors = [alike(scale) * size for size in _SIZES]
     at, shifted = (one.over(noise_shares, spreads) for one in (of, of.with_shift()))
     opposed = at.turned(sign)
+    own_share = _UNLIKE_SIGNED_SHARE if any(any(effect.sign) for effect in effects) else _UNLIKE_SHARE
     alike_log = _mixed(
         (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for prior in priors]),
         (_SHIFT_SHARE, [_log_alike(shifted, prior + common_shift(SHIFT), effects, departures) for prior in priors]),
     )
     unlike_log = _mixed(
         (_OPPOSED_SHARE * 0.5 ** (sign.shape[-1] - 1), [_log_alike(opposed, p, unsigned, departures) for p in priors]),
-        (_UNLIKE_SHARE, [log_evidence(at, unlike(prior.common)) for prior in priors]),
+        (own_share, [log_evidence(at, unlike(prior.common)) for prior in priors]),
     )
-    share = 1.0 - _OPPOSED_SHARE - _UNLIKE_SHARE
+    share = 1.0 - _OPPOSED_SHARE - own_share
     each = np.logaddexp(alike_log + math.log(share), unlike_log)
     return OverPriors(log_sum(each), log_sum(unlike_log) - log_sum(alike_log) - math.log(share), each, spreads)
 
@@ -131,14 +132,21 @@ def likeliest_prior(fitted: Linear) -> Block:
 def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect], departures: int):
     """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs, and
     the channels of each effect go together or not."""
-    if len(effects) == 1 and len(effects[0].channels) == 1:
-        return _log_about(of, prior, effects[0])
+    if len(effects) == 1 and (leading := effects[0].leading) is not None:
+        return _log_about(of, prior, effects[0], leading * effects[0].terms, departures)
+    expected = [sign for effect in effects for sign in effect.signs]
+    return _log_together_or_not(of, prior, effects, expected, departures)
+
+
+def _log_together_or_not(
+    of: Statistics, prior: Block, effects: Sequence[Effect], signs: Sequence[int], departures: int
+):
+    """The same for one prior of the amplitudes, of which so many first ones have these signs, expected or 0."""
     expected = np.zeros(len(prior.common), dtype=int)
-    signs = [sign for effect in effects for sign in effect.signs]
     expected[: len(signs)] = signs
     free, common, covariance = common_amplitude(of, prior)
     free = free + _log_of_signs(expected, common, covariance)
-    if not effects:
+    if not any(len(effect.channels) > 1 for effect in effects):
         return free
     one = one_course(of, prior, common, effects, departures)
     together, common, covariance = common_amplitude(one.of, one.prior, one.along)
@@ -155,14 +163,15 @@ def _log_of_signs(expected: Int[np.ndarray, " amplitudes"], common, covariance):
     return log
 
 
-def _log_about(of: Statistics, prior: Block, effect: Effect):
-    """The same for one channel, whose amplitude lies about plus or minus the size."""
-    logs = []
+def _log_about(of: Statistics, prior: Block, effect: Effect, leading: int, departures: int):
+    """The same if the amplitude of the channel that leads lies about plus or minus the size."""
+    own, logs = effect.signs[leading], []
     for sign in (1.0, -1.0):
         mean, common = prior.mean.copy(), prior.common.copy()
-        mean[0], common[0] = sign * common[0], _ABOUT_SIZE * common[0]
-        share = 0.5 if not effect.signs[0] else 1.0 - _AGAINST_SHARE if sign == effect.signs[0] else _AGAINST_SHARE
-        logs.append(math.log(share) + log_evidence(of, replace(prior, mean=mean, common=common)))
+        mean[leading], common[leading] = sign * common[leading], _ABOUT_SIZE * common[leading]
+        share = 0.5 if not own else 1.0 - _AGAINST_SHARE if sign == own else _AGAINST_SHARE
+        about = replace(prior, mean=mean, common=common)
+        logs.append(math.log(share) + _log_together_or_not(of, about, [effect], (), departures))
     return log_sum(logs)
 
 

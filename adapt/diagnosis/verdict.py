@@ -20,7 +20,7 @@ NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
 _TEMPERATURE = 1.0
 """Divides log evidence: 1 takes it at its word, more allows for evidence that is too sure of itself."""
 
-_NONE_PRIOR = 0.5
+_NONE_PRIOR = 0.35
 """Prior probability of no effect; single effects share the rest."""
 
 _EXPECTED_SHARE = 0.5

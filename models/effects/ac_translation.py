@@ -16,6 +16,7 @@ EFFECT = Effect(
     unit="mm",
     channels=("along", "up", "back"),
     scale=(1.5, 1.5, 4.5),
+    leads="back",
     over_elevation=True,
     source="Sahara 2006: antero-posterior -1.9 to +1.6 mm; bone pins 2.7-6.5 mm",
     adjust=_adjust,

@@ -1,7 +1,7 @@
-"""The subject's clavicle is longer or shorter than the cadaver's: in its shaft, so the conoid keeps its place near AC.
+"""The subject's clavicle is longer or shorter than the cadaver's.
 
-Scaled as a whole, a clavicle 8 % longer would take the conoid's attachment farther from the scapula than any conoid of
-the adapted lengths reaches.
+The conoid's attachment may keep its distance from AC, or its share of the length as the conoid tubercle does in
+different people (Rios 2007): it goes halfway, give or take half the way.
 """
 
 from dataclasses import replace
@@ -11,17 +11,19 @@ from models.girdle import Girdle
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rotations]:
-    more_mm = girdle.ac_mm * percent / 100.0
-    longer = replace(girdle, ac_mm=girdle.ac_mm + more_mm, clavicle_conoid_mm=girdle.clavicle_conoid_mm + more_mm)
-    return longer, rotations
+    longer, farther = percent / 100.0
+    ac_mm = girdle.ac_mm * (1.0 + longer)
+    from_ac_mm = (girdle.clavicle_conoid_mm - girdle.ac_mm) * (1.0 + 0.5 * longer + farther)
+    return replace(girdle, ac_mm=ac_mm, clavicle_conoid_mm=ac_mm + from_ac_mm), rotations
 
 
 EFFECT = Effect(
     name="clavicle_length",
     what="the subject's clavicle is not the cadaver's",
     unit="%",
-    channels=("length",),
-    scale=(8.0,),
+    channels=("length", "conoid from AC, %"),
+    scale=(8.0, 4.0),
+    details=1,
     over_elevation=False,
     source="143-146 +- 11 mm between people",
     adjust=_adjust,

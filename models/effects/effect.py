@@ -46,7 +46,8 @@ FULL_ELEVATION_DEG = 150.0
 
 @dataclass(frozen=True)
 class Effect:
-    """One candidate. ``channels`` are its independent directions, ``scale`` their prior SD in ``unit``.
+    """One candidate. ``channels`` are its independent directions, ``scale`` their prior SD in ``unit``: as a vector,
+    as long as the effect typically is.
 
     With ``over_elevation`` each channel follows a smooth course over humeral elevation that is zero with the arm
     hanging (:meth:`course`), and that is slow at first if ``late``; else it is one number a subject. ``adjust`` takes
@@ -69,13 +70,34 @@ class Effect:
     axial: tuple[float, ...] = ()
     """How much farther the clavicle has turned about its own axis than was measured, deg a unit of each channel; empty
     where the effect does not hide such a turn."""
-    takes_along_mm: tuple[tuple[str, float], ...] = ()
-    """Names of ADAPTED that the effect may move, in all subjects alike, with the prior SD of it."""
+    leads: str = ""
+    """The channel that is the effect's own direction, where there is one: along it the effect typically is as large as
+    the scale, the other channels only lie beside it. Of a single direction it is that one."""
+    details: int = 0
+    """So many of the last channels say how the effect acts, not how large it is; the name of each says its unit. None
+    of them is reported."""
+
+    @property
+    def directions(self) -> tuple[str, ...]:
+        """The channels without the details."""
+        return self.channels[: len(self.channels) - self.details]
+
+    @property
+    def leading(self) -> int | None:
+        """The channel that leads, or None."""
+        if len(self.directions) == 1:
+            return 0
+        return self.channels.index(self.leads) if self.leads else None
+
+    @property
+    def terms(self) -> int:
+        """How many numbers describe the course of a channel."""
+        return len(COURSE_SD) if self.over_elevation else 1
 
     @property
     def amplitudes(self) -> int:
         """How many numbers describe this effect in one subject."""
-        return len(self.channels) * (len(COURSE_SD) if self.over_elevation else 1)
+        return len(self.channels) * self.terms
 
     @property
     def channel_signs(self) -> tuple[int, ...]:
@@ -85,7 +107,7 @@ class Effect:
     @property
     def signs(self) -> tuple[int, ...]:
         """The expected sign of each amplitude; the later terms of a course have none."""
-        more = (0,) * (self.amplitudes // len(self.channels) - 1)
+        more = (0,) * (self.terms - 1)
         return tuple(value for channel in self.channel_signs for value in (channel, *more))
 
     @property
