@@ -200,9 +200,20 @@ def test_the_slope_of_the_gap_is_its_difference_quotient(shape: str) -> None:
 def test_subjects_differ_as_they_were_drawn() -> None:
     people = make_world("none", R2, subjects=60, seed=3).truth["subjects"].values()
     spread = np.std([[p[k] for k in conventions.PARAMETERS] for p in people], axis=0)
+    sd_mm, size_sd = subjects.draw_people(3)
+    drawn = np.hypot(sd_mm, size_sd * subjects.THORAX_MM)
     # 60 draws, of which those that do not close are drawn anew
-    assert np.all(spread > 0.5 * subjects.PARAMETER_SD_MM)
-    assert np.all(spread < 1.4 * subjects.PARAMETER_SD_MM)
+    assert np.all(spread > 0.5 * drawn)
+    assert np.all(spread < 1.4 * drawn)
+
+
+def test_the_people_of_each_world_differ_in_their_own_way() -> None:
+    worlds = np.array([np.append(*subjects.draw_people(seed)) for seed in range(200)])
+    for sd, least, most in zip(
+        worlds.T, [*subjects.PARAMETER_SD_MM / 2.0, 0.0], [*subjects.PARAMETER_SD_MM * 2.0, 0.05], strict=True
+    ):
+        assert least <= sd.min() < least + 0.1 * most
+        assert 0.9 * most < sd.max() <= most
 
 
 @pytest.mark.parametrize("model", sorted(MODELS.glob("*.toml")), ids=lambda path: path.stem)

@@ -17,5 +17,5 @@ PARAMETERS = ("M_y_mm", "M_z_mm", "A_x_mm", "A_y_mm", "A_z_mm", "conoid_length_m
 PLANES_DEG = {"abduction": 0.0, "scapular_plane": 30.0, "forward_flexion": 90.0}
 """Motions and the plane of the humerus: 0 abduction, 90 forward flexion."""
 DEG = np.pi / 180.0
-SUBJECT_STREAM, EFFECT_STREAM, NOISE_STREAM, LANDMARK_STREAM = 1, 2, 3, 4
+SUBJECT_STREAM, EFFECT_STREAM, NOISE_STREAM, LANDMARK_STREAM, PEOPLE_STREAM = 1, 2, 3, 4, 5
 """Streams of random numbers: worlds of one seed share subjects and noise, whatever their effect."""

@@ -69,11 +69,11 @@ def thorax_shape(w: Draw) -> Change:
 
 
 def clavicle_length(w: Draw) -> Change:
-    """The shaft of the clavicle is longer or shorter, %; the conoid attachment nearly keeps its distance from AC.
+    """The shaft of the clavicle is longer or shorter, %.
 
-    A clavicle scaled as a whole would pull its attachment so far from the scapula's that no conoid could reach.
+    The conoid attachment keeps its distance from AC, or its share of the length, or something between.
     """
-    share = w.rng.uniform(0.8, 1.0)
+    share = w.rng.uniform(0.65, 1.0)
     w.notes["attachment_moves_by"] = share
 
     def lengthen(c: Chain) -> Chain:
@@ -87,7 +87,7 @@ def clavicle_length(w: Draw) -> Change:
 def scapula_size(w: Draw) -> Change:
     """The blade of the scapula is larger or smaller, %: its height nearly as its width, the coracoid by a share."""
     height = 1.0 + 0.15 * w.rng.standard_normal(w.postures.subjects)
-    coracoid = w.rng.uniform(0.3, 0.7)
+    coracoid = w.rng.uniform(0.4, 1.0)
     w.notes |= {"height_share_by_subject": height, "coracoid_share": coracoid}
     share = np.ones((len(w.postures.subject), 3))
     share[:, 1] = height[w.postures.subject]

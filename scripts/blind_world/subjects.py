@@ -6,12 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scripts.blind_world.chain import Chain
-from scripts.blind_world.conventions import PLANES_DEG, SUBJECT_STREAM, Array, Index
+from scripts.blind_world.conventions import PEOPLE_STREAM, PLANES_DEG, SUBJECT_STREAM, Array, Index
 
 REST_DEG = np.array([-28.57, 11.68, 7.48, 32.05, 10.67, -10.32])
 REST_SD_DEG = np.array([5.0, 4.0, 4.0, 5.0, 4.0, 4.5])
 SLOPE_SD = 0.12
 PARAMETER_SD_MM = np.array([15.0, 5.0, 3.0, 15.0, 8.0, 1.5])
+OTHER_SPREAD = 2.0
+"""The people of a world vary by so many times that at most, or that divided by it: each parameter by its own."""
+SIZE_SD = 0.05
+"""And at most by this share in the size of the whole thorax, about so large:"""
+THORAX_MM = np.array([0.0, 0.0, 130.0, 250.0, 110.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -60,6 +65,15 @@ class Subjects:
     """Axial rotation of the clavicle between hanging and 120 deg (s,)."""
 
 
+def draw_people(seed: int) -> tuple[Array, float]:
+    """How people differ in a world, whatever the effect: SDs of PARAMETERS, mm, and of the size of the thorax, a share.
+
+    Drawn for each world, so that a diagnosis cannot know them.
+    """
+    rng = np.random.default_rng([seed, PEOPLE_STREAM])
+    return PARAMETER_SD_MM * OTHER_SPREAD ** rng.uniform(-1.0, 1.0, len(PARAMETER_SD_MM)), rng.uniform(0.0, SIZE_SD)
+
+
 def draw_subject(seed: int, number: int, attempt: int) -> Subjects:
     """One subject (s = 1); the same whatever the effect."""
     rng = np.random.default_rng([seed, SUBJECT_STREAM, number, attempt])
@@ -67,8 +81,9 @@ def draw_subject(seed: int, number: int, attempt: int) -> Subjects:
     def bell(n: int) -> Array:
         return np.clip(rng.standard_normal((1, n)), -2.2, 2.2)
 
+    sd_mm, size_sd = draw_people(seed)
     return Subjects(
-        parameter_mm=PARAMETER_SD_MM * bell(6),
+        parameter_mm=sd_mm * bell(6) + size_sd * bell(1) * THORAX_MM,
         rest_deg=REST_DEG + REST_SD_DEG * bell(6),
         slope=1.0 + SLOPE_SD * bell(10),
         axial_deg=rng.uniform(25.0, 35.0, 1),
