@@ -194,7 +194,7 @@ def test_other_noise_is_that_of_the_dense_gaussian(prior, share):
 def test_noise_integrated_out_is_the_mixture_of_the_dense_gaussians(prior):
     fitted, block = linear_of(), prior(linear_of().scale)
     shares = [(0.8, 0.3), (1.0, 0.5), (1.3, 0.2)]
-    found = log_sum(log_evidence(products(fitted).over_noise(shares), block))
+    found = log_sum(log_evidence(products(fitted).over(shares), block))
     expected = [np.log(weight) + dense(fitted, block, noise=share).log_evidence for share, weight in shares]
     assert found == pytest.approx(np.logaddexp.reduce(expected), rel=SAME)
 

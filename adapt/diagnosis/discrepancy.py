@@ -81,10 +81,10 @@ def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[
     """The most of any kind and size; the noise is integrated out, with and without. A shift of the adapted parameters
     that subjects have in common is no discrepancy: it may be there in both."""
     shift = common_shift(SHIFT)
-    without = log_sum(log_evidence(products(fitted).with_shift().over_noise(noises), prior + shift))
+    without = log_sum(log_evidence(products(fitted).with_shift().over(noises), prior + shift))
     gains = []
     for columns, spread in kinds:
-        with_more, one = products(fitted, columns).with_shift().over_noise(noises), np.ones(columns.shape[2])
+        with_more, one = products(fitted, columns).with_shift().over(noises), np.ones(columns.shape[2])
         priors = [prior + spread(one * scale) + shift for scale in _SCALES_MM]
         gains += [log_sum(log_evidence(with_more, wider)) for wider in priors]
     return max(gains) - without

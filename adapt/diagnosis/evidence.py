@@ -10,7 +10,6 @@ the evidence is closed form; per subject only two sufficient statistics of the a
 by adding them.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -158,37 +157,45 @@ class Products:
     spread: Float[np.ndarray, " 6"] = field(default_factory=lambda: np.ones(_ADAPTED))
     """That X is for."""
 
-    def at(self, noise_share: float = 1.0, spread: Float[np.ndarray, " 6"] | None = None) -> Statistics:
-        """What is left once the adapted parameters are integrated out.
+    def at(
+        self,
+        noise_share: float | Float[np.ndarray, "*first"] = 1.0,
+        spread: Float[np.ndarray, "*first 6"] | None = None,
+    ) -> Statistics:
+        """What is left once the adapted parameters are integrated out; of several noises and spreads along first axes.
 
         From (1 + X X')^-1 = 1 - X (1 + X'X)^-1 X' and det(1 + X X') = det(1 + X'X): 6x6 in place of residuals squared.
         """
-        unit = np.full(self.columns.shape[1], 1.0 / noise_share)
-        unit[:_ADAPTED] *= 1.0 if spread is None else spread / self.spread
-        columns, seen = self.columns * np.outer(unit, unit), self.seen * unit / noise_share
-        root = np.linalg.cholesky(np.eye(_ADAPTED) + columns[:, :_ADAPTED, :_ADAPTED])
+        share, draws = np.asarray(noise_share), self.square.ndim
+        wider = (self.spread if spread is None else spread) / self.spread
+        first = np.broadcast_shapes(share.shape, wider.shape[:-1])
+        unit = np.ones((*first, self.columns.shape[1])) / share[..., None]
+        unit[..., :_ADAPTED] *= wider
+        columns = self.columns * (unit[..., :, None] * unit[..., None, :])[..., None, :, :]
+        behind_draws = (slice(None),) * len(first) + (None,) * draws
+        share, unit = np.broadcast_to(share, first)[behind_draws], unit[behind_draws]
+        seen = self.seen * (unit / share[..., None])[..., None, :]
+        root = np.linalg.cholesky(np.eye(_ADAPTED) + columns[..., :_ADAPTED, :_ADAPTED])
         away = np.linalg.inv(root)
-        through = away @ columns[:, :_ADAPTED, _ADAPTED:]
-        own = np.einsum("sij,...sj->...si", away, seen[..., :_ADAPTED])
-        log = -0.5 * (self.square / noise_share**2 - (own**2).sum(axis=(-1, -2)))
-        information = columns[:, _ADAPTED:, _ADAPTED:] - np.swapaxes(through, 1, 2) @ through
+        through = away @ columns[..., :_ADAPTED, _ADAPTED:]
+        own = (away[behind_draws] @ seen[..., :_ADAPTED, None])[..., 0]
+        log = -0.5 * (self.square / share**2 - (own**2).sum(axis=(-1, -2)))
+        information = columns[..., _ADAPTED:, _ADAPTED:] - np.swapaxes(through, -1, -2) @ through
+        volume = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=(-1, -2))
         return Statistics(
-            log=log - np.log(np.diagonal(root, axis1=1, axis2=2)).sum(),
-            information=information.reshape((1,) * log.ndim + information.shape),
-            pull=seen[..., _ADAPTED:] - np.einsum("sia,...si->...sa", through, own),
+            log=log - volume[behind_draws],
+            information=information[behind_draws],
+            pull=seen[..., _ADAPTED:] - (own[..., None, :] @ through[behind_draws])[..., 0, :],
         )
 
-    def log_of_spreads(
-        self, amplitudes: Float[np.ndarray, "subjects amplitudes"], spreads: Float[np.ndarray, "spreads 6"]
-    ) -> Float[np.ndarray, " spreads"]:
-        """Log evidence of each of the spreads with these amplitudes, but for what all spreads share."""
-        unit = (spreads / self.spread)[:, None]
-        own = self.seen[:, :_ADAPTED] - np.einsum("sik,sk->si", self.columns[:, :_ADAPTED, _ADAPTED:], amplitudes)
-        scaled = unit[..., None] * self.columns[:, :_ADAPTED, :_ADAPTED] * unit[..., None, :]
-        root = np.linalg.cholesky(np.eye(_ADAPTED) + scaled)
-        away = np.linalg.solve(root, (unit * own)[..., None])
-        logs = 0.5 * (away**2).sum(axis=(-1, -2)) - np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
-        return logs.sum(axis=-1)
+    def of_adapted(self, amplitudes: Float[np.ndarray, "subjects amplitudes"]) -> "Products":
+        """Those of X alone, had these amplitudes been known."""
+        by_amplitudes, seen = self.columns[:, _ADAPTED:], self.seen[:, _ADAPTED:]
+        both = np.einsum("skl,sk->sl", by_amplitudes, amplitudes)
+        explained = (amplitudes * (2.0 * seen - both[:, _ADAPTED:])).sum()
+        own = slice(None, _ADAPTED)
+        seen = self.seen[:, own] - both[:, own]
+        return replace(self, columns=self.columns[:, own, own], seen=seen, square=self.square - explained)
 
     def with_shift(self) -> "Products":
         """The same with X once more behind all columns, in units of ``THETA_SD_MM``: what a shift of the adapted
@@ -199,24 +206,15 @@ class Products:
         columns = self.columns[:, again[:, None], again] * np.outer(unit, unit)
         return replace(self, columns=columns, seen=self.seen[..., again] * unit)
 
-    def over_noise(
-        self, shares: Sequence[tuple[float, float]], spread: Float[np.ndarray, " 6"] | None = None
+    def over(
+        self, shares: Sequence[tuple[float, float]], spreads: Float[np.ndarray, "spreads 6"] | None = None
     ) -> Statistics:
-        """The same, along a first axis, for each share of the noise there may be, its probability included: the
-        evidences add up."""
-        found = []
-        for share, probability in shares:
-            of = self.at(share, spread)
-            found.append(replace(of, log=of.log + math.log(probability) - self.residuals * math.log(share)))
-        return _stacked(found)
-
-    def over(self, shares: Sequence[tuple[float, float]], spreads: Float[np.ndarray, "spreads 6"]) -> Statistics:
-        """The same for each of ``spreads``, along another axis before that of the noise."""
-        return _stacked([self.over_noise(shares, spread) for spread in spreads])
-
-
-def _stacked(each: Sequence[Statistics]) -> Statistics:
-    return Statistics(*(np.stack(values) for values in zip(*(vars(of).values() for of in each), strict=True)))
+        """The same, along a first axis, for each of ``spreads``, where given; then for each share of the noise that may
+        be all of it, its probability included: the evidences add up."""
+        share, probability = np.transpose(shares)
+        of = self.at(share, None if spreads is None else spreads[:, None])
+        more = np.log(probability) - self.residuals * np.log(share)
+        return replace(of, log=of.log + more.reshape(-1, *(1,) * self.square.ndim))
 
 
 def products(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more"] | None = None) -> Products:

@@ -111,7 +111,7 @@ def likely_spreads(
     of: Products, amplitudes: Float[np.ndarray, "subjects amplitudes"]
 ) -> tuple[Float[np.ndarray, "likeliest 6"], float]:
     """The spreads with the most evidence for these amplitudes, and the log of their share of the evidence of all."""
-    log = of.log_of_spreads(amplitudes, _SPREADS)
+    log = of.of_adapted(amplitudes).at(spread=_SPREADS).log
     chosen = np.sort(np.argsort(-log, kind="stable")[:_LIKELIEST])
     return _SPREADS[chosen], float(log_sum(log[chosen]) - log_sum(log))
 
