@@ -393,7 +393,7 @@ def simulate(
 def list_effects() -> None:
     """List the candidate unmodelled effects, one line each."""
     for one in EFFECTS.values():
-        scale = " / ".join(f"{value:g}" for value in one.scale)
+        scale = " / ".join(f"{value:g}" for value in one.scale[: len(one.directions)])
         console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit}", soft_wrap=True)
 
 
