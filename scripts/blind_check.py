@@ -30,7 +30,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -142,6 +142,10 @@ class Case:
         return MODELS[self.seed % len(MODELS)]
 
 
+AnyCase = TypeVar("AnyCase", bound=Case)
+"""A case, or one with more to it."""
+
+
 # What to do ---------------------------------------------------------------------------------------------------------
 
 
@@ -157,7 +161,7 @@ def plan(conditions: Sequence[str], seeds: Sequence[int], labels: Sequence[str] 
     ]
 
 
-def missing(cases: Sequence[Case], lines: Sequence[Line]) -> list[Case]:
+def missing(cases: Sequence[AnyCase], lines: Sequence[Line]) -> list[AnyCase]:
     """The cases that have no line yet, or that failed: a cause may have gone."""
     done = {key(line) for line in lines if "failed" not in line}
     return [case for case in cases if key(asdict(case)) not in done]
@@ -183,10 +187,10 @@ def world_of(case: Case) -> World:
 # One case -----------------------------------------------------------------------------------------------------------
 
 
-Examine = Callable[[Case, Path | None], Line]
+Examine = Callable[[AnyCase, Path | None], Line]
 
 
-def run_case(case: Case, how: Examine, fits: Path | None) -> Line:
+def run_case(case: AnyCase, how: Examine[AnyCase], fits: Path | None) -> Line:
     """A case to its line; what goes wrong becomes its line."""
     line = {"origin": "simulated", **asdict(case), "model": case.model, "code": code_state()}
     start = time.monotonic()
@@ -367,7 +371,7 @@ def append_lines(path: Path, lines: Iterator[Line], progress: Callable[[Line], N
             progress(line)
 
 
-def run(cases: Sequence[Case], jobs: int, how: Examine, fits: Path | None) -> Iterator[Line]:
+def run(cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase], fits: Path | None) -> Iterator[Line]:
     """The lines of the cases as they are done."""
     if jobs == 1:
         keep_compiled()
@@ -383,7 +387,9 @@ def run(cases: Sequence[Case], jobs: int, how: Examine, fits: Path | None) -> It
         pool.shutdown(cancel_futures=True)
 
 
-def run_missing(path: Path, cases: Sequence[Case], jobs: int, how: Examine = examine, fits: Path | None = None) -> None:
+def run_missing(
+    path: Path, cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase], fits: Path | None = None
+) -> None:
     """All cases that are not yet in the file, with a bar on stderr."""
     left = missing(cases, read_lines(path))
     columns = (
