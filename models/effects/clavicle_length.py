@@ -1,7 +1,7 @@
 """The subject's clavicle is longer or shorter than the cadaver's.
 
-The conoid's attachment may keep its distance from AC, or its share of the length as the conoid tubercle does in
-different people (Rios 2007): it goes halfway, give or take half the way.
+The conoid's attachment may keep its distance from AC, or its share of the length, as the conoid tubercles of men and
+women do (Rios 2007, doi 10.1177/0363546506297536): it goes halfway, give or take half the way.
 """
 
 from dataclasses import replace
