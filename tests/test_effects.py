@@ -265,8 +265,8 @@ def test_what_is_constant_has_a_course_of_one():
 
 
 def longer(b: Bones, strength) -> Bones:
-    length, from_ac = 1.0 + strength[0] / 100.0, 1.0 + (0.5 * strength[0] + strength[1]) / 100.0
-    conoid_mm = length * b.ac_mm + from_ac * (b.clavicle_conoid_mm - b.ac_mm)
+    length, near, thick = 1.0 + np.array([strength[0], *(0.5 * strength[0] + strength[1:])]) / 100.0
+    conoid_mm = length * b.ac_mm + np.array([near, thick, thick]) * (b.clavicle_conoid_mm - b.ac_mm)
     return replace(b, ac_mm=length * b.ac_mm, clavicle_conoid_mm=conoid_mm)
 
 
@@ -303,10 +303,10 @@ def test_an_effect_on_the_bones_is_a_girdle_with_other_numbers(name):
 
 def test_a_longer_clavicle_may_keep_the_conoid_at_its_place_near_ac_or_its_share_of_the_length():
     """Only AC and what hangs on it move, and A3 is that of the base model; or all of the clavicle is scaled."""
-    near_ac = chain((EFFECTS["clavicle_length"], np.array([8.0, -4.0])))
+    near_ac = chain((EFFECTS["clavicle_length"], np.array([8.0, -4.0, -4.0])))
     close(residuals(near_ac)[2], base_residuals()[2])
     scaled = replace(BONES, ac_mm=1.08 * BONES.ac_mm, clavicle_conoid_mm=1.08 * BONES.clavicle_conoid_mm)
-    found = residuals(chain((EFFECTS["clavicle_length"], np.array([8.0, 4.0]))))
+    found = residuals(chain((EFFECTS["clavicle_length"], np.array([8.0, 4.0, 4.0]))))
     close(found, np.transpose([constraints(scaled, q)[0] for q in np.asarray(ANGLES * DEG).T]))
 
 

@@ -61,7 +61,7 @@ def test_the_direction_that_leads_is_as_large_as_the_scale_beside_the_others():
 
 def test_details_make_an_effect_no_larger():
     effect = EFFECTS["clavicle_length"]
-    length, detail = np.moveaxis(typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0], -1, 0)
+    length, detail, _ = np.moveaxis(typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0], -1, 0)
     assert abs(np.abs(length).mean() / effect.scale[0] - 1.0) < SE
     assert abs(detail.std() / effect.scale[1] - np.hypot(1.0, BETWEEN_SUBJECTS)) < 2.0 * SE
 
