@@ -74,7 +74,7 @@ def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) ->
     if effect is None:
         return np.zeros((0, subjects))
     signs = np.where(effect.signs, effect.signs, generator.choice([-1.0, 1.0], effect.amplitudes))
-    common = size * np.asarray(effect.prior_sd) * signs
+    common = size * effect.prior_sd * signs
     amplitude = np.arange(effect.amplitudes)
     plain = (amplitude % effect.terms == 0) & (amplitude < len(effect.directions) * effect.terms)
     common = np.where(plain, common, 0.0)

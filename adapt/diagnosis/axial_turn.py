@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -59,7 +58,7 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
     for effect in effects:
         by_term, by_departure = np.zeros(effect.terms), np.zeros(departures.shape[2])
         if effect.axial:
-            course = np.asarray(effect.course(jnp.asarray(data.elevation_deg)))
+            course = effect.course(data.elevation_deg)
             by_term = (course * weight).sum(axis=(1, 2)) / subjects
             by_departure = np.einsum("ps,spd->d", course[0] * weight, departures) / subjects
         axial = effect.axial or np.zeros(len(effect.channels))

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.random import Generator, default_rng
 
+from adapt.chunks import in_threads
 from adapt.diagnosis.axial_turn import mean_subject
 from adapt.diagnosis.distinguish import slopes
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, Hypothesis, Products
@@ -73,7 +74,7 @@ def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: 
         [_draws(gram, root, k, effect, generator) for k, effect in zip(own[1:], effects, strict=True)]
     )
     alone = [[], *([effect] for effect in effects)]
-    logs = np.array([_log_evidence(gram, seen, k, at_work) for k, at_work in zip(own, alone, strict=True)])
+    logs = np.array(in_threads(lambda k, at_work: _log_evidence(gram, seen, k, at_work), own, alone))
     shares = shares_of(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
     return {name: _outcomes(k, shares[:, k], names) for k, name in enumerate(names)}
 

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from adapt.chunks import UNFUSED, in_chunks
 from adapt.diagnosis.observed import Noise, Observed
 from adapt.linalg import jacobian
 from adapt.newton import STEP_LIMIT_RAD
@@ -28,8 +29,8 @@ from models.effects import Effect, ExtendedGirdle
 from models.girdle import ADAPTED, Girdle
 from motions.table import ANGLES
 
-_LANES = 64
-"""Lanes compiled together: fewer are padded, more go in chunks."""
+_POSTURES = 512
+"""Postures compiled together, of whatever lane: fewer are padded, more go in chunks."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def columns_of(effects: tuple[Effect, ...], active: tuple[str, ...]) -> Int[np.n
 
 def prior_sd_of(effects: Iterable[Effect]) -> Float[np.ndarray, " amplitudes"]:
     """Prior SD of the amplitudes of these effects, one after the other; of none, none."""
-    return np.concatenate([np.zeros(0), *(np.asarray(effect.prior_sd) for effect in effects)])
+    return np.concatenate([np.zeros(0), *(effect.prior_sd for effect in effects)])
 
 
 def free_columns(
@@ -124,15 +125,14 @@ def misfit(
     )
 
 
-def _in_chunks(function, girdle: Girdle, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
-    """The function over ``_LANES`` lanes at a time; results with the lanes and postures first."""
-    lanes = arrays[0].shape[-1]
-    parts = []
-    for first in range(0, lanes, _LANES):
-        index = np.minimum(np.arange(first, first + _LANES), lanes - 1)
-        parts.append(function(girdle, *(jnp.asarray(x[..., index]) for x in arrays)))
-    results = (np.concatenate([np.asarray(x) for x in part], axis=-1)[..., :lanes] for part in zip(*parts, strict=True))
-    return tuple(np.moveaxis(x, (-1, -2), (0, 1)) for x in results)
+def _at_postures(function, girdle: Girdle, angles, z, elevation_deg) -> tuple[np.ndarray, ...]:
+    """The function at every posture of every lane; results with the lanes and postures first.
+
+    A posture needs nothing of the others: all are one batch, whose size alone is compiled for."""
+    postures, lanes = elevation_deg.shape
+    flat = (angles.reshape(len(angles), -1), np.tile(z, postures), elevation_deg.ravel())
+    results = in_chunks(partial(function, girdle), _POSTURES, *flat)
+    return tuple(np.moveaxis(x.reshape(*x.shape[:-1], postures, lanes), (-1, -2), (0, 1)) for x in results)
 
 
 def _chosen(
@@ -145,7 +145,7 @@ def _chosen(
     inputs, first = [np.arange(len(ADAPTED))], len(ADAPTED)
     over = [np.ones((len(ADAPTED), *elevation_deg.shape))]
     for effect in effects:
-        channels, course = len(effect.channels), np.asarray(effect.course(elevation_deg))
+        channels, course = len(effect.channels), effect.course(elevation_deg)
         inputs.append(np.repeat(first + np.arange(channels), len(course)))
         over.append(np.tile(course, (channels, 1, 1)))
         first += channels
@@ -156,22 +156,17 @@ def _chosen(
     return picked.transpose(0, 2, 3, 1) * factor.transpose(2, 1, 0)[:, :, None]
 
 
-def _over_postures(z, elevation_deg):
-    return jnp.broadcast_to(z[:, None], (z.shape[0], *elevation_deg.shape))
-
-
-def _inputs(effects, z, elevation_deg) -> Float[Array, " inputs postures lanes"]:
+def _inputs(effects, z, elevation_deg) -> Float[Array, " inputs postures"]:
     """The adapted parameters and the strength of every channel of every effect, at each posture."""
-    spread = _over_postures(z, elevation_deg)
-    amplitudes = (spread[a:b] for a, b in itertools.pairwise(_ends(effects)))
+    amplitudes = (z[a:b] for a, b in itertools.pairwise(_ends(effects)))
     strengths = [effect.at(a, elevation_deg) for effect, a in zip(effects, amplitudes, strict=True)]
-    return jnp.concatenate([spread[: len(ADAPTED)], *strengths])
+    return jnp.concatenate([z[: len(ADAPTED)], *strengths])
 
 
 def _chain(effects, girdle: Girdle, inputs) -> ExtendedGirdle:
     ends = np.cumsum([len(ADAPTED), *(len(effect.channels) for effect in effects)]).tolist()
     strengths = tuple(inputs[a:b] for a, b in itertools.pairwise(ends))
-    return ExtendedGirdle(girdle.over_axes(2).with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
+    return ExtendedGirdle(girdle.over_axes(1).with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
 
 
 def _closure(chain: ExtendedGirdle, angles):
@@ -187,10 +182,10 @@ def _positions(chain: ExtendedGirdle, angles):
 
 def _equations(effects, girdle: Girdle, x, z, elevation_deg) -> tuple[np.ndarray, np.ndarray]:
     """g (lanes, postures, m) and dg/dx (lanes, postures, m, quantities)."""
-    g, G = _in_chunks(partial(_by_angles, _closure, effects), girdle, x[:6], z, elevation_deg)
+    g, G = _at_postures(partial(_by_angles, _closure, effects), girdle, x[:6], z, elevation_deg)
     if len(x) == len(ANGLES):
         return g, G
-    predicted, slopes = _in_chunks(partial(_by_angles, _positions, effects), girdle, x[:6], z, elevation_deg)
+    predicted, slopes = _at_postures(partial(_by_angles, _positions, effects), girdle, x[:6], z, elevation_deg)
     landmarks = np.transpose(x[6:], (2, 1, 0))
     itself = np.broadcast_to(np.eye(landmarks.shape[2]), (*landmarks.shape, landmarks.shape[2]))
     none = np.zeros((*g.shape, landmarks.shape[2]))
@@ -200,24 +195,24 @@ def _equations(effects, girdle: Girdle, x, z, elevation_deg) -> tuple[np.ndarray
 
 def _sensitivities(effects, girdle: Girdle, x, z, elevation_deg) -> Float[np.ndarray, "lanes postures m inputs"]:
     """dg by the adapted parameters and all strengths."""
-    (slopes,) = _in_chunks(partial(_by_inputs, _closure, effects), girdle, x[:6], z, elevation_deg)
+    (slopes,) = _at_postures(partial(_by_inputs, _closure, effects), girdle, x[:6], z, elevation_deg)
     if len(x) == len(ANGLES):
         return slopes
-    (predicted,) = _in_chunks(partial(_by_inputs, _positions, effects), girdle, x[:6], z, elevation_deg)
+    (predicted,) = _at_postures(partial(_by_inputs, _positions, effects), girdle, x[:6], z, elevation_deg)
     return np.concatenate([slopes, -predicted], axis=2)
 
 
 # Landmarks are compiled apart from the closed chain, which every diagnosis has compiled already.
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnums=(0, 1), compiler_options=UNFUSED)
 def _by_angles(function, effects, girdle: Girdle, angles: Array, z: Array, elevation_deg: Array) -> tuple[Array, Array]:
     """The function of the chain and its derivatives by the angles, at every posture."""
     chain = _chain(effects, girdle, _inputs(effects, z, elevation_deg))
     return function(chain, angles), jacobian(lambda q: function(chain, q), angles)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnums=(0, 1), compiler_options=UNFUSED)
 def _by_inputs(function, effects, girdle: Girdle, angles: Array, z: Array, elevation_deg: Array) -> tuple[Array]:
     """Its derivatives by the adapted parameters and all strengths: one reverse pass a component."""
     value, pull = jax.vjp(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from adapt.chunks import in_threads
 from adapt.diagnosis.axial_turn import mean_subject, with_mean_subject
 from adapt.diagnosis.departures import of_each_channel, with_departures
 from adapt.diagnosis.discrepancy import discrepancy_gain
@@ -59,7 +60,9 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
     """Weigh fitted hypotheses; examine the best for what they leave."""
     by_name = {effect.name: effect for effect in effects}
     departures = of_each_channel(data)
-    weighed = [_weighed(one, [by_name[name] for name in one.hypothesis], data, noise, departures) for one in fitted]
+    weighed = in_threads(
+        lambda one: _weighed(one, [by_name[name] for name in one.hypothesis], data, noise, departures), fitted
+    )
     weighed.sort(key=lambda one: -one.log_evidence)
     best = weighed[0].log_evidence
     examined = [one for k, one in enumerate(weighed) if k < _EXAMINED or not one.fitted.hypothesis]

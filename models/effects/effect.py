@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Float
 
 from models.girdle import Girdle, bone_rotations, chain_landmarks, chain_residuals_mm
+from motions.arrays import Array, xp
 from motions.rotations import rotate
 
 Rotations = tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]
@@ -111,10 +113,9 @@ class Effect:
         return tuple(value for channel in self.channel_signs for value in (channel, *more))
 
     @property
-    def prior_sd(self) -> Float[Array, " amplitudes"]:
+    def prior_sd(self) -> Float[np.ndarray, " amplitudes"]:
         """Prior SD of each amplitude: the channel's scale, smaller for the later terms of a course."""
-        scale = jnp.asarray(self.scale)
-        return jnp.outer(scale, jnp.asarray(COURSE_SD)).reshape(-1) if self.over_elevation else scale
+        return np.outer(self.scale, COURSE_SD if self.over_elevation else (1.0,)).ravel()
 
     def at(
         self, amplitude: Float[Array, " amplitudes *batch"], elevation_deg: Float[Array, " *batch"]
@@ -131,10 +132,10 @@ class Effect:
         not with the arm up.
         """
         if not self.over_elevation:
-            return jnp.ones((1, *elevation_deg.shape))
+            return xp.ones_like(elevation_deg)[None]
         f = elevation_deg / FULL_ELEVATION_DEG
         bend = 4.0 * f * (1.0 - f)
-        return jnp.stack([f**2 if self.late else f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
+        return xp.stack([f**2 if self.late else f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
 
 
 @jax.tree_util.register_dataclass
