@@ -80,6 +80,19 @@ def test_its_amplitude_is_the_one_put_in(found, biased):
         assert channel.value == pytest.approx(0.5 * (channel.low + channel.high))
 
 
+def test_a_noisy_subject_is_left_out_and_named(biased, found):
+    """It would be explained before all others."""
+    motions, last = biased.motions, biased.motions.subject == biased.motions.subject[-1]
+    error = 10.0 * np.random.default_rng(6).standard_normal(motions.angles_deg.shape)
+    noisy = diagnosed(replace(motions, angles_deg=motions.angles_deg + np.where(last[:, None], error, 0.0)))
+    assert noisy.subjects == found.subjects[:-1]
+    assert list(noisy.left_out) == [found.subjects[-1]]
+    assert "scatter" in noisy.left_out[found.subjects[-1]]
+    assert (noisy.verdict.answer, noisy.verdict.effects[0]) == (EFFECT, "scapula_landmark_bias")
+    without = diagnosed(taken(motions, np.flatnonzero(~last)))
+    assert noisy.verdict.probability == pytest.approx(without.verdict.probability, abs=SAME_PROBABILITY)
+
+
 def test_no_effect_is_none(nothing):
     assert (nothing.verdict.answer, nothing.verdict.effects, nothing.amplitude) == (NONE, (), {})
     assert nothing.verdict.probability[NONE] == max(nothing.verdict.probability.values())

@@ -11,7 +11,7 @@ from adapt.diagnosis import distinguish
 from adapt.diagnosis.distinguish import TOLD_APART, alike_sets, closed, separation, smallest_detectable
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, THETA_SD_MM
 from adapt.diagnosis.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
-from adapt.diagnosis.observed import Noise, Observed, observe
+from adapt.diagnosis.observed import Noise, NoiseEstimate, Observed, observe
 from adapt.simulation import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
@@ -22,6 +22,9 @@ SAME = 1e-9
 
 SURE = 1e-4
 """Probability that a right noise estimate falls outside the interval, on each side."""
+
+RESTS = 1e-5
+"""Relative: descents begin where the medians of all subjects are, and end where a step changes little."""
 
 STAYS = 0.01
 """Share of the way to the closed posture that is left after it: four projections do not settle the widest gaps."""
@@ -260,6 +263,31 @@ def test_known_noise_is_estimated_with_an_effect_at_work(world, noise_deg):
     low, high = np.sqrt(chi2.ppf([SURE, 1.0 - SURE], found.freedom) / found.freedom)
     assert low <= found.noise.angle_deg / noise_deg <= high
     assert FEWEST_DEGREES < found.freedom < 3 * world.counted.sum() - 6 * len(world.subjects)
+
+
+def test_a_noisy_subject_is_told_and_is_not_in_the_estimate(world):
+    """6 degrees in one subject of five, 1 degree in the others; 2.5 degrees are no fault."""
+    data = world.of_subjects(np.arange(5))
+    error = np.random.default_rng(5).standard_normal(data.values.shape) / DEG
+
+    def estimated(noisy_deg: float) -> NoiseEstimate:
+        each = np.sqrt(np.array([1.0, 1.0, 1.0, noisy_deg, 1.0]) ** 2 - 1.0)
+        return estimate_noise(GIRDLE, SMALL_EFFECTS, replace(data, values=data.values + each * error))
+
+    found, others = estimated(6.0), data.of_subjects(np.array([0, 1, 2, 4]))
+    assert set(found.noisy_deg) == {3}
+    assert found.noisy_deg[3] == pytest.approx(6.0, rel=0.4)
+    expected = estimate_noise(GIRDLE, SMALL_EFFECTS, others).noise.angle_deg
+    assert found.noise.angle_deg == pytest.approx(expected, rel=RESTS)
+    assert not estimated(2.5).noisy_deg
+    assert estimated(2.5).noise.angle_deg > found.noise.angle_deg
+
+
+def test_where_many_are_noisy_none_is_an_exception(world):
+    data = world.of_subjects(np.arange(5))
+    error = np.random.default_rng(5).standard_normal(data.values.shape) / DEG
+    more = data.values + np.array([0.0, 8.0, 0.0, 8.0, 0.0]) * error
+    assert not estimate_noise(GIRDLE, SMALL_EFFECTS, replace(data, values=more)).noisy_deg
 
 
 def test_given_noise_is_taken(world):

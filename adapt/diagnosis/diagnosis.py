@@ -136,6 +136,18 @@ def _usable(data: Observed) -> tuple[Observed, dict[str, str]]:
     return data.of_subjects(enough), left_out
 
 
+def _without_noisy(data: Observed, estimate: NoiseEstimate) -> tuple[Observed, dict[str, str]]:
+    """The subjects but for the noisy ones, which would be explained before all others."""
+    why = {
+        data.subjects[
+            s
+        ]: f"its postures scatter by {deg:.1f} deg, those of the others by {estimate.noise.angle_deg:.1f}"
+        for s, deg in estimate.noisy_deg.items()
+    }
+    kept = [s for s in range(len(data.subjects)) if s not in estimate.noisy_deg]
+    return data.of_subjects(np.array(kept)), why
+
+
 def _diagnose(
     model: ParameterSet,
     effects: tuple[Effect, ...],
@@ -150,6 +162,7 @@ def _diagnose(
     progress("noise")
     estimate = estimate_noise(girdle, effects, data, noise_deg)
     noise = estimate.noise
+    data, noisy = _without_noisy(data, estimate)
     progress("what can be told apart")
     hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
     postures = closed(girdle, effects, data, noise)
@@ -171,7 +184,7 @@ def _diagnose(
     return Diagnosis(
         model=model.name,
         subjects=data.subjects,
-        left_out=left_out,
+        left_out=left_out | noisy,
         postures=int(data.counted.sum()),
         noise=estimate,
         expected=expected,

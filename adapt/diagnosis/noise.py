@@ -3,9 +3,10 @@
 Six angles leave three numbers a posture. A subject's adapted parameters and a parabola over elevation in each motion
 and constraint take some of them up; so does what all subjects have in common at an elevation of a motion, which is no
 noise. The rest is noise, whatever effect is at work. Landmark noise comes from SC, which hardly moves in the thorax
-frame.
+frame. A subject that scatters far more than the others would have its noise taken for theirs.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,14 @@ FEWEST_DEGREES = 12
 LEAST = Noise(angle_deg=0.1, landmark_mm=0.1)
 """Noise below this is rounding of the files, not measurement."""
 
+_NOISY, _SURELY, _ORDINARY_DEG = 2.0, 4.0, 3.0
+"""A subject is noisy whose SD is more than so many times the median of all, so many standard deviations of an estimate
+above it, and more than any palpated posture has. The bone-pin shoulders scatter by 0.4 to 0.8 deg, the two group means
+beside them by 0.1 and 1.6: subjects differ, which is no fault."""
+
+_MOST_NOISY = 1.0 / 3.0
+"""Share of the subjects up to which the noisy ones are exceptions."""
+
 _BIN_DEG = 15.0
 """Postures of one motion within this much elevation are the same posture in all subjects."""
 
@@ -42,29 +51,51 @@ _ANGLES = 6
 def estimate_noise(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, given_deg: float | None = None
 ) -> NoiseEstimate:
-    """The SD of the angles, given, estimated or assumed, and that of the landmarks, estimated or assumed."""
+    """The SD of the angles, given, estimated (without noisy subjects) or assumed, and that of the landmarks, estimated
+    or assumed."""
     landmark_mm = _landmark_noise_mm(data)
     if given_deg is not None:
         return NoiseEstimate(Noise(given_deg, landmark_mm), np.inf, "given")
     angles_only = replace(data, values=data.values[:_ANGLES], measured=data.measured[:_ANGLES])
     fitted = fit_hypotheses(girdle, effects, [()], angles_only, ASSUMED)[0]
-    squares, freedom = _unexplained(fitted, angles_only)
+    everyone = range(len(data.subjects))
+    noisy_deg = _noisy_deg(fitted, angles_only)
+    squares, freedom = _unexplained(fitted, angles_only, [s for s in everyone if s not in noisy_deg])
     if freedom < FEWEST_DEGREES:
         return NoiseEstimate(Noise(ASSUMED.angle_deg, landmark_mm), float(FEWEST_DEGREES), "assumed")
     angle_deg = max(LEAST.angle_deg, ASSUMED.angle_deg * float(np.sqrt(squares / freedom)))
-    return NoiseEstimate(Noise(angle_deg, landmark_mm), float(freedom), "estimated")
+    return NoiseEstimate(Noise(angle_deg, landmark_mm), float(freedom), "estimated", noisy_deg)
 
 
-def _unexplained(fitted: Linear, data: Observed) -> tuple[float, int]:
-    """Sum of squares of y beyond each subject's own columns and those common to all, and its degrees of freedom."""
+def _noisy_deg(fitted: Linear, data: Observed) -> dict[int, float]:
+    """The subjects that scatter far more than the others, and their SD; none where they are too many to be exceptions.
+
+    A mean square of n degrees of freedom is distributed as the cube of a normal variable (Wilson and Hilferty 1931).
+    """
+    each = np.array([_unexplained(fitted, data, [s]) for s in range(len(data.subjects))])
+    squares, freedom = np.where(each[:, 1] > 0, each.T, np.nan)
+    if np.isnan(squares).all():
+        return {}
+    variance = squares / freedom
+    by_chance = (1.0 - 2.0 / (9.0 * freedom) + _SURELY * np.sqrt(2.0 / (9.0 * freedom))) ** 3
+    limit = np.nanmedian(variance) * np.maximum(_NOISY**2, by_chance)
+    noisy = np.flatnonzero(variance > np.maximum(limit, (_ORDINARY_DEG / ASSUMED.angle_deg) ** 2))
+    if len(noisy) > _MOST_NOISY * len(variance):
+        return {}
+    return {int(s): ASSUMED.angle_deg * float(np.sqrt(variance[s])) for s in noisy}
+
+
+def _unexplained(fitted: Linear, data: Observed, subjects: Sequence[int]) -> tuple[float, int]:
+    """Of these subjects, the sum of squares of y beyond their own columns and those common to all, and its degrees of
+    freedom."""
     own = np.concatenate([fitted.X, discrepancy_columns(fitted, data, SMOOTH)], axis=2)
     common = _posture_columns(fitted, data)
     rows, left, shared = [], [], []
-    for s, y in enumerate(fitted.y):
+    for s in subjects:
         real = np.repeat(_complete(data)[:, s], len(CONSTRAINTS))
         free = _complement(own[s][real])
         rows.append(free.shape[1])
-        left.append(free.T @ y[real])
+        left.append(free.T @ fitted.y[s][real])
         shared.append(free.T @ common[s][real])
     if not sum(rows):
         return 0.0, 0

@@ -1,6 +1,7 @@
 """What the diagnosis sees of the subjects: angles and landmark positions, with their noise, as padded arrays."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +42,8 @@ class NoiseEstimate:
     freedom: float
     source: str
     """'estimated', 'given' or 'assumed', of the angles."""
+    noisy_deg: Mapping[int, float] = field(default_factory=dict)
+    """SD of the subjects, by number, that scatter far more than the others: it is not in the estimate."""
 
     @property
     def known(self) -> bool:
