@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.departures import departures_of
+from adapt.diagnosis.departures import departures_of, of_each_channel
 from adapt.diagnosis.evidence import Products
 from adapt.diagnosis.observed import Observed
 from models.effects import Effect
@@ -53,14 +53,13 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
     if not subjects:
         return None
     sd = np.hypot(_STUDIES_DEG, _PEOPLE_DEG / np.sqrt(subjects))
-    departures = departures_of(data)
     own, beside = [np.zeros(0)], [np.zeros(0)]
     for effect in effects:
-        by_term, by_departure = np.zeros(effect.terms), np.zeros(departures.shape[2])
+        by_term, by_departure = np.zeros(effect.terms), np.zeros(of_each_channel(data))
         if effect.axial:
             course = effect.course(data.elevation_deg)
             by_term = (course * weight).sum(axis=(1, 2)) / subjects
-            by_departure = np.einsum("ps,spd->d", course[0] * weight, departures) / subjects
+            by_departure = np.einsum("ps,spd->d", course[0] * weight, departures_of(data, effect)) / subjects
         axial = effect.axial or np.zeros(len(effect.channels))
         own.append(np.outer(axial, by_term).ravel())
         if effect.over_elevation:

@@ -21,17 +21,14 @@ _FINER_SD = (0.1, 0.1)
 """Prior SD of the next two terms of a course, as shares of the scale: a hinge at half the range, a late smooth step and
 a sigmoid have up to 0.15 and 0.08."""
 
-_MOTION_SD = 0.1
-"""Prior SD of a motion's amplitude about the mean of all, as a share of the scale: assumed, no figure found."""
-
 
 def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -> Linear:
     """The hypothesis with columns for what else ``effects``, its own, may do, behind those of the amplitudes."""
     subjects, postures, m, _ = fitted.root.shape
-    shares = departures_of(data)
     columns, scales, start = [], [], 0
     for effect in effects:
         if effect.over_elevation:
+            shares = departures_of(data, effect)
             first = start + len(COURSE_SD) * np.arange(len(effect.channels))
             by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * shares[:, :, None, None]
             columns.append(by_posture.reshape(subjects, postures * m, -1))
@@ -50,10 +47,10 @@ def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -
 
 def of_each_channel(data: Observed) -> int:
     """How many columns of departures a channel has; those of an effect stand together, channel by channel."""
-    return departures_of(data).shape[2]
+    return len(_FINER_SD) + (len(data.motions) if len(data.motions) > 1 else 0)
 
 
-def departures_of(data: Observed) -> Float[np.ndarray, "subjects postures departures"]:
+def departures_of(data: Observed, effect: Effect) -> Float[np.ndarray, "subjects postures departures"]:
     """d at each posture, of one prior SD: 8 (1 - f) T_k(1 - 2 f) for the Chebyshev polynomials after the course's own,
     and what sets one motion apart from the others."""
     f = data.elevation_deg.T / FULL_ELEVATION_DEG
@@ -61,4 +58,4 @@ def departures_of(data: Observed) -> Float[np.ndarray, "subjects postures depart
     motions = len(data.motions)
     apart = (data.motion.T[..., None] == np.arange(motions)) - 1.0 / motions
     among = apart if motions > 1 else apart[..., :0]
-    return np.concatenate([terms * np.asarray(_FINER_SD), among * _MOTION_SD], axis=2)
+    return np.concatenate([terms * np.asarray(_FINER_SD), among * effect.between_motions], axis=2)

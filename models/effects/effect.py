@@ -72,6 +72,8 @@ class Effect:
     axial: tuple[float, ...] = ()
     """How much farther the clavicle has turned about its own axis than was measured, deg a unit of each channel; empty
     where the effect does not hide such a turn."""
+    between_motions: float = 0.1
+    """Prior SD of a channel's amplitude in one motion about the mean of all motions, as a share of the scale."""
     leads: str = ""
     """The channel that is the effect's own direction, where there is one: along it the effect typically is as large as
     the scale, the other channels only lie beside it. Of a single direction it is that one."""

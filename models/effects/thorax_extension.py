@@ -28,6 +28,7 @@ EFFECT = Effect(
     leads="about x",
     sign=(1, 0, 0),
     over_elevation=True,
+    between_motions=0.4,  # assumed: an arm raised sideways makes the trunk lean aside, one raised forwards does not
     source="bilateral 12.8 +- 7.6 deg, unilateral up to 6 deg",
     adjust=_adjust,
     show=_show,
