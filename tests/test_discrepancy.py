@@ -72,7 +72,6 @@ def test_noise_alone_is_no_discrepancy(noise, seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_noise_estimated_too_low_from_few_degrees_is_no_discrepancy(seed):
-    """Both sides of the comparison may have the noise that the estimate allows."""
     fitted = with_offsets(np.zeros((SUBJECTS, POSTURES, 3)), seed=seed).with_noise(0.7)
     assert gain(fitted, replace(ESTIMATED, freedom=12.0)) < 0.0
 

@@ -11,18 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import (
-    Block,
-    Linear,
-    Spread,
-    Statistics,
-    alike,
-    common_shift,
-    log_evidence,
-    log_sum,
-    products,
-    unlike,
-)
+from adapt.diagnosis.evidence import Block, Linear, Spread, alike, common_shift, log_evidence, log_sum, products, unlike
 from adapt.diagnosis.observed import NoiseEstimate, Observed
 from adapt.diagnosis.priors import SHIFT
 from models.effects.effect import FULL_ELEVATION_DEG
@@ -69,11 +58,9 @@ def discrepancy_gain(fitted: Linear, data: Observed, prior: Block, noise: NoiseE
     from posture to posture in what holds the scapula or the clavicle; it passes for noise, so the noise may then be
     less than it was estimated to be.
     """
-    anything = noise.likely_shares if noise.known else [(share, 1.0 / len(_NOISES)) for share in _NOISES]
-    without = _log_evidence(products(fitted).with_shift().over(noise.likely_shares), prior)
-    course = _most(fitted, prior, _courses(fitted, data), noise.likely_shares)
-    scatter = _most(fitted, prior, _scatters(fitted), anything)
-    return max(course, scatter + math.log(_SCATTER_SHARE)) - without
+    course = _gain(fitted, prior, _courses(fitted, data), noise.likely_shares)
+    scatter = _gain(fitted, prior, _scatters(fitted), _less_or_likely(noise))
+    return max(course, scatter + math.log(_SCATTER_SHARE))
 
 
 Kind = tuple[Float[np.ndarray, "subjects residuals more"], Spread]
@@ -89,16 +76,23 @@ def _scatters(fitted: Linear) -> list[Kind]:
     return [(scatter_columns(fitted, held_by), unlike) for held_by in _HELD_BY]
 
 
-def _most(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]) -> float:
-    """The most log evidence of any kind and size, the noise integrated out."""
-    found = []
+def _less_or_likely(noise: NoiseEstimate) -> list[tuple[float, float]]:
+    """``_NOISES``, and the shares above them that an estimate from few degrees of freedom leaves likely: without them a
+    noise estimated too low would pass for scatter."""
+    if noise.known:
+        return noise.likely_shares
+    shares = [*_NOISES, *(share for share, _ in noise.likely_shares if share > max(_NOISES))]
+    return [(share, 1.0 / len(shares)) for share in shares]
+
+
+def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]) -> float:
+    """The most of any kind and size; the noise is integrated out, with and without. A shift of the adapted parameters
+    that subjects have in common is no discrepancy: it may be there in both."""
+    shift = common_shift(SHIFT)
+    without = log_sum(log_evidence(products(fitted).with_shift().over(noises), prior + shift))
+    gains = []
     for columns, spread in kinds:
         with_more, one = products(fitted, columns).with_shift().over(noises), np.ones(columns.shape[2])
-        found += [_log_evidence(with_more, prior + spread(one * scale)) for scale in _SCALES_MM]
-    return max(found)
-
-
-def _log_evidence(of: Statistics, prior: Block) -> float:
-    """A shift of the adapted parameters that subjects have in common is no discrepancy: it may be there with one or
-    without."""
-    return float(log_sum(log_evidence(of, prior + common_shift(SHIFT))))
+        priors = [prior + spread(one * scale) + shift for scale in _SCALES_MM]
+        gains += [log_sum(log_evidence(with_more, wider)) for wider in priors]
+    return max(gains) - without
