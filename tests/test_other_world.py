@@ -1,0 +1,72 @@
+"""The second simulated world: closed where nothing is wrong, open for the base model where an effect is at work."""
+
+import json
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from models import load_model
+from motions import read_motions
+from motions.rotations import DEG
+from scripts.check_elsewhere import worlds
+from scripts.other_world import OUTSIDE_SIZES, SIZES, Case, write_case, write_condition
+
+SAME_MM = 1e-3
+"""Angles are written with four decimals: 1e-4 degrees at arms of up to 200 mm, several of them."""
+
+SEEN_MM = 0.5
+"""Less than this would hardly be an effect."""
+
+ADAPTED = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid_length")
+
+
+def residuals_mm(folder: Path) -> np.ndarray:
+    """A1-A3 of the base model with each subject's true parameters, (3, rows)."""
+    truth = json.loads((folder / "truth.json").read_text())
+    motions, girdle = read_motions(folder / "motions.csv"), load_model(truth["model"]).girdle
+    found = []
+    for subject in truth["subjects"]:
+        of = motions.subject == subject["subject"]
+        theta = jnp.array([[subject[f"{name}_mm"]] for name in ADAPTED])
+        angles = jnp.asarray(motions.angles_deg[of].T / DEG)
+        found.append(np.asarray(girdle.over_axes(1).with_adapted(theta).residuals_mm(angles)))
+    return np.concatenate(found, axis=1)
+
+
+def made(folder: Path, *names: str, **how) -> Path:
+    write_case(folder / "one" / "case", list(names), Case(**{"model": "R2", "seed": 3, "subjects": 1, **how}))
+    return folder / "one" / "case"
+
+
+def test_without_effect_and_noise_the_chain_is_closed(tmp_path):
+    """By another text than that which closed it."""
+    assert np.abs(residuals_mm(made(tmp_path, subjects=3, noise_deg=0.0))).max() < SAME_MM
+
+
+@pytest.mark.parametrize("name", [*SIZES, *OUTSIDE_SIZES])
+def test_every_effect_opens_the_chain_of_the_base_model(tmp_path, name):
+    folder = made(tmp_path, name, noise_deg=0.0)
+    assert np.abs(residuals_mm(folder)).max() > SEEN_MM
+    assert json.loads((folder / "truth.json").read_text())["label"] == name
+
+
+def test_the_same_seed_makes_the_same_world_and_another_another(tmp_path):
+    motions = [
+        (made(tmp_path / str(k), "skin_artefact", seed=seed) / "motions.csv").read_bytes()
+        for k, seed in enumerate((1, 1, 2))
+    ]
+    assert motions[0] == motions[1] != motions[2]
+
+
+def test_landmarks_are_given_where_they_are_asked_for(tmp_path):
+    found = read_motions(made(tmp_path, "sc_translation", landmark_noise_mm=2.0) / "motions.csv")
+    assert set(found.landmarks_mm) == {"SC", "AC", "TS", "AI"}
+
+
+def test_a_condition_is_found_by_the_check(tmp_path):
+    write_condition("one", tmp_path, seed=1, noise_deg=1.5)
+    found = worlds(tmp_path)
+    assert {case.label for case in found} == {*SIZES, "none"}
+    assert {case.model for case in found} == {"R2", "R4", "R6", "breteler_dissection"}
