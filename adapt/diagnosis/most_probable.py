@@ -1,9 +1,10 @@
 """The most probable parameters of every subject under every hypothesis, and the linear model there.
 
 Lanes are hypotheses x subjects, descended side by side (Gauss-Newton with damping). A subject alone can end in a worse
-valley, so there are three rounds: each subject by itself under a wide prior; then under the prior that its fellows
-suggest, both from where it is and from where they are; then all subjects of a hypothesis together, under the
-hierarchical prior, so that the linearisation is where the pooled answer is.
+valley, so there are several rounds: each subject by itself under a wide prior; then under the prior that its fellows
+suggest, both from where it is and from where they are; then, where another hypothesis has found a much lower place for
+the subject, with the girdle of that one; then all subjects of a hypothesis together, under the hierarchical prior, so
+that the linearisation is where the pooled answer is.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,6 +27,10 @@ _SMALL_STEP = 1e-2
 
 _SETTLED = 0.02
 """Change of -2 log posterior below which a step changes no answer."""
+
+_BEHIND = 20.0
+"""Difference of -2 log posterior between a subject's hypotheses from which one is perhaps in another valley: most lie
+behind because they are wrong, but a descent more costs little."""
 
 _FIRST_DAMPING = 1e-3
 
@@ -72,14 +77,13 @@ class _Found:
     cost: Float[np.ndarray, " lanes"]
     """-2 log posterior but for a constant."""
 
-    def lower(self, other: "_Found") -> "_Found":
-        """Lane by lane the more probable of two."""
-        gains = other.cost < self.cost
-        return _Found(
-            np.where(gains, other.z, self.z),
-            np.where(gains, other.nearest, self.nearest),
-            np.minimum(self.cost, other.cost),
-        )
+    def with_lower(self, other: "_Found", lanes: Int[np.ndarray, " chosen"], by: float = 0.0) -> "_Found":
+        """These lanes as ``other`` has them, where that is more probable, its cost lower by so much."""
+        gains = other.cost < self.cost[lanes] - by
+        z, nearest, cost = self.z.copy(), self.nearest.copy(), self.cost.copy()
+        taken = lanes[gains]
+        z[:, taken], nearest[..., taken], cost[taken] = other.z[:, gains], other.nearest[..., gains], other.cost[gains]
+        return _Found(z, nearest, cost)
 
 
 def fit_hypotheses(
@@ -106,8 +110,24 @@ def fit_hypotheses(
     fellows = start.copy()
     fellows[len(ADAPTED) :] = typical[len(ADAPTED) :]
     narrow = _Prior(columns, fellows, np.where(is_amplitude, BETWEEN_SUBJECTS, 1.0) * scales)
-    found = _descend(look, narrow, alone.z, alone.nearest).lower(_descend(look, narrow, typical, None))
-    return _together(girdle, effects, hypotheses, look, found)
+    everywhere = np.arange(start.shape[1])
+    found = _descend(look, narrow, alone.z, alone.nearest).with_lower(_descend(look, narrow, typical, None), everywhere)
+    return _together(girdle, effects, hypotheses, look, _from_lower_valleys(look, narrow, found, subjects))
+
+
+def _from_lower_valleys(look: Look, prior: _Prior, found: _Found, subjects: int) -> _Found:
+    """The lanes that lie far behind another hypothesis of the same subject, once more from the girdle of that one."""
+    cost = found.cost.reshape(-1, subjects)
+    behind = np.flatnonzero(cost - cost.min(axis=0) > _BEHIND)
+    if not len(behind):
+        return found
+    lowest = (cost.argmin(axis=0) * subjects + np.arange(subjects))[behind % subjects]
+    start = prior.mean[:, behind].copy()
+    start[_THETA] = found.z[_THETA[:, None], lowest]
+    again = _descend(
+        lambda z, nearest, count, lanes: look(z, nearest, count, behind[lanes]), prior.of(behind), start, None
+    )
+    return found.with_lower(again, behind, _SETTLED)
 
 
 def _layout(effects, hypotheses) -> tuple[Int[np.ndarray, "free hypotheses"], Float[np.ndarray, "free hypotheses"]]:
