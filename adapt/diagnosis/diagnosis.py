@@ -138,12 +138,9 @@ def _usable(data: Observed) -> tuple[Observed, dict[str, str]]:
 
 def _without_noisy(data: Observed, estimate: NoiseEstimate) -> tuple[Observed, dict[str, str]]:
     """The subjects but for the noisy ones, which would be explained before all others."""
-    why = {
-        data.subjects[
-            s
-        ]: f"its postures scatter by {deg:.1f} deg, those of the others by {estimate.noise.angle_deg:.1f}"
-        for s, deg in estimate.noisy_deg.items()
-    }
+    others = f"those of the others by {estimate.noise.angle_deg:.1f}"
+    noisy = estimate.noisy_deg.items()
+    why = {data.subjects[s]: f"its postures scatter by {deg:.1f} deg, {others}" for s, deg in noisy}
     kept = [s for s in range(len(data.subjects)) if s not in estimate.noisy_deg]
     return data.of_subjects(np.array(kept)), why
 
