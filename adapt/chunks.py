@@ -16,17 +16,18 @@ import jax
 import numpy as np
 from numpy.typing import DTypeLike
 
-UNFUSED = {"xla_disable_hlo_passes": "fusion"}
+_UNFUSED = {"xla_disable_hlo_passes": "fusion"}
 """Compiler option for the streams of elementwise operations. XLA's fusion computes a shared value anew in each of its
 uses: measured on one sweep, 23 times the operations, 4 times the run time and 6 times the compilation."""
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], static_argnums: tuple[int, ...] = ()) -> Callable[..., Any]:
     """``jax.jit`` without fusion on a CPU; elsewhere a kernel launch costs more than what fusion repeats."""
 
     @cache
     def program() -> Callable[..., Any]:  # not before the first call: asking for the backend starts it
-        return jax.jit(function, compiler_options=UNFUSED if jax.default_backend() == "cpu" else None)
+        options = _UNFUSED if jax.default_backend() == "cpu" else None
+        return jax.jit(function, static_argnums=static_argnums, compiler_options=options)
 
     return wraps(function)(lambda *arguments: program()(*arguments))
 
@@ -56,15 +57,14 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
 
     if len(starts) == 1:
         return run(0)
-    with ThreadPoolExecutor(_workers(devices)) as threads:
-        parts = list(threads.map(run, range(len(starts))))
+    parts = in_threads(run, range(len(starts)), threads=_workers(devices))
     return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *parts)
 
 
-def in_threads(function: Callable[..., Any], *items: Iterable[Any]) -> list[Any]:
-    """``map``, a thread a core: for work whose time is spent in numpy, which lets other threads run."""
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        return list(threads.map(function, *items))
+def in_threads(function: Callable[..., Any], *items: Iterable[Any], threads: int | None = None) -> list[Any]:
+    """``map``, by default a thread a core: for work whose time is spent in numpy, which lets other threads run."""
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        return list(pool.map(function, *items))
 
 
 def _workers(devices: list[Any]) -> int:

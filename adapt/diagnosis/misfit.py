@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from adapt.chunks import UNFUSED, in_chunks
+from adapt.chunks import compiled, in_chunks
 from adapt.diagnosis.observed import Noise, Observed
 from adapt.linalg import jacobian
 from adapt.newton import STEP_LIMIT_RAD
@@ -205,14 +205,14 @@ def _sensitivities(effects, girdle: Girdle, x, z, elevation_deg) -> Float[np.nda
 # Landmarks are compiled apart from the closed chain, which every diagnosis has compiled already.
 
 
-@partial(jax.jit, static_argnums=(0, 1), compiler_options=UNFUSED)
+@partial(compiled, static_argnums=(0, 1))
 def _by_angles(function, effects, girdle: Girdle, angles: Array, z: Array, elevation_deg: Array) -> tuple[Array, Array]:
     """The function of the chain and its derivatives by the angles, at every posture."""
     chain = _chain(effects, girdle, _inputs(effects, z, elevation_deg))
     return function(chain, angles), jacobian(lambda q: function(chain, q), angles)
 
 
-@partial(jax.jit, static_argnums=(0, 1), compiler_options=UNFUSED)
+@partial(compiled, static_argnums=(0, 1))
 def _by_inputs(function, effects, girdle: Girdle, angles: Array, z: Array, elevation_deg: Array) -> tuple[Array]:
     """Its derivatives by the adapted parameters and all strengths: one reverse pass a component."""
     value, pull = jax.vjp(

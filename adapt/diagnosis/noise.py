@@ -8,6 +8,7 @@ frame. A subject that scatters far more than the others would have its noise tak
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -58,21 +59,30 @@ def estimate_noise(
         return NoiseEstimate(Noise(given_deg, landmark_mm), np.inf, "given")
     angles_only = replace(data, values=data.values[:_ANGLES], measured=data.measured[:_ANGLES])
     fitted = fit_hypotheses(girdle, effects, [()], angles_only, ASSUMED)[0]
-    everyone = range(len(data.subjects))
-    noisy_deg = _noisy_deg(fitted, angles_only)
-    squares, freedom = _unexplained(fitted, angles_only, [s for s in everyone if s not in noisy_deg])
+    everyone = _beyond_their_own(fitted, angles_only)
+    noisy_deg = _noisy_deg(everyone)
+    squares, freedom = _unexplained([one for s, one in enumerate(everyone) if s not in noisy_deg])
     if freedom < FEWEST_DEGREES:
         return NoiseEstimate(Noise(ASSUMED.angle_deg, landmark_mm), float(FEWEST_DEGREES), "assumed")
     angle_deg = max(LEAST.angle_deg, ASSUMED.angle_deg * float(np.sqrt(squares / freedom)))
     return NoiseEstimate(Noise(angle_deg, landmark_mm), float(freedom), "estimated", noisy_deg)
 
 
-def _noisy_deg(fitted: Linear, data: Observed) -> dict[int, float]:
+class _Beyond(NamedTuple):
+    """Of one subject, what its own columns cannot take up: an orthonormal basis of it, of so many rows, sees"""
+
+    left: Float[np.ndarray, " rows"]
+    """y,"""
+    common: Float[np.ndarray, "rows columns"]
+    """and the columns that subjects have in common."""
+
+
+def _noisy_deg(everyone: Sequence[_Beyond]) -> dict[int, float]:
     """The subjects that scatter far more than the others, and their SD; none where they are too many to be exceptions.
 
     A mean square of n degrees of freedom is distributed as the cube of a normal variable (Wilson and Hilferty 1931).
     """
-    each = np.array([_unexplained(fitted, data, [s]) for s in range(len(data.subjects))])
+    each = np.array([_unexplained([one]) for one in everyone])
     squares, freedom = np.where(each[:, 1] > 0, each.T, np.nan)
     if np.isnan(squares).all():
         return {}
@@ -85,27 +95,26 @@ def _noisy_deg(fitted: Linear, data: Observed) -> dict[int, float]:
     return {int(s): ASSUMED.angle_deg * float(np.sqrt(variance[s])) for s in noisy}
 
 
-def _unexplained(fitted: Linear, data: Observed, subjects: Sequence[int]) -> tuple[float, int]:
-    """Of these subjects, the sum of squares of y beyond their own columns and those common to all, and its degrees of
-    freedom."""
+def _beyond_their_own(fitted: Linear, data: Observed) -> list[_Beyond]:
+    """Of every subject; its postures that have all their angles."""
     own = np.concatenate([fitted.X, discrepancy_columns(fitted, data, SMOOTH)], axis=2)
     common = _posture_columns(fitted, data)
-    rows, left, shared = [], [], []
-    for s in subjects:
-        real = np.repeat(_complete(data)[:, s], len(CONSTRAINTS))
-        free = _complement(own[s][real])
-        rows.append(free.shape[1])
-        left.append(free.T @ fitted.y[s][real])
-        shared.append(free.T @ common[s][real])
-    if not sum(rows):
-        return 0.0, 0
-    free = _complement(np.concatenate(shared)) if len(rows) > 1 else np.eye(sum(rows))
-    return float(((free.T @ np.concatenate(left)) ** 2).sum()), free.shape[1]
+    complete = np.repeat(data.counted & data.measured.all(axis=0), len(CONSTRAINTS), axis=0).T
+    bases = [_complement(columns[real]).T for columns, real in zip(own, complete, strict=True)]
+    return [
+        _Beyond(basis @ y[real], basis @ shared[real])
+        for basis, y, shared, real in zip(bases, fitted.y, common, complete, strict=True)
+    ]
 
 
-def _complete(data: Observed):
-    """Postures that count and have all their angles."""
-    return data.counted & data.measured.all(axis=0)
+def _unexplained(subjects: Sequence[_Beyond]) -> tuple[float, int]:
+    """The sum of squares of what these subjects have not in common either, and its degrees of freedom; one subject has
+    nothing in common with others."""
+    left = np.concatenate([one.left for one in subjects])
+    if len(subjects) == 1 or not len(left):
+        return float((left**2).sum()), len(left)
+    free = _complement(np.concatenate([one.common for one in subjects]))
+    return float(((free.T @ left) ** 2).sum()), free.shape[1]
 
 
 def _posture_columns(fitted: Linear, data: Observed) -> Float[np.ndarray, "subjects residuals more"]:
