@@ -114,6 +114,44 @@ class Effect:
     ratio: float  # between 0 and 1, an inner proportion of the effect
 
 
+@dataclass(frozen=True)
+class Case:
+    """How a world is measured."""
+
+    model: str
+    seed: int
+    subjects: int = 10
+    noise_deg: float = 1.5
+    scale: float = 1.0
+    mixed: bool = False
+    landmark_noise_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class World:
+    """What the subjects of a case have in common."""
+
+    cadaver: Girdle
+    spread: float
+    last: float  # deg, the largest elevation
+    typical: dict[str, float]
+    directions: dict[str, Array]
+    signs: Array
+    outliers: set[int]
+
+
+@dataclass(frozen=True)
+class Mover:
+    """One subject, how it moved and what is true of it."""
+
+    person: Girdle
+    effects: list[Effect]
+    elevation: Array
+    breath: Array
+    true: Array  # six angles a posture, deg
+    redraws: int
+
+
 def load_girdle(path: Path) -> Girdle:
     """Read a parameter set; the cadaver itself, without any effect."""
     data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -433,9 +471,8 @@ def move(
     """Six true angles a posture (deg); None where the chain does not close or the course breaks."""
     offset, gain = OFFSET_DEG * rng.normal(size=6), float(np.clip(rng.normal(1.0, 0.12), 0.75, 1.25))
     middles = [draw_wishes(name, np.array([80.0]), offset, gain, rng)[0] for name in MOTIONS]
-    found = [close_chain(middle, middle, person) for middle in middles]
-    habits = [habit for habit in found if habit is not None]
-    if len(habits) < len(found):
+    habits = [habit for middle in middles if (habit := close_chain(middle, middle, person)) is not None]
+    if len(habits) < len(middles):
         return None
     offset = offset + np.mean(habits, axis=0) - np.mean(middles, axis=0)  # one stands as one's own bones want it
     true = np.empty((len(elevation), 6))
@@ -456,7 +493,7 @@ def move(
     return true if np.all((true > REAL_DEG[0]) & (true < REAL_DEG[1])) else None
 
 
-def measure(mover: "Mover", rng: np.random.Generator) -> tuple[Array, Array]:
+def measure(mover: Mover, rng: np.random.Generator) -> tuple[Array, Array]:
     """What the laboratory would write without noise: six angles, and SC, AC, TS, AI (postures, 4, 3).
 
     TS and AI are given by the scapula's sensor, so that they ride with the frame that the laboratory believes in.
@@ -477,19 +514,7 @@ def measure(mover: "Mover", rng: np.random.Generator) -> tuple[Array, Array]:
     return angles, places
 
 
-@dataclass(frozen=True)
-class Mover:
-    """One subject, how it moved and what is true of it."""
-
-    person: Girdle
-    effects: list[Effect]
-    elevation: Array
-    breath: Array
-    true: Array  # six angles a posture, deg
-    redraws: int
-
-
-def draw_mover(world: "World", number: int, rng: np.random.Generator) -> Mover:
+def draw_mover(world: World, number: int, rng: np.random.Generator) -> Mover:
     """A subject whose bones close at all postures: of some people's they do not, then another is asked."""
     names = [name for name in world.typical if name != "outside_outlier_subject" or number in world.outliers]
     for redraws in range(60):
@@ -514,20 +539,7 @@ def draw_mover(world: "World", number: int, rng: np.random.Generator) -> Mover:
     raise RuntimeError(f"no closed chain for subject {number + 1} in 60 draws")
 
 
-@dataclass(frozen=True)
-class World:
-    """What the subjects of a case have in common."""
-
-    cadaver: Girdle
-    spread: float
-    last: float  # deg, the largest elevation
-    typical: dict[str, float]
-    directions: dict[str, Array]
-    signs: Array
-    outliers: set[int]
-
-
-def draw_world(names: list[str], case: "Case", rng: np.random.Generator) -> World:
+def draw_world(names: list[str], case: Case, rng: np.random.Generator) -> World:
     """The world of a case, before its subjects."""
     spread, last = rng.uniform(0.8, 1.2), rng.uniform(132.0, 148.0)
     typical, directions = {}, {}
@@ -540,19 +552,6 @@ def draw_world(names: list[str], case: "Case", rng: np.random.Generator) -> Worl
     outliers = set(rng.permutation(case.subjects)[: max(1, case.subjects // 5)].tolist())
     cadaver = load_girdle(MODELS_FOLDER / f"{case.model}.toml")
     return World(cadaver, spread, last, typical, directions, signs, outliers)
-
-
-@dataclass(frozen=True)
-class Case:
-    """How a world is measured."""
-
-    model: str
-    seed: int
-    subjects: int = 10
-    noise_deg: float = 1.5
-    scale: float = 1.0
-    mixed: bool = False
-    landmark_noise_mm: float | None = None
 
 
 def write_case(folder: Path, names: list[str], case: Case) -> None:
