@@ -15,7 +15,7 @@ from models.effects import EFFECTS
 from scripts.blind_report import Line, kind, rate
 from scripts.reporting import markdown
 
-BLAMED_BELOW = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
+NONE_FROM = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 SET_PROBABILITY = (0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995)
 TEMPERATURES = np.geomspace(0.2, 50.0, 1000)
 """Half a percent apart."""
@@ -64,7 +64,7 @@ def calibration(lines: Sequence[Line]) -> str:
                     ["effect", rate((~known[truth > 0]).tolist())],
                 ],
             ),
-            markdown(["_BLAMED_BELOW", "no effect: one blamed", "effect: none"], none_rows(shares, truth, known)),
+            markdown(["NONE_FROM", "no effect: one blamed", "effect: none"], none_rows(shares, truth, known)),
             markdown(["_SET_PROBABILITY", "effect in the set", "mean size"], set_rows(shares, truth)),
         ]
     )
@@ -102,7 +102,7 @@ def logistic(x: Float[np.ndarray, "n 2"], hit: Bool[np.ndarray, " n"]) -> tuple[
 
 def unknown(x: Float[np.ndarray, "n 2"], terms: tuple[float, float, float]) -> Bool[np.ndarray, " n"]:
     """Where 'unknown' is the answer."""
-    odds = verdict.BLAMED_BELOW / (1.0 - verdict.BLAMED_BELOW)
+    odds = verdict.UNKNOWN_FROM / (1.0 - verdict.UNKNOWN_FROM)
     return terms[0] + x @ np.array(terms[1:]) >= math.log(odds)
 
 
@@ -129,7 +129,7 @@ def best_temperature(log: Float[np.ndarray, "n k"], truth: np.ndarray, log_prior
 def none_rows(shares: np.ndarray, truth: np.ndarray, known: np.ndarray) -> list[list[str]]:
     """Blame on no effect and effects missed, for each threshold."""
     rows = []
-    for kept in BLAMED_BELOW:
+    for kept in NONE_FROM:
         blamed, missed = known & (shares[:, 0] < kept), known & (shares[:, 0] >= kept)
         rows.append([f"{kept:g}", rate(blamed[truth == 0].tolist()), rate(missed[truth > 0].tolist())])
     return rows

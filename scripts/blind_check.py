@@ -40,6 +40,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from adapt.cache import keep_compiled
 from adapt.diagnosis import Amplitude, Diagnosis, diagnose
+from adapt.diagnosis.heldout import Gaps
 from adapt.diagnosis.misfit import misfit
 from adapt.diagnosis.observed import Observed, observe
 from adapt.diagnosis.ranking import Ranking, rank
@@ -250,7 +251,11 @@ def single_ranking(found: Diagnosis, data: Observed) -> Ranking:
 
 def line_of(found: Diagnosis, single: Ranking) -> Line:
     """What is kept of a diagnosis."""
-    verdict, noise, gaps = found.verdict, found.noise, found.gap.unseen
+    verdict, noise = found.verdict, found.noise
+
+    def gaps(levels: dict[str, Gaps] | None) -> dict[str, Any]:
+        return {k: asdict(levels[k]["all"]) for k in ("noise_floor", "adapted", "with_effect")} if levels else {}
+
     return {
         "answer": verdict.answer,
         "effects": list(verdict.effects),
@@ -263,7 +268,8 @@ def line_of(found: Diagnosis, single: Ranking) -> Line:
         "excess": single.excess,
         "noise": {**asdict(noise.noise), "freedom": noise.freedom, "source": noise.source},
         "amplitude": {name: [asdict(one) for one in channels] for name, channels in found.amplitude.items()},
-        "gap_deg": {k: asdict(gaps[k]["all"]) for k in ("noise_floor", "adapted", "with_effect")},
+        "gap_deg": gaps(found.gap.unseen),
+        "other_motion_deg": gaps(found.gap.other_motion),
         "indistinguishable": found.indistinguishable,
         "detectable": found.detectable,
         "foreseen": {name: one.named for name, one in found.foreseen.items()},

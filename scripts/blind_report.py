@@ -118,13 +118,13 @@ def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
     ]
 
 
-def shrinkages(lines: Iterable[Line]) -> list[tuple[float, float]]:
+def shrinkages(lines: Iterable[Line], predicted: str = "gap_deg") -> list[tuple[float, float]]:
     """Predicted and realised, shares of the adapted gap."""
 
     def shrinkage(adapted: float, with_effect: float) -> float:
         return (adapted - with_effect) / adapted
 
-    found = [(line["gap_deg"], line["realised_deg"]) for line in lines if "realised_deg" in line]
+    found = [(line[predicted], line["realised_deg"]) for line in lines if "realised_deg" in line]
     return [
         (shrinkage(p["adapted"]["value"], p["with_effect"]["value"]), shrinkage(r["adapted"], r["with_effect"]))
         for p, r in found
@@ -185,8 +185,8 @@ def _mean_size(lines: Iterable[Line]) -> str:
     return f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-"
 
 
-def _shrinkage_error(lines: Iterable[Line]) -> str:
-    found = np.array(shrinkages(lines))
+def _shrinkage_error(lines: Iterable[Line], predicted: str = "gap_deg") -> str:
+    found = np.array(shrinkages(lines, predicted))
     return f"{100 * np.median(np.abs(found[:, 0] - found[:, 1])):.1f} points ({len(found)})" if len(found) else "-"
 
 
@@ -215,6 +215,7 @@ MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
     "ECE of the probabilities": ("none effect outside", _ece),
     "amplitude intervals that cover": ("effect", lambda of: rate(intervals_that_cover(of))),
     "median error of the predicted shrinkage": ("effect", _shrinkage_error),
+    "the same, of a motion held out": ("effect", lambda of: _shrinkage_error(of, "other_motion_deg")),
     "shrinkage within 10 points of the realised": (
         "effect",
         lambda of: rate(abs(p - r) <= _SHRINKAGE for p, r in shrinkages(of)),

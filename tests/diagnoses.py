@@ -28,7 +28,7 @@ def gap_of(adapted: float, with_effect: float) -> HeldOut:
     return HeldOut(
         in_sample=levels(noise_floor=0.8, base=2.0, adapted=adapted - 0.2, with_effect=with_effect - 0.2),
         unseen=levels(noise_floor=0.89, base=2.1, adapted=adapted, with_effect=with_effect),
-        folds="one motion at a time",
+        other_motion=levels(noise_floor=0.89, base=2.1, adapted=adapted + 0.1, with_effect=with_effect + 0.05),
     )
 
 

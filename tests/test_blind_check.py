@@ -98,10 +98,13 @@ def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None
 
 def test_shrinkage_predicted_and_realised() -> None:
     gap = {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}}
-    seen = line(TRUE, "effect", TRUE, gap_deg=gap, realised_deg={"adapted": 1.0, "with_effect": 0.7})
+    motion = {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}}
+    realised = {"adapted": 1.0, "with_effect": 0.7}
+    seen = line(TRUE, "effect", TRUE, gap_deg=gap, other_motion_deg=motion, realised_deg=realised)
     assert blind_report.shrinkages([seen, line(TRUE, "none")]) == [pytest.approx((0.25, 0.3))]
     table = blind_report.measure_table({"standard": [seen | {"amplitude": {TRUE: []}, "true_channels": {}}]})
     assert "| median error of the predicted shrinkage |  | 5.0 points (1) |" in table
+    assert "| the same, of a motion held out |  | 20.0 points (1) |" in table
     assert "| shrinkage within 10 points of the realised |  | 100.0 % (21-100; 1) |" in table
     assert "| shrinkage within 10 % of the realised | all | 0.0 % (0-79; 1) |" in table
 
@@ -371,6 +374,6 @@ def test_one_case_from_its_world_to_its_report(
     (weighed,) = read_lines(tmp_path / "weighed.jsonl")
     assert (weighed["answer"], weighed["effects"]) == (found["answer"], found["effects"])
     assert weighed["probability"] == pytest.approx(found["probability"], abs=1e-9)  # the spread chosen rounds a digit
-    monkeypatch.setattr(verdict, "BLAMED_BELOW", 0.0)
+    monkeypatch.setattr(verdict, "UNKNOWN_FROM", 0.0)
     blind_check.main(tmp_path, **asked, weigh_kept=True)
     assert read_lines(tmp_path / "weighed.jsonl")[0]["answer"] == "unknown"

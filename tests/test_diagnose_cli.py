@@ -78,9 +78,9 @@ def assert_contract(found: Mapping[str, Any]) -> None:
         assert amplitude["unit"] == EFFECTS[name].unit
         assert all(numbers(channel, INTERVAL) for channel in amplitude["channels"].values())
     gap = found["gap_deg"]
-    assert set(gap) == {*KINDS, "in_sample", "held_out", "shrinkage"}
+    assert set(gap) == {*KINDS, "in_sample", "other_motion", "held_out", "shrinkage"}
     assert isinstance(gap["held_out"], str)
-    for kinds in (gap, gap["in_sample"]):
+    for kinds in filter(None, (gap, gap["in_sample"], gap["other_motion"])):
         assert all(numbers(kinds[kind][bone], INTERVAL) for kind in KINDS for bone in BONES)
     shares = [cell["share"] for cell in found["where"]]
     assert shares == sorted(shares, reverse=True)

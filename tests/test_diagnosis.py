@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from adapt.diagnosis import Diagnosis, diagnose
+from adapt.diagnosis.heldout import gaps
+from adapt.diagnosis.most_probable import fit_hypotheses
+from adapt.diagnosis.observed import observe
 from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from adapt.simulation import Simulated, simulate_model_subjects
 from models import load_model
@@ -118,24 +121,37 @@ def test_the_verdict_is_looked_at_again_at_other_noise(found):
 
 
 def test_the_gap_shrinks_with_the_effect_on_postures_seen_and_unseen(found):
-    for gaps in (found.gap.in_sample, found.gap.unseen):
-        assert gaps["with_effect"]["all"].value < gaps["adapted"]["all"].value
-        for of_bone in gaps["adapted"].values():
+    for levels in (found.gap.in_sample, found.gap.unseen, found.gap.other_motion):
+        assert levels["with_effect"]["all"].value < levels["adapted"]["all"].value
+        for of_bone in levels["adapted"].values():
             assert of_bone.low <= of_bone.value <= of_bone.high
     assert found.gap.in_sample["adapted"]["all"].value < found.gap.in_sample["base"]["all"].value
-    assert found.gap.folds == "one motion at a time"
+    in_sample, unseen, other_motion = (
+        levels["adapted"]["all"].value for levels in (found.gap.in_sample, found.gap.unseen, found.gap.other_motion)
+    )
+    assert in_sample < unseen < other_motion, "the less a model has seen, the less it knows"
+
+
+def test_of_one_motion_postures_alone_are_held_out(biased, found):
+    one = observe(taken(biased.motions, np.flatnonzero(biased.motions.motion == biased.motions.motion[0])))
+    noise = found.noise.noise
+    (none,) = fit_hypotheses(MODEL.girdle, SMALL_EFFECTS, [()], one, noise)
+    seen = gaps(MODEL.girdle, SMALL_EFFECTS, one, noise, [none, none])
+    assert seen.other_motion is None
+    assert seen.unseen["adapted"] == seen.unseen["with_effect"]
+    assert seen.in_sample["adapted"]["all"].value < seen.unseen["adapted"]["all"].value
 
 
 def test_without_an_effect_adapted_and_explained_are_one(nothing):
-    for gaps in (nothing.gap.in_sample, nothing.gap.unseen):
-        assert gaps["with_effect"] == gaps["adapted"]
+    for levels in (nothing.gap.in_sample, nothing.gap.unseen, nothing.gap.other_motion):
+        assert levels["with_effect"] == levels["adapted"]
     assert {changed.adapted_mm - changed.with_effect_mm for changed in nothing.parameters.values()} == {0.0}
 
 
 def test_the_gap_of_a_right_model_is_near_the_noise_floor(nothing):
     """Adapted to 14 postures, six parameters take a little of the noise with them."""
-    gaps = nothing.gap.in_sample
-    assert 0.7 < gaps["adapted"]["all"].value / gaps["noise_floor"]["all"].value < 1.1
+    levels = nothing.gap.in_sample
+    assert 0.7 < levels["adapted"]["all"].value / levels["noise_floor"]["all"].value < 1.1
 
 
 def test_subjects_and_postures_are_counted(found, biased):

@@ -89,9 +89,9 @@ def test_none_is_kept_where_its_evidence_is_the_best():
     assert (verdict.answer, verdict.effects) == (NONE, ())
 
 
-@pytest.mark.parametrize(("behind", "answer"), [(0.5, NONE), (20.0, EFFECT)])
+@pytest.mark.parametrize(("behind", "answer"), [(0.5, NONE), (3.6, NONE), (4.3, EFFECT), (20.0, EFFECT)])
 def test_none_is_given_up_only_where_it_is_improbable(behind, answer):
-    """Its prior is that of all effects together: half a nat behind one of them it is still more probable."""
+    """Prior odds of one of four effects to none 0.65 / 4 to 0.35, so that 19 to 1 are log evidence of 3.71."""
     assert judged({("a",): 0.0, (): -behind}).answer == answer
 
 

@@ -25,7 +25,7 @@ from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, Hypothesis, Products
 from adapt.diagnosis.misfit import prior_sd_of
 from adapt.diagnosis.observed import Noise, Observed
 from adapt.diagnosis.priors import over_priors
-from adapt.diagnosis.verdict import BLAMED_BELOW, shares_of
+from adapt.diagnosis.verdict import NONE_FROM, shares_of
 from models.effects import Effect
 from models.effects.effect import COURSE_SD
 from models.girdle import ADAPTED, Girdle
@@ -123,7 +123,7 @@ def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarra
 
 
 def _outcomes(at_work: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> Foreseen:
-    nothing = shares[0] >= BLAMED_BELOW
+    nothing = shares[0] >= NONE_FROM
     first = np.where(nothing, -1, shares[1:].argmax(axis=0))
     often = [float((first == k).mean()) for k in range(len(names))]
     others = sorted((-share, names[k]) for k, share in enumerate(often) if k != at_work and share >= _NAMED_OFTEN)

@@ -96,7 +96,8 @@ def _size(channels: Sequence[Amplitude]) -> tuple[float, float]:
 def _gaps(of: HeldOut) -> Object:
     adapted, with_effect = (of.unseen[kind]["all"].value for kind in ("adapted", "with_effect"))
     shrinkage = (adapted - with_effect) / adapted if adapted else 0.0
-    return {**of.unseen, "in_sample": of.in_sample, "held_out": of.folds, "shrinkage": shrinkage}
+    levels = {**of.unseen, "in_sample": of.in_sample, "other_motion": of.other_motion}
+    return {**levels, "held_out": "every third posture", "shrinkage": shrinkage}
 
 
 def plain(value: Any) -> Any:

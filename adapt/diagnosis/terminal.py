@@ -92,7 +92,13 @@ def _gap(of: Object) -> Table:
     kinds = {"noise_floor": "noise alone", "base": "model as it is", "adapted": "adapted"}
     if of["best"]:
         kinds["with_effect"] = "with effect"
-    for where, levels in (("held out", gap), ("in sample", gap["in_sample"])):
+    for where, levels in (
+        ("held out", gap),
+        ("a motion held out", gap["other_motion"]),
+        ("in sample", gap["in_sample"]),
+    ):
+        if levels is None:
+            continue
         table.add_row(where)
         for kind, name in kinds.items():
             values = (_interval(levels[kind][bone]) for bone in _BONES)

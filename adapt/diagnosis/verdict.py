@@ -38,9 +38,12 @@ _PAIR_DOUBT = 4.0
 _MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
 """Beyond these a test is no surer."""
 
-BLAMED_BELOW = 0.33
-"""An effect is blamed only where none, against it, and unknown are both less probable than this: a wrong name costs
-more than no name."""
+UNKNOWN_FROM = 0.33
+"""Probability of unknown from which it is the answer: a wrong name costs more than no name."""
+
+NONE_FROM = 0.05
+"""Probability of none, against the effects, from which it is the answer: odds of 20 to 1 are beyond noise, as in the
+smallest detectable amplitude. Worlds without effect have more by chance: below one third in 8 % of them."""
 
 _PART_GAIN = 10.0
 """Log evidence over none from which an effect that is not enough is named as part of an unknown cause."""
@@ -123,11 +126,11 @@ def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, .
     order = np.argsort(-shares, kind="stable")
     none = ranking.hypotheses.index(())
     best = next(ranking.hypotheses[k] for k in order if k != none)
-    if unknown >= BLAMED_BELOW:
+    if unknown >= UNKNOWN_FROM:
         gain = ranking.log_evidence[ranking.hypotheses.index(best)] - ranking.log_evidence[none]
         partly = best if gain > _PART_GAIN else ()
         return UNKNOWN, partly, len(partly) > 1
-    if shares[none] >= BLAMED_BELOW:
+    if shares[none] >= NONE_FROM:
         return NONE, (), False
     alike = [(ranking.hypotheses[k], shares[k]) for k in order if len(ranking.hypotheses[k]) == len(best)]
     names = dict.fromkeys(name for hypothesis in _credible(alike) for name in hypothesis)
