@@ -94,7 +94,7 @@ def _gap(of: Object) -> Table:
         kinds["with_effect"] = "with effect"
     for where, levels in (
         ("held out", gap),
-        ("a motion held out", gap["other_motion"]),
+        ("motion held out", gap["other_motion"]),
         ("in sample", gap["in_sample"]),
     ):
         if levels is None:
