@@ -69,12 +69,12 @@ def estimate_noise(
 
 
 class _Beyond(NamedTuple):
-    """Of one subject, what its own columns cannot take up: an orthonormal basis of it, of so many rows, sees"""
+    """One subject along the directions that its own columns do not span, orthonormal ones."""
 
-    left: Float[np.ndarray, " rows"]
-    """y,"""
-    common: Float[np.ndarray, "rows columns"]
-    """and the columns that subjects have in common."""
+    left: Float[np.ndarray, " directions"]
+    """Of y."""
+    common: Float[np.ndarray, "directions columns"]
+    """Of the columns that subjects have in common."""
 
 
 def _noisy_deg(everyone: Sequence[_Beyond]) -> dict[int, float]:

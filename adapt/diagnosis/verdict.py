@@ -42,8 +42,8 @@ UNKNOWN_FROM = 0.33
 """Probability of unknown from which it is the answer: a wrong name costs more than no name."""
 
 NONE_FROM = 0.05
-"""Probability of none, against the effects, from which it is the answer: odds of 20 to 1 are beyond noise, as in the
-smallest detectable amplitude. Worlds without effect have more by chance: below one third in 8 % of them."""
+"""Probability of none, against the effects, from which it is the answer: only less than 1 in 20 is beyond noise, as for
+the smallest detectable amplitude. In simulated worlds without effect it is below 1 in 3 by chance in 8 %."""
 
 _PART_GAIN = 10.0
 """Log evidence over none from which an effect that is not enough is named as part of an unknown cause."""
