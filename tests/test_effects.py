@@ -109,7 +109,7 @@ def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:
 
 def unequal(effect: Effect) -> np.ndarray:
     """A strength of the size of the scale with another value and sign in each channel."""
-    return np.asarray(effect.scale) * np.array([0.8, -0.6, 0.5, -0.7])[: len(effect.scale)]
+    return np.asarray(effect.scale) * np.array([0.8, -0.6, 0.5, -0.7, 0.4, -0.3])[: len(effect.scale)]
 
 
 def turn(deg: np.ndarray) -> np.ndarray:
@@ -169,14 +169,19 @@ def test_amplitude_zero_is_the_base_model(effect):
 
 
 @each_effect
-def test_every_channel_changes_the_constraints_in_its_own_way(effect):
-    """The changes of all postures by each channel are felt and linearly independent."""
-    changes = []
-    for k in range(len(effect.channels)):
-        strength = np.eye(len(effect.channels))[k] * effect.scale[k]
-        changes.append((residuals(chain((effect, strength))) - base_residuals()).ravel())
-    assert min(np.abs(change).max() for change in changes) > FELT_MM
-    assert np.linalg.svd(np.array(changes), compute_uv=False)[-1] > FELT_MM
+def test_every_channel_changes_what_is_seen_in_its_own_way(effect):
+    """The changes of all postures by each channel are felt and linearly independent: by a direction of the effect those
+    of the constraints, by a detail at least those of the landmarks."""
+
+    def changes(strength: np.ndarray) -> list[np.ndarray]:
+        changed = chain((effect, strength))
+        return [(residuals(changed) - base_residuals()).ravel(), (points(changed) - base_points()).ravel()]
+
+    by_channel = [changes(row) for row in np.diag(effect.scale)]
+    of_constraints = [change for change, _ in by_channel[: len(effect.directions)]]
+    for each in (of_constraints, [np.concatenate(both) for both in by_channel]):
+        assert min(np.abs(change).max() for change in each) > FELT_MM
+        assert np.linalg.svd(np.array(each), compute_uv=False)[-1] > FELT_MM
 
 
 @each_effect
@@ -339,11 +344,21 @@ def test_thorax_shape_is_the_distance_to_a_superquadric(around, along):
 def test_scapula_landmark_bias_undone_is_the_base_model():
     """Residuals at R_true B are those of the base model at R_true; the landmarks are where the true bones have them."""
     effect = EFFECTS["scapula_landmark_bias"]
-    deg = unequal(effect)
+    deg = unequal(effect)[:3]
     C, S = rotations()
-    changed, measured = chain((effect, deg)), angles_of(C, S @ turn(deg))
+    changed, measured = chain((effect, np.concatenate([deg, np.zeros(3)]))), angles_of(C, S @ turn(deg))
     close(residuals(changed, measured), base_residuals())
     close(points(changed, measured), base_points())
+
+
+def test_ts_and_ai_palpated_wrong_are_seen_where_the_measured_frame_has_them():
+    """Turned like the frame, all is as the base model has it at R_measured but the closed chain; SC and AC stay."""
+    effect = EFFECTS["scapula_landmark_bias"]
+    deg = unequal(effect)[:3]
+    C, S = rotations()
+    changed, measured = chain((effect, np.concatenate([deg, deg]))), angles_of(C, S @ turn(deg))
+    close(residuals(changed, measured), base_residuals())
+    close(points(changed, measured), points(chain((effect, np.zeros(6))), measured))
 
 
 def test_skin_artefact_undone_is_the_base_model_and_moves_only_ts_and_ai():

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_effects import without_details
 from scipy.stats import multivariate_normal
 
 from adapt.diagnosis.evidence import Block, Statistics, alike, common_amplitude
@@ -17,7 +18,7 @@ SAME = 1e-9
 _NORMAL: Any = multivariate_normal
 """Its type would have the covariance a number."""
 
-GAP, BIAS = EFFECTS["scapulothoracic_gap"], EFFECTS["scapula_landmark_bias"]
+GAP, BIAS = EFFECTS["scapulothoracic_gap"], without_details(EFFECTS["scapula_landmark_bias"])
 SUBJECTS, DEPARTURES, BESIDE = 4, 2, 1
 COLUMNS = 6 + 3 + 2 * DEPARTURES + BESIDE
 """TS and AI with three terms each, a bias of three channels, departures of TS and AI, one more column."""

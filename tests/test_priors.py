@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_effects import without_details
 
 from adapt.diagnosis import priors
 from adapt.diagnosis.evidence import THETA_SD_MM, Linear, log_evidence, products, unlike
@@ -19,7 +20,7 @@ LITTLE = 0.1
 SPREADS = np.outer((0.2, 0.4, 0.7, 1.0), np.ones(6))
 """Of all parameters alike: what is tested here does not depend on which."""
 
-EFFECT = EFFECTS["scapula_landmark_bias"]
+EFFECT = without_details(EFFECTS["scapula_landmark_bias"])
 SUBJECTS, RESIDUALS = 8, 30
 
 
