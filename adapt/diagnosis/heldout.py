@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt import status
+from adapt.chunks import in_threads
 from adapt.diagnosis.evidence import Hypothesis, Linear
 from adapt.diagnosis.misfit import Misfit, misfit
 from adapt.diagnosis.most_probable import fit_hypotheses
@@ -75,17 +76,15 @@ def gaps(
     base = _as_it_is(girdle, data)
     seen = _looked(girdle, effects, data, noise, fitted, base, data.counted)
 
-    def unseen(parts: Sequence[Postures], what: str) -> dict[str, Gaps]:
-        looked = []
-        for number, held in enumerate(parts):
-            progress(f"held-out {what}, part {number + 1} of {len(parts)}")
-            found = _fit(girdle, effects, hypotheses, data.without(held), noise)
-            looked.append(_looked(girdle, effects, data, noise, found, base, held))
-        return _summarised(looked)
+    def unseen(held: Postures) -> _Looked:
+        found = _fit(girdle, effects, hypotheses, data.without(held), noise)
+        return _looked(girdle, effects, data, noise, found, base, held)
 
-    motions = _motions(data)
-    other_motion = unseen(motions, "motions") if motions else None
-    return HeldOut(_summarised([seen]), unseen(_thirds(data), "postures"), other_motion)
+    thirds, motions = _thirds(data), _motions(data)
+    progress("held-out postures and motions")
+    looked = in_threads(unseen, [*thirds, *motions])
+    by_motion = _summarised(looked[len(thirds) :]) if motions else None
+    return HeldOut(_summarised([seen]), _summarised(looked[: len(thirds)]), by_motion)
 
 
 def _fit(girdle, effects, hypotheses: list[Hypothesis], data, noise) -> list[Linear]:
