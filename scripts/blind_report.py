@@ -18,6 +18,7 @@ Line = dict[str, Any]
 """One case: what `scripts/blind_check.py` writes, from JSON."""
 
 _BINS = 10
+_DRAWS = 1000
 _SHRINKAGE = 0.1
 """Predicted and realised shrinkage should be this close."""
 
@@ -73,6 +74,13 @@ def expected_calibration_error(confidence: Sequence[float], right: Sequence[bool
     sure, hit = np.asarray(confidence), np.asarray(right, dtype=float)
     at = np.minimum((sure * _BINS).astype(int), _BINS - 1)
     return float(sum(abs((hit - sure)[at == b].sum()) for b in range(_BINS)) / len(sure))
+
+
+def error_by_chance(confidence: Sequence[float]) -> float:
+    """The calibration error to expect of so many cases if every confidence is right: the mean of many draws."""
+    sure, generator = np.asarray(confidence), np.random.default_rng(0)
+    draws = generator.random((_DRAWS, len(sure))) < sure
+    return float(np.mean([expected_calibration_error(confidence, right) for right in draws.tolist()]))
 
 
 def named(line: Line) -> bool:
@@ -180,6 +188,11 @@ def _ece(lines: Sequence[Line]) -> str:
     return f"{expected_calibration_error(*zip(*sure, strict=True)):.3f} ({len(sure)})" if sure else "-"
 
 
+def _ece_by_chance(lines: Sequence[Line]) -> str:
+    sure = [confidence for confidence, _ in map(surest, lines)]
+    return f"{error_by_chance(sure):.3f} ({len(sure)})" if sure else "-"
+
+
 def _mean_size(lines: Iterable[Line]) -> str:
     sizes = [len(line["effects"]) for line in lines if named(line)]
     return f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-"
@@ -213,6 +226,7 @@ MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
     "outside: confident wrong name": ("outside", lambda of: rate(map(confidently_wrong, of))),
     "outside: none": ("outside", lambda of: rate(line["answer"] == NONE for line in of)),
     "ECE of the probabilities": ("none effect outside", _ece),
+    "the same, by chance alone": ("none effect outside", _ece_by_chance),
     "amplitude intervals that cover": ("effect", lambda of: rate(intervals_that_cover(of))),
     "median error of the predicted shrinkage": ("effect", _shrinkage_error),
     "the same, of a motion held out": ("effect", lambda of: _shrinkage_error(of, "other_motion_deg")),

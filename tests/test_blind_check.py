@@ -58,6 +58,12 @@ def test_calibration_error_by_hand() -> None:
     assert blind_report.expected_calibration_error([1.0, 1.0], [True, True]) == 0.0
 
 
+def test_calibration_error_by_chance_by_hand() -> None:
+    # One case of 0.8: off by 0.2 in 0.8 of the draws, by 0.8 in the others. An SD of a draw is 0.24.
+    assert blind_report.error_by_chance([0.8]) == pytest.approx(0.32, abs=4 * 0.24 / 1000**0.5)
+    assert blind_report.error_by_chance([1.0, 0.0]) == 0.0
+
+
 def test_an_answer_covers_with_any_name_and_is_confidently_wrong_with_one() -> None:
     right, hedged = line(TRUE, "effect", TRUE), line(TRUE, "effect", OTHER, TRUE)
     wrong, wrong_set = line(TRUE, "effect", OTHER), line(TRUE, "effect", OTHER, THIRD)
