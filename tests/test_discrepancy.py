@@ -5,13 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.diagnosis.discrepancy import FINE, SMOOTH, discrepancy_columns, discrepancy_gain, scatter_columns
+from adapt.diagnosis.discrepancy import (
+    FINE,
+    SMOOTH,
+    angle_columns,
+    discrepancy_columns,
+    discrepancy_gain,
+    scatter_columns,
+)
 from adapt.diagnosis.evidence import Linear, alike
 from adapt.diagnosis.observed import Noise, NoiseEstimate, Observed
+from motions.rotations import DEG
 
 SUBJECTS, POSTURES = 10, 14
 ROOT = np.array([[1.0, 0.0, 0.0], [-0.4, 0.9, 0.0], [0.2, 0.1, 0.6]])
 """What a mm of A1-A3 adds to the residuals of a posture, in standard deviations: about that of angles with 1.5 deg."""
+
+BY_ANGLE = np.diag([30.0, 25.0, 20.0])
+"""What a rad of a bone's angles adds to the equations of a landmark, in standard deviations: up to 60 mm of 2 mm."""
 
 KNOWN = NoiseEstimate(Noise(1.5), np.inf, "given")
 ESTIMATED = NoiseEstimate(Noise(1.5), 150.0, "estimated")
@@ -51,6 +62,34 @@ def with_offsets(offsets_mm: np.ndarray, share: float = 1.0, seed: int = 0) -> L
         a=np.zeros((SUBJECTS, 0)),
         linear=-y,
         root=np.tile(ROOT, (SUBJECTS, POSTURES, 1, 1)),
+        by_angle=np.zeros((SUBJECTS, POSTURES, 3, 6)),
+    )
+
+
+def against_landmarks(clavicle_deg: np.ndarray, seed: int = 0) -> Linear:
+    """The same, nothing off in A1-A3, with three equations of a landmark that both bones move: the clavicle's angles
+    are off against them by (subjects, postures, 3) degrees."""
+    fitted = with_offsets(np.zeros((SUBJECTS, POSTURES, 3)), seed=seed)
+    noise = np.random.default_rng(100 + seed).standard_normal((SUBJECTS, POSTURES, 3))
+    seen = noise + clavicle_deg @ BY_ANGLE / DEG
+
+    def beside(of_constraints, more) -> np.ndarray:
+        both = of_constraints.reshape(SUBJECTS, POSTURES, 3, -1)
+        return np.concatenate([both, more.reshape(SUBJECTS, POSTURES, 3, -1)], axis=2)
+
+    y = beside(fitted.y, seen).reshape(SUBJECTS, -1)
+    root = np.zeros((6, 6))
+    root[:3, :3], root[3:, 3:] = ROOT, 0.5 * np.eye(3)
+    by_angle = np.zeros((6, 6))
+    by_angle[3:, :3], by_angle[3:, 3:] = BY_ANGLE, 0.5 * BY_ANGLE
+    return replace(
+        fitted,
+        y=y,
+        X=beside(fitted.X, np.zeros((SUBJECTS, POSTURES, 3, 6))).reshape(*y.shape, 6),
+        A=np.zeros((*y.shape, 0)),
+        linear=-y,
+        root=np.tile(root, (SUBJECTS, POSTURES, 1, 1)),
+        by_angle=np.tile(by_angle, (SUBJECTS, POSTURES, 1, 1)),
     )
 
 
@@ -80,6 +119,30 @@ def test_a_noise_estimated_too_low_from_few_degrees_is_no_discrepancy(seed):
 def test_a_course_over_elevation_is_seen(noise):
     bump = np.exp(-0.5 * ((observed().elevation_deg.T[..., None] - 75.0) / 30.0) ** 2)
     assert gain(with_offsets(3.0 * bump * np.array([1.0, -1.0, 0.0])), noise) > CLEAR
+
+
+@each_noise
+@pytest.mark.parametrize("seed", range(5))
+def test_angles_that_agree_with_landmarks_are_no_discrepancy(noise, seed):
+    assert gain(against_landmarks(np.zeros((SUBJECTS, POSTURES, 3)), seed), noise) < 0.0
+
+
+@each_noise
+def test_angles_that_are_off_against_landmarks_are_seen(noise):
+    """By three degrees in mid-range, out in one motion and in in the other: A1-A3 know nothing of it."""
+    data = observed()
+    bump = np.exp(-0.5 * ((data.elevation_deg - 75.0) / 30.0) ** 2) * np.where(data.motion == 0, 3.0, -3.0)
+    assert gain(against_landmarks(bump.T[..., None] * np.array([0.0, 1.0, 0.0])), noise) > CLEAR
+
+
+def test_a_degree_of_each_angle_adds_what_by_angle_says():
+    """The first term of each motion is a constant."""
+    fitted, data = against_landmarks(np.zeros((SUBJECTS, POSTURES, 3))), observed()
+    columns = angle_columns(fitted, data, slice(0, 3)).reshape(SUBJECTS, POSTURES, 6, 3, SMOOTH, 2)
+    for motion in (0, 1):
+        there = columns[..., 0, motion] * DEG
+        np.testing.assert_allclose(there[:, data.motion[:, 0] == motion, 3:], np.tile(BY_ANGLE, (SUBJECTS, 7, 1, 1)))
+        assert not there[:, data.motion[:, 0] != motion].any()
 
 
 @each_noise

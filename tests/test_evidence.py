@@ -60,6 +60,7 @@ def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: np.ndarray | 
         a=a,
         linear=np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, a) - y,
         root=normal(1, RESIDUALS, RESIDUALS),
+        by_angle=normal(1, RESIDUALS, 6),
         spread=np.full(6, spread),
     )
 

@@ -215,7 +215,7 @@ def test_padding_is_zero(data):
     padding = ~data.counted.T
     assert padding.sum() == 2
     found = look(data, z_near(2))
-    for name in ("y", "slopes", "root", "open_mm"):
+    for name in ("y", "slopes", "root", "by_angle", "open_mm"):
         values = getattr(found, name)
         np.testing.assert_array_equal(values[padding], 0.0)
         assert np.abs(values[~padding]).max() > 0.0
@@ -227,7 +227,7 @@ def test_a_lane_does_not_depend_on_the_lanes_beside_it(data):
     many = look(data.of_subjects(np.arange(70) % 2), z, projections=4)
     for lane in (0, 63, 66, 69):
         alone = look(data.of_subjects(np.array([lane % 2])), z[:, lane], projections=4)
-        for name in ("y", "slopes", "root", "open_mm"):
+        for name in ("y", "slopes", "root", "by_angle", "open_mm"):
             np.testing.assert_allclose(getattr(many, name)[lane], getattr(alone, name)[0], rtol=SAME, atol=SAME)
         np.testing.assert_allclose(many.nearest[..., lane], alone.nearest[..., 0], rtol=SAME, atol=SAME)
         np.testing.assert_allclose(many.noise_variance[..., lane], alone.noise_variance[..., 0], rtol=SAME)
@@ -309,6 +309,19 @@ def test_root_is_what_one_unit_of_each_equation_adds_to_y(with_landmarks):
     found = look(replace(many, values=values), z_near(1))
     for k in range(12):
         expected = off_mm * found.root[k, :, :, 3 + k]
+        np.testing.assert_allclose(found.y[k], expected, rtol=0.0, atol=CURVED * np.abs(expected).max())
+
+
+def test_by_angle_is_what_a_rad_of_each_measured_angle_adds_to_y(with_landmarks):
+    """An angle off by a ten thousandth of a rad, one lane for each; landmarks keep their places."""
+    off = 1e-4
+    many = lanes_of(with_landmarks, 6)
+    values = many.values.copy()
+    for k in range(6):
+        values[k, :, k] += off
+    found = look(replace(many, values=values), z_near(1))
+    for k in range(6):
+        expected = off * found.by_angle[k, :, :, k]
         np.testing.assert_allclose(found.y[k], expected, rtol=0.0, atol=CURVED * np.abs(expected).max())
 
 

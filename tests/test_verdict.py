@@ -37,6 +37,7 @@ def linear(hypothesis: Hypothesis) -> Linear:
         a=np.zeros((1, n)),
         linear=np.zeros((1, 3)),
         root=np.zeros((1, 1, 3, 3)),
+        by_angle=np.zeros((1, 1, 3, 6)),
     )
 
 

@@ -1,6 +1,7 @@
 """A gap that no effect of the list explains, as columns of the linear model: what A1-A3 would have to be off by.
 
 Whatever acts, acts on the constraints: their targets are off by some function of elevation, another one in each motion.
+Where landmark positions are given too, the angles of a bone may be off against them, which need not touch A1-A3.
 A hypothesis that leaves something systematic becomes more probable when this is added to it; a true one does not.
 So does one that leaves more scatter between postures than the noise of the angles makes: a breathing thorax.
 """
@@ -16,12 +17,19 @@ from adapt.diagnosis.observed import NoiseEstimate, Observed
 from adapt.diagnosis.priors import SHIFT
 from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
+from motions.rotations import DEG
 
 SMOOTH, FINE = 3, 6
 """Terms over elevation in each motion: a constant, a slope and a bend; or nearly any course of seven postures."""
 
 _SCALES_MM = (1.0, 3.0)
 """Prior SD of each term: bone pins left 3-5 mm of TS and AI, 2-4 mm of the conoid; a third of that for a small one."""
+
+_SCALES_DEG = (2.0, 6.0)
+"""The same of a measured angle: the effects of the list are of 4 to 10 degrees."""
+
+_BONES = (slice(0, 3), slice(3, 6))
+"""Whose angles."""
 
 _HELD_BY = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """What may scatter: the thorax under TS and AI, or the conoid."""
@@ -35,12 +43,22 @@ _SCATTER_SHARE = 0.01
 
 def discrepancy_columns(fitted: Linear, data: Observed, terms: int) -> Float[np.ndarray, "subjects residuals more"]:
     """Derivatives of y by the terms (Legendre polynomials of elevation), for each constraint and motion."""
+    return _over_elevation(fitted.root[..., : len(CONSTRAINTS)], data, terms)
+
+
+def angle_columns(fitted: Linear, data: Observed, bone: slice) -> Float[np.ndarray, "subjects residuals more"]:
+    """The same for a degree of each of a bone's angles, smooth over elevation."""
+    return _over_elevation(fitted.by_angle[..., bone] / DEG, data, SMOOTH)
+
+
+def _over_elevation(
+    unit: Float[np.ndarray, "subjects postures m units"], data: Observed, terms: int
+) -> Float[np.ndarray, "subjects residuals more"]:
     x = np.clip(2.0 * data.elevation_deg / FULL_ELEVATION_DEG - 1.0, -1.0, 1.3).T
     over = np.polynomial.legendre.legvander(x, terms - 1)
     in_motion = data.motion.T[..., None] == np.arange(len(data.motions))
-    root = fitted.root[..., : len(CONSTRAINTS)]
-    columns = root[..., None, None] * (over[..., None] * in_motion[..., None, :])[:, :, None, None]
-    return columns.reshape(*fitted.y.shape, -1)
+    columns = unit[..., None, None] * (over[..., None] * in_motion[..., None, :])[:, :, None, None]
+    return columns.reshape(len(unit), unit.shape[1] * unit.shape[2], -1)
 
 
 def scatter_columns(fitted: Linear, held_by: Sequence[float]) -> Float[np.ndarray, "subjects residuals postures"]:
@@ -54,7 +72,8 @@ def scatter_columns(fitted: Linear, held_by: Sequence[float]) -> Float[np.ndarra
 def discrepancy_gain(fitted: Linear, data: Observed, prior: Block, noise: NoiseEstimate) -> float:
     """log evidence of the hypothesis with a discrepancy beside it, less that without: the most over its kinds.
 
-    A course over elevation: smooth or fine, of either size, common to the subjects or each subject's own. Or scatter
+    A course over elevation: smooth or fine, of either size, common to the subjects or each subject's own; with landmark
+    positions, in the angles of a bone too. Or scatter
     from posture to posture in what holds the scapula or the clavicle; it passes for noise, so the noise may then be
     less than it was estimated to be.
     """
@@ -63,17 +82,21 @@ def discrepancy_gain(fitted: Linear, data: Observed, prior: Block, noise: NoiseE
     return max(course, scatter + math.log(_SCATTER_SHARE))
 
 
-Kind = tuple[Float[np.ndarray, "subjects residuals more"], Spread]
-"""Columns of a discrepancy, and how it varies between subjects."""
+Kind = tuple[Float[np.ndarray, "subjects residuals more"], Spread, tuple[float, ...]]
+"""Columns of a discrepancy, how it varies between subjects, and the scales that it may have."""
 
 
 def _courses(fitted: Linear, data: Observed) -> list[Kind]:
     smooth, fine = (discrepancy_columns(fitted, data, terms) for terms in (SMOOTH, FINE))
-    return [(smooth, alike), (smooth, unlike), (fine, alike)]
+    of_constraints = [(smooth, alike, _SCALES_MM), (smooth, unlike, _SCALES_MM), (fine, alike, _SCALES_MM)]
+    if fitted.root.shape[-1] == len(CONSTRAINTS):
+        return of_constraints
+    of_angles = [angle_columns(fitted, data, bone) for bone in _BONES]
+    return [*of_constraints, *((columns, spread, _SCALES_DEG) for columns in of_angles for spread in (alike, unlike))]
 
 
 def _scatters(fitted: Linear) -> list[Kind]:
-    return [(scatter_columns(fitted, held_by), unlike) for held_by in _HELD_BY]
+    return [(scatter_columns(fitted, held_by), unlike, _SCALES_MM) for held_by in _HELD_BY]
 
 
 def _less_or_likely(noise: NoiseEstimate) -> list[tuple[float, float]]:
@@ -91,8 +114,8 @@ def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[
     shift = common_shift(SHIFT)
     without = log_sum(log_evidence(products(fitted).with_shift().over(noises), prior + shift))
     gains = []
-    for columns, spread in kinds:
+    for columns, spread, scales in kinds:
         with_more, one = products(fitted, columns).with_shift().over(noises), np.ones(columns.shape[2])
-        priors = [prior + spread(one * scale) + shift for scale in _SCALES_MM]
+        priors = [prior + spread(one * scale) + shift for scale in scales]
         gains += [log_sum(log_evidence(with_more, wider)) for wider in priors]
     return max(gains) - without

@@ -88,13 +88,15 @@ class Linear:
     linear: Float[np.ndarray, "subjects residuals"]
     """X u + A a - y at z: y of other u and a is X u + A a - linear."""
     root: Float[np.ndarray, "subjects postures m m"]
+    by_angle: Float[np.ndarray, "subjects postures m 6"]
+    """What a unit of each equation, and a rad of each measured angle, adds to y (see ``misfit.Misfit``)."""
     spread: Float[np.ndarray, " 6"] = field(default_factory=lambda: np.ones(_ADAPTED))
     """By which share of its ``THETA_SD_MM`` each adapted parameter varies between subjects: that is the unit of u and
     X."""
 
     def with_noise(self, share: float) -> "Linear":
         """The same, had the noise been ``share`` times what it was taken for."""
-        changed = {name: getattr(self, name) / share for name in ("y", "X", "A", "linear", "root")}
+        changed = {name: getattr(self, name) / share for name in ("y", "X", "A", "linear", "root", "by_angle")}
         return replace(self, **changed)
 
     def with_spread(self, spread: Float[np.ndarray, " 6"]) -> "Linear":

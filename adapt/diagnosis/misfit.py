@@ -44,6 +44,8 @@ class Misfit:
     """dy/dz of the chosen columns of z; a column of -1 gives zeros."""
     root: Float[np.ndarray, "lanes postures m m"]
     """V^(-1/2), lower triangular: what one unit of each equation of g adds to y."""
+    by_angle: Float[np.ndarray, "lanes postures m 6"]
+    """V^(-1/2) dg/dx of the six angles: what one rad of each measured angle adds to y."""
     open_mm: Float[np.ndarray, "lanes postures"]
     """How far the chain still gapes at x*: more than rounding where no posture closes it."""
     noise_variance: Float[np.ndarray, "quantities postures lanes"]
@@ -120,6 +122,7 @@ def misfit(
         y=np.where(real, (root @ gape[..., None])[..., 0], 0.0),
         slopes=np.where(real[..., None], root @ T, 0.0),
         root=np.where(real[..., None], root, 0.0),
+        by_angle=np.where(real[..., None], root @ G[..., : len(ANGLES)], 0.0),
         open_mm=np.where(data.counted.T, np.abs(g).max(axis=2), 0.0),
         noise_variance=np.einsum("lpmn->npl", (root @ scaled) ** 2) * sd**2,
     )

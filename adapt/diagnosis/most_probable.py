@@ -248,4 +248,5 @@ def _linear(effects, hypothesis: Hypothesis, at: Misfit, z, prior, span: slice) 
         a=a,
         linear=np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, a) - y,
         root=at.root[span],
+        by_angle=at.by_angle[span],
     )
