@@ -8,9 +8,9 @@ import pytest
 from adapt.diagnosis.discrepancy import (
     FINE,
     SMOOTH,
-    angle_columns,
     discrepancy_columns,
     discrepancy_gain,
+    landmark_columns,
     scatter_columns,
 )
 from adapt.diagnosis.evidence import Linear, alike
@@ -135,14 +135,30 @@ def test_angles_that_are_off_against_landmarks_are_seen(noise):
     assert gain(against_landmarks(bump.T[..., None] * np.array([0.0, 1.0, 0.0])), noise) > CLEAR
 
 
-def test_a_degree_of_each_angle_adds_what_by_angle_says():
+@each_noise
+def test_a_landmark_that_drifts_against_the_angles_is_seen(noise):
+    """By four mm from the arm hanging to the arm up, in every subject."""
+    fitted, data = against_landmarks(np.zeros((SUBJECTS, POSTURES, 3))), observed()
+    drift_mm = 4.0 * data.elevation_deg.T[..., None] / 150.0 * np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    y = fitted.y + (drift_mm @ fitted.root[0, 0].T).reshape(fitted.y.shape)
+    assert gain(replace(fitted, y=y, linear=-y), noise) > CLEAR
+
+
+def test_a_degree_and_a_mm_add_what_the_fit_says():
     """The first term of each motion is a constant."""
     fitted, data = against_landmarks(np.zeros((SUBJECTS, POSTURES, 3))), observed()
-    columns = angle_columns(fitted, data, slice(0, 3)).reshape(SUBJECTS, POSTURES, 6, 3, SMOOTH, 2)
-    for motion in (0, 1):
-        there = columns[..., 0, motion] * DEG
-        np.testing.assert_allclose(there[:, data.motion[:, 0] == motion, 3:], np.tile(BY_ANGLE, (SUBJECTS, 7, 1, 1)))
-        assert not there[:, data.motion[:, 0] != motion].any()
+    (clavicle, scapula), (landmark,) = landmark_columns(fitted, data)
+    for columns, expected in ((clavicle, BY_ANGLE / DEG), (scapula, 0.5 * BY_ANGLE / DEG), (landmark, 0.5 * np.eye(3))):
+        by_term = columns.reshape(SUBJECTS, POSTURES, 6, 3, SMOOTH, 2)
+        for motion in (0, 1):
+            there, at = by_term[..., 0, motion], data.motion[:, 0] == motion
+            np.testing.assert_allclose(there[:, at, 3:], np.tile(expected, (SUBJECTS, 7, 1, 1)))
+            assert not there[:, ~at].any()
+            assert not there[:, at, :3].any()
+
+
+def test_without_landmarks_there_is_nothing_to_be_off_against():
+    assert landmark_columns(with_offsets(np.zeros((SUBJECTS, POSTURES, 3))), observed()) == ([], [])
 
 
 @each_noise

@@ -1,9 +1,10 @@
 """A gap that no effect of the list explains, as columns of the linear model: what A1-A3 would have to be off by.
 
 Whatever acts, acts on the constraints: their targets are off by some function of elevation, another one in each motion.
-Where landmark positions are given too, the angles of a bone may be off against them, which need not touch A1-A3.
-A hypothesis that leaves something systematic becomes more probable when this is added to it; a true one does not.
-So does one that leaves more scatter between postures than the noise of the angles makes: a breathing thorax.
+Where landmark positions are given too, the angles of a bone may be off against them, or one landmark against the rest:
+neither need touch A1-A3. A hypothesis that leaves something systematic becomes more probable when this is added to it;
+a true one does not. So does one that leaves more scatter between postures than the noise of the angles makes: a
+breathing thorax.
 """
 
 import math
@@ -19,6 +20,9 @@ from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
 from motions.rotations import DEG
 
+Columns = Float[np.ndarray, "subjects residuals more"]
+"""Derivatives of y by some numbers each."""
+
 SMOOTH, FINE = 3, 6
 """Terms over elevation in each motion: a constant, a slope and a bend; or nearly any course of seven postures."""
 
@@ -28,8 +32,11 @@ _SCALES_MM = (1.0, 3.0)
 _SCALES_DEG = (2.0, 6.0)
 """The same of a measured angle: the effects of the list are of 4 to 10 degrees."""
 
-_BONES = (slice(0, 3), slice(3, 6))
-"""Whose angles."""
+_SCALES_LANDMARK_MM = (2.0, 6.0)
+"""The same of a landmark: about the noise of one, and what surely is not."""
+
+_XYZ = 3
+"""Angles of a bone, coordinates of a landmark."""
 
 _HELD_BY = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """What may scatter: the thorax under TS and AI, or the conoid."""
@@ -41,19 +48,27 @@ _SCATTER_SHARE = 0.01
 """Prior probability of scatter: the noise of six angles is not quite alike, which is not to pass for it."""
 
 
-def discrepancy_columns(fitted: Linear, data: Observed, terms: int) -> Float[np.ndarray, "subjects residuals more"]:
+def discrepancy_columns(fitted: Linear, data: Observed, terms: int) -> Columns:
     """Derivatives of y by the terms (Legendre polynomials of elevation), for each constraint and motion."""
     return _over_elevation(fitted.root[..., : len(CONSTRAINTS)], data, terms)
 
 
-def angle_columns(fitted: Linear, data: Observed, bone: slice) -> Float[np.ndarray, "subjects residuals more"]:
-    """The same for a degree of each of a bone's angles, smooth over elevation."""
-    return _over_elevation(fitted.by_angle[..., bone] / DEG, data, SMOOTH)
+def landmark_columns(fitted: Linear, data: Observed) -> tuple[list[Columns], list[Columns]]:
+    """The same, smooth over elevation, for a degree of each angle of either bone, and a mm of each coordinate of every
+    landmark; of data without landmarks, none."""
+    by_coordinate = fitted.root[..., len(CONSTRAINTS) :]
+    if not by_coordinate.shape[-1]:
+        return [], []
+    each = [_by_three(fitted.by_angle / DEG), _by_three(by_coordinate)]
+    angles, landmarks = ([_over_elevation(unit, data, SMOOTH) for unit in units] for units in each)
+    return angles, landmarks
 
 
-def _over_elevation(
-    unit: Float[np.ndarray, "subjects postures m units"], data: Observed, terms: int
-) -> Float[np.ndarray, "subjects residuals more"]:
+def _by_three(units: Float[np.ndarray, "subjects postures m units"]) -> list[np.ndarray]:
+    return np.split(units, units.shape[-1] // _XYZ, axis=-1)
+
+
+def _over_elevation(unit: Float[np.ndarray, "subjects postures m units"], data: Observed, terms: int) -> Columns:
     x = np.clip(2.0 * data.elevation_deg / FULL_ELEVATION_DEG - 1.0, -1.0, 1.3).T
     over = np.polynomial.legendre.legvander(x, terms - 1)
     in_motion = data.motion.T[..., None] == np.arange(len(data.motions))
@@ -73,26 +88,28 @@ def discrepancy_gain(fitted: Linear, data: Observed, prior: Block, noise: NoiseE
     """log evidence of the hypothesis with a discrepancy beside it, less that without: the most over its kinds.
 
     A course over elevation: smooth or fine, of either size, common to the subjects or each subject's own; with landmark
-    positions, in the angles of a bone too. Or scatter
-    from posture to posture in what holds the scapula or the clavicle; it passes for noise, so the noise may then be
-    less than it was estimated to be.
+    positions, of a bone's angles or a landmark too. Or scatter from posture to posture in what holds the scapula or the
+    clavicle; it passes for noise, so the noise may then be less than it was estimated to be.
     """
     course = _gain(fitted, prior, _courses(fitted, data), noise.likely_shares)
     scatter = _gain(fitted, prior, _scatters(fitted), _less_or_likely(noise))
     return max(course, scatter + math.log(_SCATTER_SHARE))
 
 
-Kind = tuple[Float[np.ndarray, "subjects residuals more"], Spread, tuple[float, ...]]
+Kind = tuple[Columns, Spread, tuple[float, ...]]
 """Columns of a discrepancy, how it varies between subjects, and the scales that it may have."""
 
 
 def _courses(fitted: Linear, data: Observed) -> list[Kind]:
     smooth, fine = (discrepancy_columns(fitted, data, terms) for terms in (SMOOTH, FINE))
-    of_constraints = [(smooth, alike, _SCALES_MM), (smooth, unlike, _SCALES_MM), (fine, alike, _SCALES_MM)]
-    if fitted.root.shape[-1] == len(CONSTRAINTS):
-        return of_constraints
-    of_angles = [angle_columns(fitted, data, bone) for bone in _BONES]
-    return [*of_constraints, *((columns, spread, _SCALES_DEG) for columns in of_angles for spread in (alike, unlike))]
+    angles, landmarks = landmark_columns(fitted, data)
+    against_landmarks = [*((one, _SCALES_DEG) for one in angles), *((one, _SCALES_LANDMARK_MM) for one in landmarks)]
+    return [
+        (smooth, alike, _SCALES_MM),
+        (smooth, unlike, _SCALES_MM),
+        (fine, alike, _SCALES_MM),
+        *((columns, spread, scales) for columns, scales in against_landmarks for spread in (alike, unlike)),
+    ]
 
 
 def _scatters(fitted: Linear) -> list[Kind]:
