@@ -100,7 +100,7 @@ def test_draws_are_weighed_as_the_diagnosis_weighs_residuals(data):
         found.append(foreseen._log_evidence(gram, seen[None], own, alone)[0])
         scale = np.asarray(effect.prior_sd) if effect else np.zeros(0)
         nothing = np.zeros(0)
-        fitted = Linear(("a",), nothing, nothing, y, X, A, scale, nothing, nothing, y, nothing)
+        fitted = Linear(("a",), nothing, nothing, y, X, A, scale, nothing, nothing, y, nothing, nothing)
         of = over_priors(products(fitted), scale, alone, [(1.0, 1.0)], spreads=foreseen._SPREADS)
         expected.append(float(of.log_evidence))
     np.testing.assert_allclose(np.subtract(found, found[0]), np.subtract(expected, expected[0]), rtol=SAME, atol=SAME)

@@ -59,7 +59,13 @@ def test_a_subject_left_in_another_valley_is_fetched_from_it():
         slopes[:, 0, :, 0] = np.stack([10.0 * w, 4.0 + 0.0 * w], axis=1) / THETA_SD_MM[0]
         y = np.stack([5.0 * (w**2 - 1.0), 4.0 * (w + 1.0)], axis=1)[:, None]
         return Misfit(
-            np.zeros((6, 1, len(w))), y, slopes, np.zeros((len(w), 1, 2, 2)), nothing, np.zeros((6, 1, len(w)))
+            nearest=np.zeros((6, 1, len(w))),
+            y=y,
+            slopes=slopes,
+            root=np.zeros((len(w), 1, 2, 2)),
+            by_angle=np.zeros((len(w), 1, 2, 6)),
+            open_mm=nothing,
+            noise_variance=np.zeros((6, 1, len(w))),
         )
 
     def at(*w: float) -> _Found:

@@ -34,7 +34,9 @@ def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0, effect: 
     linear = np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, amplitudes)
     linear = linear + generator.standard_normal((SUBJECTS, RESIDUALS))
     nothing = np.zeros(0)
-    return Linear((effect.name,), nothing, nothing, linear, X, A / scale, scale, nothing, nothing, linear, nothing)
+    return Linear(
+        (effect.name,), nothing, nothing, linear, X, A / scale, scale, nothing, nothing, linear, nothing, nothing
+    )
 
 
 def weighed(fitted: Linear) -> OverPriors:
