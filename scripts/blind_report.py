@@ -183,14 +183,9 @@ def confusions(lines: Iterable[Line]) -> list[tuple[str, str, int, int]]:
 # Markdown -----------------------------------------------------------------------------------------------------------
 
 
-def _ece(lines: Sequence[Line]) -> str:
+def _of_the_surest(lines: Iterable[Line], error: Callable[[Sequence[float], Sequence[bool]], float]) -> str:
     sure = [surest(line) for line in lines]
-    return f"{expected_calibration_error(*zip(*sure, strict=True)):.3f} ({len(sure)})" if sure else "-"
-
-
-def _ece_by_chance(lines: Sequence[Line]) -> str:
-    sure = [confidence for confidence, _ in map(surest, lines)]
-    return f"{error_by_chance(sure):.3f} ({len(sure)})" if sure else "-"
+    return f"{error(*zip(*sure, strict=True)):.3f} ({len(sure)})" if sure else "-"
 
 
 def _mean_size(lines: Iterable[Line]) -> str:
@@ -225,8 +220,14 @@ MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
     "outside: unknown": ("outside", lambda of: rate(line["answer"] == UNKNOWN for line in of)),
     "outside: confident wrong name": ("outside", lambda of: rate(map(confidently_wrong, of))),
     "outside: none": ("outside", lambda of: rate(line["answer"] == NONE for line in of)),
-    "ECE of the probabilities": ("none effect outside", _ece),
-    "the same, by chance alone": ("none effect outside", _ece_by_chance),
+    "ECE of the probabilities": (
+        "none effect outside",
+        lambda of: _of_the_surest(of, expected_calibration_error),
+    ),
+    "the same, by chance alone": (
+        "none effect outside",
+        lambda of: _of_the_surest(of, lambda confidence, _: error_by_chance(confidence)),
+    ),
     "amplitude intervals that cover": ("effect", lambda of: rate(intervals_that_cover(of))),
     "median error of the predicted shrinkage": ("effect", _shrinkage_error),
     "the same, of a motion held out": ("effect", lambda of: _shrinkage_error(of, "other_motion_deg")),

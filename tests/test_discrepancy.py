@@ -147,8 +147,8 @@ def test_a_landmark_that_drifts_against_the_angles_is_seen(noise):
 def test_a_degree_and_a_mm_add_what_the_fit_says():
     """The first term of each motion is a constant."""
     fitted, data = against_landmarks(np.zeros((SUBJECTS, POSTURES, 3))), observed()
-    (clavicle, scapula), (landmark,) = landmark_columns(fitted, data)
-    for columns, expected in ((clavicle, BY_ANGLE / DEG), (scapula, 0.5 * BY_ANGLE / DEG), (landmark, 0.5 * np.eye(3))):
+    clavicle_scapula_landmark = (BY_ANGLE / DEG, 0.5 * BY_ANGLE / DEG, 0.5 * np.eye(3))
+    for (columns, _), expected in zip(landmark_columns(fitted, data), clavicle_scapula_landmark, strict=True):
         by_term = columns.reshape(SUBJECTS, POSTURES, 6, 3, SMOOTH, 2)
         for motion in (0, 1):
             there, at = by_term[..., 0, motion], data.motion[:, 0] == motion
@@ -158,7 +158,7 @@ def test_a_degree_and_a_mm_add_what_the_fit_says():
 
 
 def test_without_landmarks_there_is_nothing_to_be_off_against():
-    assert landmark_columns(with_offsets(np.zeros((SUBJECTS, POSTURES, 3))), observed()) == ([], [])
+    assert landmark_columns(with_offsets(np.zeros((SUBJECTS, POSTURES, 3))), observed()) == []
 
 
 @each_noise

@@ -53,15 +53,15 @@ def discrepancy_columns(fitted: Linear, data: Observed, terms: int) -> Columns:
     return _over_elevation(fitted.root[..., : len(CONSTRAINTS)], data, terms)
 
 
-def landmark_columns(fitted: Linear, data: Observed) -> tuple[list[Columns], list[Columns]]:
+def landmark_columns(fitted: Linear, data: Observed) -> list[tuple[Columns, tuple[float, ...]]]:
     """The same, smooth over elevation, for a degree of each angle of either bone, and a mm of each coordinate of every
-    landmark; of data without landmarks, none."""
+    landmark, with their scales; of data without landmarks, none."""
     by_coordinate = fitted.root[..., len(CONSTRAINTS) :]
     if not by_coordinate.shape[-1]:
-        return [], []
-    each = [_by_three(fitted.by_angle / DEG), _by_three(by_coordinate)]
-    angles, landmarks = ([_over_elevation(unit, data, SMOOTH) for unit in units] for units in each)
-    return angles, landmarks
+        return []
+    units = [(angle, _SCALES_DEG) for angle in _by_three(fitted.by_angle / DEG)]
+    units += [(landmark, _SCALES_LANDMARK_MM) for landmark in _by_three(by_coordinate)]
+    return [(_over_elevation(unit, data, SMOOTH), scales) for unit, scales in units]
 
 
 def _by_three(units: Float[np.ndarray, "subjects postures m units"]) -> list[np.ndarray]:
@@ -76,7 +76,7 @@ def _over_elevation(unit: Float[np.ndarray, "subjects postures m units"], data: 
     return columns.reshape(len(unit), unit.shape[1] * unit.shape[2], -1)
 
 
-def scatter_columns(fitted: Linear, held_by: Sequence[float]) -> Float[np.ndarray, "subjects residuals postures"]:
+def scatter_columns(fitted: Linear, held_by: Sequence[float]) -> Columns:
     """Derivatives of y by a number of mm for each posture, added to A1-A3 in the shares of ``held_by``."""
     subjects, postures, m, _ = fitted.root.shape
     at_posture = fitted.root[..., : len(CONSTRAINTS)] @ np.asarray(held_by)
@@ -102,13 +102,11 @@ Kind = tuple[Columns, Spread, tuple[float, ...]]
 
 def _courses(fitted: Linear, data: Observed) -> list[Kind]:
     smooth, fine = (discrepancy_columns(fitted, data, terms) for terms in (SMOOTH, FINE))
-    angles, landmarks = landmark_columns(fitted, data)
-    against_landmarks = [*((one, _SCALES_DEG) for one in angles), *((one, _SCALES_LANDMARK_MM) for one in landmarks)]
     return [
         (smooth, alike, _SCALES_MM),
         (smooth, unlike, _SCALES_MM),
         (fine, alike, _SCALES_MM),
-        *((columns, spread, scales) for columns, scales in against_landmarks for spread in (alike, unlike)),
+        *((columns, spread, sds) for columns, sds in landmark_columns(fitted, data) for spread in (alike, unlike)),
     ]
 
 

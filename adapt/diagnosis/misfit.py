@@ -117,14 +117,15 @@ def misfit(
     T = _chosen(effects, _sensitivities(effects, girdle, x, z, data.elevation_deg), columns, data.elevation_deg)
     real = data.counted.T[..., None]
     root = np.linalg.inv(np.linalg.cholesky(scaled @ np.swapaxes(scaled, -1, -2)))
+    whitened = root @ G
     return Misfit(
         nearest=x,
         y=np.where(real, (root @ gape[..., None])[..., 0], 0.0),
         slopes=np.where(real[..., None], root @ T, 0.0),
         root=np.where(real[..., None], root, 0.0),
-        by_angle=np.where(real[..., None], root @ G[..., : len(ANGLES)], 0.0),
+        by_angle=np.where(real[..., None], whitened[..., : len(ANGLES)], 0.0),
         open_mm=np.where(data.counted.T, np.abs(g).max(axis=2), 0.0),
-        noise_variance=np.einsum("lpmn->npl", (root @ scaled) ** 2) * sd**2,
+        noise_variance=np.einsum("lpmn->npl", whitened**2) * sd**4,
     )
 
 
