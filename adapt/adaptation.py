@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float, Int, Shaped
 from adapt import status
 from adapt.batch import Batch
 from adapt.chunks import as_type, compiled, in_chunks, in_rounds, lanes_of, with_lanes
-from adapt.constraints import ByHand
-from adapt.fit import FEWEST_ANGLES, fit_lanes
+from adapt.constraints import ByHand, Constraints, Differentiated
+from adapt.fit import FEWEST_ANGLES, Chain, fit_lanes
 from adapt.kernel import Kernel
 from adapt.linalg import Factor, diagonal, matmul, trace, transpose
 from adapt.objective import DEFAULT_READING, READINGS, WEIGHT, ThoraxPoints, fitted_girdle, thorax_distance_mm2
@@ -22,6 +22,7 @@ from adapt.posture import mean_square_deg2, objective_weights
 from adapt.quick_fit import GIRDLE
 from adapt.subject import Problem, Subject, joint, solve_subjects
 from adapt.sweep import Fixed, Start, Swept, sweep
+from models.effects import NOTHING_AT_WORK, AtWork
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
 from motions.arrays import Array, ByType, xp
@@ -82,10 +83,17 @@ class Lanes:
     angles: Float[Array, " 6 postures lanes"]
     measured: Bool[Array, " 6 postures lanes"]
     counted: Bool[Array, "postures lanes"]
+    at_work: AtWork = NOTHING_AT_WORK
+    """Strengths (channels, postures, lanes). They act in the chain; D is that of the ellipsoid without them."""
+
+    def chain(self, theta_mm: Float[Array, " 6 lanes"], posture, lane) -> Chain:
+        """The girdles at theta, with what is at work, of some postures: a lane each."""
+        return self.at_work.at(posture, lane).on(lanes_of(self.girdle.with_adapted(theta_mm), lane))
 
 
-def lanes(batch: Batch, models: list[ParameterSet]) -> Lanes:
-    """Every subject of the batch with every model: lane = model * subjects + subject."""
+def lanes(batch: Batch, models: list[ParameterSet], at_work: AtWork = NOTHING_AT_WORK) -> Lanes:
+    """Every subject of the batch with every model: lane = model * subjects + subject. Strengths of what is ``at_work``
+    are (channels, postures, subjects)."""
     subjects = batch.angles.shape[-1]
     points = max(model.points_mm.shape[1] for model in models)
 
@@ -111,6 +119,7 @@ def lanes(batch: Batch, models: list[ParameterSet]) -> Lanes:
         angles=each_model(batch.angles),
         measured=each_model(batch.measured),
         counted=each_model(batch.counted),
+        at_work=jax.tree.map(each_model, at_work),
     )
 
 
@@ -187,9 +196,9 @@ def adapted_from(data: Lanes, theta: Float[np.ndarray, "6 lanes"], weight: float
 
 def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "6 lanes"], progress) -> Adapted:
     weights = _weights(data, factor)
-    fixed = data.girdle, data.points_mm, data.shares, _problem(data, weights)
+    problem = _problem(data, weights)
     progress("round 1")
-    result = solved_from(fixed, theta, fitted_angles(data, theta))
+    result = _solved(data, problem, theta, fitted_angles(data, theta))
     left = np.arange(theta.shape[-1])
     for number in range(2, _ROUNDS + 1):
         angles, lower = _lower_postures(lanes_of(data, left), lanes_of(result, left))
@@ -198,11 +207,19 @@ def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "
         if not len(left):
             break
         progress(f"round {number}")
-        further = solved_from(lanes_of(fixed, left), result.theta[:, left], angles[..., again])
+        further = _solved(*lanes_of((data, problem), left), result.theta[:, left], angles[..., again])
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
         result = with_lanes(result, left, lanes_of(further, gains))
     return _as_adapted(as_type(data, float), weight, reading, weights, result)
+
+
+def _solved(data: Lanes, problem: Problem, theta, angles) -> Subject:
+    """The optima reached from here; with effects at work, which have no fast path, by the careful one."""
+    fixed = data.girdle, data.points_mm, data.shares, problem
+    if not data.at_work.effects:
+        return solved_from(fixed, theta, angles)
+    return in_chunks(_solve, _FEW_LANES, *fixed, theta, angles, data.at_work)
 
 
 def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
@@ -249,10 +266,12 @@ def _lower_postures(data: Lanes, solved: Subject) -> tuple[np.ndarray, np.ndarra
 def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, " 6 postures lanes"]:
     """The posture fits of every lane with its own girdle at theta."""
     postures, count = data.counted.shape
-    lane = np.tile(np.arange(count), postures)
-    girdle = lanes_of(data.girdle.with_adapted(theta), lane)
+    posture, lane = (places.ravel() for places in np.indices((postures, count)))
     fitted = fit_lanes(
-        girdle, np.asarray(data.angles).reshape(6, -1), np.asarray(data.measured).reshape(6, -1), around=True
+        data.chain(theta, posture, lane),
+        np.asarray(data.angles).reshape(6, -1),
+        np.asarray(data.measured).reshape(6, -1),
+        around=True,
     )
     return fitted.angles.reshape(6, postures, count)
 
@@ -272,9 +291,15 @@ def _problem(data: Lanes, weights) -> Problem:
     return Problem(data.angles, weights, data.counted, *data.bounds_mm)
 
 
-def _conditions(girdle: Girdle, points_mm, shares) -> tuple[ByHand, ThoraxPoints]:
+def _conditions(girdle: Girdle, points_mm, shares, at_work: AtWork) -> tuple[Constraints, ThoraxPoints]:
     """The constraints of z = (q, theta) and the thorax term of theta."""
-    return ByHand(girdle.over_postures()), ThoraxPoints(girdle, points_mm, shares)
+    of_postures = girdle.over_postures()
+
+    def with_effects(z):
+        return at_work.on(of_postures.with_adapted(z[6:])).residuals_mm(z[:6])
+
+    constraints = Differentiated(with_effects) if at_work.effects else ByHand(of_postures)
+    return constraints, ThoraxPoints(girdle, points_mm, shares)
 
 
 _LANES = 256
@@ -307,13 +332,15 @@ subjects_kernel = Kernel(
 
 
 @jax.jit
-def _solve(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -> Subject:
-    return solve_subjects(*_conditions(girdle, points_mm, shares), problem, theta, angles)
+def _solve(
+    girdle: Girdle, points_mm, shares, problem: Problem, theta, angles, at_work: AtWork = NOTHING_AT_WORK
+) -> Subject:
+    return solve_subjects(*_conditions(girdle, points_mm, shares, at_work), problem, theta, angles)
 
 
 @compiled
 def standard_deviations(
-    girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject
+    girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject, at_work: AtWork
 ) -> Float[Array, " 6 lanes"]:
     """SD of each free parameter, mm, from the curvature of E (Gauss-Newton sandwich).
 
@@ -326,7 +353,7 @@ def standard_deviations(
     for angles with variance s2 = sum of squared gaps / (3 P - free) and distances with variance d2 = n D / (n - 5).
     The gaps stand for the noise: what the model cannot do counts as if it were independent from posture to posture.
     """
-    constraints, thorax = _conditions(girdle, points_mm, shares)
+    constraints, thorax = _conditions(girdle, points_mm, shares, at_work)
     slopes = constraints.slopes(joint(solved.angles, solved.theta))
     G, T = slopes[:, :6], slopes[:, 6:]
     weight = xp.max(problem.weights, axis=(0, 1))
@@ -361,7 +388,8 @@ def standard_deviations(
 def _as_adapted(data: Lanes, weight, reading, weights, solved: Subject) -> Adapted:
     problem = _problem(data, weights)
     fixed = data.girdle, data.points_mm, data.shares, problem
-    sd = in_chunks(standard_deviations, _LANES, *fixed, solved, at_once=_AT_ONCE)
+    at_once = 0 if data.at_work.effects else _AT_ONCE
+    sd = in_chunks(standard_deviations, _LANES, *fixed, solved, data.at_work, at_once=at_once)
     D = thorax_distance_mm2(data.girdle.with_adapted(solved.theta), data.points_mm, data.shares)
     j = mean_square_deg2(solved.angles, data.angles, objective_weights(data.measured))
     mean_j = problem.total(j) / np.sum(data.counted, axis=0)

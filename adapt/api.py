@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import DTypeLike
 
 from adapt.adaptation import Adapted, adapt_lanes, lanes
+from adapt.at_work import NO_EFFECTS, Amplitudes, at_work
 from adapt.batch import pack
 from adapt.chunks import as_type, lanes_of
 from adapt.fit import Fitted, fit_lanes, follow_motions
@@ -62,25 +63,26 @@ def fit_postures(
     models: ParameterSet | Sequence[ParameterSet],
     progress: Progress = lambda _: None,
     dtype: DTypeLike = np.float64,
+    effects: Amplitudes = NO_EFFECTS,
 ) -> PostureFits:
     """Fit every posture with every model as it is, without adaptation (thesis 6.2.4; Tables 6.1, 6.2).
 
-    ``dtype``: see :func:`adapt_subjects`.
+    ``dtype`` and ``effects``: see :func:`adapt_subjects`.
     """
     motions = _with_gaps(motions)
-    by_model, fits = _before(motions, _as_list(models), progress, dtype)
+    by_model, fits = _before(motions, _as_list(models), progress, _type_of(dtype, effects), effects)
     return PostureFits(by_model, fits, summary_table(fits))
 
 
 def _before(
-    motions: Motions, models: list[ParameterSet], progress: Progress, dtype: DTypeLike
+    motions: Motions, models: list[ParameterSet], progress: Progress, dtype: DTypeLike, effects: Amplitudes
 ) -> tuple[dict[str, Fitted], pd.DataFrame]:
     """The fits of the models as they are, and their table."""
     _check_names(motions)
     progress("posture fits")
     rows = len(motions.posture)
     girdle = jax.tree.map(lambda *x: np.repeat(np.stack(x, axis=-1), rows, axis=-1), *[one.girdle for one in models])
-    by_model = _fitted_rows(motions, models, girdle, dtype)
+    by_model = _fitted_rows(motions, models, girdle, dtype, effects)
     return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
 
 
@@ -92,6 +94,7 @@ def adapt_subjects(
     progress: Progress = lambda _: None,
     held_out: Collection[str] | None = None,
     dtype: DTypeLike = np.float64,
+    effects: Amplitudes = NO_EFFECTS,
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
@@ -103,11 +106,17 @@ def adapt_subjects(
     ``dtype``: with float32 the fits are iterated in it, and again in float64 where that does not converge. Of simulated
     subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm (``scripts/measure_float32.py``); where E
     has several optima, one subject in a thousand ends in another one, as often a lower as a higher one.
+
+    ``effects`` that are known to be at work, in every subject alike, before as after adaptation: the amplitude of each
+    direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``adapt.at_work``. They have no fast path,
+    nor one in float32: programs are compiled for them, a minute or two where ``adapt.cache`` does not hold them.
     """
     models, motions = _as_list(models), _with_gaps(motions)
-    _, before = _before(motions, models, progress, dtype)
+    dtype = _type_of(dtype, effects)
+    _, before = _before(motions, models, progress, dtype, effects)
     batch = pack(motions)
-    data = as_type(lanes(batch, models), dtype)
+    known = at_work(effects, motions.humerus_elevation_deg[batch.rows])
+    data = as_type(lanes(batch, models, known), dtype)
     adapted = adapt_lanes(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     width = len(batch.subjects)
     results = {
@@ -120,13 +129,13 @@ def adapt_subjects(
     )
     girdle = lanes_of(data.girdle.with_adapted(adapted.theta_mm), lane)
     start = np.concatenate([batch.unpack(one.angles) for one in results.values()], axis=-1)
-    by_model = _fitted_rows(motions, models, girdle, dtype, start)
+    by_model = _fitted_rows(motions, models, girdle, dtype, effects, start)
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
     fits = pd.concat([before, *tables], ignore_index=True)
     subjects = rows_of_subjects(fits)
     parameters = parameters_table(motions.subjects, models, results, fits)
     of = sample(motions.subjects) if held_out is None else held_out
-    heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, of)
+    heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, effects, of)
     return Adaptations(
         by_model=by_model,
         fits=fits,
@@ -139,13 +148,15 @@ def adapt_subjects(
 
 
 def _held_out(
-    motions: Motions, models, fits, weight, reading, progress, dtype, subjects: Collection[str]
+    motions: Motions, models, fits, weight, reading, progress, dtype, effects, subjects: Collection[str]
 ) -> pd.DataFrame:
     chosen = np.isin(motions.subject, list(subjects))
     if not chosen.any():
         return NOTHING
     of_chosen = pd.DataFrame(fits[fits["subject"].isin(list(subjects))])
-    return held_out_gaps(motions.select(chosen), models, of_chosen, weight, reading, progress, fewest_folds, dtype)
+    return held_out_gaps(
+        motions.select(chosen), models, of_chosen, weight, reading, progress, fewest_folds, dtype, effects
+    )
 
 
 def _check_names(motions: Motions) -> None:
@@ -162,12 +173,22 @@ def _with_gaps(motions: Motions) -> Motions:
     return replace(motions, angles_deg=np.where(np.isfinite(motions.angles_deg), motions.angles_deg, np.nan))
 
 
+def _type_of(dtype: DTypeLike, effects: Amplitudes) -> DTypeLike:
+    """What the fits are iterated in: the careful path, that of effects, is float64's."""
+    return np.float64 if effects else dtype
+
+
 def _as_list(models) -> list[ParameterSet]:
     return [models] if isinstance(models, ParameterSet) else list(models)
 
 
 def _fitted_rows(
-    motions: Motions, models: Sequence[ParameterSet], girdle: Girdle, dtype: DTypeLike, start: np.ndarray | None = None
+    motions: Motions,
+    models: Sequence[ParameterSet],
+    girdle: Girdle,
+    dtype: DTypeLike,
+    effects: Amplitudes,
+    start: np.ndarray | None = None,
 ) -> dict[str, Fitted]:
     """The fits by model. Lanes of ``girdle`` and ``start``: the rows of the motions for each model in turn."""
     rows = len(motions.posture)
@@ -175,7 +196,8 @@ def _fitted_rows(
     measured = np.isfinite(angles)
     before = previous_rows(motions)
     previous = np.concatenate([np.where(before < 0, -1, before + k * rows) for k in range(len(models))])
-    fitted = follow_motions(fit_lanes(girdle, angles, measured, start), girdle, angles, measured, previous)
+    chain = at_work(effects, np.tile(motions.humerus_elevation_deg, len(models))).on(girdle)
+    fitted = follow_motions(fit_lanes(chain, angles, measured, start), chain, angles, measured, previous)
     return {
         model.name: Fitted(**{name: value[..., k * rows : (k + 1) * rows] for name, value in vars(fitted).items()})
         for k, model in enumerate(models)

@@ -19,17 +19,15 @@ from adapt.constraints import ByHand, Constraints, Differentiated
 from adapt.posture import (
     Postures,
     close_chain,
-    evaluated,
     mean_square_deg2,
     objective_weights,
-    solve_from_two_starts,
     solve_postures,
 )
 from adapt.posture_sweep import SweptPostures
 from adapt.quick_fit import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower, tracked
 from models.effects import ExtendedGirdle
 from models.girdle import Girdle
-from motions.arrays import Array, ByType, repeat, xp
+from motions.arrays import Array, ByType
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 
@@ -244,13 +242,21 @@ def _solved(girdle: Chain, target, weights, start, around: bool) -> SweptPosture
 
 
 def _carefully(girdle: Chain, target, weights, start) -> SweptPostures:
-    if start is None:
-        return _as_swept(_few(_solve_twice, girdle, target, weights), target, weights)
-    return _as_swept(_few(_solve, girdle, target, weights, start), target, weights)
+    """The optimum reached from one start; without one the lower of those from the measured angles and from where the
+    chain closes nearest to them (see ``posture.solve_from_two_starts``, which would be another program to compile)."""
+    if start is not None:
+        return _as_swept(_few(_solve, girdle, target, weights, start), target, weights)
+    closed, _ = _few(_close, girdle, target)
+    found, other = (_carefully(girdle, target, weights, place) for place in (target, closed))
+    put_lower(found, np.arange(target.shape[1]), other)
+    return found
 
 
 def _track_carefully(girdle: Chain, target, weights, target_before, start) -> SweptPostures:
-    return _as_swept(_few(_track, girdle, target, weights, target_before, start), target, weights)
+    """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
+    for share in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
+        start = _carefully(girdle, target_before + share * (target - target_before), weights, start).angles
+    return _carefully(girdle, target, weights, start)
 
 
 def _as_swept(solved: Postures, target, weights) -> SweptPostures:
@@ -291,28 +297,7 @@ def _solve(girdle: Chain, target: Array, weights: Array, start: Array) -> Postur
 
 
 @jax.jit
-def _solve_twice(girdle: Chain, target: Array, weights: Array) -> Postures:
-    beside = jax.tree.map(lambda x: x[..., None], girdle)
-    return solve_from_two_starts(_constraints(beside), target, weights)
-
-
-@jax.jit
 def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
     constraints = _constraints(girdle)
     closed = close_chain(constraints, start)
     return closed, constraints.residual(closed)
-
-
-@jax.jit
-def _track(girdle: Chain, target: Array, weights: Array, target_before: Array, start: Array) -> Postures:
-    """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
-
-    constraints = _constraints(girdle)
-
-    def step(carry):
-        number, solved = carry
-        on_the_way = target_before + number / _TRACKING_STEPS * (target - target_before)
-        return number + 1, solve_postures(constraints, on_the_way, weights, solved.angles)
-
-    first = evaluated(constraints, start, xp.zeros_like(start[:3]), target, weights)
-    return repeat(_TRACKING_STEPS, step, (1, first))[1]

@@ -12,8 +12,9 @@ from numpy.typing import DTypeLike
 
 from adapt import status
 from adapt.adaptation import Adapted, Lanes, adapt_lanes, lanes, lanes_at
+from adapt.at_work import NO_EFFECTS, Amplitudes, at_work
 from adapt.batch import Batch, pack
-from adapt.chunks import as_type, lanes_of
+from adapt.chunks import as_type
 from adapt.fit import fit_lanes
 from adapt.heldout_table import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.objective import DEFAULT_READING, WEIGHT
@@ -121,13 +122,15 @@ def held_out_gaps(
     progress: Callable[[str], None] = lambda _: None,
     choose: Callable[[Motions, Batch], list[Fold]] = folds,
     dtype: DTypeLike = np.float64,
+    effects: Amplitudes = NO_EFFECTS,
 ) -> pd.DataFrame:
     """``heldout.csv`` of these motions and the table of their fits before and after adaptation."""
     batch, names = pack(motions), [model.name for model in models]
     parts = choose(motions, batch)
     if not parts:
         return NOTHING
-    data = as_type(lanes(batch, list(models)), dtype)
+    known = at_work(effects, motions.humerus_elevation_deg[batch.rows])
+    data = as_type(lanes(batch, list(models), known), dtype)
     found = held_out(data, len(batch.subjects), parts, weight, reading, progress)
     return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))
 
@@ -149,9 +152,8 @@ def _gaps_deg(data: Lanes, theta_mm, of: Bool[np.ndarray, "postures lanes"]) -> 
     posture, lane = np.nonzero(of)
     if not len(lane):
         return np.full((6, *of.shape), np.nan)
-    girdle = lanes_of(data.girdle.with_adapted(theta_mm), lane)
     angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
-    found = fit_lanes(girdle, angles, measured, around=True)
+    found = fit_lanes(data.chain(theta_mm, posture, lane), angles, measured, around=True)
     result = np.full((6, *of.shape), np.nan)
     result[:, posture, lane] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan

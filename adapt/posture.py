@@ -129,12 +129,6 @@ def solve_from_two_starts(
     return jax.tree.map(lambda x: xp.where(second, x[..., 1], x[..., 0]), both)
 
 
-def evaluated(constraints: Constraints, angles, multipliers, measured, weights) -> Postures:
-    """The conditions of an optimum at these angles and multipliers, not iterated yet."""
-    g, pull = constraints.residual(angles), constraints.pull(angles, multipliers)
-    return _conditions(angles, multipliers, g, pull, measured, weights)
-
-
 def _conditions(angles, multipliers, g, pull, measured, weights) -> Postures:
     stationarity = largest(weights * (angles - measured) + pull) / DEG
     zero = xp.zeros_like(stationarity)

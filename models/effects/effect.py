@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from models.girdle import Girdle, bone_rotations, chain_landmarks, chain_residuals_mm
 from motions.arrays import Array, xp
@@ -119,6 +119,11 @@ class Effect:
         """Prior SD of each amplitude: the channel's scale, smaller for the later terms of a course."""
         return np.outer(self.scale, COURSE_SD if self.over_elevation else (1.0,)).ravel()
 
+    @property
+    def firsts(self) -> Int[np.ndarray, " directions"]:
+        """Which of the amplitudes are the first term of a direction: what is left without bends and details."""
+        return self.terms * np.arange(len(self.directions))
+
     def at(
         self, amplitude: Float[Array, " amplitudes *batch"], elevation_deg: Float[Array, " *batch"]
     ) -> Float[Array, " channels *batch"]:
@@ -170,6 +175,27 @@ class ExtendedGirdle:
         for effect, strength in zip(self.effects, self.strengths, strict=True):
             steps.append(effect.adjust(*steps[-1], strength))
         return steps
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class AtWork:
+    """Effects at work with their strengths, of postures that are laid out as the last axes say."""
+
+    strengths: tuple[Float[Array, " channels *batch"], ...] = ()
+    """As in :class:`ExtendedGirdle`."""
+    effects: tuple[Effect, ...] = field(default=(), metadata={"static": True})
+
+    def on(self, girdle: Girdle) -> Girdle | ExtendedGirdle:
+        """The girdle with these effects; without any, the girdle itself."""
+        return ExtendedGirdle(girdle, self.strengths, self.effects) if self.effects else girdle
+
+    def at(self, *index: Int[np.ndarray, " chosen"]) -> "AtWork":
+        """Those of some postures, by their place along each of the last axes."""
+        return AtWork(tuple(np.asarray(one)[:, *index] for one in self.strengths), self.effects)
+
+
+NOTHING_AT_WORK = AtWork()
 
 
 def turned(R: Float[Array, " 3 3 *batch"], points: Points) -> Points:
