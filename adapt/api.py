@@ -109,7 +109,8 @@ def adapt_subjects(
 
     ``effects`` that are known to be at work, in every subject alike, before as after adaptation: the amplitude of each
     direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``adapt.at_work``. They have no fast path,
-    nor one in float32: programs are compiled for them, a minute or two where ``adapt.cache`` does not hold them.
+    nor one in float32: ten subjects take 8 s, and what is compiled for them half a minute unless ``adapt.cache`` holds
+    it.
     """
     models, motions = _as_list(models), _with_gaps(motions)
     dtype = _type_of(dtype, effects)

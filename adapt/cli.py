@@ -391,10 +391,11 @@ def simulate(
 
 @app.command("effects")
 def list_effects() -> None:
-    """List the candidate unmodelled effects, one line each."""
+    """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions."""
     for one in EFFECTS.values():
         scale = " / ".join(f"{value:g}" for value in one.scale[: len(one.directions)])
-        console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit}", soft_wrap=True)
+        along = " / ".join(one.directions)
+        console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
 
 
 def _elevations(at: str) -> tuple[float, ...]:
