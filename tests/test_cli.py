@@ -18,6 +18,7 @@ from adapt import cli, status
 from adapt.report.bones import POINTS
 from adapt.tables import STATISTICS
 from models import load_model, model_names
+from models.effects import EFFECTS
 from models.ellipsoid import signed_distance_mm
 from models.girdle import ADAPTED
 from models.parameters import FOLDER
@@ -422,3 +423,14 @@ def test_the_installed_command_exits_with_2_and_one_line(tmp_path):
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     refused(Ended(ended.returncode, ended.stdout, ended.stderr), "no.csv", "does not exist", "Check its name")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_effects_are_listed_with_what_a_caller_gives_of_them():
+    """One line each, the name first; as many sizes as directions."""
+    ended = girdle("effects")
+    assert (ended.status, ended.err) == (0, "")
+    lines = dict(line.split(maxsplit=1) for line in ended.out.splitlines())
+    assert list(lines) == list(EFFECTS)
+    assert lines["scapulothoracic_gap"].endswith("; scale 5 / 7 mm (TS / AI)")
+    for name, effect in EFFECTS.items():
+        assert lines[name].endswith(f"{effect.unit} ({' / '.join(effect.directions)})")
