@@ -108,9 +108,9 @@ def adapt_subjects(
     has several optima, one subject in a thousand ends in another one, as often a lower as a higher one.
 
     ``effects`` that are known to be at work, in every subject alike, before as after adaptation: the amplitude of each
-    direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``adapt.at_work``. They have no fast path,
-    nor one in float32: ten subjects take 8 s, and what is compiled for them half a minute unless ``adapt.cache`` holds
-    it.
+    direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``adapt.at_work``. They act in the chain; D
+    stays that of the ellipsoid without them. They have no fast path, nor one in float32: ten subjects take 8 s, and
+    what is compiled for them half a minute unless ``adapt.cache`` holds it.
     """
     models, motions = _as_list(models), _with_gaps(motions)
     dtype = _type_of(dtype, effects)
