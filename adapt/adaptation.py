@@ -196,9 +196,9 @@ def adapted_from(data: Lanes, theta: Float[np.ndarray, "6 lanes"], weight: float
 
 def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "6 lanes"], progress) -> Adapted:
     weights = _weights(data, factor)
-    problem = _problem(data, weights)
+    fixed = data.girdle, data.points_mm, data.shares, _problem(data, weights)
     progress("round 1")
-    result = _solved(data, problem, theta, fitted_angles(data, theta))
+    result = _solved(fixed, data.at_work, theta, fitted_angles(data, theta))
     left = np.arange(theta.shape[-1])
     for number in range(2, _ROUNDS + 1):
         angles, lower = _lower_postures(lanes_of(data, left), lanes_of(result, left))
@@ -207,19 +207,18 @@ def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "
         if not len(left):
             break
         progress(f"round {number}")
-        further = _solved(*lanes_of((data, problem), left), result.theta[:, left], angles[..., again])
+        further = _solved(*lanes_of((fixed, data.at_work), left), result.theta[:, left], angles[..., again])
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
         result = with_lanes(result, left, lanes_of(further, gains))
     return _as_adapted(as_type(data, float), weight, reading, weights, result)
 
 
-def _solved(data: Lanes, problem: Problem, theta, angles) -> Subject:
+def _solved(fixed: tuple[Girdle, Array, Array, Problem], at_work: AtWork, theta, angles) -> Subject:
     """The optima reached from here; with effects at work, which have no fast path, by the careful one."""
-    fixed = data.girdle, data.points_mm, data.shares, problem
-    if not data.at_work.effects:
+    if not at_work.effects:
         return solved_from(fixed, theta, angles)
-    return in_chunks(_solve, _FEW_LANES, *fixed, theta, angles, data.at_work)
+    return in_chunks(_solve, _FEW_LANES, *fixed, theta, angles, at_work)
 
 
 def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:

@@ -14,7 +14,7 @@ from numpy.random import PCG64, Generator
 
 from adapt import status
 from adapt.fit import fit_lanes
-from models.effects import AtWork, Effect, ExtendedGirdle
+from models.effects import Effect, ExtendedGirdle
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
 from motions.rotations import DEG
@@ -74,8 +74,8 @@ def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) ->
     if effect is None:
         return np.zeros((0, subjects))
     signs = np.where(effect.signs, effect.signs, generator.choice([-1.0, 1.0], effect.amplitudes))
-    common = size * effect.prior_sd * signs
-    common[np.setdiff1d(np.arange(effect.amplitudes), effect.firsts)] = 0.0
+    common = np.zeros(effect.amplitudes)
+    common[effect.firsts] = (size * effect.prior_sd * signs)[effect.firsts]
     return common[:, None] * (1.0 + AMPLITUDE_SPREAD * generator.standard_normal((1, subjects)))
 
 
@@ -85,4 +85,4 @@ def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, elevation_de
     repeated = repeated.with_adapted(jnp.asarray(theta))
     if effect is None:
         return repeated
-    return AtWork((effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,)).on(repeated)
+    return ExtendedGirdle(repeated, (effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,))
