@@ -14,7 +14,7 @@ from numpy.random import PCG64, Generator
 
 from adapt import status
 from adapt.fit import fit_lanes
-from models.effects import Effect, ExtendedGirdle
+from models.effects import AtWork, Effect, ExtendedGirdle
 from models.girdle import ADAPTED, Girdle
 from models.parameters import ParameterSet
 from motions.rotations import DEG
@@ -85,4 +85,4 @@ def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, elevation_de
     repeated = repeated.with_adapted(jnp.asarray(theta))
     if effect is None:
         return repeated
-    return ExtendedGirdle(repeated, (effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,))
+    return AtWork((effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,)).on(repeated)

@@ -12,7 +12,7 @@ from adapt.diagnosis.misfit import Misfit, columns_of, misfit, prior_z
 from adapt.diagnosis.observed import Noise, Observed, observe
 from adapt.fit import Fitted, fit_lanes
 from models import load_model
-from models.effects import EFFECTS, ExtendedGirdle
+from models.effects import EFFECTS, AtWork, ExtendedGirdle
 from models.girdle import ADAPTED
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
@@ -99,7 +99,8 @@ def extended(z: np.ndarray, elevation_deg: np.ndarray) -> ExtendedGirdle:
     amplitudes = np.split(np.repeat(z[6:, None], count, axis=1), [6])
     at = jnp.asarray(elevation_deg)
     strengths = tuple(e.at(jnp.asarray(a), at) for e, a in zip(SMALL_EFFECTS, amplitudes, strict=True))
-    return ExtendedGirdle(girdle.with_adapted(jnp.repeat(z[:6, None], count, axis=1)), strengths, SMALL_EFFECTS)
+    girdle = girdle.with_adapted(jnp.repeat(z[:6, None], count, axis=1))
+    return ExtendedGirdle(girdle, AtWork(strengths, SMALL_EFFECTS))
 
 
 @pytest.fixture(scope="module")

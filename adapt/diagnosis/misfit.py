@@ -25,7 +25,7 @@ from adapt.chunks import compiled, in_chunks
 from adapt.diagnosis.observed import Noise, Observed
 from adapt.linalg import jacobian
 from adapt.newton import STEP_LIMIT_RAD
-from models.effects import Effect, ExtendedGirdle
+from models.effects import AtWork, Effect, ExtendedGirdle
 from models.girdle import ADAPTED, Girdle
 from motions.table import ANGLES
 
@@ -170,7 +170,7 @@ def _inputs(effects, z, elevation_deg) -> Float[Array, " inputs postures"]:
 def _chain(effects, girdle: Girdle, inputs) -> ExtendedGirdle:
     ends = np.cumsum([len(ADAPTED), *(len(effect.channels) for effect in effects)]).tolist()
     strengths = tuple(inputs[a:b] for a, b in itertools.pairwise(ends))
-    return ExtendedGirdle(girdle.over_axes(1).with_adapted(inputs[: len(ADAPTED)]), strengths, effects)
+    return ExtendedGirdle(girdle.over_axes(1).with_adapted(inputs[: len(ADAPTED)]), AtWork(strengths, effects))
 
 
 def _closure(chain: ExtendedGirdle, angles):

@@ -5,7 +5,7 @@ rotations as they would be measured, so that every fit that takes constraints ta
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
@@ -147,13 +147,32 @@ class Effect:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
+class AtWork:
+    """Effects at work with their strengths, of postures that are laid out as the last axes say."""
+
+    strengths: tuple[Float[Array, " channels *batch"], ...] = ()
+    """Of each effect at each posture, in its unit (:meth:`Effect.at`)."""
+    effects: tuple[Effect, ...] = field(default=(), metadata={"static": True})
+
+    def on(self, girdle: Girdle) -> "Girdle | ExtendedGirdle":
+        """The girdle with these effects; without any, the girdle itself."""
+        return ExtendedGirdle(girdle, self) if self.effects else girdle
+
+    def at(self, *index: Int[np.ndarray, " chosen"]) -> "AtWork":
+        """Those of some postures, by their place along each of the last axes."""
+        return replace(self, strengths=tuple(np.asarray(one)[:, *index] for one in self.strengths))
+
+
+NOTHING_AT_WORK = AtWork()
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
 class ExtendedGirdle:
     """A girdle with effects at work, usable where a :class:`Girdle` is: arrays have the same trailing batch."""
 
     girdle: Girdle
-    strengths: tuple[Float[Array, " channels *batch"], ...]
-    """Of each effect at each posture, in its unit (:meth:`Effect.at`)."""
-    effects: tuple[Effect, ...] = field(metadata={"static": True})
+    at_work: AtWork
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
@@ -162,40 +181,20 @@ class ExtendedGirdle:
 
     def landmarks_mm(self, angles: Float[Array, " 6 *batch"]) -> Points:
         """Where SHOWN would be seen at angles as they would be measured."""
+        effects, strengths = self.at_work.effects, self.at_work.strengths
         *before, (girdle, rotations) = self._adjusted(angles)
         at = chain_landmarks(girdle, *rotations)
         points = jnp.stack(jnp.broadcast_arrays(girdle.sc_mm, at.AC, at.TS, at.AI), axis=1)
-        for effect, strength, adjusted in reversed(list(zip(self.effects, self.strengths, before, strict=True))):
+        for effect, strength, adjusted in reversed(list(zip(effects, strengths, before, strict=True))):
             points = effect.show(points, *adjusted, strength)
         return points
 
     def _adjusted(self, angles: Float[Array, " 6 *batch"]) -> list[tuple[Girdle, Rotations]]:
         """The girdle and the bones' rotations before the first effect, after it, ..., after the last."""
         steps = [(self.girdle, bone_rotations(angles))]
-        for effect, strength in zip(self.effects, self.strengths, strict=True):
+        for effect, strength in zip(self.at_work.effects, self.at_work.strengths, strict=True):
             steps.append(effect.adjust(*steps[-1], strength))
         return steps
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class AtWork:
-    """Effects at work with their strengths, of postures that are laid out as the last axes say."""
-
-    strengths: tuple[Float[Array, " channels *batch"], ...] = ()
-    """As in :class:`ExtendedGirdle`."""
-    effects: tuple[Effect, ...] = field(default=(), metadata={"static": True})
-
-    def on(self, girdle: Girdle) -> Girdle | ExtendedGirdle:
-        """The girdle with these effects; without any, the girdle itself."""
-        return ExtendedGirdle(girdle, self.strengths, self.effects) if self.effects else girdle
-
-    def at(self, *index: Int[np.ndarray, " chosen"]) -> "AtWork":
-        """Those of some postures, by their place along each of the last axes."""
-        return AtWork(tuple(np.asarray(one)[:, *index] for one in self.strengths), self.effects)
-
-
-NOTHING_AT_WORK = AtWork()
 
 
 def turned(R: Float[Array, " 3 3 *batch"], points: Points) -> Points:
