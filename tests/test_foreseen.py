@@ -79,7 +79,8 @@ def test_draws_have_the_mean_and_covariance_of_residuals_written_out(monkeypatch
     columns = generator.standard_normal((2, 20, 7)) / np.sqrt(20.0)
     gram = np.swapaxes(columns, 1, 2) @ columns
     effect = replace(EFFECTS["conoid_strain"], over_elevation=False, scale=(1.0,))
-    seen = foreseen._draws(gram, foreseen.root_of(gram), [6], effect, generator)
+    coefficients = foreseen._coefficients(gram, [6], effect, generator)
+    seen = foreseen.shown(gram, foreseen.root_of(gram), coefficients, generator)
     np.testing.assert_allclose(seen.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)
     expected = gram + BETWEEN_SUBJECTS**2 * gram[..., 6:] @ gram[:, 6:]
     for subject in (0, 1):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.random import Generator, default_rng
 
 from adapt.chunks import in_threads
@@ -60,37 +60,44 @@ def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: 
     """By name of the effect. ``data`` are ``closed`` ones (see ``distinguish``)."""
     names = [effect.name for effect in effects]
     hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
-    X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
-    columns = np.concatenate([X, *by_amplitudes], axis=2)
-    gram = np.swapaxes(columns, 1, 2) @ columns
-    if (mean := mean_subject(effects, data)) is not None:
-        row = np.concatenate([np.zeros(len(ADAPTED)), mean.columns[: gram.shape[1] - len(ADAPTED)]])
-        gram = np.concatenate([gram, np.outer(row, row)[None]])
-    root = root_of(gram)
-    ends = np.cumsum([X.shape[2], *(A.shape[2] for A in by_amplitudes)])
-    own = [np.arange(*span) for span in pairwise(ends)]
-    generator = default_rng(_SEED)
-    seen = np.concatenate(
-        [_draws(gram, root, k, effect, generator) for k, effect in zip(own[1:], effects, strict=True)]
-    )
+    gram, own = products_of(girdle, effects, data, noise)
+    root, generator = root_of(gram), default_rng(_SEED)
+    coefficients = (_coefficients(gram, k, effect, generator) for k, effect in zip(own[1:], effects, strict=True))
+    seen = np.concatenate([shown(gram, root, one, generator) for one in coefficients])
     alone = [[], *([effect] for effect in effects)]
     logs = np.array(in_threads(lambda k, at_work: _log_evidence(gram, seen, k, at_work), own, alone))
     shares = shares_of(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
     return {name: _outcomes(k, shares[:, k], names) for k, name in enumerate(names)}
 
 
+def products_of(
+    girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
+) -> tuple[Float[np.ndarray, "subjects columns columns"], list[Int[np.ndarray, " own"]]]:
+    """G of each subject, the mean one of ``axial_turn`` last; and which of its columns are the amplitudes of none and
+    of every effect, those of X being the first."""
+    hypotheses: list[Hypothesis] = [(), *((effect.name,) for effect in effects)]
+    X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
+    columns = np.concatenate([X, *by_amplitudes], axis=2)
+    gram = np.swapaxes(columns, 1, 2) @ columns
+    if (mean := mean_subject(effects, data)) is not None:
+        row = np.concatenate([np.zeros(len(ADAPTED)), mean.columns[: gram.shape[1] - len(ADAPTED)]])
+        gram = np.concatenate([gram, np.outer(row, row)[None]])
+    ends = np.cumsum([X.shape[2], *(A.shape[2] for A in by_amplitudes)])
+    return gram, [np.arange(*span) for span in pairwise(ends)]
+
+
 def typical_amplitudes(
-    effect: Effect, draws: int, subjects: int, generator: Generator
+    effect: Effect, draws: int, subjects: int, generator: Generator, between: float = BETWEEN_SUBJECTS
 ) -> Float[np.ndarray, "draws subjects amplitudes"]:
     """Amplitudes of its typical size: all directions together as long as their scales, in a direction of its nature's
-    signs, and alike in all subjects; with details."""
+    signs, and alike in all subjects but for ``between``, the SD of their size; with details."""
     scale, sign, main = np.asarray(effect.scale), np.asarray(effect.channel_signs), len(effect.directions)
     way = generator.standard_normal((draws, len(scale)))
     if effect.leading is not None:
         way[:, effect.leading] = np.sign(way[:, effect.leading])
     way = np.where(sign == 0, way, sign * np.abs(way)) * scale
     way[:, :main] *= np.linalg.norm(scale[:main]) / np.linalg.norm(way[:, :main], axis=1, keepdims=True)
-    size = np.maximum(1.0 + BETWEEN_SUBJECTS * generator.standard_normal((draws, subjects)), 0.0)
+    size = np.maximum(1.0 + between * generator.standard_normal((draws, subjects)), 0.0)
     amplitudes = size[..., None] * way[:, None]
     if not effect.over_elevation:
         return amplitudes
@@ -105,14 +112,24 @@ def root_of(gram: Float[np.ndarray, "subjects columns columns"]) -> Float[np.nda
     return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
 
 
-def _draws(gram, root, own, effect: Effect, generator: Generator) -> Float[np.ndarray, "draws subjects columns"]:
-    """Inner products of the columns with what subjects who have the effect show."""
+def shown(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    root: Float[np.ndarray, "subjects columns columns"],
+    coefficients: Float[np.ndarray, "draws subjects columns"],
+    generator: Generator,
+) -> Float[np.ndarray, "draws subjects columns"]:
+    """Inner products of the columns with what subjects with these coefficients show: N(G c, G)."""
+    noise = generator.standard_normal(coefficients.shape)
+    return np.einsum("sij,dsj->dsi", gram, coefficients) + np.einsum("sij,dsj->dsi", root, noise)
+
+
+def _coefficients(gram, own, effect: Effect, generator: Generator) -> Float[np.ndarray, "draws subjects columns"]:
+    """Of people who differ and have the effect."""
     subjects, columns, _ = gram.shape
     coefficients = np.zeros((_DRAWS, subjects, columns))
     coefficients[..., : len(ADAPTED)] = _SPREAD * generator.standard_normal((_DRAWS, subjects, len(ADAPTED)))
     coefficients[..., own] = typical_amplitudes(effect, _DRAWS, subjects, generator)
-    noise = generator.standard_normal((_DRAWS, subjects, columns))
-    return np.einsum("sij,dsj->dsi", gram, coefficients) + np.einsum("sij,dsj->dsi", root, noise)
+    return coefficients
 
 
 def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:

@@ -1,0 +1,199 @@
+"""The most that any diagnosis could tell of such motions: one that is told everything but which effect is at work.
+
+    python scripts/study_limit.py                       all conditions and parameter sets, ten minutes
+    python scripts/study_limit.py --condition three --model R2
+
+Simulated, and linear about the model as it is (see ``adapt/diagnosis/foreseen.py``): a subject shows
+
+    y_s = X_s u_s + t_s A_s d + noise,   u_s ~ N(0, spread^2),   t_s ~ N(1, between^2),
+
+with the direction and course d common to all. Told the noise, both spreads, the effect's exact size and how d was
+drawn, the evidence of an effect is p(y | e) = E_d prod_s p(y_s | d): the mean over thousands of d, each with u and t
+integrated out in closed form. Whoever takes the effect of the largest evidence is right most often (Bayes), so that a
+diagnosis, which is told none of this, can hardly be right more often in such worlds.
+"""
+
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from jaxtyping import Float, Int
+from numpy.random import Generator, default_rng
+
+from adapt import cli
+from adapt.chunks import in_threads
+from adapt.diagnosis.distinguish import closed
+from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, log_sum
+from adapt.diagnosis.foreseen import products_of, root_of, shown, typical_amplitudes
+from adapt.diagnosis.observed import Noise, observe
+from models import load_model
+from models.effects import EFFECTS, Effect
+from models.girdle import ADAPTED
+from motions import read_motions
+from scripts.blind_check import CONDITIONS, MODELS, SHOWN_MOTIONS, Case, world_of, written
+from scripts.reporting import markdown
+
+STUDIED = ("standard", "three", "one", "half", "noise_3", "landmarks_three")
+
+SPREAD = 0.5
+"""Share of ``THETA_SD_MM`` by which the adapted parameters vary between people, as when a diagnosis foresees."""
+
+DRAWS, DIRECTIONS = 100, 20_000
+"""Worlds of each effect, and of none; directions and courses that each evidence is the mean over. The rate over all
+effects is known to 1 point."""
+
+BLAMED, MISSED = 0.03, 0.03
+"""Shares of worlds: without effect, in which one may be blamed; with one, in which it may be outside the set."""
+
+_AT_A_TIME = 25
+"""Worlds weighed at once: more do not fit in the caches."""
+
+_SEED = 1999
+"""Of the draws."""
+
+_WORLD = 90_000
+"""Seed of the first of the worlds whose postures are taken, one for each parameter set: none of those reported."""
+
+_PAIRS_NAMED = 4
+"""Of effects taken for each other."""
+
+app = typer.Typer(add_completion=False)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What one who is told everything else makes of worlds with one effect: shares of them, ``draws`` of each."""
+
+    right: float
+    """The most probable effect is at work."""
+    first: float
+    """And more probable than all but ``BLAMED`` of worlds without effect make one."""
+    set_size: float
+    """Names in a set, on average, if it is every name from the probability on that leaves the effect at work out in
+    ``MISSED``: no sets of fewer names hold it as often."""
+    claimed: float
+    """Mean probability of the most probable effect: ``right``, if the evidence is that of these worlds."""
+    taken_for: Counter[tuple[str, str]]
+    """How often one of two effects was most probable when the other was at work."""
+
+
+def limit_of(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    own: list[Int[np.ndarray, " own"]],
+    effects: tuple[Effect, ...],
+    size: float = 1.0,
+    draws: int = DRAWS,
+    directions: int = DIRECTIONS,
+) -> Limit:
+    """Of the subjects with these inner products (``products_of``); the effects have ``size`` of their typical size."""
+    generator, root = default_rng(_SEED), root_of(gram)
+    seen = np.concatenate(
+        [
+            shown(gram, root, _coefficients(gram, draws, k, effect, size, generator), generator)
+            for k, effect in zip(own, [None, *effects], strict=True)
+        ]
+    )
+    ways = [size * typical_amplitudes(effect, directions, 1, generator, between=0.0)[:, 0] for effect in effects]
+    logs = np.array(in_threads(lambda k, d: log_evidence(gram, seen, k, d), own[1:], ways))
+    logs = logs.reshape(len(effects), 1 + len(effects), draws)
+    any_effect = log_sum(logs)
+    beyond = any_effect[1:] > np.quantile(any_effect[0], 1.0 - BLAMED)
+    at_work = np.arange(len(effects))[:, None]
+    best = logs[:, 1:].argmax(axis=0)
+    probability = np.exp(logs[:, 1:] - any_effect[1:])
+    of_truth = probability[at_work[:, 0], at_work[:, 0]]
+    names = [effect.name for effect in effects]
+    wrong = [(names[min(i, j)], names[max(i, j)]) for i, of in enumerate(best.tolist()) for j in of if i != j]
+    return Limit(
+        right=float((best == at_work).mean()),
+        first=float(((best == at_work) & beyond).mean()),
+        set_size=float((probability >= np.quantile(of_truth, MISSED)).sum(axis=0).clip(1).mean()),
+        claimed=float(probability.max(axis=0).mean()),
+        taken_for=Counter(wrong),
+    )
+
+
+def _coefficients(
+    gram, draws: int, own, effect: Effect | None, size: float, generator: Generator
+) -> Float[np.ndarray, "draws subjects columns"]:
+    subjects, columns, _ = gram.shape
+    coefficients = np.zeros((draws, subjects, columns))
+    coefficients[..., : len(ADAPTED)] = SPREAD * generator.standard_normal((draws, subjects, len(ADAPTED)))
+    if effect is not None:
+        coefficients[..., own] = size * typical_amplitudes(effect, draws, subjects, generator)
+    return coefficients
+
+
+def log_evidence(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    seen: Float[np.ndarray, "draws subjects columns"],
+    own: Int[np.ndarray, " own"],
+    ways: Float[np.ndarray, "ways own"],
+) -> Float[np.ndarray, " draws"]:
+    """log p(y | e) over that of no effect, its direction and course one of ``ways``.
+
+    With I = d' A' C^-1 A d and p = d' A' C^-1 y, C = 1 + spread^2 X X', a subject's t ~ N(1, b^2) integrated out leaves
+
+        1/2 ((p + b^-2)^2 / (I + b^-2) - b^-2 - log(1 + b^2 I)).
+    """
+    adapted = np.arange(len(ADAPTED))
+    X, beside = gram[:, adapted[:, None], adapted], gram[:, own[:, None], adapted]
+    through = beside @ np.linalg.inv(X + np.eye(len(adapted)) / SPREAD**2)
+    A = gram[:, own[:, None], own] - through @ np.swapaxes(beside, 1, 2)
+    pulls = seen[..., own] - np.einsum("sax,dsx->dsa", through, seen[..., adapted])
+    b2 = 1.0 / BETWEEN_SUBJECTS**2
+    information = np.einsum("wa,sab,wb->sw", ways, A, ways) + b2
+    constant = -0.5 * (b2 + np.log(information / b2)).sum(axis=0)
+    logs = []
+    for some in np.array_split(pulls, -(-len(pulls) // _AT_A_TIME)):
+        of_way = (some @ ways.T + b2) ** 2 / information
+        logs.append(log_sum(0.5 * of_way.sum(axis=1) + constant, axis=1) - np.log(len(ways)))
+    return np.concatenate(logs)
+
+
+def limit_in(condition: str, model_name: str, draws: int = DRAWS, directions: int = DIRECTIONS) -> Limit:
+    """That of the postures of a condition of the blind study, as people of the parameter set take them."""
+    how, model, effects = CONDITIONS[condition], load_model(model_name), tuple(EFFECTS.values())
+    world = world_of(Case(condition, "none", _WORLD + MODELS.index(model_name)))
+    with tempfile.TemporaryDirectory() as folder:
+        data = observe(read_motions(written(world.table, SHOWN_MOTIONS, Path(folder) / "motions.csv")))
+    noise = Noise(how.noise_deg)
+    gram, own = products_of(model.girdle, effects, closed(model.girdle, effects, data, noise), noise)
+    return limit_of(gram, own, effects, how.size, draws, directions)
+
+
+def row_of(condition: str, limits: Sequence[Limit]) -> list[str]:
+    """Means over the parameter sets, and which effects are taken for each other most."""
+    means = {
+        name: np.mean([getattr(one, name) for one in limits]) for name in ("right", "claimed", "first", "set_size")
+    }
+    taken_for: Counter[tuple[str, str]] = Counter()
+    for one in limits:
+        taken_for += one.taken_for
+    pairs = "; ".join(" - ".join(pair) for pair, _ in taken_for.most_common(_PAIRS_NAMED))
+    shares = [f"{100.0 * means[name]:.0f} %" for name in ("right", "claimed", "first")]
+    return [condition, *shares, f"{means['set_size']:.2f}", pairs]
+
+
+@app.command()
+def main(
+    condition: Annotated[list[str] | None, typer.Option(help="Only this condition; repeatable.")] = None,
+    model: Annotated[list[str] | None, typer.Option(help="Only this parameter set; repeatable.")] = None,
+) -> None:
+    """Print, as Markdown, the most that could be told in each condition of the blind study."""
+    header = ["condition", "most probable = true", "as its probability says", "first, 3 % blamed", "97 % set", "pairs"]
+    rows = []
+    for name in condition or STUDIED:
+        print(name, file=sys.stderr, flush=True)
+        rows.append(row_of(name, [limit_in(name, one) for one in model or MODELS]))
+    print(markdown(header, rows))
+
+
+if __name__ == "__main__":
+    cli.main(app)
