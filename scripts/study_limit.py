@@ -1,6 +1,6 @@
 """The most that any diagnosis could tell of such motions: one that is told everything but which effect is at work.
 
-    python scripts/study_limit.py                       all conditions and parameter sets, ten minutes
+    python scripts/study_limit.py                       all conditions and parameter sets
     python scripts/study_limit.py --condition three --model R2
 
 Simulated, and linear about the model as it is (see ``adapt/diagnosis/foreseen.py``): a subject shows
@@ -24,13 +24,13 @@ from typing import Annotated
 import numpy as np
 import typer
 from jaxtyping import Float, Int
-from numpy.random import Generator, default_rng
+from numpy.random import default_rng
 
 from adapt import cli
 from adapt.chunks import in_threads
 from adapt.diagnosis.distinguish import closed
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, log_sum
-from adapt.diagnosis.foreseen import products_of, root_of, shown, typical_amplitudes
+from adapt.diagnosis.foreseen import SPREAD, draw, products_of, root_of, shown, typical_amplitudes
 from adapt.diagnosis.observed import Noise, observe
 from models import load_model
 from models.effects import EFFECTS, Effect
@@ -41,10 +41,7 @@ from scripts.reporting import markdown
 
 STUDIED = ("standard", "three", "one", "half", "noise_3", "landmarks_three")
 
-SPREAD = 0.5
-"""Share of ``THETA_SD_MM`` by which the adapted parameters vary between people, as when a diagnosis foresees."""
-
-DRAWS, DIRECTIONS = 100, 20_000
+_DRAWS, _DIRECTIONS = 100, 20_000
 """Worlds of each effect, and of none; directions and courses that each evidence is the mean over. The rate over all
 effects is known to 1 point."""
 
@@ -88,17 +85,13 @@ def limit_of(
     own: list[Int[np.ndarray, " own"]],
     effects: tuple[Effect, ...],
     size: float = 1.0,
-    draws: int = DRAWS,
-    directions: int = DIRECTIONS,
+    draws: int = _DRAWS,
+    directions: int = _DIRECTIONS,
 ) -> Limit:
     """Of the subjects with these inner products (``products_of``); the effects have ``size`` of their typical size."""
     generator, root = default_rng(_SEED), root_of(gram)
-    seen = np.concatenate(
-        [
-            shown(gram, root, _coefficients(gram, draws, k, effect, size, generator), generator)
-            for k, effect in zip(own, [None, *effects], strict=True)
-        ]
-    )
+    drawn = (draw(gram, k, effect, draws, generator, size) for k, effect in zip(own, [None, *effects], strict=True))
+    seen = np.concatenate([shown(gram, root, coefficients, generator) for coefficients in drawn])
     ways = [size * typical_amplitudes(effect, directions, 1, generator, between=0.0)[:, 0] for effect in effects]
     logs = np.array(in_threads(lambda k, d: log_evidence(gram, seen, k, d), own[1:], ways))
     logs = logs.reshape(len(effects), 1 + len(effects), draws)
@@ -117,17 +110,6 @@ def limit_of(
         claimed=float(probability.max(axis=0).mean()),
         taken_for=Counter(wrong),
     )
-
-
-def _coefficients(
-    gram, draws: int, own, effect: Effect | None, size: float, generator: Generator
-) -> Float[np.ndarray, "draws subjects columns"]:
-    subjects, columns, _ = gram.shape
-    coefficients = np.zeros((draws, subjects, columns))
-    coefficients[..., : len(ADAPTED)] = SPREAD * generator.standard_normal((draws, subjects, len(ADAPTED)))
-    if effect is not None:
-        coefficients[..., own] = size * typical_amplitudes(effect, draws, subjects, generator)
-    return coefficients
 
 
 def log_evidence(
@@ -157,7 +139,7 @@ def log_evidence(
     return np.concatenate(logs)
 
 
-def limit_in(condition: str, model_name: str, draws: int = DRAWS, directions: int = DIRECTIONS) -> Limit:
+def limit_in(condition: str, model_name: str) -> Limit:
     """That of the postures of a condition of the blind study, as people of the parameter set take them."""
     how, model, effects = CONDITIONS[condition], load_model(model_name), tuple(EFFECTS.values())
     world = world_of(Case(condition, "none", _WORLD + MODELS.index(model_name)))
@@ -165,7 +147,7 @@ def limit_in(condition: str, model_name: str, draws: int = DRAWS, directions: in
         data = observe(read_motions(written(world.table, SHOWN_MOTIONS, Path(folder) / "motions.csv")))
     noise = Noise(how.noise_deg)
     gram, own = products_of(model.girdle, effects, closed(model.girdle, effects, data, noise), noise)
-    return limit_of(gram, own, effects, how.size, draws, directions)
+    return limit_of(gram, own, effects, how.size)
 
 
 def row_of(condition: str, limits: Sequence[Limit]) -> list[str]:

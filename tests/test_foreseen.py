@@ -73,13 +73,12 @@ def test_amplitudes_of_one_draw_have_one_direction_and_one_course():
 
 
 def test_draws_have_the_mean_and_covariance_of_residuals_written_out(monkeypatch):
-    monkeypatch.setattr(foreseen, "_DRAWS", DRAWS)
-    monkeypatch.setattr(foreseen, "_SPREAD", 0.0)
+    monkeypatch.setattr(foreseen, "SPREAD", 0.0)
     generator = np.random.default_rng(2)
     columns = generator.standard_normal((2, 20, 7)) / np.sqrt(20.0)
     gram = np.swapaxes(columns, 1, 2) @ columns
     effect = replace(EFFECTS["conoid_strain"], over_elevation=False, scale=(1.0,))
-    coefficients = foreseen._coefficients(gram, [6], effect, generator)
+    coefficients = foreseen.draw(gram, np.array([6]), effect, DRAWS, generator)
     seen = foreseen.shown(gram, foreseen.root_of(gram), coefficients, generator)
     np.testing.assert_allclose(seen.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)
     expected = gram + BETWEEN_SUBJECTS**2 * gram[..., 6:] @ gram[:, 6:]

@@ -11,9 +11,10 @@ from scipy.stats import multivariate_normal
 from typer.testing import CliRunner
 
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS
+from adapt.diagnosis.foreseen import SPREAD
 from models.effects import EFFECTS
 from scripts import study_limit
-from scripts.study_limit import SPREAD, Limit, limit_of, log_evidence, row_of
+from scripts.study_limit import Limit, limit_of, log_evidence, row_of
 
 SAME = 1e-8
 """Relative and absolute: a few hundred sums of squares, taken in another order."""

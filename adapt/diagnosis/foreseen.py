@@ -36,7 +36,7 @@ _DRAWS = 50
 _SEED = 1999
 """The same draws for the same data: nothing else is random in a diagnosis."""
 
-_SPREAD, _SPREADS = 0.5, np.outer((0.4, 0.7), np.ones(6))
+SPREAD, _SPREADS = 0.5, np.outer((0.4, 0.7), np.ones(6))
 """Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary; and those with which draws are
 weighed, as if the data had chosen them."""
 
@@ -62,8 +62,8 @@ def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: 
     hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
     gram, own = products_of(girdle, effects, data, noise)
     root, generator = root_of(gram), default_rng(_SEED)
-    coefficients = (_coefficients(gram, k, effect, generator) for k, effect in zip(own[1:], effects, strict=True))
-    seen = np.concatenate([shown(gram, root, one, generator) for one in coefficients])
+    drawn = (draw(gram, k, effect, _DRAWS, generator) for k, effect in zip(own[1:], effects, strict=True))
+    seen = np.concatenate([shown(gram, root, coefficients, generator) for coefficients in drawn])
     alone = [[], *([effect] for effect in effects)]
     logs = np.array(in_threads(lambda k, at_work: _log_evidence(gram, seen, k, at_work), own, alone))
     shares = shares_of(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
@@ -112,6 +112,23 @@ def root_of(gram: Float[np.ndarray, "subjects columns columns"]) -> Float[np.nda
     return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
 
 
+def draw(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    own: Int[np.ndarray, " own"],
+    effect: Effect | None,
+    draws: int,
+    generator: Generator,
+    size: float = 1.0,
+) -> Float[np.ndarray, "draws subjects columns"]:
+    """Coefficients of people who differ by ``SPREAD`` and have the effect, ``size`` of its typical size."""
+    subjects, columns, _ = gram.shape
+    coefficients = np.zeros((draws, subjects, columns))
+    coefficients[..., : len(ADAPTED)] = SPREAD * generator.standard_normal((draws, subjects, len(ADAPTED)))
+    if effect is not None:
+        coefficients[..., own] = size * typical_amplitudes(effect, draws, subjects, generator)
+    return coefficients
+
+
 def shown(
     gram: Float[np.ndarray, "subjects columns columns"],
     root: Float[np.ndarray, "subjects columns columns"],
@@ -121,15 +138,6 @@ def shown(
     """Inner products of the columns with what subjects with these coefficients show: N(G c, G)."""
     noise = generator.standard_normal(coefficients.shape)
     return np.einsum("sij,dsj->dsi", gram, coefficients) + np.einsum("sij,dsj->dsi", root, noise)
-
-
-def _coefficients(gram, own, effect: Effect, generator: Generator) -> Float[np.ndarray, "draws subjects columns"]:
-    """Of people who differ and have the effect."""
-    subjects, columns, _ = gram.shape
-    coefficients = np.zeros((_DRAWS, subjects, columns))
-    coefficients[..., : len(ADAPTED)] = _SPREAD * generator.standard_normal((_DRAWS, subjects, len(ADAPTED)))
-    coefficients[..., own] = typical_amplitudes(effect, _DRAWS, subjects, generator)
-    return coefficients
 
 
 def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:
