@@ -39,8 +39,8 @@ def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0, effect: 
     )
 
 
-def weighed(fitted: Linear) -> OverPriors:
-    return over_priors(products(fitted), fitted.scale, [EFFECT], [(1.0, 1.0)], SPREADS)
+def weighed(fitted: Linear, effect: Effect = EFFECT) -> OverPriors:
+    return over_priors(products(fitted), fitted.scale, [effect], [(1.0, 1.0)], SPREADS)
 
 
 def plain(fitted: Linear) -> float:
@@ -77,6 +77,12 @@ def test_signs_that_differ_cost_less_than_amplitudes_of_ones_own():
         subjects(np.linalg.norm(WAY) / np.sqrt(3.0) * np.sign(np.random.default_rng(6).standard_normal((8, 3))))
     )
     assert own.log_evidence < opposed < alike
+
+
+def test_signs_that_differ_are_less_likely_of_an_effect_whose_nature_has_one():
+    fitted = subjects(SIGNS[:, None] * WAY)
+    change = weighed(fitted, replace(EFFECT, sign=(1, 0, 0))).log_evidence - weighed(fitted).log_evidence
+    assert change == pytest.approx(np.log(priors._OPPOSED_SIGNED_SHARE / priors._OPPOSED_SHARE), abs=LITTLE)
 
 
 def test_parameters_off_by_the_same_in_all_need_no_effect():

@@ -47,9 +47,12 @@ _SHIFT_SHARE, SHIFT = 0.1, 0.5
 """Prior probability that the people measured differ from the parameter set on average, not only from each other; and by
 which share of ``THETA_SD_MM``."""
 
-_OPPOSED_SHARE, _UNLIKE_SHARE, _UNLIKE_SIGNED_SHARE = 0.05, 0.02, 0.002
-"""Prior probability that an effect's sign differs from subject to subject, all else being alike; that each subject has
-amplitudes of its own, of either sign; and that of an effect whose nature has a sign."""
+_OPPOSED_SHARE, _OPPOSED_SIGNED_SHARE = 0.05, 0.005
+"""Prior probability that an effect's sign differs from subject to subject, all else being alike; and that of an effect
+whose nature has a sign."""
+
+_UNLIKE_SHARE, _UNLIKE_SIGNED_SHARE = 0.02, 0.002
+"""The same for amplitudes that each subject has for itself, of either sign."""
 
 _TOGETHER_SHARE = 0.8
 """Prior probability, all subjects being alike, that the channels of an effect follow one course."""
@@ -93,16 +96,18 @@ def over_priors(
     priors = [alike(scale) * size for size in _SIZES]
     at, shifted = (one.over(noise_shares, spreads) for one in (of, of.with_shift()))
     opposed = at.turned(sign)
-    own_share = _UNLIKE_SIGNED_SHARE if any(any(effect.sign) for effect in effects) else _UNLIKE_SHARE
+    signed = any(any(effect.sign) for effect in effects)
+    opposed_share = _OPPOSED_SIGNED_SHARE if signed else _OPPOSED_SHARE
+    own_share = _UNLIKE_SIGNED_SHARE if signed else _UNLIKE_SHARE
     alike_log = _mixed(
         (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for prior in priors]),
         (_SHIFT_SHARE, [_log_alike(shifted, prior + common_shift(SHIFT), effects, departures) for prior in priors]),
     )
     unlike_log = _mixed(
-        (_OPPOSED_SHARE * 0.5 ** (sign.shape[-1] - 1), [_log_alike(opposed, p, unsigned, departures) for p in priors]),
+        (opposed_share * 0.5 ** (sign.shape[-1] - 1), [_log_alike(opposed, p, unsigned, departures) for p in priors]),
         (own_share, [log_evidence(at, unlike(prior.common)) for prior in priors]),
     )
-    share = 1.0 - _OPPOSED_SHARE - own_share
+    share = 1.0 - opposed_share - own_share
     each = np.logaddexp(alike_log + math.log(share), unlike_log)
     return OverPriors(log_sum(each), log_sum(unlike_log) - log_sum(alike_log) - math.log(share), each, spreads)
 
