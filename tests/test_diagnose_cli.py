@@ -168,6 +168,8 @@ WHAT = EFFECTS["skin_artefact"].what
 LENGTH = EFFECTS["clavicle_length"].what
 SIZE = EFFECTS["scapula_size"].what
 
+DOUBT = "Two effects can also mimic a cause that is not in the list (probability 0.01)."
+
 SENTENCES = {
     "skin": f"The gap of 10 subjects is explained by skin_artefact ({WHAT}; 7.0 [5.3, 8.7] deg): held out, it shrinks "
     "from 1.34 to 1.02 deg, noise alone leaves 0.89.",
@@ -176,10 +178,11 @@ SENTENCES = {
     "it shrinks from 1.34 to 1.02 deg, noise alone leaves 0.89.",
     "pair": "The gap of 10 subjects is explained by skin_artefact and clavicle_length together (skin_artefact: "
     f"{WHAT}; 7.0 [5.3, 8.7] deg; clavicle_length: {LENGTH}; 8.0 [7.0, 9.0] %): held out, it shrinks from 1.34 to 1.02 "
-    "deg, noise alone leaves 0.89.",
+    f"deg, noise alone leaves 0.89. {DOUBT}",
     "hedged": "The gap of 10 subjects is explained by skin_artefact and clavicle_length together, or scapula_size in "
     f"place of one of them (skin_artefact: {WHAT}; 7.0 [5.3, 8.7] deg; clavicle_length: {LENGTH}; 8.0 [7.0, 9.0] %; "
-    f"scapula_size: {SIZE}; 0.50 [0.25, 0.75] %): held out, it shrinks from 1.34 to 1.02 deg, noise alone leaves 0.89.",
+    f"scapula_size: {SIZE}; 0.50 [0.25, 0.75] %): held out, it shrinks from 1.34 to 1.02 deg, noise alone leaves 0.89. "
+    f"{DOUBT}",
     "nothing": "Nothing beyond noise: held out, the gap of 1 subject is 0.93 deg, noise alone leaves 0.89. An effect "
     "below 0.15 (thorax_shape), 1.5 mm (conoid_strain) or 1.5 deg (skin_artefact) would not show.",
     "outside": "No effect of the list, alone or in pairs, explains the gap of 10 subjects (closest: skin_artefact, "

@@ -69,7 +69,8 @@ def _explained(of: Object) -> str:
     gap, start = _gap(of), f"The gap of {subjects_text(of)} is explained by "
     if of["verdict"]["together"]:
         each = "; ".join(f"{name}: {_described(of, name)}" for name in names)
-        return f"{start}{together(names)} ({each}): held out, it {gap}."
+        doubt = f"can also mimic a cause that is not in the list (probability {of['probability'][UNKNOWN]:.2f})"
+        return f"{start}{together(names)} ({each}): held out, it {gap}. Two effects {doubt}."
     if len(names) == 1:
         return f"{start}{names[0]} ({_described(of, names[0])}): held out, it {gap}."
     return (
