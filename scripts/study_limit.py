@@ -30,7 +30,15 @@ from adapt import cli
 from adapt.chunks import in_threads
 from adapt.diagnosis.distinguish import closed
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, log_sum
-from adapt.diagnosis.foreseen import SPREAD, draw, products_of, root_of, shown, typical_amplitudes
+from adapt.diagnosis.foreseen import (
+    SPREAD,
+    draw,
+    products_of,
+    products_with,
+    root_of,
+    shown,
+    typical_amplitudes,
+)
 from adapt.diagnosis.observed import Noise, observe
 from models import load_model
 from models.effects import EFFECTS, Effect
@@ -100,13 +108,12 @@ def limit_of(
     at_work = np.arange(len(effects))[:, None]
     best = logs[:, 1:].argmax(axis=0)
     probability = np.exp(logs[:, 1:] - any_effect[1:])
-    of_truth = probability[at_work[:, 0], at_work[:, 0]]
     names = [effect.name for effect in effects]
     wrong = [(names[min(i, j)], names[max(i, j)]) for i, of in enumerate(best.tolist()) for j in of if i != j]
     return Limit(
         right=float((best == at_work).mean()),
         first=float(((best == at_work) & beyond).mean()),
-        set_size=float((probability >= np.quantile(of_truth, MISSED)).sum(axis=0).clip(1).mean()),
+        set_size=float((probability >= np.quantile(np.diagonal(probability), MISSED)).sum(axis=0).clip(1).mean()),
         claimed=float(probability.max(axis=0).mean()),
         taken_for=Counter(wrong),
     )
@@ -124,16 +131,12 @@ def log_evidence(
 
         1/2 ((p + b^-2)^2 / (I + b^-2) - b^-2 - log(1 + b^2 I)).
     """
-    adapted = np.arange(len(ADAPTED))
-    X, beside = gram[:, adapted[:, None], adapted], gram[:, own[:, None], adapted]
-    through = beside @ np.linalg.inv(X + np.eye(len(adapted)) / SPREAD**2)
-    A = gram[:, own[:, None], own] - through @ np.swapaxes(beside, 1, 2)
-    pulls = seen[..., own] - np.einsum("sax,dsx->dsa", through, seen[..., adapted])
+    of = products_with(gram, seen, own).at(spread=np.full(len(ADAPTED), SPREAD))
     b2 = 1.0 / BETWEEN_SUBJECTS**2
-    information = np.einsum("wa,sab,wb->sw", ways, A, ways) + b2
+    information = np.einsum("wa,sab,wb->sw", ways, of.information[0], ways) + b2
     constant = -0.5 * (b2 + np.log(information / b2)).sum(axis=0)
     logs = []
-    for some in np.array_split(pulls, -(-len(pulls) // _AT_A_TIME)):
+    for some in np.array_split(of.pull, -(-len(seen) // _AT_A_TIME)):
         of_way = (some @ ways.T + b2) ** 2 / information
         logs.append(log_sum(0.5 * of_way.sum(axis=1) + constant, axis=1) - np.log(len(ways)))
     return np.concatenate(logs)

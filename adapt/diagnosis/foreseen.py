@@ -140,10 +140,19 @@ def shown(
     return np.einsum("sij,dsj->dsi", gram, coefficients) + np.einsum("sij,dsj->dsi", root, noise)
 
 
+def products_with(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    seen: Float[np.ndarray, "draws subjects columns"],
+    own: Int[np.ndarray, " own"],
+) -> Products:
+    """Those of X and of the amplitudes ``own``; the square of what was seen is left out."""
+    k = np.concatenate([np.arange(len(ADAPTED)), own])
+    return Products(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
+
+
 def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:
     """But for the sum of squares of what was seen, which all hypotheses share."""
-    k = np.concatenate([np.arange(len(ADAPTED)), own])
-    of = Products(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
+    of = products_with(gram, seen, own)
     return over_priors(of, prior_sd_of(effects), effects, [(1.0, 1.0)], spreads=_SPREADS).log_evidence
 
 
