@@ -53,6 +53,7 @@ from scripts import blind_calibration, blind_report
 from scripts.blind_fits import Kept, keep, read_kept, weighed_anew
 from scripts.blind_report import Line, key, kind
 from scripts.blind_world import LABELS, World, make_world
+from scripts.reporting import check_known
 
 ROOT = Path(__file__).parents[1]
 MODELS = ("R2", "R4", "R6", "breteler_dissection")
@@ -427,9 +428,7 @@ def _seeds(text: str) -> range:
 
 
 def _conditions(names: Sequence[str]) -> list[str]:
-    known = [*CONDITIONS, "power"]
-    if unknown := [name for name in names if name not in known]:
-        raise typer.BadParameter(f"no condition is called '{unknown[0]}'. Take some of {', '.join(known)}")
+    check_known(names, [*CONDITIONS, "power"], "condition")
     chosen = [c for c in CONDITIONS if c in names or ("power" in names and c.startswith("power_"))]
     return chosen or list(CONDITIONS)
 

@@ -1,4 +1,4 @@
-"""What several scripts share: reading tables, timing, Markdown tables, and how sure a rate is."""
+"""What several scripts share: tables, names on the command line, timing, Markdown, and how sure a rate is."""
 
 import math
 import time
@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 
 import pandas as pd
+import typer
 
 from motions import InputError
 
@@ -22,6 +23,12 @@ def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:
     if missing := [name for name in columns if name not in table.columns]:
         raise InputError(str(path), None, f"it has no column {missing[0]}", "Run `girdle adapt` anew")
     return table
+
+
+def check_known(names: Iterable[str], known: Collection[str], what: str) -> None:
+    """Raises BadParameter for the first name, given on the command line, that nothing has."""
+    if unknown := [name for name in names if name not in known]:
+        raise typer.BadParameter(f"no {what} is called '{unknown[0]}'. Take some of {', '.join(known)}")
 
 
 def timed(run: Callable[[], object]) -> float:

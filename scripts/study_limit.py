@@ -45,7 +45,7 @@ from models.effects import EFFECTS, Effect
 from models.girdle import ADAPTED
 from motions import read_motions
 from scripts.blind_check import CONDITIONS, MODELS, SHOWN_MOTIONS, Case, world_of, written
-from scripts.reporting import markdown
+from scripts.reporting import check_known, markdown
 
 STUDIED = ("standard", "three", "one", "half", "noise_3", "landmarks_three")
 
@@ -172,6 +172,8 @@ def main(
     model: Annotated[list[str] | None, typer.Option(help="Only this parameter set; repeatable.")] = None,
 ) -> None:
     """Print, as Markdown, the most that could be told in each condition of the blind study."""
+    check_known(condition or [], CONDITIONS, "condition")
+    check_known(model or [], MODELS, "parameter set")
     header = ["condition", "most probable = true", "as its probability says", "first, 3 % blamed", "97 % set", "pairs"]
     rows = []
     for name in condition or STUDIED:

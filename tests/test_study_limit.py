@@ -97,6 +97,16 @@ def test_the_command_prints_the_limit_of_a_condition(monkeypatch):
     assert 90 <= int(right.rstrip(" %")) <= 100
 
 
+@pytest.mark.parametrize(
+    ("option", "name", "cause"),
+    [("--condition", "fog", "no condition is called 'fog'"), ("--model", "R9", "no parameter set is called 'R9'")],
+)
+def test_wrong_names_say_what_is_wrong(option, name, cause):
+    printed = CliRunner().invoke(study_limit.app, [option, name])
+    assert printed.exit_code == 2
+    assert cause in printed.stderr
+
+
 def test_a_row_is_the_mean_over_parameter_sets():
     first = Limit(0.8, 0.6, 1.5, 0.7, Counter({("a", "b"): 1}))
     second = Limit(0.9, 0.7, 2.5, 0.8, Counter({("a", "b"): 1, ("d", "c"): 3}))
