@@ -1,10 +1,11 @@
 """The constants of adapt/diagnosis/verdict.py that follow from the calibration cases of the withheld-effect check.
 
-All from the ranking of none and single effects, before any pair: pairs and left-out effects do not count.
+All but the last two from the ranking of none and single effects, before any pair: pairs and left-out effects do not
+count. The last two, what makes a hypothesis hard to believe, from the whole ranking, with pairs and given the others.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,7 +22,7 @@ TEMPERATURES = np.geomspace(0.2, 50.0, 1000)
 """Half a percent apart."""
 
 RIDGE = 1e-2
-"""On the two weights of the logistic regression: keeps them finite where the classes do not overlap."""
+"""On the weights of the logistic regressions: keeps them finite where the classes do not overlap."""
 
 NO_EVIDENCE = 1e6
 """In nats, below the best: where a fit failed and the evidence is no number."""
@@ -32,14 +33,14 @@ _SETTLED = 1e-10
 
 def calibration(lines: Sequence[Line]) -> str:
     """The fitted constants and what follows from them, as Markdown."""
-    good = [line for line in lines if "failed" not in line and line["condition"] != "loo"]
-    good = [line for line in good if kind(line["label"]) != "pair"]
+    whole = [line for line in lines if "failed" not in line and line["condition"] != "loo"]
+    good = [line for line in whole if kind(line["label"]) != "pair"]
     listed = [line for line in good if kind(line["label"]) != "outside"]
     if not 0 < len(listed) < len(good):
         return "No calibration: it needs cases of calibration seeds with and without effects outside the list."
     features = np.array([clipped_tests(line) for line in good])
     outside = np.array([kind(line["label"]) == "outside" for line in good])
-    terms = logistic(features, outside)
+    terms = terms_of_tests(features, outside)
     labels = [NONE, *EFFECTS]
     log = np.nan_to_num(np.array([[line["ranking"][k] for k in labels] for line in listed], float), nan=-NO_EVIDENCE)
     truth = np.array([labels.index(line["label"]) for line in listed])
@@ -47,9 +48,10 @@ def calibration(lines: Sequence[Line]) -> str:
     temperature = best_temperature(log, truth, log_prior)
     shares = tempered(log, log_prior, temperature)
     known = ~unknown(features[~outside], terms)
-    now = (*verdict._UNKNOWN_TERMS, verdict._TEMPERATURE)
-    names = ("constant", "weight of the gain", "weight of the excess", "temperature")
-    fitted = [[n, f"{a:.3f}", f"{b:.3f}"] for n, a, b in zip(names, now, (*terms, temperature), strict=True)]
+    now = (*verdict._UNKNOWN_TERMS, verdict._TEMPERATURE, *verdict._DOUBTS)
+    names = ("constant", "weight of the gain", "weight of the excess", "temperature", "of pairs", "of the oversize")
+    then = (*terms, temperature, *weights_of_doubts(whole))
+    fitted = [[n, f"{a:.3f}", f"{b:.3f}"] for n, a, b in zip(names, now, then, strict=True)]
     seeds = sorted({line["seed"] for line in good})
     return "\n\n".join(
         [
@@ -70,26 +72,46 @@ def calibration(lines: Sequence[Line]) -> str:
     )
 
 
-def clipped_tests(line: Line) -> tuple[float, float]:
+def terms_of_tests(x: Float[np.ndarray, "n 2"], outside: Bool[np.ndarray, " n"]) -> tuple[float, float, float]:
+    """Constant and weights of the log odds of being outside the list."""
+    constant, *weights = logistic(np.column_stack([np.ones(len(x)), x]), outside, np.array([0.0, RIDGE, RIDGE]))
+    return float(constant), float(weights[0]), float(weights[1])
+
+
+def weights_of_doubts(lines: Sequence[Line]) -> Float[np.ndarray, " 2"]:
+    """Of pairs and of the oversize, beside the terms as they are now."""
+    tests = [line["tests"] for line in lines]
+    constant, *weights = verdict._UNKNOWN_TERMS
+    known = constant + np.array([clipped_tests(of) for of in tests]) @ np.array(weights)
+    outside = np.array([kind(line["label"]) == "outside" for line in lines])
+    return logistic(np.array([of["doubts"] for of in tests]), outside, RIDGE * np.ones(2), known)
+
+
+def clipped_tests(of: Mapping[str, float]) -> tuple[float, float]:
     """Discrepancy gain and excess, as the verdict takes them."""
-    gain, excess = line["discrepancy_gain"], line["excess"]
+    gain, excess = of["discrepancy_gain"], of["excess"]
     return (
         float(np.clip(gain, -verdict._MOST_GAIN, verdict._MOST_GAIN)),
         float(np.clip(excess, -verdict._MOST_EXCESS, verdict._MOST_EXCESS)),
     )
 
 
-def logistic(x: Float[np.ndarray, "n 2"], hit: Bool[np.ndarray, " n"]) -> tuple[float, float, float]:
-    """Constant and weights of the log odds: Newton's method with a ridge, steps halved where they go too far."""
-    X, y, ridge = np.column_stack([np.ones(len(x)), x]), hit.astype(float), np.array([0.0, RIDGE, RIDGE])
+def logistic(
+    X: Float[np.ndarray, "n k"],
+    hit: Bool[np.ndarray, " n"],
+    ridge: Float[np.ndarray, " k"],
+    known: float | Float[np.ndarray, " n"] = 0.0,
+) -> Float[np.ndarray, " k"]:
+    """Weights of the log odds, beside what is known of these: Newton's method, steps halved where they go too far."""
+    y = hit.astype(float)
 
     def cost(w: np.ndarray) -> float:
-        t = X @ w
+        t = known + X @ w
         return float((np.logaddexp(0.0, t) - y * t).sum() + 0.5 * (ridge * w**2).sum())
 
-    w = np.zeros(3)
+    w = np.zeros(X.shape[1])
     for _ in range(_STEPS):
-        p = 1.0 / (1.0 + np.exp(-X @ w))
+        p = 1.0 / (1.0 + np.exp(-known - X @ w))
         curvature = (X * (p * (1.0 - p))[:, None]).T @ X + np.diag(ridge)
         step = np.linalg.solve(curvature, X.T @ (y - p) - ridge * w)
         while cost(w + step) > cost(w) and np.abs(step).max() > _SETTLED:
@@ -97,7 +119,7 @@ def logistic(x: Float[np.ndarray, "n 2"], hit: Bool[np.ndarray, " n"]) -> tuple[
         w = w + step
         if np.abs(step).max() <= _SETTLED:
             break
-    return float(w[0]), float(w[1]), float(w[2])
+    return w
 
 
 def unknown(x: Float[np.ndarray, "n 2"], terms: tuple[float, float, float]) -> Bool[np.ndarray, " n"]:

@@ -44,7 +44,7 @@ from adapt.diagnosis.heldout import Gaps
 from adapt.diagnosis.misfit import misfit
 from adapt.diagnosis.observed import Observed, observe
 from adapt.diagnosis.ranking import Ranking, rank
-from adapt.diagnosis.verdict import EFFECT
+from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN, doubts, shares_of
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
 from motions import read_motions
@@ -267,6 +267,7 @@ def line_of(found: Diagnosis, single: Ranking) -> Line:
         "ranking": {"+".join(h) or "none": v for h, v in zip(single.hypotheses, single.log_evidence, strict=True)},
         "discrepancy_gain": single.discrepancy_gain,
         "excess": single.excess,
+        "tests": tests_of(found),
         "noise": {**asdict(noise.noise), "freedom": noise.freedom, "source": noise.source},
         "amplitude": {name: [asdict(one) for one in channels] for name, channels in found.amplitude.items()},
         "gap_deg": gaps(found.gap.unseen),
@@ -276,6 +277,18 @@ def line_of(found: Diagnosis, single: Ranking) -> Line:
         "foreseen": {name: one.named for name, one in found.foreseen.items()},
         "subjects": list(found.subjects),
         "left_out": found.left_out,
+    }
+
+
+def tests_of(found: Diagnosis) -> dict[str, Any]:
+    """What the probability of unknown follows from, pairs and all."""
+    ranking = found.ranking
+    names = [name for name in found.verdict.probability if name not in (NONE, UNKNOWN)]
+    shares = shares_of(ranking.hypotheses, ranking.log_evidence, names, found.expected)
+    return {
+        "discrepancy_gain": ranking.discrepancy_gain,
+        "excess": ranking.excess,
+        "doubts": list(doubts(ranking, shares)),
     }
 
 

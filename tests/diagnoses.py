@@ -1,7 +1,9 @@
 """Diagnoses that no data made: every kind of answer, with numbers that are known."""
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
+
+import numpy as np
 
 from adapt.diagnosis import Amplitude, Changed, Diagnosis
 from adapt.diagnosis.foreseen import Foreseen
@@ -79,7 +81,7 @@ SKIN = Diagnosis(
     detectable=dict.fromkeys(EFFECTS, 1.5) | {"thorax_asymmetry": None, "thorax_shape": 0.15},
     foreseen=dict.fromkeys(EFFECTS, Foreseen(0.9, 0.1, {})) | {"sc_translation": SELDOM},
     next_measurement=PROPOSALS,
-    ranking=cast(Ranking, None),  # what the ranking says is in the other fields
+    ranking=Ranking((), np.zeros(0), np.zeros(0), -5.0, 1.0, 1.0, 0.3, 0.0),  # what else it says is in the other fields
 )
 """Ten subjects, one effect."""
 
@@ -117,6 +119,9 @@ NOTHING = replace(
 )
 OUTSIDE = replace(SKIN, verdict=verdict(UNKNOWN, unknown=0.99))
 IN_PART = replace(SKIN, verdict=verdict(UNKNOWN, "skin_artefact", unknown=0.99))
+TOO_LARGE = replace(IN_PART, ranking=replace(IN_PART.ranking, oversize=1.9))
+"""Explained in part by an effect that is larger than such effects are."""
+
 BY_KIND = {
     "skin": SKIN,
     "alike": ALIKE,
@@ -125,6 +130,7 @@ BY_KIND = {
     "nothing": NOTHING,
     "outside": OUTSIDE,
     "in part": IN_PART,
+    "too large": TOO_LARGE,
 }
 
 

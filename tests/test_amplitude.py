@@ -30,7 +30,7 @@ def fitted(seed: int, *hypothesis: str) -> Linear:
 def ranking(*each: Linear, less: float = 0.0, unlike: float = -1.0) -> Ranking:
     """The first is the best, the others are ``less`` nats less probable."""
     log = np.array([0.0] + [-less] * (len(each) - 1))
-    return Ranking(each, log, np.full(len(each), unlike), 0.0, 1.0, 1.0, 0.0)
+    return Ranking(each, log, np.full(len(each), unlike), 0.0, 1.0, 1.0, 0.0, 0.0)
 
 
 def of(weighed: Ranking, together: int) -> Amplitude:

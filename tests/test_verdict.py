@@ -41,7 +41,9 @@ def linear(hypothesis: Hypothesis) -> Linear:
     )
 
 
-def ranking(evidence: dict[Hypothesis, float], discrepancy_gain: float = -5.0, excess: float = 0.0) -> Ranking:
+def ranking(
+    evidence: dict[Hypothesis, float], discrepancy_gain: float = -5.0, excess: float = 0.0, oversize: float = 0.0
+) -> Ranking:
     """None and all of NAMES, far behind where nothing else is said; most probable first."""
     every = {**dict.fromkeys([(), *((name,) for name in NAMES)], -SURE), **evidence}
     order = sorted(every, key=lambda hypothesis: -every[hypothesis])
@@ -54,6 +56,7 @@ def ranking(evidence: dict[Hypothesis, float], discrepancy_gain: float = -5.0, e
         chi_square=1.0,
         freedom=1.0,
         excess=excess,
+        oversize=oversize,
     )
 
 
@@ -186,12 +189,12 @@ def test_what_leaves_nothing_is_not_unknown():
     assert judged({("a",): 0.0}, **NOTHING_LEFT).probability[UNKNOWN] < 0.5
 
 
-@pytest.mark.parametrize("of", ["discrepancy_gain", "excess"])
+@pytest.mark.parametrize("of", ["discrepancy_gain", "excess", "oversize"])
 def test_unknown_grows_with_each_test_up_to_a_limit(of):
     def probability(value: float) -> float:
         return judged({(): 0.0}, **{**NOTHING_LEFT, of: value}).probability[UNKNOWN]
 
-    found = [probability(value) for value in (-3.0, 0.0, 1.0, 3.0)]
+    found = [probability(value) for value in (-3.0, 0.0, 1.0, 3.0)[of == "oversize" :]]
     assert found == sorted(found)
     assert len(set(found)) == len(found)
     assert probability(1e3) == probability(1e6) < 1.0
@@ -237,6 +240,12 @@ def test_a_pair_has_to_leave_less_than_an_effect_alone():
     alone, pair = judged({("a",): 0.0}, **left), judged({("a", "c"): 0.0, ("a",): -50.0}, **left)
     assert alone.answer == EFFECT
     assert pair.answer == UNKNOWN
+
+
+def test_an_effect_larger_than_such_effects_are_has_to_leave_less():
+    left = {"discrepancy_gain": -4.0, "excess": 0.5}
+    assert judged({("a",): 0.0}, **left).answer == EFFECT
+    assert judged({("a",): 0.0}, **left, oversize=2.0).answer == UNKNOWN
 
 
 def test_no_pairs_tried_are_no_pairs_reported():

@@ -36,6 +36,7 @@ def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
         "verdict": _verdict(of.verdict),
         "probability": of.verdict.probability,
         "pairs": of.verdict.pairs,
+        "tests": {name: getattr(of.ranking, name) for name in ("discrepancy_gain", "excess", "oversize")},
         "amplitude": {name: _amplitude(effects[name], channels) for name, channels in of.amplitude.items()},
         "gap_deg": _gaps(of.gap),
         "where": of.cells,

@@ -11,7 +11,7 @@ from adapt.chunks import in_threads
 from adapt.diagnosis.axial_turn import mean_subject, with_mean_subject
 from adapt.diagnosis.departures import of_each_channel, with_departures
 from adapt.diagnosis.discrepancy import discrepancy_gain
-from adapt.diagnosis.evidence import Hypothesis, Linear, alike, products
+from adapt.diagnosis.evidence import Hypothesis, Linear, alike, products, unlike
 from adapt.diagnosis.observed import NoiseEstimate, Observed
 from adapt.diagnosis.priors import likeliest_prior, likely_spreads, over_priors
 from models.effects import Effect
@@ -37,6 +37,10 @@ class Ranking:
     excess: float
     """log(chi_square / freedom) in standard deviations, that of the noise estimate included: a ratio of variances from
     few degrees of freedom is skewed, its logarithm is not."""
+    oversize: float
+    """How far the amplitudes of an effect of the best hypothesis lie beyond their prior, likewise: log of the mean
+    square amplitude, in prior SDs, in standard deviations; 0 if within. What is not in the list is fitted by effects
+    larger than there are."""
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -80,6 +84,7 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
         chi_square=chi_square,
         freedom=freedom,
         excess=math.log(chi_square / freedom) / math.sqrt(2.0 / freedom + 2.0 / noise.freedom),
+        oversize=oversize(top, [by_name[name] for name in top.hypothesis]),
     )
 
 
@@ -93,6 +98,16 @@ def _weighed(
     found = over_priors(of, wider.scale, effects, noise.likely_shares, spreads, departures)
     fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
     return _Weighed(fitted, wider, float(found.log_evidence) - log_share, float(found.unlike))
+
+
+def oversize(fitted: Linear, effects: Sequence[Effect]) -> float:
+    """Of ``effects``, its own, that most beyond: (2 / amplitudes)^1/2 is about the SD of the log of a mean square."""
+    square, start, found = ((fitted.a / unlike(fitted.scale).between) ** 2).mean(axis=0), 0, 0.0
+    for effect in effects:
+        mean = float(square[start : start + effect.amplitudes].mean())
+        found = max(found, math.log(max(mean, 1.0)) / math.sqrt(2.0 / effect.amplitudes))
+        start += effect.amplitudes
+    return found
 
 
 def _freedom(fitted: Linear, data: Observed) -> float:

@@ -15,6 +15,9 @@ _TYPICAL = 3
 _LIKELY = 0.5
 """Probability of none from which it is more likely than all else together."""
 
+_TOO_LARGE = 1.0
+"""Standard deviations that an effect is larger than such effects are, from which it is said."""
+
 _FINE = 1.0
 """Numbers below it are written with two digits after the point, others with one."""
 
@@ -142,8 +145,11 @@ def _unexplained(of: Object) -> str:
     if not part:
         return f"{start} (closest: {listed(of['best'], 'and')}, which takes it {takes}, noise alone leaves {floor})."
     each = "; ".join(f"{name}: {_described(of, name)}" for name in part)
-    verb = "explain" if len(part) > 1 else "explains"
+    one = len(part) == 1
+    why = f"leave{'s' * one} something systematic"
+    if of["tests"]["oversize"] >= _TOO_LARGE:
+        why = f"{'' if one else 'one of them '}is larger than such an effect is"
     return (
-        f"{start}: {listed(part, 'and')} {verb} a part of it, {takes}, and leave{'s' * (len(part) == 1)} something "
-        f"systematic; noise alone leaves {floor} ({each})."
+        f"{start}: {listed(part, 'and')} explain{'s' * one} a part of it, {takes}, and {why}; "
+        f"noise alone leaves {floor} ({each})."
     )

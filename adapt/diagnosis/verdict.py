@@ -1,8 +1,9 @@
 """From evidence to an answer: none, an effect (or a set that cannot be told apart), or unknown.
 
 Probabilities are those of the evidence, tempered, among none and the effects; and of 'unknown', a logistic function of
-two absolute tests of what the best hypothesis leaves. The constants were fitted on simulated subjects of other seeds
-than those reported, as ``scripts/blind_check.py --calibrate`` fits them, and are frozen.
+two absolute tests of what the best hypothesis leaves, and of what makes it hard to believe. The constants were fitted
+on simulated subjects of other seeds than those reported, as ``scripts/blind_check.py --calibrate`` fits them, and are
+frozen.
 """
 
 import math
@@ -32,10 +33,12 @@ _PAIR_PRIOR = 0.02
 _UNKNOWN_TERMS = (-0.3, 0.85, 1.35)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
-_PAIR_DOUBT = 4.0
-"""Added to those log odds as far as pairs are the answer: two effects of the list mimic more than one does."""
+_DOUBTS = (3.0, 2.0)
+"""Added to those log odds as far as pairs are the answer, as two effects of the list mimic more than one does; and for
+each standard deviation that an effect of the best hypothesis is larger than such effects are. The fit is flat about
+them: of those as good, what doubts large effects less."""
 
-_MOST_GAIN, _MOST_EXCESS = 10.0, 5.0
+_MOST_GAIN, _MOST_EXCESS, _MOST_OVERSIZE = 10.0, 5.0, 5.0
 """Beyond these a test is no surer."""
 
 UNKNOWN_FROM = 0.33
@@ -88,12 +91,18 @@ def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) 
 
 
 def _unknown(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> float:
-    """Logistic in the discrepancy gain and the excess of chi square; a pair has to leave less than one effect."""
+    """Logistic in the discrepancy gain and the excess of chi square, and in ``doubts``."""
     gain = float(np.clip(ranking.discrepancy_gain, -_MOST_GAIN, _MOST_GAIN))
     excess = float(np.clip(ranking.excess, -_MOST_EXCESS, _MOST_EXCESS))
     constant, of_gain, of_excess = _UNKNOWN_TERMS
-    doubt = _PAIR_DOUBT * sum(s for h, s in zip(ranking.hypotheses, shares, strict=True) if len(h) > 1)
+    doubt = sum(weight * value for weight, value in zip(_DOUBTS, doubts(ranking, shares), strict=True))
     return 1.0 / (1.0 + math.exp(-(constant + of_gain * gain + of_excess * excess + doubt)))
+
+
+def doubts(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> tuple[float, float]:
+    """How much of the answer is pairs, and the oversize: with both, the best hypothesis has to leave less."""
+    of_pairs = sum(float(s) for h, s in zip(ranking.hypotheses, shares, strict=True) if len(h) > 1)
+    return of_pairs, min(ranking.oversize, _MOST_OVERSIZE)
 
 
 def _single_priors(names: Sequence[str], expected: Sequence[str]) -> dict[Hypothesis, float]:
