@@ -10,7 +10,7 @@ from jaxtyping import Float
 from adapt.diagnosis import where
 from adapt.diagnosis.amplitude import Amplitude, amplitudes
 from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
-from adapt.diagnosis.evidence import Hypothesis, Linear
+from adapt.diagnosis.evidence import Hypothesis, Linear, none_and_each
 from adapt.diagnosis.expected import expected_effects
 from adapt.diagnosis.foreseen import Foreseen, foresee
 from adapt.diagnosis.heldout import HeldOut, gaps
@@ -161,7 +161,7 @@ def _diagnose(
     noise = estimate.noise
     data, noisy = _without_noisy(data, estimate)
     progress("what can be told apart")
-    hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
+    hypotheses = none_and_each(names)
     postures = closed(girdle, effects, data, noise)
     apart = separation(girdle, effects, hypotheses, postures, noise)
     foreseen = foresee(girdle, effects, postures, noise)

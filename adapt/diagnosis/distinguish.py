@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.evidence import THETA_SD_MM, Hypothesis, alike
+from adapt.diagnosis.evidence import THETA_SD_MM, Hypothesis, alike, none_and_each
 from adapt.diagnosis.misfit import columns_of, free_columns, misfit, prior_sd_of, prior_z
 from adapt.diagnosis.observed import Noise, Observed
 from models.effects import Effect
@@ -98,7 +98,7 @@ def smallest_detectable(
 ) -> dict[str, float | None]:
     """The amplitude of each effect (all directions together) from which these data would show it, in its unit; None
     where 16 times its typical size would not do."""
-    hypotheses = [(), *((effect.name,) for effect in effects)]
+    hypotheses = none_and_each(effect.name for effect in effects)
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
     found: dict[str, float | None] = {}
     for effect, column in zip(effects, columns, strict=True):

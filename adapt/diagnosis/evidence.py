@@ -10,7 +10,7 @@ the evidence is closed form; per subject only two sufficient statistics of the a
 by adding them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,12 @@ from jaxtyping import Float
 
 Hypothesis = tuple[str, ...]
 """Names of the effects at work; empty for none."""
+
+
+def none_and_each(names: Iterable[str]) -> list[Hypothesis]:
+    """That nothing is at work, and each effect alone."""
+    return [(), *((name,) for name in names)]
+
 
 THETA_SD_MM = np.array([30.0, 8.0, 6.0, 30.0, 12.0, 3.0])
 """Prior SD of a subject's adapted parameters about the model's own, in the order of ADAPTED. Assumed: within a factor

@@ -21,7 +21,7 @@ from numpy.random import Generator, default_rng
 from adapt.chunks import in_threads
 from adapt.diagnosis.axial_turn import mean_subject
 from adapt.diagnosis.distinguish import slopes
-from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, Hypothesis, Products
+from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, Products, none_and_each
 from adapt.diagnosis.misfit import prior_sd_of
 from adapt.diagnosis.observed import Noise, Observed
 from adapt.diagnosis.priors import over_priors
@@ -59,7 +59,7 @@ class Foreseen:
 def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> dict[str, Foreseen]:
     """By name of the effect. ``data`` are ``closed`` ones (see ``distinguish``)."""
     names = [effect.name for effect in effects]
-    hypotheses: list[Hypothesis] = [(), *((name,) for name in names)]
+    hypotheses = none_and_each(names)
     gram, own = products_of(girdle, effects, data, noise)
     root, generator = root_of(gram), default_rng(_SEED)
     drawn = (draw(gram, k, effect, _DRAWS, generator) for k, effect in zip(own[1:], effects, strict=True))
@@ -75,7 +75,7 @@ def products_of(
 ) -> tuple[Float[np.ndarray, "subjects columns columns"], list[Int[np.ndarray, " own"]]]:
     """G of each subject, the mean one of ``axial_turn`` last; and which of its columns are the amplitudes of none and
     of every effect, those of X being the first."""
-    hypotheses: list[Hypothesis] = [(), *((effect.name,) for effect in effects)]
+    hypotheses = none_and_each(effect.name for effect in effects)
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     columns = np.concatenate([X, *by_amplitudes], axis=2)
     gram = np.swapaxes(columns, 1, 2) @ columns
