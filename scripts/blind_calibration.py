@@ -38,7 +38,7 @@ def calibration(lines: Sequence[Line]) -> str:
     listed = [line for line in good if kind(line["label"]) != "outside"]
     if not 0 < len(listed) < len(good):
         return "No calibration: it needs cases of calibration seeds with and without effects outside the list."
-    features = np.array([clipped_tests(line) for line in good])
+    features = np.array([tests_in(line) for line in good])
     outside = np.array([kind(line["label"]) == "outside" for line in good])
     terms = terms_of_tests(features, outside)
     labels = [NONE, *EFFECTS]
@@ -82,18 +82,14 @@ def weights_of_doubts(lines: Sequence[Line]) -> Float[np.ndarray, " 2"]:
     """Of pairs and of the oversize, beside the terms as they are now."""
     tests = [line["tests"] for line in lines]
     constant, *weights = verdict._UNKNOWN_TERMS
-    known = constant + np.array([clipped_tests(of) for of in tests]) @ np.array(weights)
+    known = constant + np.array([tests_in(of) for of in tests]) @ np.array(weights)
     outside = np.array([kind(line["label"]) == "outside" for line in lines])
     return logistic(np.array([of["doubts"] for of in tests]), outside, RIDGE * np.ones(2), known)
 
 
-def clipped_tests(of: Mapping[str, float]) -> tuple[float, float]:
+def tests_in(of: Mapping[str, float]) -> tuple[float, float]:
     """Discrepancy gain and excess, as the verdict takes them."""
-    gain, excess = of["discrepancy_gain"], of["excess"]
-    return (
-        float(np.clip(gain, -verdict._MOST_GAIN, verdict._MOST_GAIN)),
-        float(np.clip(excess, -verdict._MOST_EXCESS, verdict._MOST_EXCESS)),
-    )
+    return verdict.clipped_tests(of["discrepancy_gain"], of["excess"])
 
 
 def logistic(

@@ -30,15 +30,7 @@ from adapt import cli
 from adapt.chunks import in_threads
 from adapt.diagnosis.distinguish import closed
 from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, log_sum
-from adapt.diagnosis.foreseen import (
-    SPREAD,
-    draw,
-    products_of,
-    products_with,
-    root_of,
-    shown,
-    typical_amplitudes,
-)
+from adapt.diagnosis.foreseen import SPREAD, draw, products_of, products_with, root_of, shown, typical_amplitudes
 from adapt.diagnosis.observed import Noise, observe
 from models import load_model
 from models.effects import EFFECTS, Effect

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.departures import with_departures
-from adapt.diagnosis.evidence import Hypothesis, Spread, alike, posterior, unlike
+from adapt.diagnosis.evidence import Spread, alike, posterior, unlike
+from adapt.diagnosis.misfit import spans_of
 from adapt.diagnosis.observed import Observed
 from adapt.diagnosis.ranking import Ranking
 from models.effects import Effect
@@ -67,15 +68,10 @@ def _strength(
     """Mean and variance of each channel of one effect in one hypothesis, at one elevation."""
     spread: Spread = unlike if ranking.unlike[k] > 0.0 else alike
     hypothesis = ranking.hypotheses[k]
-    fitted = with_departures(ranking.fitted[k], [by_name[one] for one in hypothesis], data)
+    at_work = [by_name[one] for one in hypothesis]
+    fitted = with_departures(ranking.fitted[k], at_work, data)
     mean = posterior(fitted, spread(fitted.scale))
-    effect, part = by_name[name], _own(hypothesis, by_name, name)
+    effect, part = by_name[name], spans_of(at_work)[hypothesis.index(name)]
     # The strengths at one elevation are linear in the amplitudes.
     L = np.asarray(effect.at(jnp.eye(effect.amplitudes), jnp.full(effect.amplitudes, elevation_deg)))
     return L @ mean.a[:, part].mean(axis=0), np.diagonal(L @ mean.mean_covariance[part, part] @ L.T)
-
-
-def _own(hypothesis: Hypothesis, by_name: dict[str, Effect], name: str) -> slice:
-    """Where the amplitudes of one effect of a hypothesis are among those of all."""
-    first = sum(by_name[other].amplitudes for other in hypothesis[: hypothesis.index(name)])
-    return slice(first, first + by_name[name].amplitudes)

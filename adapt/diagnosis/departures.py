@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.evidence import Linear
+from adapt.diagnosis.misfit import spans_of
 from adapt.diagnosis.observed import Observed
 from models.effects import Effect
 from models.effects.effect import COURSE_SD, FULL_ELEVATION_DEG
@@ -25,15 +26,14 @@ a sigmoid have up to 0.15 and 0.08."""
 def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -> Linear:
     """The hypothesis with columns for what else ``effects``, its own, may do, behind those of the amplitudes."""
     subjects, postures, m, _ = fitted.root.shape
-    columns, scales, start = [], [], 0
-    for effect in effects:
+    columns, scales = [], []
+    for effect, own in zip(effects, spans_of(effects), strict=True):
         if effect.over_elevation:
             shares = departures_of(data, effect)
-            first = start + len(COURSE_SD) * np.arange(len(effect.channels))
+            first = own.start + len(COURSE_SD) * np.arange(len(effect.channels))
             by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * shares[:, :, None, None]
             columns.append(by_posture.reshape(subjects, postures * m, -1))
             scales.append(np.repeat(fitted.scale[first], shares.shape[2]))
-        start += effect.amplitudes
     if not columns:
         return fitted
     more = np.concatenate(columns, axis=2)

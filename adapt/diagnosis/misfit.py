@@ -65,6 +65,12 @@ def prior_sd_of(effects: Iterable[Effect]) -> Float[np.ndarray, " amplitudes"]:
     return np.concatenate([np.zeros(0), *(effect.prior_sd for effect in effects)])
 
 
+def spans_of(effects: Iterable[Effect]) -> list[slice]:
+    """Where the amplitudes of each of these effects are among those of all, one after the other."""
+    ends = np.cumsum([0, *(effect.amplitudes for effect in effects)]).tolist()
+    return list(itertools.starmap(slice, itertools.pairwise(ends)))
+
+
 def free_columns(
     effects: tuple[Effect, ...], hypotheses: Sequence[tuple[str, ...]]
 ) -> Int[np.ndarray, "free hypotheses"]:

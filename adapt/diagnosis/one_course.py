@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.evidence import Block, Statistics
+from adapt.diagnosis.misfit import spans_of
 from models.effects import Effect
 from models.effects.effect import COURSE_SD
 
@@ -77,11 +78,10 @@ class _Group(NamedTuple):
 def _groups(effects: Sequence[Effect], departures: int) -> tuple[list[Int[np.ndarray, " channels"]], list[_Group]]:
     """The first amplitude of every channel, by effect; and what follows them."""
     terms, start = len(COURSE_SD), sum(effect.amplitudes for effect in effects)
-    firsts, groups, own = [], [], 0
-    for effect in effects:
+    firsts, groups = [], []
+    for effect, own in zip(effects, spans_of(effects), strict=True):
         channels = np.arange(len(effect.channels))
-        firsts.append(own + channels * effect.terms)
-        own += effect.amplitudes
+        firsts.append(own.start + channels * effect.terms)
         if effect.over_elevation:
             groups += [_Group(firsts[-1], firsts[-1] + k, COURSE_SD[k]) for k in range(1, terms)]
             groups += [_Group(firsts[-1], start + departures * channels + k, 1.0) for k in range(departures)]

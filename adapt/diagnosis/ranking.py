@@ -12,6 +12,7 @@ from adapt.diagnosis.axial_turn import mean_subject, with_mean_subject
 from adapt.diagnosis.departures import of_each_channel, with_departures
 from adapt.diagnosis.discrepancy import discrepancy_gain
 from adapt.diagnosis.evidence import Hypothesis, Linear, alike, products, unlike
+from adapt.diagnosis.misfit import spans_of
 from adapt.diagnosis.observed import NoiseEstimate, Observed
 from adapt.diagnosis.priors import likeliest_prior, likely_spreads, over_priors
 from models.effects import Effect
@@ -102,12 +103,9 @@ def _weighed(
 
 def oversize(fitted: Linear, effects: Sequence[Effect]) -> float:
     """Of ``effects``, its own, that most beyond: (2 / amplitudes)^1/2 is about the SD of the log of a mean square."""
-    square, start, found = ((fitted.a / unlike(fitted.scale).between) ** 2).mean(axis=0), 0, 0.0
-    for effect in effects:
-        mean = float(square[start : start + effect.amplitudes].mean())
-        found = max(found, math.log(max(mean, 1.0)) / math.sqrt(2.0 / effect.amplitudes))
-        start += effect.amplitudes
-    return found
+    square = ((fitted.a / unlike(fitted.scale).between) ** 2).mean(axis=0)
+    each = (square[own] for own in spans_of(effects))
+    return max((math.log(max(float(one.mean()), 1.0)) / math.sqrt(2.0 / len(one)) for one in each), default=0.0)
 
 
 def _freedom(fitted: Linear, data: Observed) -> float:

@@ -91,12 +91,19 @@ def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) 
 
 
 def _unknown(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> float:
-    """Logistic in the discrepancy gain and the excess of chi square, and in ``doubts``."""
-    gain = float(np.clip(ranking.discrepancy_gain, -_MOST_GAIN, _MOST_GAIN))
-    excess = float(np.clip(ranking.excess, -_MOST_EXCESS, _MOST_EXCESS))
-    constant, of_gain, of_excess = _UNKNOWN_TERMS
-    doubt = sum(weight * value for weight, value in zip(_DOUBTS, doubts(ranking, shares), strict=True))
-    return 1.0 / (1.0 + math.exp(-(constant + of_gain * gain + of_excess * excess + doubt)))
+    """Logistic in the two tests and in ``doubts``."""
+    constant, *weights = _UNKNOWN_TERMS
+    tests = clipped_tests(ranking.discrepancy_gain, ranking.excess)
+    log_odds = constant + float(np.dot(weights, tests) + np.dot(_DOUBTS, doubts(ranking, shares)))
+    return 1.0 / (1.0 + math.exp(-log_odds))
+
+
+def clipped_tests(discrepancy_gain: float, excess: float) -> tuple[float, float]:
+    """Discrepancy gain and excess of chi square, as far as they count."""
+    return (
+        float(np.clip(discrepancy_gain, -_MOST_GAIN, _MOST_GAIN)),
+        float(np.clip(excess, -_MOST_EXCESS, _MOST_EXCESS)),
+    )
 
 
 def doubts(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> tuple[float, float]:
