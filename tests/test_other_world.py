@@ -11,7 +11,9 @@ from models import load_model
 from motions import read_motions
 from motions.rotations import DEG
 from scripts.check_elsewhere import worlds
-from scripts.other_world import OUTSIDE_SIZES, SIZES, Case, write_case, write_condition
+from scripts.other_world.effects import SIZES
+from scripts.other_world.mistakes import OUTSIDE_SIZES
+from scripts.other_world.worlds import Case, write_case, write_condition
 
 SAME_MM = 1e-3
 """Angles are written with four decimals: 1e-4 degrees at arms of up to 200 mm, several of them."""

@@ -1,0 +1,195 @@
+"""Worlds as files: motions.csv, what the laboratory saw, and truth.json."""
+
+import csv
+import json
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from scripts.other_world.chain import Array, Girdle, cardan, cardan_angles, load_girdle, points_of
+from scripts.other_world.effects import ONE_SIDED, SIZES, Effect, bend_frames, unit, world_direction
+from scripts.other_world.mistakes import OUTSIDE_SIZES, laboratory_mistake
+from scripts.other_world.people import MOTION, MOTIONS, draw_person, move, posture_girdle
+
+ANGLES = ["clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x"]
+LANDMARKS = ["SC", "AC", "TS", "AI"]
+MODELS = ["R2", "R4", "R6", "breteler_dissection"]
+MODELS_FOLDER = Path(__file__).parents[2] / "models"
+Condition = Literal["ten", "three", "landmarks", "half", "one", "mixed"]
+PAIRS = [
+    ("skin_artefact", "clavicle_length"),
+    ("scapulothoracic_gap", "sc_translation"),
+    ("conoid_strain", "thorax_extension"),
+    ("scapula_landmark_bias", "clavicle_axial_estimate"),
+]
+
+
+@dataclass(frozen=True)
+class Case:
+    """How a world is measured."""
+
+    model: str
+    seed: int
+    subjects: int = 10
+    noise_deg: float = 1.5
+    scale: float = 1.0
+    mixed: bool = False
+    landmark_noise_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class World:
+    """What the subjects of a case have in common."""
+
+    cadaver: Girdle
+    spread: float
+    last: float  # deg, the largest elevation
+    typical: dict[str, float]
+    directions: dict[str, Array]
+    signs: Array
+    outliers: set[int]
+
+
+@dataclass(frozen=True)
+class Mover:
+    """One subject, how it moved and what is true of it."""
+
+    person: Girdle
+    effects: list[Effect]
+    elevation: Array
+    breath: Array
+    true: Array  # six angles a posture, deg
+    redraws: int
+
+
+def measure(mover: Mover, rng: np.random.Generator) -> tuple[Array, Array]:
+    """What the laboratory would write without noise: six angles, and SC, AC, TS, AI (postures, 4, 3).
+
+    TS and AI are given by the scapula's sensor, so that they ride with the frame that the laboratory believes in.
+    """
+    true = mover.true
+    angles, places = np.empty_like(true), np.empty((len(true), 4, 3))
+    for row, e in enumerate(mover.elevation):
+        girdle = posture_girdle(mover.person, mover.effects, float(e), float(mover.breath[row]))
+        R_clavicle, R_scapula, frame = cardan(true[row, :3]), cardan(true[row, 3:]), np.eye(3)
+        ac = points_of(true[row], girdle)["AC"]
+        for effect in mover.effects:
+            R_clavicle, R_scapula, frame = bend_frames(R_clavicle, R_scapula, frame, effect, float(e), int(MOTION[row]))
+        angles[row] = np.concatenate([cardan_angles(frame @ R_clavicle), cardan_angles(frame @ R_scapula)])
+        place = np.stack([girdle.sc, ac, ac + R_scapula @ girdle.ts, ac + R_scapula @ girdle.ai])
+        places[row] = place @ frame.T
+    for effect in mover.effects:
+        angles = laboratory_mistake(angles, effect, mover.elevation, rng)
+    return angles, places
+
+
+def draw_mover(world: World, number: int, rng: np.random.Generator) -> Mover:
+    """A subject whose bones close at all postures: of some people's they do not, then another is asked."""
+    names = [name for name in world.typical if name != "outside_outlier_subject" or number in world.outliers]
+    for redraws in range(60):
+        person = draw_person(world.cadaver, world.spread, rng)
+        top = world.last + rng.normal(0.0, 3.0)
+        elevation = np.concatenate([np.linspace(20.0, top, 7) + rng.normal(0.0, 1.2, 7) for _ in MOTIONS])
+        breath = rng.uniform(-1.0, 1.0, 14)
+        effects = [
+            Effect(
+                name=name,
+                size=world.typical[name] * world.signs[number] * float(np.clip(rng.normal(1.0, 0.25), 0.5, 1.5)),
+                direction=unit(world.directions[name] + 0.12 * rng.normal(size=3)),
+                onset=float(np.clip(rng.normal(45.0, 7.0), 25.0, 65.0)),
+                top=float(elevation.max()),
+                ratio=rng.random(),
+            )
+            for name in names
+        ]
+        true = move(person, effects, elevation, breath, rng)
+        if true is not None:
+            return Mover(person, effects, elevation, breath, true, redraws)
+    raise RuntimeError(f"no closed chain for subject {number + 1} in 60 draws")
+
+
+def draw_world(names: list[str], case: Case, rng: np.random.Generator) -> World:
+    """The world of a case, before its subjects."""
+    spread, last = rng.uniform(0.8, 1.2), rng.uniform(132.0, 148.0)
+    typical, directions = {}, {}
+    for name in names:
+        sign = 1.0 if name in ONE_SIDED or name.startswith("outside_") else rng.choice([-1.0, 1.0])
+        typical[name] = case.scale * sign * rng.uniform(*(SIZES | OUTSIDE_SIZES)[name])
+        directions[name] = world_direction(name, rng)
+    half_each = [1.0, -1.0] * ((case.subjects + 1) // 2)
+    signs = rng.permutation(half_each)[: case.subjects] if case.mixed else np.ones(case.subjects)
+    outliers = set(rng.permutation(case.subjects)[: max(1, case.subjects // 5)].tolist())
+    cadaver = load_girdle(MODELS_FOLDER / f"{case.model}.toml")
+    return World(cadaver, spread, last, typical, directions, signs, outliers)
+
+
+def write_case(folder: Path, names: list[str], case: Case) -> None:
+    """Make one world and write what was seen and what is true."""
+    rng = np.random.default_rng([case.seed, zlib.crc32(f"{folder.parent.name}/{folder.name}".encode())])
+    world, with_landmarks = draw_world(names, case, rng), case.landmark_noise_mm is not None
+    rows, truths = [], []
+    for number in range(case.subjects):
+        subject, mover = f"simulated_{number + 1:02d}", draw_mover(world, number, rng)
+        angles, places = measure(mover, rng)
+        angles = angles + case.noise_deg * rng.normal(size=angles.shape)
+        places = places + (case.landmark_noise_mm or 0.0) * rng.normal(size=places.shape)
+        for row in range(len(angles)):
+            values = [mover.elevation[row], *angles[row], *(places[row].ravel() if with_landmarks else [])]
+            rows.append([subject, MOTIONS[MOTION[row]], row % 7 + 1, *(f"{value:.4f}" for value in values)])
+        truths.append({"subject": subject, **truth_of(mover)})
+    columns = ["subject", "motion", "posture", "humerus_elevation_deg", *(f"{angle}_deg" for angle in ANGLES)]
+    if with_landmarks:
+        columns += [f"{landmark}_{axis}_mm" for landmark in LANDMARKS for axis in "xyz"]
+    truth = {
+        "label": "+".join(names) or "none",
+        "simulated": True,
+        **vars(case),
+        "typical_size": world.typical,
+        "subjects": truths,
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "motions.csv").open("w", newline="", encoding="utf-8") as handle:
+        csv.writer(handle, lineterminator="\n").writerows([columns, *rows])
+    (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+
+
+def truth_of(mover: Mover) -> dict[str, object]:
+    """What is behind a subject's postures, for truth.json."""
+    person = mover.person
+    return {
+        "redraws": mover.redraws,
+        "M_y_mm": person.centre[1],
+        "M_z_mm": person.centre[2],
+        **dict(zip(["A_x_mm", "A_y_mm", "A_z_mm"], person.axes.tolist(), strict=True)),
+        "conoid_length_mm": person.conoid_length,
+        "elevation_deg": mover.elevation.tolist(),
+        "effects": [{**vars(effect), "direction": effect.direction.tolist()} for effect in mover.effects],
+        "breath": mover.breath.tolist(),
+        "true_angles_deg": mover.true.tolist(),
+    }
+
+
+def write_condition(condition: Condition, out: Path, seed: int, noise_deg: float) -> None:
+    """All cases of one condition; parameter sets take turns."""
+    nones = {"ten": 4, "half": 0, "mixed": 0}.get(condition, 3)
+    cases: list[list[str]] = [*([name] for name in SIZES), *([] for _ in range(nones))]
+    if condition == "ten":
+        cases += [*([name] for name in OUTSIDE_SIZES), *(list(pair) for pair in PAIRS)]
+    turn = int(np.random.default_rng([seed, zlib.crc32(condition.encode())]).integers(len(MODELS)))
+    seen: dict[str, int] = {}
+    for number, names in enumerate(cases):
+        label = "+".join(names) or "none"
+        seen[label] = seen.get(label, -1) + 1
+        case = Case(
+            model=MODELS[(number + turn) % len(MODELS)],
+            seed=seed,
+            subjects={"one": 1, "three": 3, "landmarks": 3}.get(condition, 10),
+            noise_deg=noise_deg,
+            scale=0.5 if condition == "half" else 1.0,
+            mixed=condition == "mixed",
+            landmark_noise_mm=2.0 if condition == "landmarks" else None,
+        )
+        write_case(out / condition / f"{label}_{seen[label]}", names, case)
