@@ -1,11 +1,11 @@
 """The constants of adapt/diagnosis/verdict.py that follow from the calibration cases of the withheld-effect check.
 
-All but the last two from the ranking of none and single effects, before any pair: pairs and left-out effects do not
-count. The last two, what makes a hypothesis hard to believe, from the whole ranking, with pairs and given the others.
+The log odds of unknown from the whole ranking, with pairs; all else from none and single effects, before any pair, so
+that cases of pairs and left-out effects do not count there.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -34,80 +34,67 @@ _SETTLED = 1e-10
 def calibration(lines: Sequence[Line]) -> str:
     """The fitted constants and what follows from them, as Markdown."""
     whole = [line for line in lines if "failed" not in line and line["condition"] != "loo"]
-    good = [line for line in whole if kind(line["label"]) != "pair"]
-    listed = [line for line in good if kind(line["label"]) != "outside"]
-    if not 0 < len(listed) < len(good):
+    kinds = np.array([kind(line["label"]) for line in whole])
+    outside = kinds == "outside"
+    single = np.isin(kinds, ("none", "effect"))
+    if not outside.any() or not single.any():
         return "No calibration: it needs cases of calibration seeds with and without effects outside the list."
-    features = np.array([tests_in(line) for line in good])
-    outside = np.array([kind(line["label"]) == "outside" for line in good])
-    terms = terms_of_tests(features, outside)
+    tests = np.array([tests_in(line) for line in whole])
+    weights = weights_of_tests(tests, outside)
+    answered = unknown(tests, weights)
     labels = [NONE, *EFFECTS]
+    listed = [line for line, alone in zip(whole, single, strict=True) if alone]
     log = np.nan_to_num(np.array([[line["ranking"][k] for k in labels] for line in listed], float), nan=-NO_EVIDENCE)
     truth = np.array([labels.index(line["label"]) for line in listed])
     log_prior = np.log([verdict._NONE_PRIOR, *[(1.0 - verdict._NONE_PRIOR) / len(EFFECTS)] * len(EFFECTS)])
     temperature = best_temperature(log, truth, log_prior)
     shares = tempered(log, log_prior, temperature)
-    known = ~unknown(features[~outside], terms)
-    now = (*verdict._UNKNOWN_TERMS, verdict._TEMPERATURE, *verdict._DOUBTS)
-    names = ("constant", "weight of the gain", "weight of the excess", "temperature", "of pairs", "of the oversize")
-    then = (*terms, temperature, *weights_of_doubts(whole))
-    fitted = [[n, f"{a:.3f}", f"{b:.3f}"] for n, a, b in zip(names, now, then, strict=True)]
-    seeds = sorted({line["seed"] for line in good})
+    now = (*verdict._UNKNOWN_TERMS, *verdict._DOUBTS, verdict._TEMPERATURE)
+    names = ("constant", "weight of the gain", "weight of the excess", "of pairs", "of the oversize", "temperature")
+    fitted = [[n, f"{a:.3f}", f"{b:.3f}"] for n, a, b in zip(names, now, (*weights, temperature), strict=True)]
+    seeds = sorted({line["seed"] for line in whole})
     return "\n\n".join(
         [
-            f"From {len(good)} simulated cases, seeds {seeds[0]} to {seeds[-1]}, of which {outside.sum()} outside "
+            f"From {len(whole)} simulated cases, seeds {seeds[0]} to {seeds[-1]}, of which {outside.sum()} outside "
             f"the list. Gain clipped at {verdict._MOST_GAIN:g}, excess at {verdict._MOST_EXCESS:g}.",
             markdown(["constant", "now", "fitted"], fitted),
             markdown(
                 ["answered unknown, with the fitted terms", "share"],
-                [
-                    ["outside", rate(unknown(features[outside], terms).tolist())],
-                    ["no effect", rate((~known[truth == 0]).tolist())],
-                    ["effect", rate((~known[truth > 0]).tolist())],
-                ],
+                [[of, rate(answered[kinds == of].tolist())] for of in ("outside", "none", "effect", "pair")],
             ),
-            markdown(["NONE_FROM", "no effect: one blamed", "effect: none"], none_rows(shares, truth, known)),
+            markdown(
+                ["NONE_FROM", "no effect: one blamed", "effect: none"], none_rows(shares, truth, ~answered[single])
+            ),
             markdown(["_SET_PROBABILITY", "effect in the set", "mean size"], set_rows(shares, truth)),
         ]
     )
 
 
-def terms_of_tests(x: Float[np.ndarray, "n 2"], outside: Bool[np.ndarray, " n"]) -> tuple[float, float, float]:
+def tests_in(line: Line) -> tuple[float, ...]:
+    """What the log odds of unknown are linear in, as the verdict takes it, beside their constant."""
+    of = line["tests"]
+    return *verdict.clipped_tests(of["discrepancy_gain"], of["excess"]), *of["doubts"]
+
+
+def weights_of_tests(x: Float[np.ndarray, "n k"], outside: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " k+1"]:
     """Constant and weights of the log odds of being outside the list."""
-    constant, *weights = logistic(np.column_stack([np.ones(len(x)), x]), outside, np.array([0.0, RIDGE, RIDGE]))
-    return float(constant), float(weights[0]), float(weights[1])
-
-
-def weights_of_doubts(lines: Sequence[Line]) -> Float[np.ndarray, " 2"]:
-    """Of pairs and of the oversize, beside the terms as they are now."""
-    tests = [line["tests"] for line in lines]
-    constant, *weights = verdict._UNKNOWN_TERMS
-    known = constant + np.array([tests_in(of) for of in tests]) @ np.array(weights)
-    outside = np.array([kind(line["label"]) == "outside" for line in lines])
-    return logistic(np.array([of["doubts"] for of in tests]), outside, RIDGE * np.ones(2), known)
-
-
-def tests_in(of: Mapping[str, float]) -> tuple[float, float]:
-    """Discrepancy gain and excess, as the verdict takes them."""
-    return verdict.clipped_tests(of["discrepancy_gain"], of["excess"])
+    ridge = np.r_[0.0, np.full(x.shape[1], RIDGE)]
+    return logistic(np.column_stack([np.ones(len(x)), x]), outside, ridge)
 
 
 def logistic(
-    X: Float[np.ndarray, "n k"],
-    hit: Bool[np.ndarray, " n"],
-    ridge: Float[np.ndarray, " k"],
-    known: float | Float[np.ndarray, " n"] = 0.0,
+    X: Float[np.ndarray, "n k"], hit: Bool[np.ndarray, " n"], ridge: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"]:
-    """Weights of the log odds, beside what is known of these: Newton's method, steps halved where they go too far."""
+    """Weights of the log odds: Newton's method, steps halved where they go too far."""
     y = hit.astype(float)
 
     def cost(w: np.ndarray) -> float:
-        t = known + X @ w
+        t = X @ w
         return float((np.logaddexp(0.0, t) - y * t).sum() + 0.5 * (ridge * w**2).sum())
 
     w = np.zeros(X.shape[1])
     for _ in range(_STEPS):
-        p = 1.0 / (1.0 + np.exp(-known - X @ w))
+        p = 1.0 / (1.0 + np.exp(-X @ w))
         curvature = (X * (p * (1.0 - p))[:, None]).T @ X + np.diag(ridge)
         step = np.linalg.solve(curvature, X.T @ (y - p) - ridge * w)
         while cost(w + step) > cost(w) and np.abs(step).max() > _SETTLED:
@@ -118,10 +105,10 @@ def logistic(
     return w
 
 
-def unknown(x: Float[np.ndarray, "n 2"], terms: tuple[float, float, float]) -> Bool[np.ndarray, " n"]:
+def unknown(x: Float[np.ndarray, "n k"], weights: Float[np.ndarray, " k+1"]) -> Bool[np.ndarray, " n"]:
     """Where 'unknown' is the answer."""
     odds = verdict.UNKNOWN_FROM / (1.0 - verdict.UNKNOWN_FROM)
-    return terms[0] + x @ np.array(terms[1:]) >= math.log(odds)
+    return weights[0] + x @ weights[1:] >= math.log(odds)
 
 
 def tempered(

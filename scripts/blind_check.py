@@ -462,6 +462,13 @@ def main(
     weigh_kept: Annotated[bool, typer.Option("--weigh", help="Weigh the kept fits anew; print the figures.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Run nothing; print the figures.")] = False,
     calibrate: Annotated[bool, typer.Option("--calibrate", help="Run nothing; print fitted thresholds.")] = False,
+    also: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="CASES.jsonl",
+            help="With --calibrate, also fit on these lines of scripts/check_elsewhere.py; repeatable.",
+        ),
+    ] = None,
 ) -> None:
     """Diagnose simulated subjects with withheld effects; print, as Markdown, how often the diagnosis is right."""
     path, fits = out / "cases.jsonl", out / "fits"
@@ -471,7 +478,8 @@ def main(
         if within.stop > CALIBRATION_SEEDS.stop:
             raise typer.BadParameter(f"thresholds are fitted on seeds below {CALIBRATION_SEEDS.stop} alone")
         lines = _lines(path, chosen if condition else ["standard"], within, of_labels)
-        print(blind_calibration.calibration(lines))
+        others = [line for file in also or [] for line in read_lines(file)]
+        print(blind_calibration.calibration([*lines, *others]))
         return
     within = _seeds(seeds) if seeds else REPORTED_SEEDS
     if not report:

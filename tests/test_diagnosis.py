@@ -21,6 +21,10 @@ SAME_PROBABILITY = 1e-6
 """Another order of subjects sums in another order; descents end where a step changes -2 log posterior by 0.02, at the
 same step for all."""
 
+NOISY_TOOK_PART = 1e-4
+"""Of a probability: the noise is estimated from a fit in which the noisy subject took part, and by which those of the
+others end elsewhere, within what ends a descent."""
+
 DEVIATIONS = 3.0
 """Standard deviations between an amplitude and the truth: a right interval is exceeded once in 370 times, for one
 seed."""
@@ -98,7 +102,7 @@ def test_a_noisy_subject_is_left_out_and_named(biased, found):
     assert "scatter" in noisy.left_out[found.subjects[-1]]
     assert (noisy.verdict.answer, noisy.verdict.effects[0]) == (EFFECT, "scapula_landmark_bias")
     without = diagnosed(taken(motions, np.flatnonzero(~last)))
-    assert noisy.verdict.probability == pytest.approx(without.verdict.probability, abs=SAME_PROBABILITY)
+    assert noisy.verdict.probability == pytest.approx(without.verdict.probability, abs=NOISY_TOOK_PART)
 
 
 def test_no_effect_is_none(nothing):
