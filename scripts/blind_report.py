@@ -4,6 +4,7 @@ Effects of a pair that acts together count as named each. A confident wrong name
 nothing, one name or a pair acting together, without the effect at work; where that is outside the list, any such.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -21,6 +22,9 @@ _BINS = 10
 _DRAWS = 1000
 _SHRINKAGE = 0.1
 """Predicted and realised shrinkage should be this close."""
+
+_LEAST_PROBABILITY = 1e-6
+"""Less counts as this much: one case that was thought impossible is not to outweigh all others."""
 
 _MOST_CONFUSIONS = 12
 _MOST_FAILURES = 10
@@ -112,8 +116,18 @@ def most_probable_effect(line: Line) -> str:
 def surest(line: Line) -> tuple[float, bool]:
     """The largest probability, and whether it is the truth's; an effect outside the list is unknown."""
     name = max(line["probability"], key=line["probability"].__getitem__)
-    truth = UNKNOWN if kind(line["label"]) == "outside" else line["label"]
-    return line["probability"][name], name == truth
+    return line["probability"][name], name == truth_of(line)
+
+
+def truth_of(line: Line) -> str:
+    """The answer that would be right."""
+    return UNKNOWN if kind(line["label"]) == "outside" else line["label"]
+
+
+def log_score(lines: Iterable[Line]) -> str:
+    """Mean log probability of the truth: unlike the calibration error, best for who is sure where it is right."""
+    found = [math.log(max(line["probability"][truth_of(line)], _LEAST_PROBABILITY)) for line in lines]
+    return f"{np.mean(found):.2f} ({len(found)})" if found else "-"
 
 
 def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
@@ -228,6 +242,7 @@ MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
         "none effect outside",
         lambda of: _of_the_surest(of, lambda confidence, _: error_by_chance(confidence)),
     ),
+    "mean log probability of the truth": ("none effect outside", log_score),
     "amplitude intervals that cover": ("effect", lambda of: rate(intervals_that_cover(of))),
     "median error of the predicted shrinkage": ("effect", _shrinkage_error),
     "the same, of a motion held out": ("effect", lambda of: _shrinkage_error(of, "other_motion_deg")),

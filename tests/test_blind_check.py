@@ -64,6 +64,15 @@ def test_calibration_error_by_chance_by_hand() -> None:
     assert blind_report.error_by_chance([1.0, 0.0]) == 0.0
 
 
+def test_log_score_by_hand() -> None:
+    probability = {TRUE: 0.5, "none": 0.25, "unknown": 0.25}
+    lines = [line(label, "none", probability=probability) for label in (TRUE, "none", "outside_drift")]
+    assert blind_report.log_score(lines) == f"{-5.0 * math.log(2.0) / 3.0:.2f} (3)"
+    impossible = line(TRUE, "none", probability=probability | {TRUE: 0.0})
+    assert blind_report.log_score([impossible]) == f"{math.log(1e-6):.2f} (1)"
+    assert blind_report.log_score([]) == "-"
+
+
 def test_an_answer_covers_with_any_name_and_is_confidently_wrong_with_one() -> None:
     right, hedged = line(TRUE, "effect", TRUE), line(TRUE, "effect", OTHER, TRUE)
     wrong, wrong_set = line(TRUE, "effect", OTHER), line(TRUE, "effect", OTHER, THIRD)
