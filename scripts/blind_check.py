@@ -466,6 +466,8 @@ def main(
         list[Path] | None,
         typer.Option(
             metavar="CASES.jsonl",
+            exists=True,
+            dir_okay=False,
             help="With --calibrate, also fit on these lines of scripts/check_elsewhere.py; repeatable.",
         ),
     ] = None,

@@ -114,13 +114,13 @@ def most_probable_effect(line: Line) -> str:
 
 
 def surest(line: Line) -> tuple[float, bool]:
-    """The largest probability, and whether it is the truth's; an effect outside the list is unknown."""
+    """The largest probability, and whether it is the truth's."""
     name = max(line["probability"], key=line["probability"].__getitem__)
     return line["probability"][name], name == truth_of(line)
 
 
 def truth_of(line: Line) -> str:
-    """The answer that would be right."""
+    """The answer that would be right; an effect outside the list is unknown."""
     return UNKNOWN if kind(line["label"]) == "outside" else line["label"]
 
 

@@ -21,7 +21,7 @@ SAME_PROBABILITY = 1e-6
 """Another order of subjects sums in another order; descents end where a step changes -2 log posterior by 0.02, at the
 same step for all."""
 
-NOISY_TOOK_PART = 1e-4
+NOISY_TOOK_PART = 1e-5
 """Of a probability: the noise is estimated from a fit in which the noisy subject took part, and by which those of the
 others end elsewhere, within what ends a descent."""
 

@@ -2,7 +2,8 @@
 
 Probabilities are those of the evidence, tempered, among none and the effects; and of 'unknown', a logistic function of
 two absolute tests of what the best hypothesis leaves, and of what makes it hard to believe. The constants were fitted
-on simulated subjects other than those reported, as ``scripts/blind_check.py --calibrate`` fits them, and are frozen.
+on simulated subjects, as ``scripts/blind_check.py --calibrate`` fits them, and are frozen; no figure reported of
+them is from these subjects.
 """
 
 import math
