@@ -1,4 +1,4 @@
-"""Effects that are known to be at work, by the numbers a caller gives."""
+"""Effects that are known to be at work, by the numbers that a caller or a command line gives."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -10,35 +10,66 @@ from models.effects import EFFECTS, AtWork, Effect
 from motions.errors import InputError
 
 Amplitudes = Mapping[str, Sequence[float]]
-"""By name of the effect, the amplitude of each of its directions in its unit (``girdle effects``): one that goes with
-elevation grows to it along the first term of its course (``Effect.course``), without details."""
+"""By name of the effect, the amplitude of each of its directions in its unit (``girdle effects``); no details. That of
+one that goes with elevation holds at ``FULL_ELEVATION_DEG``: it follows the first term of ``Effect.course``."""
 
 NO_EFFECTS: Amplitudes = MappingProxyType({})
+
+_FROM_PYTHON, _FROM_COMMAND_LINE = "effects", "--effect"
+"""Where an error says that the numbers are from."""
 
 
 def at_work(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*postures"]) -> AtWork:
     """The effects at these elevations; InputError where there is no such effect or its numbers do not fit it."""
-    effects = [_effect(name) for name in amplitudes]
+    effects = [_effect(name, _FROM_PYTHON) for name in amplitudes]
     strengths = (
-        effect.at(_amplitude(effect, given).reshape(-1, *(1,) * elevation_deg.ndim), elevation_deg)
+        effect.at(_amplitude(effect, given, _FROM_PYTHON).reshape(-1, *(1,) * elevation_deg.ndim), elevation_deg)
         for effect, given in zip(effects, amplitudes.values(), strict=True)
     )
     shape = elevation_deg.shape
     return AtWork(tuple(np.broadcast_to(one, (len(one), *shape)) for one in strengths), tuple(effects))
 
 
-def _effect(name: str) -> Effect:
+def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """The amplitudes that a command line gives, each word as ``NAME=A,B,C``; InputError where one is not that."""
+    found: dict[str, tuple[float, ...]] = {}
+    for word in words:
+        name, _, numbers = word.partition("=")
+        effect = _effect(name.strip(), _FROM_COMMAND_LINE)
+        if effect.name in found:
+            raise InputError(_FROM_COMMAND_LINE, None, f"{effect.name} is there twice", "Give each effect once")
+        try:
+            found[effect.name] = tuple(float(number) for number in numbers.split(","))
+        except ValueError:
+            remedy = f"Give {effect.name}={','.join('0' * len(effect.directions))} with numbers of your own"
+            cause = f"'{numbers}' is not a list of numbers"
+            raise InputError(_FROM_COMMAND_LINE, None, cause, remedy) from None
+        _amplitude(effect, found[effect.name], _FROM_COMMAND_LINE)
+    return found
+
+
+def described(amplitudes: Amplitudes) -> str:
+    """As 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
+    return ", ".join(f"{name} of {_vector(size)} {EFFECTS[name].unit}" for name, size in amplitudes.items())
+
+
+def _vector(size: Sequence[float]) -> str:
+    numbers = ", ".join(f"{value:g}" for value in size)
+    return numbers if len(size) == 1 else f"({numbers})"
+
+
+def _effect(name: str, place: str) -> Effect:
     if name not in EFFECTS:
-        raise InputError("effects", None, f"there is no effect '{name}'", f"Use one of {', '.join(EFFECTS)}")
+        raise InputError(place, None, f"there is no effect '{name}'", f"Use one of {', '.join(EFFECTS)}")
     return EFFECTS[name]
 
 
-def _amplitude(effect: Effect, given: Sequence[float]) -> Float[np.ndarray, " amplitudes"]:
+def _amplitude(effect: Effect, given: Sequence[float], place: str) -> Float[np.ndarray, " amplitudes"]:
     values = np.asarray(given, float)
     if values.shape != (len(effect.directions),) or not np.isfinite(values).all():
         cause = f"{effect.name} has {list(given)}"
         remedy = f"Give {len(effect.directions)}, in {effect.unit}: {', '.join(effect.directions)}"
-        raise InputError("effects", None, cause, remedy)
+        raise InputError(place, None, cause, remedy)
     amplitude = np.zeros(effect.amplitudes)
     amplitude[effect.firsts] = values
     return amplitude

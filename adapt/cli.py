@@ -12,6 +12,7 @@ import typer
 
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.api import adapt_subjects, fit_postures
+from adapt.at_work import Amplitudes, described, read_amplitudes
 from adapt.cache import keep_compiled
 from adapt.cluster import on_cluster
 from adapt.diagnosis import diagnose
@@ -47,6 +48,7 @@ from adapt.trust import assess_trust
 from adapt.trust.terminal import print_trust
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
+from models.effects.effect import FULL_ELEVATION_DEG
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.acromion import ROTATIONS, acromion_rotation
 from motions.cells import SIDES
@@ -112,6 +114,18 @@ Float32 = Annotated[
     ),
 ]
 
+KnownEffects = Annotated[
+    list[str],
+    typer.Option(
+        "--effect",
+        metavar="NAME=A,B,C",
+        help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
+        f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
+        "scapula_landmark_bias=0,12,0. Repeatable; always in float64.",
+        show_default=False,
+    ),
+]
+
 Repeat = Annotated[
     Path | None,
     typer.Option(
@@ -135,20 +149,23 @@ def fit(
     out: Out,
     model: Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
     float32: Float32 = False,
+    effect: KnownEffects = [],  # noqa: B006
     repeat: Repeat = None,
 ) -> None:
     """Fit every posture with the models as they are (Tables 6.1 and 6.2).
 
     Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
     """
+    effects = read_amplitudes(effect)
     table, models, record = _inputs(motions, model)
     with results_folder(out) as folder:
         with progress(errors) as report:
-            result = fit_postures(table, models, report, np.float32 if float32 else np.float64)
+            result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
         with written_together(folder) as part:
             write_fits(part, result)
-            write_run(part, "fit", record, {"float32": float32}, table.rejected)
+            write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
     print_summary(console, result.summary)
+    _say_known(effects)
     _finish(table, failed_subjects(result.fits))
 
 
@@ -171,6 +188,7 @@ def adapt(
         str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work, as tcp://host:8786.")
     ] = "",
     float32: Float32 = False,
+    effect: KnownEffects = [],  # noqa: B006
     repeat: Repeat = None,
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
@@ -183,12 +201,15 @@ def adapt(
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
+    effects = read_amplitudes(effect)
+    known = described(effects)
+    how = f"w = {weight:g}, reading {reading}" + (f", with {known}" if known else "")
     record, models, files = inputs_record(motions, model), _models(model), MotionStream(*motions)
-    options: dict[str, object] = {"weight": weight, "reading": reading, "float32": float32}
+    options: dict[str, object] = {"weight": weight, "reading": reading, "float32": float32, "effect": effect}
     subjects = files.subjects
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
-    work = Work(tuple(models), weight, reading, shown, sample(subjects), float32)
+    work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
     maker = on_cluster(dask) if dask else one_after_another
     chunks = files.in_chunks(size)
     chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
@@ -199,15 +220,17 @@ def adapt(
             report("writing")
             with written_together(folder) as part:
                 result, failed = parts.become_tables(part, models)
-                write_adapted_models(part, models, result.parameters, f"w = {weight:g}, reading {reading}")
+                write_adapted_models(part, models, result.parameters, how)
                 write_run(part, "adapt", record, options, files.rejected)
                 table = replace(table, rejected=tuple(files.rejected))
-                wrong = write_report(part, table, models, result.of(table.subjects), failed, of=len(subjects))
+                drawn = result.of(table.subjects)
+                wrong = write_report(part, table, models, drawn, failed, of=len(subjects), at_work=known)
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
         print_summary(console, result.summary)
         print_parameters(console, result.parameters)
         print_heldout(console, result.heldout, len(subjects))
+        _say_known(effects)
         raise_without_report(folder, wrong)
     _finish(table, failed)
 
@@ -420,6 +443,11 @@ def _models(models: list[str]) -> list[ParameterSet]:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
     return sets
+
+
+def _say_known(effects: Amplitudes) -> None:
+    if effects:
+        console.print(f"With {described(effects)} at work in every subject.", soft_wrap=True)
 
 
 def _finish(motions: Motions, failed: dict[str, str]) -> None:

@@ -12,7 +12,7 @@ import shutil
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ import pandas as pd
 
 from adapt import status
 from adapt.api import adapt_subjects
+from adapt.at_work import Amplitudes
 from adapt.tables import Tables, as_csv, summary_of
 from models.parameters import ParameterSet
 from motions.files import write_bytes_whole, write_pieces_whole
@@ -50,11 +51,21 @@ class Work:
     held_out: frozenset[str]
     """The subjects whose gap is looked at on what was held out, too."""
     float32: bool = False
+    effects: Amplitudes = field(default_factory=dict)
+    """A dict, which can be sent to a worker."""
 
     def part(self, motions: Motions) -> bytes:
         """The part of these subjects; the same wherever it is made."""
         dtype = np.float32 if self.float32 else np.float64
-        result = adapt_subjects(motions, self.models, self.weight, self.reading, held_out=self.held_out, dtype=dtype)
+        result = adapt_subjects(
+            motions,
+            self.models,
+            self.weight,
+            self.reading,
+            held_out=self.held_out,
+            dtype=dtype,
+            effects=self.effects,
+        )
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w") as file:
             for k, model in enumerate(self.models):

@@ -43,13 +43,14 @@ def write_report(
     failed: Mapping[str, str],
     found: Object | None = None,
     of: int = 0,
+    at_work: str = "",
 ) -> Exception | None:
     """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
     had), which must not keep them from theirs."""
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        write_whole(folder / REPORT, report_html(motions, models, result, failed, found, of))
+        write_whole(folder / REPORT, report_html(motions, models, result, failed, found, of, at_work))
     except Exception as error:
         return error
     return None

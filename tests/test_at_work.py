@@ -1,17 +1,20 @@
 """Effects that are known to be at work: fits and adaptations with them, on simulated subjects that have them."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from command import girdle, refused
 
 from adapt import Adaptations, adapt_subjects, fit_postures
-from adapt.at_work import at_work
+from adapt.at_work import at_work, described, read_amplitudes
 from adapt.objective import WEIGHT, thorax_distance_mm2
 from adapt.simulation import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
-from motions import InputError, Motions
+from motions import InputError, Motions, read_motions, write_motions
 from motions.rotations import DEG
 
 MODEL = load_model("R2")
@@ -129,3 +132,55 @@ def test_numbers_that_do_not_fit_an_effect_are_named(effects, cause, remedy):
     with pytest.raises(InputError, match=cause) as error:
         at_work(effects, np.zeros(3))
     assert remedy in str(error.value)
+
+
+def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_path):
+    motions, effects, _ = noisy
+    file, out, again = tmp_path / "motions.csv", tmp_path / "out", tmp_path / "again"
+    write_motions(motions, file)
+    expected = adapt_subjects(read_motions(file), MODEL, effects=effects).fits
+    given = f"{EFFECT.name}={','.join(map(repr, effects[EFFECT.name]))}"
+    ended = girdle("adapt", file, "--effect", given, "--out", out)
+    assert ended.status == 0, ended.err
+    found = pd.read_csv(out / "fits.csv")
+    numbers = expected.select_dtypes("number").columns
+    np.testing.assert_allclose(found[numbers].to_numpy(float), expected[numbers].to_numpy(float), rtol=1e-12)
+
+    said = described(effects)
+    assert f"With {said} at work in every subject." in ended.out
+    assert f"<b>With {said}</b> at work" in (out / "report.html").read_text()
+    assert all(f"with {said})" in path.read_text() for path in (out / "models").iterdir())
+
+    assert girdle("adapt", "--repeat", out / "run.json", "--out", again).status == 0
+    assert (again / "fits.csv").read_bytes() == (out / "fits.csv").read_bytes()
+    before = found[found["adapted"] == 0]
+    assert girdle("fit", file, "--effect", given, "--out", again).status == 0
+    np.testing.assert_array_equal(pd.read_csv(again / "fits.csv")["j_deg2"], before["j_deg2"])
+
+
+def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
+    words = ["thorax_extension=8,0,-3", "thorax_asymmetry = 5"]
+    found = read_amplitudes(words)
+    assert found == {"thorax_extension": (8.0, 0.0, -3.0), "thorax_asymmetry": (5.0,)}
+    assert pickle.loads(pickle.dumps(found)) == found
+    assert described(found) == "thorax_extension of (8, 0, -3) deg, thorax_asymmetry of 5 mm"
+    assert read_amplitudes([]) == {}
+    assert described({}) == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "cause", "remedy"),
+    [
+        (["extension=8"], "there is no effect 'extension'", "thorax_extension"),
+        (["thorax_extension=8"], "thorax_extension has [8.0]", "Give 3, in deg: about x, about y, about z"),
+        (["thorax_extension=8,x,0"], "'8,x,0' is not a list of numbers", "thorax_extension=0,0,0"),
+        (["thorax_asymmetry"], "'' is not a list of numbers", "thorax_asymmetry=0"),
+        (["thorax_asymmetry=nan"], "thorax_asymmetry has", "Give 1, in mm"),
+        (["thorax_asymmetry=1", "thorax_asymmetry=2"], "thorax_asymmetry is there twice", "once"),
+    ],
+)
+@pytest.mark.parametrize("command", ["fit", "adapt"])
+def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, cause, remedy, tmp_path):
+    options = [part for word in words for part in ("--effect", word)]
+    refused(girdle(command, "no.csv", *options, "--out", tmp_path / "out"), "--effect", cause, remedy)
+    assert not (tmp_path / "out").exists()
