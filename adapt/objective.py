@@ -51,7 +51,7 @@ READINGS = {
     "rms_cm_rad": Reading(0.1, np.pi / 180.0, root=True),
     "rms_mm_deg": Reading(1.0, 1.0, root=True),
 }
-"""The readings by name; ``mm2_deg2`` is the one whose results look like the thesis's (README, study)."""
+"""The readings by name; ``mm2_deg2`` is the one whose results look like the thesis's (docs/reading_of_E.md)."""
 
 DEFAULT_READING = "mm2_deg2"
 

@@ -19,8 +19,10 @@ from adapt.diagnosis import diagnose
 from adapt.diagnosis.verdict import NONE
 from models import load_model
 from motions import read_motions
-from scripts import blind_report
-from scripts.blind_check import Case, Line, line_of, observed, read_lines, run_missing, single_ranking
+from scripts.blind.cases import Case
+from scripts.blind.lines import line_of, observed, single_ranking
+from scripts.blind.report import confusion_matrix, report
+from scripts.blind.runs import Line, read_lines, run_missing
 
 MOTIONS, TRUTH = "motions.csv", "truth.json"
 
@@ -71,8 +73,8 @@ def main(
         raise typer.BadParameter(f"no folder below {folder} has a {MOTIONS} and a {TRUTH}")
     run_missing(out / "cases.jsonl", cases, jobs, examine)
     lines = read_lines(out / "cases.jsonl")
-    print(blind_report.report(lines))
-    print("\n## Confusion matrix\n\n" + blind_report.confusion_matrix([x for x in lines if "failed" not in x]))
+    print(report(lines))
+    print("\n## Confusion matrix\n\n" + confusion_matrix([x for x in lines if "failed" not in x]))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ from models import load_model
 from models.effects import EFFECTS, Effect
 from models.girdle import ADAPTED
 from motions import read_motions
-from scripts.blind_check import CONDITIONS, MODELS, SHOWN_MOTIONS, Case, world_of, written
+from scripts.blind.cases import CONDITIONS, MODELS, SHOWN_MOTIONS, Case, world_of, written
 from scripts.reporting import check_known, markdown
 
 STUDIED = ("standard", "three", "one", "half", "noise_3", "landmarks_three")

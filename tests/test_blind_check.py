@@ -14,9 +14,21 @@ import typer
 
 from adapt.diagnosis import verdict
 from models.effects import EFFECTS
-from scripts import blind_calibration, blind_check, blind_report
-from scripts.blind_check import CONDITIONS, Case, append_lines, missing, plan, read_lines, true_channels
-from scripts.blind_report import Line, key
+from scripts import blind_check
+from scripts.blind import calibration, report
+from scripts.blind.cases import (
+    CALIBRATION_SEEDS,
+    CONDITIONS,
+    MODELS,
+    MOST_SEEDS,
+    NONE_WORLDS,
+    REPORTED_SEEDS,
+    Case,
+    plan,
+    world_of,
+)
+from scripts.blind.lines import true_channels
+from scripts.blind.runs import Line, append_lines, key, missing, read_lines, run_missing
 
 TRUE, OTHER, THIRD = "conoid_strain", "ac_translation", "thorax_tilt"
 
@@ -43,10 +55,10 @@ def line(label: str, answer: str, *effects: str, **more: Any) -> Line:
 
 def test_wilson_interval_by_hand() -> None:
     # 8 of 10: (0.8 + 0.19208 -+ 1.96 sqrt(0.016 + 0.009604)) / 1.38416
-    assert blind_report.wilson(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-5)
-    assert blind_report.wilson(0, 10) == pytest.approx((0.0, 3.8416 / 13.8416))
-    assert blind_report.rate([True] * 8 + [False] * 2) == "80.0 % (49-94; 10)"
-    assert blind_report.rate([]) == "-"
+    assert report.wilson(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-5)
+    assert report.wilson(0, 10) == pytest.approx((0.0, 3.8416 / 13.8416))
+    assert report.rate([True] * 8 + [False] * 2) == "80.0 % (49-94; 10)"
+    assert report.rate([]) == "-"
 
 
 def test_calibration_error_by_hand() -> None:
@@ -54,23 +66,23 @@ def test_calibration_error_by_hand() -> None:
     confidence = [0.92, 0.94, 0.96, 0.98, 0.54, 0.56, 0.25]
     right = [True, True, True, False, False, False, True]
     expected = (4 * 0.2 + 2 * 0.55 + 0.75) / 7
-    assert blind_report.expected_calibration_error(confidence, right) == pytest.approx(expected)
-    assert blind_report.expected_calibration_error([1.0, 1.0], [True, True]) == 0.0
+    assert report.expected_calibration_error(confidence, right) == pytest.approx(expected)
+    assert report.expected_calibration_error([1.0, 1.0], [True, True]) == 0.0
 
 
 def test_calibration_error_by_chance_by_hand() -> None:
     # One case of 0.8: off by 0.2 in 0.8 of the draws, by 0.8 in the others. An SD of a draw is 0.24.
-    assert blind_report.error_by_chance([0.8]) == pytest.approx(0.32, abs=4 * 0.24 / 1000**0.5)
-    assert blind_report.error_by_chance([1.0, 0.0]) == 0.0
+    assert report.error_by_chance([0.8]) == pytest.approx(0.32, abs=4 * 0.24 / 1000**0.5)
+    assert report.error_by_chance([1.0, 0.0]) == 0.0
 
 
 def test_log_score_by_hand() -> None:
     probability = {TRUE: 0.5, "none": 0.25, "unknown": 0.25}
     lines = [line(label, "none", probability=probability) for label in (TRUE, "none", "outside_drift")]
-    assert blind_report.log_score(lines) == f"{-5.0 * math.log(2.0) / 3.0:.2f} (3)"
+    assert report.log_score(lines) == f"{-5.0 * math.log(2.0) / 3.0:.2f} (3)"
     impossible = line(TRUE, "none", probability=probability | {TRUE: 0.0})
-    assert blind_report.log_score([impossible]) == f"{math.log(1e-6):.2f} (1)"
-    assert blind_report.log_score([]) == "-"
+    assert report.log_score([impossible]) == f"{math.log(1e-6):.2f} (1)"
+    assert report.log_score([]) == "-"
 
 
 def test_an_answer_covers_with_any_name_and_is_confidently_wrong_with_one() -> None:
@@ -79,28 +91,28 @@ def test_an_answer_covers_with_any_name_and_is_confidently_wrong_with_one() -> N
     wrong_pair, half_pair = (line(TRUE, "effect", OTHER, x, together=True) for x in (THIRD, TRUE))
     silent = line(TRUE, "none"), line(TRUE, "unknown")
     cases = [right, hedged, wrong, wrong_set, wrong_pair, half_pair, *silent]
-    assert [blind_report.covered(x) for x in cases] == [True, True, False, False, False, True, False, False]
-    assert [blind_report.confidently_wrong(x) for x in cases] == [False, False, True, False, True, False, False, False]
+    assert [report.covered(x) for x in cases] == [True, True, False, False, False, True, False, False]
+    assert [report.confidently_wrong(x) for x in cases] == [False, False, True, False, True, False, False, False]
     names = [TRUE, OTHER, OTHER, OTHER, OTHER, OTHER, "none", "unknown"]
-    assert [blind_report.first(x) for x in cases] == names
+    assert [report.first(x) for x in cases] == names
 
 
 def test_outside_effects_are_right_as_unknown_and_any_single_name_is_wrong() -> None:
     known, blamed = line("outside_drift", "unknown"), line("outside_drift", "effect", OTHER)
-    assert blind_report.surest(known) == (1.0, True)
-    assert blind_report.surest(blamed) == (1.0, False)
-    assert blind_report.confidently_wrong(blamed)
+    assert report.surest(known) == (1.0, True)
+    assert report.surest(blamed) == (1.0, False)
+    assert report.confidently_wrong(blamed)
     # an unknown answer may name what explains a part: that blames nothing
     partly = line("outside_drift", "unknown", OTHER)
-    assert (blind_report.first(partly), blind_report.confidently_wrong(partly)) == ("unknown", False)
-    assert not blind_report.covered(line(TRUE, "unknown", TRUE))
-    assert not blind_report.confidently_wrong(line("outside_drift", "effect", OTHER, THIRD))
+    assert (report.first(partly), report.confidently_wrong(partly)) == ("unknown", False)
+    assert not report.covered(line(TRUE, "unknown", TRUE))
+    assert not report.confidently_wrong(line("outside_drift", "effect", OTHER, THIRD))
 
 
 def test_the_most_probable_effect_counts_whatever_the_answer() -> None:
     doubtful = line(TRUE, "none", probability={"none": 0.7, TRUE: 0.2, OTHER: 0.1, "unknown": 0.0})
-    assert blind_report.most_probable_effect(doubtful) == TRUE
-    assert blind_report.surest(doubtful) == (0.7, False)
+    assert report.most_probable_effect(doubtful) == TRUE
+    assert report.surest(doubtful) == (0.7, False)
 
 
 def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None:
@@ -108,7 +120,7 @@ def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None
     both = {"amplitude": {TRUE: channels}, "true_channels": {TRUE: {"TS": 1.0, "AI": 3.0}}}
     unknown = {"amplitude": {TRUE: channels}, "true_channels": {}}
     lines = [line(TRUE, "effect", TRUE, **both), line(TRUE, "effect", OTHER, **both), line(TRUE, "unknown", **both)]
-    assert blind_report.intervals_that_cover([*lines, line(TRUE, "effect", TRUE, **unknown)]) == [True, False]
+    assert report.intervals_that_cover([*lines, line(TRUE, "effect", TRUE, **unknown)]) == [True, False]
 
 
 def test_shrinkage_predicted_and_realised() -> None:
@@ -116,8 +128,8 @@ def test_shrinkage_predicted_and_realised() -> None:
     motion = {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}}
     realised = {"adapted": 1.0, "with_effect": 0.7}
     seen = line(TRUE, "effect", TRUE, gap_deg=gap, other_motion_deg=motion, realised_deg=realised)
-    assert blind_report.shrinkages([seen, line(TRUE, "none")]) == [pytest.approx((0.25, 0.3))]
-    table = blind_report.measure_table({"standard": [seen | {"amplitude": {TRUE: []}, "true_channels": {}}]})
+    assert report.shrinkages([seen, line(TRUE, "none")]) == [pytest.approx((0.25, 0.3))]
+    table = report.measure_table({"standard": [seen | {"amplitude": {TRUE: []}, "true_channels": {}}]})
     assert "| median error of the predicted shrinkage |  | 5.0 points (1) |" in table
     assert "| the same, of a motion held out |  | 20.0 points (1) |" in table
     assert "| shrinkage within 10 points of the realised |  | 100.0 % (21-100; 1) |" in table
@@ -125,7 +137,7 @@ def test_shrinkage_predicted_and_realised() -> None:
 
 
 def test_a_left_out_effect_may_be_mimicked_only_by_what_was_alike_before() -> None:
-    like = blind_report.mimics([line(TRUE, "effect", TRUE, indistinguishable=[[OTHER, TRUE]])])
+    like = report.mimics([line(TRUE, "effect", TRUE, indistinguishable=[[OTHER, TRUE]])])
     outcomes = [
         (line(TRUE, "unknown"), "unknown"),
         (line(TRUE, "none"), "none"),
@@ -135,15 +147,15 @@ def test_a_left_out_effect_may_be_mimicked_only_by_what_was_alike_before() -> No
         (line(TRUE, "effect", OTHER, seed=1), "a name; not judged, `standard` not run"),
     ]
     for case, expected in outcomes:
-        assert blind_report.left_out_outcome(case, like) == expected
+        assert report.left_out_outcome(case, like) == expected
 
 
 def test_pairs_are_named_in_part_or_whole() -> None:
     label = f"{TRUE}+{OTHER}"
     answers = [(TRUE, OTHER), (OTHER, THIRD), (OTHER,), (THIRD,)]
     expected = ["both named", "one named", "one named", "wrong"]
-    assert [blind_report.pair_outcome(line(label, "effect", *x)) for x in answers] == expected
-    assert blind_report.pair_outcome(line(label, "unknown")) == "unknown"
+    assert [report.pair_outcome(line(label, "effect", *x)) for x in answers] == expected
+    assert report.pair_outcome(line(label, "unknown")) == "unknown"
 
 
 def test_confusions_tell_beside_from_instead() -> None:
@@ -154,7 +166,7 @@ def test_confusions_tell_beside_from_instead() -> None:
         line("outside_drift", "effect", THIRD),
         line(THIRD, "none"),
     ]
-    assert blind_report.confusions(lines) == [(TRUE, OTHER, 2, 1), (OTHER, THIRD, 0, 1)]
+    assert report.confusions(lines) == [(TRUE, OTHER, 2, 1), (OTHER, THIRD, 0, 1)]
 
 
 def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
@@ -170,7 +182,7 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
         line(TRUE, "effect", TRUE, condition="power_2", **more),
         {**asdict(Case("half", THIRD, 0)), "model": "R2", "code": "0", "failed": "ValueError: no"},
     ]
-    text = blind_report.report(lines)
+    text = report.report(lines)
     assert "Simulated cases: 7, seeds 0 to 1 (2)" in text
     assert "2 states of the code" in text
     assert "- ('half', 'thorax_tilt', 0, 0): ValueError: no" in text
@@ -183,34 +195,34 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
     power = "| conoid_strain | - | - | 50.0 % (9-91; 2) | - | 100.0 % (21-100; 1) |"
     assert power in text
     assert "| conoid_strain - ac_translation | 0 | 1 |" in text
-    assert blind_report.report([]) == "No finished case among those asked for."
+    assert report.report([]) == "No finished case among those asked for."
 
 
 def test_every_reach_is_of_a_measure() -> None:
-    assert blind_report.REACH.keys() <= blind_report.MEASURES.keys()
+    assert report.REACH.keys() <= report.MEASURES.keys()
 
 
 # The plan and its file ----------------------------------------------------------------------------------------------
 
 
 def test_reported_and_calibration_seeds_share_nothing() -> None:
-    assert not set(blind_check.REPORTED_SEEDS) & set(blind_check.CALIBRATION_SEEDS)
-    assert blind_check.REPORTED_SEEDS.stop < blind_check._NEXT_WORLD
+    assert not set(REPORTED_SEEDS) & set(CALIBRATION_SEEDS)
+    assert REPORTED_SEEDS.stop < MOST_SEEDS
 
 
 def test_the_plan_has_each_case_once_and_every_label_with_more_of_none() -> None:
     cases = plan(list(CONDITIONS), [0, 1])
     assert len({key(asdict(case)) for case in cases}) == len(cases)
     standard = [case.label for case in cases if case.condition == "standard" and case.seed == 0]
-    assert len(standard) == blind_check.NONE_WORLDS + 13 + 9 + 12
+    assert len(standard) == NONE_WORLDS + 13 + 9 + 12
     assert {case.label for case in plan(["standard"], [0], ["none", TRUE])} == {"none", TRUE}
-    assert {case.model for case in plan(["one"], range(4))} == set(blind_check.MODELS)
+    assert {case.model for case in plan(["one"], range(4))} == set(MODELS)
 
 
 def test_the_left_out_effect_is_in_the_data_of_the_standard_condition() -> None:
-    first, second = (blind_check.world_of(Case(c, OTHER, 3)).table for c in ("standard", "loo"))
+    first, second = (world_of(Case(c, OTHER, 3)).table for c in ("standard", "loo"))
     pd.testing.assert_frame_equal(first, second, check_exact=True)
-    none, again = (blind_check.world_of(Case("three", "none", 3, repeat)).table for repeat in (0, 1))
+    none, again = (world_of(Case("three", "none", 3, repeat)).table for repeat in (0, 1))
     assert not np.allclose(none["scapula_x_deg"], again["scapula_x_deg"])
 
 
@@ -239,7 +251,7 @@ def test_a_case_that_raises_is_recorded_and_stops_no_other(tmp_path: Path) -> No
         return {"answer": "none", "excess": math.inf}
 
     path, cases = tmp_path / "cases.jsonl", plan(["one"], [0], [TRUE, OTHER, THIRD])
-    blind_check.run_missing(path, cases, 1, examined)
+    run_missing(path, cases, 1, examined)
     found = {x["label"]: x for x in read_lines(path)}
     assert found[OTHER]["failed"] == "ValueError: no such shoulder"
     assert found[TRUE]["answer"] == found[THIRD]["answer"] == "none"
@@ -291,14 +303,14 @@ def test_logistic_regression_recovers_its_coefficients() -> None:
     x = np.column_stack([rng.uniform(-10.0, 10.0, 40_000), rng.uniform(-5.0, 5.0, 40_000)])
     hit = rng.random(40_000) < 1.0 / (1.0 + np.exp(-terms[0] - x @ np.array(terms[1:])))
     # SDs of the estimates are below 0.02
-    assert blind_calibration.weights_of_tests(x, hit) == pytest.approx(terms, abs=0.08)
+    assert calibration.weights_of_tests(x, hit) == pytest.approx(terms, abs=0.08)
 
 
 def test_separated_classes_have_finite_terms() -> None:
     x = np.array([[-9.0, -1.0], [-8.0, 0.0], [7.0, 2.0], [9.0, 4.0]])
-    weights = blind_calibration.weights_of_tests(x, np.array([False, False, True, True]))
+    weights = calibration.weights_of_tests(x, np.array([False, False, True, True]))
     assert np.isfinite(weights).all()
-    assert blind_calibration.unknown(x, weights).tolist() == [False, False, True, True]
+    assert calibration.unknown(x, weights).tolist() == [False, False, True, True]
 
 
 def calibration_lines(temperature: float, n: int) -> list[Line]:
@@ -306,7 +318,7 @@ def calibration_lines(temperature: float, n: int) -> list[Line]:
     rng, names = np.random.default_rng(1), ["none", *EFFECTS]
     log = rng.normal(0.0, 6.0, (n, len(names)))
     log_prior = np.log([verdict._NONE_PRIOR, *[(1.0 - verdict._NONE_PRIOR) / len(EFFECTS)] * len(EFFECTS)])
-    shares = blind_calibration.tempered(log, log_prior, temperature)
+    shares = calibration.tempered(log, log_prior, temperature)
     truth = [names[rng.choice(len(names), p=p)] for p in shares]
     low = [{"discrepancy_gain": g, "excess": 0.0} for g in rng.normal(-30.0, 1.0, n)]
     listed = [_ranked(a, dict(zip(names, b, strict=True)), c) for a, b, c in zip(truth, log, low, strict=True)]
@@ -320,7 +332,7 @@ def _ranked(label: str, ranking: dict[str, float], tests: dict[str, float]) -> L
 
 def test_calibration_recovers_the_temperature_and_prints_what_follows() -> None:
     lines = calibration_lines(2.5, 3000)
-    text = blind_calibration.calibration([*lines, *(x | {"condition": "loo"} for x in lines[:100])])
+    text = calibration.calibration([*lines, *(x | {"condition": "loo"} for x in lines[:100])])
     assert "From 3750 simulated cases, seeds 0 to 0, of which 750 outside" in text
     fitted = next(row for row in text.splitlines() if row.startswith("| temperature"))
     assert float(fitted.split("|")[3]) == pytest.approx(2.5, rel=0.06)
@@ -328,26 +340,26 @@ def test_calibration_recovers_the_temperature_and_prints_what_follows() -> None:
     nones = sum(x["label"] == "none" for x in lines)
     kept = next(row for row in text.splitlines() if row.startswith("| 0.5 |"))
     assert f"; {nones}) |" in kept
-    assert blind_calibration.calibration(lines[:3000]).startswith("No calibration")
+    assert calibration.calibration(lines[:3000]).startswith("No calibration")
 
 
 def test_thresholds_by_hand() -> None:
     shares = np.array([[0.3, 0.5, 0.2], [0.1, 0.6, 0.3], [0.04, 0.24, 0.72]])
     truth, known = np.array([0, 1, 1]), np.array([True, True, False])
-    rows = {row[0]: row[1:] for row in blind_calibration.none_rows(shares, truth, known)}
-    assert rows["0.4"] == [blind_report.rate([True]), blind_report.rate([False, False])]
-    assert rows["0.25"] == [blind_report.rate([False]), blind_report.rate([False, False])]
-    assert rows["0.05"] == [blind_report.rate([False]), blind_report.rate([True, False])]
-    sets = {row[0]: row[1:] for row in blind_calibration.set_rows(shares, truth)}
+    rows = {row[0]: row[1:] for row in calibration.none_rows(shares, truth, known)}
+    assert rows["0.4"] == [report.rate([True]), report.rate([False, False])]
+    assert rows["0.25"] == [report.rate([False]), report.rate([False, False])]
+    assert rows["0.05"] == [report.rate([False]), report.rate([True, False])]
+    sets = {row[0]: row[1:] for row in calibration.set_rows(shares, truth)}
     # without none: (2/3, 1/3) and (1/4, 3/4), the second effect first in the last
-    assert sets["0.8"] == [blind_report.rate([True, True]), "2.00"]
-    assert _sets_at(shares, truth, 0.7) == [blind_report.rate([True, False]), "1.50"]
+    assert sets["0.8"] == [report.rate([True, True]), "2.00"]
+    assert _sets_at(shares, truth, 0.7) == [report.rate([True, False]), "1.50"]
 
 
 def _sets_at(shares: np.ndarray, truth: np.ndarray, held: float) -> Sequence[str]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(blind_calibration, "SET_PROBABILITY", (held,))
-        return blind_calibration.set_rows(shares, truth)[0][1:]
+        patch.setattr(calibration, "SET_PROBABILITY", (held,))
+        return calibration.set_rows(shares, truth)[0][1:]
 
 
 # One case -----------------------------------------------------------------------------------------------------------
@@ -369,7 +381,7 @@ def test_one_case_from_its_world_to_its_report(
     assert found["effects"] == [label]
     assert sum(found["probability"].values()) == pytest.approx(1.0)
     assert set(found["ranking"]) == {"none", TRUE, label}
-    world = blind_check.world_of(Case("standard", label, 1))
+    world = world_of(Case("standard", label, 1))
     told = world.truth["effects"][label]
     directions = np.array(told["parameters"]["direction_by_subject"])
     true = (np.array(list(told["amplitude"].values()))[:, None] * directions).mean(axis=0)

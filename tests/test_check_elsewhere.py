@@ -9,8 +9,8 @@ import pytest
 
 from adapt.diagnosis import diagnose
 from models.effects import EFFECTS
-from scripts import blind_check, check_elsewhere
-from scripts.blind_check import read_lines
+from scripts import check_elsewhere
+from scripts.blind.runs import read_lines
 from scripts.blind_world import make_world
 
 BIAS, OTHER = "scapula_landmark_bias", "conoid_strain"
@@ -42,7 +42,6 @@ def test_one_world_from_its_files_to_its_report(
     # two effects: the whole library would compile for a minute
     few = {name: EFFECTS[name] for name in (OTHER, BIAS)}
     monkeypatch.setattr(check_elsewhere, "diagnose", partial(diagnose, effects=tuple(few.values())))
-    monkeypatch.setattr(blind_check, "EFFECTS", few)
     world = make_world(BIAS, MODEL, subjects=3, seed=1)
     world.table.to_csv(told(tmp_path / "in" / "theirs", label=BIAS, model="R4"), index=False)
     check_elsewhere.main(tmp_path / "in", tmp_path / "out", jobs=1)

@@ -7,16 +7,14 @@ nothing, one name or a pair acting together, without the effect at work; where t
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
 from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 from models.effects import EFFECTS
+from scripts.blind.cases import kind
+from scripts.blind.runs import Line, key
 from scripts.reporting import markdown, wilson
-
-Line = dict[str, Any]
-"""One case: what `scripts/blind_check.py` writes, from JSON."""
 
 _BINS = 10
 _DRAWS = 1000
@@ -47,18 +45,6 @@ OTHER_REACH = (
     "Most probable = true elsewhere: half >= 85 %, three >= 93 %, one >= 75 %, landmarks_three as standard. In half, "
     "three, one and mixed, answers 'effect' hold the true one in >= 95 %, and confident wrong names are <= 3 %."
 )
-
-
-def key(line: Line) -> tuple[str, str, int, int]:
-    """What tells one case from another."""
-    return line["condition"], line["label"], line["seed"], line["repeat"]
-
-
-def kind(label: str) -> str:
-    """'none', 'effect', 'pair' or 'outside'."""
-    if "+" in label:
-        return "pair"
-    return "none" if label == NONE else "outside" if label.startswith("outside_") else "effect"
 
 
 # Statistics ---------------------------------------------------------------------------------------------------------

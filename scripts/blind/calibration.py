@@ -13,7 +13,9 @@ from jaxtyping import Bool, Float
 from adapt.diagnosis import verdict
 from adapt.diagnosis.verdict import NONE
 from models.effects import EFFECTS
-from scripts.blind_report import Line, kind, rate
+from scripts.blind.cases import kind
+from scripts.blind.report import rate
+from scripts.blind.runs import Line
 from scripts.reporting import markdown
 
 NONE_FROM = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)

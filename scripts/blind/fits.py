@@ -9,7 +9,7 @@ from adapt.diagnosis import Diagnosis
 from adapt.diagnosis.diagnosis import conclude
 from adapt.diagnosis.observed import Observed
 from adapt.diagnosis.ranking import rank
-from models.effects import EFFECTS
+from models.effects import EFFECTS, Effect
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,15 @@ def read_kept(path: Path) -> Kept:
     return pickle.loads(path.read_bytes())
 
 
+def tried(found: Diagnosis) -> tuple[Effect, ...]:
+    """The effects that the diagnosis was given."""
+    names = {name for hypothesis in found.ranking.hypotheses for name in hypothesis}
+    return tuple(effect for effect in EFFECTS.values() if effect.name in names)
+
+
 def weighed_anew(kept: Kept) -> Diagnosis:
     """The same fits, weighed by the code as it is now: pairs are those that were tried then, gaps those found then."""
-    found = kept.found
-    tried = {name for hypothesis in found.ranking.hypotheses for name in hypothesis}
-    effects = tuple(effect for effect in EFFECTS.values() if effect.name in tried)
+    found, effects = kept.found, tried(kept.found)
     ranking = rank(found.ranking.fitted, effects, kept.data, found.noise)
     concluded = conclude(ranking, effects, kept.data, found.expected)
     return replace(
