@@ -15,16 +15,18 @@ one that goes with elevation holds at ``FULL_ELEVATION_DEG``: it follows the fir
 
 NO_EFFECTS: Amplitudes = MappingProxyType({})
 
-_FROM_PYTHON, _FROM_COMMAND_LINE = "effects", "--effect"
-"""Where an error says that the numbers are from."""
+OPTION = "--effect"
+"""Of the command line, where an error names it."""
 
 
 def at_work(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*postures"]) -> AtWork:
     """The effects at these elevations; InputError where there is no such effect or its numbers do not fit it."""
-    effects = [_effect(name, _FROM_PYTHON) for name in amplitudes]
+    effects = [effect_named(name, "effects") for name in amplitudes]
+    for effect in effects:
+        _check(effect, amplitudes[effect.name], "effects")
     strengths = (
-        effect.at(_amplitude(effect, given, _FROM_PYTHON).reshape(-1, *(1,) * elevation_deg.ndim), elevation_deg)
-        for effect, given in zip(effects, amplitudes.values(), strict=True)
+        effect.at(_amplitude(effect, amplitudes[effect.name]).reshape(-1, *(1,) * elevation_deg.ndim), elevation_deg)
+        for effect in effects
     )
     shape = elevation_deg.shape
     return AtWork(tuple(np.broadcast_to(one, (len(one), *shape)) for one in strengths), tuple(effects))
@@ -35,16 +37,15 @@ def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
     found: dict[str, tuple[float, ...]] = {}
     for word in words:
         name, _, numbers = word.partition("=")
-        effect = _effect(name.strip(), _FROM_COMMAND_LINE)
+        effect = effect_named(name.strip(), OPTION)
         if effect.name in found:
-            raise InputError(_FROM_COMMAND_LINE, None, f"{effect.name} is there twice", "Give each effect once")
+            raise InputError(OPTION, None, f"{effect.name} is there twice", "Give each effect once")
         try:
             found[effect.name] = tuple(float(number) for number in numbers.split(","))
         except ValueError:
             remedy = f"Give {effect.name}={','.join('0' * len(effect.directions))} with numbers of your own"
-            cause = f"'{numbers}' is not a list of numbers"
-            raise InputError(_FROM_COMMAND_LINE, None, cause, remedy) from None
-        _amplitude(effect, found[effect.name], _FROM_COMMAND_LINE)
+            raise InputError(OPTION, None, f"'{numbers}' is not a list of numbers", remedy) from None
+        _check(effect, found[effect.name], OPTION)
     return found
 
 
@@ -58,18 +59,22 @@ def _vector(size: Sequence[float]) -> str:
     return numbers if len(size) == 1 else f"({numbers})"
 
 
-def _effect(name: str, place: str) -> Effect:
+def effect_named(name: str, place: str, *others: str) -> Effect:
+    """The effect; InputError that names the place where there is none, and what else than an effect would do there."""
     if name not in EFFECTS:
-        raise InputError(place, None, f"there is no effect '{name}'", f"Use one of {', '.join(EFFECTS)}")
+        raise InputError(place, None, f"there is no effect '{name}'", f"Use one of {', '.join([*others, *EFFECTS])}")
     return EFFECTS[name]
 
 
-def _amplitude(effect: Effect, given: Sequence[float], place: str) -> Float[np.ndarray, " amplitudes"]:
+def _check(effect: Effect, given: Sequence[float], place: str) -> None:
     values = np.asarray(given, float)
     if values.shape != (len(effect.directions),) or not np.isfinite(values).all():
         cause = f"{effect.name} has {list(given)}"
         remedy = f"Give {len(effect.directions)}, in {effect.unit}: {', '.join(effect.directions)}"
         raise InputError(place, None, cause, remedy)
+
+
+def _amplitude(effect: Effect, given: Sequence[float]) -> Float[np.ndarray, " amplitudes"]:
     amplitude = np.zeros(effect.amplitudes)
-    amplitude[effect.firsts] = values
+    amplitude[effect.firsts] = given
     return amplitude

@@ -12,7 +12,7 @@ import typer
 
 from adapt.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.api import adapt_subjects, fit_postures
-from adapt.at_work import Amplitudes, described, read_amplitudes
+from adapt.at_work import OPTION, described, effect_named, read_amplitudes
 from adapt.cache import keep_compiled
 from adapt.cluster import on_cluster
 from adapt.diagnosis import diagnose
@@ -43,6 +43,7 @@ from adapt.parts import (
 from adapt.repeat import other_versions, read_record, recorded_arguments
 from adapt.results import raise_without_report, write_adaptations, write_figures, write_fits, write_report
 from adapt.simulation import simulate_model_subjects
+from adapt.tables import Tables
 from adapt.terminal import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.trust import assess_trust
 from adapt.trust.terminal import print_trust
@@ -117,7 +118,7 @@ Float32 = Annotated[
 KnownEffects = Annotated[
     list[str],
     typer.Option(
-        "--effect",
+        OPTION,
         metavar="NAME=A,B,C",
         help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
         f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
@@ -165,7 +166,7 @@ def fit(
             write_fits(part, result)
             write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
     print_summary(console, result.summary)
-    _say_known(effects)
+    _say_known(described(effects))
     _finish(table, failed_subjects(result.fits))
 
 
@@ -227,10 +228,8 @@ def adapt(
                 wrong = write_report(part, table, models, drawn, failed, of=len(subjects), at_work=known)
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
-        print_summary(console, result.summary)
-        print_parameters(console, result.parameters)
-        print_heldout(console, result.heldout, len(subjects))
-        _say_known(effects)
+        _print_tables(result, len(subjects))
+        _say_known(known)
         raise_without_report(folder, wrong)
     _finish(table, failed)
 
@@ -393,16 +392,13 @@ def simulate(
     Writes motions.csv (what a laboratory would have measured; every row says it is simulated), truth.csv (the
     parameters and amplitudes behind it, one row a subject) and run.json.
     """
-    if effect != NO_EFFECT and effect not in EFFECTS:
-        raise InputError(
-            "--effect", None, f"there is no effect '{effect}'", f"Use one of {', '.join([NO_EFFECT, *EFFECTS])}"
-        )
+    hidden = None if effect == NO_EFFECT else effect_named(effect, OPTION, NO_EFFECT)
     record, parameters = inputs_record([], [model]), load_model(model)
     options = {"effect": effect, "subjects": subjects, "noise_deg": noise_deg, "seed": seed}
     with results_folder(out) as folder:
         with progress(errors) as report:
             report("simulating")
-            result = simulate_model_subjects(parameters, EFFECTS.get(effect), subjects, noise_deg, seed)
+            result = simulate_model_subjects(parameters, hidden, subjects, noise_deg, seed)
         with written_together(folder) as part:
             write_motions(result.motions, part / "motions.csv")
             write_table(result.truth, part / "truth.csv")
@@ -445,9 +441,16 @@ def _models(models: list[str]) -> list[ParameterSet]:
     return sets
 
 
-def _say_known(effects: Amplitudes) -> None:
+def _print_tables(result: Tables, subjects: int) -> None:
+    print_summary(console, result.summary)
+    print_parameters(console, result.parameters)
+    print_heldout(console, result.heldout, subjects)
+
+
+def _say_known(effects: str) -> None:
+    """What ``described`` says of them, if there are any."""
     if effects:
-        console.print(f"With {described(effects)} at work in every subject.", soft_wrap=True)
+        console.print(f"With {effects} at work in every subject.", soft_wrap=True)
 
 
 def _finish(motions: Motions, failed: dict[str, str]) -> None:

@@ -84,10 +84,10 @@ def realised_gaps(found: Diagnosis, model: ParameterSet, data: Observed) -> dict
     """
     data = data.without(data.motion != data.motions.index(UNSEEN_MOTION))
     fitted = {one.hypothesis: one for one in found.ranking.fitted}
-    known = data.measured[:6] & data.counted
+    known, effects = data.measured[:6] & data.counted, tried(found)
 
     def gap(z: np.ndarray) -> float:
-        nearest = misfit(model.girdle, tried(found), data, found.noise.noise, z).nearest
+        nearest = misfit(model.girdle, effects, data, found.noise.noise, z).nearest
         apart = np.where(known, np.abs(data.values - nearest)[:6] * DEG, 0.0).sum(axis=(0, 1))
         count = known.sum(axis=(0, 1))
         return float((apart / np.maximum(count, 1))[count > 0].mean())
