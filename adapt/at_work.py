@@ -49,6 +49,13 @@ def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
     return found
 
 
+def as_option(effect: Effect, size: Sequence[float], elevation_deg: float) -> str:
+    """``NAME=A,B,C`` for the size of each direction at this elevation, to three digits: the reverse of
+    ``read_amplitudes``, as if the first term of ``Effect.course`` were all of it."""
+    height = effect.course(np.asarray(elevation_deg))[0]
+    return f"{effect.name}={','.join(f'{value:.3g}' for value in np.asarray(size) / height)}"
+
+
 def described(amplitudes: Amplitudes) -> str:
     """As 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
     return ", ".join(f"{name} of {_vector(size)} {EFFECTS[name].unit}" for name, size in amplitudes.items())

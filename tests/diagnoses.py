@@ -65,6 +65,7 @@ SKIN = Diagnosis(
     subjects=tuple(f"s{k}" for k in range(10)),
     left_out={},
     postures=140,
+    highest_deg=120.0,
     noise=NoiseEstimate(Noise(1.4, 2.0), 166.0, "estimated"),
     expected=(),
     verdict=verdict(EFFECT, "skin_artefact", skin_artefact=0.98),

@@ -9,7 +9,7 @@ import pytest
 from command import girdle, refused
 
 from adapt import Adaptations, adapt_subjects, fit_postures
-from adapt.at_work import at_work, described, read_amplitudes
+from adapt.at_work import as_option, at_work, described, read_amplitudes
 from adapt.objective import WEIGHT, thorax_distance_mm2
 from adapt.simulation import simulate_model_subjects
 from models import load_model
@@ -28,6 +28,9 @@ SAME_DEG = 1e-6
 
 SAME_MM = 1e-6
 """Adaptations, whose ellipsoid has a flat direction, do so to 1e-9 mm."""
+
+OPTION_DIGITS = 5e-3
+"""Three digits."""
 
 BESIDE_MM = 2.0
 """Beside the optimum: E differs by 1e-4 to 1, its rounding is 1e-12."""
@@ -184,3 +187,10 @@ def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, c
     options = [part for word in words for part in ("--effect", word)]
     refused(girdle(command, "no.csv", *options, "--out", tmp_path / "out"), "--effect", cause, remedy)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["scapula_landmark_bias", "thorax_extension", "skin_artefact"])
+def test_an_option_at_150_degrees_has_the_size_that_was_found_lower(name):
+    effect, size, highest_deg = EFFECTS[name], [3.0, -4.0, 5.0], 120.0
+    found = at_work(read_amplitudes([as_option(effect, size, highest_deg)]), np.array([highest_deg]))
+    np.testing.assert_allclose(found.strengths[0][:3, 0], size, rtol=OPTION_DIGITS)

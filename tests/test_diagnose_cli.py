@@ -233,7 +233,18 @@ def test_the_notes_name_what_the_verdict_rests_on():
         "Such data would name an effect of typical size in 85% of cases, least sc_translation in 25%.",
         "These postures and this noise cannot tell apart conoid_strain and clavicle_axial_estimate.",
         "Left out: s11: 2 postures.",
+        "To adapt with skin_artefact as found here: girdle adapt ... --effect skin_artefact=8.75,0,-6.56",
     ]
+
+
+@pytest.mark.parametrize("other", [NOTHING, OUTSIDE, IN_PART])
+def test_no_adaptation_is_proposed_where_no_effect_explains_the_gap(other):
+    assert not [note for note in notes(of(other)) if "girdle adapt" in note]
+
+
+def test_two_effects_go_together_into_an_adaptation():
+    said = "--effect skin_artefact=8.75,0,-6.56 --effect clavicle_length=8"
+    assert notes(of(HEDGED))[-1].endswith(f" as found here: girdle adapt ... {said}")
 
 
 @pytest.mark.parametrize(

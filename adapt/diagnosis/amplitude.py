@@ -43,7 +43,7 @@ def amplitudes(
     length of the vector of all channels told. The departures of its course (nothing at 150 degrees) and its details are
     allowed for, and not told.
     """
-    elevation_deg = float(data.elevation_deg[data.counted].max())
+    elevation_deg = data.highest_deg
     by_name = {effect.name: effect for effect in effects}
     found = {}
     for name in named:

@@ -64,6 +64,8 @@ class Diagnosis:
     left_out: dict[str, str]
     """Subjects that say too little, each with its reason."""
     postures: int
+    highest_deg: float
+    """Elevation of the highest posture, at which the amplitudes hold."""
     noise: NoiseEstimate
     expected: tuple[str, ...]
     """Effects that the motions are marked with: as probable beforehand as all others together."""
@@ -183,6 +185,7 @@ def _diagnose(
         subjects=data.subjects,
         left_out=left_out | noisy,
         postures=int(data.counted.sum()),
+        highest_deg=data.highest_deg,
         noise=estimate,
         expected=expected,
         verdict=concluded.verdict,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from adapt.at_work import as_option
 from adapt.diagnosis.amplitude import Amplitude
 from adapt.diagnosis.diagnosis import Diagnosis
 from adapt.diagnosis.heldout import HeldOut
@@ -37,7 +38,7 @@ def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
         "probability": of.verdict.probability,
         "pairs": of.verdict.pairs,
         "tests": {name: getattr(of.ranking, name) for name in ("discrepancy_gain", "excess", "oversize")},
-        "amplitude": {name: _amplitude(effects[name], channels) for name, channels in of.amplitude.items()},
+        "amplitude": {name: _amplitude(effects[name], size, of.highest_deg) for name, size in of.amplitude.items()},
         "gap_deg": _gaps(of.gap),
         "where": of.cells,
         "where_by": of.profile,
@@ -57,6 +58,7 @@ def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
         "subjects": of.subjects,
         "left_out": of.left_out,
         "postures": of.postures,
+        "highest_elevation_deg": of.highest_deg,
         "best": of.best,
     }
     found = plain(found)
@@ -68,7 +70,7 @@ def _verdict(of: Verdict) -> Object:
     return {"answer": of.answer, "effects": of.effects, "together": of.together}
 
 
-def _amplitude(effect: Effect, channels: Sequence[Amplitude]) -> Object:
+def _amplitude(effect: Effect, channels: Sequence[Amplitude], highest_deg: float) -> Object:
     value, half = _size(channels)
     return {
         "what": effect.what,
@@ -77,6 +79,7 @@ def _amplitude(effect: Effect, channels: Sequence[Amplitude]) -> Object:
         "low": value - half if len(channels) == 1 else max(0.0, value - half),
         "high": value + half,
         "channels": {one.channel: {"value": one.value, "low": one.low, "high": one.high} for one in channels},
+        "option": as_option(effect, [one.value for one in channels], highest_deg),
     }
 
 

@@ -79,6 +79,11 @@ class Observed:
     motions: tuple[str, ...]
 
     @property
+    def highest_deg(self) -> float:
+        """Elevation of the highest posture."""
+        return float(self.elevation_deg[self.counted].max())
+
+    @property
     def uninformative(self) -> int:
         """Of the residuals, three a posture less than its quantities, those of padding and of what was not measured."""
         each = len(self.values) - 3

@@ -7,6 +7,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from adapt.at_work import OPTION
 from adapt.diagnosis.sentence import Object, listed, together
 from adapt.diagnosis.verdict import EFFECT, NONE, UNKNOWN
 
@@ -58,7 +59,8 @@ def notes(of: Object) -> list[str]:
     left_out = [f"Left out: {subject}: {why}." for subject, why in of["left_out"].items()]
     marked = [f"The motions are marked with {name}: likelier beforehand." for name in of["expected"]]
     parts = [_made_of(of["shares"]["all"])] if of["shares"]["all"] else []
-    rest = [*other, *marked, *parts, _foreseen(of["foreseen"]), *alike, *left_out]
+    known = [_known(of)] if of["verdict"]["answer"] == EFFECT else []
+    rest = [*other, *marked, *parts, _foreseen(of["foreseen"]), *alike, *left_out, *known]
     return [f"Parameter set {of['model']}.", _noise(of["noise"]), *rest]
 
 
@@ -134,6 +136,12 @@ def _models(of: Object) -> Table:
     for name, one in of["by_model"].items():
         table.add_row(name, _interval(one["gap_deg"]["adapted"]["all"]), _named(one["verdict"]))
     return table
+
+
+def _known(of: Object) -> str:
+    """How the next adaptation takes the most probable effect, or the two together, into account."""
+    options = " ".join(f"{OPTION} {of['amplitude'][name]['option']}" for name in of["best"])
+    return f"To adapt with {listed(of['best'], 'and')} as found here: girdle adapt ... {options}"
 
 
 def _made_of(shares: Mapping[str, Any]) -> str:
