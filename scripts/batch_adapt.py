@@ -20,6 +20,8 @@ def batch(
     model: cli.Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
     weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
     reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+    float32: cli.Float32 = False,
+    effect: cli.KnownEffects = [],  # noqa: B006
 ) -> None:
     """Adapt the models to every subject in a folder. A file that cannot be read is named and left out."""
     found = sorted(folder.glob("*.csv"))
@@ -32,7 +34,7 @@ def batch(
     unreachable = [path for path in found if not path.is_file()]
     for path in unreachable:
         print(f"left out: {path}: there is no file behind this name. Remove it.", file=sys.stderr)
-    cli.adapt(files, out, model, weight, reading)
+    cli.adapt(files, out, model, weight, reading, float32=float32, effect=effect)
     if unreachable:
         raise typer.Exit(cli.EXIT_SOME_NOT_HANDLED)
 

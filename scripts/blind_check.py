@@ -58,7 +58,7 @@ def examine(case: Case, fits: Path | None) -> Line:
         found = diagnose(read_motions(shown), model, effects=effects)[model.name]
         data = observed(shown, found.subjects)
         recorded = line_of(found, single_ranking(found, data))
-        if UNSEEN_MOTION in set(world.table["motion"]) and found.verdict.answer == EFFECT and not how.left_out:
+        if UNSEEN_MOTION in set(world.table["motion"]) and found.verdict.answer == EFFECT:
             unseen = written(world.table, (SHOWN_MOTIONS[-1], UNSEEN_MOTION), Path(folder) / "unseen.csv")
             recorded["realised_deg"] = realised_gaps(found, model, observed(unseen, found.subjects))
     if fits:

@@ -33,6 +33,13 @@ from scripts.blind.runs import Line, append_lines, key, missing, read_lines, run
 TRUE, OTHER, THIRD = "conoid_strain", "ac_translation", "thorax_tilt"
 
 
+GAPS = {
+    "gap_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
+    "other_motion_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}},
+}
+"""Predicted, from postures and from a motion held out."""
+
+
 def line(label: str, answer: str, *effects: str, **more: Any) -> Line:
     """A finished case by hand; sure of its answer unless told otherwise."""
     sure = effects[0] if effects else answer
@@ -43,6 +50,7 @@ def line(label: str, answer: str, *effects: str, **more: Any) -> Line:
         "answer": answer,
         "effects": list(effects),
         "together": False,
+        "best": list(effects[:1]),
         "probability": {**dict.fromkeys([*EFFECTS, "none", "unknown"], 0.0), sure: 1.0},
         "indistinguishable": [],
         "seconds": 1.0,
@@ -124,10 +132,7 @@ def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None
 
 
 def test_shrinkage_predicted_and_realised() -> None:
-    gap = {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}}
-    motion = {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}}
-    realised = {"adapted": 1.0, "with_effect": 0.7}
-    seen = line(TRUE, "effect", TRUE, gap_deg=gap, other_motion_deg=motion, realised_deg=realised)
+    seen = line(TRUE, "effect", TRUE, **GAPS, realised_deg={"adapted": 1.0, "with_effect": 0.7})
     assert report.shrinkages([seen, line(TRUE, "none")]) == [pytest.approx((0.25, 0.3))]
     table = report.measure_table({"standard": [seen | {"amplitude": {TRUE: []}, "true_channels": {}}]})
     assert "| median error of the predicted shrinkage |  | 5.0 points (1) |" in table
@@ -148,6 +153,33 @@ def test_a_left_out_effect_may_be_mimicked_only_by_what_was_alike_before() -> No
     ]
     for case, expected in outcomes:
         assert report.left_out_outcome(case, like) == expected
+
+
+def test_a_wrong_name_is_held_against_the_right_one_on_the_motion_that_nobody_saw() -> None:
+    def gaps(with_effect: float) -> dict[str, float]:
+        return {"adapted": 2.0, "with_effect": with_effect}
+
+    whole = [
+        line(TRUE, "effect", TRUE, realised_deg=gaps(1.5)),
+        line(TRUE, "effect", TRUE, seed=1, realised_deg=gaps(1.2)),
+        line(OTHER, "effect", THIRD, OTHER, realised_deg=gaps(1.0)),
+        line(THIRD, "none"),
+    ]
+    left_out = [
+        line(TRUE, "effect", OTHER, realised_deg=gaps(1.4)),
+        line(TRUE, "effect", OTHER, seed=1, realised_deg=gaps(1.8)),
+        line(OTHER, "effect", THIRD, realised_deg=gaps(1.0)),
+        line(THIRD, "unknown"),
+    ]
+    found = report.mimicry(left_out, whole)
+    np.testing.assert_array_equal(found, [[2.0, 1.5, 1.4], [2.0, 1.2, 1.8]])
+    assert report.mimicry(left_out, []).shape == (0, 3)
+    table = report.mimicry_table([*left_out[:1], left_out[1] | {"effects": [OTHER, THIRD]}], whole)
+    assert "| gap on a motion that nobody saw, deg | a wrong name (2) | a confident one (1) |" in table
+    assert "| with the effect at work, mean | 1.350 | 1.500 |" in table
+    assert "| with what was named in its place, mean | 1.600 | 1.400 |" in table
+    assert "| more than with the effect at work, median | 0.250 | -0.100 |" in table
+    assert "| more than with the effect at work, most | 0.600 | -0.100 |" in table
 
 
 def test_pairs_are_named_in_part_or_whole() -> None:
@@ -173,12 +205,12 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
     more = {"amplitude": {}, "true_channels": {}}
     names = list(EFFECTS)
     lines = [
-        line(TRUE, "effect", TRUE, **more),
+        line(TRUE, "effect", TRUE, **GAPS, realised_deg={"adapted": 2.0, "with_effect": 0.9}, **more),
         line(TRUE, "effect", OTHER, seed=1, code="1", **more),
         line("none", "none"),
         line("outside_drift", "unknown"),
         line(f"{TRUE}+{OTHER}", "effect", TRUE, OTHER, together=True),
-        line(TRUE, "unknown", condition="loo"),
+        line(TRUE, "effect", OTHER, condition="loo", realised_deg={"adapted": 2.0, "with_effect": 1.0}),
         line(TRUE, "effect", TRUE, condition="power_2", **more),
         {**asdict(Case("half", THIRD, 0)), "model": "R2", "code": "0", "failed": "ValueError: no"},
     ]
@@ -188,7 +220,9 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
     assert "- ('half', 'thorax_tilt', 0, 0): ValueError: no" in text
     assert "| true effect in the reported set | >= 97 % | 50.0 % (9-91; 2) |" in text
     assert "| both named | 100.0 % (21-100; 1) |" in text
-    assert "| unknown | 100.0 % (21-100; 1) |" in text
+    assert "| a name; not judged, `standard` not run | 100.0 % (21-100; 1) |" not in text
+    assert "| confident wrong name | 100.0 % (21-100; 1) |" in text
+    assert "| with what was named in its place, mean | 1.000 | 1.000 |" in text
     row = [""] * (len(names) + 2)
     row[names.index(TRUE)] = row[names.index(OTHER)] = "1"
     assert f"| {names.index(TRUE) + 1} {TRUE} | {' | '.join(row)} |" in text

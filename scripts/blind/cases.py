@@ -22,7 +22,7 @@ CALIBRATION_SEEDS = range(100_000)
 """Of worlds that the thresholds of adapt/diagnosis/verdict.py were fitted on, and everything was tried out on."""
 
 REPORTED_SEEDS = range(200_000, 200_012)
-"""The published figures: no threshold was ever fitted on these."""
+"""No threshold was ever fitted on these or on any after them. The README says which of them its figures are of."""
 
 NONE_WORLDS = 8
 """Worlds without an effect a seed: all that says how often an effect is blamed on nothing."""

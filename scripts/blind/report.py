@@ -162,6 +162,19 @@ def left_out_outcome(line: Line, like: dict[tuple[str, int], set[str]]) -> str:
     return "confident wrong name" if confidently_wrong(line) else "wrong set"
 
 
+def mimicry(left_out: Iterable[Line], whole: Iterable[Line]) -> np.ndarray:
+    """Gaps on the unseen motion, deg: [adapted, with the effect at work, with what was named in its place] a world.
+
+    Of worlds in which a wrong name was given without the effect at work in the library, and the right one with it.
+    """
+    right, wrong = (
+        {(line["label"], line["seed"]): line["realised_deg"] for line in lines if "realised_deg" in line}
+        for lines in ([line for line in whole if line["label"] in line["best"]], left_out)
+    )
+    both = [(right[of], wrong[of]) for of in wrong if of in right]
+    return np.array([(a["adapted"], a["with_effect"], b["with_effect"]) for a, b in both]).reshape(-1, 3)
+
+
 def pair_outcome(line: Line) -> str:
     """What became of two effects at once."""
     if not named(line):
@@ -278,6 +291,21 @@ def confusion_matrix(lines: Sequence[Line]) -> str:
     return markdown(["truth", *(numbers.get(column, column) for column in columns)], rows)
 
 
+def mimicry_table(left_out: Sequence[Line], whole: Sequence[Line]) -> str:
+    """How well wrong names, and those that hedge nothing, foretell the motion that nobody saw, beside right ones."""
+    columns = {"a wrong name": left_out, "a confident one": [line for line in left_out if confidently_wrong(line)]}
+    found = {head: mimicry(lines, whole) for head, lines in columns.items()}
+    shown = {f"{head} ({len(gaps_deg)})": gaps_deg.T for head, gaps_deg in found.items() if len(gaps_deg)}
+    rows = [
+        ["adapted, mean", *(f"{adapted.mean():.3f}" for adapted, _, _ in shown.values())],
+        ["with the effect at work, mean", *(f"{right.mean():.3f}" for _, right, _ in shown.values())],
+        ["with what was named in its place, mean", *(f"{wrong.mean():.3f}" for _, _, wrong in shown.values())],
+        ["more than with the effect at work, median", *(f"{np.median(b - a):.3f}" for _, a, b in shown.values())],
+        ["more than with the effect at work, most", *(f"{(b - a).max():.3f}" for _, a, b in shown.values())],
+    ]
+    return markdown(["gap on a motion that nobody saw, deg", *shown], rows)
+
+
 POWER = {"power_0.25": 0.25, "half": 0.5, "standard": 1.0, "power_1.5": 1.5, "power_2": 2.0}
 """Sizes of the power curve, in the world's amplitudes."""
 
@@ -316,6 +344,7 @@ def report(lines: Sequence[Line]) -> str:
             "A mimic is in one set of `indistinguishable` with the effect when the library holds it.",
             outcome_table(outcomes, "left out", list(dict.fromkeys([*possible, *outcomes]))),
         ]
+        parts += [mimicry_table(left_out, standard)]
     if standard:
         parts += ["## Confusion matrix, standard", confusion_matrix(standard)]
     if any(condition in by_condition for condition in POWER):
