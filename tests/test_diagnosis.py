@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_effects import without_details
+from threadpoolctl import threadpool_info
 
 from adapt.diagnosis import Diagnosis, diagnose
 from adapt.diagnosis.heldout import gaps
@@ -116,6 +117,22 @@ def test_probabilities_are_of_every_answer_and_sum_to_1(name, request):
     verdict = request.getfixturevalue(name).verdict
     assert set(verdict.probability) == {*NAMES, NONE, UNKNOWN}
     assert sum(verdict.probability.values()) == pytest.approx(1.0)
+
+
+def test_threads_of_one_diagnosis_do_not_wait_for_those_of_its_linear_algebra(biased):
+    class AskedError(Exception):
+        pass
+
+    def threads() -> set[int]:
+        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+    def ask(stage: str) -> None:
+        raise AskedError(threads())
+
+    before = threads()
+    with pytest.raises(AskedError, match=r"^\{1\}$"):
+        diagnose(biased.motions, MODEL, effects=SMALL_EFFECTS, progress=ask)
+    assert threads() == before
 
 
 def test_the_verdict_is_looked_at_again_at_other_noise(found):

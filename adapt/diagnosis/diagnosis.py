@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from threadpoolctl import threadpool_limits
 
 from adapt.diagnosis import where
 from adapt.diagnosis.amplitude import Amplitude, amplitudes
@@ -106,18 +107,19 @@ def diagnose(
     models = [models] if isinstance(models, ParameterSet) else list(models)
     data, left_out = _usable(observe(motions))
     expected = expected_effects(motions)
-    return {
-        model.name: _diagnose(
-            model,
-            tuple(effects),
-            data,
-            left_out,
-            expected,
-            noise_deg,
-            lambda stage, name=model.name: progress(f"{name}: {stage}"),
-        )
-        for model in models
-    }
+    with threadpool_limits(1, "blas"):  # of a hundred columns, more threads wait for each other longer than they work
+        return {
+            model.name: _diagnose(
+                model,
+                tuple(effects),
+                data,
+                left_out,
+                expected,
+                noise_deg,
+                lambda stage, name=model.name: progress(f"{name}: {stage}"),
+            )
+            for model in models
+        }
 
 
 def _usable(data: Observed) -> tuple[Observed, dict[str, str]]:

@@ -35,27 +35,55 @@ _MOST_SUBJECTS = 24
 
 @dataclass(frozen=True)
 class Column:
-    """What one hypothesis does to the residuals of each subject: C = blockdiag(within) + common common'."""
+    """What one hypothesis does to the residuals of each subject: C = blockdiag(1 + G G') + common common'.
 
-    within: Float[np.ndarray, "subjects residuals residuals"]
-    """Covariance within a subject for a given common amplitude, the adapted parameters integrated out."""
+    All that is needed of C are products with the few columns of G and of the common amplitude:
+    (1 + G G')^-1 = 1 - G (1 + G'G)^-1 G', and det(1 + G G') = det(1 + G'G).
+    """
+
+    X: Float[np.ndarray, "subjects residuals 6"]
+    """Derivatives by the adapted parameters, in prior standard deviations."""
+    between: Float[np.ndarray, "subjects residuals amplitudes"]
+    """Derivatives by a subject's deviation from the common amplitude, in prior standard deviations."""
     common: Float[np.ndarray, "subjects residuals amplitudes"]
     """Derivatives by the common amplitude, in prior standard deviations."""
 
+    def at(self, size: float) -> "Column":
+        """The same effect at another size."""
+        return Column(self.X, size * self.between, size * self.common)
+
     @cached_property
-    def inverse(self) -> Float[np.ndarray, "subjects residuals residuals"]:
-        """within^-1."""
-        return np.linalg.inv(self.within)
+    def G(self) -> Float[np.ndarray, "subjects residuals columns"]:
+        """All that each subject has for itself."""
+        return np.concatenate([self.X, self.between], axis=2)
+
+    @cached_property
+    def information(self) -> Float[np.ndarray, "subjects columns columns"]:
+        """1 + G'G."""
+        return np.eye(self.G.shape[2]) + np.swapaxes(self.G, 1, 2) @ self.G
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "subjects columns columns"]:
+        """(1 + G'G)^-1."""
+        return np.linalg.inv(self.information)
 
     @cached_property
     def core(self) -> Float[np.ndarray, "amplitudes amplitudes"]:
-        """1 + common' within^-1 common."""
-        return np.eye(self.common.shape[2]) + _pairs(self.common, self.inverse @ self.common)
+        """1 + common' (1 + G G')^-1 common."""
+        return np.eye(self.common.shape[2]) + _pairs(self.common, self.solved(self.common))
 
     @cached_property
     def log_det(self) -> float:
         """log det C."""
-        return float(np.linalg.slogdet(self.within)[1].sum() + np.linalg.slogdet(self.core)[1])
+        return float(np.linalg.slogdet(self.information)[1].sum() + np.linalg.slogdet(self.core)[1])
+
+    def solved(self, right: Float[np.ndarray, "subjects residuals n"]) -> Float[np.ndarray, "subjects residuals n"]:
+        """(1 + G G')^-1 right."""
+        return right - self.G @ (self.covariance @ (np.swapaxes(self.G, 1, 2) @ right))
+
+    def times(self, right: Float[np.ndarray, "subjects residuals n"]) -> Float[np.ndarray, "subjects residuals n"]:
+        """(1 + G G') right."""
+        return right + self.G @ (np.swapaxes(self.G, 1, 2) @ right)
 
 
 def _pairs(left, right):
@@ -102,7 +130,7 @@ def smallest_detectable(
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
     found: dict[str, float | None] = {}
     for effect, column in zip(effects, columns, strict=True):
-        sizes = (size for size in _SIZES if _divergence(_scaled(column, nothing, size), nothing) >= TOLD_APART)
+        sizes = (size for size in _SIZES if _divergence(column.at(size), nothing) >= TOLD_APART)
         size = next(sizes, None)
         typical = np.linalg.norm(effect.scale[: len(effect.directions)])
         found[effect.name] = None if size is None else float(size * typical)
@@ -138,25 +166,18 @@ def slopes(
 def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     by_name = {effect.name: effect for effect in effects}
-    adapted = np.eye(X.shape[1]) + X @ np.swapaxes(X, 1, 2)
     found = []
     for hypothesis, A in zip(hypotheses, by_amplitudes, strict=True):
-        scale = prior_sd_of(by_name[name] for name in hypothesis)
-        between = A * alike(scale).between
-        found.append(Column(adapted + between @ np.swapaxes(between, 1, 2), A * alike(scale).common))
+        prior = alike(prior_sd_of(by_name[name] for name in hypothesis))
+        found.append(Column(X, A * prior.between, A * prior.common))
     return found
 
 
-def _scaled(column: Column, nothing: Column, size: float) -> Column:
-    """The same effect at another size."""
-    return Column(nothing.within + size**2 * (column.within - nothing.within), size * column.common)
-
-
 def _divergence(i: Column, j: Column) -> float:
-    """D_ij, by blocks of subjects."""
-    W = j.inverse @ j.common
-    trace = float((j.inverse * np.swapaxes(i.within, 1, 2)).sum()) + np.trace(_pairs(i.common, j.inverse @ i.common))
+    """D_ij = (tr C_j^-1 C_i - residuals + log det C_j - log det C_i) / 2, by blocks of subjects."""
+    W = j.solved(j.common)
+    own = np.trace(j.covariance - np.eye(j.G.shape[2]), axis1=1, axis2=2).sum() + (i.G * j.solved(i.G)).sum()
     overlap = _pairs(W, i.common)
-    trace -= np.trace(np.linalg.solve(j.core, _pairs(W, i.within @ W) + overlap @ overlap.T))
-    residuals = i.within.shape[0] * i.within.shape[1]
-    return 0.5 * float(trace - residuals + j.log_det - i.log_det)
+    trace = float(own) + np.trace(_pairs(i.common, j.solved(i.common)))
+    trace -= np.trace(np.linalg.solve(j.core, _pairs(W, i.times(W)) + overlap @ overlap.T))
+    return 0.5 * float(trace + j.log_det - i.log_det)

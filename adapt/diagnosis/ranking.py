@@ -71,10 +71,8 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
     weighed.sort(key=lambda one: -one.log_evidence)
     best = weighed[0].log_evidence
     examined = [one for k, one in enumerate(weighed) if k < _EXAMINED or not one.fitted.hypothesis]
-    gain = max(
-        one.log_evidence - best + discrepancy_gain(one.wider, data, likeliest_prior(one.wider), noise)
-        for one in examined
-    )
+    gains = in_threads(lambda one: discrepancy_gain(one.wider, data, likeliest_prior(one.wider), noise), examined)
+    gain = max(one.log_evidence - best + more for one, more in zip(examined, gains, strict=True))
     top = weighed[0].fitted
     chi_square, freedom = float((top.y**2).sum()), _freedom(top, data)
     return Ranking(
