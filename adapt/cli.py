@@ -106,6 +106,10 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
         errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
 
 
+Weight = Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")]
+
+Reading = Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")]
+
 Float32 = Annotated[
     bool,
     typer.Option(
@@ -175,8 +179,8 @@ def adapt(
     motions: MotionFiles,
     out: Out,
     model: Models = ["R2"],  # noqa: B006
-    weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
-    reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+    weight: Weight = WEIGHT,
+    reading: Reading = DEFAULT_READING,
     chunk: Annotated[
         int | None,
         typer.Option(
@@ -290,7 +294,7 @@ def trust_results(
     motions: MotionFiles,
     out: Out,
     model: Models = ["R2"],  # noqa: B006
-    weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
+    weight: Weight = WEIGHT,
     choose_weight: Annotated[
         bool, typer.Option("--choose-weight", help="Try other w too, and say which is best on held-out motions.")
     ] = False,

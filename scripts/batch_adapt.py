@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from adapt import cli
-from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.objective import DEFAULT_READING, WEIGHT
 from motions import InputError
 
 app = typer.Typer(add_completion=False)
@@ -18,8 +18,8 @@ def batch(
     folder: Annotated[Path, typer.Argument(help="Folder of the subjects' motion files, *.csv.")],
     out: cli.Out,
     model: cli.Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
-    weight: Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")] = WEIGHT,
-    reading: Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")] = DEFAULT_READING,
+    weight: cli.Weight = WEIGHT,
+    reading: cli.Reading = DEFAULT_READING,
     float32: cli.Float32 = False,
     effect: cli.KnownEffects = [],  # noqa: B006
 ) -> None:

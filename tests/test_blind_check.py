@@ -205,12 +205,12 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
     more = {"amplitude": {}, "true_channels": {}}
     names = list(EFFECTS)
     lines = [
-        line(TRUE, "effect", TRUE, **GAPS, realised_deg={"adapted": 2.0, "with_effect": 0.9}, **more),
+        line(TRUE, "effect", TRUE, **more),
         line(TRUE, "effect", OTHER, seed=1, code="1", **more),
         line("none", "none"),
         line("outside_drift", "unknown"),
         line(f"{TRUE}+{OTHER}", "effect", TRUE, OTHER, together=True),
-        line(TRUE, "effect", OTHER, condition="loo", realised_deg={"adapted": 2.0, "with_effect": 1.0}),
+        line(TRUE, "unknown", condition="loo"),
         line(TRUE, "effect", TRUE, condition="power_2", **more),
         {**asdict(Case("half", THIRD, 0)), "model": "R2", "code": "0", "failed": "ValueError: no"},
     ]
@@ -220,9 +220,8 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
     assert "- ('half', 'thorax_tilt', 0, 0): ValueError: no" in text
     assert "| true effect in the reported set | >= 97 % | 50.0 % (9-91; 2) |" in text
     assert "| both named | 100.0 % (21-100; 1) |" in text
-    assert "| a name; not judged, `standard` not run | 100.0 % (21-100; 1) |" not in text
-    assert "| confident wrong name | 100.0 % (21-100; 1) |" in text
-    assert "| with what was named in its place, mean | 1.000 | 1.000 |" in text
+    assert "| unknown | 100.0 % (21-100; 1) |" in text
+    assert report.MIMICRY not in text
     row = [""] * (len(names) + 2)
     row[names.index(TRUE)] = row[names.index(OTHER)] = "1"
     assert f"| {names.index(TRUE) + 1} {TRUE} | {' | '.join(row)} |" in text
@@ -230,6 +229,18 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
     assert power in text
     assert "| conoid_strain - ac_translation | 0 | 1 |" in text
     assert report.report([]) == "No finished case among those asked for."
+
+
+def test_the_report_has_the_mimics_where_there_are_any() -> None:
+    seen = {"amplitude": {TRUE: []}, "true_channels": {}, **GAPS}
+    lines = [
+        line(TRUE, "effect", TRUE, realised_deg={"adapted": 2.0, "with_effect": 0.9}, **seen),
+        line(TRUE, "effect", OTHER, condition="loo", realised_deg={"adapted": 2.0, "with_effect": 1.0}),
+    ]
+    text = report.report(lines)
+    assert "| confident wrong name | 100.0 % (21-100; 1) |" in text
+    assert f"| {report.MIMICRY} | a wrong name (1) | a confident one (1) |" in text
+    assert "| with what was named in its place, mean | 1.000 | 1.000 |" in text
 
 
 def test_every_reach_is_of_a_measure() -> None:

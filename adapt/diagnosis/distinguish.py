@@ -68,9 +68,14 @@ class Column:
         return np.linalg.inv(self.information)
 
     @cached_property
+    def solved_common(self) -> Float[np.ndarray, "subjects residuals amplitudes"]:
+        """(1 + G G')^-1 common."""
+        return self.solved(self.common)
+
+    @cached_property
     def core(self) -> Float[np.ndarray, "amplitudes amplitudes"]:
         """1 + common' (1 + G G')^-1 common."""
-        return np.eye(self.common.shape[2]) + _pairs(self.common, self.solved(self.common))
+        return np.eye(self.common.shape[2]) + _pairs(self.common, self.solved_common)
 
     @cached_property
     def log_det(self) -> float:
@@ -175,9 +180,9 @@ def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, 
 
 def _divergence(i: Column, j: Column) -> float:
     """D_ij = (tr C_j^-1 C_i - residuals + log det C_j - log det C_i) / 2, by blocks of subjects."""
-    W = j.solved(j.common)
-    own = np.trace(j.covariance - np.eye(j.G.shape[2]), axis1=1, axis2=2).sum() + (i.G * j.solved(i.G)).sum()
+    W = j.solved_common
+    beyond = np.trace(j.covariance - np.eye(j.G.shape[2]), axis1=1, axis2=2).sum()  # tr (1 + G G')^-1 - residuals
+    beyond += sum((columns * j.solved(columns)).sum() for columns in (i.G, i.common))
     overlap = _pairs(W, i.common)
-    trace = float(own) + np.trace(_pairs(i.common, j.solved(i.common)))
-    trace -= np.trace(np.linalg.solve(j.core, _pairs(W, i.times(W)) + overlap @ overlap.T))
-    return 0.5 * float(trace + j.log_det - i.log_det)
+    beyond -= np.trace(np.linalg.solve(j.core, _pairs(W, i.times(W)) + overlap @ overlap.T))
+    return 0.5 * float(beyond + j.log_det - i.log_det)

@@ -288,62 +288,51 @@ def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray, axis: int
 class _Pulls:
     """What each subject says of the common amplitude, its own deviation integrated out."""
 
+    own: Float[np.ndarray, "*draws subjects amplitudes amplitudes"]
+    """The shrinkage b S b' of each subject's deviation."""
     log: Float[np.ndarray, "*draws"]
     """Log evidence with the common amplitude at its prior mean."""
     pull: Float[np.ndarray, "*draws subjects amplitudes"]
     """On the common amplitude, in its prior standard deviations."""
     covariance: Float[np.ndarray, "*draws amplitudes amplitudes"]
     """Of it, in the same."""
-    half: Float[np.ndarray, "*draws subjects ways amplitudes"]
-    """Of the shrinkage half' half of each subject's deviation."""
 
 
 def _pulls(of: Statistics, prior: Block, along=None) -> _Pulls:
-    """With b b' the covariance of a subject's deviation and I its information, (1 + b'Ib)^-1 = away' away, so that each
-    explains |away b' pull|^2 and leaves I - V'V, V = away b'I: a product for each amplitude that has a common part."""
+    c, mean = prior.common, prior.mean
+    information, pull = of.information, of.pull - of.information @ mean
+    b = _deviations(prior.between, along)
+    S = np.linalg.inv(np.eye(b.shape[-1]) + np.swapaxes(b, -1, -2) @ information @ b)
+    own = b @ S @ np.swapaxes(b, -1, -2)
+    followed = np.einsum("...sij,...sj->...si", own, pull)
+    log = of.log + 0.5 * (of.pull + pull).sum(axis=-2) @ mean
+    log = log + 0.5 * (pull * followed).sum(axis=(-1, -2)) + 0.5 * np.linalg.slogdet(S)[1].sum(axis=-1)
+    left = (information - information @ own @ information).sum(axis=-3)
+    covariance = np.linalg.inv(np.eye(len(c)) + c[:, None] * left * c)
+    return _Pulls(own, log, c * (pull - np.einsum("...sij,...sj->...si", information, followed)), covariance)
 
-    def times_b(x):
-        varies = prior.between > 0.0
-        own = x[..., varies] * prior.between[varies]
-        if along is None:
-            return own
-        more = x @ along[..., None, :, :]
-        return np.concatenate([np.broadcast_to(own, (*more.shape[:-1], own.shape[-1])), more], axis=-1)
 
-    common = prior.common > 0.0
-    c, mean, information = prior.common[common], prior.mean, of.information
-    pull = of.pull - information @ mean
-    by_b = times_b(information)
-    root = np.linalg.cholesky(np.eye(by_b.shape[-1]) + times_b(np.swapaxes(by_b, -1, -2)))
-    away = np.linalg.inv(root)
-    V = away @ np.swapaxes(by_b, -1, -2)[..., common] * c
-    v = (away @ times_b(pull[..., None, :])[..., 0, :, None])[..., 0]
-    log = of.log + 0.5 * (of.pull + pull).sum(axis=-2) @ mean + 0.5 * (v**2).sum(axis=(-1, -2))
-    log = log - np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=(-1, -2))
-    of_common = c[:, None] * information[..., common, :][..., common].sum(axis=-3) * c
-    stacked = V.reshape(*V.shape[:-3], V.shape[-3] * V.shape[-2], len(c))
-    left = of_common - np.swapaxes(stacked, -1, -2) @ stacked
-    covariance = np.tile(np.eye(len(common)), (*left.shape[:-2], 1, 1))
-    covariance[..., np.flatnonzero(common)[:, None], common] = np.linalg.inv(np.eye(len(c)) + left)
-    on_common = np.zeros_like(pull)
-    on_common[..., common] = c * pull[..., common] - (v[..., None, :] @ V)[..., 0, :]
-    return _Pulls(log, on_common, covariance, away @ np.swapaxes(times_b(np.eye(len(common))), -1, -2))
+def _deviations(between, along) -> Float[np.ndarray, "*draws 1 amplitudes ways"]:
+    """b with b b' the covariance of a subject's deviation from the common amplitude."""
+    each = np.diag(between)[:, between > 0.0]
+    if along is not None:
+        each = np.concatenate([np.broadcast_to(each, (*along.shape[:-1], each.shape[1])), along], axis=-1)
+    return each[..., None, :, :]
 
 
 def _combined(of: Statistics, prior: Block, along=None):
-    """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b' of each subject, as its half."""
+    """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b' of each subject."""
     by_subject, c = _pulls(of, prior, along), prior.common
     pull, covariance = by_subject.pull.sum(axis=-2), by_subject.covariance
     mu = np.einsum("...i,...ij->...j", pull, covariance)
     log = by_subject.log + 0.5 * (pull * mu).sum(axis=-1) + 0.5 * np.linalg.slogdet(covariance)[1]
-    return log, prior.mean + c * mu, c[:, None] * covariance * c, by_subject.half
+    return log, prior.mean + c * mu, c[:, None] * covariance * c, by_subject.own
 
 
 def posterior(fitted: Linear, prior: Block) -> Posterior:
     """Evidence and means of everything under one prior of the amplitudes."""
     of = statistics(fitted)
-    log, common, covariance, half = _combined(of, prior)
-    own = np.swapaxes(half, -1, -2) @ half
+    log, common, covariance, own = _combined(of, prior)
     left = of.pull - np.einsum("sij,j->si", of.information, common)
     a = common + np.einsum("sij,sj->si", own, left)
     rest = fitted.linear - np.einsum("srk,sk->sr", fitted.A, a)

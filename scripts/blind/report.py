@@ -167,11 +167,12 @@ def mimicry(left_out: Iterable[Line], whole: Iterable[Line]) -> np.ndarray:
 
     Of worlds in which a wrong name was given without the effect at work in the library, and the right one with it.
     """
-    right, wrong = (
-        {(line["label"], line["seed"]): line["realised_deg"] for line in lines if "realised_deg" in line}
-        for lines in ([line for line in whole if line["label"] in line["best"]], left_out)
-    )
-    both = [(right[of], wrong[of]) for of in wrong if of in right]
+
+    def realised(lines: Iterable[Line]) -> dict[tuple[str, int], dict[str, float]]:
+        return {(line["label"], line["seed"]): line["realised_deg"] for line in lines if "realised_deg" in line}
+
+    right, wrong = realised(line for line in whole if line["label"] in line["best"]), realised(left_out)
+    both = [(right[world], wrong[world]) for world in wrong if world in right]
     return np.array([(a["adapted"], a["with_effect"], b["with_effect"]) for a, b in both]).reshape(-1, 3)
 
 
@@ -291,6 +292,9 @@ def confusion_matrix(lines: Sequence[Line]) -> str:
     return markdown(["truth", *(numbers.get(column, column) for column in columns)], rows)
 
 
+MIMICRY = "gap on a motion that nobody saw, deg"
+
+
 def mimicry_table(left_out: Sequence[Line], whole: Sequence[Line]) -> str:
     """How well wrong names, and those that hedge nothing, foretell the motion that nobody saw, beside right ones."""
     columns = {"a wrong name": left_out, "a confident one": [line for line in left_out if confidently_wrong(line)]}
@@ -303,7 +307,7 @@ def mimicry_table(left_out: Sequence[Line], whole: Sequence[Line]) -> str:
         ["more than with the effect at work, median", *(f"{np.median(b - a):.3f}" for _, a, b in shown.values())],
         ["more than with the effect at work, most", *(f"{(b - a).max():.3f}" for _, a, b in shown.values())],
     ]
-    return markdown(["gap on a motion that nobody saw, deg", *shown], rows)
+    return markdown([MIMICRY, *shown], rows)
 
 
 POWER = {"power_0.25": 0.25, "half": 0.5, "standard": 1.0, "power_1.5": 1.5, "power_2": 2.0}
@@ -344,7 +348,8 @@ def report(lines: Sequence[Line]) -> str:
             "A mimic is in one set of `indistinguishable` with the effect when the library holds it.",
             outcome_table(outcomes, "left out", list(dict.fromkeys([*possible, *outcomes]))),
         ]
-        parts += [mimicry_table(left_out, standard)]
+        if len(mimicry(left_out, standard)):
+            parts += [mimicry_table(left_out, standard)]
     if standard:
         parts += ["## Confusion matrix, standard", confusion_matrix(standard)]
     if any(condition in by_condition for condition in POWER):
