@@ -205,12 +205,23 @@ def _key() -> str:
     import llvmlite
     import llvmlite.binding as llvm
 
-    digest = _DIGEST(f"{llvmlite.__version__} {llvm.get_host_cpu_name()} {_features()}".encode())
-    root = Path(__file__).parents[1]
-    for folder in ("motions", "models", "adapt"):
-        for file in sorted((root / folder).glob("*.py")):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:32]
+    platform = f"{llvmlite.__version__} {llvm.get_host_cpu_name()} {_features()}"
+    return _DIGEST(platform.encode() + source_digest(_ROOT)).hexdigest()[:32]
+
+
+_ROOT = Path(__file__).parents[1]
+
+_PACKAGES = ("motions", "models", "adapt")
+
+
+def source_digest(root: Path) -> bytes:
+    """Hash the names and the text of every Python file of the packages below a folder, at any depth."""
+    digest = _DIGEST()
+    for package in _PACKAGES:
+        for file in sorted((root / package).rglob("*.py")):
+            text = file.read_bytes()
+            digest.update(f"{file.relative_to(root).as_posix()} {len(text)}\n".encode() + text)
+    return digest.digest()
 
 
 def _features() -> str:

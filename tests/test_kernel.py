@@ -227,3 +227,23 @@ def test_a_cache_that_cannot_be_written_to_costs_no_more_than_time(tmp_path, mon
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path / "file")
     np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).by_machine(np.ones(2)), [2.0, 2.0])
+
+
+@pytest.mark.parametrize("changed", ["motions/arrays.py", "models/effects/effect.py", "adapt/trust/deep/er.py"])
+def test_the_key_of_the_cached_code_covers_every_source_file_at_any_depth(changed, tmp_path):
+    files = {"motions/arrays.py", "models/girdle.py", "models/effects/effect.py", "adapt/kernel.py", changed}
+    for name in files:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("x = 1\n")
+    before = kernel.source_digest(tmp_path)
+    assert kernel.source_digest(tmp_path) == before
+    (tmp_path / changed).write_text("x = 2\n")
+    after = kernel.source_digest(tmp_path)
+    assert after != before
+    (tmp_path / changed).rename((tmp_path / changed).with_name("elsewhere.py"))
+    assert kernel.source_digest(tmp_path) not in (before, after)
+
+
+def test_the_key_of_the_cached_code_is_that_of_this_checkout():
+    assert (kernel._ROOT / "adapt" / "kernel.py").samefile(kernel.__file__)
+    assert all((kernel._ROOT / package / "__init__.py").exists() for package in kernel._PACKAGES)
