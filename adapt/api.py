@@ -8,15 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import DTypeLike
 
-from adapt.adaptation import Adapted, adapt_lanes, lanes
-from adapt.at_work import NO_EFFECTS, Amplitudes, at_work
-from adapt.batch import pack
-from adapt.chunks import as_type, lanes_of
-from adapt.fit import Fitted, fit_lanes, follow_motions
-from adapt.heldout import fewest_folds, held_out_gaps, sample
-from adapt.heldout_table import NOTHING
-from adapt.objective import DEFAULT_READING, WEIGHT
-from adapt.tables import (
+from adapt.engine.batching import as_type, lanes_of
+from adapt.solvers.adaptation import Adapted, adapt_lanes, lanes
+from adapt.solvers.objective import DEFAULT_READING, WEIGHT
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.posture_fits import Fitted, fit_lanes, follow_motions
+from adapt.tables.held_out import NOTHING
+from adapt.tables.results import (
     ALL_MOTIONS,
     STATISTICS,
     SubjectRows,
@@ -27,8 +25,10 @@ from adapt.tables import (
     summary_of,
     summary_table,
 )
+from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
+from models.effects.known import NO_EFFECTS, Amplitudes, at_work
 from models.girdle import Girdle
-from models.parameters import ParameterSet
+from models.parameter_sets import ParameterSet
 from motions.errors import InputError
 from motions.rotations import DEG
 from motions.table import Motions
@@ -98,19 +98,19 @@ def adapt_subjects(
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
-    ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.objective.READINGS``. Subjects are independent: one
-    that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
-    each of their motions, or, with a single motion, each third of their postures: see ``adapt.heldout``. By default all
-    are, of more than 400 a sample; this takes about twice the time of the rest, and ``()`` spares it.
+    ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.solvers.objective.READINGS``. Subjects are independent:
+    one that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
+    each of their motions, or, with a single motion, each third of their postures: see ``adapt.trust.held_out``. By
+    default all are, of more than 400 a sample; this takes about twice the time of the rest, and ``()`` spares it.
 
     ``dtype``: with float32 the fits are iterated in it, and again in float64 where that does not converge. Of simulated
     subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm (``scripts/measure_float32.py``); where E
     has several optima, one subject in a thousand ends in another one, as often a lower as a higher one.
 
     ``effects`` that are known to be at work, in every subject alike, before as after adaptation: the amplitude of each
-    direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``adapt.at_work``. They act in the chain; D
-    stays that of the ellipsoid without them. They have no fast path, nor one in float32: ten subjects take 8 s, and
-    what is compiled for them half a minute unless ``adapt.cache`` holds it.
+    direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``models.effects.known``. They act in the
+    chain; D stays that of the ellipsoid without them. They have no fast path, nor one in float32: ten subjects take 8
+    s, and what is compiled for them half a minute unless ``adapt.engine.compilation_cache`` holds it.
     """
     models, motions = _as_list(models), _with_gaps(motions)
     dtype = _type_of(dtype, effects)

@@ -1,5 +1,5 @@
 """The differentiable girdle: geometry, constraints, parameter sets."""
 
-from models.parameters import ParameterSet, load_model, model_names
+from models.parameter_sets import ParameterSet, load_model, model_names
 
 __all__ = ["ParameterSet", "load_model", "model_names"]

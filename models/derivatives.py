@@ -2,7 +2,7 @@
 
 What ``models.girdle`` and ``models.ellipsoid`` define and automatic differentiation derives, in a quarter of the
 operations. Vectors are tuples of three arrays and matrices tuples of rows, so that every operation is elementwise and
-the compiler may fuse it with its neighbours. Lengths in mm, angles in rad. tests/test_derivatives.py holds every
+the compiler may fuse it with its neighbours. Lengths in mm, angles in rad. tests/models/test_derivatives.py holds every
 number against automatic differentiation.
 
 **Rotations.** A bone point r = R v, R = Ry(a) Rz(b) Rx(c), turns about e_a = y, e_b = Ry z and e_c = R x:

@@ -3,9 +3,9 @@
 import jax
 
 from motions.errors import InputError
-from motions.reading import MotionStream, read_motions
+from motions.motion_csv.reading import MotionStream, read_motions
+from motions.motion_csv.writing import write_motions
 from motions.table import ANGLES, LANDMARKS, Motions
-from motions.writing import write_motions
 
 # The fits are exact in double precision only; no module of the project makes an array before this line.
 jax.config.update("jax_enable_x64", True)

@@ -1,4 +1,4 @@
-"""One text, three engines: at once on numpy's arrays, compiled by JAX, or as machine code (``motions.machine``).
+"""One text, three engines: at once on numpy's arrays, compiled by JAX, or as machine code (``adapt.engine.llvm``).
 
 What is done along an axis before the lanes (postures of a subject, points of a thorax) is said of one place, with
 ``along``: on arrays of all places at once, in machine code in a loop.
@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motions.machine import Lane, Loop, Row
+from adapt.engine.llvm import Lane, Loop, Row
 
 Array = Any
 """numpy's or JAX's: what comes in goes out. A type checker cannot follow which, so it is told nothing."""

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from adapt import cli
-from adapt.objective import DEFAULT_READING, WEIGHT
+from adapt.cli import app as cli
+from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from motions import InputError
 
 app = typer.Typer(add_completion=False)

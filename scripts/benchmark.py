@@ -22,7 +22,7 @@ from typing import Annotated, Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "helpers")]
 
 import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
@@ -30,18 +30,18 @@ import numpy as np  # noqa: E402
 import typer  # noqa: E402
 from oracles import bones, ipopt_call, slsqp  # noqa: E402  # pyright: ignore[reportMissingImports]
 
-from adapt.adaptation import lanes, lanes_at, problem_of, solved_from_geometric_fit, subjects_kernel  # noqa: E402
-from adapt.batch import pack  # noqa: E402
-from adapt.cache import keep_compiled  # noqa: E402
-from adapt.differentiable import nested_objective  # noqa: E402
-from adapt.fit import fit_lanes  # noqa: E402
-from adapt.kernel import Kernel  # noqa: E402
-from adapt.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
-from adapt.sweep import Fixed, Start  # noqa: E402
+from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
+from adapt.engine.kernel import Kernel  # noqa: E402
+from adapt.solvers.adaptation import lanes, lanes_at, problem_of, solved_from_geometric_fit, subjects_kernel  # noqa: E402
+from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
+from adapt.solvers.differentiable import nested_objective  # noqa: E402
+from adapt.solvers.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
+from adapt.solvers.padded_batch import pack  # noqa: E402
+from adapt.solvers.posture_fits import fit_lanes  # noqa: E402
 from models import load_model  # noqa: E402
 from motions.arrays import repeat  # noqa: E402
+from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
-from motions.simulation import simulate_subjects  # noqa: E402
 from scripts import measure_float32 as float32  # noqa: E402
 from scripts.reporting import timed  # noqa: E402
 

@@ -2,8 +2,8 @@
 
 import typer
 
-from models.completion import write_sets
-from models.parameters import FOLDER
+from models.parameter_sets import FOLDER
+from scripts.completion import write_sets
 
 
 def main() -> None:

@@ -22,10 +22,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from adapt import cli, status
-from adapt.output import prepare_folder
-from adapt.svg import BLUE, NOTE, ORANGE, svg
-from adapt.tables import ALL_MOTIONS, HELD_OUT
+from adapt.cli import app as cli
+from adapt.output.run_files import prepare_folder
+from adapt.output.svg import BLUE, NOTE, ORANGE, svg
+from adapt.solvers import status
+from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from motions import InputError
 from motions.files import write_whole
 from scripts.reporting import NAMES, read_table

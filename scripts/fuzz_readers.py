@@ -25,17 +25,17 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from adapt.output import inputs_record, write_run
-from adapt.repeat import read_record, recorded_arguments
-from models.parameters import FOLDER, load_model
+from adapt.output.repeat import read_record, recorded_arguments
+from adapt.output.run_files import inputs_record, write_run
+from models.parameter_sets import FOLDER, load_model
 from motions.errors import InputError
 from motions.formats.angle_table import table_from_motions
+from motions.formats.any_file import read_any
 from motions.formats.mot import write_mot
-from motions.formats.reading import read_any
 from motions.landmarks.mapping import MARKERS, Mapping, read_mapping
-from motions.landmarks.postures import Labels
-from motions.reading import read_motions
-from motions.simulation import DATA_FILE
+from motions.landmarks.sampled_postures import Labels
+from motions.motion_csv.reading import read_motions
+from motions.rhythm_subjects import DATA_FILE
 
 LONGEST_S = 20.0
 """A reader of files of a few kilobytes that takes longer hangs, on however busy a machine."""

@@ -18,10 +18,10 @@ import numpy as np
 import typer
 from jaxtyping import Float
 
-from adapt import cli
+from adapt.cli import app as cli
 from adapt.diagnosis import Diagnosis, diagnose
-from adapt.diagnosis.axial_turn import turns_deg
-from adapt.diagnosis.observed import observe
+from adapt.diagnosis.fit.observations import observe
+from adapt.diagnosis.inference.axial_turn import turns_deg
 from models import load_model
 from motions import Motions, read_motions
 from motions.rhythm import clavicle_axial_rotation

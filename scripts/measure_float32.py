@@ -20,20 +20,21 @@ sys.path[:0] = [str(ROOT)]
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
-from adapt import adapt_subjects, fit_postures, status  # noqa: E402
-from adapt.adaptation import Lanes, adapt_lanes, lanes, problem_of, swept_from  # noqa: E402
-from adapt.batch import pack  # noqa: E402
-from adapt.cache import keep_compiled  # noqa: E402
-from adapt.chunks import as_type, lanes_of  # noqa: E402
-from adapt.fit import fit_lanes  # noqa: E402
-from adapt.objective import WEIGHT  # noqa: E402
-from adapt.posture import objective_weights  # noqa: E402
-from adapt.quick_fit import fitted_from_places  # noqa: E402
+from adapt import adapt_subjects, fit_postures  # noqa: E402
+from adapt.engine.batching import as_type, lanes_of  # noqa: E402
+from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
+from adapt.solvers import status  # noqa: E402
+from adapt.solvers.adaptation import Lanes, adapt_lanes, lanes, problem_of, swept_from  # noqa: E402
+from adapt.solvers.batched.kernels import fitted_from_places  # noqa: E402
+from adapt.solvers.objective import WEIGHT  # noqa: E402
+from adapt.solvers.padded_batch import pack  # noqa: E402
+from adapt.solvers.posture_fits import fit_lanes  # noqa: E402
+from adapt.solvers.reference.posture import objective_weights  # noqa: E402
 from models import ParameterSet, load_model  # noqa: E402
 from motions import Motions, read_motions, write_motions  # noqa: E402
 from motions.rhythm import REST_DEG  # noqa: E402
+from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
-from motions.simulation import simulate_subjects  # noqa: E402
 from scripts.reporting import timed  # noqa: E402
 
 SEED = 11

@@ -20,10 +20,10 @@ import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
-from adapt.adaptation import lanes, solved_from_geometric_fit  # noqa: E402
-from adapt.batch import pack  # noqa: E402
+from adapt.solvers.adaptation import lanes, solved_from_geometric_fit  # noqa: E402
+from adapt.solvers.padded_batch import pack  # noqa: E402
 from models import load_model  # noqa: E402
-from motions.simulation import simulate_subjects  # noqa: E402
+from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 
 SAME = 1e-8
 """Relative difference of E that float64 on another device may have."""

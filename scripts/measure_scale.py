@@ -19,8 +19,8 @@ sys.path[:0] = [str(ROOT)]
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
-from motions.simulation import simulate_subjects  # noqa: E402
-from motions.writing import write_motions  # noqa: E402
+from motions.motion_csv.writing import write_motions  # noqa: E402
+from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 
 BLOCK = 1000
 """Subjects simulated at a time, each block from a seed of its own."""

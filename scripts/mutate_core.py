@@ -34,16 +34,16 @@ from rich.table import Table
 ROOT = Path(__file__).parents[1]
 
 TESTS_OF = {
-    "motions/rotations.py": ["tests/test_motions_rotations.py"],
-    "motions/machine.py": ["tests/test_machine.py"],
-    "models/ellipsoid.py": ["tests/test_ellipsoid.py"],
-    "models/girdle.py": ["tests/test_girdle.py"],
-    "models/derivatives.py": ["tests/test_derivatives.py"],
-    "adapt/objective.py": ["tests/test_objective.py"],
-    "adapt/elimination.py": ["tests/test_elimination.py"],
-    "adapt/backtracking.py": ["tests/test_backtracking.py"],
-    "adapt/diagnosis/evidence.py": ["tests/test_evidence.py"],
-    "adapt/diagnosis/one_course.py": ["tests/test_one_course.py"],
+    "motions/rotations.py": ["tests/motions/test_motions_rotations.py"],
+    "adapt/engine/llvm.py": ["tests/engine/test_machine.py"],
+    "models/ellipsoid.py": ["tests/models/test_ellipsoid.py"],
+    "models/girdle.py": ["tests/models/test_girdle.py"],
+    "models/derivatives.py": ["tests/models/test_derivatives.py"],
+    "adapt/solvers/objective.py": ["tests/solvers/test_objective.py"],
+    "adapt/solvers/batched/elimination.py": ["tests/solvers/test_elimination.py"],
+    "adapt/solvers/batched/backtracking.py": ["tests/solvers/test_backtracking.py"],
+    "adapt/diagnosis/fit/linear_evidence.py": ["tests/diagnosis/test_evidence.py"],
+    "adapt/diagnosis/inference/one_course.py": ["tests/diagnosis/test_one_course.py"],
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
 
@@ -63,55 +63,67 @@ _SAME_LENGTH = "both are of one length; strict only says so"
 
 _ANY_SHARE = "the way that a point is moved off a plane only has to be more than 0 and less than shows"
 
-EQUIVALENT: dict[str, str] = {
-    "adapt/elimination.py: zero = xp.zeros_like(T[0][0]): 0 -> 1": "all entries are of one shape",
-    "adapt/elimination.py: return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, strict=True)], g): "
-    "True -> False": _SAME_LENGTH,
-    "adapt/elimination.py: return backward(self._S, [x * d for x, d in "
-    "zip(forward(self._S, b), self._S_inverse, strict=True)]): True -> False": _SAME_LENGTH,
-    "adapt/elimination.py: open_chain = [g + product(row, d) for g, row in zip(self.g, slopes, strict=True)]: "
-    "True -> False": _SAME_LENGTH,
-    "adapt/elimination.py: multipliers = [m - s * g for m, s, g in zip(mu, self.used, open_chain, strict=True)]: "
-    "True -> False": _SAME_LENGTH,
-    "adapt/elimination.py: inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in "
-    "zip(factor.inverse, damped, strict=True)]: True -> False": _SAME_LENGTH,
-    "adapt/diagnosis/evidence.py: return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
-    "0.0 * scale -> 0.0 / scale": "no effect has the scale 0",
-    "adapt/diagnosis/evidence.py: return Block(nothing, nothing + share, nothing): "
-    "nothing + share -> nothing - share": ("an SD of the other sign: mu is as likely as -mu"),
-    "adapt/diagnosis/evidence.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
-    "adapt/diagnosis/evidence.py: again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)]): "
-    "1 -> 2": "the products are a square",
-    "adapt/diagnosis/one_course.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
-    "adapt/objective.py: solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
-        "the last step is quadratic: far less than 1e-4 mm either way"
-    ),
-    "models/ellipsoid.py: return (step + 1, *newton(tau)): step + 1 -> step - 1": (
-        "the count only ends a loop that does not converge; no point is known that does not"
-    ),
-    "models/ellipsoid.py: return (step + 1, *newton(tau)): 1 -> 2": (
-        "30 steps are more than the 25 that any point needs"
-    ),
-    "models/ellipsoid.py: return repeat_while(unfinished, again, (0, tau, S))[1]: 0 -> 1": "59 steps are, too",
-    "models/ellipsoid.py: for _ in range(_UNROLLED_STEPS - 1):: _UNROLLED_STEPS - 1 -> _UNROLLED_STEPS + 1": (
-        "two steps more, for nothing"
-    ),
-    "models/ellipsoid.py: xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y)): "
-    "-_OFF_PLANE * y -> -_OFF_PLANE / y": _ANY_SHARE,
-    "models/ellipsoid.py: xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y)): "
-    "_OFF_PLANE * y -> _OFF_PLANE / y": _ANY_SHARE,
-    "models/ellipsoid.py: return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.of(S)): 1.0 -> 1.5": (
-        "all steps are taken, the later ones for nothing"
-    ),
-    "models/ellipsoid.py: _OFF_PLANE = 1e-13: 1e-13 -> 1.5000000000000002e-13": _ANY_SHARE,
-    "models/ellipsoid.py: p = p + xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a: "
-    "xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a -> xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) / a": _ANY_SHARE,
-    "models/girdle.py: @dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
-    "models/girdle.py: return length, jnp.sum(v * dv, axis=0) / jnp.where(length > 0.0, length, 1.0): 1.0 -> 1.5": (
-        "only where v = 0, which makes the numerator 0"
-    ),
+EQUIVALENT: dict[str, dict[str, str]] = {
+    "adapt/solvers/batched/elimination.py": {
+        "zero = xp.zeros_like(T[0][0]): 0 -> 1": ("all entries are of one shape"),
+        "return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, "
+        "strict=True)], g): True -> False": _SAME_LENGTH,
+        "return backward(self._S, [x * d for x, d in zip(forward(self._S, b), "
+        "self._S_inverse, strict=True)]): True -> False": _SAME_LENGTH,
+        "open_chain = [g + product(row, d) for g, row in zip(self.g, slopes, strict=True)]: "
+        "True -> False": _SAME_LENGTH,
+        "multipliers = [m - s * g for m, s, g in zip(mu, self.used, open_chain, "
+        "strict=True)]: True -> False": _SAME_LENGTH,
+        "inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped,"
+        " strict=True)]: True -> False": _SAME_LENGTH,
+    },
+    "adapt/diagnosis/fit/linear_evidence.py": {
+        "return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
+        "0.0 * scale -> 0.0 / scale": ("no effect has the scale 0"),
+        "return Block(nothing, nothing + share, nothing): nothing + share -> nothing - share": (
+            "an SD of the other sign: mu is as likely as -mu"
+        ),
+        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
+        "again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)]): 1 -> 2": (
+            "the products are a square"
+        ),
+    },
+    "adapt/diagnosis/inference/one_course.py": {
+        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
+    },
+    "adapt/solvers/objective.py": {
+        "solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
+            "the last step is quadratic: far less than 1e-4 mm either way"
+        ),
+    },
+    "models/ellipsoid.py": {
+        "return (step + 1, *newton(tau)): step + 1 -> step - 1": (
+            "the count only ends a loop that does not converge; no point is known that does not"
+        ),
+        "return (step + 1, *newton(tau)): 1 -> 2": ("30 steps are more than the 25 that any point needs"),
+        "return repeat_while(unfinished, again, (0, tau, S))[1]: 0 -> 1": ("59 steps are, too"),
+        "for _ in range(_UNROLLED_STEPS - 1):: _UNROLLED_STEPS - 1 -> _UNROLLED_STEPS + 1": (
+            "two steps more, for nothing"
+        ),
+        "xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE *"
+        " y)): -_OFF_PLANE * y -> -_OFF_PLANE / y": _ANY_SHARE,
+        "xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE *"
+        " y)): _OFF_PLANE * y -> _OFF_PLANE / y": _ANY_SHARE,
+        "return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.of(S)): 1.0 -> 1.5": (
+            "all steps are taken, the later ones for nothing"
+        ),
+        "_OFF_PLANE = 1e-13: 1e-13 -> 1.5000000000000002e-13": _ANY_SHARE,
+        "p = p + xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a: xp.where(p < 0.0, "
+        "-_OFF_PLANE, _OFF_PLANE) * a -> xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) / a": _ANY_SHARE,
+    },
+    "models/girdle.py": {
+        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
+        "return length, jnp.sum(v * dv, axis=0) / jnp.where(length > 0.0, length, 1.0): 1.0 -> 1.5": (
+            "only where v = 0, which makes the numerator 0"
+        ),
+    },
 }
-"""Why a mutant that survives changes no result, by its :attr:`Mutant.place`."""
+"""Why a mutant that survives changes no result, by file and :attr:`Mutant.place`."""
 
 _BINARY = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult}
 _COMPARED = {
@@ -148,8 +160,8 @@ class Mutant:
 
     @property
     def place(self) -> str:
-        """Where it is, wherever its line has moved to."""
-        return f"{self.file}: {self.text}: {self.old} -> {self.new}"
+        """Where it is in its file, wherever its line has moved to."""
+        return f"{self.text}: {self.old} -> {self.new}"
 
 
 def mutants(file: str, source: str) -> list[Mutant]:
@@ -302,7 +314,7 @@ def main(
 
 def _print(every: list[Mutant], drawn: list[Mutant], survivors: list[Mutant]) -> None:
     table = Table("file", *(f"[right]{word}" for word in ("mutants", "tried", "killed", "equivalent", "survived")))
-    equivalent = [one for one in survivors if one.place in EQUIVALENT]
+    equivalent = [one for one in survivors if one.place in EQUIVALENT.get(one.file, {})]
     counts = [Counter(one.file for one in some) for some in (every, drawn, survivors, equivalent)]
     for file in dict.fromkeys(one.file for one in every):
         there, tried, alive, same = (count[file] for count in counts)
@@ -311,7 +323,7 @@ def _print(every: list[Mutant], drawn: list[Mutant], survivors: list[Mutant]) ->
 
 
 def _said(survivor: Mutant) -> str:
-    why = EQUIVALENT.get(survivor.place)
+    why = EQUIVALENT.get(survivor.file, {}).get(survivor.place)
     return f"survived: {survivor.name}" + (f" (equivalent: {why})" if why else "")
 
 

@@ -14,7 +14,7 @@ import typer
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from adapt import cli
+from adapt.cli import app as cli
 from motions import InputError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")

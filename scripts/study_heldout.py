@@ -18,11 +18,12 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from adapt import adapt_subjects, cli
-from adapt.adaptation import lanes
-from adapt.batch import pack
-from adapt.heldout import folds, folds_between, held_out_gaps
-from adapt.trust.weight import weight_table
+from adapt import adapt_subjects
+from adapt.cli import app as cli
+from adapt.solvers.adaptation import lanes
+from adapt.solvers.padded_batch import pack
+from adapt.trust.held_out import folds, folds_between, held_out_gaps
+from adapt.trust.weight_choice import weight_table
 from models import load_model
 from motions import InputError, read_motions
 from scripts.reporting import markdown

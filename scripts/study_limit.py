@@ -3,7 +3,7 @@
     python scripts/study_limit.py                       all conditions and parameter sets
     python scripts/study_limit.py --condition three --model R2
 
-Simulated, and linear about the model as it is (see ``adapt/diagnosis/foreseen.py``): a subject shows
+Simulated, and linear about the model as it is (see ``adapt/diagnosis/design/predicted_power.py``): a subject shows
 
     y_s = X_s u_s + t_s A_s d + noise,   u_s ~ N(0, spread^2),   t_s ~ N(1, between^2),
 
@@ -26,12 +26,20 @@ import typer
 from jaxtyping import Float, Int
 from numpy.random import default_rng
 
-from adapt import cli
-from adapt.chunks import in_threads
-from adapt.diagnosis.distinguish import closed
-from adapt.diagnosis.evidence import BETWEEN_SUBJECTS, log_sum
-from adapt.diagnosis.foreseen import SPREAD, draw, products_of, products_with, root_of, shown, typical_amplitudes
-from adapt.diagnosis.observed import Noise, observe
+from adapt.cli import app as cli
+from adapt.diagnosis.design.predicted_power import (
+    SPREAD,
+    draw,
+    products_of,
+    products_with,
+    root_of,
+    shown,
+    typical_amplitudes,
+)
+from adapt.diagnosis.design.separability import closed
+from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, log_sum
+from adapt.diagnosis.fit.observations import Noise, observe
+from adapt.engine.batching import in_threads
 from models import load_model
 from models.effects import EFFECTS, Effect
 from models.girdle import ADAPTED

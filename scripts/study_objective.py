@@ -25,16 +25,17 @@ import pandas as pd
 import typer
 from jaxtyping import Bool, Float
 
-from adapt import fit_postures, status
-from adapt.adaptation import Adapted, Lanes, adapt_lanes, lanes
-from adapt.batch import pack
-from adapt.objective import DEFAULT_READING, READINGS, WEIGHT
-from adapt.tables import ALL_MOTIONS
+from adapt import fit_postures
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, Lanes, adapt_lanes, lanes
+from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.solvers.padded_batch import pack
+from adapt.tables.results import ALL_MOTIONS
 from models import ParameterSet, load_model
-from models.completion import POINT_AZIMUTHS_DEG
-from models.parameters import SHORTEST_MM
+from models.parameter_sets import SHORTEST_MM
 from motions import ANGLES, InputError, Motions, read_motions
 from motions.rotations import DEG
+from scripts.completion import POINT_AZIMUTHS_DEG
 
 THESIS_SETS = ("R2", "R4", "R6")
 SETS = (*THESIS_SETS, "breteler_dissection")
@@ -60,7 +61,7 @@ POINTS = {
     "serratus origins and wrap": POINT_AZIMUTHS_DEG[:2],
     "all, on both sides": POINT_AZIMUTHS_DEG,
 }
-"""Columns of thorax points that count, by their azimuth from lateral toward backward (models.completion)."""
+"""Columns of thorax points that count, by their azimuth from lateral toward backward (scripts.completion)."""
 
 BOTH_SIDES = "all, on both sides"
 

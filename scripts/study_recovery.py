@@ -26,15 +26,16 @@ import numpy as np
 import pandas as pd
 import typer
 
-from adapt import cli, status
-from adapt.adaptation import adapt_lanes, lanes
-from adapt.batch import pack
-from adapt.output import prepare_folder, write_table
-from adapt.simulation import simulate_model_subjects
-from adapt.trust.flat import FLAT_MM
+from adapt.assessment import intervals
+from adapt.cli import app as cli
+from adapt.model_subjects import simulate_model_subjects
+from adapt.output.run_files import prepare_folder, write_table
+from adapt.solvers import status
+from adapt.solvers.adaptation import adapt_lanes, lanes
+from adapt.solvers.padded_batch import pack
+from adapt.trust.covariance import NORMAL_95, sd, uncertainty
+from adapt.trust.flat_directions import FLAT_MM
 from adapt.trust.profile import profile_intervals
-from adapt.trust.trust import intervals
-from adapt.trust.uncertainty import NORMAL_95, sd, uncertainty
 from models import ParameterSet, load_model
 from models.girdle import ADAPTED
 from scripts.reporting import markdown, wilson

@@ -24,8 +24,10 @@ import pandas as pd
 import typer
 from jaxtyping import Float
 
-from adapt import adapt_subjects, cli, status
-from adapt.tables import ALL_MOTIONS, HELD_OUT
+from adapt import adapt_subjects
+from adapt.cli import app as cli
+from adapt.solvers import status
+from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from models import load_model
 from models.girdle import ADAPTED
 from motions import ANGLES, InputError, read_motions

@@ -17,8 +17,9 @@ import numpy as np
 import pandas as pd
 import typer
 
-from adapt import cli, status
-from adapt.tables import ALL_MOTIONS, HELD_OUT
+from adapt.cli import app as cli
+from adapt.solvers import status
+from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from models.girdle import ADAPTED
 from motions import ANGLES
 from scripts.reporting import markdown, read_table

@@ -8,24 +8,24 @@ import numpy as np
 from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
-from adapt.diagnosis import where
-from adapt.diagnosis.amplitude import Amplitude, amplitudes
-from adapt.diagnosis.distinguish import alike_sets, closed, separation, smallest_detectable
-from adapt.diagnosis.evidence import Hypothesis, Linear, none_and_each
-from adapt.diagnosis.expected import expected_effects
-from adapt.diagnosis.foreseen import Foreseen, foresee
-from adapt.diagnosis.heldout import HeldOut, gaps
-from adapt.diagnosis.misfit import misfit
-from adapt.diagnosis.most_probable import fit_hypotheses
-from adapt.diagnosis.next_measurement import Proposal, propose
-from adapt.diagnosis.noise import estimate_noise
-from adapt.diagnosis.observed import NoiseEstimate, Observed, observe
-from adapt.diagnosis.ranking import Ranking, rank
-from adapt.diagnosis.verdict import NONE, UNKNOWN, Verdict, judge
-from adapt.fit import FEWEST_ANGLES
+from adapt.diagnosis import gap_location as where
+from adapt.diagnosis.declared_effects import expected_effects
+from adapt.diagnosis.design.next_measurement import Proposal, propose
+from adapt.diagnosis.design.predicted_power import Foreseen, foresee
+from adapt.diagnosis.design.separability import alike_sets, closed, separation, smallest_detectable
+from adapt.diagnosis.fit.held_out_gaps import HeldOut, gaps
+from adapt.diagnosis.fit.linear_evidence import Hypothesis, Linear, none_and_each
+from adapt.diagnosis.fit.map_fit import fit_hypotheses
+from adapt.diagnosis.fit.misfit import misfit
+from adapt.diagnosis.fit.noise import estimate_noise
+from adapt.diagnosis.fit.observations import NoiseEstimate, Observed, observe
+from adapt.diagnosis.inference.amplitude import Amplitude, amplitudes
+from adapt.diagnosis.inference.ranking import Ranking, rank
+from adapt.diagnosis.inference.verdict import NONE, UNKNOWN, Verdict, judge
+from adapt.solvers.posture_fits import FEWEST_ANGLES
 from models.effects import EFFECTS, Effect
 from models.girdle import ADAPTED, Girdle
-from models.parameters import ParameterSet
+from models.parameter_sets import ParameterSet
 from motions.errors import InputError
 from motions.rotations import DEG
 from motions.table import Motions

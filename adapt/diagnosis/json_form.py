@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from adapt.at_work import as_option
-from adapt.diagnosis.amplitude import Amplitude
 from adapt.diagnosis.diagnosis import Diagnosis
-from adapt.diagnosis.heldout import HeldOut
-from adapt.diagnosis.sentence import Object, sentence
-from adapt.diagnosis.verdict import Verdict
+from adapt.diagnosis.fit.held_out_gaps import HeldOut
+from adapt.diagnosis.inference.amplitude import Amplitude
+from adapt.diagnosis.inference.verdict import Verdict
+from adapt.diagnosis.wording import Object, sentence
 from models.effects import EFFECTS, Effect
+from models.effects.known import as_option
 
 
 def as_json(by_model: Mapping[str, Diagnosis], effects: Sequence[Effect] = tuple(EFFECTS.values())) -> Object:

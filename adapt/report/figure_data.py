@@ -8,16 +8,16 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
-from adapt import status
 from adapt.diagnosis.json_form import plain
-from adapt.report.bones import POINTS, bones_mm
-from adapt.report.chosen import chosen_rows, chosen_subjects, gaps_deg
+from adapt.report.bone_positions import POINTS, bones_mm
+from adapt.report.drawn_postures import chosen_rows, chosen_subjects, gaps_deg
+from adapt.report.fit_states import STATES, simulated_deg, state_rows
 from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
-from adapt.report.states import STATES, simulated_deg, state_rows
-from adapt.tables import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
+from adapt.solvers import status
+from adapt.tables.results import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
 from models.girdle import ADAPTED, CONSTRAINTS
-from models.parameters import ParameterSet
+from models.parameter_sets import ParameterSet
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
 Rows = Int[np.ndarray, " rows"]

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
-from adapt import status
-from adapt.batch import pack
-from adapt.diagnosis.observed import observe
-from adapt.diagnosis.where import BIN_DEG, Cell, Gap, cells
-from adapt.report.states import STATES, simulated_deg, state_rows
+from adapt.diagnosis.fit.observations import observe
+from adapt.diagnosis.gap_location import BIN_DEG, Cell, Gap, cells
+from adapt.report.fit_states import STATES, simulated_deg, state_rows
+from adapt.solvers import status
+from adapt.solvers.padded_batch import pack
 from motions.rotations import DEG
 from motions.table import ANGLES, Motions
 

@@ -5,9 +5,9 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import pandas as pd
 
-from adapt.heldout_table import MOTION
-from adapt.report.states import STATES, state_rows
-from adapt.tables import ALL_MOTIONS, HELD_OUT
+from adapt.report.fit_states import STATES, state_rows
+from adapt.tables.held_out import MOTION
+from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from motions.table import ANGLES
 
 BONES = ("scapula", "clavicle")

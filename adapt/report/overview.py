@@ -5,15 +5,15 @@
 from dataclasses import dataclass
 from typing import Any
 
-from adapt import status
+from adapt.report.fit_states import STATES, state_rows
 from adapt.report.headline import BONES, statistic
-from adapt.report.states import STATES, state_rows
-from adapt.tables import HELD_OUT, Tables, parameter_statistics
+from adapt.solvers import status
+from adapt.tables.results import HELD_OUT, Tables, parameter_statistics
 from models.girdle import ADAPTED
 from motions.table import ANGLES, Motions
 
 _ORIGIN, _SIMULATED = "origin", "simulated"
-"""The column, and its word, of simulated motions (``motions.simulation``)."""
+"""The column, and its word, of simulated motions (``motions.rhythm_subjects``)."""
 
 
 @dataclass(frozen=True)

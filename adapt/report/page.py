@@ -10,15 +10,15 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.diagnosis.sentence import Object, amplitude_text, listed, number
-from adapt.diagnosis.terminal import notes
-from adapt.diagnosis.verdict import NONE, UNKNOWN
+from adapt.cli.print_diagnosis import notes
+from adapt.diagnosis.inference.verdict import NONE, UNKNOWN
+from adapt.diagnosis.wording import Object, amplitude_text, listed, number
 from adapt.report.figure_data import CONSTRAINT_NAMES, figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
-from adapt.tables import Tables
+from adapt.tables.results import Tables
 from models.effects import EFFECTS
-from models.parameters import ParameterSet
+from models.parameter_sets import ParameterSet
 from motions.table import ANGLE_NAMES, Motions
 
 _TEMPLATES = Path(__file__).parent / "templates"

@@ -1,5 +1,1 @@
-"""How far an adaptation can be trusted."""
-
-from adapt.trust.trust import Trust, assess_trust
-
-__all__ = ["Trust", "assess_trust"]
+"""How far an adaptation can be trusted: its uncertainty, its gap on what it has not seen, and if it is a thorax."""

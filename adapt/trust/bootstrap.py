@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
-from adapt import status
-from adapt.adaptation import Adapted, Lanes, adapted_from, lanes_at
-from adapt.objective import WEIGHT
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, Lanes, adapted_from, lanes_at
+from adapt.solvers.objective import WEIGHT
 from motions.rotations import DEG
 
 

@@ -5,8 +5,9 @@ With the postures eliminated E is a function of theta and of the measured angles
     H = d2E/dtheta2 = H_D + H_J     of the thorax points, D, and of the motion, w mean(J)
     B = d2E/dtheta ds,              dtheta/ds = -H^-1 B
 
-(implicit function theorem; ``adapt.newton.eliminate`` gives both, as the 9 x 9 block of each posture is solved there).
-Without the curvature of distances and constraints, which a larger residual makes matter, what is left is information,
+(implicit function theorem; ``adapt.solvers.reference.elimination.eliminate`` gives both, as the 9 x 9 block of each
+posture is solved there). Without the curvature of distances and constraints, which a larger residual makes matter, what
+is left is information,
 
     I_D = 2 sum_i share_i d'_i d'_i',   I_J = B W^-1 B'    of the thorax points and of the motion,
 
@@ -20,13 +21,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from adapt.adaptation import Adapted, Lanes, problem_of
-from adapt.chunks import in_chunks
-from adapt.constraints import ByHand
-from adapt.linalg import Factor, matmul, matvec, transpose
-from adapt.newton import eliminate
-from adapt.objective import ThoraxPoints
-from adapt.subject import Problem, joint
+from adapt.engine.batching import in_chunks
+from adapt.solvers.adaptation import Adapted, Lanes, problem_of
+from adapt.solvers.linalg import Factor, matmul, matvec, transpose
+from adapt.solvers.objective import ThoraxPoints
+from adapt.solvers.reference.constraints import ByHand
+from adapt.solvers.reference.elimination import eliminate
+from adapt.solvers.reference.subject import Problem, joint
 from models.girdle import Girdle
 
 _LANES = 64

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt import status
-from adapt.adaptation import Adapted, Lanes, adapted_from, lanes_at
-from adapt.objective import WEIGHT
-from adapt.trust.uncertainty import NORMAL_95, Uncertainty, reduced_inverse
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, Lanes, adapted_from, lanes_at
+from adapt.solvers.objective import WEIGHT
+from adapt.trust.covariance import NORMAL_95, Uncertainty, reduced_inverse
 
 _STRIDES = (1.0, 2.0, 4.0)
 """Where an end is looked for first, in half widths of the parabola's interval; then at the bound."""

@@ -1,6 +1,7 @@
-"""The candidate unmodelled effects: every module here that has an ``EFFECT``.
+"""The candidate unmodelled effects: every module in a folder here that has an ``EFFECT``.
 
-To add one, add a file with an ``EFFECT = Effect(...)``; nothing has to be registered.
+To add one, add a file with an ``EFFECT = Effect(...)`` to the folder that says what it changes: the thorax, a joint, a
+bone or the measurement. Nothing has to be registered.
 """
 
 import importlib
@@ -8,9 +9,17 @@ import pkgutil
 
 from models.effects.effect import NOTHING_AT_WORK, AtWork, Effect, ExtendedGirdle
 
-_MODULES = [importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)]
+_FOLDERS = [importlib.import_module(f"{__name__}.{one.name}") for one in pkgutil.iter_modules(__path__) if one.ispkg]
 
-EFFECTS: dict[str, Effect] = {module.EFFECT.name: module.EFFECT for module in _MODULES if hasattr(module, "EFFECT")}
-"""Every effect by its name."""
+_MODULES = [
+    importlib.import_module(f"{folder.__name__}.{one.name}")
+    for folder in _FOLDERS
+    for one in pkgutil.iter_modules(folder.__path__)
+]
+
+EFFECTS: dict[str, Effect] = {
+    effect.name: effect for effect in sorted((module.EFFECT for module in _MODULES), key=lambda effect: effect.name)
+}
+"""Every effect by its name, in alphabetical order."""
 
 __all__ = ["EFFECTS", "NOTHING_AT_WORK", "AtWork", "Effect", "ExtendedGirdle"]

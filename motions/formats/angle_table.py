@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from motions.acromion import ac_from_aa_deg
-from motions.columns import SIDE_MEASURED
 from motions.errors import InputError
+from motions.formats.isb import ISB_ANGLES, isb_from_thesis, thesis_from_isb
 from motions.formats.mot import AngleTable
-from motions.isb import ISB_ANGLES, isb_from_thesis, thesis_from_isb
+from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
-from motions.landmarks.postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
 from motions.landmarks.resampling import resample
-from motions.postures import LEAST_MEASURED_ANGLES, MIRROR_ANGLES
+from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
+from motions.motion_csv.columns import SIDE_MEASURED
+from motions.motion_csv.posture_rows import LEAST_MEASURED_ANGLES, MIRROR_ANGLES
 from motions.table import ANGLES, Motions
 
 ELEVATION = "humerus_elevation"

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from motions.csv_rows import read_table
 from motions.errors import InputError
 from motions.formats.text import numbers
 from motions.landmarks.markers import Markers
+from motions.motion_csv.rows import read_table
 
 ROW_COLUMNS = ("subject", "motion", "posture", "side")
 """What a file may say of each row."""

@@ -7,7 +7,7 @@ of three files in `spartacus/data/FOLDER`, of two columns without names: angle o
 Read are studies of clavicle and scapula against an anatomical thorax in ISB's axes and sequence yx'z''. What is known
 to be wrong in the collection is met so:
 
-- its matrix of Kolz 2020 from AC to AA is applied transposed: not used here, see `motions.acromion`;
+- its matrix of Kolz 2020 from AC to AA is applied transposed: not used here, see `motions.landmarks.acromion`;
 - Moissenet's files of upward rotation have the opposite sign of ISB's beta, and `corrections.csv` turns only those of
   the elevations round, not of horizontal flexion and axial rotation: turned round here in every motion;
 - the columns of clavicular protraction and elevation are swapped for Matsuki: an angle is known here by the name of
@@ -21,15 +21,15 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from motions.acromion import ac_from_aa_deg
-from motions.columns import SIDE_MEASURED
-from motions.csv_rows import Row, read_table
 from motions.errors import InputError
 from motions.files import read_text
+from motions.formats.isb import ISB_ANGLES, thesis_from_isb
 from motions.formats.text import numbers
-from motions.isb import ISB_ANGLES, thesis_from_isb
-from motions.landmarks.postures import SCAPULA_ROTATED, Labels
+from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.resampling import resample
+from motions.landmarks.sampled_postures import SCAPULA_ROTATED, Labels
+from motions.motion_csv.columns import SIDE_MEASURED
+from motions.motion_csv.rows import Row, read_table
 from motions.table import Motions
 
 _STUDIES = Path("spartacus", "dataset", "dataset_of_datasets.csv")

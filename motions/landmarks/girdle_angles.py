@@ -6,9 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from motions.acromion import AcromionRotation, ac_from_aa_deg
-from motions.cells import Side
 from motions.errors import InputError
+from motions.landmarks.acromion import AcromionRotation, ac_from_aa_deg
 from motions.landmarks.frames import (
     clavicle_frame,
     humerus_angles,
@@ -18,7 +17,8 @@ from motions.landmarks.frames import (
     thorax_frame,
     transposed,
 )
-from motions.postures import MIRROR_POSITION
+from motions.motion_csv.cells import Side
+from motions.motion_csv.posture_rows import MIRROR_POSITION
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, cardan_from_rotation, rotation_from_cardan
 from motions.table import LANDMARKS

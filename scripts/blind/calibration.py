@@ -1,4 +1,5 @@
-"""The constants of adapt/diagnosis/verdict.py that follow from the calibration cases of the withheld-effect check.
+"""The constants of adapt/diagnosis/inference/verdict.py that follow from the calibration cases of the withheld-effect
+check.
 
 The log odds of unknown from the whole ranking, with pairs; all else from none and single effects, before any pair, so
 that cases of pairs and left-out effects do not count there.
@@ -10,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.diagnosis import verdict
-from adapt.diagnosis.verdict import NONE
+from adapt.diagnosis.inference import verdict
+from adapt.diagnosis.inference.verdict import NONE
 from models.effects import EFFECTS
 from scripts.blind.cases import kind
 from scripts.blind.report import rate

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapt.diagnosis.verdict import NONE
+from adapt.diagnosis.inference.verdict import NONE
 from scripts.blind_world import LABELS, World, make_world
 
 ROOT = Path(__file__).parents[2]
@@ -19,7 +19,8 @@ MODELS = ("R2", "R4", "R6", "breteler_dissection")
 """Which of them makes a world and is given to the diagnosis goes by the seed."""
 
 CALIBRATION_SEEDS = range(100_000)
-"""Of worlds that the thresholds of adapt/diagnosis/verdict.py were fitted on, and everything was tried out on."""
+"""Of worlds that the thresholds of adapt/diagnosis/inference/verdict.py were fitted on, and everything was tried out
+on."""
 
 REPORTED_SEEDS = range(200_000, 200_012)
 """No threshold was ever fitted on these or on any after them. The README says which of them its figures are of."""
@@ -129,7 +130,7 @@ def world_of(case: Case) -> World:
     three = how.third_motion and kind(case.label) == "effect"
     return make_world(
         case.label,
-        ROOT / "models" / f"{case.model}.toml",
+        ROOT / "models" / "sets" / f"{case.model}.toml",
         subjects=how.subjects,
         noise_deg=how.noise_deg,
         size=how.size,

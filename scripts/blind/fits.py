@@ -7,8 +7,8 @@ from typing import Any
 
 from adapt.diagnosis import Diagnosis
 from adapt.diagnosis.diagnosis import conclude
-from adapt.diagnosis.observed import Observed
-from adapt.diagnosis.ranking import rank
+from adapt.diagnosis.fit.observations import Observed
+from adapt.diagnosis.inference.ranking import rank
 from models.effects import EFFECTS, Effect
 
 

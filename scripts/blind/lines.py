@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from adapt.diagnosis import Amplitude, Diagnosis
-from adapt.diagnosis.heldout import Gaps
-from adapt.diagnosis.misfit import misfit
-from adapt.diagnosis.observed import Observed, observe
-from adapt.diagnosis.ranking import Ranking, rank
-from adapt.diagnosis.verdict import NONE, UNKNOWN, doubts, shares_of
+from adapt.diagnosis.fit.held_out_gaps import Gaps
+from adapt.diagnosis.fit.misfit import misfit
+from adapt.diagnosis.fit.observations import Observed, observe
+from adapt.diagnosis.inference.ranking import Ranking, rank
+from adapt.diagnosis.inference.verdict import NONE, UNKNOWN, doubts, shares_of
 from models import ParameterSet
 from motions import read_motions
 from motions.rotations import DEG

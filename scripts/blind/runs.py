@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from adapt.cache import keep_compiled
+from adapt.engine.compilation_cache import keep_compiled
 from scripts.blind.cases import ROOT, Case
 
 Line = dict[str, Any]

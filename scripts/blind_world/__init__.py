@@ -4,7 +4,7 @@ Nothing here is shared with the effect library or the fits: rotations, distances
 and the effects themselves are written anew, in NumPy alone, and a parameter set is read as plain data. A world is a
 motion table, which the diagnosis may see, and the truth, which is opened after. Every number of both is simulated.
 
-    python -m scripts.blind_world sc_translation --model models/R2.toml --out blind.csv --truth blind.json
+    python -m scripts.blind_world sc_translation --model models/sets/R2.toml --out blind.csv --truth blind.json
 """
 
 from scripts.blind_world.catalogue import LABELS

@@ -17,7 +17,7 @@ from scripts.other_world.people import MOTION, MOTIONS, draw_person, move, postu
 ANGLES = ["clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x"]
 LANDMARKS = ["SC", "AC", "TS", "AI"]
 MODELS = ["R2", "R4", "R6", "breteler_dissection"]
-MODELS_FOLDER = Path(__file__).parents[2] / "models"
+MODELS_FOLDER = Path(__file__).parents[2] / "models" / "sets"
 Condition = Literal["ten", "three", "landmarks", "half", "one", "mixed"]
 PAIRS = [
     ("skin_artefact", "clavicle_length"),

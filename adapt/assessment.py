@@ -1,0 +1,204 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false
+# pyright: reportGeneralTypeIssues=false, reportCallIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""How far an adaptation can be trusted: its uncertainty, its gap on what it has not seen, and if it is a thorax."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from adapt.api import Adaptations, adapt_subjects, previous_rows
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, Lanes, adapted_from, lanes
+from adapt.solvers.objective import WEIGHT
+from adapt.solvers.padded_batch import pack
+from adapt.tables.held_out import MOTION, POSTURES, by_subject
+from adapt.tables.results import DIFFERENCES, summary_of
+from adapt.trust.covariance import NORMAL_95, Uncertainty, sd, uncertainty
+from adapt.trust.flat_directions import FLAT_MM, flat_directions
+from adapt.trust.held_out import folds, held_out_gaps
+from adapt.trust.profile import Profile, profile_intervals
+from adapt.trust.thorax_plausibility import PASS, WARNING, checks
+from adapt.trust.weight_choice import weight_table
+from models.girdle import ADAPTED
+from models.parameter_sets import ParameterSet
+from motions.table import Motions
+
+PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
+"""Where an interval comes from: +-1.96 SD within the bounds; the bounds, at one of them."""
+
+_ALMOST_NO_POINTS = 1e3
+"""Factor on w at which the thorax points only decide what the motion leaves open: D counts a thousandth."""
+
+
+@dataclass(frozen=True)
+class Trust:
+    """Tables of an adaptation; see the functions that make them for their columns."""
+
+    adaptations: Adaptations
+    """With both kinds of folds held out."""
+    subjects: pd.DataFrame
+    """``trust.csv``: one row a model and subject."""
+    uncertainty: pd.DataFrame
+    """``uncertainty.csv``: one row a model, subject and parameter."""
+    plausibility: pd.DataFrame
+    """``plausibility.csv``: one row a model, subject and check."""
+    weights: pd.DataFrame | None
+    """``weights.csv``: one row a model and w; None unless asked for."""
+
+
+def assess_trust(
+    motions: Motions,
+    models: ParameterSet | Sequence[ParameterSet],
+    weight: float = WEIGHT,
+    choose_weight: bool = False,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Trust:
+    """Adapt every model to every subject and judge the result.
+
+    E = D + weight mean(J), mm^2 and deg^2, as in ``adapt_subjects``; ``choose_weight`` also tries other w on held-out
+    motions.
+    """
+    models = [models] if isinstance(models, ParameterSet) else list(models)
+    names = [model.name for model in models]
+    result = adapt_subjects(motions, models, weight, progress=progress, held_out=())
+    batch = pack(motions)
+    subjects, data = batch.subjects, lanes(batch, models)
+    adapted = joined([result.adapted[name] for name in names])
+    progress("uncertainty")
+    found = uncertainty(data, adapted, weight)
+    progress("profiles of E")
+    profile = profile_intervals(data, adapted, found, found.sd_mm > FLAT_MM, weight)
+    progress("adaptation without the thorax points")
+    free = adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
+    heldout = held_out_gaps(motions, models, result.fits, weight, progress=progress)
+    plausible = plausibility_table(subjects, models, adapted)
+    spread = uncertainty_table(subjects, models, data, adapted, found, profile)
+    weights = None
+    if choose_weight:
+        weights = weight_table(data, subjects, names, folds(motions, batch), progress=progress)
+    summary = _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible)
+    result = replace(result, heldout=heldout, summary=summary_of(result.subjects, heldout))
+    return Trust(result, summary, spread, plausible, weights)
+
+
+def joined(parts: Sequence[Adapted]) -> Adapted:
+    """The lanes of all parts, one part after the other."""
+    return Adapted(**{k: np.concatenate([getattr(part, k) for part in parts], axis=-1) for k in vars(parts[0])})
+
+
+def intervals(data: Lanes, adapted: Adapted, found: Uncertainty) -> tuple[Float[np.ndarray, "2 6 lanes"], np.ndarray]:
+    """95 % intervals, mm, within the bounds, and where each comes from."""
+    bounds = np.asarray(data.bounds_mm)
+    half = NORMAL_95 * found.sd_mm
+    ends = np.clip(np.stack([adapted.theta_mm - half, adapted.theta_mm + half]), bounds[:1], bounds[1:])
+    origin = np.where(np.isfinite(half), PARABOLA, NONE)
+    return np.where(found.free, ends, bounds), np.where(found.free, origin, BOUNDS)
+
+
+def uncertainty_table(
+    subjects: Sequence[str],
+    models: Sequence[ParameterSet],
+    data: Lanes,
+    adapted: Adapted,
+    found: Uncertainty,
+    profile: Profile,
+) -> pd.DataFrame:
+    """``uncertainty.csv``: mm; ``low_mm`` and ``high_mm`` are the 95 % interval, ``interval`` where it comes from.
+
+    ``sd_mm`` is all parts together, as far as the bounds leave room for them, ``sd_noise_mm`` what repeated measurement
+    of the same person would scatter by, ``sd_person_mm`` what comes from the thorax points being another person's.
+    ``profile_low_mm`` and ``profile_high_mm``, where SD > ``FLAT_MM``: how far E itself would let the parameter go, a
+    check of the parabola (simulated, the interval holds the truth as often as it should, the profile less often).
+    ``points_share``: of what holds the parameter, the share that is the thorax points'.
+    """
+    ends, origin = intervals(data, adapted, found)
+    good = adapted.status == status.OK
+    noise, person, both = sd(found.noise_mm2), sd(found.person_mm2), found.sd_mm
+    rows = []
+    for lane in range(len(good)):
+        model = models[lane // len(subjects)]
+        own = np.asarray(model.girdle.adapted_mm)
+        for k, name in enumerate(ADAPTED):
+            row: dict[str, object] = {"model": model.name, "subject": subjects[lane % len(subjects)]}
+            row |= {"parameter": name, "adapted_mm": adapted.theta_mm[k, lane], "prior_mm": own[k]}
+            numbers = {"sd_mm": both[k, lane], "sd_noise_mm": noise[k, lane], "sd_person_mm": person[k, lane]}
+            numbers |= {"low_mm": ends[0, k, lane], "high_mm": ends[1, k, lane]}
+            numbers |= {f"profile_{end}_mm": profile.ends_mm[i, k, lane] for i, end in enumerate(("low", "high"))}
+            numbers |= {"points_share": found.points_share[k, lane]}
+            row |= {key: value if good[lane] else np.nan for key, value in numbers.items()}
+            row |= {"interval": origin[k, lane] if good[lane] else NONE, "at_bound": int(adapted.at_bound[k, lane])}
+            rows.append(row | {"status": adapted.status[lane]})
+    return pd.DataFrame(rows)
+
+
+def plausibility_table(subjects: Sequence[str], models: Sequence[ParameterSet], adapted: Adapted) -> pd.DataFrame:
+    """``plausibility.csv``: value, limits, their reason, and ``pass`` or ``warning``; own_value is the set's own."""
+    rows = []
+    for lane in range(adapted.theta_mm.shape[-1]):
+        model = models[lane // len(subjects)]
+        own = checks(model, np.asarray(model.girdle.adapted_mm))
+        for check, before in zip(checks(model, adapted.theta_mm[:, lane]), own, strict=True):
+            row = {"model": model.name, "subject": subjects[lane % len(subjects)], "check": check.name}
+            row |= {"value": check.value, "own_value": before.value, "low": check.low, "high": check.high}
+            rows.append(row | {"unit": check.unit, "verdict": check.verdict, "reason": check.reason})
+    return pd.DataFrame(rows)
+
+
+def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
+    """By subject, the share of steps along its motions after adaptation that stay on one branch of solutions."""
+    step = previous_rows(motions) >= 0
+    jump = fits["jump"].to_numpy() == 1
+    shares = {}
+    for subject in motions.subjects:
+        mine = (motions.subject == subject) & step
+        shares[subject] = float(np.mean(~jump[mine])) if mine.any() else float("nan")
+    return shares
+
+
+def _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible) -> pd.DataFrame:
+    """``trust.csv``: gaps are mean |simulated - measured| over all angles, degrees.
+
+    ``points_forbid``: of the fall of mean J that there would be without the thorax points, within the bounds, the share
+    that they forbid. ``jump_free``: share of steps along the motions without a jump to another branch.
+    """
+    unseen = by_subject(heldout).set_index(["model", "subject", "kind"])["gap_unseen_deg"].to_dict()
+    fits = result.fits.assign(
+        gap_deg=result.fits[DIFFERENCES].abs().mean(axis=1).where(result.fits["status"] == status.OK)
+    )
+    gap = fits.groupby(["model", "subject", "adapted"])["gap_deg"].mean().to_dict()
+    before = result.parameters.set_index(["model", "subject"])["mean_j_before_deg2"].to_dict()
+    least = [np.where(one.status == status.OK, one.mean_j_deg2, np.nan) for one in (adapted, free)]
+    warned = (
+        plausible[plausible["verdict"] == WARNING].groupby(["model", "subject"])["check"].apply(", ".join).to_dict()
+    )
+    rows = []
+    for m, model in enumerate(names):
+        smooth = jump_free_share(motions, fits[(fits["model"] == model) & (fits["adapted"] == 1)])
+        for s, subject in enumerate(subjects):
+            lane = m * len(subjects) + s
+            row: dict[str, object] = {"model": model, "subject": subject, "status": adapted.status[lane]}
+            row |= {"gap_before_deg": gap.get((model, subject, 0)), "gap_in_sample_deg": gap.get((model, subject, 1))}
+            row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
+            row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)
+            row["noise_deg"] = found.noise_deg[lane]
+            row["points_forbid"] = forbidden_share(before[model, subject], *(J[lane] for J in least))
+            row["jump_free"] = smooth[subject]
+            row["at_bound"] = ", ".join(n for n, at in zip(ADAPTED, adapted.at_bound[:, lane], strict=True) if at)
+            row["flat"] = "; ".join(flat_directions(found.covariance_mm2[..., lane]))
+            row["plausibility"] = WARNING if (model, subject) in warned else PASS
+            rows.append(row | {"warnings": warned.get((model, subject), "")})
+    return pd.DataFrame(rows)
+
+
+def forbidden_share(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:
+    """Of the fall of mean J from before adaptation to an adaptation without thorax points, what there is not with them.
+
+    NaN where the one without them failed, or ended in another valley, above the one with them.
+    """
+    if not without_deg2 < before_deg2 or not without_deg2 <= adapted_deg2:
+        return float("nan")
+    return float((adapted_deg2 - without_deg2) / (before_deg2 - without_deg2))

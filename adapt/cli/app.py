@@ -1,0 +1,482 @@
+"""The command line: ``girdle fit | adapt | diagnose | trust | convert | simulate | effects | models``."""
+
+import gc
+import sys
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from adapt.api import adapt_subjects, fit_postures
+from adapt.assessment import assess_trust
+from adapt.cli.print_diagnosis import print_diagnosis
+from adapt.cli.print_tables import PlainConsole, print_heldout, print_parameters, print_summary, progress
+from adapt.cli.print_trust import print_trust
+from adapt.diagnosis import diagnose
+from adapt.diagnosis.fit.noise import LEAST
+from adapt.diagnosis.json_form import as_json
+from adapt.engine.compilation_cache import keep_compiled
+from adapt.large_runs.dask_cluster import on_cluster
+from adapt.large_runs.parts import (
+    LANES,
+    MOST_SHOWN,
+    Parts,
+    Work,
+    failed_subjects,
+    not_adapted,
+    one_after_another,
+)
+from adapt.model_subjects import simulate_model_subjects
+from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
+from adapt.output.repeat import other_versions, read_record, recorded_arguments
+from adapt.output.result_files import raise_without_report, write_adaptations, write_figures, write_fits, write_report
+from adapt.output.run_files import (
+    Files,
+    inputs_record,
+    results_folder,
+    run_key,
+    write_json,
+    write_run,
+    write_table,
+    written_together,
+)
+from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.tables.results import Tables
+from adapt.trust.held_out import sample
+from models import ParameterSet, load_model, model_names
+from models.effects import EFFECTS
+from models.effects.effect import FULL_ELEVATION_DEG
+from models.effects.known import OPTION, described, effect_named, read_amplitudes
+from motions import InputError, Motions, MotionStream, read_motions, write_motions
+from motions.landmarks.acromion import ROTATIONS, acromion_rotation
+from motions.landmarks.mapping import read_mapping
+from motions.landmarks.sampled_postures import Labels
+from motions.motion_csv.cells import SIDES
+
+EXIT_BAD_INPUT = 2
+EXIT_SOME_NOT_HANDLED = 3
+EXIT_INTERRUPTED = 130
+
+NO_EFFECT = "none"
+
+MOST_NOISE_DEG = 20.0
+"""More noise than this is a slip of the pen: every posture would be within it."""
+
+MANY_FRAMES = 50
+"""More postures than a palpator records: this is a trial, which is better sampled."""
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="""Fit the shoulder girdle model to measured motions, adapt it to each person, and say why they still differ.
+
+A motion file is a CSV with one row a posture: subject, motion, posture, humerus_elevation_deg and the six
+Cardan angles clavicle_y_deg ... scapula_x_deg (right shoulder, thorax frame, degrees).
+
+Exit status: 0 every subject was handled, 3 some were not (named on stderr and in the files), 2 bad input, 130
+interrupted (what was there is as it was).""",
+)
+
+MotionFiles = Annotated[
+    list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files, one or many subjects each.")
+]
+Models = Annotated[
+    list[str],
+    typer.Option("--model", help="Name of a parameter set (see `girdle models`) or a TOML file; repeatable."),
+]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results; made if it is not there.")]
+
+
+def _take_from_record(context: typer.Context, path: Path | None) -> None:
+    """What the record says becomes the default of the command's parameters."""
+    if path is None:
+        return
+    parameters = {one.name: one for one in context.command.params if one.name}
+    options = set(parameters) - {"motions", "model", "out", "repeat"}
+    record = read_record(path)
+    recorded = recorded_arguments(record, path, str(context.command.name), options)
+    if not parameters["model"].multiple:
+        recorded["model"] = recorded["model"][0]
+    context.default_map = recorded
+    if different := other_versions(record):
+        errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
+
+
+Weight = Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")]
+
+Reading = Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")]
+
+Float32 = Annotated[
+    bool,
+    typer.Option(
+        "--float32",
+        help="Iterate in float32, and in float64 where that does not converge: a little faster for a thousand subjects "
+        "and more. Angles change by less than 0.001 degrees, parameters by less than 0.1 mm.",
+    ),
+]
+
+KnownEffects = Annotated[
+    list[str],
+    typer.Option(
+        OPTION,
+        metavar="NAME=A,B,C",
+        help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
+        f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
+        "scapula_landmark_bias=0,12,0. Repeatable; always in float64.",
+        show_default=False,
+    ),
+]
+
+Repeat = Annotated[
+    Path | None,
+    typer.Option(
+        "--repeat",
+        metavar="run.json",
+        help="Repeat an earlier run: motion files, models and options are those of its record, but for what is given "
+        "here. Its files must be as they were.",
+        callback=_take_from_record,
+        is_eager=True,
+        show_default=False,
+    ),
+]
+
+console = PlainConsole()
+errors = PlainConsole(stderr=True)
+
+
+@app.command()
+def fit(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
+    float32: Float32 = False,
+    effect: KnownEffects = [],  # noqa: B006
+    repeat: Repeat = None,
+) -> None:
+    """Fit every posture with the models as they are (Tables 6.1 and 6.2).
+
+    Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
+    """
+    effects = read_amplitudes(effect)
+    table, models, record = _inputs(motions, model)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
+        with written_together(folder) as part:
+            write_fits(part, result)
+            write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
+    print_summary(console, result.summary)
+    _say_known(described(effects))
+    _finish(table, failed_subjects(result.fits))
+
+
+@app.command()
+def adapt(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006
+    weight: Weight = WEIGHT,
+    reading: Reading = DEFAULT_READING,
+    chunk: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help=f"Subjects worked on at a time; results do not depend on it. Default: {LANES} by number of models.",
+            show_default=False,
+        ),
+    ] = None,
+    dask: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work, as tcp://host:8786.")
+    ] = "",
+    float32: Float32 = False,
+    effect: KnownEffects = [],  # noqa: B006
+    repeat: Repeat = None,
+) -> None:
+    """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
+
+    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, heldout.csv (the gap on each
+    motion, adapted without it), run.json, report.html (the page to look at) and, in models/, each adapted model as a
+    TOML file that --model takes.
+
+    Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
+    """
+    if reading not in READINGS:
+        raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
+    effects = read_amplitudes(effect)
+    known = described(effects)
+    how = f"w = {weight:g}, reading {reading}" + (f", with {known}" if known else "")
+    record, models, files = inputs_record(motions, model), _models(model), MotionStream(*motions)
+    options: dict[str, object] = {"weight": weight, "reading": reading, "float32": float32, "effect": effect}
+    subjects = files.subjects
+    size = chunk or max(1, LANES // len(models))
+    shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
+    work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
+    maker = on_cluster(dask) if dask else one_after_another
+    chunks = files.in_chunks(size)
+    chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
+    with results_folder(out) as folder:
+        parts = Parts(folder, run_key(record, options | {"chunk": size}))
+        with progress(errors) as report:
+            table = parts.make(work, chunks, maker, report)
+            report("writing")
+            with written_together(folder) as part:
+                result, failed = parts.become_tables(part, models)
+                write_adapted_models(part, models, result.parameters, how)
+                write_run(part, "adapt", record, options, files.rejected)
+                table = replace(table, rejected=tuple(files.rejected))
+                drawn = result.of(table.subjects)
+                wrong = write_report(part, table, models, drawn, failed, of=len(subjects), at_work=known)
+        parts.remove()
+        remove_models_of_failed(folder, result.parameters)
+        _print_tables(result, len(subjects))
+        _say_known(known)
+        raise_without_report(folder, wrong)
+    _finish(table, failed)
+
+
+@app.command("diagnose")
+def diagnose_gap(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006
+    noise_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="SD of the noise on one measured angle, degrees, if you know it, say from repeated measurements. "
+            "Default: estimated from what no smooth effect could cause.",
+            show_default=False,
+        ),
+    ] = None,
+    repeat: Repeat = None,
+) -> None:
+    """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
+
+    All subjects together are held against every effect of `girdle effects`, alone and, where one is not enough, in
+    pairs. The answer is **none** (nothing beyond noise), **effect** (one, a pair, or a set that these data cannot tell
+    apart) or **unknown** (no effect of the list explains the gap), with the probability of each, the size of the
+    effect, the gap on motions held out from the fit, and the measurement that would tell most.
+
+    More subjects help most: the same cause is sought in all of them. A subject with fewer than four postures is left
+    out.
+
+    Writes diagnosis.json (everything), gap_heatmap.svg (where the gap is), probabilities.svg (of each answer),
+    gaps.svg (how far the gap shrinks), the tables of `girdle adapt`, run.json and report.html (the page to look at).
+    With several models the figures are those of the model with the smallest gap after adaptation.
+    """
+    if noise_deg is not None and not LEAST.angle_deg <= noise_deg <= MOST_NOISE_DEG:
+        cause = f"{noise_deg:g} is not between {LEAST.angle_deg:g} and {MOST_NOISE_DEG:g} degrees"
+        raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
+    table, models, record = _inputs(motions, model)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            by_model = diagnose(table, models, noise_deg, progress=report)
+            result = adapt_subjects(table, models, progress=report)
+            report("figures")
+            found = as_json(by_model)
+            with written_together(folder) as part:
+                write_figures(part, found)
+                write_json(found, part / "diagnosis.json")
+                write_adaptations(part, result)
+                write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
+                failed = not_adapted(result) | found["left_out"]
+                wrong = write_report(part, table, models, result, failed, found)
+        print_diagnosis(console, found)
+        raise_without_report(folder, wrong)
+    _finish(table, failed)
+
+
+@app.command("trust")
+def trust_results(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = ["R2"],  # noqa: B006
+    weight: Weight = WEIGHT,
+    choose_weight: Annotated[
+        bool, typer.Option("--choose-weight", help="Try other w too, and say which is best on held-out motions.")
+    ] = False,
+    repeat: Repeat = None,
+) -> None:
+    """Adapt as `girdle adapt` does, and say how far the result can be trusted.
+
+    Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
+    for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
+    plausibility.csv (is it still a thorax?), with --choose-weight weights.csv, the tables of `girdle adapt` and
+    run.json.
+    """
+    table, models, record = _inputs(motions, model)
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            found = assess_trust(table, models, weight, choose_weight, report)
+        with written_together(folder) as part:
+            write_adaptations(part, found.adaptations)
+            for name in ("uncertainty", "plausibility"):
+                write_table(getattr(found, name), part / f"{name}.csv")
+            write_table(found.subjects, part / "trust.csv")
+            if found.weights is not None:
+                write_table(found.weights, part / "weights.csv")
+            options = {"weight": weight, "choose_weight": choose_weight}
+            write_run(part, "trust", record, options, table.rejected)
+    print_trust(console, found)
+    _finish(table, not_adapted(found.adaptations))
+
+
+@app.command("convert")
+def convert_file(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A file, or the folder of a Spartacus checkout.")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="A file, or a folder for .mot files.")],
+    names: Annotated[
+        Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
+    ] = None,
+    subject: Annotated[str, typer.Option(help="Whose motion it is, if the file does not say; else its name.")] = "",
+    motion: Annotated[str, typer.Option(help="What motion it is, if the file does not say; else its name.")] = "",
+    side: Annotated[str, typer.Option(help="Shoulder: right or left.")] = "right",
+    at: Annotated[
+        str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
+    ] = "",
+    aa_to_ac: Annotated[
+        str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
+    ] = "",
+    isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
+) -> None:
+    """Bring files of your laboratory into this project's forms, and results into those of others.
+
+    Landmarks (.c3d, .trc, .csv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which the
+    other commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
+    parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table becomes .parquet.
+    """
+    from adapt.cli.convert import convert  # readers of laboratories' files: not for every command
+
+    if side not in SIDES:
+        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
+    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
+    labels = Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac)
+    motions = convert(source, target, read_mapping(names), labels, isb)
+    if motions is None:
+        console.print(f"{target} written", soft_wrap=True)
+        return
+    subjects = len(motions.subjects)
+    console.print(
+        f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
+        soft_wrap=True,
+    )
+    if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
+        console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
+    _finish(motions, {})
+
+
+@app.command("models")
+def list_models() -> None:
+    """List the parameter sets, one line each."""
+    for name in model_names():
+        girdle = load_model(name).girdle
+        axes = ", ".join(f"{a:.0f}" for a in girdle.semi_axes_mm)
+        console.print(
+            f"{name:22} clavicle {float(girdle.ac_mm[0]):.0f} mm, semi-axes ({axes}) mm, "
+            f"conoid {float(girdle.conoid_length_mm):.1f} mm",
+            soft_wrap=True,
+        )
+
+
+@app.command()
+def simulate(
+    out: Out,
+    model: Annotated[str, typer.Option(help="Name of a parameter set or a TOML file.")] = "R2",
+    effect: Annotated[str, typer.Option(help="An effect of `girdle effects`, or none.")] = "none",
+    subjects: Annotated[int, typer.Option(min=1, help="How many subjects.")] = 10,
+    noise_deg: Annotated[float, typer.Option(min=0.0, help="SD of the noise on each angle, degrees.")] = 1.5,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same subjects.")] = 0,
+    repeat: Repeat = None,
+) -> None:
+    """Simulate subjects with the model, an unmodelled effect at work in them, and noise.
+
+    Writes motions.csv (what a laboratory would have measured; every row says it is simulated), truth.csv (the
+    parameters and amplitudes behind it, one row a subject) and run.json.
+    """
+    hidden = None if effect == NO_EFFECT else effect_named(effect, OPTION, NO_EFFECT)
+    record, parameters = inputs_record([], [model]), load_model(model)
+    options = {"effect": effect, "subjects": subjects, "noise_deg": noise_deg, "seed": seed}
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            report("simulating")
+            result = simulate_model_subjects(parameters, hidden, subjects, noise_deg, seed)
+        with written_together(folder) as part:
+            write_motions(result.motions, part / "motions.csv")
+            write_table(result.truth, part / "truth.csv")
+            write_run(part, "simulate", record, options)
+    console.print(
+        f"{len(result.motions.posture)} simulated postures of {subjects} subjects in {folder / 'motions.csv'}"
+    )
+
+
+@app.command("effects")
+def list_effects() -> None:
+    """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions."""
+    for one in EFFECTS.values():
+        scale = " / ".join(f"{value:g}" for value in one.scale[: len(one.directions)])
+        along = " / ".join(one.directions)
+        console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
+
+
+def _elevations(at: str) -> tuple[float, ...]:
+    """The numbers of --at, each once, from low to high."""
+    try:
+        return tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
+    except ValueError:
+        cause = f"'{at}' is not a list of elevations"
+        raise InputError("--at", None, cause, "Give degrees separated by commas, as in --at 30,60,90") from None
+
+
+def _inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[ParameterSet], Files]:
+    """The motions, the models, and what run.json says of their files."""
+    record, sets = inputs_record(motions, models), _models(models)
+    return read_motions(*motions), sets, record
+
+
+def _models(models: list[str]) -> list[ParameterSet]:
+    sets = [load_model(name) for name in models]
+    names = [one.name for one in sets]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
+    return sets
+
+
+def _print_tables(result: Tables, subjects: int) -> None:
+    print_summary(console, result.summary)
+    print_parameters(console, result.parameters)
+    print_heldout(console, result.heldout, subjects)
+
+
+def _say_known(effects: str) -> None:
+    """What ``described`` says of them, if there are any."""
+    if effects:
+        console.print(f"With {effects} at work in every subject.", soft_wrap=True)
+
+
+def _finish(motions: Motions, failed: dict[str, str]) -> None:
+    """Name who was not handled on stderr and end with the exit status."""
+    for error in motions.rejected:
+        errors.print(f"left out: {error}", soft_wrap=True)
+    for subject, why in failed.items():
+        errors.print(f"not handled: {subject}: {why}", soft_wrap=True)
+    if motions.rejected or failed:
+        raise typer.Exit(EXIT_SOME_NOT_HANDLED)
+
+
+def main(application: typer.Typer = app) -> None:
+    """Entry point: compiled code is kept between runs; bad input is one message and exit status 2."""
+    keep_compiled()
+    gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
+    try:
+        application()
+    except InputError as error:
+        errors.print(f"error: {error}", soft_wrap=True)
+        sys.exit(EXIT_BAD_INPUT)
+    except SystemExit as ended:
+        if ended.code == EXIT_INTERRUPTED:  # typer ends so on Ctrl-C, without a word
+            errors.print("interrupted")
+        raise

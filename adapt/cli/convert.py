@@ -1,0 +1,119 @@
+# pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""``girdle convert``: one file in, one file (or a folder of them) out; what it does follows from the two names."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from adapt.solvers import status
+from models.export.opensim import opensim_model
+from models.parameter_sets import load_model
+from motions.errors import InputError
+from motions.files import file_names, write_bytes_whole, write_whole
+from motions.formats.angle_table import split, table_from_motions
+from motions.formats.any_file import read_any
+from motions.formats.mot import write_mot
+from motions.landmarks.mapping import Mapping
+from motions.landmarks.sampled_postures import Labels
+from motions.motion_csv.rows import read_table
+from motions.motion_csv.writing import write_motions
+from motions.table import ANGLES, Motions
+
+_TEXT_COLUMNS = ("model", "subject", "motion", "status")
+
+
+def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: bool = False) -> Motions | None:
+    """Write the source as the target; the motions that were written, or None if it was a table or a model.
+
+    Motions (markers, angles, a Spartacus checkout, motion CSV, fits.csv) become .csv, .mot or a folder of .mot files, a
+    table .parquet, a parameter set .osim. InputError if the source cannot be read or has no such form.
+    """
+    kind = target.suffix.lower()
+    if kind == ".osim":
+        write_whole(target, opensim_model(load_model(str(source))))
+        return None
+    if kind == ".parquet":
+        write_parquet(source, target)
+        return None
+    if source.suffix.lower() == ".csv" and _is_fits(source):
+        motions = simulated_motions(source)
+    else:
+        motions = read_any(source, mapping, labels)
+    if kind == ".csv":
+        write_motions(motions, target)
+    elif kind == ".mot":
+        write_one_mot(motions, target, isb)
+    elif not kind:
+        write_mot_folder(motions, target, isb)
+    else:
+        cause = f"files that end in {kind!r} are not written"
+        raise InputError(str(target), None, cause, "Known are .csv, .mot, a folder for .mot files, .parquet and .osim")
+    return motions
+
+
+def write_one_mot(motions: Motions, target: Path, isb: bool) -> None:
+    """Write the one motion of the one subject. InputError if there are more: a .mot file has a single time."""
+    parts = split(motions)
+    if len(parts) > 1:
+        cause = f"there are {len(parts)} motions and a .mot file holds one"
+        raise InputError(str(target), None, cause, "Name a folder instead, without an ending")
+    write_mot(table_from_motions(parts[0], isb, str(target)), target)
+
+
+def write_mot_folder(motions: Motions, folder: Path, isb: bool) -> None:
+    """Write one .mot file for each motion of each subject."""
+    parts = split(motions)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        cause = f"the folder cannot be made ({error.strerror})"
+        raise InputError(str(folder), None, cause, "Name a folder of your own") from error
+    names = file_names([f"{part.subject[0]}_{part.motion[0]}" for part in parts])
+    for part, name in zip(parts, names, strict=True):
+        write_mot(table_from_motions(part, isb, str(folder / name)), folder / f"{name}.mot")
+
+
+def write_parquet(source: Path, target: Path) -> None:
+    """Write a CSV table as Parquet, names as text. InputError if it is none, or if pyarrow is not installed."""
+    if importlib.util.find_spec("pyarrow") is None:
+        cause = "Parquet needs pyarrow, which is not installed"
+        raise InputError(str(target), None, cause, "Install it: .venv/bin/pip install pyarrow")
+    write_bytes_whole(target, _table(source).to_parquet(index=False))
+
+
+def simulated_motions(fits: Path) -> Motions:
+    """The simulated angles of a ``fits.csv``, after adaptation where it has them, of the postures whose fit is ``ok``.
+
+    The subjects are called MODEL_SUBJECT. InputError if there is no such posture.
+    """
+    table = _table(fits)
+    table = table[(table["adapted"] == table["adapted"].max()) & (table["status"] == status.OK)]
+    if table.empty:
+        raise InputError(str(fits), None, "no posture was fitted", "Look at the column status")
+    said = "simulated by the adapted model" if table["adapted"].max() else "simulated by the model as it is"
+    return Motions(
+        subject=(table["model"] + "_" + table["subject"]).to_numpy(str),
+        motion=table["motion"].to_numpy(str),
+        posture=table["posture"].to_numpy(np.int64),
+        humerus_elevation_deg=table["humerus_elevation_deg"].to_numpy(float),
+        angles_deg=np.stack([table[f"{angle}_simulated_deg"].to_numpy(float) for angle in ANGLES], axis=1),
+        landmarks_mm={},
+        extra=pd.DataFrame({"origin": [said] * len(table)}, dtype=str),
+    )
+
+
+def _table(path: Path) -> pd.DataFrame:
+    """A CSV table as it was written: numbers with all their digits, names as text even where they look like numbers.
+
+    InputError if it is none.
+    """
+    names = [name for name in read_table(path).columns if name in _TEXT_COLUMNS]
+    return pd.read_csv(path, dtype=dict.fromkeys(names, "str"), keep_default_na=False, na_values=[""])
+
+
+def _is_fits(path: Path) -> bool:
+    columns = read_table(path).columns
+    return "adapted" in columns and all(f"{angle}_simulated_deg" in columns for angle in ANGLES)

@@ -1,0 +1,126 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""What a person sees on the terminal: progress while it runs, tables when it is done."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pandas as pd
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.segment import Segment
+from rich.table import Table
+
+from adapt.tables.held_out import MOTION, by_model, by_subject
+from adapt.tables.results import ALL_MOTIONS, STATISTICS, parameter_statistics
+from motions.files import printable
+from motions.table import ANGLES
+
+HEADERS = ("clav pr", "clav el", "clav ax", "scap pr", "scap ro", "scap ti")
+"""The thesis's abbreviations: pro/retraction, elevation, axial rotation, latero rotation, tipping."""
+
+_MOST_PRINTED = 100
+"""Subjects of which each has a line."""
+
+
+class PlainConsole(Console):
+    """Prints names from files as they are: neither read as markup nor able to command the terminal."""
+
+    def __init__(self, *, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, markup=False, highlight=False)
+
+    def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
+        """Every piece of text that is printed comes through here, and the control codes of rich itself apart."""
+        for segment in super().render(*arguments, **options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
+
+
+@contextmanager
+def progress(errors: Console) -> Iterator[Callable[[str], None]]:
+    """A line on stderr, if that is a terminal, that says what is being done and for how long."""
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda stage: bar.update(task, description=stage)
+
+
+def print_summary(console: Console, summary: pd.DataFrame) -> None:
+    """Tables 6.1-6.4: mean absolute differences of all motions of a subject, a table a model and state."""
+    everything = summary[summary["motion"] == ALL_MOTIONS]
+    for (model, adapted), rows in everything.groupby(["model", "adapted"], sort=False):
+        state = "after adaptation" if adapted else "before adaptation"
+        table = Table(
+            title=f"{model}, {state}: mean |simulated - measured|, degrees", title_justify="left", box=SIMPLE_HEAD
+        )
+        table.add_column("subject", no_wrap=True)
+        for header in (*HEADERS, "clav", "scap"):
+            table.add_column(header, justify="right")
+        subjects = len(rows) - len(STATISTICS)
+        if subjects > _MOST_PRINTED:
+            console.print(f"{subjects} subjects: of each alone in summary.csv")
+            rows, subjects = rows.tail(len(STATISTICS)), 0
+        for number, row in enumerate(rows.to_dict("records")):
+            values = [row[f"{name}_deg"] for name in (*ANGLES, "clavicle", "scapula")]
+            table.add_row(row["subject"], *(f"{v:.1f}" for v in values), end_section=number == subjects - 1)
+        console.print(table)
+        _print_missing(console, rows[~rows["subject"].isin(STATISTICS)])
+
+
+def _print_missing(console: Console, rows: pd.DataFrame) -> None:
+    for row in rows[rows["postures"] > rows["postures_ok"]].to_dict("records"):
+        missing = row["postures"] - row["postures_ok"]
+        console.print(f"  {row['subject']}: {missing} of {row['postures']} postures not fitted, not counted above")
+
+
+def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
+    """Tables 6.5 and 6.6: adapted parameters, mean and standard deviation over subjects, beside the model's own."""
+    statistics = parameter_statistics(parameters)
+    table = Table(title="Adapted parameters over subjects, mm", title_justify="left", box=SIMPLE_HEAD)
+    table.add_column("model", no_wrap=True)
+    table.add_column("parameter", no_wrap=True)
+    for header in ("model's own", "adapted mean", "SD", "at bound"):
+        table.add_column(header, justify="right")
+    for model, rows in statistics.groupby("model", sort=False):
+        for number, row in enumerate(rows.to_dict("records")):
+            values = (f"{row[key]:.1f}" for key in ("prior_mm", "mean_mm", "sd_mm"))
+            bound = f"{row['at_bound']} of {row['subjects']}" if row["at_bound"] else ""
+            name = "" if number else str(model)
+            table.add_row(name, row["parameter"], *values, bound, end_section=number == len(rows) - 1)
+    console.print(table)
+
+
+def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> None:
+    """The gap on what an adaptation has not seen beside that on the same postures before it and in sample."""
+    known = heldout["subject"].nunique()
+    if known < subjects:
+        why = "a sample of many, or who has a single posture" if known else "every subject has a single posture"
+        console.print(f"Held-out gaps of {known} of {subjects} subjects: {why}")
+    if not known:
+        return
+    means = by_model(heldout).to_dict("index")
+    parts = heldout.groupby(["model", "subject"]).size()
+    for model, rows in by_subject(heldout).groupby("model", sort=False):
+        title = (
+            f"{model}: mean |simulated - measured|, degrees, before, after (seen), and where\n"
+            "the motion, or third of a single one, was held out from the adaptation (unseen)"
+        )
+        table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        table.add_column("subject", overflow="fold")
+        for header in ("clav", "seen", "unseen", "scap", "seen", "unseen"):
+            table.add_column(header, justify="right", no_wrap=True)
+        table.add_column("held out", no_wrap=True)
+        for row in rows.to_dict("records") if known <= _MOST_PRINTED else ():
+            said = f"{parts[model, row['subject']]} motions" if row["kind"] == MOTION else "thirds"
+            table.add_row(row["subject"], *_heldout_cells(row), said)
+        table.add_section()
+        table.add_row("mean", *_heldout_cells(means[model]), "")
+        console.print(table)
+
+
+def _heldout_cells(row: dict) -> list[str]:
+    words = ("before", "in_sample", "unseen")
+    values = [row[f"{bone}_gap_{word}_deg"] for bone in ("clavicle", "scapula") for word in words]
+    return [f"{value:.1f}" for value in values]

@@ -1,0 +1,89 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""What a person sees of it on the terminal."""
+
+import math
+
+import pandas as pd
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from adapt.assessment import Trust
+from adapt.trust.thorax_plausibility import WARNING
+from models.girdle import ADAPTED
+
+
+def print_trust(console: Console, found: Trust) -> None:
+    """Parameters with their intervals, gaps seen and unseen, and in words what to be careful with."""
+    for model, mine in found.uncertainty.groupby("model", sort=False):
+        _print_parameters(console, str(model), mine)
+    _print_gaps(console, found.subjects)
+    for row in found.subjects.to_dict("records"):
+        cautions = [f"at a bound: {row['at_bound']}" if row["at_bound"] else "", row["flat"].partition(";")[0]]
+        cautions.append(f"hardly a thorax: {row['warnings']}" if row["plausibility"] == WARNING else "")
+        said = "; ".join(caution for caution in cautions if caution)
+        if said:
+            console.print(f"{row['model']}, {row['subject']}: {said}", soft_wrap=True)
+    if found.weights is not None:
+        print_weights(console, found.weights)
+
+
+def _table(title: str, headers: tuple[str, ...], names: int) -> Table:
+    """Where the terminal is narrow names are folded, numbers never cut."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for header in headers[:names]:
+        table.add_column(header, overflow="fold")
+    for header in headers[names:]:
+        table.add_column(header, no_wrap=True, justify="right")
+    return table
+
+
+def _print_parameters(console: Console, model: str, spread: pd.DataFrame) -> None:
+    title = f"{model}: 95 % intervals of the adapted parameters, mm\n(* the value itself: at a bound, no estimate)"
+    table = _table(title, ("subject", *(name.removesuffix("_length") for name in ADAPTED)), 1)
+    for subject, rows in spread.groupby("subject", sort=False):
+        table.add_row(str(subject), *(_interval(row) for row in rows.to_dict("records")))
+    console.print(table)
+
+
+def _interval(row: dict) -> str:
+    if row["at_bound"]:
+        return f"{row['adapted_mm']:.0f}*"
+    return f"{row['low_mm']:.0f}..{row['high_mm']:.0f}"
+
+
+def _print_gaps(console: Console, subjects: pd.DataFrame) -> None:
+    title = (
+        "Mean |simulated - measured|, degrees: before and after adaptation (seen), and on each motion and third of\n"
+        "the postures held out from it; steps without a jump; what the thorax points forbid of the fall of mean J"
+    )
+    headers = ("model", "subject", "before", "seen", "motion", "postures", "smooth", "forbidden")
+    table = _table(title, headers, 2)
+    gaps = [f"gap_{word}_deg" for word in ("before", "in_sample", "unseen_motion", "unseen_postures")]
+    for row in subjects.to_dict("records"):
+        shares = (_number(100.0 * row[key], ".0f", " %") for key in ("jump_free", "points_forbid"))
+        table.add_row(row["model"], row["subject"], *(_number(row[gap], ".2f") for gap in gaps), *shares)
+    console.print(table)
+
+
+def _number(value: float, form: str, unit: str = "") -> str:
+    return "" if math.isnan(value) else f"{value:{form}}{unit}"
+
+
+def print_weights(console: Console, weights: pd.DataFrame) -> None:
+    """The trade-off curve of w, and whether it has a least gap at all."""
+    title = "w of E = D + w mean(J), by motions held out (* smallest gap unseen)"
+    headers = ("model", "w", "points rms, mm", "J rms, deg", "gap seen", "gap unseen", "at bound")
+    table = _table(title, headers, 1)
+    for row in weights.to_dict("records"):
+        keys = ("thorax_points_rms_mm", "j_rms_deg", "gap_in_sample_deg", "gap_unseen_deg")
+        name = f"{row['weight']:g}{'*' if row['best'] else ''}"
+        bound = f"{row['at_bound']} of {row['subjects_ok']}"
+        table.add_row(row["model"], name, *(_number(row[key], ".2f") for key in keys), bound)
+    console.print(table)
+    for model, rows in weights.groupby("model", sort=False):
+        best = rows.loc[rows["best"] == 1, "weight"]
+        if len(best) and best.iloc[0] in (rows["weight"].min(), rows["weight"].max()):
+            said = f"{model}: the smallest gap unseen is at the end of the weights tried, so these motions choose none"
+            console.print(said, soft_wrap=True)

@@ -1,0 +1,19 @@
+"""What a motion file says of itself: effects that its angles have by the way they were made."""
+
+from motions.landmarks.sampled_postures import ESTIMATED, SCAPULA_ROTATED
+from motions.table import Motions
+
+_MADE_SO = (
+    (ESTIMATED, "yes", "clavicle_axial_estimate"),  # an estimate of the axial rotation lags the true one
+    (SCAPULA_ROTATED, "AA brought to AC", "scapula_landmark_bias"),  # a mean rotation is not the subject's
+)
+"""Column, how its cells start, effect."""
+
+
+def expected_effects(motions: Motions) -> tuple[str, ...]:
+    """The effects that most postures are marked with."""
+    return tuple(
+        effect
+        for column, mark, effect in _MADE_SO
+        if column in motions.extra and motions.extra[column].str.startswith(mark).mean() > 0.5
+    )

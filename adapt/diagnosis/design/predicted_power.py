@@ -1,0 +1,164 @@
+"""How often a diagnosis of such data would name each effect, if it were at work: before any residual is seen.
+
+Linear about the model as it is, what a subject shows of an effect is Gaussian,
+
+    y_s = X_s u_s + A_s a_s + noise,
+
+so that data can be drawn and weighed by thousands: a draw is its inner products with the columns X and A, N(G c, G)
+for their Gram matrix G and coefficients c. The evidence is that of the diagnosis, with the noise known and courses as
+smooth as the library has them: about the most that any method could tell of such data that knows as little beforehand.
+Effects that these data hardly tell apart show as names taken for each other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy.random import Generator, default_rng
+
+from adapt.diagnosis.design.separability import slopes
+from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, Products, none_and_each
+from adapt.diagnosis.fit.misfit import prior_sd_of
+from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.inference.axial_turn import mean_subject
+from adapt.diagnosis.inference.priors import over_priors
+from adapt.diagnosis.inference.verdict import NONE_FROM, shares_of
+from adapt.engine.batching import in_threads
+from models.effects import Effect
+from models.effects.effect import COURSE_SD
+from models.girdle import ADAPTED, Girdle
+
+_DRAWS = 50
+"""Of each effect: a share of one half is known to 7 points, the mean over the effects to 2."""
+
+_SEED = 1999
+"""The same draws for the same data: nothing else is random in a diagnosis."""
+
+SPREAD, _SPREADS = 0.5, np.outer((0.4, 0.7), np.ones(6))
+"""Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary; and those with which draws are
+weighed, as if the data had chosen them."""
+
+_NAMED_OFTEN = 0.05
+"""A name that an effect is taken for less often than this is not told."""
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What would become of an effect of its typical size."""
+
+    named: float
+    """Share of draws in which it would be the first name."""
+    none: float
+    """Share in which nothing would be blamed."""
+    taken_for: dict[str, float]
+    """Shares in which another would be the first name, the largest first."""
+
+
+def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> dict[str, Foreseen]:
+    """By name of the effect. ``data`` are ``closed`` ones (see ``distinguish``)."""
+    names = [effect.name for effect in effects]
+    hypotheses = none_and_each(names)
+    gram, own = products_of(girdle, effects, data, noise)
+    root, generator = root_of(gram), default_rng(_SEED)
+    drawn = (draw(gram, k, effect, _DRAWS, generator) for k, effect in zip(own[1:], effects, strict=True))
+    seen = np.concatenate([shown(gram, root, coefficients, generator) for coefficients in drawn])
+    alone = [[], *([effect] for effect in effects)]
+    logs = np.array(in_threads(lambda k, at_work: _log_evidence(gram, seen, k, at_work), own, alone))
+    shares = shares_of(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
+    return {name: _outcomes(k, shares[:, k], names) for k, name in enumerate(names)}
+
+
+def products_of(
+    girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
+) -> tuple[Float[np.ndarray, "subjects columns columns"], list[Int[np.ndarray, " own"]]]:
+    """G of each subject, the mean one of ``axial_turn`` last; and which of its columns are the amplitudes of none and
+    of every effect, those of X being the first."""
+    hypotheses = none_and_each(effect.name for effect in effects)
+    X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
+    columns = np.concatenate([X, *by_amplitudes], axis=2)
+    gram = np.swapaxes(columns, 1, 2) @ columns
+    if (mean := mean_subject(effects, data)) is not None:
+        row = np.concatenate([np.zeros(len(ADAPTED)), mean.columns[: gram.shape[1] - len(ADAPTED)]])
+        gram = np.concatenate([gram, np.outer(row, row)[None]])
+    ends = np.cumsum([X.shape[2], *(A.shape[2] for A in by_amplitudes)])
+    return gram, [np.arange(*span) for span in pairwise(ends)]
+
+
+def typical_amplitudes(
+    effect: Effect, draws: int, subjects: int, generator: Generator, between: float = BETWEEN_SUBJECTS
+) -> Float[np.ndarray, "draws subjects amplitudes"]:
+    """Amplitudes of its typical size: all directions together as long as their scales, in a direction of its nature's
+    signs, and alike in all subjects but for ``between``, the SD of their size; with details."""
+    scale, sign, main = np.asarray(effect.scale), np.asarray(effect.channel_signs), len(effect.directions)
+    way = generator.standard_normal((draws, len(scale)))
+    if effect.leading is not None:
+        way[:, effect.leading] = np.sign(way[:, effect.leading])
+    way = np.where(sign == 0, way, sign * np.abs(way)) * scale
+    way[:, :main] *= np.linalg.norm(scale[:main]) / np.linalg.norm(way[:, :main], axis=1, keepdims=True)
+    size = np.maximum(1.0 + between * generator.standard_normal((draws, subjects)), 0.0)
+    amplitudes = size[..., None] * way[:, None]
+    if not effect.over_elevation:
+        return amplitudes
+    more = generator.standard_normal((draws, len(COURSE_SD) - 1)) * COURSE_SD[1:]
+    course = np.concatenate([np.ones((draws, 1)), more], axis=1)
+    return (amplitudes[..., None] * course[:, None, None]).reshape(draws, subjects, -1)
+
+
+def root_of(gram: Float[np.ndarray, "subjects columns columns"]) -> Float[np.ndarray, "subjects columns columns"]:
+    """R with R R' = G, of matrices that may be singular."""
+    values, vectors = np.linalg.eigh(gram)
+    return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
+
+
+def draw(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    own: Int[np.ndarray, " own"],
+    effect: Effect | None,
+    draws: int,
+    generator: Generator,
+    size: float = 1.0,
+) -> Float[np.ndarray, "draws subjects columns"]:
+    """Coefficients of people who differ by ``SPREAD`` and have the effect, ``size`` of its typical size."""
+    subjects, columns, _ = gram.shape
+    coefficients = np.zeros((draws, subjects, columns))
+    coefficients[..., : len(ADAPTED)] = SPREAD * generator.standard_normal((draws, subjects, len(ADAPTED)))
+    if effect is not None:
+        coefficients[..., own] = size * typical_amplitudes(effect, draws, subjects, generator)
+    return coefficients
+
+
+def shown(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    root: Float[np.ndarray, "subjects columns columns"],
+    coefficients: Float[np.ndarray, "draws subjects columns"],
+    generator: Generator,
+) -> Float[np.ndarray, "draws subjects columns"]:
+    """Inner products of the columns with what subjects with these coefficients show: N(G c, G)."""
+    noise = generator.standard_normal(coefficients.shape)
+    return np.einsum("sij,dsj->dsi", gram, coefficients) + np.einsum("sij,dsj->dsi", root, noise)
+
+
+def products_with(
+    gram: Float[np.ndarray, "subjects columns columns"],
+    seen: Float[np.ndarray, "draws subjects columns"],
+    own: Int[np.ndarray, " own"],
+) -> Products:
+    """Those of X and of the amplitudes ``own``; the square of what was seen is left out."""
+    k = np.concatenate([np.arange(len(ADAPTED)), own])
+    return Products(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
+
+
+def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:
+    """But for the sum of squares of what was seen, which all hypotheses share."""
+    of = products_with(gram, seen, own)
+    return over_priors(of, prior_sd_of(effects), effects, [(1.0, 1.0)], spreads=_SPREADS).log_evidence
+
+
+def _outcomes(at_work: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> Foreseen:
+    nothing = shares[0] >= NONE_FROM
+    first = np.where(nothing, -1, shares[1:].argmax(axis=0))
+    often = [float((first == k).mean()) for k in range(len(names))]
+    others = sorted((-share, names[k]) for k, share in enumerate(often) if k != at_work and share >= _NAMED_OFTEN)
+    return Foreseen(often[at_work], float(nothing.mean()), {name: -share for share, name in others})

@@ -1,0 +1,130 @@
+"""What the diagnosis sees of the subjects: angles and landmark positions, with their noise, as padded arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.solvers.padded_batch import Batch, pack
+from models.effects.effect import SHOWN
+from motions.rhythm import REST_DEG
+from motions.rotations import DEG
+from motions.table import Motions
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one measurement."""
+
+    angle_deg: float
+    landmark_mm: float = 2.0
+
+    def of(self, quantities: int) -> Float[np.ndarray, " quantities"]:
+        """Of six angles in rad, then of landmark coordinates in mm."""
+        return np.array([self.angle_deg / DEG] * 6 + [self.landmark_mm] * (quantities - 6))
+
+
+_UNMEASURED = Noise(angle_deg=60.0, landmark_mm=300.0)
+"""Noise of what was not measured: any value it could have."""
+
+
+_NODES = 3
+"""Of the quadrature over the noise: nine change log evidence by 0.2 nats at most, mostly by less than 0.05."""
+
+
+@dataclass(frozen=True)
+class NoiseEstimate:
+    """The noise, and the residual degrees of freedom it rests on: infinite where it was given."""
+
+    noise: Noise
+    freedom: float
+    source: str
+    """'estimated', 'given' or 'assumed', of the angles."""
+    noisy_deg: Mapping[int, float] = field(default_factory=dict)
+    """SD of the subjects, by number, that scatter far more than the others: it is not in the estimate."""
+
+    @property
+    def known(self) -> bool:
+        """Whether the noise was given."""
+        return not np.isfinite(self.freedom)
+
+    @cached_property
+    def likely_shares(self) -> list[tuple[float, float]]:
+        """Shares of the estimate that the noise may be, each with its probability (Gauss-Hermite).
+
+        The logarithm of an SD estimated from n degrees of freedom has an SD of its own of 1 / sqrt(2 n).
+        """
+        if self.known:
+            return [(1.0, 1.0)]
+        nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+        shares = np.exp(nodes / np.sqrt(2.0 * self.freedom))
+        return list(zip(shares.tolist(), (weights / weights.sum()).tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The postures of S subjects, padded to P."""
+
+    values: Float[np.ndarray, "quantities postures subjects"]
+    """Six angles in rad and, where any landmark was measured, the coordinates of SHOWN in mm; where an angle was not
+    measured that of a girdle at rest, where a coordinate was not, 0."""
+    measured: Bool[np.ndarray, "quantities postures subjects"]
+    elevation_deg: Float[np.ndarray, "postures subjects"]
+    counted: Bool[np.ndarray, "postures subjects"]
+    motion: Int[np.ndarray, "postures subjects"]
+    """Number of the motion among all of the data."""
+    subjects: tuple[str, ...]
+    motions: tuple[str, ...]
+
+    @property
+    def highest_deg(self) -> float:
+        """Elevation of the highest posture."""
+        return float(self.elevation_deg[self.counted].max())
+
+    @property
+    def uninformative(self) -> int:
+        """Of the residuals, three a posture less than its quantities, those of padding and of what was not measured."""
+        each = len(self.values) - 3
+        lost = np.minimum((~self.measured).sum(axis=0), each)
+        return int(np.where(self.counted, lost, each).sum())
+
+    def of_subjects(self, index: Int[np.ndarray, " chosen"]) -> "Observed":
+        """Some of the subjects, one perhaps more than once."""
+        arrays = {k: v[..., index] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays, subjects=tuple(self.subjects[i] for i in index))
+
+    def without(self, left_out: Bool[np.ndarray, "postures subjects"]) -> "Observed":
+        """The same with some postures not counted."""
+        return replace(self, counted=self.counted & ~left_out)
+
+    def noise(self, noise: Noise) -> Float[np.ndarray, "quantities postures subjects"]:
+        """SD of each quantity."""
+        each, any_value = (kind.of(len(self.values))[:, None, None] for kind in (noise, _UNMEASURED))
+        return np.where(self.measured, each, any_value)
+
+
+def observe(motions: Motions, batch: Batch | None = None) -> Observed:
+    """The subjects of the motions. A missing elevation counts as the arm hanging."""
+    batch = pack(motions) if batch is None else batch
+    rows = batch.rows
+    values = motions.angles_deg / DEG
+    if any(name in motions.landmarks_mm for name in SHOWN):
+        nothing = np.full((len(values), 3), np.nan)
+        positions = [motions.landmarks_mm.get(name, nothing) for name in SHOWN]
+        values = np.concatenate([values, np.stack(positions, axis=1).reshape(len(values), -1)], axis=1)
+    values = np.moveaxis(np.asarray(values)[rows], -1, 0)
+    names = tuple(dict.fromkeys(motions.motion.tolist()))
+    number = np.array([names.index(name) for name in motions.motion.tolist()])
+    absent = np.zeros(len(values))
+    absent[:6] = REST_DEG / DEG
+    return Observed(
+        values=np.where(np.isfinite(values), values, absent[:, None, None]),
+        measured=np.isfinite(values),
+        elevation_deg=np.nan_to_num(motions.humerus_elevation_deg)[rows],
+        counted=batch.counted,
+        motion=number[rows],
+        subjects=batch.subjects,
+        motions=names,
+    )

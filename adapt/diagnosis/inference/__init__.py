@@ -1,0 +1,1 @@
+"""From fitted hypotheses to an answer: evidence over priors, discrepancy, ranking, verdict."""

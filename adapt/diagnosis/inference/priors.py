@@ -1,0 +1,184 @@
+"""Evidence over all that may be so beforehand: spreads of parameters, sizes, signs, likeness of subjects, noise."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from adapt.diagnosis.fit.linear_evidence import (
+    THETA_SD_MM,
+    Block,
+    Linear,
+    Products,
+    Statistics,
+    agreeing_signs,
+    alike,
+    common_amplitude,
+    common_shift,
+    log_evidence,
+    log_sum,
+    statistics,
+    unlike,
+)
+from adapt.diagnosis.inference.one_course import one_course
+from models.effects import Effect
+
+_SIZES = (0.5, 1.0)
+"""Shares of an effect's scale that its amplitude is as likely to be of: small ones and large ones."""
+
+SPREADS_MM = ((7.0, 25.0), (3.0, 7.0), (2.0, 4.0, 8.0), (7.0, 25.0), (4.0, 12.0), (0.9, 2.5))
+"""SDs of each of ADAPTED between people that there may be, any with any: the data choose. Table 6.5 has 8-31, 6-7, 2-3,
+13-24, 15-17 and 1-2 mm, fitted with noise and within bounds; A_x may vary more, as chests do (assumed). One held
+to vary less than it does would be taken for a constant effect: a wider chest for another clavicle."""
+
+_SPREADS = np.array(list(product(*SPREADS_MM))) / THETA_SD_MM
+
+_LIKELIEST = 8
+"""So many are weighed with all else; the others are allowed for by their weight with the amplitudes as fitted."""
+
+_ABOUT_SIZE = 0.4
+"""SD of the amplitude of the channel that leads about the effect's size, as a share of it: scales are typical values of
+the effect where it is at work, not of its absence."""
+
+_SHIFT_SHARE, SHIFT = 0.1, 0.5
+"""Prior probability that the people measured differ from the parameter set on average, not only from each other; and by
+which share of ``THETA_SD_MM``."""
+
+_OPPOSED_SHARE, _OPPOSED_SIGNED_SHARE = 0.05, 0.015
+"""Prior probability that an effect's sign differs from subject to subject, all else being alike; and that of an effect
+whose nature has a sign: of 0.05, 0.025, 0.015 and 0.005 the best log score on calibration seeds."""
+
+_UNLIKE_SHARE, _UNLIKE_SIGNED_SHARE = 0.02, 0.002
+"""The same for amplitudes that each subject has for itself, of either sign."""
+
+_TOGETHER_SHARE = 0.8
+"""Prior probability, all subjects being alike, that the channels of an effect follow one course."""
+
+_AGAINST_SHARE = 0.01
+"""Prior probability that an effect goes against the sign of its nature."""
+
+_erfc = np.vectorize(math.erfc, otypes=[float])
+
+
+@dataclass(frozen=True)
+class OverPriors:
+    """The evidence of a hypothesis, of one data set or of many draws."""
+
+    log_evidence: Float[np.ndarray, "*draws"]
+    unlike: Float[np.ndarray, "*draws"]
+    """Log odds that amplitudes differ between subjects, in sign or in all."""
+    of_spread: Float[np.ndarray, " spreads *draws"]
+    """Log evidence with each of ``spreads``."""
+    spreads: Float[np.ndarray, "spreads 6"]
+
+    @property
+    def spread(self) -> Float[np.ndarray, " 6"]:
+        """Of one data set, the spreads of the adapted parameters that it chooses."""
+        return self.spreads[int(np.argmax(self.of_spread))]
+
+
+def over_priors(
+    of: Products,
+    scale: Float[np.ndarray, " amplitudes"],
+    effects: Sequence[Effect],
+    noise_shares: Sequence[tuple[float, float]],
+    spreads: Float[np.ndarray, "spreads 6"],
+    departures: int = 0,
+) -> OverPriors:
+    """Evidence summed over the noise there may be, the spreads of the adapted parameters and what they have in common,
+    and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own, with so many columns
+    for ``departures`` of each channel behind the amplitudes."""
+    sign = agreeing_signs(of.at(), alike(scale))
+    unsigned = [replace(effect, sign=()) for effect in effects]
+    priors = [alike(scale) * size for size in _SIZES]
+    at, shifted = (one.over(noise_shares, spreads) for one in (of, of.with_shift()))
+    opposed = at.turned(sign)
+    signed = any(any(effect.sign) for effect in effects)
+    opposed_share = _OPPOSED_SIGNED_SHARE if signed else _OPPOSED_SHARE
+    own_share = _UNLIKE_SIGNED_SHARE if signed else _UNLIKE_SHARE
+    alike_log = _mixed(
+        (1.0 - _SHIFT_SHARE, [_log_alike(at, prior, effects, departures) for prior in priors]),
+        (_SHIFT_SHARE, [_log_alike(shifted, prior + common_shift(SHIFT), effects, departures) for prior in priors]),
+    )
+    unlike_log = _mixed(
+        (opposed_share * 0.5 ** (sign.shape[-1] - 1), [_log_alike(opposed, p, unsigned, departures) for p in priors]),
+        (own_share, [log_evidence(at, unlike(prior.common)) for prior in priors]),
+    )
+    share = 1.0 - opposed_share - own_share
+    each = np.logaddexp(alike_log + math.log(share), unlike_log)
+    return OverPriors(log_sum(each), log_sum(unlike_log) - log_sum(alike_log) - math.log(share), each, spreads)
+
+
+def likely_spreads(
+    of: Products, amplitudes: Float[np.ndarray, "subjects amplitudes"]
+) -> tuple[Float[np.ndarray, "likeliest 6"], float]:
+    """The spreads with the most evidence for these amplitudes, and the log of their share of the evidence of all."""
+    log = of.of_adapted(amplitudes).at(spread=_SPREADS).log
+    chosen = np.sort(np.argsort(-log, kind="stable")[:_LIKELIEST])
+    return _SPREADS[chosen], float(log_sum(log[chosen]) - log_sum(log))
+
+
+def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, " spreads *draws"]:
+    """Log evidence of what is so with these probabilities, each with a sum over sizes and, along the second axis,
+    noises."""
+    return log_sum([math.log(share) + log_sum(log_sum(logs), axis=1) for share, logs in parts])
+
+
+def likeliest_prior(fitted: Linear) -> Block:
+    """Of the priors of the amplitudes, the one with the most evidence."""
+    of = statistics(fitted)
+    priors = [spread(fitted.scale) * size for spread in (alike, unlike) for size in _SIZES]
+    return max(priors, key=lambda prior: float(log_evidence(of, prior)))
+
+
+def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect], departures: int):
+    """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs, and
+    the channels of each effect go together or not."""
+    if len(effects) == 1 and (leading := effects[0].leading) is not None:
+        return _log_about(of, prior, effects[0], leading * effects[0].terms, departures)
+    expected = [sign for effect in effects for sign in effect.signs]
+    return _log_together_or_not(of, prior, effects, expected, departures)
+
+
+def _log_together_or_not(
+    of: Statistics, prior: Block, effects: Sequence[Effect], signs: Sequence[int], departures: int
+):
+    """The same for one prior of the amplitudes, of which so many first ones have these signs, expected or 0."""
+    expected = np.zeros(len(prior.common), dtype=int)
+    expected[: len(signs)] = signs
+    free, common, covariance = common_amplitude(of, prior)
+    free = free + _log_of_signs(expected, common, covariance)
+    if not any(len(effect.channels) > 1 for effect in effects):
+        return free
+    one = one_course(of, prior, common, effects, departures)
+    together, common, covariance = common_amplitude(one.of, one.prior, one.along)
+    together = together + _log_of_signs(expected[one.kept], common, covariance)
+    return np.logaddexp(math.log(_TOGETHER_SHARE) + together, math.log(1.0 - _TOGETHER_SHARE) + free)
+
+
+def _log_of_signs(expected: Int[np.ndarray, " amplitudes"], common, covariance):
+    """What is gained or lost by how far the common amplitudes have the expected signs, most of the prior's weight."""
+    log = 0.0
+    for k in np.flatnonzero(expected):
+        agreed = _normal_cdf(expected[k] * common[..., k] / np.sqrt(covariance[..., k, k]))
+        log = log + np.log(2.0 * ((1.0 - _AGAINST_SHARE) * agreed + _AGAINST_SHARE * (1.0 - agreed)))
+    return log
+
+
+def _log_about(of: Statistics, prior: Block, effect: Effect, leading: int, departures: int):
+    """The same if the amplitude of the channel that leads lies about plus or minus the size."""
+    own, logs = effect.signs[leading], []
+    for sign in (1.0, -1.0):
+        mean, common = prior.mean.copy(), prior.common.copy()
+        mean[leading], common[leading] = sign * common[leading], _ABOUT_SIZE * common[leading]
+        share = 0.5 if not own else 1.0 - _AGAINST_SHARE if sign == own else _AGAINST_SHARE
+        about = replace(prior, mean=mean, common=common)
+        logs.append(math.log(share) + _log_together_or_not(of, about, [effect], (), departures))
+    return log_sum(logs)
+
+
+def _normal_cdf(x):
+    return 0.5 * _erfc(-x / math.sqrt(2.0))

@@ -1,0 +1,69 @@
+"""Parts made by the workers of a Dask cluster: one process a core, or a device, each with girdle installed."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from adapt.engine.compilation_cache import keep_compiled
+from adapt.large_runs.parts import Chunks, Maker, Work
+from motions.errors import InputError
+
+_CONNECT_S = 10.0
+
+_WAITING = 2
+"""Parts asked for, a worker: one that it makes and one that it goes on with; more would only fill its memory."""
+
+
+def on_cluster(address: str) -> Maker:
+    """A maker of parts on the scheduler at this address. InputError if it cannot be reached.
+
+    A part whose worker is lost is made again by another: parts depend on nothing but their chunk, and the process that
+    asked for them writes each once.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        cause = "Dask is not installed"
+        raise InputError(
+            "--dask", None, cause, "Install it here and for the workers: pip install 'girdle[dask]'"
+        ) from error
+
+    def make(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
+        with _client(Client, address) as client:
+            if not client.scheduler_info(n_workers=-1)["workers"]:
+                raise InputError(
+                    "--dask", None, f"the scheduler at {address} has no worker", "Start: dask worker ADDRESS"
+                )
+            shared = client.scatter(work, broadcast=True, hash=False)
+            numbers: dict[Any, int] = {}
+            ended = as_completed()
+
+            def ask() -> None:
+                for number, motions in chunks:
+                    future = client.submit(_part, shared, motions, pure=False)
+                    numbers[future] = number
+                    ended.add(future)
+                    if len(numbers) >= _WAITING * max(1, len(client.nthreads())):
+                        return
+
+            ask()
+            for future in ended:
+                yield numbers.pop(future), future.result()
+                future.release()
+                ask()
+
+    return make
+
+
+def _client(client: Any, address: str) -> Any:
+    try:
+        return client(address, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        cause = f"no Dask scheduler answers at {address}"
+        raise InputError(
+            "--dask", None, cause, "Give the address that `dask scheduler` says, as in tcp://host:8786"
+        ) from error
+
+
+def _part(work: Work, motions: Any) -> bytes:
+    keep_compiled()
+    return work.part(motions)

@@ -1,0 +1,88 @@
+"""Subjects simulated by the model itself, with one unmodelled effect at work: ground truth for fits and diagnosis.
+
+Every result of this module is simulated, and says so.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from numpy.random import PCG64, Generator
+
+from adapt.solvers import status
+from adapt.solvers.posture_fits import fit_lanes
+from models.effects import AtWork, Effect, ExtendedGirdle
+from models.girdle import ADAPTED, Girdle
+from models.parameter_sets import ParameterSet
+from motions.rhythm_subjects import add_noise, noise_free_subjects
+from motions.rotations import DEG
+from motions.table import Motions
+
+PARAMETER_SD_MM = np.array([20.0, 6.0, 3.0, 20.0, 8.0, 2.0])
+"""Spread of the adapted parameters between simulated subjects, in the order of ADAPTED: at most that of Table 6.5."""
+
+AMPLITUDE_SPREAD = 0.25
+"""Between-subject SD of an amplitude, as a share of the common one."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Motions with noise, and what made them: one row a subject."""
+
+    motions: Motions
+    truth: pd.DataFrame
+
+
+def simulate_model_subjects(
+    model: ParameterSet,
+    effect: Effect | None,
+    subjects: int,
+    noise_deg: float,
+    seed: int,
+    size: float = 1.0,
+    spread: float = 1.0,
+) -> Simulated:
+    """Subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
+
+    Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
+    effect is ``size`` times its scale in each of its directions, without details, with signs common to all subjects
+    (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters differ by ``spread`` times
+    PARAMETER_SD_MM. A posture that its chain cannot take is left out.
+    """
+    generator = Generator(PCG64(seed))
+    wanted = noise_free_subjects(subjects, generator)
+    apart = spread * PARAMETER_SD_MM[:, None] * generator.standard_normal((6, subjects))
+    theta = np.asarray(model.girdle.adapted_mm)[:, None] + apart
+    theta = np.clip(theta, *(bound[:, None] for bound in model.bounds_mm))
+    amplitude = _amplitudes(effect, subjects, size, generator)
+    row = np.repeat(np.arange(subjects), len(wanted.posture) // subjects)
+    chain = _chain(model.girdle, theta[:, row], effect, amplitude[:, row], wanted.humerus_elevation_deg)
+    fitted = fit_lanes(chain, wanted.angles_deg.T / DEG, np.ones((6, len(row)), bool))
+    closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(fitted.status == status.OK)
+    truth = pd.DataFrame({"subject": wanted.subjects, "effect": effect.name if effect else "none"})
+    for k, name in enumerate(ADAPTED):
+        truth[f"{name}_mm"] = theta[k]
+    for k in range(len(amplitude)):
+        truth[f"amplitude_{k + 1}"] = amplitude[k]
+    return Simulated(add_noise(closed, noise_deg, generator), truth)
+
+
+def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) -> Float[np.ndarray, "n subjects"]:
+    if effect is None:
+        return np.zeros((0, subjects))
+    signs = np.where(effect.signs, effect.signs, generator.choice([-1.0, 1.0], effect.amplitudes))
+    common = np.zeros(effect.amplitudes)
+    common[effect.firsts] = (size * effect.prior_sd * signs)[effect.firsts]
+    return common[:, None] * (1.0 + AMPLITUDE_SPREAD * generator.standard_normal((1, subjects)))
+
+
+def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, elevation_deg) -> Girdle | ExtendedGirdle:
+    lanes = len(elevation_deg)
+    repeated = jax.tree.map(lambda x: jnp.repeat(x[..., None], lanes, axis=-1), girdle)
+    repeated = repeated.with_adapted(jnp.asarray(theta))
+    if effect is None:
+        return repeated
+    return AtWork((effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,)).on(repeated)

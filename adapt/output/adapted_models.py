@@ -1,0 +1,98 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""The adapted girdles as parameter sets that ``--model`` takes back: one TOML file a model and subject."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from adapt.output.run_files import prepare_folder
+from adapt.solvers import status
+from models.export.toml import parameters_toml
+from models.girdle import ADAPTED, Girdle
+from models.parameter_sets import HALF_WIDTHS_MM, ParameterSet
+from motions.files import file_names, printable
+
+FOLDER = "models"
+"""Below the folder of the results."""
+
+_KEY_OF = {
+    "thorax.centre_mm": ("M_y", "M_z"),
+    "thorax.semi_axes_mm": ("A_x", "A_y", "A_z"),
+    "constraint.conoid_length_mm": ("conoid_length",),
+}
+"""The numbers of a parameter set that an adaptation changes."""
+
+
+def write_adapted_models(
+    folder: Path, models: Sequence[ParameterSet], parameters: pd.DataFrame, how: str
+) -> list[Path]:
+    """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
+
+    how: the options of the adaptation, for the [source] lines. The folder is one of
+    ``adapt.output.run_files.written_together``.
+    """
+    prepare_folder(folder / FOLDER)
+    of_name = {model.name: model for model in models}
+    theta_mm = parameters[[f"{name}_mm" for name in ADAPTED]].to_numpy(float)
+    at_bound = parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool)
+    written = []
+    for number, (model, subject, word, path) in enumerate(_files(folder, parameters)):
+        if word != status.OK:
+            continue
+        flags = dict(zip(ADAPTED, at_bound[number].tolist(), strict=True))
+        text = adapted_toml(of_name[model], subject, theta_mm[number], flags, how)
+        path.write_bytes(text.encode())  # not each whole or not at all: the folder is
+        written.append(path)
+    return written
+
+
+def remove_models_of_failed(folder: Path, parameters: pd.DataFrame) -> None:
+    """Those of an earlier run would pass for this one's."""
+    for _, _, word, path in _files(folder, parameters):
+        if word != status.OK:
+            path.unlink(missing_ok=True)
+
+
+def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, str, Path]]:
+    """Model, subject, status and file of each row."""
+    names = file_names((parameters["model"] + "_" + parameters["subject"]).tolist())
+    rows = parameters[["model", "subject", "status"]].itertuples(index=False)
+    for name, (model, subject, word) in zip(names, rows, strict=True):
+        yield model, subject, word, folder / FOLDER / f"{name}.toml"
+
+
+def adapted_toml(
+    model: ParameterSet, subject: str, theta_mm: Float[np.ndarray, "6"], at_bound: Mapping[str, bool], how: str
+) -> str:
+    """The parameter set of one subject. Numbers that were not adapted keep the source that they have in the model."""
+    M_y, M_z, A_x, A_y, A_z, conoid = theta_mm
+    own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of jax would take longer than the adaptation did
+    changed = {"centre_mm": [own.centre_mm[0], M_y, M_z], "semi_axes_mm": [A_x, A_y, A_z], "conoid_length_mm": conoid}
+    girdle = replace(own, **{name: np.array(value, dtype=float) for name, value in changed.items()})
+    source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
+    for key, names in _KEY_OF.items():
+        bound = ", ".join(name for name in names if at_bound[name])
+        flag = f"; at its bound: {bound}" if bound else ""
+        source[key] = f"adapted to {subject}, from {model.name} ({how}){flag}"
+    comment = (
+        f"{model.name} adapted to {subject}.\n"
+        "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
+    )
+    comment = printable(comment)  # TOML allows no control characters in one
+    name = f"{model.name}_{subject}"
+    return parameters_toml(name, comment, girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own))
+
+
+def _own_bounds(upper_mm: Float[np.ndarray, "6"], own: Girdle) -> dict[str, float] | None:
+    """The half widths of a model that has its own: upper bound less own value, as a lower one may be cut at 1 mm."""
+    values = np.array([*own.centre_mm[1:], *own.semi_axes_mm, own.conoid_length_mm])
+    widths = dict(zip((f"{name}_mm" for name in ADAPTED), (upper_mm - values).tolist(), strict=True))
+    default = all(math.isclose(widths[key], HALF_WIDTHS_MM[key]) for key in widths)
+    return None if default else widths

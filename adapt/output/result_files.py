@@ -1,0 +1,66 @@
+"""The files of a result, but for its record: tables, figures and the report."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from adapt.api import Adaptations, PostureFits
+from adapt.diagnosis.wording import Object
+from adapt.output.run_files import write_table
+from adapt.tables.results import Tables
+from models import ParameterSet
+from motions import InputError, Motions
+from motions.files import write_whole
+
+REPORT = "report.html"
+
+
+def write_fits(folder: Path, result: PostureFits) -> None:
+    """fits.csv and summary.csv."""
+    write_table(result.fits, folder / "fits.csv")
+    write_table(result.summary, folder / "summary.csv")
+
+
+def write_adaptations(folder: Path, result: Adaptations) -> None:
+    """These, parameters.csv and heldout.csv."""
+    write_fits(folder, result)
+    write_table(result.parameters, folder / "parameters.csv")
+    write_table(result.heldout, folder / "heldout.csv")
+
+
+def write_figures(folder: Path, found: Object) -> None:
+    """The figures of a diagnosis, an SVG each."""
+    from adapt.output.diagnosis_figures import figures  # matplotlib takes half a second to load: not for every command
+
+    for name, text in figures(found).items():
+        write_whole(folder / name, text)
+
+
+def write_report(
+    folder: Path,
+    motions: Motions,
+    models: Sequence[ParameterSet],
+    result: Tables,
+    failed: Mapping[str, str],
+    found: Object | None = None,
+    of: int = 0,
+    at_work: str = "",
+) -> Exception | None:
+    """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
+    had), which must not keep them from theirs."""
+    from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
+
+    try:
+        write_whole(folder / REPORT, report_html(motions, models, result, failed, found, of, at_work))
+    except Exception as error:
+        return error
+    return None
+
+
+def raise_without_report(folder: Path, wrong: Exception | None) -> None:
+    """No page of an earlier run stands beside the tables of this one."""
+    if wrong is not None:
+        page = folder / REPORT
+        page.unlink(missing_ok=True)
+        if isinstance(wrong, InputError):
+            raise InputError(str(page), None, wrong.cause, "Make room; the tables are there") from wrong
+        raise wrong

@@ -1,0 +1,192 @@
+"""Writing the results of a run: each file whole or not at all, and a record that is enough to repeat it."""
+
+import errno
+import hashlib
+import importlib.metadata
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from uuid import uuid4
+
+import pandas as pd
+
+from adapt.solvers.batched.kernels import OFFSETS_SEED
+from adapt.tables.results import as_csv
+from models.parameter_sets import FOLDER, model_file
+from motions.errors import InputError
+from motions.files import is_part, part_name, write_whole
+
+try:
+    import fcntl
+except ImportError:  # Windows: nothing keeps two runs apart there
+    fcntl = None
+
+RECORD = "run.json"
+
+Files = dict[str, list[dict[str, str | None]]]
+"""What run.json says of the motion files and the models."""
+
+_VERSIONS_OF = ("girdle", "jax", "jaxlib", "llvmlite", "numpy", "optimistix", "pandas")
+
+
+def prepare_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder, made if it is not there; InputError before any work is done if it cannot be written to."""
+    folder = Path(path)
+    probe = folder / part_name()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.write_text("")
+    except OSError as error:
+        cause = f"the output folder cannot be written to ({error.strerror})"
+        raise InputError(str(folder), None, cause, "Give a folder of your own with --out") from error
+    finally:  # an interrupt may come at any moment
+        with suppress(OSError):
+            probe.unlink(missing_ok=True)
+    return folder
+
+
+@contextmanager
+def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """The folder, prepared, for this run alone. InputError if another run is at work in it.
+
+    What a run that was killed left half written is removed.
+    """
+    folder = prepare_folder(path)
+    lock = _lock(folder)
+    try:
+        for leftover in folder.iterdir():
+            if is_part(leftover):
+                _remove(leftover)
+        yield folder
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+@contextmanager
+def written_together(folder: Path) -> Iterator[Path]:
+    """A folder to write files to, which take their places in ``folder`` together when the block has ended well.
+
+    If it has not (the disk is full), or is killed, all files of ``folder`` stay as they were.
+    """
+    staged = folder / part_name()
+    try:
+        staged.mkdir()
+        yield staged
+        _publish(staged, folder)
+    except (OSError, InputError) as error:
+        reason = error.cause if isinstance(error, InputError) else f"the files cannot be written ({error.strerror})"
+        remedy = "Make room, or give another folder with --out; the results in this one are as they were"
+        raise InputError(str(folder), None, reason, remedy) from error
+    finally:
+        _remove(staged)
+
+
+def _publish(staged: Path, folder: Path) -> None:
+    places = {file: folder / file.relative_to(staged) for file in staged.rglob("*") if file.is_file()}
+    for place in places.values():
+        place.parent.mkdir(exist_ok=True)
+        if place.is_dir():  # found out before the first file is replaced
+            raise IsADirectoryError(errno.EISDIR, f"{place.name} is a folder")
+    for file, place in places.items():
+        file.replace(place)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _lock(folder: Path) -> int | None:
+    """The handle that keeps the folder locked until it is closed or its process ends, however; None without locks."""
+    if fcntl is None:
+        return None
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        cause = "another run is writing to this folder"
+        remedy = "Wait until it has ended, or give another folder with --out"
+        raise InputError(str(folder), None, cause, remedy) from error
+    except OSError:
+        pass  # a file system without locks, as some of networks are
+    return handle
+
+
+def write_table(table: pd.DataFrame, path: Path) -> None:
+    """As CSV: see ``adapt.tables.results.as_csv``."""
+    write_whole(path, as_csv(table))
+
+
+def write_json(record: dict[str, object], path: Path) -> None:
+    """Strict JSON: what is not a finite number must be null by now."""
+    write_whole(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+
+
+def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
+    """The files of a run with their SHA-256, to be taken before they are read: files can change while it runs.
+
+    Paths are absolute, so that the run can be repeated from another folder.
+    """
+    files = [model_file(name) for name in models]
+    return {
+        "motions": [{"path": str(path.absolute()), "sha256": sha256(path)} for path in motions],
+        "models": [
+            {"name": name if file.parent == FOLDER else str(file.absolute()), "sha256": sha256(file)}
+            for name, file in zip(models, files, strict=True)
+        ],
+    }
+
+
+def run_key(inputs: Files, options: dict[str, object]) -> str:
+    """One word for all that the results of a run depend on. A pipe has no hash: its run has a word of its own."""
+    record = inputs | {"options": options, "versions": versions()}
+    if any(file["sha256"] is None for files in inputs.values() for file in files):
+        record["once"] = uuid4().hex
+    return hashlib.sha256(json.dumps(record).encode()).hexdigest()[:16]
+
+
+def write_run(
+    folder: Path,
+    command: str,
+    inputs: Files,
+    options: dict[str, object],
+    left_out: Sequence[InputError] = (),
+) -> None:
+    """``run.json``: inputs (of ``inputs_record``), what was left out of them and why, options, seeds, versions.
+
+    The options have the names of the command's parameters: ``adapt.output.repeat`` hands them back to it.
+    """
+    record = {
+        "command": command,
+        **inputs,
+        "left_out": [str(error) for error in left_out],
+        "options": options,
+        "seeds": {"posture_fit_starts": OFFSETS_SEED},
+        "versions": versions(),
+    }
+    write_json(record, folder / RECORD)
+
+
+def versions() -> dict[str, str]:
+    """Of everything that the last digits of a result depend on, but for the machine."""
+    libraries = {name: importlib.metadata.version(name) for name in _VERSIONS_OF}
+    return {"python": sys.version.split()[0]} | libraries
+
+
+def sha256(path: Path) -> str | None:
+    """None for what cannot be read, which then is among what was left out, and for a pipe, which is read only once."""
+    try:
+        if not path.is_file():
+            return None
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,1 @@
+"""The fast solvers: the same iterations written by components for the engine, many problems at once."""

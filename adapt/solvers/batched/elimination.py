@@ -1,0 +1,189 @@
+"""One posture's conditions eliminated, by components: ``adapt.solvers.reference.elimination.eliminate`` written for
+speed.
+
+With H = W + d2(lambda'g)/dq2, C = d2(lambda'g)/dq dtheta and the stiffness s = diag(s_k) on the range of G', which
+changes no solution since G dq + T dtheta = -g:
+
+    L D L' = H + G' s G =: K,   S = G K^-1 G',   rho = g - G K^-1 W (q - s),   tau = T - G K^-1 C
+    mu = S^-1 (rho + tau dtheta),   lambda = mu - s (g + T dtheta),   dq = -K^-1 (W (q - s) + C dtheta + G' mu)
+
+A posture whose K is not positive definite, with more stiffness either, is no minimum there and goes without curvature,
+C and s (Gauss-Newton).
+"""
+
+from typing import NamedTuple
+
+from adapt.solvers.linalg import backward, factorised, forward
+from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
+from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
+from models.derivatives import ELLIPSOID, Chain
+from motions.arrays import Array, ByType, repeat_while, xp
+
+STIFFNESS = 20.0
+"""s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see
+``adapt.solvers.reference.elimination``). Of 5 to 100 the one with the fewest iterations on simulated subjects."""
+
+STIFFER = 10.0
+"""Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
+
+CLOSED_MM = ByType(CONSTRAINT_TOLERANCE_MM, 5e-4)
+"""|g| of a converged posture. In float32 rounding leaves 5e-5 mm, as much as 1e-7 of an ellipsoid of 400 mm."""
+
+STATIONARY = ByType(STATIONARITY_TOLERANCE, 1e-4)
+"""|dJ/dq + G' lambda| of a converged posture, deg^2 a degree. In float32 rounding leaves 1e-5."""
+
+Components = list[Array]
+
+
+def largest(components: Components) -> Array:
+    """max |x_i|."""
+    result = abs(components[0])
+    for x in components[1:]:
+        result = xp.maximum(result, abs(x))
+    return result
+
+
+def product(a: Components, b: Components) -> Array:
+    """sum a_i b_i."""
+    return sum((x * y for x, y in zip(a[1:], b[1:], strict=True)), a[0] * b[0])
+
+
+def column(rows: list[Components], k: int) -> Components:
+    """The k-th entry of each row."""
+    return [row[k] for row in rows]
+
+
+def augmented(target: Components, stiffness: Components, g: Components) -> Array:
+    """lambda'g + 1/2 g' s g: what the merit adds to the objective."""
+    return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, strict=True)], g)
+
+
+def stationarity(at: Chain, pull: Components, multipliers: Components) -> Array:
+    """max |W (q - s) + G' lambda|."""
+    return largest([x + product(column(at.G, k), multipliers) for k, x in enumerate(pull)])
+
+
+def _parameter_slopes(T: list[Components]) -> list[Components]:
+    """dg/dtheta, 3 x 6, of the ellipsoid's d(A1, A2)/du; without those, of no parameters."""
+    if not T:
+        return [[], [], []]
+    zero = xp.zeros_like(T[0][0])
+    return [[*row, zero] for row in T] + [[zero] * ELLIPSOID + [zero - 1.0]]
+
+
+class Steps(NamedTuple):
+    """dq and lambda of postures as affine functions of the parameters' steps: what is kept of an elimination."""
+
+    lower: list[Components]
+    """L."""
+    weighed: list[Components]
+    """D^-1 L^-1 of G', C and W (q - s)."""
+    constant: Components
+    linear: list[Components]
+    """mu = constant + linear dtheta, by parameter."""
+    used: Components
+    """s, 0 where it is not."""
+    T: list[Components]
+    """d(A1, A2)/du."""
+    g: Components
+
+    def moved(self, d: Components) -> tuple[Components, Components]:
+        """dq and the new lambda for the parameters' steps d."""
+        mu, open_chain = self.constant, self.g
+        if d:
+            mu = [c + product(column(self.linear, i), d) for i, c in enumerate(mu)]
+            slopes = _parameter_slopes(self.T)
+            open_chain = [g + product(row, d) for g, row in zip(self.g, slopes, strict=True)]
+        multipliers = [m - s * g for m, s, g in zip(mu, self.used, open_chain, strict=True)]
+        back = []
+        for i in range(6):
+            x = self.weighed[-1][i] + product(column(self.weighed[:3], i), mu)
+            if d:
+                x = x + product(column(self.weighed[3:-1], i), d[:ELLIPSOID])
+            back.append(-x)
+        return backward(self.lower, back), multipliers
+
+
+class _Factor(NamedTuple):
+    """L D L' = H + G' s G."""
+
+    attempts: Array
+    stiffness: Components
+    """s."""
+    lower: list[Components]
+    """L below its diagonal."""
+    inverse: Components
+    """D^-1."""
+    convex: Array
+    """Whether no pivot is below the floor."""
+
+
+def _convex_factor(H: list[Components], G: list[Components], scale: Array) -> _Factor:
+    """With the least stiffness; with more of it where that leaves a pivot too small."""
+
+    def unfinished(tried: _Factor) -> Array:
+        return xp.any(~tried.convex & (tried.attempts < 2.0))
+
+    def stiffer(tried: _Factor) -> _Factor:
+        again = ~tried.convex & (tried.attempts > 0.0)
+        stiffness = [xp.where(again, STIFFER * s, s) for s in tried.stiffness]
+        stiff = [[s * x for x in row] for s, row in zip(stiffness, G, strict=True)]
+        K = [[x + product(column(stiff, i), column(G, j)) for j, x in enumerate(row)] for i, row in enumerate(H)]
+        return _Factor(tried.attempts + 1.0, stiffness, *factorised(K, PIVOT_FLOOR * scale))
+
+    zero = xp.zeros_like(scale)
+    least = [STIFFNESS * scale / product(row, row) for row in G]
+    nothing = _Factor(zero, least, [[zero] * i for i in range(6)], [zero] * 6, zero > 0.0)
+    return repeat_while(unfinished, stiffer, nothing)
+
+
+class Elimination:
+    """A posture's share of the system in the parameters, and its ``steps``; ``pull`` is W (q - s).
+
+    Without ``parameters`` it is the step of a posture fit.
+    """
+
+    def __init__(self, at: Chain, weights: Components, pull: Components, parameters: bool):
+        scale = weights[0]
+        for w in weights[1:]:
+            scale = xp.maximum(scale, w)
+        damped = [xp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
+        self._at, self._coupled = at, ELLIPSOID if parameters else 0
+        self._T = _parameter_slopes(at.T if parameters else [])
+        H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
+        factor = _convex_factor(H, at.G, scale)
+        self.convex, self.stiffness = factor.convex, factor.stiffness
+        lower = [[xp.where(self.convex, x, 0.0) for x in row] for row in factor.lower]
+        inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped, strict=True)]
+        used = [xp.where(self.convex, s, 0.0) for s in self.stiffness]
+        C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
+        self._sides = [forward(lower, side) for side in (*at.G, *C, pull)]
+        self._weighed = [[x * d for x, d in zip(side, inverse, strict=True)] for side in self._sides]
+        S = [[self._gram(i, j) for j in range(i + 1)] for i in range(3)]
+        self._S, self._S_inverse, _ = factorised(S, xp.zeros_like(scale))
+        rho = [g - self._gram(i, -1) for i, g in enumerate(at.g)]
+        self._tau = [column(self._T, k) for k in range(len(self._T[0]))]
+        for k in range(self._coupled):
+            self._tau[k] = [x - self._gram(i, 3 + k) for i, x in enumerate(self._tau[k])]
+        constant, linear = self._solved(rho), [self._solved(x) for x in self._tau]
+        self.steps = Steps(lower, self._weighed, constant, linear, used, at.T if parameters else [], at.g)
+
+    def _gram(self, a: int, b: int) -> Array:
+        return product(self._sides[a], self._weighed[b])
+
+    def _solved(self, b: Components) -> Components:
+        return backward(self._S, [x * d for x, d in zip(forward(self._S, b), self._S_inverse, strict=True)])
+
+    def slope(self, i: int) -> Array:
+        """What the postures add to the right-hand side of parameter i, after their own steps."""
+        b = product(self._tau[i], self.steps.constant)
+        b = b - sum(s * row[i] * g for s, row, g in zip(self.steps.used, self._T, self._at.g, strict=True))
+        return b - self._gram(3 + i, -1) if i < self._coupled else b
+
+    def curvature(self, i: int, j: int) -> Array:
+        """What they add to the matrix, U - C' K^-1 C + tau' S^-1 tau - T' s T."""
+        entry = product(self._tau[i], self.steps.linear[j])
+        entry = entry - sum(s * row[i] * row[j] for s, row in zip(self.steps.used, self._T, strict=True))
+        if i >= self._coupled:
+            return entry
+        return entry + xp.where(self.convex, self._at.uu[i][j], 0.0) - self._gram(3 + i, 3 + j)

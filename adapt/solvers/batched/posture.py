@@ -1,0 +1,280 @@
+"""The fast path of the posture fit: the Newton iteration of ``adapt.solvers.reference.posture`` by components (see
+``adapt.solvers.batched.subject``).
+
+A lane that does not end here is no failure: ``adapt.solvers.reference.posture`` goes on with it.
+"""
+
+from typing import NamedTuple
+
+import jax
+from jaxtyping import Bool, Float, Int
+
+from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
+from adapt.solvers.batched.elimination import (
+    CLOSED_MM,
+    STATIONARY,
+    Components,
+    Elimination,
+    augmented,
+    column,
+    largest,
+    product,
+    stationarity,
+)
+from adapt.solvers.linalg import backward, factorised, forward
+from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
+from models.derivatives import Chain, chain, feet
+from models.girdle import Girdle
+from motions.arrays import Array, ByType, repeat, repeat_while, stacked, xp
+from motions.rotations import DEG
+
+_LAST_STEP_RAD = ByType(1e-7, 1e-5)
+"""A fit ends with a step this short: quadratically, nothing but rounding is left after it, and the conditions
+are looked at there."""
+
+_SAME_VALLEY_RAD = 1e-3
+"""A Newton step that ends this near to a known optimum leads to it."""
+
+_SAME_DEG2 = ByType(1e-6, 1e-3)
+"""Two optima whose J differ by less are one."""
+
+
+class _State(NamedTuple):
+    """As in ``adapt.solvers.batched.subject``, without parameters."""
+
+    base: Components
+    multipliers: Components
+    step: Components
+    change: Components
+    length: Array
+    target: Components
+    stiffness: Components
+    merit: Array
+    feet: Components
+    iterations: Array
+    converged: Array
+
+
+class PostureStart(NamedTuple):
+    """Where the fast path begins."""
+
+    angles: Float[Array, " 6 lanes"]
+    multipliers: Float[Array, " 3 lanes"]
+    converged: Bool[Array, " lanes"]
+
+
+class SweptPostures(NamedTuple):
+    """Where it ended, with the conditions of ``adapt.solvers.reference.posture.Postures`` there, the feet computed
+    anew."""
+
+    angles: Float[Array, " 6 lanes"]
+    multipliers: Float[Array, " 3 lanes"]
+    residual_mm: Float[Array, " 3 lanes"]
+    stationarity: Float[Array, " lanes"]
+    j_deg2: Float[Array, " lanes"]
+    iterations: Int[Array, " lanes"]
+    converged: Bool[Array, " lanes"]
+
+
+class Lowest(NamedTuple):
+    """The lower one of the optima reached from two starts."""
+
+    swept: SweptPostures
+    """``iterations`` are those from both starts."""
+    settled: Bool[Array, " lanes"]
+    """Whether each start led to an optimum."""
+    apart: Bool[Array, " lanes"]
+    """Whether they led to different ones."""
+
+
+class _Problem(NamedTuple):
+    """min J over the closed postures of a girdle, by components."""
+
+    girdle: Girdle
+    measured: Components
+    weights: Components
+
+    @property
+    def theta(self) -> Components:
+        """The adapted parameters."""
+        return [*self.girdle.centre_mm[1:], *self.girdle.semi_axes_mm, self.girdle.conoid_length_mm]
+
+    def pull(self, q: Components) -> Components:
+        """W (q - s)."""
+        return [w * (x - s) for w, x, s in zip(self.weights, q, self.measured, strict=True)]
+
+    def j_deg2(self, q: Components) -> Array:
+        """1/2 (q - s)' W (q - s)."""
+        return 0.5 * product(self.pull(q), [x - s for x, s in zip(q, self.measured, strict=True)])
+
+    def chain(self, q: Components, multipliers: Components, feet_nearby: Components) -> Chain:
+        return chain(self.girdle, q, self.theta, multipliers, feet_nearby)
+
+    def feet(self, q: Components) -> Components:
+        return feet(self.girdle, q, self.theta)
+
+
+class _Best(NamedTuple):
+    """What is known of the optima after some starts."""
+
+    q: Components
+    """Of the lowest; infinite as long as there is none."""
+    multipliers: Components
+    j_deg2: Array
+    settled: Array
+    apart: Array
+    iterations: Array
+
+
+def sweep_postures(
+    girdle: Girdle,
+    measured: Float[Array, " 6 lanes"],
+    weights: Float[Array, " 6 lanes"],
+    start: PostureStart,
+    iterations: Float[Array, " lanes"],
+) -> SweptPostures:
+    """At most ``iterations`` iterations on from ``start``; a lane that has converged there stays where it is."""
+    problem = _Problem(girdle, list(measured), list(weights))
+    angles, nowhere = list(start.angles), [xp.full_like(x, xp.inf) for x in start.angles]
+    first = _first(angles, list(start.multipliers), problem.feet(angles))._replace(converged=start.converged)
+    end = _iterated(problem, first, nowhere, iterations)
+    return _judged(problem, *_last_step(end, end.converged & ~start.converged), end.iterations)
+
+
+def sweep_from_two_starts(
+    girdle: Girdle,
+    measured: Float[Array, " 6 lanes"],
+    weights: Float[Array, " 6 lanes"],
+    starts: tuple[Float[Array, " 6 lanes"], Float[Array, " 6 lanes"]],
+    closing_steps: tuple[Float[Array, " lanes"], Float[Array, " lanes"]],
+    iterations: Float[Array, " lanes"],
+) -> Lowest:
+    """The chain is closed by so many steps from each of the starts, and fitted from there by at most ``iterations``.
+
+    What from the second start leads to where the first one ended is not followed to its end.
+    """
+    problem = _Problem(girdle, list(measured), list(weights))
+    lane = xp.zeros_like(measured[0])
+    count = xp.zeros_like(lane, int)
+    nothing = _Best([lane + xp.inf] * 6, [lane] * 3, lane + xp.inf, lane <= 0.0, lane > 0.0, count)
+
+    def tried(carry):
+        start, steps, best = carry
+        end = _iterated(problem, _closed_nearby(problem, start, steps), best.q, iterations)
+        q, multipliers = _last_step(end, end.converged)
+        J = problem.j_deg2(q)
+        another = end.converged & ~_near(q, best.q)
+        lower = another & (best.j_deg2 > J)
+        further = _Best(
+            q=[xp.where(lower, x, y) for x, y in zip(q, best.q, strict=True)],
+            multipliers=[xp.where(lower, x, y) for x, y in zip(multipliers, best.multipliers, strict=True)],
+            j_deg2=xp.where(lower, J, best.j_deg2),
+            settled=best.settled & end.converged,
+            apart=another & (best.j_deg2 < xp.inf) & (abs(J - best.j_deg2) > _SAME_DEG2.of(J)),
+            iterations=best.iterations + end.iterations,
+        )
+        return list(starts[1]), closing_steps[1], further
+
+    _, _, best = repeat(2, tried, (list(starts[0]), closing_steps[0], nothing))
+    q = [xp.where(best.j_deg2 < xp.inf, x, s) for x, s in zip(best.q, measured, strict=True)]
+    return Lowest(_judged(problem, q, best.multipliers, best.iterations), best.settled, best.apart)
+
+
+def _near(q: Components, known: Components) -> Array:
+    """Whether q is in the valley of a known optimum."""
+    return largest([x - y for x, y in zip(q, known, strict=True)]) <= _SAME_VALLEY_RAD
+
+
+def _first(angles: Components, multipliers: Components, feet_nearby: Components) -> _State:
+    lane = xp.zeros_like(angles[0])
+    return _State(
+        base=angles,
+        multipliers=multipliers,
+        step=[lane] * 6,
+        change=[lane] * 3,
+        length=lane + 1.0,
+        target=[lane] * 3,
+        stiffness=[lane] * 3,
+        merit=lane + xp.inf,
+        feet=feet_nearby,
+        iterations=xp.zeros_like(lane, int),
+        converged=lane > 0.0,
+    )
+
+
+def _iterated(problem: _Problem, first: _State, known: Components, iterations: Array) -> _State:
+    def advance(everything):
+        return (_iterate(problem, known, *everything),)
+
+    (end,) = until_converged(advance, (first,), iterations)
+    return end
+
+
+def _last_step(end: _State, last: Array) -> tuple[Components, Components]:
+    """Where the step leads that a lane still proposes at its end, in the ``last`` lanes."""
+    q = [xp.where(last, x + dx, x) for x, dx in zip(end.base, end.step, strict=True)]
+    return q, [xp.where(last, x + dx, x) for x, dx in zip(end.multipliers, end.change, strict=True)]
+
+
+def _judged(problem: _Problem, q: Components, multipliers: Components, iterations: Array) -> SweptPostures:
+    """The conditions of ``adapt.solvers.reference.posture`` there, with the feet computed anew."""
+    at = problem.chain(q, multipliers, problem.feet(q))
+    rest = stationarity(at, problem.pull(q), multipliers) / DEG
+    converged = (largest(at.g) <= CLOSED_MM.of(rest)) & (rest <= STATIONARY.of(rest))
+    return SweptPostures(
+        stacked(q), stacked(multipliers), stacked(at.g), rest, problem.j_deg2(q), iterations, converged
+    )
+
+
+def _iterate(problem: _Problem, known: Components, state: _State) -> _State:
+    q = [x + state.length * dx for x, dx in zip(state.base, state.step, strict=True)]
+    multipliers = [x + state.length * dx for x, dx in zip(state.multipliers, state.change, strict=True)]
+    at = problem.chain(q, multipliers, state.feet)
+    J, pull = problem.j_deg2(q), problem.pull(q)
+    good = good_enough(state, J + augmented(state.target, state.stiffness, at.g))
+    posture = Elimination(at, problem.weights, pull, parameters=False)
+    step, target = posture.steps.moved([])
+    arrived = (largest(step) <= _LAST_STEP_RAD.of(J)) | _near([x + dx for x, dx in zip(q, step, strict=True)], known)
+    accepted = _State(
+        base=q,
+        multipliers=multipliers,
+        step=step,
+        change=[x - y for x, y in zip(target, multipliers, strict=True)],
+        length=xp.minimum(1.0, STEP_LIMIT_RAD / largest(step)),
+        target=target,
+        stiffness=posture.stiffness,
+        merit=J + augmented(target, posture.stiffness, at.g),
+        feet=at.feet,
+        iterations=state.iterations + 1,
+        converged=good & posture.convex & arrived,
+    )
+    return accepted_or_shorter(good, accepted, state)
+
+
+def _closed_nearby(problem: _Problem, start: Components, steps: Array) -> _State:
+    """Gauss-Newton onto the constraint surface, q <- q - G'(GG')^-1 g, so many times: a start, not a solution.
+
+    The multipliers there are those of least |W (q - s) + G' lambda|.
+    """
+    lane = xp.zeros_like(start[0])
+
+    def closer(carry):
+        number, q, _, t = carry
+        at = problem.chain(q, [lane] * 3, t)
+        S, inverse, _ = factorised([[product(at.G[i], at.G[j]) for j in range(i + 1)] for i in range(3)], lane)
+
+        def lifted(b: Components) -> Components:
+            """(GG')^-1 b."""
+            return backward(S, [x * d for x, d in zip(forward(S, b), inverse, strict=True)])
+
+        lift = lifted(at.g)
+        step = [-product(column(at.G, k), lift) for k in range(6)]
+        limit = xp.minimum(1.0, STEP_LIMIT_RAD / largest(step))
+        q = [x + limit * dx for x, dx in zip(q, step, strict=True)]
+        pull = problem.pull(q)
+        new = number + 1.0, q, lifted([-product(row, pull) for row in at.G]), at.feet
+        return jax.tree.map(lambda a, b: xp.where(number < steps, a, b), new, carry)
+
+    first = lane, list(start), [lane] * 3, [lane] * 2
+    _, q, multipliers, t = repeat_while(lambda carry: xp.any(carry[0] < steps), closer, first)
+    return _first(q, multipliers, t)

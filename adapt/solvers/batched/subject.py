@@ -1,0 +1,336 @@
+"""The fast path of the adaptation: the Newton iteration of ``adapt.solvers.reference.subject``, written for speed.
+
+The same problem, conditions and tolerances; derivatives by hand (``models.derivatives``), every array one component.
+Each iteration evaluates once and eliminates the postures (``adapt.solvers.batched.elimination``); theta minimises what
+is left, a quadratic model, within its bounds and a trust radius (``_box_minimum``). The length of the step is found by
+backtracking (``adapt.solvers.batched.backtracking``) on the augmented Lagrangian  E + lambda'g + 1/2 g' s g,  which
+needs no more than g: a refused point costs one evaluation.
+
+One text for the engines of ``motions.arrays``: what is done to a posture or a thorax point is a function of one of
+them. A lane that does not end here is no failure: ``adapt.solvers.reference.subject`` goes on with it.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+from jaxtyping import Bool, Float, Int
+
+from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
+from adapt.solvers.batched.elimination import (
+    CLOSED_MM,
+    STATIONARY,
+    Components,
+    Elimination,
+    augmented,
+    largest,
+    product,
+    stationarity,
+)
+from adapt.solvers.linalg import backward, factorised, forward
+from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
+from adapt.solvers.reference.subject import THETA_TOLERANCE, Problem
+from models.derivatives import ELLIPSOID, chain, distance, ellipsoid_curvature, ellipsoid_slope, feet, foot
+from models.ellipsoid import foot_multiplier
+from models.girdle import Girdle
+from motions.arrays import Array, ByType, along, repeat, stacked, xp
+from motions.rotations import DEG
+
+_THETA_FLOOR = ByType(1e-9, 1e-6)
+"""Smallest pivot of the matrix in theta, relative to its largest entry; a raised one leads to the trust radius."""
+
+_FLAT = ByType(THETA_TOLERANCE, 5e-5)
+"""|dE/dtheta| of a converged free parameter. In float32 rounding leaves 1e-5: 0.1 mm in the flattest direction that is
+told from none, of a curvature of ``_THETA_FLOOR`` times 1e2."""
+
+_FIRST_RADIUS_MM, _LEAST_RADIUS_MM = 15.0, 0.01
+
+_GROWTH = 2.0
+"""Factor on the trust radius after a full step."""
+
+_ACTIVE_SETS = 5
+"""Changes of the set of parameters at a bound within one step."""
+
+_COORDINATE_STEPS = 8
+"""Rounds of steps along each parameter alone after them: a third fewer lanes need a second round of the fast path."""
+
+
+class Fixed(NamedTuple):
+    """What data and model fix."""
+
+    girdle: Girdle
+    points_mm: Float[Array, " 3 points lanes"]
+    shares: Float[Array, " points lanes"]
+    problem: Problem
+
+
+class Start(NamedTuple):
+    """Where the fast path begins."""
+
+    theta: Float[Array, " 6 lanes"]
+    angles: Float[Array, " 6 postures lanes"]
+    multipliers: Float[Array, " 3 postures lanes"]
+    converged: Bool[Array, " lanes"]
+
+
+class Swept(NamedTuple):
+    """Where it ended, with the conditions of ``adapt.solvers.reference.subject.Subject`` there, the feet computed
+    anew."""
+
+    theta: Float[Array, " 6 lanes"]
+    angles: Float[Array, " 6 postures lanes"]
+    multipliers: Float[Array, " 3 postures lanes"]
+    residual_mm: Float[Array, " 3 postures lanes"]
+    stationarity: Float[Array, " postures lanes"]
+    slope: Float[Array, " 6 lanes"]
+    iterations: Int[Array, " lanes"]
+    converged: Bool[Array, " lanes"]
+
+
+class _Posture(NamedTuple):
+    """The last accepted point of a posture, and the step from it."""
+
+    q: Components
+    multipliers: Components
+    dq: Components
+    change: Components
+    """Of the multipliers."""
+    target: Components
+    """Multipliers at the end of the full step: those of the merit."""
+    stiffness: Components
+    feet: Components
+    """t of TS and AI."""
+
+
+class _State(NamedTuple):
+    """The last accepted point of a subject, the step from it and how much of it is tried now."""
+
+    theta: Components
+    dtheta: Components
+    length: Array
+    merit: Array
+    """Of the accepted point; infinite before the first evaluation."""
+    radius_mm: Array
+    iterations: Array
+    converged: Array
+    """The accepted point meets the tolerances of ``adapt.solvers.reference.subject``."""
+
+
+class _Sums(NamedTuple):
+    """What the postures, or the points, add up to."""
+
+    E: Array
+    augmented: Array
+    slope: Components
+    """dE/dtheta."""
+    right: Components
+    """The same after the postures' own steps."""
+    matrix: list[Components]
+    """Lower triangle of the system in theta."""
+
+
+def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swept:
+    """At most ``iterations`` iterations on from ``start``; a lane that has converged there stays where it is."""
+    girdle, points_mm, shares, problem = fixed
+    over_postures, over_points = along(problem.counted, problem.counted), along(shares)
+    theta = list(start.theta)
+    lane = theta[0]
+    zero = xp.zeros_like(lane)
+
+    def first(q, multipliers):
+        none = [xp.zeros_like(q[0])] * 6
+        t = feet(girdle, list(q), theta)
+        return (), (), _Posture(list(q), list(multipliers), none, none[:3], list(multipliers), none[:3], t)
+
+    *_, postures = over_postures.reduced(first, start.angles, start.multipliers)
+    *_, points = over_points.reduced(lambda point: ((), (), _exact_foot(girdle, theta, point)), points_mm)
+    state = _State(
+        theta, [zero] * 6, zero + 1.0, zero + xp.inf, zero + _FIRST_RADIUS_MM, xp.zeros_like(lane, int), start.converged
+    )
+
+    def advance(everything):
+        return _iterate(fixed, iterations, *everything)
+
+    state, postures, points = until_converged(advance, (state, postures, points), iterations)
+
+    # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
+    last = state.converged & ~start.converged
+    theta = [xp.where(last, x + dx, x) for x, dx in zip(state.theta, state.dtheta, strict=True)]
+
+    def end_of(own: _Posture, measured, weights):
+        q = [xp.where(last, x + dx, x) for x, dx in zip(own.q, own.dq, strict=True)]
+        multipliers = [xp.where(last, x + dx, x) for x, dx in zip(own.multipliers, own.change, strict=True)]
+        at = chain(girdle, q, theta, multipliers, feet(girdle, q, theta))
+        rest = stationarity(at, _pull(weights, q, measured), multipliers) / DEG
+        return _slope(at, multipliers), (largest(at.g), rest), (q, multipliers, at.g, rest)
+
+    slope, (gape, rest), kept = over_postures.reduced(end_of, postures, problem.measured, problem.weights)
+
+    def thorax_slope(point, share):
+        return _thorax(girdle, theta, point, share, _exact_foot(girdle, theta, point))[0].slope, (), ()
+
+    of_points, *_ = over_points.reduced(thorax_slope, points_mm, shares)
+    free = _free(problem, theta, [x + y for x, y in zip(slope, of_points, strict=True)])
+    converged = _closed_and_stationary(gape, rest, free)
+    angles, multipliers, residual, rest = map(stacked, kept)
+    return Swept(stacked(theta), angles, multipliers, residual, rest, stacked(free), state.iterations, converged)
+
+
+def _pull(weights, q, measured) -> Components:
+    """W (q - s)."""
+    return [w * (x - s) for w, x, s in zip(weights, q, measured, strict=True)]
+
+
+def _slope(at, multipliers: Components) -> Components:
+    """What a posture adds to dE/dtheta: T' lambda."""
+    return [at.T[0][k] * multipliers[0] + at.T[1][k] * multipliers[1] for k in range(ELLIPSOID)] + [-multipliers[2]]
+
+
+def _free(problem: Problem, theta: Components, slope: Components) -> Components:
+    """dE/dtheta, 0 for a parameter that it pushes beyond its bound."""
+    return [
+        xp.where(((x <= low) & (b > 0.0)) | ((x >= high) & (b < 0.0)), 0.0, b)
+        for x, low, high, b in zip(theta, problem.lower, problem.upper, slope, strict=True)
+    ]
+
+
+def _closed_and_stationary(gape: Array, rest: Array, free_slope: Components) -> Array:
+    closed = (gape <= CLOSED_MM.of(gape)) & (rest <= STATIONARY.of(rest))
+    return closed & (largest(free_slope) <= _FLAT.of(gape))
+
+
+def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Array, Array, Array]:
+    return point[0] - girdle.centre_mm[0], point[1] - theta[0], point[2] - theta[1]
+
+
+def _exact_foot(girdle: Girdle, theta: Components, point) -> Array:
+    return foot_multiplier(_from_centre(girdle, theta, point), tuple(theta[2:5]))
+
+
+def _thorax(girdle: Girdle, theta: Components, point, share, t) -> tuple[_Sums, Array]:
+    """A point's part of D = sum share_i d_i^2 with its derivatives, and the t of its foot."""
+    p, axes = _from_centre(girdle, theta, point), (theta[2], theta[3], theta[4])
+    at = distance(p, axes, foot(p, axes, t))
+    slope, curvature = ellipsoid_slope(at), ellipsoid_curvature(at)
+    pull = 2.0 * share * at.d
+    zero = xp.zeros_like(at.d)
+    by_parameter = [*(pull * x for x in slope), zero]
+    matrix = [
+        [2.0 * share * slope[i] * slope[j] + pull * curvature[i][j] for j in range(i + 1)] for i in range(ELLIPSOID)
+    ]
+    return _Sums(share * at.d**2, zero, by_parameter, by_parameter, [*matrix, [zero] * 6]), at.t
+
+
+def _iterate(
+    fixed: Fixed, iterations: Float[Array, " lanes"], state: _State, postures: Any, points: Any
+) -> tuple[_State, Any, Any]:
+    girdle, points_mm, shares, problem = fixed
+    over_postures, over_points = along(problem.counted, problem.counted), along(shares)
+    theta = [x + state.length * dx for x, dx in zip(state.theta, state.dtheta, strict=True)]
+
+    def thorax(point, share, t):
+        sums, t = _thorax(girdle, theta, point, share, t)
+        return sums, (), t
+
+    def tried(own: _Posture, measured, weights):
+        q = [x + state.length * dx for x, dx in zip(own.q, own.dq, strict=True)]
+        multipliers = [x + state.length * dx for x, dx in zip(own.multipliers, own.change, strict=True)]
+        at = chain(girdle, q, theta, multipliers, own.feet)
+        gap = [x - s for x, s in zip(q, measured, strict=True)]
+        pull = [w * x for w, x in zip(weights, gap, strict=True)]
+        posture = Elimination(at, list(weights), pull, parameters=True)
+        sums = _Sums(
+            E=0.5 * product(pull, gap),
+            augmented=augmented(own.target, own.stiffness, at.g),
+            slope=_slope(at, multipliers),
+            right=[posture.slope(i) for i in range(6)],
+            matrix=[[posture.curvature(i, j) for j in range(i + 1)] for i in range(6)],
+        )
+        worst = largest(at.g), stationarity(at, pull, multipliers) / DEG, xp.where(posture.convex, 0.0, 1.0)
+        return sums, worst, (q, multipliers, posture.stiffness, at.feet, posture.steps)
+
+    of_points, _, points_tried = over_points.reduced(thorax, points_mm, shares, points)
+    of_postures, worst, kept = over_postures.reduced(tried, postures, problem.measured, problem.weights)
+    gape, rest, concave = worst
+    sums: _Sums = jax.tree.map(lambda x, y: x + y, of_points, of_postures)
+    good = good_enough(state, sums.E + sums.augmented)
+    taken = good & ~state.converged & (state.iterations < iterations)
+
+    radius = xp.where(
+        state.length < 1.0, xp.maximum(state.length * state.radius_mm, _LEAST_RADIUS_MM), _GROWTH * state.radius_mm
+    )
+    low = [xp.maximum(bound - x, -radius) for bound, x in zip(problem.lower, theta, strict=True)]
+    high = [xp.minimum(bound - x, radius) for bound, x in zip(problem.upper, theta, strict=True)]
+    dtheta, definite = _box_minimum(sums.matrix, sums.right, low, high)
+
+    def moved(old: _Posture, point):
+        q, multipliers, stiffness, t, steps = point
+        dq, target = steps.moved(dtheta)
+        change = [x - y for x, y in zip(target, multipliers, strict=True)]
+        new = _Posture(q, multipliers, dq, change, target, stiffness, t)
+        return augmented(target, stiffness, steps.g), largest(dq), new
+
+    added, longest, postures = over_postures.advanced(taken, moved, postures, kept)
+    *_, points = over_points.advanced(taken, lambda _, t: ((), (), t), points, points_tried)
+    accepted = _State(
+        theta=theta,
+        dtheta=dtheta,
+        length=xp.minimum(1.0, STEP_LIMIT_RAD / longest),
+        merit=sums.E + added,
+        radius_mm=radius,
+        iterations=state.iterations + 1,
+        converged=good
+        & definite
+        & (concave <= 0.0)
+        & _closed_and_stationary(gape, rest, _free(problem, theta, sums.slope)),
+    )
+    return accepted_or_shorter(good, accepted, state), postures, points
+
+
+def _box_minimum(
+    matrix: list[Components], slope: Components, low: Components, high: Components
+) -> tuple[Components, Array]:
+    """The minimum of 1/2 x' matrix x + slope' x over low <= x <= high, and whether matrix was positive definite.
+
+    Active sets: solve with some parameters fixed at a bound, fix those that come out beyond one, release those whose
+    slope there points inward; mostly two or three rounds. A clipped free step would leave the others where they are
+    good for a parameter that never came: the reason of this function. Where the sets go round in circles, steps along
+    one parameter at a time lower what they left.
+    """
+    size = largest([x for row in matrix for x in row])
+
+    def pushed(x):
+        """slope + matrix x."""
+        return [b + product([matrix[max(i, j)][min(i, j)] for j in range(6)], x) for i, b in enumerate(slope)]
+
+    def with_fixed(below, above):
+        free = [~(a | b) for a, b in zip(below, above, strict=True)]
+        value = [xp.where(a, lo, xp.where(b, hi, 0.0)) for a, b, lo, hi in zip(below, above, low, high, strict=True)]
+        reduced = [[xp.where(free[i] & free[j], x, 0.0) for j, x in enumerate(row)] for i, row in enumerate(matrix)]
+        for i in range(6):
+            reduced[i][i] = xp.where(free[i], reduced[i][i], size)
+        L, inverse, positive = factorised(reduced, _THETA_FLOOR.of(size) * size)
+        right = [xp.where(f, -b, size * v) for f, b, v in zip(free, pushed(value), value, strict=True)]
+        return backward(L, [x * d for x, d in zip(forward(L, right), inverse, strict=True)]), positive
+
+    def again(fixed):
+        below, above = fixed
+        x, _ = with_fixed(below, above)
+        push = pushed(x)
+        return (
+            [xp.where(a, b > 0.0, y < lo) for a, b, y, lo in zip(below, push, x, low, strict=True)],
+            [xp.where(a, b < 0.0, y > hi) for a, b, y, hi in zip(above, push, x, high, strict=True)],
+        )
+
+    at_low = [(lo >= 0.0) & (b > 0.0) for lo, b in zip(low, slope, strict=True)]
+    at_high = [(hi <= 0.0) & (b < 0.0) for hi, b in zip(high, slope, strict=True)]
+    x, definite = with_fixed(*repeat(_ACTIVE_SETS, again, (at_low, at_high)))
+    x = [xp.clip(y, lo, hi) for y, lo, hi in zip(x, low, high, strict=True)]
+
+    def lowered(x):
+        x = list(x)
+        for i in range(6):
+            pull = slope[i] + product([matrix[max(i, j)][min(i, j)] for j in range(6)], x)
+            x[i] = xp.clip(x[i] - pull / xp.maximum(matrix[i][i], _THETA_FLOOR.of(size) * size), low[i], high[i])
+        return x
+
+    return repeat(_COORDINATE_STEPS, lowered, x), definite

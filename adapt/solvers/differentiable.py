@@ -1,0 +1,97 @@
+"""The posture fit as a differentiable function, and the nested objective of the adaptation built on it.
+
+At the optimum W (q - s) + G' lambda = 0 and g = 0 define q and lambda as functions of everything else (implicit
+function theorem). Their derivative is one 9 x 9 solve with the matrix of the last Newton step; no derivative goes
+through the iterations. Forward, reverse and higher derivatives, ``jit`` and ``vmap`` compose in any order.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from adapt.solvers.objective import thorax_distance_mm2
+from adapt.solvers.reference.constraints import Differentiated
+from adapt.solvers.reference.elimination import eliminate
+from adapt.solvers.reference.posture import mean_square_deg2, objective_weights, solve_from_two_starts
+from models.girdle import Girdle
+
+
+class PostureFit(NamedTuple):
+    """The closest closed posture as a function of girdle and measured angles; NaN where the fit failed."""
+
+    angles: Float[Array, " 6 *batch"]
+    """rad."""
+    multipliers: Float[Array, " 3 *batch"]
+    """deg^2 a mm."""
+    j_deg2: Float[Array, " *batch"]
+
+
+def posture_fit(
+    girdle: Girdle, angles: Float[Array, " 6 *batch"], measured: Bool[Array, " 6 *batch"] | None = None
+) -> PostureFit:
+    """q, lambda and J_p of the posture fit (Eq. 6.1-6.2), differentiable in the girdle and the measured angles.
+
+    ``angles`` in rad, finite; ``measured`` False leaves an angle out of J_p. ``girdle`` has the same batch axes, or
+    none. A posture that does not converge is NaN, never a wrong number.
+    """
+    if measured is None:
+        measured = jnp.ones(angles.shape, bool)
+    girdle, angles, measured = jax.tree.map(jnp.asarray, (girdle, angles, measured))
+    weights = objective_weights(measured)
+    girdle = _with_batch(girdle, angles.shape[1:])
+    q, multipliers = _optimum(girdle, angles, weights)
+    return PostureFit(q, multipliers, mean_square_deg2(q, angles, weights))
+
+
+def _with_batch(girdle: Girdle, batch: tuple[int, ...]) -> Girdle:
+    """One girdle for each element of the batch; a batched one stays as it is."""
+    if girdle.conoid_length_mm.ndim == len(batch):
+        return girdle
+
+    def spread(x):
+        return jnp.broadcast_to(x.reshape(*x.shape, *[1] * len(batch)), (*x.shape, *batch))
+
+    return jax.tree.map(spread, girdle)
+
+
+@jax.custom_jvp
+def _optimum(girdle: Girdle, measured: Array, weights: Array) -> tuple[Array, Array]:
+    beside = jax.tree.map(lambda x: x[..., None], girdle)
+    solved = solve_from_two_starts(Differentiated(beside.residuals_mm), measured, weights)
+    good = solved.converged[None]
+    return jnp.where(good, solved.angles, jnp.nan), jnp.where(good, solved.multipliers, jnp.nan)
+
+
+@_optimum.defjvp
+def _optimum_jvp(primals, tangents):
+    q, multipliers = _optimum(*primals)
+
+    def conditions(girdle, measured, weights):
+        constraints = Differentiated(girdle.residuals_mm)
+        return weights * (q - measured) + constraints.pull(q, multipliers), constraints.residual(q)
+
+    _, (slope, gape) = jax.jvp(conditions, primals, tangents)
+    girdle, _, weights = primals
+    at = Differentiated(girdle.residuals_mm).linearised(q, multipliers)
+    moved = eliminate(at._replace(residual=gape), slope, weights)
+    return (q, multipliers), (moved.step, moved.multipliers)
+
+
+def nested_objective(
+    theta_mm: Float[Array, " 6"],
+    girdle: Girdle,
+    points_mm: Float[Array, " 3 points"],
+    angles: Float[Array, " 6 postures"],
+    measured: Bool[Array, " 6 postures"],
+    weight: float,
+) -> Float[Array, ""]:
+    """E(theta) = D + w mean(J_p) [mm^2 + w deg^2] of one subject with every posture fitted anew: the definition.
+
+    The reference that the whole-subject solver is tested against, and what a general optimiser can minimise.
+    """
+    adapted = girdle.with_adapted(theta_mm)
+    shares = jnp.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
+    fits = posture_fit(adapted, angles, measured)
+    return thorax_distance_mm2(adapted, points_mm, shares) + weight * jnp.mean(fits.j_deg2)

@@ -1,0 +1,142 @@
+"""The objective of the adaptation, E = D + w mean(J_p), and the ways to read it (thesis Eq. 6.3-6.5).
+
+The thesis leaves open whether D and J are means of squares or their roots, and the units. A reading is a choice of
+both. Every reading has the optimum of some D [mm^2] + W mean(J_p) [deg^2]: the reading only changes the weight W.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from models.derivatives import ELLIPSOID, Distance, distance, ellipsoid_curvature, ellipsoid_slope
+from models.ellipsoid import foot_multiplier, signed_distance_mm
+from models.girdle import Girdle
+from motions.arrays import Array, xp
+
+WEIGHT = 10.0
+"""w of Eq. 6.5 (thesis 6.2.6)."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Units of D and J in E, and whether E takes the roots of the two means."""
+
+    distance_per_mm: float
+    angle_per_deg: float
+    root: bool = False
+
+    def weight(self, w: float, D_mm2, J_deg2):
+        """W of the equivalent E = D [mm^2] + W mean(J) [deg^2]; with roots it depends on D and J themselves.
+
+        d(sqrt D + w sqrt J) = (dD + w sqrt(D / J) dJ) / (2 sqrt D).
+        """
+        unit = self.angle_per_deg / self.distance_per_mm
+        if not self.root:
+            return w * unit**2 * np.ones_like(J_deg2)
+        return w * unit * np.sqrt(np.maximum(D_mm2, 1e-12) / np.maximum(J_deg2, 1e-12))
+
+    def value(self, w: float, D_mm2, J_deg2):
+        """E in the units of the reading."""
+        D, J = D_mm2 * self.distance_per_mm**2, J_deg2 * self.angle_per_deg**2
+        return np.sqrt(D) + w * np.sqrt(J) if self.root else D + w * J
+
+
+READINGS = {
+    "mm2_deg2": Reading(1.0, 1.0),
+    "cm2_deg2": Reading(0.1, 1.0),
+    "cm2_rad2": Reading(0.1, np.pi / 180.0),
+    "rms_cm_rad": Reading(0.1, np.pi / 180.0, root=True),
+    "rms_mm_deg": Reading(1.0, 1.0, root=True),
+}
+"""The readings by name; ``mm2_deg2`` is the one whose results look like the thesis's (docs/reading_of_E.md)."""
+
+DEFAULT_READING = "mm2_deg2"
+
+
+def thorax_distance_mm2(
+    girdle: Girdle,
+    points_mm: Float[Array, " 3 points *batch"],
+    shares: Float[Array, " points *batch"],
+) -> Float[Array, " *batch"]:
+    """D = mean squared distance of the thorax points to the ellipsoid, mm^2.
+
+    ``shares`` sum to 1 over the points: 1/n each, 0 for padding.
+    """
+    spread = girdle.over_postures()
+    distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
+    return xp.sum(shares * distance**2, axis=0)
+
+
+class ThoraxPoints:
+    """D as a function of the adapted parameters, with its derivatives by hand
+    (``adapt.solvers.reference.subject.Thorax``)."""
+
+    def __init__(
+        self, girdle: Girdle, points_mm: Float[Array, " 3 points *batch"], shares: Float[Array, " points *batch"]
+    ):
+        self.girdle, self.points_mm, self.shares = girdle, points_mm, shares
+
+    def value(self, theta):
+        return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.shares)
+
+    def distances(self, theta) -> tuple[Distance, list[Array]]:
+        """Of every point, and its slopes in the parameters, the conoid's last."""
+        at = self._at(theta)
+        return at, [*ellipsoid_slope(at), 0.0 * at.d]
+
+    def slope(self, theta):
+        at, slope = self.distances(theta)
+        return xp.stack([xp.sum(2.0 * self.shares * at.d * x, axis=0) for x in slope])
+
+    def curvature(self, theta):
+        at, slope = self.distances(theta)
+        bent = ellipsoid_curvature(at)
+
+        def entry(i, j):
+            second = at.d * bent[max(i, j)][min(i, j)] if max(i, j) < ELLIPSOID else 0.0
+            return xp.sum(2.0 * self.shares * (slope[i] * slope[j] + second), axis=0)
+
+        return xp.stack([xp.stack([entry(i, j) for j in range(6)]) for i in range(6)])
+
+    def _at(self, theta) -> Distance:
+        moved = self.girdle.with_adapted(theta).over_postures()
+        p, a = xp.broadcast_arrays(self.points_mm - moved.centre_mm, moved.semi_axes_mm)
+        return distance(tuple(p), tuple(a), foot_multiplier(p, a))
+
+
+_ON_THE_POINTS_MM2 = 1e-18
+"""D of an ellipsoid that lies on its points, 1e-9 mm off them by the digits of their file: nothing is left to fit."""
+
+
+def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> Girdle:
+    """:func:`geometric_fit` as numpy; a girdle whose ellipsoid lies on its points stays as it is."""
+    shares = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
+    if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, shares) <= _ON_THE_POINTS_MM2:
+        return girdle
+    return jax.tree.map(np.asarray, jitted_geometric_fit(girdle, jnp.asarray(points_mm)))
+
+
+def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdle:
+    """The girdle with the ellipsoid that is closest to its thorax points, min D (thesis 6.2.6, Table 6.6).
+
+    Levenberg-Marquardt from the girdle's own ellipsoid over M_y, M_z and A. The thesis found it the best start of an
+    adaptation. For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.
+    """
+
+    def distances(ellipsoid, _):
+        moved = girdle.with_adapted(xp.append(ellipsoid, girdle.conoid_length_mm))
+        return signed_distance_mm(points_mm, moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+
+    import optimistix  # 0.2 s: not for every command
+
+    solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
+    start = girdle.adapted_mm[:5]
+    solution = optimistix.least_squares(distances, solver, start, throw=False, max_steps=200)
+    found = xp.where(solution.result == optimistix.RESULTS.successful, solution.value, start)
+    return girdle.with_adapted(xp.append(found, girdle.conoid_length_mm))
+
+
+jitted_geometric_fit = jax.jit(geometric_fit)

@@ -1,0 +1,1 @@
+"""The careful solvers: exact steps, implicit derivatives, effects; what the batched ones are held against."""

@@ -1,0 +1,1 @@
+"""Results as tables: the columns of every CSV file. Pandas lives here."""

@@ -1,0 +1,223 @@
+# pyright: reportAttributeAccessIssue=false, reportIndexIssue=false, reportArgumentType=false, reportReturnType=false
+# pyright: reportGeneralTypeIssues=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""The results as tables: one row a posture, one row a subject, and the thesis's tables. Pandas lives here."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted
+from adapt.solvers.posture_fits import Fitted
+from adapt.tables.held_out import MOTION, NOTHING, by_subject
+from models.girdle import ADAPTED
+from models.parameter_sets import ParameterSet
+from motions.rotations import DEG
+from motions.table import ANGLES, Motions
+
+ALL_MOTIONS = "all"
+"""Name, in the summary, of all motions of a subject together."""
+
+STATISTICS = ("mean", "std", "max", "min")
+"""The last rows of the thesis's tables; std with n - 1."""
+
+DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
+
+HELD_OUT = {bone: f"{bone}_held_out_deg" for bone in ("clavicle", "scapula")}
+"""The last columns of the summary, by bone."""
+
+SubjectRows = Mapping[tuple[str, int], pd.DataFrame]
+"""Rows of a table by model and state (0: as the model is, 1: adapted)."""
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The tables of an adaptation."""
+
+    fits: pd.DataFrame
+    """One row a model, posture and state (adapted or not): the columns of ``fits.csv``."""
+    summary: pd.DataFrame
+    """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4; and on what was held out."""
+    parameters: pd.DataFrame
+    """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
+    heldout: pd.DataFrame
+    """One row a model, subject and part held out: the columns of ``heldout.csv``; none of whom none was asked for."""
+
+    def of(self, subjects: Sequence[str]) -> "Tables":
+        """The tables of these subjects alone; these tables if that is all."""
+        mine = self.parameters["subject"].isin(subjects)
+        if mine.all():
+            return self
+        fits = self.fits[self.fits["subject"].isin(subjects)]
+        heldout = self.heldout[self.heldout["subject"].isin(subjects)]
+        return Tables(fits, summary_table(fits, heldout), self.parameters[mine], heldout)
+
+
+def as_csv(table: pd.DataFrame) -> str:
+    """Every digit that the numbers have; an empty cell is 'no value'. pandas would write the same, in half as much time
+    again."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(table.columns)
+    rows.writerows(zip(*([None if x != x else x for x in table[name].tolist()] for name in table), strict=True))
+    return text.getvalue()
+
+
+def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:
+    """``fits.csv``: one row a posture, angles in degrees, constraint residuals in mm, lambda in deg^2 a mm."""
+    simulated = fitted.angles.T * DEG
+    columns: dict[str, object] = {
+        "model": model,
+        "subject": motions.subject,
+        "motion": motions.motion,
+        "posture": motions.posture,
+        "humerus_elevation_deg": motions.humerus_elevation_deg,
+        "adapted": int(adapted),
+    }
+    for k, angle in enumerate(ANGLES):
+        columns[f"{angle}_measured_deg"] = motions.angles_deg[:, k]
+        columns[f"{angle}_simulated_deg"] = simulated[:, k]
+        columns[f"{angle}_difference_deg"] = simulated[:, k] - motions.angles_deg[:, k]
+    columns["j_deg2"] = fitted.j_deg2
+    for k in range(3):
+        columns[f"a{k + 1}_mm"] = fitted.residual_mm[k]
+    for k in range(3):
+        columns[f"lambda{k + 1}"] = fitted.multipliers[k]
+    columns["status"] = fitted.status
+    columns["jump"] = fitted.jump.astype(int)
+    return pd.DataFrame(columns)
+
+
+def summary_table(fits: pd.DataFrame, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
+    """``summary.csv``: mean absolute difference in degrees by subject and angle, with mean, std, max and min rows.
+
+    The layout of Tables 6.1-6.4, one block a model, motion (each, and all together) and state (before, after).
+    Only postures whose fit is ``ok`` count; ``postures`` and ``postures_ok`` say how many there were and counted.
+    ``clavicle`` and ``scapula`` are the means of their three angles. After adaptation HELD_OUT says the same of each
+    bone where the row's postures were held out from it: a motion, each in turn for all motions together, thirds of the
+    postures of who has a single motion. Empty for who was not held out (``heldout.csv``).
+    """
+    return summary_of(rows_of_subjects(fits), heldout)
+
+
+def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
+    """What a summary is made of: the rows of subjects, of all motions and of each, by model and state."""
+    return {key: _subject_rows(rows) for key, rows in fits.groupby(["model", "adapted"], sort=False)}
+
+
+def _subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
+    blocks = []
+    for motion in [ALL_MOTIONS, *dict.fromkeys(fits["motion"])]:
+        block = _means_by_subject(fits if motion == ALL_MOTIONS else fits[fits["motion"] == motion])
+        block.insert(0, "motion", motion)
+        blocks.append(block)
+    return pd.concat(blocks, ignore_index=True)
+
+
+def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
+    """:func:`summary_table` of these rows of subjects, by model and state."""
+    blocks = []
+    for (model, adapted), rows in subjects.items():
+        rows = _with_held_out(rows, heldout[heldout["model"] == model] if adapted else NOTHING)
+        motions = list(dict.fromkeys(rows["motion"]))
+        # With one motion alone, all motions say the same.
+        for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
+            block = rows[rows["motion"] == motion].drop(columns="motion")
+            block = pd.concat([block, _statistics(block)], ignore_index=True)
+            block.insert(0, "motion", motion)
+            block.insert(0, "adapted", adapted)
+            block.insert(0, "model", model)
+            blocks.append(block)
+    return pd.concat(blocks, ignore_index=True)
+
+
+def _with_held_out(rows: pd.DataFrame, heldout: pd.DataFrame) -> pd.DataFrame:
+    """The rows of subjects of one model with HELD_OUT, where there is a gap in sample to stand beside."""
+    motions, whole = heldout[heldout["kind"] == MOTION], by_subject(heldout)
+    several = set(motions["subject"])
+    whole = whole[(whole["kind"] == MOTION) | ~whole["subject"].isin(several)].assign(held_out=ALL_MOTIONS)
+    known = pd.concat([motions, whole]).set_index(["subject", "held_out"])
+    part = rows["motion"].where(rows["subject"].isin(several), ALL_MOTIONS)
+    gaps = known.reindex(pd.MultiIndex.from_arrays([rows["subject"], part]))
+    columns = {}
+    for bone, name in HELD_OUT.items():
+        columns[name] = np.where(rows[f"{bone}_deg"].notna(), gaps[f"{bone}_gap_unseen_deg"].to_numpy(float), np.nan)
+    return rows.assign(**columns)
+
+
+def _means_by_subject(rows: pd.DataFrame) -> pd.DataFrame:
+    good = rows["status"] == status.OK
+    absolute = rows[DIFFERENCES].abs().where(good)
+    absolute.columns = [f"{angle}_deg" for angle in ANGLES]
+    means = absolute.groupby(rows["subject"], sort=False).mean()
+    means["clavicle_deg"] = means.iloc[:, :3].mean(axis=1)
+    means["scapula_deg"] = means.iloc[:, 3:6].mean(axis=1)
+    means["postures"] = rows.groupby("subject", sort=False).size()
+    means["postures_ok"] = good.groupby(rows["subject"], sort=False).sum()
+    return means.reset_index()
+
+
+def _statistics(block: pd.DataFrame) -> pd.DataFrame:
+    values = block.drop(columns=["subject", "postures", "postures_ok"])
+    table = values.agg(list(STATISTICS))
+    table.insert(0, "subject", list(STATISTICS))
+    table["postures"] = block["postures"].sum()
+    table["postures_ok"] = block["postures_ok"].sum()
+    return table.reset_index(drop=True)
+
+
+def parameters_table(
+    subjects: Sequence[str],
+    models: Sequence[ParameterSet],
+    adapted: dict[str, Adapted],
+    before: pd.DataFrame,
+) -> pd.DataFrame:
+    """``parameters.csv``: one row a model and subject; lengths in mm, J in deg^2, E in the units of its reading."""
+    return pd.concat(
+        [_model_parameters(subjects, model, adapted[model.name], before) for model in models],
+        ignore_index=True,
+    )
+
+
+def _model_parameters(subjects, model: ParameterSet, adapted: Adapted, fits: pd.DataFrame) -> pd.DataFrame:
+    columns: dict[str, object] = {"model": model.name, "subject": list(subjects)}
+    prior = np.asarray(model.girdle.adapted_mm)
+    for k, name in enumerate(ADAPTED):
+        columns[f"{name}_mm"] = adapted.theta_mm[k]
+        columns[f"{name}_mm_prior"] = prior[k]
+        columns[f"{name}_mm_sd"] = adapted.sd_mm[k]
+        columns[f"{name}_mm_at_bound"] = adapted.at_bound[k].astype(int)
+    mine = fits[(fits["model"] == model.name) & (fits["status"] == status.OK)]
+    columns["E"] = adapted.E
+    columns["D_mm2"] = adapted.D_mm2
+    for word, state in (("before", 0), ("after", 1)):
+        j = mine[mine["adapted"] == state].groupby("subject")["j_deg2"].mean()
+        columns[f"mean_j_{word}_deg2"] = j.reindex(subjects).to_numpy()
+    columns["status"] = adapted.status
+    return pd.DataFrame(columns)
+
+
+def parameter_statistics(parameters: pd.DataFrame) -> pd.DataFrame:
+    """Mean and standard deviation over subjects of each adapted parameter, by model: Table 6.5 beside Table 6.6."""
+    good = parameters[parameters["status"] == status.OK]
+    rows = []
+    for model, part in good.groupby("model", sort=False):
+        for name in ADAPTED:
+            values = part[f"{name}_mm"]
+            rows.append(
+                {
+                    "model": model,
+                    "parameter": name,
+                    "prior_mm": part[f"{name}_mm_prior"].iloc[0],
+                    "mean_mm": values.mean(),
+                    "sd_mm": values.std(),
+                    "at_bound": int(part[f"{name}_mm_at_bound"].sum()),
+                    "subjects": len(values),
+                }
+            )
+    return pd.DataFrame(rows, columns=["model", "parameter", "prior_mm", "mean_mm", "sd_mm", "at_bound", "subjects"])

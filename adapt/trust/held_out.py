@@ -1,0 +1,196 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""The gap on postures that an adaptation has not seen: each motion held out in turn, and every third posture."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float
+from numpy.typing import DTypeLike
+
+from adapt.engine.batching import as_type
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, Lanes, adapt_lanes, lanes, lanes_at
+from adapt.solvers.objective import DEFAULT_READING, WEIGHT
+from adapt.solvers.padded_batch import Batch, pack
+from adapt.solvers.posture_fits import fit_lanes
+from adapt.tables.held_out import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
+from adapt.tables.results import DIFFERENCES
+from models.effects.known import NO_EFFECTS, Amplitudes, at_work
+from models.parameter_sets import ParameterSet
+from motions.rotations import DEG
+from motions.table import Motions
+
+_POSTURE_FOLDS = 3
+
+MOST_SUBJECTS = 400
+"""Of whom parts are held out where nobody says of whom: more take longer than their adaptation, and tell no more."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One subject, the postures its girdle is adapted to and those its gap is looked at."""
+
+    subject: int
+    kind: str
+    held_out: str
+    fitted: Bool[np.ndarray, " postures"]
+    tested: Bool[np.ndarray, " postures"]
+
+
+def folds(motions: Motions, batch: Batch) -> list[Fold]:
+    """Every motion of every subject that has several, and every third posture of every subject."""
+    found = []
+    for subject, (names, counted) in enumerate(_named(motions, batch)):
+        several = list(dict.fromkeys(names[counted].tolist()))
+        held = [(MOTION, name, counted & (names == name)) for name in several if len(several) > 1]
+        turn = np.cumsum(counted) % _POSTURE_FOLDS
+        held += [(POSTURES, f"third {k + 1}", counted & (turn == k)) for k in range(_POSTURE_FOLDS)]
+        found += [
+            Fold(subject, kind, name, counted & ~of, of)
+            for kind, name, of in held
+            if of.any() and (counted & ~of).any()
+        ]
+    return found
+
+
+def fewest_folds(motions: Motions, batch: Batch) -> list[Fold]:
+    """Every motion of a subject that has several; every third posture of one that has not."""
+    every = folds(motions, batch)
+    several = {part.subject for part in every if part.kind == MOTION}
+    return [part for part in every if part.kind == MOTION or part.subject not in several]
+
+
+def folds_between(motions: Motions, batch: Batch, fitted: str, tested: str) -> list[Fold]:
+    """Adapt to one motion, look at another one, of every subject that has both."""
+    found = []
+    for subject, (names, counted) in enumerate(_named(motions, batch)):
+        one, other = counted & (names == fitted), counted & (names == tested)
+        if one.any() and other.any():
+            found.append(Fold(subject, OTHER, tested, one, other))
+    return found
+
+
+def _named(motions: Motions, batch: Batch):
+    counted = np.asarray(batch.counted)
+    return [(motions.motion[batch.rows[:, s]], counted[:, s]) for s in range(len(batch.subjects))]
+
+
+def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]:
+    """At most so many, one in so many in the order of the files."""
+    return frozenset(subjects[:: -(-len(subjects) // most)])
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """L = models x folds lanes; lane = model * folds + fold."""
+
+    adapted: Adapted
+    """Without the postures held out."""
+    unseen_deg: Float[np.ndarray, "6 postures lanes"]
+    """|simulated - measured| at the postures tested; NaN elsewhere and where a fit failed."""
+
+
+def held_out(
+    data: Lanes,
+    subjects: int,
+    parts: Sequence[Fold],
+    weight: float = WEIGHT,
+    reading: str = DEFAULT_READING,
+    progress: Callable[[str], None] = lambda _: None,
+) -> HeldOut:
+    """Adapt every lane (model * subjects + subject) of ``data`` anew without the postures of each of its folds."""
+    models = data.counted.shape[1] // subjects
+    lane = np.concatenate([m * subjects + np.array([part.subject for part in parts]) for m in range(models)])
+    fitted, tested = (
+        np.tile(np.stack([getattr(part, k) for part in parts], axis=1), models) for k in ("fitted", "tested")
+    )
+    progress(f"held-out gaps, {len(lane)} adaptations")
+    part_of = lanes_at(data, lane, counted=fitted)
+    without = adapt_lanes(part_of, weight, reading)
+    return HeldOut(without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK)))
+
+
+def held_out_gaps(
+    motions: Motions,
+    models: Sequence[ParameterSet],
+    fits: pd.DataFrame,
+    weight: float = WEIGHT,
+    reading: str = DEFAULT_READING,
+    progress: Callable[[str], None] = lambda _: None,
+    choose: Callable[[Motions, Batch], list[Fold]] = folds,
+    dtype: DTypeLike = np.float64,
+    effects: Amplitudes = NO_EFFECTS,
+) -> pd.DataFrame:
+    """``heldout.csv`` of these motions and the table of their fits before and after adaptation."""
+    batch, names = pack(motions), [model.name for model in models]
+    parts = choose(motions, batch)
+    if not parts:
+        return NOTHING
+    known = at_work(effects, motions.humerus_elevation_deg[batch.rows])
+    data = as_type(lanes(batch, list(models), known), dtype)
+    found = held_out(data, len(batch.subjects), parts, weight, reading, progress)
+    return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))
+
+
+def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -> dict[str, np.ndarray]:
+    """|simulated - measured| of all postures before and after (in sample), (6, postures, lanes), from their table."""
+    gaps = {}
+    for word, state in SEEN.items():
+        parts = []
+        for model in models:
+            rows = fits[(fits["model"] == model) & (fits["adapted"] == state)]
+            good = (rows["status"] == status.OK).to_numpy()
+            parts.append(np.where(good, rows[DIFFERENCES].abs().to_numpy().T, np.nan)[:, batch.rows])
+        gaps[word] = np.concatenate(parts, axis=-1)
+    return gaps
+
+
+def _gaps_deg(data: Lanes, theta_mm, of: Bool[np.ndarray, "postures lanes"]) -> Float[np.ndarray, "6 postures lanes"]:
+    posture, lane = np.nonzero(of)
+    if not len(lane):
+        return np.full((6, *of.shape), np.nan)
+    angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
+    found = fit_lanes(data.chain(theta_mm, posture, lane), angles, measured, around=True)
+    result = np.full((6, *of.shape), np.nan)
+    result[:, posture, lane] = np.where(
+        measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
+    )
+    return result
+
+
+def heldout_table(
+    subjects: Sequence[str],
+    models: Sequence[str],
+    parts: Sequence[Fold],
+    found: HeldOut,
+    seen_deg: Mapping[str, Float[np.ndarray, "6 postures lanes"]],
+) -> pd.DataFrame:
+    """``heldout.csv``: one row a model, subject and part held out; gaps are mean |simulated - measured|, degrees.
+
+    All are of the postures held out: before adaptation, adapted to everything (in_sample) and without them (unseen).
+    ``seen_deg``: the first two, by lane model * subjects + subject.
+    """
+    rows = []
+    for m, model in enumerate(models):
+        for k, part in enumerate(parts):
+            lane = m * len(parts) + k
+            row: dict[str, object] = {"model": model, "subject": subjects[part.subject]}
+            row |= {"kind": part.kind, "held_out": part.held_out}
+            row |= {"postures": int(part.tested.sum()), "adapted_to": int(part.fitted.sum())}
+            of_subject = m * len(subjects) + part.subject
+            gaps = {word: seen_deg[word][:, part.tested, of_subject] for word in SEEN if word in seen_deg}
+            for word, gap in (gaps | {"unseen": found.unseen_deg[:, part.tested, lane]}).items():
+                for bone, angles in BONES.items():
+                    row[f"{bone}gap_{word}_deg"] = mean_of(gap[angles])
+            row["status"] = found.adapted.status[lane]
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def mean_of(gaps_deg: Float[np.ndarray, "..."]) -> float:
+    """Mean over what there is; NaN where there is nothing."""
+    known = gaps_deg[np.isfinite(gaps_deg)]
+    return float(known.mean()) if known.size else float("nan")

@@ -1,0 +1,109 @@
+"""Whether an adapted thorax could still be one, and still serves as bony contour of the serratus (thesis 6.4).
+
+Each check has limits with a reason. Outside of them is a warning, not a failure: the fit stands, but the ellipsoid is
+then a device that lets the scapula move as measured and no longer a thorax.
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from models.ellipsoid import signed_distance_mm
+from models.parameter_sets import ParameterSet
+
+PASS, WARNING = "pass", "warning"
+
+DEPTH_MM = (143.0, 275.0)
+WIDTH_MM = (222.0, 356.0)
+"""The smallest and the largest of 507 adults: depth of the chest between spine and sternum, and its diameter, at the
+nipples, "skeletal" both (G. Heinz et al., Exploring relationships in body dimensions, J. Stat. Educ. 11(2),
+2003). The published ellipsoids of four cadavers are 171 to 260 mm deep and 266 to 306 mm wide."""
+
+_ADULTS = "the chests of 507 adults (Heinz 2003)"
+
+_MARGIN = 0.1
+"""Four cadavers do not span everybody: a tenth beyond the smallest and the largest of them. Assumed."""
+
+VOLUME_L = (8.6 * (1 - _MARGIN), 33.7 * (1 + _MARGIN))
+"""The smallest and the largest published ellipsoid. No chest bounds it: the points leave A_y open, so that a whole
+ellipsoid is no thorax even as published (R2's reaches 700 mm below IJ and holds 34 l, of a body of 73 kg, Table 3.1).
+What a chest bounds is the depth and the width above; beside them the volume finds an A_y that ran away."""
+
+_ELLIPSOIDS = "published ellipsoids of four cadavers (Tables 3.3 and 4.5, DAS3) and a tenth beyond"
+
+CHEST_DEPTH_MM = {"R2": 197.0, "R4": 253.0, "R6": 221.0}
+"""Measured from outside (Table 3.1)."""
+
+DEEPER_THAN_CHEST = 1.32
+"""R2's own ellipsoid is 260 mm deep, its chest 197 mm: no published ellipsoid is deeper for its chest."""
+
+REGION_MM = 15.0
+"""Two published fits of one cadaver's thorax (MRI, dissection and DAS3) leave each other's points by 1 to 15 mm rms a
+region: farther off it is another thorax. Nor does a smooth surface follow ribs much closer: the best sphere leaves the
+ribs under the scapula by 7.9 (SD 1.9) mm rms, ribs 2 to 5, and 10.1 (1.9), 5 to 8, in 50 patients (T. Paquet et al.,
+Defining the shape of the scapulothoracic gliding surface, Surg. Radiol. Anat. 41, 2019)."""
+
+CONOID_MM = (1.0, 12.3 + 2 * 6.6)
+"""The conoid of men is 12.3 mm long (SD 6.6; eorif.com, AC anatomy; the thesis, 3.3.1, says 13): two SDs. In 52 fresh
+shoulders it was 14.2 (2.4) and 15.9 (3.0) mm, left and right (an abstract in WPRIM by Y.-F. Jin and others): those vary
+less, but they are of one population. The models' own are 13.2 to 18.3."""
+
+REGIONS = {"front": (-180.0, -15.0), "side": (-15.0, 27.5), "back": (27.5, 180.0)}
+"""Azimuths from lateral toward backward, degrees, halfway between the columns of the shipped points: origins of the
+serratus, where it wraps, and under the scapula (thesis 6.2.6)."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One quantity of an adapted girdle and what it may be."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    reason: str
+
+    @property
+    def verdict(self) -> str:
+        """``pass`` or ``warning``; what is no number is a warning."""
+        return PASS if self.low <= self.value <= self.high else WARNING
+
+
+def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " 6"]) -> list[Check]:
+    """All checks of one adaptation; ``theta_mm`` in the order of ADAPTED."""
+    A_x, A_y, A_z, conoid = (float(x) for x in theta_mm[2:])
+    volume = 4.0 / 3.0 * np.pi * A_x * A_y * A_z / 1e6
+    found = [
+        Check("depth", 2.0 * A_z, *DEPTH_MM, "mm", f"2 A_z; {_ADULTS}"),
+        Check("width", 2.0 * A_x, *WIDTH_MM, "mm", f"2 A_x; {_ADULTS}"),
+        Check("volume", volume, *VOLUME_L, "l", f"4/3 pi A_x A_y A_z; {_ELLIPSOIDS}"),
+        Check("conoid", conoid, *CONOID_MM, "mm", "length of the ligament in men, 12.3 (SD 6.6) mm, two SDs"),
+    ]
+    if model.name in CHEST_DEPTH_MM:
+        ratio = 2.0 * A_z / CHEST_DEPTH_MM[model.name]
+        reason = f"2 A_z over the chest depth of {model.name} (Table 3.1); R2's own is 1.32"
+        found.append(Check("depth over chest depth", ratio, 1.0 / DEEPER_THAN_CHEST, DEEPER_THAN_CHEST, "", reason))
+    reason = "rms distance of the thorax points there; two fits of one cadaver's thorax differ by up to 15 mm"
+    for name, distance in region_distances_mm(model, theta_mm).items():
+        found.append(Check(f"thorax points, {name}", distance, 0.0, REGION_MM, "mm", reason))
+    return found
+
+
+def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " 6"]) -> dict[str, float]:
+    """Root mean square distance of the thorax points of each region to the adapted ellipsoid, mm.
+
+    A point on the left counts as its mirror image, as the ellipsoid is symmetric. Regions without points are left out.
+    """
+    moved = model.girdle.with_adapted(jnp.asarray(theta_mm))
+    points = np.asarray(model.points_mm)
+    distance = np.asarray(
+        signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+    )
+    own = model.girdle
+    scaled = (points - np.asarray(own.centre_mm)[:, None]) / np.asarray(own.semi_axes_mm)[:, None]
+    azimuth = np.degrees(np.arctan2(scaled[2], np.abs(scaled[0])))
+    inside = {name: (azimuth >= low) & (azimuth < high) for name, (low, high) in REGIONS.items()}
+    return {name: float(np.sqrt(np.mean(distance[of] ** 2))) for name, of in inside.items() if of.any()}

@@ -1,0 +1,62 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""w of E = D + w mean(J) chosen by motions held out, and what each w costs: D against mean J."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, Lanes, adapt_lanes
+from adapt.tables.held_out import MOTION, by_subject
+from adapt.trust.held_out import Fold, held_out, heldout_table
+from motions.rotations import DEG
+
+WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+"""Half decades about the thesis's 10: between two of them the gap changes by some hundredths of a degree."""
+
+
+def weight_table(
+    data: Lanes,
+    subjects: Sequence[str],
+    models: Sequence[str],
+    parts: Sequence[Fold],
+    weights: Sequence[float] = WEIGHTS,
+    progress: Callable[[str], None] = lambda _: None,
+) -> pd.DataFrame:
+    """``weights.csv``: one row a model and weight, means over subjects.
+
+    ``thorax_points_rms_mm`` = sqrt(mean D) and ``j_rms_deg`` = sqrt(mean J), of the adaptation to all postures, are the
+    trade-off curve; ``gap_unseen_deg`` is on motions held out, and ``best`` = 1 where it is smallest. Subjects with a
+    single motion have no part in the choice.
+    """
+    chosen = [part for part in parts if part.kind == MOTION]
+    rows = []
+    for weight in weights:
+        progress(f"w = {weight:g}")
+        adapted = adapt_lanes(data, weight)
+        gaps = _gaps(data, adapted, subjects, models, chosen, weight)
+        for m, model in enumerate(models):
+            mine = slice(m * len(subjects), (m + 1) * len(subjects))
+            good = adapted.status[mine] == status.OK
+            D, J = (x[mine][good] for x in (adapted.D_mm2, adapted.mean_j_deg2))
+            row: dict[str, object] = {"model": model, "weight": weight, "subjects_ok": int(good.sum())}
+            row |= {"thorax_points_rms_mm": float(np.sqrt(D.mean())), "j_rms_deg": float(np.sqrt(J.mean()))}
+            row["at_bound"] = int(adapted.at_bound[:, mine][:, good].any(axis=0).sum())
+            rows.append(row | gaps.get(model, {"gap_in_sample_deg": np.nan, "gap_unseen_deg": np.nan}))
+    table = pd.DataFrame(rows).sort_values("model", kind="stable", key=lambda x: x.map(list(models).index))
+    least = table.groupby("model")["gap_unseen_deg"].transform("min")
+    table["best"] = (table["gap_unseen_deg"] == least).astype(int)
+    return table.reset_index(drop=True)
+
+
+def _gaps(data, adapted: Adapted, subjects, models, parts, weight) -> dict[str, dict[str, float]]:
+    if not parts:
+        return {}
+    found = held_out(data, len(subjects), parts, weight)
+    good = np.asarray(data.measured) & (adapted.status == status.OK)
+    in_sample = np.where(good, np.abs(adapted.angles - np.asarray(data.angles)) * DEG, np.nan)
+    gaps = by_subject(heldout_table(subjects, models, parts, found, {"in_sample": in_sample}))
+    words = ["gap_in_sample_deg", "gap_unseen_deg"]
+    return gaps.groupby("model")[words].mean().to_dict("index")

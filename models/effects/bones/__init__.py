@@ -1,0 +1,1 @@
+"""Effects of bones that are not the cadaver's."""

@@ -1,0 +1,1 @@
+"""Effects of joints and ligaments that give way."""

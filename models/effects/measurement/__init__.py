@@ -1,0 +1,1 @@
+"""Effects of the measurement: frames, markers and estimates that are off."""

@@ -1,0 +1,1 @@
+"""Effects of a thorax that is not the ellipsoid."""

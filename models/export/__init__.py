@@ -1,0 +1,1 @@
+"""A girdle as a file: TOML that loads again, and OpenSim."""

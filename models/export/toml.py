@@ -1,0 +1,63 @@
+"""A girdle as a TOML file that `load_model` takes: the sections of `models.parameter_sets`."""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from models.girdle import Girdle
+
+
+def parameters_toml(
+    name: str,
+    comment: str,
+    girdle: Girdle,
+    points_mm: Float[np.ndarray, "3 points"],
+    source: Mapping[str, str],
+    bounds_mm: Mapping[str, float] | None = None,
+) -> str:
+    """The file of a girdle, every number with all its digits and its source; loading it gives the same girdle.
+
+    comment: the lines above it. bounds_mm: half widths for `bounds`, by key, where they are not the default ones.
+    """
+    g = girdle
+    above = "".join(f"# {line}\n" for line in comment.splitlines())
+    points = "".join(f"    {_toml(point)},\n" for point in points_mm.T)
+    bounds = "".join(f"{key} = {_toml(width)}\n" for key, width in (bounds_mm or {}).items())
+    sources = "".join(f'"{key}" = {_text(words)}\n' for key, words in source.items())
+    return f"""\
+{above}name = {_text(name)}
+
+[thorax]
+centre_mm = {_toml(g.centre_mm)}
+semi_axes_mm = {_toml(g.semi_axes_mm)}
+points_mm = [
+{points}]
+
+[clavicle]
+sc_mm = {_toml(g.sc_mm)}
+length_mm = {_toml(g.ac_mm[0])}
+conoid_mm = {_toml(g.clavicle_conoid_mm)}
+
+[scapula]
+ts_mm = {_toml(g.ts_mm)}
+ai_mm = {_toml(g.ai_mm)}
+conoid_mm = {_toml(g.scapula_conoid_mm)}
+
+[constraint]
+ts_distance_mm = {_toml(g.ts_distance_mm)}
+ai_distance_mm = {_toml(g.ai_distance_mm)}
+conoid_length_mm = {_toml(g.conoid_length_mm)}
+{chr(10) + "[bounds]" + chr(10) + bounds if bounds else ""}
+[source]
+{sources}"""
+
+
+def _toml(value: object) -> str:
+    return json.dumps(np.asarray(value, dtype=float).tolist())
+
+
+def _text(words: str) -> str:
+    """A TOML basic string; JSON's escapes are TOML's, but for the delete character."""
+    return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,337 @@
+"""Parameter sets: the girdle of a cadaver or a person as a TOML file, one source for each number.
+
+Vectors and lengths are in mm, right shoulder: `thorax` and `clavicle.sc_mm` in the thorax frame, the other
+points in the frame of their bone (thesis, Appendix A).
+"""
+
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from models.girdle import ADAPTED, Girdle
+from motions.errors import InputError
+
+FOLDER = Path(__file__).parent / "sets"
+"""Where the shipped sets are."""
+
+SHORTEST_MM = 1.0
+"""No length and no semi-axis is shorter, nor adapted to be: at 0 the distance to the ellipsoid and the
+direction of the conoid lose their derivatives, and no bone, chest or ligament is near it."""
+
+SMALLEST_THORAX_MM = 50.0
+"""The longest semi-axis of any thorax is longer: a newborn's chest, 330 mm around, is wider. A shorter one
+is not in mm (the thesis's longest, in cm, is 40.4)."""
+
+FEWEST_POINTS = 6
+"""One more than the unknowns of the geometric fit (M_y, M_z, A_x, A_y, A_z)."""
+
+FLATTEST_SCAPULA_MM = 1.0
+"""How far off the line through AC and the farther of TS and AI the other one must be: a palpator's noise."""
+
+HALF_WIDTHS_MM = {
+    "M_y_mm": 100.0,
+    "M_z_mm": 30.0,
+    "A_x_mm": 30.0,
+    "A_y_mm": 100.0,
+    "A_z_mm": 30.0,
+    "conoid_length_mm": 8.0,
+}
+"""How far an adapted parameter may go from the set's own value, where the file does not say: beyond the
+standard deviations of ten subjects (31, 7, 3, 24, 17 and 2 mm at most, Table 6.5), short of a runaway."""
+
+_VECTOR, _POINTS, _LENGTH, _DISTANCE, _TEXT = "vector", "points", "length", "distance", "text"
+
+_MEANING = {
+    _VECTOR: "three numbers, [x, y, z]",
+    _POINTS: "a list of points, [[x, y, z], ...]",
+    _LENGTH: "one number",
+    _DISTANCE: "one number",
+    _TEXT: "text in quotes",
+}
+
+_NUMBERS = {
+    "thorax.centre_mm": _VECTOR,
+    "thorax.semi_axes_mm": _VECTOR,
+    "thorax.points_mm": _POINTS,
+    "clavicle.sc_mm": _VECTOR,
+    "clavicle.length_mm": _LENGTH,
+    "clavicle.conoid_mm": _VECTOR,
+    "scapula.ts_mm": _VECTOR,
+    "scapula.ai_mm": _VECTOR,
+    "scapula.conoid_mm": _VECTOR,
+    "constraint.ts_distance_mm": _DISTANCE,
+    "constraint.ai_distance_mm": _DISTANCE,
+    "constraint.conoid_length_mm": _LENGTH,
+}
+"""The keys that every file has, as section.key."""
+
+_BOUNDS = {f"bounds.{key}": _LENGTH for key in HALF_WIDTHS_MM}
+"""The keys that a file may have: half widths."""
+
+_SECTIONS = tuple(dict.fromkeys(key.partition(".")[0] for key in (*_NUMBERS, *_BOUNDS)))
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterSet:
+    """One girdle, the thorax points its ellipsoid was fitted to, and how far the adaptation may change it."""
+
+    name: str
+    girdle: Girdle
+    """Unbatched: vectors (3,), lengths ()."""
+    points_mm: Float[np.ndarray, "3 points"]
+    """Points on the thorax, thorax frame."""
+    bounds_mm: Float[np.ndarray, "2 6"]
+    """Lower and upper bound of the adapted parameters, in the order of ``ADAPTED``: own value -+ half."""
+    source: dict[str, str]
+    """Where each number comes from, by ``section.key``. Empty where a file of the user's own names none."""
+
+
+def model_names() -> tuple[str, ...]:
+    """The shipped sets, sorted by name."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load_model(name_or_path: str | os.PathLike[str]) -> ParameterSet:
+    """A shipped set by its name, or a file of the user's own (anything with a folder or that ends in .toml).
+
+    InputError where there is no such set or file, or where the file is not a complete girdle in mm.
+    """
+    file = os.fspath(name_or_path)
+    return parameter_set(_document(model_file(name_or_path), file), file)
+
+
+def model_file(name_or_path: str | os.PathLike[str]) -> Path:
+    """The file that ``load_model`` reads. InputError where there is no shipped set of this name."""
+    return Path(name_or_path) if _is_path(name_or_path) else _shipped(os.fspath(name_or_path))
+
+
+def shortest_conoid_mm(girdle: Girdle) -> float:
+    """||u| - |v||, the shortest distance between the attachments in any posture, mm.
+
+    u: from the clavicular attachment to AC; v: from AC to the scapular attachment. A conoid shorter than
+    this, or longer than |u| + |v|, closes in no posture (A3).
+    """
+    u = np.asarray(girdle.ac_mm - girdle.clavicle_conoid_mm)
+    v = np.asarray(girdle.scapula_conoid_mm)
+    return float(abs(np.linalg.norm(u) - np.linalg.norm(v)))
+
+
+def parameter_set(document: dict[str, Any], file: str) -> ParameterSet:
+    """The parameter set of a TOML document that was read from the file. InputError as in ``load_model``."""
+    _check_keys(document, file)
+    numbers = {key: _array(file, key, _value(document, key), kind) for key, kind in _NUMBERS.items()}
+    widths = _half_widths_mm(document, file)
+    _check_geometry(numbers, file)
+    girdle = _girdle(numbers)
+    return ParameterSet(
+        name=_name(document, file),
+        girdle=girdle,
+        points_mm=numbers["thorax.points_mm"].T,
+        bounds_mm=_bounds_mm(np.asarray(girdle.adapted_mm), widths),
+        source=_source(document, file),
+    )
+
+
+def _is_path(name_or_path: str | os.PathLike[str]) -> bool:
+    if not isinstance(name_or_path, str):
+        return True
+    return name_or_path.lower().endswith(".toml") or any(mark in name_or_path for mark in ("/", os.sep))
+
+
+def _shipped(name: str) -> Path:
+    known = model_names()
+    if name in known:
+        return FOLDER / f"{name}.toml"
+    remedy = f"The sets are {', '.join(known)}; a file of your own ends in .toml"
+    raise InputError(name, None, "there is no parameter set of this name", _did_you_mean(name, known) + remedy)
+
+
+def _did_you_mean(word: str, known: Iterable[str]) -> str:
+    """'Did you mean ...? ', or nothing where no known word is near."""
+    lower = {other.lower(): other for other in known}
+    near = difflib.get_close_matches(word.lower(), lower, n=1)
+    return f"Did you mean {lower[near[0]]}? " if near else ""
+
+
+def _document(path: Path, file: str) -> dict[str, Any]:
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        remedy = "Check the path, and that you may read the file"
+        raise InputError(file, None, f"the file cannot be read ({reason})", remedy) from error
+    try:
+        return tomllib.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
+        remedy = "Start from a copy of a shipped set and change its numbers"
+        raise InputError(file, None, f"this is not a TOML file ({reason})", remedy) from error
+
+
+def _value(document: dict[str, Any], key: str) -> Any:
+    section, _, name = key.partition(".")
+    return document[section][name]
+
+
+def _check_keys(document: dict[str, Any], file: str) -> None:
+    """Unknown keys first: a misspelt one is also a missing one, and only its own name explains that."""
+    _check_known(file, document, ("name", *_SECTIONS, "source"), "")
+    for section in (*_SECTIONS, "source"):
+        table = document.get(section, {})
+        if not isinstance(table, dict):
+            cause = f"{section} is {table!r} and must be a section"
+            raise InputError(file, None, cause, f"Write [{section}] on a line of its own and its keys below it")
+        _check_known(file, table, _keys_of(section), section)
+    for key in ("name", *_NUMBERS):
+        section, _, name = key.rpartition(".")
+        if name not in (document.get(section, {}) if section else document):
+            where = f"under [{section}]" if section else "as the first line"
+            meaning = _MEANING[_NUMBERS.get(key, _TEXT)]
+            raise InputError(file, None, f"the key {key} is missing", f"Add {name} = {meaning} {where}")
+
+
+def _keys_of(section: str) -> tuple[str, ...]:
+    known = (*_NUMBERS, *_BOUNDS)
+    if section == "source":
+        return known
+    return tuple(key.partition(".")[2] for key in known if key.startswith(section + "."))
+
+
+def _check_known(file: str, table: dict[str, Any], known: tuple[str, ...], section: str) -> None:
+    for key in table:
+        if key not in known:
+            where = f" in [{section}]" if section else ""
+            names = (f'"{name}"' if "." in name else name for name in known)
+            remedy = f"{_did_you_mean(key, known)}Known{where}: {', '.join(names)}"
+            raise InputError(file, None, f"the key {key!r}{where} is unknown", remedy)
+
+
+def _array(file: str, key: str, value: Any, kind: str) -> Float[np.ndarray, "..."]:
+    if not _has_form(value, kind):
+        remedy = f"Write {key.rpartition('.')[2]} = {_MEANING[kind]}, numbers in mm without quotes"
+        raise InputError(file, None, f"{key} is {_short(value)} and must be {_MEANING[kind]}", remedy)
+    array = np.array(_floats(value))
+    if not np.all(np.isfinite(array)):
+        cause = f"{key} holds a number that is not finite ({_short(value)})"
+        raise InputError(file, None, cause, "Give every number; the models have no unknown ones")
+    return array
+
+
+def _has_form(value: Any, kind: str) -> bool:
+    if kind == _POINTS:
+        return isinstance(value, list) and all(_has_form(point, _VECTOR) for point in value)
+    if kind == _VECTOR:
+        return isinstance(value, list) and len(value) == 3 and all(_has_form(v, _LENGTH) for v in value)
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _floats(value: Any) -> Any:
+    """The same lists with floats in them; a whole number beyond the largest float is infinite."""
+    if isinstance(value, list):
+        return [_floats(v) for v in value]
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _check_geometry(numbers: dict[str, np.ndarray], file: str) -> None:
+    """What no girdle is. A conoid that closes in no posture is one: its postures come out unreachable."""
+    _check_unit(numbers["thorax.semi_axes_mm"], file)
+    for key in ("thorax.semi_axes_mm", "clavicle.length_mm", "constraint.conoid_length_mm"):
+        _check_length(key, float(np.min(numbers[key])), file)
+    M_x, points = numbers["thorax.centre_mm"][0], len(numbers["thorax.points_mm"])
+    if M_x != 0.0:
+        remedy = "centre_mm must start with 0.0: the ellipsoid is symmetric about the midsagittal plane (A4)"
+        raise InputError(file, None, f"thorax.centre_mm starts with {M_x:g}", remedy)
+    if points < FEWEST_POINTS:
+        remedy = f"Give {FEWEST_POINTS} or more: the fit of the ellipsoid has five unknowns"
+        raise InputError(file, None, f"thorax.points_mm has {points} points", remedy)
+    if _off_line_mm(numbers["scapula.ts_mm"], numbers["scapula.ai_mm"]) < FLATTEST_SCAPULA_MM:
+        remedy = "Give ts_mm and ai_mm in the scapula frame, from AC"
+        raise InputError(file, None, "AC, TS and AI of the scapula lie on a line", remedy)
+
+
+def _check_unit(semi_axes_mm: Float[np.ndarray, "3"], file: str) -> None:
+    longest = float(np.max(semi_axes_mm))
+    if np.min(semi_axes_mm) > 0.0 and longest < SMALLEST_THORAX_MM:
+        cause = f"the longest of thorax.semi_axes_mm is {longest:g} mm, less than of any thorax"
+        remedy = "Give every length in millimetres: metres times 1000, centimetres times 10"
+        raise InputError(file, None, cause, remedy)
+
+
+def _check_length(key: str, shortest_mm: float, file: str) -> None:
+    if shortest_mm < SHORTEST_MM:
+        cause = f"{key} is {shortest_mm:g} and must be at least {SHORTEST_MM:g} mm"
+        raise InputError(file, None, cause, "Give lengths and semi-axes as positive numbers in millimetres")
+
+
+def _off_line_mm(ts_mm: Float[np.ndarray, "3"], ai_mm: Float[np.ndarray, "3"]) -> float:
+    """Distance of the nearer of TS and AI to the line through AC (the origin) and the farther one, mm."""
+    farther = max(np.linalg.norm(ts_mm), np.linalg.norm(ai_mm))
+    return float(np.linalg.norm(np.cross(ts_mm, ai_mm)) / farther) if farther > 0.0 else 0.0
+
+
+def _girdle(numbers: dict[str, np.ndarray]) -> Girdle:
+    return Girdle(
+        centre_mm=np.asarray(numbers["thorax.centre_mm"]),
+        semi_axes_mm=np.asarray(numbers["thorax.semi_axes_mm"]),
+        sc_mm=np.asarray(numbers["clavicle.sc_mm"]),
+        ac_mm=np.asarray([float(numbers["clavicle.length_mm"]), 0.0, 0.0]),
+        clavicle_conoid_mm=np.asarray(numbers["clavicle.conoid_mm"]),
+        ts_mm=np.asarray(numbers["scapula.ts_mm"]),
+        ai_mm=np.asarray(numbers["scapula.ai_mm"]),
+        scapula_conoid_mm=np.asarray(numbers["scapula.conoid_mm"]),
+        ts_distance_mm=np.asarray(numbers["constraint.ts_distance_mm"]),
+        ai_distance_mm=np.asarray(numbers["constraint.ai_distance_mm"]),
+        conoid_length_mm=np.asarray(numbers["constraint.conoid_length_mm"]),
+    )
+
+
+def _half_widths_mm(document: dict[str, Any], file: str) -> Float[np.ndarray, "6"]:
+    """Half widths in the order of ``ADAPTED``: the file's, else the default."""
+    given = document.get("bounds", {})
+    keys = [f"{name}_mm" for name in ADAPTED]
+    widths = [_array(file, f"bounds.{k}", given.get(k, HALF_WIDTHS_MM[k]), _LENGTH) for k in keys]
+    for key, width in zip(keys, widths, strict=True):
+        if width <= 0.0:
+            cause = f"bounds.{key} is {width:g} and must be above 0"
+            raise InputError(file, None, cause, "Give how far the parameter may go up or down, in mm")
+    return np.array(widths)
+
+
+def _bounds_mm(own_mm: Float[np.ndarray, "6"], half_mm: Float[np.ndarray, "6"]) -> Float[np.ndarray, "2 6"]:
+    """own -+ half, but no semi-axis and no conoid (all after M_y and M_z) below ``SHORTEST_MM``."""
+    lower, upper = own_mm - half_mm, own_mm + half_mm
+    lower[2:] = np.maximum(lower[2:], SHORTEST_MM)
+    return np.stack([lower, upper])
+
+
+def _name(document: dict[str, Any], file: str) -> str:
+    name = document["name"]
+    if not isinstance(name, str) or not name.strip():
+        remedy = 'Write name = "..." as the first line; the tables of results carry it'
+        raise InputError(file, None, f"name is {_short(name)} and must be {_MEANING[_TEXT]}", remedy)
+    return name
+
+
+def _source(document: dict[str, Any], file: str) -> dict[str, str]:
+    source = document.get("source", {})
+    for key, text in source.items():
+        if not isinstance(text, str):
+            remedy = f'Write "{key}" = "where the number comes from" under [source]'
+            raise InputError(file, None, f"the source of {key} is {_short(text)}, not {_MEANING[_TEXT]}", remedy)
+    return dict(source)

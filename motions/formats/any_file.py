@@ -1,0 +1,124 @@
+"""Any file that holds motions, as a table of postures: the kind is known by its ending, and of a CSV by its columns."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from motions.errors import InputError
+from motions.formats.angle_table import motions_from_table
+from motions.formats.c3d import read_c3d
+from motions.formats.landmark_csv import holds_positions, read_landmark_csv
+from motions.formats.mot import read_mot
+from motions.formats.spartacus import is_spartacus, read_spartacus
+from motions.formats.trc import read_trc
+from motions.landmarks.mapping import Mapping
+from motions.landmarks.markers import Markers, landmarks_mm
+from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
+from motions.motion_csv.cells import SIDES, Side
+from motions.motion_csv.reading import read_motions
+from motions.motion_csv.rows import read_table
+from motions.table import Motions
+
+_OF_MARKERS: dict[str, Callable[[Path], Markers]] = {".c3d": read_c3d, ".trc": read_trc}
+_OF_ANGLES = (".mot", ".sto")
+
+
+def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
+    """The postures in a file of any kind, or in a Spartacus checkout. InputError if it is of no known kind.
+
+    labels.subject and labels.motion may be empty: then the file's own words for them, else its name, stand for them.
+    """
+    if path.is_dir():
+        if not is_spartacus(path):
+            cause = "this folder is not a checkout of the Spartacus collection"
+            raise InputError(str(path), None, cause, "Name one file, or the folder of the checkout")
+        _check_unused(labels, path, "shoulders and motions")
+        return read_spartacus(path, labels)
+    kind = path.suffix.lower()
+    if kind in _OF_MARKERS:
+        return _of_markers(_OF_MARKERS[kind](path), mapping, _named(labels, path))
+    if kind in _OF_ANGLES:
+        return _with_names(motions_from_table(read_mot(path), mapping, labels), path)
+    if kind == ".csv":
+        if holds_positions(list(read_table(path).columns)):
+            return _of_markers(read_landmark_csv(path), mapping, _named(labels, path))
+        _check_unused(labels, path, "subjects, motions and postures")
+        return read_motions(path)
+    cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
+    raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
+
+
+def _check_unused(labels: Labels, path: Path, own: str) -> None:
+    """InputError if options are given that would change nothing, as the file has its own words for them."""
+    if labels.subject or labels.motion or labels.at_deg or labels.side != "right":
+        cause = f"it has its own {own}: --subject, --motion, --side and --at would change nothing"
+        raise InputError(str(path), None, cause, "Leave them out")
+
+
+def _named(labels: Labels, path: Path) -> Labels:
+    """The labels, with the name of the file where they say nothing."""
+    return replace(labels, subject=labels.subject or path.stem, motion=labels.motion or path.stem)
+
+
+def _with_names(motions: Motions, path: Path) -> Motions:
+    subject, motion = (np.where(names == "", path.stem, names) for names in (motions.subject, motions.motion))
+    return replace(motions, subject=subject, motion=motion)
+
+
+def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
+    """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
+    lab_mm = landmarks_mm(markers, mapping)
+    parts, rejected = [], []
+    for rows, one in _groups(markers, labels):
+        try:
+            part = postures_from_landmarks({name: xyz[:, rows] for name, xyz in lab_mm.items()}, one, markers.file)
+        except InputError as error:
+            rejected.append(error)
+        else:
+            parts.append(part if labels.at_deg else _with_rows(part, markers, rows))
+    if not parts:
+        raise rejected[0]
+    return replace(Motions.concatenate(parts), rejected=tuple(rejected))
+
+
+def _groups(markers: Markers, labels: Labels) -> list[tuple[np.ndarray, Labels]]:
+    """The rows that go together, and whose they are: those of a subject, and to be sampled, of one of its motions.
+
+    What the file says of a row wins over the labels.
+    """
+    count = markers.positions.shape[2]
+    said = {key: markers.rows.get(key, [""] * count) for key in ("subject", "motion", "side")}
+    keys = ("subject", "side", "motion") if labels.at_deg else ("subject", "side")
+    kinds = list(zip(*(said[key] for key in keys), strict=True))
+    groups = []
+    for kind in dict.fromkeys(kinds):
+        words = {key: word for key, word in zip(keys, kind, strict=True) if word}
+        words["side"] = _side(words.get("side", labels.side), markers.file)
+        groups.append((np.array([k for k, other in enumerate(kinds) if other == kind]), replace(labels, **words)))
+    return groups
+
+
+def _side(word: str, file: str) -> Side:
+    if word.lower() not in SIDES:
+        raise InputError(file, None, f"side is {word!r}", "Write left or right")
+    return SIDES[word.lower()]
+
+
+def _with_rows(part: Motions, markers: Markers, rows: np.ndarray) -> Motions:
+    """The postures with the motions and numbers of their rows in the file, where it says them."""
+    kept = rows[part.posture - 1]
+    if "motion" in markers.rows:
+        part = replace(part, motion=np.array([markers.rows["motion"][k] or part.motion[0] for k in kept]))
+    if "posture" in markers.rows:
+        part = replace(part, posture=np.array([_number(markers.rows["posture"][k], markers.file) for k in kept]))
+    return part
+
+
+def _number(text: str, file: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        cause = f"posture is {text!r}, not a whole number"
+        raise InputError(file, None, cause, "Number the postures of a motion 1, 2, 3, ...") from None

@@ -1,0 +1,137 @@
+"""Landmarks as a table of postures: palpated ones as they are, a trial at chosen elevations of the arm."""
+
+from collections.abc import Mapping as Dictionary
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from motions.errors import InputError
+from motions.landmarks.acromion import AcromionRotation
+from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
+from motions.landmarks.resampling import resample
+from motions.motion_csv.cells import Side
+from motions.motion_csv.columns import SIDE_MEASURED
+from motions.motion_csv.posture_rows import LEAST_MEASURED_ANGLES
+from motions.table import ANGLES, Motions
+
+ESTIMATED = "clavicle_x_estimated"
+"""The extra column that says, with `yes`, that the clavicle's axial rotation is an estimate and not measured."""
+
+SCAPULA_ROTATED = "scapula_frame"
+"""The extra column that names the mean rotation by which a scapula through AA was brought to AC."""
+
+FRAMES = "frames"
+"""The extra column with the number of frames that a posture of a trial rests on."""
+
+
+def spread_column(angle: str) -> str:
+    """The extra column with the SD of an angle about a posture of a trial, degrees."""
+    return f"{angle}_spread_deg"
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Whose trial it is, and how its frames become postures."""
+
+    subject: str
+    motion: str
+    side: Side = "right"
+    at_deg: tuple[float, ...] = ()
+    """Elevations at which a trial is sampled; none: each frame is a posture."""
+    aa_to_ac: AcromionRotation | None = None
+    aa_to_ac_name: str = ""
+
+
+def postures_from_landmarks(
+    lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str
+) -> Motions:
+    """The postures of one subject, numbered from 1 in the order of the frames.
+
+    lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the posture with the
+    arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures with too few
+    angles are left out. InputError if none is left.
+    """
+    frames = frame_angles(dict(lab_mm), labels.side, file, labels.aa_to_ac)
+    table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
+    measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= LEAST_MEASURED_ANGLES
+    if not measured.any():
+        cause = f"no posture has {LEAST_MEASURED_ANGLES} angles: landmarks are missing in every one"
+        raise InputError(file, None, cause, "Look for gaps in IJ, PX, C7, T8, AC, TS and AI")
+    return table.select(measured)
+
+
+def _as_they_are(frames: FrameAngles, labels: Labels) -> Motions:
+    """Each frame a posture."""
+    angles_deg = frames.angles_deg.copy()
+    elevation_deg = frames.humerus_deg[:, 1]
+    angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, angles_deg[_rest(angles_deg, elevation_deg)])
+    return _table(labels, elevation_deg, angles_deg, frames.landmarks_mm, {})
+
+
+def _sampled(frames: FrameAngles, labels: Labels, file: str) -> Motions:
+    """The trial at the chosen elevations. The estimate starts from the lowest of them, sampled first without it."""
+    elevation_deg, angles_deg = frames.humerus_deg[:, 1], frames.angles_deg.copy()
+    if not np.isfinite(elevation_deg).any():
+        cause = "the humerus was not measured (GH, EM and EL), so there are no elevations to sample at"
+        raise InputError(file, None, cause, "Leave out --at: then each frame is a posture")
+    at_deg = np.array(labels.at_deg)
+    first = resample(elevation_deg, angles_deg, at_deg)
+    if not len(first.at_deg):
+        low, high = np.nanmin(elevation_deg), np.nanmax(elevation_deg)
+        cause = f"the arm goes from {low:.0f} to {high:.0f} degrees and has too few frames near those of --at"
+        raise InputError(file, None, cause, "Choose elevations that the trial passes through")
+    angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, first.values[_rest(first.values, first.at_deg)])
+    positions = list(frames.landmarks_mm.values())
+    sampled = resample(elevation_deg, np.concatenate([angles_deg, *positions], axis=1), at_deg)
+    landmarks_mm = {
+        name: _whole(sampled.values[:, 6 + 3 * place : 9 + 3 * place]) for place, name in enumerate(frames.landmarks_mm)
+    }
+    extra = {spread_column(angle): _texts(sampled.spread[:, place]) for place, angle in enumerate(ANGLES)}
+    extra[FRAMES] = [str(count) for count in sampled.frames.tolist()]
+    return _table(labels, sampled.at_deg, sampled.values[:, :6], landmarks_mm, extra)
+
+
+def _rest(angles_deg: Float[np.ndarray, "postures 6"], elevation_deg: Float[np.ndarray, " postures"]) -> int:
+    """The row with the arm lowest among those whose clavicle and scapula are known; the first of all if none is."""
+    without_axial = np.delete(angles_deg, CLAVICLE_X, axis=1)
+    known = np.isfinite(without_axial).all(axis=1)
+    height = np.where(np.isnan(elevation_deg), np.inf, elevation_deg)
+    return int(np.lexsort((height, ~known))[0])
+
+
+def _table(
+    labels: Labels,
+    elevation_deg: Float[np.ndarray, " postures"],
+    angles_deg: Float[np.ndarray, "postures 6"],
+    landmarks_mm: dict[str, Float[np.ndarray, "postures 3"]],
+    extra: Dictionary[str, Sequence[str]],
+) -> Motions:
+    count = len(elevation_deg)
+    extra = dict(extra)
+    extra[ESTIMATED] = ["yes" if known else "" for known in np.isfinite(angles_deg[:, CLAVICLE_X])]
+    if labels.aa_to_ac is not None and "AC" not in landmarks_mm:
+        said = f"AA brought to AC by {labels.aa_to_ac_name} +- {labels.aa_to_ac.uncertainty_deg:g} deg"
+        extra[SCAPULA_ROTATED] = [said] * count
+    if labels.side == "left":
+        extra[SIDE_MEASURED] = ["left"] * count
+    return Motions(
+        subject=np.array([labels.subject] * count),
+        motion=np.array([labels.motion] * count),
+        posture=np.arange(1, count + 1),
+        humerus_elevation_deg=elevation_deg,
+        angles_deg=angles_deg,
+        landmarks_mm=landmarks_mm,
+        extra=pd.DataFrame(extra, index=pd.RangeIndex(count), dtype=str),
+    )
+
+
+def _whole(position_mm: Float[np.ndarray, "postures 3"]) -> Float[np.ndarray, "postures 3"]:
+    """Positions with all three coordinates or none."""
+    return np.where(np.isnan(position_mm).any(axis=1, keepdims=True), np.nan, position_mm)
+
+
+def _texts(values: Float[np.ndarray, " postures"]) -> list[str]:
+    return ["" if np.isnan(value) else f"{value:.4g}" for value in values]

@@ -1,0 +1,1 @@
+"""Motion files as CSV: rows, cells, columns and checks, in and out."""

@@ -1,0 +1,78 @@
+"""One cell of text as a name, a whole number, a measured value or a side; InputError says what is wrong."""
+
+import math
+import re
+from typing import Literal
+
+from motions.motion_csv.columns import SIDE
+from motions.motion_csv.rows import Row
+
+Side = Literal["left", "right"]
+
+# Narrower than Python's float(), which also takes "1_000" and the digits of other scripts.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_NOT_MEASURED = ("", "nan")
+_INFINITE = ("inf", "infinity")
+SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
+"""The shoulder by the words that a file may use for it."""
+
+LARGEST_ANGLE_DEG = 180.0
+"""Every angle is a rotation of less than half a turn."""
+
+LARGEST_POSTURE = 2**53
+"""Whole numbers beyond it have no exact float, so that two of them could be taken for one."""
+
+
+def name_in(row: Row, column: str) -> str:
+    """The text of a cell that must not be empty."""
+    text = row.cells[column]
+    if not text:
+        raise row.error(f"the cell of {column} is empty", f"Write the {column}'s name in every row")
+    return text
+
+
+def whole_number_in(row: Row, column: str) -> int:
+    """The whole number in a cell; "3.0" is 3."""
+    value = measured_in(row, column)
+    if math.isnan(value):
+        raise row.error(f"the cell of {column} is empty", "Number the postures of a motion 1, 2, 3, ...")
+    if value != round(value) or abs(value) > LARGEST_POSTURE:
+        cause = f"{column} is {_quoted(row.cells[column])}, not a whole number"
+        raise row.error(cause, "Number the postures of a motion 1, 2, 3, ...")
+    return round(value)
+
+
+def measured_in(row: Row, column: str) -> float:
+    """The finite number in a cell; NaN (not measured) if the cell is empty or says nan."""
+    text = row.cells[column]
+    value = float(text) if _NUMBER.fullmatch(text) else None
+    if value is not None and math.isfinite(value):
+        return value
+    if text.lower() in _NOT_MEASURED:
+        return math.nan
+    if value is not None or text.lower().lstrip("+-") in _INFINITE:
+        raise row.error(f"{column} is infinite ({_quoted(text)})", "Empty the cell if it was not measured")
+    remedy = "Write a number with a decimal point, or empty the cell if it was not measured"
+    raise row.error(f"{column} is {_quoted(text)}, not a number", remedy)
+
+
+def angle_in(row: Row, column: str) -> float:
+    """The angle in degrees in a cell, at most half a turn; NaN if not measured."""
+    value_deg = measured_in(row, column)
+    if abs(value_deg) > LARGEST_ANGLE_DEG:
+        cause = f"{column} is {_quoted(row.cells[column])}, more than {LARGEST_ANGLE_DEG:.0f} degrees"
+        raise row.error(cause, "Give angles in degrees between -180 and 180")
+    return value_deg
+
+
+def side_in(row: Row) -> Side:
+    """The shoulder that was measured: right unless the cell says left."""
+    text = row.cells.get(SIDE, "")
+    if text.lower() not in SIDES:
+        raise row.error(f"{SIDE} is {_quoted(text)}", "Write left or right")
+    return SIDES[text.lower()]
+
+
+def _quoted(text: str, longest: int = 40) -> str:
+    """The text in quotation marks on one line, cut off when it is long."""
+    return repr(text if len(text) <= longest else text[:longest] + "...")

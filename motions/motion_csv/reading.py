@@ -1,0 +1,185 @@
+"""Motion files in, one table of postures out: good subjects are kept, bad ones named."""
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from motions.errors import InputError
+from motions.motion_csv.posture_rows import Posture, posture_from_row
+from motions.motion_csv.rows import Row, iterate_rows
+from motions.motion_csv.unit_and_side import CHECKS
+from motions.table import LANDMARKS, Motions
+
+
+def read_motions(*paths: str | os.PathLike[str]) -> Motions:
+    """The postures of all subjects in the CSV files, as right shoulders, in the order of the files.
+
+    A file or a subject with an error is left out and named in `rejected`. A subject whose motions are in
+    several files is one subject. InputError if a path does not exist or if no subject is left.
+    """
+    (motions,) = MotionStream(*paths).in_chunks(None)
+    return motions
+
+
+class MotionStream:
+    """Motion files that are read a few subjects at a time, so that their size does not matter: see `read_motions`.
+
+    subjects: the names of all subjects of the usable files, in the order in which they first appear.
+    rejected: the files that were left out, and the subjects of the chunks read so far.
+    """
+
+    def __init__(self, *paths: str | os.PathLike[str]) -> None:
+        """Read all files once, for what is in them. InputError if a path does not exist or no file is usable."""
+        if not paths:
+            raise InputError("motion files", None, "no file was named", "Name at least one CSV file")
+        named = [Path(path) for path in paths]
+        for path in named:
+            _check_existence(path)
+        self.rejected: list[InputError] = []
+        self._usable: list[Path] = []
+        self._last: dict[str, int] = {}  # where the last row of each subject is
+        self._once: dict[Path, list[Row]] = {}  # of what can be read only once: pipes
+        rows = 0
+        for place, path in enumerate(named):
+            try:
+                if any(path.samefile(earlier) for earlier in named[:place]):
+                    raise InputError(str(path), None, "the file is named twice", "Name each file once")
+                if path.is_fifo():
+                    self._once[path] = list(iterate_rows(path))
+                last = {row.cells["subject"]: rows + number for number, row in enumerate(self._rows_of(path))}
+            except InputError as error:
+                self.rejected.append(error)
+                continue
+            self._usable.append(path)
+            self._last |= last
+            rows = max(last.values()) + 1
+        self._rows = rows
+        if not self._usable:
+            raise _first_of(self.rejected)
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        return tuple(self._last)
+
+    def _rows_of(self, path: Path) -> Iterable[Row]:
+        return self._once[path] if path in self._once else iterate_rows(path)
+
+    def in_chunks(self, subjects: int | None) -> Iterator[Motions]:
+        """The motions of so many subjects at a time (None: of all), as their last rows are reached."""
+        waiting: dict[str, list[tuple[int, Row]]] = {}
+        ended: list[str] = []
+        named, found = tuple(self.rejected), False
+        for place, row in enumerate(row for path in self._usable for row in self._rows_of(path)):
+            subject = row.cells["subject"]
+            waiting.setdefault(subject, []).append((place, row))
+            if place == self._last[subject]:
+                ended.append(subject)
+            if len(ended) == (subjects or len(self._last)) or place == self._rows - 1:
+                rows = sorted((waiting.pop(name) for name in ended), key=lambda rows: rows[0][0])
+                motions = self._motions(rows, named)
+                ended, named, found = [], (), found or motions is not None
+                if motions is not None:
+                    yield motions
+        if not found:
+            raise _first_of(self.rejected)
+
+    def _motions(self, rows: list[list[tuple[int, Row]]], named: tuple[InputError, ...]) -> Motions | None:
+        accepted: dict[int, Posture] = {}
+        rejected: list[InputError] = []
+        for mine in rows:
+            try:
+                postures = _subject_from_rows([row for _, row in mine])
+            except InputError as error:
+                rejected.append(error)
+            else:
+                accepted.update(zip((place for place, _ in mine), postures, strict=True))
+        self.rejected += rejected
+        return _table([accepted[place] for place in sorted(accepted)], [*named, *rejected]) if accepted else None
+
+
+def _check_existence(path: Path) -> None:
+    """InputError if there is nothing at the path: a mistyped name is never passed over."""
+    try:
+        path.stat()
+    except FileNotFoundError as error:
+        raise InputError(str(path), None, "the file does not exist", "Check its name and folder") from error
+    except (OSError, ValueError) as error:
+        cause = f"there is no way to this file ({error})"
+        raise InputError(str(path), None, cause, "Check its name and folder") from error
+
+
+def _subject_from_rows(rows: Sequence[Row]) -> list[Posture]:
+    """All postures of one subject. InputError at the first row, or the first property, that is wrong."""
+    postures = [posture_from_row(row) for row in rows]
+    _check_duplicates(postures)
+    _check_one_side(postures)
+    for check in CHECKS:
+        if finding := check(postures):
+            raise rows[0].error(finding.cause, finding.remedy)
+    return postures
+
+
+def _check_duplicates(postures: Sequence[Posture]) -> None:
+    """InputError if a motion has the same posture twice; it names both places."""
+    first: dict[tuple[str, int], Row] = {}
+    for posture in postures:
+        earlier = first.setdefault((posture.motion, posture.number), posture.row)
+        if earlier is not posture.row:
+            cause = (
+                f"posture {posture.number} of motion {posture.motion!r} stands here and in "
+                f"{earlier.file}, line {earlier.line}"
+            )
+            raise posture.row.error(cause, "Delete one of the two rows or give it another number or subject")
+
+
+def _check_one_side(postures: Sequence[Posture]) -> None:
+    """InputError if one subject has rows of both shoulders: two shoulders are two girdles."""
+    first = postures[0]
+    for posture in postures:
+        if posture.side != first.side:
+            cause = f"the side is {posture.side} here and {first.side} in {first.row.file}, line {first.row.line}"
+            raise posture.row.error(cause, "Write the side in every row, and name each shoulder as a subject")
+
+
+def _first_of(errors: Sequence[InputError]) -> InputError:
+    """The first error, with the number of the others."""
+    first, others = errors[0], len(errors) - 1
+    if not others:
+        return first
+    more = f"{others} more {'file or subject has' if others == 1 else 'files or subjects have'} an error too"
+    return InputError(first.file, first.row, first.cause, f"{first.remedy} ({more})")
+
+
+def _table(postures: Sequence[Posture], rejected: Sequence[InputError]) -> Motions:
+    """The postures as arrays."""
+    landmarks = [name for name in LANDMARKS if any(name in posture.landmarks_mm for posture in postures)]
+    return Motions(
+        subject=np.array([posture.subject for posture in postures]),
+        motion=np.array([posture.motion for posture in postures]),
+        posture=np.array([posture.number for posture in postures], dtype=np.int64),
+        humerus_elevation_deg=np.array([posture.humerus_elevation_deg for posture in postures]),
+        angles_deg=np.stack([posture.angles_deg for posture in postures]),
+        landmarks_mm={name: _positions_mm(postures, name) for name in landmarks},
+        extra=_extra(postures),
+        rejected=tuple(rejected),
+    )
+
+
+def _positions_mm(postures: Sequence[Posture], name: str) -> Float[np.ndarray, "postures 3"]:
+    """The positions of one landmark, NaN where a file has no columns for it."""
+    return np.stack([posture.landmarks_mm.get(name, np.full(3, np.nan)) for posture in postures])
+
+
+def _extra(postures: Sequence[Posture]) -> pd.DataFrame:
+    """The columns that are not interpreted, as text, empty where a file does not have them."""
+    cells = [posture.extra for posture in postures]
+    columns = list(dict.fromkeys(column for extra in cells for column in extra))
+    return pd.DataFrame(
+        {column: [extra.get(column, "") for extra in cells] for column in columns},
+        index=pd.RangeIndex(len(postures)),
+        dtype=str,
+    )

@@ -1,0 +1,154 @@
+"""One CSV file as rows of text, each with its line; all that can be wrong with a whole file."""
+
+import csv
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from motions.errors import InputError
+from motions.files import read_text
+from motions.motion_csv.columns import KNOWN, REQUIRED, SIDE, SIDE_MEASURED, landmark_columns
+from motions.table import LANDMARKS
+
+_SAVE_AS = "Save the table as comma-separated text (CSV, UTF-8) with decimal points"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of data: the file as the user named it, the line from 1, and the text under each column."""
+
+    file: str
+    line: int
+    cells: dict[str, str]
+
+    def error(self, cause: str, remedy: str) -> InputError:
+        """The error of this line; it names the subject, which is what will be left out."""
+        return InputError(self.file, self.line, f"subject {self.cells['subject']!r}: {cause}", remedy)
+
+
+@dataclass(frozen=True, slots=True)
+class CsvTable:
+    """A CSV file: the names of its columns, each once, and its rows that are not blank."""
+
+    columns: tuple[str, ...]
+    rows: list[Row]
+
+
+def iterate_rows(path: Path) -> Iterator[Row]:
+    """The rows of a motion file that are not blank, one at a time. InputError where the file as a whole cannot be
+    used; what came before it is then not to be used either."""
+    yield from _table_rows(path, _check_header)[1]
+
+
+def read_table(path: Path, check_header: Callable[[list[str], str, int], None] | None = None) -> CsvTable:
+    """Any CSV file. InputError if it as a whole cannot be used; check_header raises it for headers of its own kind."""
+    columns, rows = _table_rows(path, check_header or _check_names)
+    return CsvTable(tuple(name for name in columns if name), list(rows))
+
+
+def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None]) -> tuple[list[str], Iterator[Row]]:
+    file = str(path)
+    lines = _split(_lines(path), file)
+    header_line, header = next(lines, (None, []))
+    if header_line is None:
+        raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
+    columns = [name.strip() for name in header]
+    check_header(columns, file, header_line)
+
+    def rows() -> Iterator[Row]:
+        line = None
+        for line, cells in lines:
+            yield _row(file, line, columns, cells)
+        if line is None:
+            raise InputError(file, None, "there are no rows under the header", "Add one row for each posture")
+
+    return columns, rows()
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """The lines of a text file with their ends, in memory one at a time."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            for line in file:
+                if "\0" in line:
+                    break
+                yield line
+            else:
+                return
+    except (OSError, UnicodeDecodeError):
+        pass
+    read_text(path, _SAVE_AS)  # says what is wrong, and where
+
+
+def _split(text: Iterator[str], file: str) -> Iterator[tuple[int, list[str]]]:
+    """The cells of each line that is not blank, with the number of the line on which they start.
+
+    The standard reader and not pandas' one, because only it says on which line a row stands when there are
+    blank lines or line breaks between quotes.
+    """
+    reader = csv.reader(text, strict=True)
+    while True:
+        start = reader.line_num + 1
+        try:
+            cells = next(reader, None)
+        except csv.Error as error:
+            cause = f"the line cannot be split into cells ({error})"
+            raise InputError(file, start, cause, "Look for a quotation mark that is not closed") from error
+        if cells is None:
+            return
+        if any(cell.strip() for cell in cells):
+            yield start, cells
+
+
+def _check_header(columns: list[str], file: str, line: int) -> None:
+    """InputError unless every required column is there, once, and no landmark has only some coordinates."""
+
+    def error(cause: str, remedy: str) -> InputError:
+        return InputError(file, line, cause, remedy)
+
+    missing = [name for name in REQUIRED if name not in columns]
+    for separator, word in ((";", "semicolons"), ("\t", "tabs")):
+        if missing and any(separator in name for name in columns):
+            raise error(f"the cells are separated by {word}, not by commas", _SAVE_AS)
+    if missing:
+        cause = f"column {missing[0]} is missing"
+        if len(missing) > 1:
+            cause = f"columns {', '.join(missing)} are missing"
+        raise error(cause, "Add it to the header; leave the cells of an angle empty where it was not measured")
+    _check_names(columns, file, line)
+    for name in LANDMARKS:
+        absent = [column for column in landmark_columns(name) if column not in columns]
+        if 0 < len(absent) < 3:
+            remedy = "Give x, y and z of the landmark, or none of them"
+            raise error(f"landmark {name} has no column {' and no column '.join(absent)}", remedy)
+    if SIDE in columns and SIDE_MEASURED in columns:
+        cause = f"there are both {SIDE} and {SIDE_MEASURED}, so the angles were mirrored before"
+        raise error(cause, f"Remove the column {SIDE}")
+
+
+def _check_names(columns: list[str], file: str, line: int) -> None:
+    """InputError if two columns have one name."""
+    repeated = [name for name in columns if name and columns.count(name) > 1]
+    if repeated:
+        cause = f"column {repeated[0]!r} stands there twice"
+        raise InputError(file, line, cause, "Rename or remove one of them")
+
+
+def _row(file: str, line: int, columns: list[str], cells: list[str]) -> Row:
+    """The cells under their columns. Spaces round a cell that is interpreted are dropped."""
+    surplus = any(cell.strip() for cell in cells[len(columns) :])
+    if len(cells) < len(columns) or surplus:
+        cause = f"the line has {len(cells)} cells where the header has {len(columns)}"
+        remedy = (
+            "Remove the surplus comma; decimals are written with a point"
+            if surplus
+            else "Complete the line; a cell that was not measured is empty but keeps its comma"
+        )
+        raise InputError(file, line, cause, remedy)
+    named: dict[str, str] = {}
+    for name, cell in zip(columns, cells, strict=False):
+        if name:
+            named[name] = cell.strip() if name in KNOWN else cell
+        elif cell.strip():
+            raise InputError(file, line, "there is a cell under a column without a name", "Name the column")
+    return Row(file, line, named)

@@ -1,0 +1,102 @@
+"""What one row cannot show: the unit and the side of a subject's measurements.
+
+Each function looks at all postures of one subject and returns what is wrong with them, or None.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from motions.motion_csv.cells import Side
+from motions.motion_csv.columns import SIDE
+from motions.motion_csv.posture_rows import Posture
+from motions.table import ANGLES
+
+LEAST_VALUES = 3
+"""Fewer values may all be small by chance."""
+
+LARGEST_METRES = 2.0
+"""No landmark is 2 m from IJ, and the landmarks of a girdle are not all within 2 mm of it."""
+
+SMALLEST_REACH_MM = 40.0
+"""AC, TS and AI are 100-200 mm from IJ in adults; in cm their coordinates stay below 40."""
+
+LEFT_CLAVICLE_DEG, LEFT_SCAPULA_DEG = 5.0, -5.0
+"""A right clavicle is retracted (y < 0) and a right scapula protracted (y > 0) by 20-60 degrees in every
+published motion; means beyond these limits on the other side of zero belong to the mirror image."""
+
+
+class Finding(NamedTuple):
+    """What is wrong and what the user does about it."""
+
+    cause: str
+    remedy: str
+
+
+def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
+    """Every measured angle is at most pi, although scapular protraction is 20-60 degrees."""
+    angles = np.stack([posture.angles_deg for posture in postures])
+    protraction_measured = not np.isnan(angles[:, ANGLES.index("scapula_y")]).all()
+    if len(postures) < LEAST_VALUES or not protraction_measured or np.nanmax(np.abs(angles)) > np.pi:
+        return None
+    cause = "no angle exceeds 3.14, so the angles look like radians"
+    return Finding(cause, "Give clavicle and scapula angles in degrees")
+
+
+def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
+    """In one motion the arm is in three places or more, and none is above pi."""
+    for motion in dict.fromkeys(posture.motion for posture in postures):
+        values = {posture.humerus_elevation_deg for posture in postures if posture.motion == motion}
+        elevations = [value for value in values if not np.isnan(value)]
+        if len(elevations) >= LEAST_VALUES and max(elevations) > 0.0 and max(map(abs, elevations)) <= np.pi:
+            cause = f"humerus_elevation_deg of motion {motion!r} never exceeds 3.14, so it looks like radians"
+            return Finding(cause, "Give the elevation of the humerus in degrees")
+    return None
+
+
+def landmarks_not_in_mm(postures: Sequence[Posture]) -> Finding | None:
+    """All coordinates are below 2 (metres), or those of AC, TS or AI are below 40 (centimetres)."""
+    reach = _reach_mm(postures)
+    if reach and 0.0 < max(reach.values()) < LARGEST_METRES:
+        return Finding("the landmark positions look like metres", "Give landmark positions in mm")
+    for name in ("AC", "TS", "AI"):
+        if name in reach and reach[name] < SMALLEST_REACH_MM:
+            cause = f"the positions of landmark {name} look like centimetres"
+            return Finding(cause, "Give landmark positions in mm, in the thorax frame")
+    return None
+
+
+def _reach_mm(postures: Sequence[Posture]) -> dict[str, float]:
+    """The largest coordinate, without its sign, of each landmark that was measured at least once."""
+    reach: dict[str, float] = {}
+    for posture in postures:
+        for name, position_mm in posture.landmarks_mm.items():
+            if not np.isnan(position_mm).any():
+                reach[name] = max(reach.get(name, 0.0), float(np.max(np.abs(position_mm))))
+    return reach
+
+
+def wrong_side(postures: Sequence[Posture]) -> Finding | None:
+    """The angles, which should be those of a right shoulder by now, are those of its mirror image."""
+    clavicle_y = _mean_deg(postures, "clavicle_y")
+    scapula_y = _mean_deg(postures, "scapula_y")
+    if not (clavicle_y > LEFT_CLAVICLE_DEG and scapula_y < LEFT_SCAPULA_DEG):
+        return None
+    side: Side = postures[0].side
+    if side == "left":
+        cause = "the side is left, but the angles are those of a right shoulder: they were mirrored before"
+        return Finding(cause, f"Remove the column {SIDE}, or write right in it")
+    cause = "the clavicle is protracted and the scapula retracted: this looks like a left shoulder"
+    verb = "Fill the" if SIDE in postures[0].row.cells else "Add a"
+    return Finding(cause, f"{verb} column {SIDE} with the word left")
+
+
+def _mean_deg(postures: Sequence[Posture], angle: str) -> float:
+    """The mean over the postures where the angle was measured, degrees; NaN if there is none."""
+    values = np.array([posture.angles_deg[ANGLES.index(angle)] for posture in postures])
+    measured = values[~np.isnan(values)]
+    return float(np.mean(measured)) if measured.size else np.nan
+
+
+CHECKS = (angles_in_radians, elevation_in_radians, landmarks_not_in_mm, wrong_side)

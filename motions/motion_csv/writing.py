@@ -1,0 +1,46 @@
+"""A table of postures as a motion file."""
+
+import os
+from collections.abc import Iterator
+
+import numpy as np
+
+from motions.files import write_whole
+from motions.motion_csv.columns import REQUIRED, landmark_columns
+from motions.table import Motions
+
+
+def write_motions(motions: Motions, path: str | os.PathLike[str]) -> None:
+    """Write the postures to a CSV file, whole or not at all; reading it gives the same arrays bit by bit.
+
+    Numbers are written with as many digits as their value needs, NaN as an empty cell, the extra columns as
+    they are. What is written is a right shoulder. InputError if the file cannot be written.
+    """
+    landmarks = [column for name in motions.landmarks_mm for column in landmark_columns(name)]
+    header = [*REQUIRED, *landmarks, *motions.extra.columns]
+    lines = (",".join(map(_quoted_if_needed, cells)) for cells in (header, *_rows(motions)))
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def _rows(motions: Motions) -> Iterator[list[str]]:
+    """The cells of each posture, in the order of the columns."""
+    numbers = np.column_stack([motions.humerus_elevation_deg, motions.angles_deg, *motions.landmarks_mm.values()])
+    extra = motions.extra.astype(str).to_numpy()
+    for place, number in enumerate(motions.posture.tolist()):
+        names = [str(motions.subject[place]), str(motions.motion[place]), str(number)]
+        yield [*names, *map(_number, numbers[place].tolist()), *extra[place].tolist()]
+
+
+def _number(value: float) -> str:
+    """The shortest text that reads back as the same number; empty if not measured."""
+    return "" if np.isnan(value) else repr(value)
+
+
+def _quoted_if_needed(cell: str) -> str:
+    """The cell as it stands in a CSV file.
+
+    Not csv.writer, which in some versions of Python leaves a carriage return without quotation marks.
+    """
+    if any(character in cell for character in ',"\r\n'):
+        return '"' + cell.replace('"', '""') + '"'
+    return cell

@@ -1,0 +1,429 @@
+"""The command line as a user meets it: the files it writes, its exit statuses, and what it says of bad input."""
+
+import hashlib
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import pytest
+from command import Ended, girdle, refused, shipped_lines, written
+from pages import data_of
+
+from adapt.report.bone_positions import POINTS
+from adapt.solvers import status
+from adapt.tables.results import STATISTICS
+from models import load_model, model_names
+from models.effects import EFFECTS
+from models.ellipsoid import signed_distance_mm
+from models.girdle import ADAPTED
+from models.parameter_sets import FOLDER
+from motions import ANGLES
+
+FITS_COLUMNS = [
+    *("model", "subject", "motion", "posture", "humerus_elevation_deg", "adapted"),
+    *(f"{angle}_{kind}_deg" for angle in ANGLES for kind in ("measured", "simulated", "difference")),
+    *("j_deg2", "a1_mm", "a2_mm", "a3_mm", "lambda1", "lambda2", "lambda3", "status", "jump"),
+]
+PARAMETERS_COLUMNS = [
+    *("model", "subject"),
+    *(f"{name}_mm{kind}" for name in ADAPTED for kind in ("", "_prior", "_sd", "_at_bound")),
+    *("E", "D_mm2", "mean_j_before_deg2", "mean_j_after_deg2", "status"),
+]
+SUMMARY_COLUMNS = [
+    *("model", "adapted", "motion", "subject"),
+    *(f"{name}_deg" for name in (*ANGLES, "clavicle", "scapula")),
+    *("postures", "postures_ok"),
+    *("clavicle_held_out_deg", "scapula_held_out_deg"),
+]
+HELDOUT_COLUMNS = [
+    *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
+    *(f"{bone}gap_{word}_deg" for word in ("before", "in_sample", "unseen") for bone in ("", "clavicle_", "scapula_")),
+    "status",
+]
+"""The contract of the files, in order. Scripts of users rely on it: changing one is a new major version."""
+
+OPEN_MM = 1e-6
+"""The contract of the files: A1-A3 hold to a nanometre."""
+
+DRAWN_MM = 0.25
+"""Points and ellipsoids of a report are rounded to tenths: 0.05 in each of a few coordinates."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that wrote files, and its input."""
+
+    motion: Path
+    folder: Path
+    ended: Ended
+
+    def table(self, name: str) -> pd.DataFrame:
+        return pd.read_csv(self.folder / f"{name}.csv")
+
+    @property
+    def record(self) -> dict:
+        return json.loads((self.folder / "run.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory) -> Path:
+    """Two shipped subjects: every run of this file has their shapes, so that little is compiled."""
+    return written(tmp_path_factory.mktemp("motion"), shipped_lines())
+
+
+@pytest.fixture(scope="module")
+def fitted(motion, tmp_path_factory) -> Run:
+    folder = tmp_path_factory.mktemp("fit")
+    return Run(motion, folder, girdle("fit", motion, "--model", "R2", "--out", folder))
+
+
+@pytest.fixture(scope="module")
+def adapted(motion, tmp_path_factory) -> Run:
+    folder = tmp_path_factory.mktemp("adapt")
+    return Run(motion, folder, girdle("adapt", motion, "--model", "R2", "--weight", "5", "--out", folder))
+
+
+# --- files ---------------------------------------------------------------------------------------------------------
+
+
+def test_fit_writes_its_files_and_nothing_else(fitted):
+    assert (fitted.ended.status, fitted.ended.messages) == (0, [])
+    assert sorted(path.name for path in fitted.folder.iterdir()) == ["fits.csv", "run.json", "summary.csv"]
+    assert "R2, before adaptation" in fitted.ended.out
+
+
+def test_adapt_writes_its_files_and_nothing_else(adapted):
+    assert (adapted.ended.status, adapted.ended.messages) == (0, [])
+    names = sorted(path.name for path in adapted.folder.iterdir())
+    assert names == ["fits.csv", "heldout.csv", "models", "parameters.csv", "report.html", "run.json", "summary.csv"]
+    models = sorted(path.name for path in (adapted.folder / "models").iterdir())
+    assert models == ["R2_simulated01.toml", "R2_simulated02.toml"]
+    assert "R2, after adaptation" in adapted.ended.out
+
+
+def test_the_report_draws_the_closed_chain(adapted):
+    """TS and AI at their distance to the ellipsoid, the conoid at its length, as far as the page holds them."""
+    data = data_of((adapted.folder / "report.html").read_text())
+    (model,) = data["models"]
+    girdle = load_model("R2").girdle
+    for state in ("before", "after"):
+        fitted = model["states"][state]
+        points_mm = np.array(fitted["simulated_points_mm"]).reshape(len(POINTS), 3, 28)
+        at: dict[str, np.ndarray] = dict(zip(POINTS, points_mm, strict=True))
+        theta_mm = np.array(fitted["theta_mm"])[np.repeat([0, 1], 14)].T
+        M_y, M_z, A_x, A_y, A_z, conoid_mm = theta_mm
+        centre_mm, semi_axes_mm = jnp.array([0.0 * M_y, M_y, M_z]), jnp.array([A_x, A_y, A_z])
+        for name, expected_mm in (("TS", girdle.ts_distance_mm), ("AI", girdle.ai_distance_mm)):
+            distance_mm = np.asarray(signed_distance_mm(jnp.asarray(at[name]), centre_mm, semi_axes_mm))
+            np.testing.assert_allclose(distance_mm, float(expected_mm), rtol=0.0, atol=DRAWN_MM)
+        length_mm = np.linalg.norm(at["scapula_conoid"] - at["clavicle_conoid"], axis=0)
+        np.testing.assert_allclose(length_mm, conoid_mm, rtol=0.0, atol=DRAWN_MM)
+
+
+def test_a_report_that_fails_leaves_the_tables(motion, adapted, tmp_path, monkeypatch):
+    def fail(*_):
+        raise RuntimeError("no report")
+
+    monkeypatch.setattr("adapt.report.report_html", fail)
+    (tmp_path / "report.html").write_text("of an earlier run")
+    with pytest.raises(RuntimeError, match="no report"):
+        girdle("adapt", motion, "--model", "R2", "--weight", "5", "--out", tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["fits.csv", "heldout.csv", "models", "parameters.csv", "run.json", "summary.csv"]
+    assert (tmp_path / "fits.csv").read_bytes() == (adapted.folder / "fits.csv").read_bytes()
+
+
+def test_columns_are_the_contracts(fitted, adapted):
+    for run in (fitted, adapted):
+        assert run.table("fits").columns.tolist() == FITS_COLUMNS
+        assert run.table("summary").columns.tolist() == SUMMARY_COLUMNS
+    assert adapted.table("parameters").columns.tolist() == PARAMETERS_COLUMNS
+    assert adapted.table("heldout").columns.tolist() == HELDOUT_COLUMNS
+
+
+def test_each_motion_was_held_out_of_an_adaptation(adapted):
+    """Two motions of each subject; what an adaptation has not seen is not fitted better than what it has."""
+    table = adapted.table("heldout")
+    assert table["held_out"].tolist() == ["abduction", "forward_flexion"] * 2
+    assert (table["gap_unseen_deg"] > table["gap_in_sample_deg"]).all()
+    summary = adapted.table("summary").query("motion == 'all' and subject == 'simulated01'").set_index("adapted")
+    for state, word in ((0, "before"), (1, "in_sample")):
+        for bone in ("clavicle", "scapula"):
+            gap = table[f"{bone}_gap_{word}_deg"][:2].mean()  # seven postures each
+            assert gap == pytest.approx(summary[f"{bone}_deg"][state])
+    assert "unseen" in adapted.ended.out
+
+
+def test_the_summary_says_how_large_the_gap_is_where_a_motion_was_held_out(adapted):
+    """Each motion's is that of heldout.csv; all motions' the mean of them, as both have as many postures."""
+    unseen = adapted.table("heldout").set_index(["subject", "held_out"])
+    summary = adapted.table("summary").set_index(["adapted", "motion", "subject"])
+    for bone in ("clavicle", "scapula"):
+        of_motions = []
+        for subject, motion in unseen.index:
+            of_motions.append(summary[f"{bone}_held_out_deg"][1, motion, subject])
+            assert of_motions[-1] == pytest.approx(unseen[f"{bone}_gap_unseen_deg"][subject, motion])
+        assert summary[f"{bone}_held_out_deg"][1, "all", "mean"] == pytest.approx(np.mean(of_motions))
+        assert summary[f"{bone}_held_out_deg"][0].isna().all()
+
+
+def test_fits_have_one_row_a_posture_and_state(fitted, adapted):
+    """28 rows in the order of the file, the measured angles as they were, and before the same as without adaptation."""
+    measured = pd.read_csv(fitted.motion)
+    fit, both = fitted.table("fits"), adapted.table("fits")
+    assert len(fit) == 28
+    assert both["adapted"].tolist() == [0] * 28 + [1] * 28
+    for rows in (fit, both[:28], both[28:]):
+        for column in ("subject", "motion", "posture"):
+            assert rows[column].tolist() == measured[column].tolist()
+        for angle in ANGLES:
+            np.testing.assert_allclose(rows[f"{angle}_measured_deg"], measured[f"{angle}_deg"], rtol=1e-14)
+            difference = rows[f"{angle}_simulated_deg"] - rows[f"{angle}_measured_deg"]
+            np.testing.assert_allclose(rows[f"{angle}_difference_deg"], difference, rtol=0.0, atol=1e-12)
+        assert set(rows["status"]) == {status.OK}
+        assert rows[["a1_mm", "a2_mm", "a3_mm"]].abs().to_numpy().max() <= OPEN_MM
+    pd.testing.assert_frame_equal(fit, both[:28])
+
+
+def test_j_is_what_the_differences_say(adapted):
+    fits = adapted.table("fits")
+    squares = fits[[f"{angle}_difference_deg" for angle in ANGLES]].to_numpy() ** 2
+    np.testing.assert_allclose(fits["j_deg2"], squares.mean(axis=1), rtol=1e-9)
+
+
+def test_parameters_agree_with_the_fits(adapted):
+    """E = D + 5 mean J in mm^2 and deg^2, the means of J are those of fits.csv, and adapting made E lower."""
+    parameters, fits = adapted.table("parameters"), adapted.table("fits")
+    assert parameters["subject"].tolist() == ["simulated01", "simulated02"]
+    assert set(parameters["status"]) == {status.OK}
+    mean_j = fits.groupby(["adapted", "subject"])["j_deg2"].mean()
+    np.testing.assert_allclose(parameters["mean_j_before_deg2"], mean_j[0], rtol=1e-9)
+    np.testing.assert_allclose(parameters["mean_j_after_deg2"], mean_j[1], rtol=1e-6)
+    np.testing.assert_allclose(parameters["E"], parameters["D_mm2"] + 5.0 * parameters["mean_j_after_deg2"], rtol=1e-12)
+    assert np.all(parameters["E"] < 5.0 * parameters["mean_j_before_deg2"])
+
+
+def test_priors_are_the_models_own(adapted):
+    parameters = adapted.table("parameters")
+    own = (-296.0, 78.0, 153.0, 404.0, 130.0, 18.3)
+    for name, value in zip(ADAPTED, own, strict=True):
+        assert parameters[f"{name}_mm_prior"].tolist() == [value, value]
+        held = parameters[f"{name}_mm_at_bound"] == 1
+        np.testing.assert_array_equal(np.isnan(parameters[f"{name}_mm_sd"]), held)
+
+
+def test_the_summary_is_the_thesis_table(adapted):
+    summary = adapted.table("summary")
+    assert list(dict.fromkeys(summary["motion"])) == ["all", "abduction", "forward_flexion"]
+    for _, rows in summary.groupby(["adapted", "motion"]):
+        assert rows["subject"].tolist() == ["simulated01", "simulated02", *STATISTICS]
+        values = rows.set_index("subject")["scapula_y_deg"]
+        subjects = values[["simulated01", "simulated02"]]
+        expected = [subjects.mean(), subjects.std(), subjects.max(), subjects.min()]
+        np.testing.assert_allclose(values[list(STATISTICS)], expected, rtol=1e-12)
+
+
+def test_the_record_is_enough_to_repeat_the_run(fitted, adapted):
+    for run, command in ((fitted, "fit"), (adapted, "adapt")):
+        record = run.record
+        assert record["command"] == command
+        sha256 = hashlib.sha256(run.motion.read_bytes()).hexdigest()
+        assert record["motions"] == [{"path": str(run.motion), "sha256": sha256}]
+        model = hashlib.sha256((FOLDER / "R2.toml").read_bytes()).hexdigest()
+        assert record["models"] == [{"name": "R2", "sha256": model}]
+        assert {"python", "girdle", "jax", "jaxlib", "numpy", "pandas"} <= set(record["versions"])
+    assert fitted.record["options"] == {"float32": False, "effect": []}
+    assert adapted.record["options"] == {"weight": 5.0, "reading": "mm2_deg2", "float32": False, "effect": []}
+
+
+def test_a_repeated_run_writes_the_same_bytes(adapted, tmp_path, monkeypatch):
+    """From another folder, by run.json alone: tables, models, report and the record itself."""
+    monkeypatch.chdir(tmp_path)
+    ended = girdle("adapt", "--repeat", adapted.folder / "run.json", "--out", "again")
+    assert (ended.status, ended.messages) == (0, [])
+    names = sorted(path.relative_to(adapted.folder) for path in adapted.folder.rglob("*") if path.is_file())
+    assert sorted(path.relative_to("again") for path in Path("again").rglob("*") if path.is_file()) == names
+    assert {str(name) for name in names} >= {"fits.csv", "parameters.csv", "summary.csv", "run.json", "report.html"}
+    for name in names:
+        assert (Path("again") / name).read_bytes() == (adapted.folder / name).read_bytes(), name
+
+
+def test_an_option_beside_the_record_goes_before_it(fitted, tmp_path):
+    ended = girdle("fit", "--repeat", fitted.folder / "run.json", "--model", "R4", "--out", tmp_path)
+    assert (ended.status, ended.messages) == (0, [])
+    assert set(pd.read_csv(tmp_path / "fits.csv")["model"]) == {"R4"}
+
+
+def test_models_lists_the_six_sets_one_line_each():
+    ended = girdle("models")
+    assert (ended.status, ended.err) == (0, "")
+    names = [line.split()[0] for line in ended.out.splitlines()]
+    assert names == ["R2", "R4", "R6", "breteler_dissection", "breteler_mri", "das3"]
+    assert names == sorted(model_names())
+
+
+# --- some subjects not handled: exit status 3 ------------------------------------------------------------------------
+
+
+def test_a_bad_subject_is_named_and_the_others_are_in_the_files(fitted, tmp_path):
+    """The same two good subjects, and one with a word for a number: the good rows are what they are without it."""
+    bad = ["bad,abduction,1,0.0,-32.29,eleven,8.35,27.1,7.1,-4.43,simulated"]
+    path = written(tmp_path, [*shipped_lines()[:15], *bad, *shipped_lines()[15:]])
+    ended = girdle("fit", path, "--model", "R2", "--out", tmp_path / "out")
+    assert ended.status == 3
+    (message,) = ended.messages
+    assert message.startswith(f"left out: {path}, line 16: subject 'bad': clavicle_z_deg is 'eleven', not a number.")
+    assert "Write a number" in message
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "out" / "fits.csv"), fitted.table("fits"))
+
+
+def test_a_bad_file_is_named_and_the_others_are_in_the_files(fitted, tmp_path):
+    bad = written(tmp_path, ["x"], "bad.csv")
+    ended = girdle("fit", bad, fitted.motion, "--model", "R2", "--out", tmp_path / "out")
+    assert ended.status == 3
+    (message,) = ended.messages
+    assert message.startswith(f"left out: {bad}, line 1: columns subject, ")
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "out" / "fits.csv"), fitted.table("fits"))
+
+
+def test_a_folder_among_the_files_is_named_and_the_others_are_in_the_files(fitted, tmp_path):
+    ended = girdle("fit", tmp_path, fitted.motion, "--model", "R2", "--out", tmp_path / "out")
+    assert ended.status == 3
+    (message,) = ended.messages
+    assert message.startswith(f"left out: {tmp_path}: this is a folder")
+    assert (tmp_path / "out" / "run.json").exists()
+
+
+@pytest.mark.parametrize("name", ["[/b]", "[bold]"])
+def test_a_name_is_printed_as_it_is(tmp_path, name):
+    path = written(tmp_path, [line.replace("simulated01", name) for line in shipped_lines()])
+    ended = girdle("fit", path, "--out", tmp_path / "out")
+    assert ended.status == 0
+    assert name in ended.out
+
+
+def test_a_model_that_cannot_reach_says_so(motion, tmp_path):
+    """R4 with the conoid of Table 3.2 as first printed, 8.2 mm, cannot reach all postures (3.3.1)."""
+    text = (FOLDER / "R4.toml").read_text()
+    short = text.replace('name = "R4"', 'name = "R4_8.2"').replace("conoid_length_mm = 13.2", "conoid_length_mm = 8.2")
+    model = tmp_path / "short.toml"
+    model.write_text(short)
+    ended = girdle("fit", motion, "--model", model, "--out", tmp_path / "out")
+    assert ended.status == 3
+    assert ended.messages == [
+        f"not handled: {subject}: 14 posture fits unreachable" for subject in ("simulated01", "simulated02")
+    ]
+    fits = pd.read_csv(tmp_path / "out" / "fits.csv")
+    assert set(fits["model"]) == {"R4_8.2"}
+    assert set(fits["status"]) == {status.UNREACHABLE}
+    assert np.abs(fits["a3_mm"]).min() > 0.1, "the residuals say how far the chain gapes"
+    summary = pd.read_csv(tmp_path / "out" / "summary.csv")
+    assert np.isnan(summary["clavicle_y_deg"]).all()
+    assert set(summary["postures_ok"]) == {0}
+
+
+# --- bad input: exit status 2, one line, nothing written ------------------------------------------------------------
+
+HEADER = (
+    "subject,motion,posture,humerus_elevation_deg,clavicle_y_deg,clavicle_z_deg,clavicle_x_deg,"
+    "scapula_y_deg,scapula_z_deg,scapula_x_deg"
+)
+ROWS = [f"P1,abduction,{k},{30 * k},-30,12,7,32,{10 * k},-10" for k in range(1, 4)]
+LEFT = [f"P1,abduction,{k},{30 * k},30,-12,7,-32,-11,-10" for k in range(1, 4)]
+RADIANS = [f"P1,abduction,{k},{30 * k},-0.52,0.21,0.12,0.56,0.{k},-0.17" for k in range(1, 4)]
+METRES = [f"{row},0.17,0.02,0.05" for row in ROWS]
+
+BAD_MOTIONS = {
+    "missing column": ([HEADER.replace(",scapula_x_deg", ""), *ROWS], 1, "column scapula_x_deg is missing", "Add it"),
+    "radians": ([HEADER, *RADIANS], 2, "look like radians", "in degrees"),
+    "metres": ([HEADER + ",AC_x_mm,AC_y_mm,AC_z_mm", *METRES], 2, "look like metres", "in mm"),
+    "row of NaN": ([HEADER, *ROWS, "P1,abduction,4,120" + ",nan" * 6], 5, "no angle was measured", "Delete the row"),
+    "duplicate posture": ([HEADER, *ROWS, ROWS[1]], 5, "posture 2 of motion 'abduction'", "Delete one"),
+    "unmarked left shoulder": ([HEADER, *LEFT], 2, "looks like a left shoulder", "column side with the word left"),
+    "empty file": ([], None, "the file is empty", "Give a file with a header"),
+    "no rows": ([HEADER], None, "no rows under the header", "Add one row"),
+}
+
+
+@pytest.mark.parametrize("command", ["fit", "adapt"])
+@pytest.mark.parametrize(("lines", "row", "cause", "remedy"), BAD_MOTIONS.values(), ids=BAD_MOTIONS)
+def test_a_bad_motion_file_is_refused(tmp_path, command, lines, row, cause, remedy):
+    path = written(tmp_path, lines)
+    ended = girdle(command, path, "--out", tmp_path / "out")
+    refused(ended, str(path) if row is None else f"{path}, line {row}", cause, remedy)
+    assert not (tmp_path / "out").exists()
+
+
+BAD_OPTIONS = {
+    "unknown model": (["--model", "R3"], "R3", "no parameter set of this name", "The sets are R2, R4, R6"),
+    "misspelt model": (["--model", "breteler_mir"], "breteler_mir", "no parameter set", "Did you mean breteler_mri?"),
+    "model file not there": (["--model", "no.toml"], "no.toml", "cannot be read", "Check the path"),
+    "one model twice": (["--model", "R2", "--model", "R2"], "--model", "two models are called 'R2'", "Give each one"),
+    "unknown reading": (["--reading", "mm_deg"], "--reading", "unknown reading 'mm_deg'", "Use one of mm2_deg2"),
+}
+
+
+@pytest.mark.parametrize(("options", "where", "cause", "remedy"), BAD_OPTIONS.values(), ids=BAD_OPTIONS)
+def test_a_bad_option_is_refused(tmp_path, motion, options, where, cause, remedy):
+    ended = girdle("adapt", motion, "--out", tmp_path / "out", *options)
+    refused(ended, where, cause, remedy)
+    assert not (tmp_path / "out").exists()
+
+
+def test_two_files_with_models_of_one_name_are_refused(tmp_path, motion):
+    for name in ("first.toml", "second.toml"):
+        (tmp_path / name).write_text((FOLDER / "R4.toml").read_text())
+    models = ["--model", tmp_path / "first.toml", "--model", tmp_path / "second.toml"]
+    ended = girdle("fit", motion, *models, "--out", tmp_path / "out")
+    refused(ended, "--model", "two models are called 'R4'", "Give each one a name of its own")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_motion_file_that_is_not_there_is_refused(tmp_path, motion):
+    ended = girdle("fit", motion, tmp_path / "no.csv", "--out", tmp_path / "out")
+    refused(ended, str(tmp_path / "no.csv"), "does not exist", "Check its name")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("below", ["", "below/it"])
+def test_a_file_where_the_folder_should_be_is_refused(tmp_path, motion, below):
+    blocked = tmp_path / "out"
+    blocked.write_text("mine")
+    ended = girdle("fit", motion, "--out", blocked / below)
+    refused(ended, str(blocked / below), "cannot be written to", "--out")
+    assert blocked.read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize(
+    "arguments", [["fit"], ["fit", "m.csv"], ["adapt", "m.csv", "--out", "out", "--weight", "-1"], ["fly"]]
+)
+def test_a_command_that_cannot_be_understood_is_status_2(arguments):
+    ended = girdle(*arguments)
+    assert ended.status == 2
+    assert "Usage" in ended.err
+    assert "Traceback" not in ended.err
+
+
+def test_the_installed_command_exits_with_2_and_one_line(tmp_path):
+    """As a shell sees it."""
+    command = [str(Path(sys.executable).with_name("girdle")), "fit", "no.csv", "--out", "out"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    refused(Ended(ended.returncode, ended.stdout, ended.stderr), "no.csv", "does not exist", "Check its name")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_effects_are_listed_with_what_a_caller_gives_of_them():
+    """One line each, the name first; as many sizes as directions."""
+    ended = girdle("effects")
+    assert (ended.status, ended.err) == (0, "")
+    lines = dict(line.split(maxsplit=1) for line in ended.out.splitlines())
+    assert list(lines) == list(EFFECTS)
+    assert lines["scapulothoracic_gap"].endswith("; scale 5 / 7 mm (TS / AI)")
+    for name, effect in EFFECTS.items():
+        assert lines[name].endswith(f"{effect.unit} ({' / '.join(effect.directions)})")

@@ -1,0 +1,343 @@
+# pyright: reportAttributeAccessIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""``girdle convert`` as a person uses it, and the adapted models that come out of ``girdle adapt``."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import pytest
+from command import girdle, refused
+from laboratory import in_laboratory, simulated_trial, trc_lines, up_and_down, with_gaps, with_noise, write_c3d
+from numpy.random import PCG64, Generator
+from scipy.spatial.transform import Rotation
+
+from adapt import adapt_subjects
+from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
+from adapt.tables.results import DIFFERENCES
+from models import load_model, model_names
+from models.export.opensim import opensim_model
+from models.girdle import ADAPTED, bone_rotations, chain_landmarks
+from models.parameter_sets import FOLDER
+from motions import read_motions, write_motions
+from motions.files import file_names
+from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, spread_column
+from motions.rhythm import REST_DEG
+from motions.rhythm_subjects import DATA_FILE
+from motions.rotations import DEG
+from motions.table import ANGLES, Motions
+
+EXACT = 1e-9
+NOISE_MM = 1.0
+AT = (15, 35, 55, 75, 95, 115, 135)
+SIX_STANDARD_ERRORS = 6.0
+"""A difference of noise alone is larger once in 5e8."""
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """Two simulated motions of a girdle that is R2, 100 frames a second."""
+    return {plane: simulated_trial(up_and_down(), plane, closed=True) for plane in (0.0, 90.0)}
+
+
+@pytest.fixture(scope="module")
+def converted(trials, tmp_path_factory) -> dict[str, Motions]:
+    """Both trials, twice with other noise of 1 mm, with gaps, z up, through .c3d and the command line: subjects S0, S1.
+
+    S0 through .trc too. Two subjects of 14 postures, as in other tests, so that little is compiled.
+    """
+    generator = Generator(PCG64(7))
+    folder = tmp_path_factory.mktemp("laboratory")
+    turn = Rotation.from_euler("xyz", [90, 10, -30], degrees=True).as_matrix()
+    gaps = {"AC": slice(100, 130), "T8": slice(300, 320), "EL": slice(500, 505)}
+    parts = {"c3d": [], "trc": []}
+    for number in range(2):
+        for plane, trial in trials.items():
+            exact = in_laboratory(trial.thorax_mm, turn, np.array([500.0, -200.0, 900.0]))
+            lab = with_gaps(with_noise(exact, NOISE_MM, generator), gaps)
+            write_c3d(folder / "trial.c3d", lab)
+            (folder / "trial.trc").write_text("\n".join(trc_lines(lab)) + "\n")
+            for kind in ("c3d", "trc") if number == 0 else ("c3d",):
+                names = ("--subject", f"S{number}", "--motion", f"{plane:g}", "--at", ",".join(map(str, AT)))
+                ended = girdle("convert", folder / f"trial.{kind}", folder / "out.csv", *names)
+                assert (ended.status, ended.err) == (0, ""), ended.err
+                parts[kind].append(read_motions(folder / "out.csv"))
+    return {kind: Motions.concatenate(some) for kind, some in parts.items()}
+
+
+def true_at(trial, elevation_deg):
+    """The true angles on the way up; down is the same."""
+    half = len(trial.elevation_deg) // 2
+    columns = trial.angles_deg[:half].T
+    return np.stack([np.interp(elevation_deg, trial.elevation_deg[:half], column) for column in columns], axis=1)
+
+
+def test_noisy_trials_with_gaps_are_converted_to_within_their_noise(trials, converted):
+    """The error of each angle is within what its own spread and number of frames say."""
+    known = [k for k, angle in enumerate(ANGLES) if angle != "clavicle_x"]
+    motions = converted["c3d"]
+    for plane, trial in trials.items():
+        mine = motions.select(motions.motion == f"{plane:g}")
+        assert mine.humerus_elevation_deg.tolist() == list(AT) * 2
+        error = mine.angles_deg - true_at(trial, mine.humerus_elevation_deg)
+        spread = mine.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
+        standard_error = spread / np.sqrt(mine.extra[FRAMES].astype(float).to_numpy())[:, None]
+        bend_deg = 0.05  # of the angles' curves within the window
+        assert (np.abs(error) < SIX_STANDARD_ERRORS * standard_error + bend_deg)[:, known].all()
+        single_frame = spread[:, known]
+        assert single_frame.min() > 0.2  # 1 mm over 100-150 mm
+        assert single_frame.max() < 1.5
+        assert set(mine.extra[ESTIMATED]) == {"yes"}
+
+
+def test_both_kinds_of_file_say_the_same(converted):
+    single_precision_deg = 1e-3
+    first = converted["c3d"].select(converted["c3d"].subject == "S0")
+    np.testing.assert_allclose(first.angles_deg, converted["trc"].angles_deg, rtol=0.0, atol=single_precision_deg)
+
+
+def test_the_girdle_is_adapted_to_within_the_noise(converted):
+    """R2 adapted to a girdle that is R2: what is left of the gap is the noise of the sampled angles, 0.1-0.3 degrees.
+
+    The axial rotation of the clavicle is left out, because its estimate is not the girdle's own.
+    """
+    motions = converted["c3d"]
+    angles = motions.angles_deg.copy()
+    angles[:, ANGLES.index("clavicle_x")] = np.nan
+    result = adapt_subjects(replace(motions, angles_deg=angles), load_model("R2"))
+    assert result.parameters["status"].tolist() == ["ok"] * 2
+    after = result.fits[result.fits["adapted"] == 1]
+    noise_deg = 0.3
+    assert after[DIFFERENCES].abs().mean().max() < noise_deg
+    own = np.asarray(load_model("R2").girdle.adapted_mm)
+    moved_mm = np.abs(result.adapted["R2"].theta_mm - own[:, None])
+    assert (
+        moved_mm[[1, 2, 4]].max() < 3.0
+    )  # M_z, A_x, A_z; M_y and A_y trade off, the conoid hangs on the axial rotation
+
+
+def test_an_adapted_model_loads_again_to_the_same_girdle(tmp_path):
+    names = ["P 1/\u00fc", "p 1/\u00fc"]
+    motions = read_motions(DATA_FILE)
+    motions = motions.select(np.isin(motions.subject, motions.subjects[:2]))
+    named = dict(zip(motions.subjects, names, strict=True))
+    motions = replace(motions, subject=np.array([named[name] for name in motions.subject]))
+    write_motions(motions, tmp_path / "m.csv")
+    ended = girdle("adapt", tmp_path / "m.csv", "--model", "R2", "--out", tmp_path / "out")
+    assert ended.status == 0, ended.err
+    files = sorted((tmp_path / "out" / "models").iterdir())
+    assert len(files) == 2
+    table = pd.read_csv(tmp_path / "out" / "parameters.csv").set_index("subject")
+    by_name = {load_model(path).name: load_model(path) for path in files}
+    base = load_model("R2")
+    for name in names:
+        model = by_name[f"R2_{name}"]
+        for parameter, value in zip(ADAPTED, model.girdle.adapted_mm, strict=True):
+            assert float(value) == table.loc[name, f"{parameter}_mm"]
+        np.testing.assert_array_equal(model.girdle.scapula_conoid_mm, base.girdle.scapula_conoid_mm)
+        np.testing.assert_array_equal(model.points_mm, base.points_mm)
+        assert model.source["thorax.centre_mm"].startswith(f"adapted to {name}, from R2 (w = 10")
+        assert model.source["clavicle.length_mm"] == "of R2: Table 3.2"
+        bound = "at its bound" in model.source["constraint.conoid_length_mm"]
+        assert bound == bool(table.loc[name, "conoid_length_mm_at_bound"])
+    again = girdle("fit", tmp_path / "m.csv", "--model", files[0], "--out", tmp_path / "again")
+    assert again.status == 0, again.err
+    simulated_go_on_as_mot(tmp_path)
+
+
+def test_an_adapted_model_keeps_bounds_of_its_own_and_a_failed_one_leaves_nothing(tmp_path):
+    """A semi-axis that may shrink to 1 mm has its lower bound nearer than the upper: half widths are those written."""
+    text = (FOLDER / "R2.toml").read_text().replace("[source]", "[bounds]\nM_y_mm = 20.0\nA_z_mm = 200.0\n\n[source]")
+    (tmp_path / "own.toml").write_text(text)
+    own = load_model(tmp_path / "own.toml")
+    theta = np.asarray(own.girdle.adapted_mm)[:, None] + np.array([[1.0, 2.0]])
+    columns = {"model": "R2", "subject": ["good", "bad"], "status": ["ok", "not_converged"]}
+    columns |= {f"{name}_mm": theta[k] for k, name in enumerate(ADAPTED)}
+    columns |= {f"{name}_mm_at_bound": 0 for name in ADAPTED}
+    stale = tmp_path / "models" / "R2_bad.toml"
+    stale.parent.mkdir()
+    stale.write_text("of an earlier run")
+    written = write_adapted_models(tmp_path, [own], pd.DataFrame(columns), "a test")
+    remove_models_of_failed(tmp_path, pd.DataFrame(columns))
+    assert [path.name for path in written] == ["R2_good.toml"]
+    assert not stale.exists()
+    again = load_model(written[0])
+    np.testing.assert_array_equal(again.girdle.adapted_mm, theta[:, 0])
+    half_widths = [20.0, 30.0, 30.0, 100.0, 200.0, 8.0]
+    np.testing.assert_allclose(again.bounds_mm[1] - theta[:, 0], half_widths, rtol=1e-12)
+
+
+def simulated_go_on_as_mot(folder: Path) -> None:
+    """fits.csv as .mot files, one a motion, and its numbers as Parquet."""
+    ended = girdle("convert", folder / "out" / "fits.csv", folder / "mots")
+    assert ended.status == 0, ended.err
+    files = sorted((folder / "mots").iterdir())
+    assert len(files) == 4
+    assert "origin=simulated by the adapted model" in files[0].read_text()
+    back = girdle("convert", files[0], folder / "back.csv")
+    assert back.status == 0, back.err
+    fits = pd.read_csv(folder / "out" / "fits.csv")
+    motions = read_motions(folder / "back.csv")
+    name = motions.subjects[0].removeprefix("R2_")
+    rows = fits[(fits["subject"] == name) & (fits["motion"] == motions.motion[0]) & (fits["adapted"] == 1)]
+    expected = rows[[f"{angle}_simulated_deg" for angle in ANGLES]].to_numpy()
+    np.testing.assert_allclose(motions.angles_deg, expected, rtol=0.0, atol=EXACT)
+    ended = girdle("convert", folder / "out" / "fits.csv", folder / "fits.parquet")
+    assert ended.status == 0, ended.err
+    pd.testing.assert_frame_equal(pd.read_parquet(folder / "fits.parquet"), fits, check_dtype=False)
+
+
+def test_motions_through_a_folder_of_mot_files(tmp_path):
+    shipped = read_motions(DATA_FILE)
+    ended = girdle("convert", DATA_FILE, tmp_path / "mots", "--isb")
+    assert ended.out == f"{len(shipped.posture)} postures of 10 subjects in {tmp_path / 'mots'}\n"
+    for path in (tmp_path / "mots").iterdir():
+        assert "clavicle_alpha" in path.read_text()
+        assert girdle("convert", path, tmp_path / "back.csv").status == 0
+        again = read_motions(tmp_path / "back.csv")
+        mine = (shipped.subject == again.subjects[0]) & (shipped.motion == again.motion[0])
+        np.testing.assert_allclose(again.angles_deg, shipped.angles_deg[mine], rtol=0.0, atol=EXACT)
+        np.testing.assert_array_equal(again.posture, shipped.posture[mine])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "where", "cause", "remedy"),
+    [
+        (["out.mot"], "out.mot", "there are 20 motions and a .mot file holds one", "Name a folder"),
+        (["out.xlsx"], "out.xlsx", "files that end in '.xlsx' are not written", ".parquet"),
+        (["out.csv", "--side", "up"], "--side", "the side is 'up'", "left or right"),
+        (["out.csv", "--at", "30;60"], "--at", "'30;60' is not a list", "30,60,90"),
+        (["out.csv", "--aa-to-ac", "x"], "--aa-to-ac", "there is no rotation 'x'", "kolz2020"),
+        (["out.csv", "--at", "30,60"], str(DATA_FILE), "--subject, --motion, --side and --at would change", "Leave"),
+        (["out.csv", "--map", "nowhere.toml"], "nowhere.toml", "cannot be read", "mapping file"),
+    ],
+)
+def test_what_cannot_be_converted(tmp_path, monkeypatch, arguments, where, cause, remedy):
+    monkeypatch.chdir(tmp_path)
+    refused(girdle("convert", DATA_FILE, *arguments), where, cause, remedy)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, tmp_path):
+    (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
+    ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv")
+    assert ended.out.startswith(f"600 postures of 1 subject in {tmp_path / 't.csv'}\n")
+    assert "--at 30,60,90" in ended.out
+
+
+def test_a_folder_that_is_no_checkout(tmp_path):
+    refused(girdle("convert", tmp_path, tmp_path / "o.csv"), str(tmp_path), "not a checkout", "Name one file")
+
+
+def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    ended = girdle("convert", DATA_FILE, tmp_path / "m.parquet")
+    refused(ended, str(tmp_path / "m.parquet"), "Parquet needs pyarrow", "pip install pyarrow")
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_the_opensim_model_places_the_bones_as_this_one_does(name):
+    """Each bone's pose at rest, from the numbers in the file alone and OpenSim's own order of transforms."""
+    girdle_ = load_model(name).girdle
+    at = chain_landmarks(girdle_, *bone_rotations(jnp.asarray(REST_DEG / float(DEG))))
+    Q = np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    expected = {point: Q @ np.asarray(getattr(at, point)) / 1000.0 for point in ("AC", "TS", "AI")}
+    document = ET.fromstring(opensim_model(load_model(name)))
+    assert document.attrib == {"Version": "40000"}
+    poses = opensim_poses(document)
+    for marker in document.iter("Marker"):
+        if marker.get("name") == "SC":
+            continue
+        body = (marker.findtext("socket_parent_frame") or "").removeprefix("/bodyset/")
+        rotation, origin = poses[body]
+        found = origin + rotation @ vector(marker, "location")
+        np.testing.assert_allclose(found, expected[marker.attrib["name"]], rtol=0.0, atol=1e-12)
+    residuals = constraint_errors_m(document, poses)
+    assert residuals["acromioclavicular"] < 1e-12
+    assert residuals["conoid"] == pytest.approx(
+        float(girdle_.residuals_mm(jnp.asarray(REST_DEG / float(DEG)))[2]) / 1000.0, abs=1e-12
+    )
+
+
+def vector(element: ET.Element, tag: str) -> np.ndarray:
+    return np.array([float(word) for word in (element.findtext(tag) or "").split()])
+
+
+def opensim_poses(document: ET.Element) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Rotation and origin of clavicle and scapula in the thorax at the default coordinates.
+
+    CustomJoint: rotations about its axes in turn. ScapulothoracicJoint: the parent frame turned by 90 degrees about z;
+    Simbody's ellipsoid mobilizer Rx(q1) Ry(q2) Rz(q3) at (a sin q2, -b sin q1 cos q2, c cos q1 cos q2) with the radii's
+    x and y swapped; turned back; the child frame. (ScapulothoracicJoint.cpp, extendAddToSystem; winging is 0.)
+    """
+    poses = {}
+    joint = next(document.iter("CustomJoint"))
+    parent, _ = joint.iter("PhysicalOffsetFrame")
+    q = {c.attrib["name"]: float(c.findtext("default_value") or "") for c in joint.iter("Coordinate")}
+    rotation = Rotation.identity()
+    for axis in list(joint.iter("TransformAxis"))[:3]:
+        rotation = rotation * Rotation.from_rotvec(q[axis.findtext("coordinates") or ""] * vector(axis, "axis"))
+    poses["clavicle"] = (rotation.as_matrix(), vector(parent, "translation"))
+    joint = next(document.iter("ScapulothoracicJoint"))
+    parent, child = joint.iter("PhysicalOffsetFrame")
+    q1, q2, q3, q4 = (float(c.findtext("default_value") or "") for c in joint.iter("Coordinate"))
+    assert q4 == 0.0
+    x, y, z = vector(joint, "thoracic_ellipsoid_radii_x_y_z")
+    a, b, c = y, x, z
+    quarter = Rotation.from_euler("Z", 90, degrees=True)
+    frame = Rotation.from_euler("XYZ", vector(parent, "orientation")) * quarter
+    mobile = Rotation.from_euler("XYZ", [q1, q2, q3])
+    place = np.array([a * np.sin(q2), -b * np.sin(q1) * np.cos(q2), c * np.cos(q1) * np.cos(q2)])
+    in_thorax = frame * mobile * quarter.inv()
+    scapula = in_thorax * Rotation.from_euler("XYZ", vector(child, "orientation")).inv()
+    origin = vector(parent, "translation") + frame.apply(place) - scapula.apply(vector(child, "translation"))
+    poses["scapula"] = (scapula.as_matrix(), origin)
+    return poses
+
+
+def constraint_errors_m(document: ET.Element, poses) -> dict[str, float]:
+    errors = {}
+    for kind in ("PointConstraint", "ConstantDistanceConstraint"):
+        constraint = next(document.iter(kind))
+        ends = []
+        for number in (1, 2):
+            body = (constraint.findtext(f"socket_body_{number}") or "").removeprefix("/bodyset/")
+            rotation, origin = poses[body]
+            ends.append(origin + rotation @ vector(constraint, f"location_body_{number}"))
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        errors[constraint.attrib["name"]] = length - float(constraint.findtext("constant_distance") or 0.0)
+    return errors
+
+
+def test_the_joints_point_lies_on_the_ellipsoid_and_the_file_is_whole(tmp_path):
+    """The tags that OpenSim's sources name, each once, and every socket points at something that is there."""
+    ended = girdle("convert", "R4", tmp_path / "R4.osim")
+    assert ended.status == 0, ended.err
+    document = ET.parse(tmp_path / "R4.osim").getroot()
+    joint = next(document.iter("ScapulothoracicJoint"))
+    radii = vector(joint, "thoracic_ellipsoid_radii_x_y_z")
+    np.testing.assert_allclose(radii, [0.130, 0.314, 0.137], rtol=0.0, atol=1e-15)
+    ellipsoid = next(document.iter("WrapEllipsoid"))
+    np.testing.assert_array_equal(vector(ellipsoid, "dimensions"), radii)
+    np.testing.assert_array_equal(vector(ellipsoid, "translation"), [-0.054, -0.230, 0.0])
+    for tag in ("scapula_winging_axis_origin", "scapula_winging_axis_direction"):
+        assert len(list(joint.iter(tag))) == 1
+    bodies = {f"/bodyset/{body.get('name')}" for body in document.iter("Body")} | {"/ground"}
+    frames = {frame.get("name") for frame in document.iter("PhysicalOffsetFrame")}
+    for element in document.iter():
+        if element.tag in ("socket_parent", "socket_body_1", "socket_body_2"):
+            assert element.text in bodies
+        if element.tag == "socket_child_frame":
+            assert element.text in frames
+
+
+def test_file_names_are_safe_and_all_different():
+    names = ["R2_P1", "R2_p1", "a/b", "a\\b", "..", "", "x" * 300, "x" * 301, "\u00e4 1", "con:"]
+    found = file_names(names)
+    assert found[0] == "R2_P1"
+    assert len({name.casefold() for name in found}) == len(names)
+    assert all(0 < len(name) < 130 and not set(name) & set('/\\:*?"<>|\0') for name in found)
+    assert not any(name.startswith(".") or name.endswith((" ", ".")) for name in found)

@@ -1,0 +1,86 @@
+"""Batches in chunks or at once: nothing lost, nothing doubled, few programs, and who has converged is left alone."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from adapt.engine.batching import compiled, in_chunks, in_rounds
+
+SIZE = 64
+
+
+class Begin(NamedTuple):
+    """Where something is iterated from."""
+
+    value: np.ndarray
+    converged: np.ndarray
+
+
+class Count(NamedTuple):
+    """Where it ended: halved until it is at most 1, if the iterations allow it."""
+
+    value: np.ndarray
+    also: np.ndarray
+    iterations: np.ndarray
+    converged: np.ndarray
+
+
+@pytest.mark.parametrize("lanes", [1, 7, 8, 9, 63, 64, 65, 200])
+def test_every_lane_comes_back_once_in_its_place(lanes):
+    x = np.arange(2.0 * lanes).reshape(2, lanes)
+    found = in_chunks(lambda tree, y: {"sum": tree["x"] + y, "row": y}, SIZE, {"x": x}, x[0])
+    np.testing.assert_array_equal(found["sum"], x + x[0])
+    np.testing.assert_array_equal(found["row"], x[0])
+
+
+def test_one_program_serves_every_number_of_lanes():
+    shapes = []
+
+    @compiled
+    def doubled(x):
+        shapes.append(x.shape)  # runs while tracing: once a compilation
+        return 2.0 * x
+
+    for lanes in (*range(1, 130, 7), 1000):
+        np.testing.assert_array_equal(in_chunks(doubled, SIZE, np.arange(float(lanes))), 2.0 * np.arange(lanes))
+    assert shapes == [(64,)]
+
+
+def test_few_lanes_are_done_at_once_and_compile_nothing():
+    shapes = []
+
+    @compiled
+    def same(x):
+        shapes.append((type(x), x.shape))
+        return x
+
+    for lanes in (1, 8, 9, 10):
+        np.testing.assert_array_equal(in_chunks(same, SIZE, np.arange(float(lanes)), at_once=9), np.arange(lanes))
+    assert shapes[:3] == [(np.ndarray, (1,)), (np.ndarray, (8,)), (np.ndarray, (9,))]
+    assert [shape for _, shape in shapes[3:]] == [(SIZE,)]
+
+
+def test_who_has_converged_is_left_alone():
+    """Lanes that end in the first round come back untouched by the others' further rounds."""
+    handled = []
+
+    def halved(fixed, start, iterations):
+        handled.append((fixed.tolist(), iterations.tolist()))
+        value = np.where(start.converged, start.value, start.value / 2.0**iterations)
+        return Count(value, start.converged, np.where(start.converged, 0.0, iterations), value <= 1.0)
+
+    values = np.array([1.5, 8.0, 0.5, 3.0])
+    end = in_rounds(halved, (1, 1, 2), (np.arange(4),), Begin(values, values <= 1.0))
+    np.testing.assert_array_equal(end.value, [0.75, 0.5, 0.5, 0.75])
+    np.testing.assert_array_equal(end.iterations, [1, 4, 0, 2])
+    assert handled == [([0, 1, 2, 3], [1.0] * 4), ([1, 3], [1.0] * 2), ([1], [2.0])]
+
+
+def test_rounds_end_where_nothing_converges():
+    def stays(start, iterations):
+        return Count(start.value, start.converged, iterations, start.converged)
+
+    end = in_rounds(stays, (3, 2), (), Begin(np.ones(3), np.zeros(3, bool)))
+    assert end.iterations.tolist() == [5, 5, 5]
+    assert not end.converged.any()

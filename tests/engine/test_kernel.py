@@ -1,0 +1,252 @@
+"""The fast paths as machine code, by JAX and by numpy; partners, threads and shapes that change nothing; the cache."""
+
+import jax
+import numpy as np
+import platformdirs
+import pytest
+
+from adapt.engine import kernel
+from adapt.engine.batching import lanes_of
+from adapt.engine.kernel import Kernel
+from adapt.solvers import adaptation
+from adapt.solvers import posture_fits as fit
+from adapt.solvers.adaptation import Lanes, lanes, lanes_at, problem_of
+from adapt.solvers.batched import kernels as quick_fit
+from adapt.solvers.batched.posture import PostureStart
+from adapt.solvers.batched.subject import Fixed, Start
+from adapt.solvers.objective import WEIGHT, ThoraxPoints
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.posture_fits import fit_lanes
+from adapt.solvers.reference.constraints import ByHand
+from adapt.solvers.reference.posture import objective_weights
+from adapt.solvers.reference.subject import conditions, joint
+from models import load_model
+from motions import Motions
+from motions.rhythm_subjects import simulate_subjects
+from motions.rotations import DEG
+
+SAME_RAD = 1e-9
+SAME_RELATIVE = 1e-10
+"""Of a parameter: rounding, times the 1e4 or so by which the ellipsoid's free direction is loose."""
+
+SAME_CONDITION = 1e-10
+"""Of residuals, mm, and slopes, E a mm: rounding of the feet's multipliers, 1e-11 mm^2, where they are not polished."""
+
+SUBJECTS = 11
+"""Not a multiple of eight."""
+
+
+def ragged() -> Motions:
+    """Subjects with 14, 9 and 5 postures in turn, some angles of whom were not measured."""
+    motions = simulate_subjects(SUBJECTS, seed=6)
+    place = np.arange(len(motions.posture)) % 14
+    number = np.arange(len(motions.posture)) // 14
+    motions.angles_deg[(place == 3) & (number % 2 == 0), 2] = np.nan
+    return motions.select(place < np.array([14, 9, 5])[number % 3])
+
+
+@pytest.fixture(scope="module")
+def data() -> Lanes:
+    return lanes(pack(ragged()), [load_model("R2")])
+
+
+def arguments(data: Lanes, iterations: float = 60.0):
+    count, postures = data.counted.shape[1], data.counted.shape[0]
+    fixed = Fixed(data.girdle, data.points_mm, data.shares, problem_of(data, np.full(count, WEIGHT)))
+    theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
+    start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
+    return fixed, start, np.full(count, iterations)
+
+
+def posture_arguments(iterations: float = 30.0):
+    target = simulate_subjects(3, seed=7).angles_deg.T / DEG
+    count = target.shape[1]
+    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R4").girdle)
+    measured = np.ones(target.shape, bool)
+    measured[2, ::3] = False
+    start = PostureStart(target, np.zeros((3, count)), np.zeros(count, bool))
+    return girdle, target, objective_weights(measured), start, np.full(count, iterations)
+
+
+def test_subjects_by_three_engines(data):
+    given = arguments(data)
+    found = adaptation.subjects_kernel.by_machine(*given)
+    assert found.converged.all()
+    with np.errstate(all="ignore"):
+        at_once = adaptation.subjects_kernel.text(*given)
+    for other in (at_once, adaptation.subjects_kernel.by_jax(*given)):
+        np.testing.assert_array_equal(found.converged, other.converged)
+        np.testing.assert_allclose(found.theta, other.theta, rtol=SAME_RELATIVE, atol=0.0)
+        np.testing.assert_allclose(found.angles, other.angles, rtol=0.0, atol=SAME_RAD)
+
+
+def test_postures_by_three_engines():
+    given = posture_arguments()
+    found = quick_fit.postures_kernel.by_machine(*given)
+    ended = found.converged
+    assert ended.mean() > 0.8  # in one round from one start
+    with np.errstate(all="ignore"):
+        at_once = quick_fit.postures_kernel.text(*given)
+    for other in (at_once, quick_fit.postures_kernel.by_jax(*given)):
+        np.testing.assert_array_equal(found.converged, other.converged)
+        np.testing.assert_allclose(found.angles[:, ended], other.angles[:, ended], rtol=0.0, atol=SAME_RAD)
+
+
+def two_starts(iterations: float = 30.0):
+    girdle, target, weights, _, most = posture_arguments(iterations)
+    steps = np.full(len(most), 3.0), np.full(len(most), 1.0)
+    return girdle, target, weights, (target, target), steps, most
+
+
+def test_the_lowest_from_two_starts_by_three_engines():
+    given = two_starts()
+    found = quick_fit.lowest_kernel.by_machine(*given)
+    assert found.settled.mean() > 0.9
+    with np.errstate(all="ignore"):
+        at_once = quick_fit.lowest_kernel.text(*given)
+    for other in (at_once, quick_fit.lowest_kernel.by_jax(*given)):
+        np.testing.assert_array_equal(found.settled, other.settled)
+        np.testing.assert_array_equal(found.apart, other.apart)
+        same = found.settled
+        np.testing.assert_allclose(found.swept.angles[:, same], other.swept.angles[:, same], rtol=0.0, atol=SAME_RAD)
+
+
+def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
+    """Each start followed to its end by itself, 40 degrees from any closed chain, where they often end apart."""
+    target = simulate_subjects(8, seed=9).angles_deg.T / DEG
+    target = target + np.random.default_rng(1).normal(size=target.shape) * 20.0 / DEG
+    count = target.shape[1]
+    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R4").girdle)
+    weights, most, closed = objective_weights(np.ones(target.shape, bool)), np.full(count, 400.0), np.full(count, 6.0)
+    starts = tuple(target + offset[:, None] / DEG for offset in quick_fit.OFFSETS_DEG[:2])
+
+    def fitted(*two: np.ndarray):
+        return quick_fit.lowest_kernel.by_machine(girdle, target, weights, two, (closed, closed), most)
+
+    both, each = fitted(*starts), [fitted(one, one) for one in starts]
+    ended = both.settled & each[0].settled & each[1].settled
+    assert ended.mean() > 0.8  # the others go on to the careful path
+    assert (both.apart & ended).sum() > 3
+    j = np.stack([one.swept.j_deg2 for one in each])
+    np.testing.assert_allclose(both.swept.j_deg2[ended], j.min(axis=0)[ended], rtol=0.0, atol=1e-6)
+    np.testing.assert_array_equal(both.apart[ended], (np.abs(j[1] - j[0]) > 1e-6)[ended])
+    assert not any(one.apart.any() for one in each)
+    expected = fit.mean_square_deg2(both.swept.angles, target, weights)
+    np.testing.assert_allclose(both.swept.j_deg2, expected, rtol=1e-12, atol=0.0)
+
+
+@pytest.mark.parametrize("iterations", [2.0, 60.0])
+def test_the_conditions_are_those_of_the_definition(data, iterations):
+    """On the way as at the end: ``adapt.solvers.reference.subject.conditions`` at the point where the sweep stopped."""
+    fixed, *rest = arguments(data, iterations)
+    found = adaptation.subjects_kernel.by_machine(fixed, *rest)
+    constraints, thorax = ByHand(fixed.girdle.over_postures()), ThoraxPoints(*fixed[:3])
+    z, point = joint(found.angles, found.theta), (found.theta, found.angles, found.multipliers)
+    at = constraints.residual(z), constraints.pull(z, found.multipliers)
+    expected = conditions(thorax, fixed.problem, *point, *at)
+    for name in ("residual_mm", "stationarity", "slope"):
+        scale = max(1.0, np.abs(getattr(expected, name)).max())
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(expected, name), rtol=0.0, atol=SAME_CONDITION * scale, err_msg=name
+        )
+    np.testing.assert_array_equal(found.converged, expected.converged)
+    assert found.converged.all() == (iterations == 60.0)
+
+
+def test_a_lane_is_the_same_alone_and_in_any_company(data):
+    """To the last bit: alone, among others, and among so many that every core has some."""
+    among = adaptation.subjects_kernel.by_machine(*arguments(data))
+    many = adaptation.subjects_kernel.by_machine(*arguments(lanes_at(data, np.arange(300) % SUBJECTS)))
+    for k in range(SUBJECTS):
+        alone = adaptation.subjects_kernel.by_machine(*arguments(lanes_at(data, np.array([k]))))
+        for name in ("theta", "angles", "multipliers", "residual_mm", "slope", "converged"):
+            np.testing.assert_array_equal(getattr(alone, name)[..., 0], getattr(among, name)[..., k])
+            np.testing.assert_array_equal(getattr(many, name)[..., k::SUBJECTS][..., 0], getattr(among, name)[..., k])
+
+
+def test_one_bad_lane_harms_no_other(data):
+    good = adaptation.subjects_kernel.by_machine(*arguments(data))
+    data.angles[1, 0, 4] = np.nan
+    found = adaptation.subjects_kernel.by_machine(*arguments(data))
+    data.angles[1, 0, 4] = 0.1
+    rest = np.arange(SUBJECTS) != 4
+    assert not found.converged[4]
+    np.testing.assert_array_equal(found.theta[:, rest], good.theta[:, rest])
+
+
+def test_few_and_no_lanes():
+    given = posture_arguments()
+    whole = quick_fit.postures_kernel.by_machine(*given)
+    for count in (0, 1, 7, 8, 9):
+        part = quick_fit.postures_kernel.by_machine(*lanes_of(given, np.arange(count)))
+        np.testing.assert_array_equal(part.angles, whole.angles[:, :count])
+
+
+def test_a_wrong_shape_is_an_error():
+    given = posture_arguments()
+    with pytest.raises(ValueError, match="shape"):
+        quick_fit.postures_kernel.by_machine(given[0], given[1][:5], *given[2:])
+
+
+def test_far_postures_end_no_higher_than_the_careful_path():
+    """Measured angles 40 degrees and more from any closed chain: many valleys."""
+    target = simulate_subjects(2, seed=9).angles_deg.T / DEG
+    target += np.random.default_rng(1).normal(size=target.shape) * 25.0 / DEG
+    count = target.shape[1]
+    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
+    known = np.ones(target.shape, bool)
+    found = fit_lanes(girdle, target, known)
+    careful = fit._carefully(girdle, target, objective_weights(known), None)
+    j = fit.mean_square_deg2(careful.angles, target, objective_weights(known))
+    assert np.all(found.status == "ok")
+    above = np.asarray(careful.converged & (found.j_deg2 > j + 1e-6))
+    assert above.mean() <= 0.05
+
+
+# --- the cache ------------------------------------------------------------------------------------------------------
+
+
+def doubled(x):
+    return x * 2.0
+
+
+def test_one_compilation_serves_every_length_and_the_next_run(tmp_path, monkeypatch):
+    compiled, original = [], kernel.compiled_text
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path)
+    monkeypatch.setattr(kernel, "compiled_text", lambda text: compiled.append(text) or original(text))
+    one = Kernel("doubled", doubled, ("",), "", 64)
+    for count in (1, 8, 13, 1000):
+        np.testing.assert_array_equal(one.by_machine(np.arange(float(count))), 2.0 * np.arange(count))
+    np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).by_machine(np.ones(3)), [2.0, 2.0, 2.0])
+    assert len(compiled) == 1
+    (kept,) = (tmp_path / "machine").iterdir()
+    for damage in (b"", b"nothing", kept.read_bytes()[:-1], b"x" + kept.read_bytes()[1:]):
+        kept.write_bytes(damage)
+        np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).by_machine(np.ones(1)), [2.0])
+    assert len(compiled) == 5
+
+
+def test_a_cache_that_cannot_be_written_to_costs_no_more_than_time(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path / "file")
+    np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64).by_machine(np.ones(2)), [2.0, 2.0])
+
+
+@pytest.mark.parametrize("changed", ["motions/arrays.py", "models/effects/effect.py", "adapt/trust/deep/er.py"])
+def test_the_key_of_the_cached_code_covers_every_source_file_at_any_depth(changed, tmp_path):
+    files = {"motions/arrays.py", "models/girdle.py", "models/effects/effect.py", "adapt/engine/kernel.py", changed}
+    for name in files:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("x = 1\n")
+    before = kernel.source_digest(tmp_path)
+    assert kernel.source_digest(tmp_path) == before
+    (tmp_path / changed).write_text("x = 2\n")
+    after = kernel.source_digest(tmp_path)
+    assert after != before
+    (tmp_path / changed).rename((tmp_path / changed).with_name("elsewhere.py"))
+    assert kernel.source_digest(tmp_path) not in (before, after)
+
+
+def test_the_key_of_the_cached_code_is_that_of_this_checkout():
+    assert (kernel._ROOT / "adapt" / "kernel.py").samefile(kernel.__file__)
+    assert all((kernel._ROOT / package / "__init__.py").exists() for package in kernel._PACKAGES)

@@ -1,0 +1,124 @@
+"""Results of an adaptation that no solver made: quick, of any size, with gaps and failures that are known."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from adapt import Adaptations
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted
+from adapt.solvers.posture_fits import Fitted
+from adapt.tables.held_out import BONES, COLUMNS, MOTION
+from adapt.tables.results import fits_table, parameters_table, rows_of_subjects, summary_table
+from models import ParameterSet
+from motions import ANGLES, Motions
+from motions.rotations import DEG
+
+GAP_DEG = {False: 6.0, True: 2.0}
+"""Simulated less measured, every angle, before (False) and after adaptation (True)."""
+
+UNSEEN_DEG = 3.0
+"""The same on motions held out."""
+
+MOVED_MM = np.array([-10.0, 2.0, 1.0, 20.0, -1.0, 3.0])
+"""Adapted parameters less the set's own."""
+
+
+def motions_of(
+    angles_deg: Float[np.ndarray, "subjects postures 6"], names: Sequence[str] = (), motion: str = "abduction"
+) -> Motions:
+    """One motion of each subject, named ``names``, then s1, s2, ..."""
+    subjects, postures, _ = angles_deg.shape
+    every = [*names, *(f"s{k + 1}" for k in range(len(names), subjects))]
+    rows = subjects * postures
+    return Motions(
+        subject=np.repeat(np.array(every, dtype=object), postures),
+        motion=np.full(rows, motion, dtype=object),
+        posture=np.tile(np.arange(1, postures + 1), subjects),
+        humerus_elevation_deg=np.tile(np.linspace(0.0, 150.0, postures), subjects),
+        angles_deg=angles_deg.reshape(rows, 6),
+        landmarks_mm={},
+        extra=pd.DataFrame(index=range(rows)),
+    )
+
+
+def rising(subjects: int, postures: int) -> Float[np.ndarray, "subjects postures 6"]:
+    """About what a girdle does when the arm is raised; each subject half a degree beyond the one before."""
+    low = np.array([-28.0, 11.0, 7.0, 32.0, 10.0, -10.0])
+    high = np.array([-55.0, 25.0, 50.0, 36.0, 50.0, 10.0])
+    share = np.linspace(0.0, 1.0, postures)[None, :, None]
+    return low + (high - low) * share + 0.5 * np.arange(subjects)[:, None, None]
+
+
+def adaptations(
+    motions: Motions,
+    models: Sequence[ParameterSet],
+    failed: Sequence[str] = (),
+    gap_deg: dict[str, float] | None = None,
+) -> Adaptations:
+    """Every angle off by GAP_DEG, or by ``gap_deg`` of the subject after adaptation; ``failed`` did not converge."""
+    lost = np.isin(motions.subject.astype(str), list(failed))
+    after_deg = np.array([(gap_deg or {}).get(name, GAP_DEG[True]) for name in motions.subject.tolist()])
+    by_state = {False: np.full(len(lost), GAP_DEG[False]), True: after_deg}
+    fitted = {adapted: _fitted(motions, deg, lost & adapted) for adapted, deg in by_state.items()}
+    tables = [fits_table(motions, one.name, state, fitted[state]) for state in by_state for one in models]
+    fits = pd.concat(tables, ignore_index=True)
+    results = {model.name: _adapted(motions, model, failed) for model in models}
+    parameters = parameters_table(motions.subjects, models, results, fits)
+    by_model = {one.name: fitted[True] for one in models}
+    heldout = _heldout(motions, models)
+    return Adaptations(
+        by_model=by_model,
+        fits=fits,
+        summary=summary_table(fits, heldout),
+        subjects=rows_of_subjects(fits),
+        adapted=results,
+        parameters=parameters,
+        heldout=heldout,
+    )
+
+
+def _heldout(motions: Motions, models: Sequence[ParameterSet]) -> pd.DataFrame:
+    """Every motion of every subject off by UNSEEN_DEG."""
+    gaps = dict(zip(("before", "in_sample", "unseen"), (GAP_DEG[False], GAP_DEG[True], UNSEEN_DEG), strict=True))
+    rows = [
+        {"model": model.name, "subject": subject, "kind": MOTION, "held_out": motion, "postures": 1, "adapted_to": 1}
+        | {f"{bone}gap_{word}_deg": gap for word, gap in gaps.items() for bone in BONES}
+        | {"status": status.OK}
+        for model in models
+        for subject, motion in dict.fromkeys(zip(motions.subject.tolist(), motions.motion.tolist(), strict=True))
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndarray) -> Fitted:
+    rows = len(lost)
+    angles_deg = np.nan_to_num(motions.angles_deg) + gap_deg[:, None]
+    return Fitted(
+        angles=np.where(lost[:, None], np.nan, angles_deg).T / float(DEG),
+        multipliers=np.zeros((3, rows)),
+        residual_mm=np.zeros((3, rows)),
+        stationarity=np.zeros(rows),
+        j_deg2=gap_deg**2,
+        status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
+        jump=np.zeros(rows, dtype=bool),
+    )
+
+
+def _adapted(motions: Motions, model: ParameterSet, failed: Sequence[str]) -> Adapted:
+    names = motions.subjects
+    lost = np.isin(names, list(failed))
+    theta_mm = np.asarray(model.girdle.adapted_mm)[:, None] + MOVED_MM[:, None] + np.zeros(len(names))
+    return Adapted(
+        theta_mm=np.where(lost, np.nan, theta_mm),
+        sd_mm=np.ones((len(ANGLES), len(names))),
+        at_bound=np.zeros((len(ANGLES), len(names)), dtype=bool),
+        angles=np.zeros((6, 1, len(names))),
+        D_mm2=np.ones(len(names)),
+        mean_j_deg2=np.ones(len(names)),
+        E=np.ones(len(names)),
+        iterations=np.ones(len(names), dtype=int),
+        status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
+    )

@@ -1,0 +1,196 @@
+"""Effects that are known to be at work: fits and adaptations with them, on simulated subjects that have them."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from command import girdle, refused
+
+from adapt import Adaptations, adapt_subjects, fit_postures
+from adapt.model_subjects import simulate_model_subjects
+from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
+from models import load_model
+from models.effects import EFFECTS
+from models.effects.known import as_option, at_work, described, read_amplitudes
+from motions import InputError, Motions, read_motions, write_motions
+from motions.rotations import DEG
+
+MODEL = load_model("R2")
+EFFECT = EFFECTS["thorax_extension"]
+"""It turns what was measured; those that change the girdle go the same way."""
+
+NOTHING = {EFFECT.name: (0.0, 0.0, 0.0)}
+
+SAME_DEG = 1e-6
+"""Fits by hand-made and by automatic derivatives end within 1e-9 rad of each other."""
+
+SAME_MM = 1e-6
+"""Adaptations, whose ellipsoid has a flat direction, do so to 1e-9 mm."""
+
+OPTION_DIGITS = 5e-3
+"""Three digits."""
+
+BESIDE_MM = 2.0
+"""Beside the optimum: E differs by 1e-4 to 1, its rounding is 1e-12."""
+
+
+def simulated(noise_deg: float, spread: float) -> tuple[Motions, dict[str, tuple[float, ...]]]:
+    """One subject with the effect, and its amplitudes."""
+    made = simulate_model_subjects(MODEL, EFFECT, 1, noise_deg, seed=5, spread=spread)
+    return made.motions, {EFFECT.name: tuple(float(made.truth[f"amplitude_{k + 1}"].iloc[0]) for k in EFFECT.firsts)}
+
+
+@pytest.fixture(scope="module")
+def plain() -> tuple[Motions, dict[str, tuple[float, ...]]]:
+    """No noise, and the girdle is the model's own."""
+    return simulated(0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def noisy() -> tuple[Motions, dict[str, tuple[float, ...]], Adaptations]:
+    """Noise, a girdle of the subject's own, and its adaptation with the effect."""
+    motions, effects = simulated(1.5, 0.5)
+    return motions, effects, adapt_subjects(motions, MODEL, held_out=(), effects=effects)
+
+
+def test_what_the_girdle_has_with_its_effect_it_can_take(plain):
+    motions, effects = plain
+    without, found = fit_postures(motions, MODEL), fit_postures(motions, MODEL, effects=effects)
+    assert (found.by_model["R2"].status == "ok").all()
+    assert without.by_model["R2"].j_deg2.max() > 1.0
+    np.testing.assert_allclose(found.by_model["R2"].angles.T * DEG, motions.angles_deg, atol=SAME_DEG)
+
+
+def test_an_adaptation_with_the_effect_finds_the_girdle_that_there_is(plain):
+    motions, effects = plain
+    found = adapt_subjects(motions, MODEL, effects=effects)
+    np.testing.assert_allclose(found.adapted["R2"].theta_mm[:, 0], MODEL.girdle.adapted_mm, atol=SAME_MM)
+    gaps = found.heldout.filter(regex="gap_.*_deg").to_numpy()
+    assert len(gaps) == 2
+    np.testing.assert_allclose(gaps, 0.0, atol=SAME_DEG)
+
+
+def test_of_size_zero_it_changes_nothing(noisy):
+    motions, _, _ = noisy
+    models = [MODEL, load_model("R4")]
+    found, expected = (adapt_subjects(motions, models, held_out=(), effects=one) for one in (NOTHING, {}))
+    for model in models:
+        ours, theirs = found.adapted[model.name], expected.adapted[model.name]
+        np.testing.assert_allclose(ours.theta_mm, theirs.theta_mm, atol=SAME_MM)
+        np.testing.assert_allclose(ours.sd_mm, theirs.sd_mm, rtol=SAME_MM)
+    ours, theirs = (one.fits.select_dtypes("number").to_numpy() for one in (found, expected))
+    np.testing.assert_allclose(ours, theirs, atol=SAME_DEG)
+
+
+def test_it_is_iterated_in_float64_whatever_is_asked_for(noisy):
+    motions, effects, found = noisy
+    again = adapt_subjects(motions, MODEL, held_out=(), dtype=np.float32, effects=effects)
+    np.testing.assert_array_equal(again.adapted["R2"].theta_mm, found.adapted["R2"].theta_mm)
+
+
+def test_an_adaptation_is_an_optimum_of_the_nested_objective(noisy):
+    """Every posture fitted anew at parameters beside the optimum: none has a lower E."""
+    motions, effects, found = noisy
+    adapted = found.adapted["R2"]
+    assert adapted.status[0] == "ok"
+
+    def nested(theta_mm: np.ndarray) -> float:
+        girdle = MODEL.girdle.with_adapted(theta_mm)
+        fits = fit_postures(motions, replace(MODEL, girdle=girdle), effects=effects).by_model["R2"]
+        points = MODEL.points_mm
+        shares = np.full(points.shape[1], 1.0 / points.shape[1])
+        return float(thorax_distance_mm2(girdle, points, shares)) + WEIGHT * float(fits.j_deg2.mean())
+
+    theta = adapted.theta_mm[:, 0]
+    lowest = nested(theta)
+    assert lowest == pytest.approx(adapted.E[0], rel=1e-9)
+    for k in range(len(theta)):
+        for step in (-BESIDE_MM, BESIDE_MM):
+            beside = theta + step * (np.arange(len(theta)) == k)
+            inside = (beside >= MODEL.bounds_mm[0]).all() and (beside <= MODEL.bounds_mm[1]).all()
+            assert not inside or nested(beside) > lowest
+
+
+def test_what_goes_with_elevation_grows_along_its_first_term_and_is_laid_out_as_the_postures_are():
+    elevation = np.array([[0.0, 75.0], [150.0, 30.0]])
+    found = at_work({"thorax_extension": (8.0, 0.0, -3.0), "thorax_asymmetry": (5.0,)}, elevation)
+    assert [effect.name for effect in found.effects] == ["thorax_extension", "thorax_asymmetry"]
+    grows, constant = map(np.asarray, found.strengths)
+    np.testing.assert_allclose(grows[:3], np.array([8.0, 0.0, -3.0])[:, None, None] * elevation / 150.0)
+    assert not grows[3:].any()
+    np.testing.assert_array_equal(constant[0], np.full((2, 2), 5.0))
+
+
+@pytest.mark.parametrize(
+    ("effects", "cause", "remedy"),
+    [
+        ({"extension": (8.0,)}, "there is no effect 'extension'", "thorax_extension"),
+        ({"thorax_extension": (8.0,)}, r"thorax_extension has \[8.0\]", "Give 3, in deg: about x, about y, about z"),
+        ({"thorax_asymmetry": (np.nan,)}, "thorax_asymmetry has", "Give 1, in mm"),
+    ],
+)
+def test_numbers_that_do_not_fit_an_effect_are_named(effects, cause, remedy):
+    with pytest.raises(InputError, match=cause) as error:
+        at_work(effects, np.zeros(3))
+    assert remedy in str(error.value)
+
+
+def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_path):
+    motions, effects, _ = noisy
+    file, out, again = tmp_path / "motions.csv", tmp_path / "out", tmp_path / "again"
+    write_motions(motions, file)
+    expected = adapt_subjects(read_motions(file), MODEL, effects=effects).fits
+    given = f"{EFFECT.name}={','.join(map(repr, effects[EFFECT.name]))}"
+    ended = girdle("adapt", file, "--effect", given, "--out", out)
+    assert ended.status == 0, ended.err
+    found = pd.read_csv(out / "fits.csv")
+    numbers = expected.select_dtypes("number").columns
+    np.testing.assert_allclose(found[numbers].to_numpy(float), expected[numbers].to_numpy(float), rtol=1e-12)
+
+    said = described(effects)
+    assert f"With {said} at work in every subject." in ended.out
+    assert f"<b>With {said}</b> at work" in (out / "report.html").read_text()
+    assert all(f"with {said})" in path.read_text() for path in (out / "models").iterdir())
+
+    assert girdle("adapt", "--repeat", out / "run.json", "--out", again).status == 0
+    assert (again / "fits.csv").read_bytes() == (out / "fits.csv").read_bytes()
+    before = found[found["adapted"] == 0]
+    assert girdle("fit", file, "--effect", given, "--out", again).status == 0
+    np.testing.assert_array_equal(pd.read_csv(again / "fits.csv")["j_deg2"], before["j_deg2"])
+
+
+def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
+    words = ["thorax_extension=8,0,-3", "thorax_asymmetry = 5"]
+    found = read_amplitudes(words)
+    assert found == {"thorax_extension": (8.0, 0.0, -3.0), "thorax_asymmetry": (5.0,)}
+    assert pickle.loads(pickle.dumps(found)) == found
+    assert described(found) == "thorax_extension of (8, 0, -3) deg, thorax_asymmetry of 5 mm"
+    assert read_amplitudes([]) == {}
+    assert described({}) == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "cause", "remedy"),
+    [
+        (["extension=8"], "there is no effect 'extension'", "thorax_extension"),
+        (["thorax_extension=8"], "thorax_extension has [8.0]", "Give 3, in deg: about x, about y, about z"),
+        (["thorax_extension=8,x,0"], "'8,x,0' is not a list of numbers", "thorax_extension=0,0,0"),
+        (["thorax_asymmetry"], "'' is not a list of numbers", "thorax_asymmetry=0"),
+        (["thorax_asymmetry=nan"], "thorax_asymmetry has", "Give 1, in mm"),
+        (["thorax_asymmetry=1", "thorax_asymmetry=2"], "thorax_asymmetry is there twice", "once"),
+    ],
+)
+@pytest.mark.parametrize("command", ["fit", "adapt"])
+def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, cause, remedy, tmp_path):
+    options = [part for word in words for part in ("--effect", word)]
+    refused(girdle(command, "no.csv", *options, "--out", tmp_path / "out"), "--effect", cause, remedy)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["scapula_landmark_bias", "thorax_extension", "skin_artefact"])
+def test_an_option_at_150_degrees_has_the_size_that_was_found_lower(name):
+    effect, size, highest_deg = EFFECTS[name], [3.0, -4.0, 5.0], 120.0
+    found = at_work(read_amplitudes([as_option(effect, size, highest_deg)]), np.array([highest_deg]))
+    np.testing.assert_allclose(found.strengths[0][:3, 0], size, rtol=OPTION_DIGITS)

@@ -1,0 +1,470 @@
+"""Files of a laboratory: what they hold is read; the traps of real ones are met by a message or a correct reading."""
+
+import struct
+
+import numpy as np
+import pytest
+from laboratory import in_laboratory, simulated_trial, trc_lines, write_c3d
+from scipy.spatial.transform import Rotation
+
+from motions import ANGLES, InputError, read_motions
+from motions.formats.angle_table import table_from_motions
+from motions.formats.any_file import read_any
+from motions.formats.c3d import read_c3d
+from motions.formats.mot import read_mot, write_mot
+from motions.formats.trc import read_trc
+from motions.landmarks.acromion import KOLZ
+from motions.landmarks.mapping import Mapping, read_mapping
+from motions.landmarks.markers import Markers, landmarks_mm
+from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
+from motions.motion_csv.writing import write_motions
+from motions.rhythm_subjects import DATA_FILE
+
+EXACT = 1e-9
+"""Degrees: the issue's tolerance for angles through a file and back."""
+
+C3D_MM = 1e-4
+"""A .c3d file holds single precision: 1e-7 of positions of 1000 mm."""
+
+C3D_DEG = 1e-3
+"""The same in an angle, over 100 mm between landmarks."""
+
+ELEVATIONS = np.linspace(5.0, 125.0, 9)
+LABELS = Labels("P01", "abduction")
+Z_UP = Rotation.from_euler("X", 90, degrees=True).as_matrix()
+ORIGIN_MM = np.array([300.0, -500.0, 1200.0])
+
+
+@pytest.fixture(scope="module")
+def trial():
+    """Nine simulated postures, without noise."""
+    return simulated_trial(ELEVATIONS)
+
+
+@pytest.fixture(scope="module")
+def lab(trial):
+    """Their landmarks in a laboratory with z up, mm."""
+    return in_laboratory(trial.thorax_mm, Z_UP, ORIGIN_MM)
+
+
+def trc(folder, lines, name="trial.trc"):
+    path = folder / name
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def known(motions):
+    """All angles but the estimated one."""
+    return np.delete(motions.angles_deg, 2, axis=1)
+
+
+def true(trial):
+    return np.delete(trial.angles_deg, 2, axis=1)
+
+
+def refused(path, cause, remedy, mapping=None, labels=LABELS):
+    with pytest.raises(InputError, match=cause) as caught:
+        read_any(path, mapping or Mapping(), labels)
+    assert str(path) == caught.value.file
+    assert remedy in caught.value.remedy, caught.value.remedy
+    return caught.value
+
+
+@pytest.mark.parametrize("kind", ["c3d", "trc", "csv"])
+@pytest.mark.parametrize("axes", ["y up", "z up"])
+@pytest.mark.parametrize("unit", ["mm", "m"])
+def test_the_same_girdle_from_every_kind_of_file(trial, tmp_path, kind, axes, unit):
+    """Metres or millimetres, y up or z up: the file says the unit, the thorax says what is up."""
+    lab = in_laboratory(trial.thorax_mm, np.eye(3) if axes == "y up" else Z_UP, ORIGIN_MM)
+    lab = {name: xyz / (1000.0 if unit == "m" else 1.0) for name, xyz in lab.items()}
+    path = tmp_path / f"trial.{kind}"
+    if kind == "c3d":
+        write_c3d(path, lab, unit)
+    elif kind == "trc":
+        trc(tmp_path, trc_lines(lab, unit))
+    else:
+        header = ",".join(f"{name}_{axis}_{unit}" for name in lab for axis in "xyz")
+        rows = np.concatenate(list(lab.values())).T
+        path.write_text("\n".join([header, *(",".join(map(repr, map(float, row))) for row in rows)]) + "\n")
+    motions = read_any(path, Mapping(), LABELS)
+    tolerance = C3D_DEG if kind == "c3d" else EXACT
+    np.testing.assert_allclose(known(motions), true(trial), rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose(motions.humerus_elevation_deg, trial.elevation_deg, rtol=0.0, atol=tolerance)
+    assert motions.subjects == ("P01",)
+    assert set(motions.motion) == {"abduction"}
+    assert set(motions.extra[ESTIMATED]) == {"yes"}
+    assert motions.angles_deg[0, 2] == pytest.approx(0.0, abs=tolerance)
+    tolerance_mm = C3D_MM if kind == "c3d" else EXACT
+    for name, position in motions.landmarks_mm.items():
+        np.testing.assert_allclose(position, trial.thorax_mm[name].T, rtol=0.0, atol=10 * tolerance_mm)
+
+
+def test_the_names_of_the_files_stand_in_for_subject_and_motion(lab, tmp_path):
+    motions = read_any(trc(tmp_path, trc_lines(lab), "P07_flexion.trc"), Mapping(), Labels("", ""))
+    assert (motions.subjects, set(motions.motion)) == (("P07_flexion",), {"P07_flexion"})
+
+
+def test_a_left_shoulder_of_a_trial(trial, tmp_path):
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    lab = in_laboratory({name: mirror @ xyz for name, xyz in trial.thorax_mm.items()}, Z_UP, ORIGIN_MM)
+    path = trc(tmp_path, trc_lines(lab))
+    refused(path, "lies on the left", "--side left")
+    motions = read_any(path, Mapping(), Labels("P01", "abduction", "left"))
+    np.testing.assert_allclose(known(motions), true(trial), rtol=0.0, atol=EXACT)
+    written = tmp_path / "out.csv"
+    write_motions(motions, written)
+    assert read_motions(written).angles_deg == pytest.approx(motions.angles_deg, abs=EXACT)
+
+
+def test_left_handed_axes_need_a_word(trial, tmp_path):
+    lab = {name: xyz * np.array([1.0, 1.0, -1.0])[:, None] for name, xyz in trial.thorax_mm.items()}
+    path = trc(tmp_path, trc_lines(lab))
+    refused(path, "acromion lies on the left", 'axes = ["x", "y", "-z"]')
+    motions = read_any(path, Mapping(axes=("x", "y", "-z")), LABELS)
+    np.testing.assert_allclose(known(motions), true(trial), rtol=0.0, atol=EXACT)
+
+
+@pytest.mark.parametrize("kind", ["c3d", "trc"])
+def test_metres_called_millimetres_are_found_out(lab, tmp_path, kind):
+    metres = {name: xyz / 1000.0 for name, xyz in lab.items()}
+    path = tmp_path / f"trial.{kind}"
+    write_c3d(path, metres, "mm") if kind == "c3d" else trc(tmp_path, trc_lines(metres, "mm"))
+    refused(path, "which no neck is", "look like m: correct the unit")
+
+
+def test_a_unit_that_is_not_known_or_not_said(lab, tmp_path):
+    path = trc(tmp_path, trc_lines(lab, "furlong"))
+    refused(path, "the unit of the positions is 'furlong'", "mm, cm, m")
+    path = tmp_path / "trial.c3d"
+    write_c3d(path, lab, "")
+    refused(path, "does not say in which unit", 'unit = "mm"')
+    motions = read_any(path, Mapping(unit="mm"), LABELS)
+    assert len(motions.posture) == len(ELEVATIONS)
+    path = trc(tmp_path, trc_lines(lab, "mm"))
+    refused(path, "the file says that positions are in mm, the mapping file m", "Correct", Mapping(unit="m"))
+
+
+@pytest.mark.parametrize("kind", ["c3d", "trc"])
+@pytest.mark.parametrize("gap", [np.nan, 0.0])
+def test_a_gap_costs_its_frames_and_nothing_else(trial, lab, tmp_path, kind, gap):
+    """An empty cell, a negative residual or (0, 0, 0): the markers beside it stay where they are."""
+    gappy = {name: xyz.copy() for name, xyz in lab.items()}
+    gappy["SC"][:, 3] = gap
+    gappy["PX"][:, 5] = gap
+    path = tmp_path / f"trial.{kind}"
+    write_c3d(path, gappy) if kind == "c3d" else trc(tmp_path, trc_lines(gappy))
+    motions = read_any(path, Mapping(), LABELS)
+    rows = [0, 1, 2, 3, 4, 6, 7, 8]
+    assert motions.posture.tolist() == [row + 1 for row in rows]
+    expected = true(trial)[rows]
+    expected[3, :2] = np.nan
+    np.testing.assert_allclose(known(motions), expected, rtol=0.0, atol=C3D_DEG)
+    assert motions.extra[ESTIMATED].tolist()[3] == ""
+    assert np.isnan(motions.angles_deg[3, 2])
+
+
+def test_a_marker_that_is_the_origin_is_no_gap(trial, tmp_path):
+    """A file in the thorax frame has IJ at (0, 0, 0) in every frame."""
+    motions = read_any(trc(tmp_path, trc_lines(trial.thorax_mm)), Mapping(), LABELS)
+    np.testing.assert_allclose(known(motions), true(trial), rtol=0.0, atol=EXACT)
+
+
+@pytest.mark.parametrize("kind", ["c3d", "trc"])
+def test_renamed_and_repeated_markers(lab, tmp_path, kind):
+    names = ["P01:" + name for name in lab]
+    path = tmp_path / f"trial.{kind}"
+
+    def write(names):
+        if kind == "c3d":
+            write_c3d(path, lab, names=names)
+        else:
+            lines = trc_lines(lab)
+            lines[3] = "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t"
+            trc(tmp_path, lines)
+
+    write(names)
+    refused(path, "there is no marker 'IJ'", "Is it 'P01:IJ'?")
+    mapping = Mapping(markers={name.partition(":")[2]: name for name in names})
+    assert len(read_any(path, mapping, LABELS).posture) == len(ELEVATIONS)
+    write(["IJ" if name == "SC" else name for name in lab])
+    refused(path, "there are 2 markers called 'IJ'", "Rename one of them")
+
+
+def test_a_marker_that_was_nowhere_measured(lab, tmp_path):
+    empty = lab | {"TS": np.full_like(lab["TS"], np.nan)}
+    refused(trc(tmp_path, trc_lines(empty)), r"marker 'TS' \(TS\) was nowhere measured", "another trial")
+
+
+@pytest.mark.parametrize("said", [8, 12])
+def test_a_wrong_number_of_frames_in_a_trc_header(lab, tmp_path, said):
+    error = refused(trc(tmp_path, trc_lines(lab, frames_said=said)), f"says {said} frames", "write 9 for NumFrames")
+    assert error.row == 3
+
+
+def test_a_wrong_number_of_markers_in_a_trc_header(lab, tmp_path):
+    lines = trc_lines(lab)
+    cells = lines[2].split("\t")
+    cells[3] = "5"
+    lines[2] = "\t".join(cells)
+    refused(trc(tmp_path, lines), "says 5 markers", "NumMarkers")
+
+
+def test_a_trc_line_with_too_many_or_wrong_cells(lab, tmp_path):
+    lines = trc_lines(lab)
+    lines[7] += "\t17.0"
+    assert refused(trc(tmp_path, lines), "more than the", "surplus tab").row == 8
+    lines = trc_lines(lab)
+    lines[-1] = lines[-1][: len(lines[-1]) // 2]
+    assert refused(trc(tmp_path, lines), "ends before", "cut off").row == len(lines)
+    lines = trc_lines(lab)
+    lines[8] = lines[8].replace(lines[8].split("\t")[4], "1,5")
+    assert refused(trc(tmp_path, lines), "'1,5' is not a number", "decimal point").row == 9
+
+
+def test_a_wrong_number_of_frames_in_a_c3d_header(trial, lab, tmp_path):
+    """Header and parameters disagree, the data are whole: read as they are. Data cut off: refused."""
+    path = tmp_path / "trial.c3d"
+    write_c3d(path, lab)
+    content = bytearray(path.read_bytes())
+    whole = bytes(content)
+    first, last = struct.unpack("<2H", content[6:10])
+    content[6:10] = struct.pack("<2H", first, last - 4)
+    path.write_bytes(content)
+    np.testing.assert_allclose(known(read_any(path, Mapping(), LABELS)), true(trial), rtol=0.0, atol=C3D_DEG)
+    longer = 100
+    content[6:10] = struct.pack("<2H", first, last + longer)
+    path.write_bytes(content)
+    refused(path, f"says that it has {len(ELEVATIONS) + longer} frames but holds 9", "export it again")
+    path.write_bytes(whole[:-700])
+    refused(path, "says that it has 9 frames but holds", "export it again")
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", b"\x02\x50" + b"\0" * 600, b"\x02\x50" + b"\xff" * 600])
+def test_what_is_no_c3d_file_ends_in_a_message(tmp_path, content):
+    path = tmp_path / "trial.c3d"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"not a \.c3d file|cut off|cannot read"):
+        read_c3d(path)
+
+
+def test_a_c3d_file_that_ends_within_its_parameters(lab, tmp_path):
+    """ezc3d alone would read on for ever."""
+    path = tmp_path / "trial.c3d"
+    write_c3d(path, lab)
+    path.write_bytes(path.read_bytes()[:700])
+    with pytest.raises(InputError, match="ends before its data"):
+        read_c3d(path)
+
+
+def test_more_markers_than_one_parameter_of_a_c3d_file_can_name(lab, tmp_path):
+    others = {f"cluster{k}": lab["IJ"] + k for k in range(300)}
+    path = tmp_path / "trial.c3d"
+    write_c3d(path, others | lab)
+    markers = read_c3d(path)
+    assert markers.names[-1] == "EL"
+    np.testing.assert_allclose(markers.positions[markers.names.index("TS")], lab["TS"], rtol=0.0, atol=C3D_MM)
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+def test_line_ends_and_a_missing_blank_line_of_a_trc_file(lab, tmp_path, line_end):
+    lines = trc_lines(lab)
+    del lines[5]
+    path = tmp_path / "trial.trc"
+    path.write_bytes((line_end.join(lines) + line_end).encode())
+    np.testing.assert_allclose(read_trc(path).positions[1], lab["C7"], rtol=0.0, atol=EXACT)
+
+
+@pytest.mark.parametrize("lines", [[], ["a", "b"], ["PathFileType\t4"] + ["x"] * 9])
+def test_what_is_no_trc_file(tmp_path, lines):
+    with pytest.raises(InputError, match=r"trc file|Frame#"):
+        read_trc(trc(tmp_path, lines))
+
+
+def test_aa_without_ac_is_never_taken_for_it(trial, lab, tmp_path):
+    aa_only = {name: xyz for name, xyz in lab.items() if name != "AC"}
+    path = trc(tmp_path, trc_lines(aa_only))
+    refused(path, "has AA but not AC", "--aa-to-ac kolz2020")
+    labels = Labels("P01", "abduction", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020")
+    motions = read_any(path, Mapping(), labels)
+    assert np.isnan(motions.angles_deg[:, :3]).all()
+    assert "kolz2020" in motions.extra[SCAPULA_ROTATED][0]
+    assert "4 deg" in motions.extra[SCAPULA_ROTATED][0]
+    assert np.abs(motions.angles_deg[:, 3:] - trial.angles_deg[:, 3:]).max() < 3 * KOLZ.uncertainty_deg
+    both = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
+    np.testing.assert_allclose(known(both), true(trial), rtol=0.0, atol=EXACT)
+    assert SCAPULA_ROTATED not in both.extra
+
+
+def test_palpated_postures_of_several_subjects(trial, lab, tmp_path):
+    """One row a posture; the estimate of each subject starts from its own lowest arm, over all its motions."""
+    header = "subject,motion,posture," + ",".join(f"{name}_{axis}_mm" for name in lab for axis in "xyz")
+    rows = np.concatenate(list(lab.values())).T
+    lines = [header]
+    for subject, order in (("A", [3, 0, 5]), ("B", [8, 2])):
+        lines += [
+            ",".join([subject, "up" if k < 4 else "high", str(10 + k), *map(repr, map(float, rows[k]))]) for k in order
+        ]
+    path = tmp_path / "palpated.csv"
+    path.write_text("\n".join(lines) + "\n")
+    motions = read_any(path, Mapping(), Labels("", ""))
+    assert motions.subject.tolist() == ["A", "A", "A", "B", "B"]
+    assert motions.motion.tolist() == ["up", "up", "high", "high", "up"]
+    assert motions.posture.tolist() == [13, 10, 15, 18, 12]
+    np.testing.assert_allclose(known(motions), true(trial)[[3, 0, 5, 8, 2]], rtol=0.0, atol=EXACT)
+    zero = np.abs(motions.angles_deg[:, 2]) < EXACT
+    assert zero.tolist() == [False, True, False, False, True]
+
+
+def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
+    trial = simulated_trial(np.linspace(10.0, 70.0, 61))
+    lab = in_laboratory(trial.thorax_mm, Z_UP, ORIGIN_MM)
+    labels = Labels("P01", "abduction", at_deg=(10.5, 40.5, 69.5, 120.0))
+    motions = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
+    assert motions.humerus_elevation_deg.tolist() == [10.5, 40.5, 69.5]
+    at = motions.humerus_elevation_deg
+    expected = np.stack([np.interp(at, trial.elevation_deg, column) for column in true(trial).T], axis=1)
+    bend_deg = 0.05  # of the rhythm within 5 degrees of the arm
+    np.testing.assert_allclose(known(motions), expected, rtol=0.0, atol=bend_deg)
+    assert motions.extra[FRAMES].tolist() == ["6", "10", "6"]
+    spread = motions.extra[[spread_column(angle) for angle in ANGLES]].astype(float).to_numpy()
+    assert (spread < bend_deg).all()
+    refused(
+        tmp_path / "trial.trc", "the arm goes from 10 to 70", "passes through", labels=Labels("P", "m", at_deg=(90.0,))
+    )
+
+
+def test_raising_and_lowering_that_differ_show_in_the_spread(tmp_path):
+    """Hysteresis of +-2 degrees of the scapula about its long axis: an SD of 2."""
+    trial = simulated_trial(np.tile(np.linspace(30.0, 50.0, 21), 2))
+    differs = Rotation.from_euler("Y", 2.0, degrees=True).as_matrix()
+    moved = {name: xyz.copy() for name, xyz in trial.thorax_mm.items()}
+    for name in ("TS", "AI"):
+        for half, turn in ((slice(0, 21), differs), (slice(21, 42), differs.T)):
+            around = moved["AC"][:, half]
+            moved[name][:, half] = around + turn @ (moved[name][:, half] - around)
+    labels = Labels("P01", "abduction", at_deg=(40.0,))
+    motions = read_any(trc(tmp_path, trc_lines(moved)), Mapping(), labels)
+    assert float(motions.extra[spread_column("scapula_y")].iloc[0]) == pytest.approx(2.0, abs=0.15)
+    assert float(motions.extra[spread_column("clavicle_y")].iloc[0]) < 0.05
+
+
+@pytest.mark.parametrize("isb", [False, True])
+def test_angles_through_mot_and_back(tmp_path, isb):
+    one = read_motions(DATA_FILE)
+    one = one.select((one.subject == "simulated03") & (one.motion == "abduction"))
+    one.angles_deg[2, 2] = np.nan
+    one.extra[ESTIMATED] = "yes"
+    path = tmp_path / "a.mot"
+    write_mot(table_from_motions(one, isb, "a.mot"), path)
+    again = read_any(path, Mapping(), Labels("", ""))
+    np.testing.assert_allclose(again.angles_deg, one.angles_deg, rtol=0.0, atol=EXACT)
+    np.testing.assert_array_equal(again.humerus_elevation_deg, one.humerus_elevation_deg)
+    assert (again.subject == one.subject).all()
+    assert (again.motion == one.motion).all()
+    np.testing.assert_array_equal(again.posture, one.posture)
+    assert set(again.extra["origin"]) == {"simulated"}
+    assert set(again.extra[ESTIMATED]) == {"yes"}
+
+
+def mot(folder, lines, name="trial.mot"):
+    path = folder / name
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+ROWS = ["time st_y st_z st_x", "0.0 30 10 -10", "0.5 31 11 -9", "1.0 nan nan nan"]
+
+
+def test_a_laboratorys_own_mot_file(tmp_path):
+    names = {"scapula_y": "st_y", "scapula_z": "st_z", "scapula_x": "st_x"}
+    path = mot(tmp_path, ["Coordinates", "datarows 3", "datacolumns 4", "inDegrees=yes", "endheader", *ROWS])
+    motions = read_any(path, Mapping(columns=names), LABELS)
+    np.testing.assert_array_equal(motions.angles_deg[:, 3:], [[30, 10, -10], [31, 11, -9]])
+    assert np.isnan(motions.angles_deg[:, :3]).all()
+    assert motions.posture.tolist() == [1, 2]
+    refused(path, "none of the columns clavicle_y", "the file has time, st_y, st_z, st_x")
+    path = mot(tmp_path, ["Coordinates", "inDegrees=no", "endheader", ROWS[0], "0 0.5 0.1 0.2"])
+    radians = read_any(path, Mapping(columns=names), LABELS)
+    np.testing.assert_allclose(radians.angles_deg[0, 3:], np.degrees([0.5, 0.1, 0.2]), rtol=0.0, atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("lines", "cause", "remedy"),
+    [
+        (["name", "nRows=3", *ROWS], "there is no line endheader", "OpenSim"),
+        (["name", "endheader", *ROWS], "does not say whether angles are in degrees", "inDegrees=yes"),
+        (["name", "inDegrees=yes", "nRows=7", "endheader", *ROWS], "nrows=7 but the file has 3", "nrows=3"),
+        (["name", "inDegrees=yes", "nColumns=9", "endheader", *ROWS], "ncolumns=9 but the file has 4", "ncolumns=4"),
+        (["name", "inDegrees=yes", "endheader", *ROWS, "2.0 1 2"], "3 cells where there are 4", "nan"),
+        (["name", "inDegrees=yes", "endheader", "time a a", "0 1 2"], "'a' stands there twice", "Rename"),
+        (["name", "inDegrees=yes", "endheader", "time a b", "0 1 x"], "'x' is not a number", "decimal"),
+        (["name", "inDegrees=yes", "endheader", "time a b", "0 1 1_0"], "'1_0' is not a number", "decimal"),
+        (["name", "inDegrees=yes", "endheader", "time a b", "0 1 inf"], "'inf' is infinite", "Empty"),
+        (["name", "inDegrees=yes", "endheader"], "no rows under endheader", "columns"),
+    ],
+)
+def test_the_traps_of_a_mot_file(tmp_path, lines, cause, remedy):
+    with pytest.raises(InputError, match=cause) as caught:
+        read_mot(mot(tmp_path, lines))
+    assert remedy in caught.value.remedy
+
+
+def test_isb_angles_are_through_aa_unless_the_file_says_ac(tmp_path):
+    head = ["name", "inDegrees=yes", "endheader", "time scapula_alpha scapula_beta scapula_gamma"]
+    path = mot(tmp_path, [*head, "0 30 -10 -5"])
+    refused(path, "ISB's scapula frame goes through AA", "scapula_through=AC")
+    motions = read_any(path, Mapping(), Labels("P", "m", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020"))
+    assert motions.angles_deg[0, 3] > 35.0
+    path = mot(tmp_path, [head[0], "scapula_through=AC", *head[1:], "0 30 -10 -5"])
+    np.testing.assert_array_equal(read_any(path, Mapping(), LABELS).angles_deg[0, 3:], [30, 10, -5])
+
+
+@pytest.mark.parametrize(
+    ("text", "cause", "remedy"),
+    [
+        ("markers = 3", "markers is not a section", "IJ ="),
+        ('[markers]\nXX = "a"', "no landmark 'XX'", "IJ, PX, C7, T8"),
+        ('[markers]\nIJ = "a"\nPX = "a"', "'a' stands for two", "of its own"),
+        ('unit = "inch"', "unit is 'inch'", "mm, cm, m"),
+        ('unit = ["x"]', r"unit is \['x'\]", "mm, cm, m"),
+        ('axes = ["x", "y"]', "axes is", '"-z"'),
+        ('axes = ["x", "y", "y"]', "axes is", '"-z"'),
+        ('units = "mm"', "key 'units' is unknown", "Known: unit"),
+        ("unit = ", "not a TOML file", "unit"),
+    ],
+)
+def test_a_wrong_mapping_file(tmp_path, text, cause, remedy):
+    path = tmp_path / "lab.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=cause) as caught:
+        read_mapping(path)
+    assert remedy in caught.value.remedy
+
+
+def test_a_mapping_file(tmp_path):
+    path = tmp_path / "lab.toml"
+    path.write_text('unit = "m"\naxes = ["z", "x", "y"]\n[markers]\nIJ = "STRN"\n[columns]\nclavicle_y = "sc_y"\n')
+    mapping = read_mapping(path)
+    assert (mapping.unit, mapping.marker("IJ"), mapping.marker("PX")) == ("m", "STRN", "PX")
+    assert mapping.column("clavicle_y") == "sc_y"
+    np.testing.assert_array_equal(mapping.axes_matrix @ [1.0, 2.0, 3.0], [3.0, 1.0, 2.0])
+    with pytest.raises(InputError, match="cannot be read"):
+        read_mapping(tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize("name", ["trial.xlsx", "trial"])
+def test_a_kind_of_file_that_is_not_known(tmp_path, name):
+    (tmp_path / name).write_text("x")
+    with pytest.raises(InputError, match=r"not known|no ending") as caught:
+        read_any(tmp_path / name, Mapping(), LABELS)
+    assert ".c3d, .trc" in caught.value.remedy
+
+
+def test_a_position_beyond_all_laboratories_is_named():
+    """Before anything is made of it that overflows."""
+    names = ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")
+    positions = np.zeros((len(names), 3, 2))
+    positions[3, 0, 1] = -1e308
+    markers = Markers("trial.trc", names, positions, "mm", {})
+    with pytest.raises(InputError, match=r"trial\.trc: marker 'T8' has a coordinate of 1e\+308\. Correct it"):
+        landmarks_mm(markers, Mapping())

@@ -1,0 +1,209 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""Batches in parts: any chunk, a stop and a cluster give the same results; nothing lost, nothing doubled."""
+
+import importlib.util
+import os
+import signal
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from command import girdle
+
+from adapt.api import adapt_subjects
+from adapt.large_runs import parts as parts_module
+from adapt.large_runs.parts import FOLDER, Chunks, Parts, Work, one_after_another
+from adapt.output.run_files import inputs_record, run_key
+from models import load_model
+from motions import MotionStream, read_motions, write_motions
+from motions.rhythm_subjects import simulate_subjects
+
+SAME = 1e-9
+"""Degrees, mm, mm^2: solutions are exact to rounding, whoever is solved beside them."""
+
+TABLES = ("fits", "heldout", "parameters", "summary")
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory) -> Path:
+    """Five simulated subjects."""
+    path = tmp_path_factory.mktemp("motion") / "motion.csv"
+    write_motions(simulate_subjects(5, seed=3), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(motion, tmp_path_factory) -> Path:
+    """Adapted in one part."""
+    folder = tmp_path_factory.mktemp("whole")
+    ended = girdle("adapt", motion, "--model", "R2", "--out", folder)
+    assert ended.status == 0, ended.err
+    return folder
+
+
+def work(held_out: Iterable[str] = ()) -> Work:
+    return Work((load_model("R2"),), 10.0, "mm2_deg2", frozenset(), frozenset(held_out))
+
+
+def assert_same_tables(folder: Path, expected: Path) -> None:
+    for name in TABLES:
+        one, other = (pd.read_csv(each / f"{name}.csv") for each in (folder, expected))
+        pd.testing.assert_frame_equal(one, other, check_exact=False, rtol=SAME, atol=SAME)
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 5])
+def test_results_do_not_depend_on_the_chunk(motion, whole, tmp_path, chunk):
+    ended = girdle("adapt", motion, "--model", "R2", "--chunk", chunk, "--out", tmp_path)
+    assert ended.status == 0, ended.err
+    assert_same_tables(tmp_path, whole)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in whole.iterdir())
+    assert len(list((tmp_path / "models").iterdir())) == 5
+
+
+def test_the_report_of_several_parts_says_that_it_is_a_sample(motion, tmp_path, monkeypatch):
+    monkeypatch.setattr("adapt.cli.app.MOST_SHOWN", 3)
+    girdle("adapt", motion, "--model", "R2", "--chunk", 2, "--out", tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "this page is about 3 of 5 subjects" in page
+    assert len(pd.read_csv(tmp_path / "parameters.csv")) == 5
+
+
+def test_a_part_is_what_its_subjects_are_alone(motion):
+    """The same numbers as from Python, bit by bit: they are written with all digits."""
+    motions = read_motions(motion)
+    tables = adapt_subjects(motions, load_model("R2"))
+    folder = motion.parent / "alone"
+    folder.mkdir()
+    made = Parts(folder, "key")
+    made.make(work(motions.subjects), [motions], one_after_another, lambda _: None)
+    found, failed = made.become_tables(folder, work().models)
+    made.remove()
+    for name in ("summary", "parameters", "heldout"):
+        pd.testing.assert_frame_equal(getattr(found, name), getattr(tables, name), check_exact=True)
+    assert failed == {}
+    assert not (folder / FOLDER).exists()
+
+
+class StoppedError(Exception):
+    """As if the machine had been switched off."""
+
+
+def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch):
+    def stopped(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
+        for count, made in enumerate(one_after_another(work, chunks)):
+            if count == 2:
+                raise StoppedError
+            yield made
+
+    arguments = ("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path)
+    monkeypatch.setattr("adapt.cli.app.one_after_another", stopped)
+    with pytest.raises(StoppedError):
+        girdle(*arguments)
+    assert [path.name for path in tmp_path.iterdir()] == [FOLDER]
+    assert len(list((tmp_path / FOLDER).rglob("*.zip"))) == 2
+
+    made = []
+
+    def counted(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
+        for number, part in one_after_another(work, chunks):
+            made.append(number)
+            yield number, part
+
+    monkeypatch.setattr("adapt.cli.app.one_after_another", counted)
+    assert girdle(*arguments).status == 0
+    assert made == [2, 3, 4]
+    assert_same_tables(tmp_path, whole)
+    assert not (tmp_path / FOLDER).exists()
+
+
+def test_parts_of_another_run_are_removed(tmp_path):
+    Parts(tmp_path, "one")
+    (tmp_path / FOLDER / "one" / "0000000.zip").write_bytes(b"a part")
+    Parts(tmp_path, "one")
+    assert (tmp_path / FOLDER / "one" / "0000000.zip").exists()
+    Parts(tmp_path, "other")
+    assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ["other"]
+
+
+# --- reading in chunks ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 3, None])
+def test_chunks_hold_every_posture_once(motion, chunk):
+    """Subjects that take turns, and are in two files, too."""
+    header, *lines = motion.read_text().splitlines()
+    turns = [line for k in range(14) for line in lines[k::14]]
+    files = [motion.parent / "first.csv", motion.parent / "second.csv"]
+    for path, some in zip(files, (turns[:40], turns[40:]), strict=True):
+        path.write_text("\n".join([header, *some]) + "\n")
+    whole = read_motions(*files)
+    read = list(MotionStream(*files).in_chunks(chunk))
+    assert [len(one.subjects) for one in read] == {1: [1] * 5, 2: [2, 2, 1], 3: [3, 2], None: [5]}[chunk]
+    for name in whole.subjects:
+        (mine,) = (one for one in read if name in one.subjects)
+        mine, expected = (one.select(one.subject == name) for one in (mine, whole))
+        np.testing.assert_array_equal(mine.angles_deg, expected.angles_deg)
+        assert mine.posture.tolist() == expected.posture.tolist()
+
+
+def test_who_is_left_out_is_named_once(motion):
+    header, *lines = motion.read_text().splitlines()
+    bad = motion.parent / "bad.csv"
+    told = "simulated02,abduction,3,"
+    spoiled = [line.replace(told, f"{told}x") for line in lines]
+    bad.write_text("\n".join([header, *spoiled]) + "\n")
+    stream = MotionStream(bad)
+    names = [name for one in stream.in_chunks(2) for name in one.subjects]
+    assert names == ["simulated01", "simulated03", "simulated04", "simulated05"]
+    assert [error.row for error in stream.rejected] == [18]
+
+
+# --- a cluster ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
+@pytest.mark.filterwarnings("ignore")
+def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypatch):
+    """Two processes; one is killed as soon as the first part is there, while it holds work."""
+    from distributed import Client, LocalCluster
+
+    written = []
+    write = parts_module.write_bytes_whole
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        with Client(cluster) as client:
+            pids = list(client.run(os.getpid).values())
+
+        def write_and_kill(path: Path, content: bytes) -> None:
+            written.append(path.name)
+            write(path, content)
+            if len(written) == 1:
+                os.kill(pids[0], signal.SIGKILL)
+
+        monkeypatch.setattr(parts_module, "write_bytes_whole", write_and_kill)
+        address = cluster.scheduler_address
+        ended = girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--dask", address, "--out", tmp_path)
+    assert ended.status == 0, ended.err
+    assert sorted(written) == [f"{number:07d}.zip" for number in range(5)]
+    assert_same_tables(tmp_path, whole)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
+@pytest.mark.filterwarnings("ignore")
+def test_an_address_without_a_scheduler_is_bad_input(motion, tmp_path, monkeypatch):
+    monkeypatch.setattr("adapt.large_runs.dask_cluster._CONNECT_S", 0.5)
+    ended = girdle("adapt", motion, "--dask", "tcp://127.0.0.1:1", "--out", tmp_path)
+    assert ended.status == 2
+    assert "no Dask scheduler answers at tcp://127.0.0.1:1" in ended.err
+
+
+def test_a_run_of_a_pipe_goes_on_with_no_other(motion, tmp_path):
+    """Files are known again by their hash; a pipe has none, and may hold something else the next time."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    of_file, of_pipe = (inputs_record([path], ["R2"]) for path in (motion, pipe))
+    assert run_key(of_file, {}) == run_key(of_file, {})
+    assert run_key(of_pipe, {}) != run_key(of_pipe, {})

@@ -1,0 +1,359 @@
+"""The report as text: what is in it, that names cannot break it, that it stays small, that its numbers are right."""
+
+import math
+import re
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pytest
+from diagnoses import BY_KIND, SKIN, gap_of, of
+from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
+from pages import EVIL, MODELS, R2, data_of, simulated
+
+from adapt.diagnosis.json_form import as_json
+from adapt.diagnosis.wording import amplitude_text
+from adapt.report import drawn_postures as chosen
+from adapt.report import report_html
+from adapt.report.bone_positions import POINTS, bones_mm
+from adapt.report.figure_data import figure_data
+from adapt.report.gap_cells import ALL, heat_maps
+from adapt.report.headline import closest, headline
+from adapt.report.overview import overview, people
+from adapt.tables.held_out import MOTION, POSTURES
+from adapt.tables.results import summary_table
+from models import load_model
+from motions import ANGLES, Motions
+
+LARGEST_BYTES = 10_000_000
+"""A file larger than this cannot be mailed everywhere."""
+
+MM_TOLERANCE = 1e-9
+"""Cosines and products of lengths of 100 mm in double precision."""
+
+
+def words_of(html: str) -> str:
+    """The text of the page that is there before any script runs, on one line."""
+    body = html[html.index("<main>") : html.index("</main>")]
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", body)))
+
+
+# --- where the bones are -------------------------------------------------------------------------------------------
+
+
+def test_bones_without_rotation_are_where_the_parameter_set_has_them():
+    girdle = R2[0].girdle
+    own = np.asarray(girdle.adapted_mm)[:, None]
+    points, _ = bones_mm(girdle, own, np.zeros((6, 1)))
+    ac = np.asarray(girdle.sc_mm + girdle.ac_mm)
+    offsets = [
+        np.zeros(3),
+        girdle.ts_mm,
+        girdle.ai_mm,
+        girdle.clavicle_conoid_mm - girdle.ac_mm,
+        girdle.scapula_conoid_mm,
+    ]
+    expected = [ac + np.asarray(offset) for offset in offsets]
+    np.testing.assert_allclose(points[..., 0], expected, rtol=0.0, atol=MM_TOLERANCE)
+    assert POINTS[:3] == ("AC", "TS", "AI")
+
+
+def test_a_bone_whose_angles_were_not_measured_is_nowhere():
+    girdle = R2[0].girdle
+    own = np.asarray(girdle.adapted_mm)[:, None]
+    only_clavicle = np.array([[-28.0, 11.0, 7.0, np.nan, np.nan, np.nan]]).T
+    points, residuals = bones_mm(girdle, own, only_clavicle)
+    known = {name: bool(np.isfinite(point).all()) for name, point in zip(POINTS, points, strict=True)}
+    assert known == {"AC": True, "TS": False, "AI": False, "clavicle_conoid": True, "scapula_conoid": False}
+    assert not np.isfinite(residuals).any()
+
+
+def test_residuals_are_those_of_each_rows_own_parameters():
+    """A conoid 3 mm longer leaves 3 mm less of A3; the other two do not know of it."""
+    girdle = R2[0].girdle
+    own = np.asarray(girdle.adapted_mm)
+    theta_mm = np.stack([own, own + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0])], axis=1)
+    _, residuals = bones_mm(girdle, theta_mm, np.repeat(rising(1, 1)[0].T, 2, axis=1))
+    np.testing.assert_allclose(residuals[:, 0] - residuals[:, 1], [0.0, 0.0, 3.0], rtol=0.0, atol=MM_TOLERANCE)
+
+
+# --- the numbers of the figures ------------------------------------------------------------------------------------
+
+
+def test_figures_get_every_row_once_in_the_order_of_its_motion():
+    motions = motions_of(rising(3, 4))
+    order = np.random.default_rng(0).permutation(12)
+    shuffled = replace(
+        motions,
+        subject=motions.subject[order],
+        posture=motions.posture[order],
+        humerus_elevation_deg=motions.humerus_elevation_deg[order],
+        angles_deg=motions.angles_deg[order],
+    )
+    found = figure_data(shuffled, R2, adaptations(shuffled, R2), {})
+    assert [one["name"] for one in found["subjects"]] == list(shuffled.subjects)
+    for one in found["subjects"]:
+        (motion,) = one["motions"]
+        rows = slice(*motion["rows"])
+        assert found["posture"][rows] == [1, 2, 3, 4]
+        expected = motions.angles_deg[motions.subject == one["name"]].T
+        np.testing.assert_allclose(np.array(found["measured_deg"])[:, rows], expected, rtol=0.0, atol=0.005)
+        for state, gap_deg in zip(("before", "after"), GAP_DEG.values(), strict=True):
+            shown = np.array(found["models"][0]["states"][state]["simulated_deg"])[:, rows]
+            np.testing.assert_allclose(shown - expected, gap_deg, rtol=0.0, atol=0.005)
+
+
+def test_each_state_has_its_own_parameters_and_gaps():
+    motions = motions_of(rising(2, 4))
+    (model,) = figure_data(motions, R2, adaptations(motions, R2), {"R2": 1.5})["models"]
+    before, after = (model["states"][state] for state in ("before", "after"))
+    np.testing.assert_allclose(np.subtract(after["theta_mm"], before["theta_mm"]), [MOVED_MM] * 2, rtol=0.0, atol=0.06)
+    assert (before["gap_deg"], after["gap_deg"]) == ([[GAP_DEG[False]] * 8] * 2, [[GAP_DEG[True]] * 8] * 2)
+    assert (set(before["rms_deg"]), set(after["rms_deg"])) == ({GAP_DEG[False]}, {GAP_DEG[True]})
+    assert model["noise_deg"] == 1.5
+
+
+def test_what_failed_or_was_not_measured_is_null():
+    angles_deg = rising(2, 4)
+    angles_deg[0, 1, 3] = np.nan
+    motions = motions_of(angles_deg)
+    found = figure_data(motions, R2, adaptations(motions, R2, failed=["s2"]), {})
+    (model,) = found["models"]
+    after = model["states"]["after"]
+    assert found["measured_deg"][3][1] is None
+    assert model["measured_points_mm"][POINTS.index("TS") * 3][1] is None
+    assert after["simulated_deg"][0][4:] == [None] * 4
+    assert after["simulated_points_mm"][0][4:] == [None] * 4
+    assert after["theta_mm"][1] == [None] * 6
+    assert (model["adaptation"], after["status"][4]) == (["ok", "not_converged"], "not_converged")
+    assert model["states"]["before"]["simulated_deg"][0][4] is not None
+
+
+def test_the_heat_map_is_the_mean_absolute_difference_over_subjects():
+    """Elevations 0, 50, 100, 150: bins 0-30, 30-60, 90-120, 150-180. Subjects 1 and 3 degrees off, in one angle not."""
+    angles_deg = rising(2, 4)
+    angles_deg[1, :, 5] = np.nan
+    motions = motions_of(angles_deg)
+    result = adaptations(motions, R2, gap_deg={"s1": -1.0, "s2": 3.0})
+    found = heat_maps(motions, result.fits, "R2")
+    assert found["low_deg"] == [0.0, 30.0, 90.0, 150.0]
+    assert [one["motion"] for one in found["maps"]] == [ALL]
+    np.testing.assert_allclose(found["maps"][0]["before"], GAP_DEG[False])
+    np.testing.assert_allclose(found["maps"][0]["after"], [[2.0] * 4] * 5 + [[1.0] * 4])
+
+
+def test_the_heat_map_leaves_out_failed_fits_and_shows_each_motion():
+    one, other = motions_of(rising(2, 2)), motions_of(rising(2, 3), motion="flexion")
+    motions = Motions.concatenate([one, other])
+    found = heat_maps(motions, adaptations(motions, R2, failed=["s1", "s2"]).fits, "R2")
+    assert [one["motion"] for one in found["maps"]] == [ALL, "abduction", "flexion"]
+    assert np.isnan([one["after"] for one in found["maps"]]).all()
+    abduction, flexion = found["maps"][1]["before"], found["maps"][2]["before"]
+    assert np.isnan(abduction[0]).tolist() == [False, True, False]
+    assert np.isfinite(flexion).all()
+
+
+# --- how much is drawn ---------------------------------------------------------------------------------------------
+
+
+def test_of_many_subjects_as_many_as_fit_are_drawn_from_the_best_to_the_worst():
+    motions = motions_of(rising(1000, 14))
+    gap_deg = {name: float(k) for k, name in enumerate(reversed(motions.subjects))}
+    names = chosen.chosen_subjects(motions, 3, gap_deg)
+    assert len(names) == chosen.MOST_DRAWN // (3 * 14)
+    assert {"s1", "s1000"} <= set(names)
+    assert list(names) == sorted(names, key=lambda name: int(name[1:])), "in the order of the motions"
+    steps = np.diff([int(name[1:]) for name in names])
+    assert steps.max() - steps.min() <= 1, "evenly"
+
+
+def test_a_subject_without_a_gap_counts_as_the_worst():
+    motions = motions_of(rising(1000, 14))
+    gap_deg = dict.fromkeys(motions.subjects, 1.0) | {"s500": np.nan}
+    assert "s500" in chosen.chosen_subjects(motions, 3, gap_deg)
+
+
+@pytest.mark.parametrize(("models", "drawn"), [(1, 300), (6, 300), (100, 60)])
+def test_of_a_long_motion_evenly_chosen_postures_are_drawn(models, drawn):
+    motions = motions_of(rising(1, 20_000))
+    rows = chosen.chosen_rows(motions, models, motions.subjects)
+    assert len(rows) == drawn
+    assert (rows[0], rows[-1]) == (0, 19_999)
+
+
+def test_all_of_a_usual_study_is_drawn():
+    motions = motions_of(rising(30, 22))
+    assert chosen.chosen_subjects(motions, 6, {}) == motions.subjects
+    assert len(chosen.chosen_rows(motions, 6, motions.subjects)) == 30 * 22
+
+
+def test_two_hundred_subjects_stay_small_and_the_page_says_what_is_left_out():
+    motions = motions_of(rising(200, 14))
+    models = [*MODELS, load_model("R6")]
+    html = report_html(motions, models, adaptations(motions, models, failed=["s7"]), {"s7": "adaptation failed"})
+    assert len(html.encode()) < LARGEST_BYTES
+    drawn = len(data_of(html)["subjects"])
+    assert 100 < drawn < 200
+    assert f"Not all is drawn here, to keep this file small: {drawn} of 200 subjects" in words_of(html)
+
+
+# --- words ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_sentence_says_before_and_after():
+    motions = motions_of(rising(2, 4))
+    summary = summary_table(adaptations(motions, R2).fits)
+    assert headline(summary, "2 subjects", ()) == (
+        "Adapting R2 to 2 subjects takes the mean gap of the scapula from 6.0 to 2.0 and that of the clavicle "
+        "from 6.0 to 2.0 degrees."
+    )
+
+
+def test_the_sentence_says_what_is_left_on_motions_that_were_held_out():
+    summary = adaptations(motions_of(rising(2, 4)), R2).summary
+    sentence = headline(summary, "2 subjects", {MOTION})
+    assert sentence.endswith("from 6.0 to 2.0 degrees, and to 3.0 and 3.0 on motions that it has not seen.")
+    for kinds in ({POSTURES}, {MOTION, POSTURES}):
+        thirds = headline(summary, "2 subjects", kinds)
+        assert thirds.endswith("and to 3.0 and 3.0 on postures that it has not seen.")
+
+
+def test_the_sentence_names_the_closest_of_several_sets():
+    motions = motions_of(rising(2, 4))
+    summary = adaptations(motions, MODELS).summary
+    better = (summary["model"] == "R4") & (summary["adapted"] == 1)
+    summary.loc[better, [f"{angle}_deg" for angle in (*ANGLES, "clavicle", "scapula")]] -= 0.5
+    assert closest(summary) == "R4"
+    sentence = headline(summary, "2 subjects", {MOTION})
+    assert sentence.startswith("Of 2 parameter sets R4 comes closest: adapting it to 2 subjects")
+    assert "from 6.0 to 1.5 degrees, and to 3.0" in sentence
+
+
+def test_the_sentence_leaves_out_a_bone_that_was_not_measured():
+    angles_deg = rising(2, 4)
+    angles_deg[..., 3:] = np.nan
+    sentence = headline(adaptations(motions_of(angles_deg), R2).summary, "2 subjects", {MOTION})
+    assert sentence == (
+        "Adapting R2 to 2 subjects takes the mean gap of the clavicle from 6.0 to 2.0 degrees, "
+        "and to 3.0 on motions that it has not seen."
+    )
+
+
+def test_the_sentence_says_when_nothing_could_be_fitted():
+    motions = motions_of(rising(1, 4))
+    summary = adaptations(motions, R2, failed=["s1"]).summary
+    assert headline(summary, "1 subject", {MOTION}) == "No posture of 1 subject could be fitted."
+
+
+@pytest.mark.parametrize(
+    ("subjects", "simulated", "said"),
+    [(1, 0, "1 subject"), (3, 3, "3 simulated subjects"), (3, 1, "3 subjects (1 of them simulated)")],
+)
+def test_simulated_people_are_called_so(subjects, simulated, said):
+    assert people(subjects, simulated) == said
+
+
+@pytest.mark.parametrize(
+    ("count", "said"), [(3, "All subjects are simulated"), (1, "1 of the 3 subjects are simulated")]
+)
+def test_the_page_says_that_data_are_simulated(count, said):
+    motions = simulated(motions_of(rising(3, 4)), count)
+    assert said in words_of(report_html(motions, R2, adaptations(motions, R2)))
+
+
+def test_measured_data_are_not_called_simulated():
+    motions = motions_of(rising(3, 4))
+    assert "Simulated data" not in words_of(report_html(motions, R2, adaptations(motions, R2)))
+
+
+def test_the_overview_counts_what_was_fitted():
+    motions = motions_of(rising(3, 4))
+    (row,) = overview(adaptations(motions, R2, failed=["s2"]))
+    assert (row.postures, row.postures_ok, row.subjects, row.adapted) == (12, (12, 8), 3, 2)
+    assert row.gap_deg["scapula"] == pytest.approx((GAP_DEG[False], GAP_DEG[True]))
+    assert row.unseen_deg == {"clavicle": UNSEEN_DEG, "scapula": UNSEEN_DEG}
+
+
+def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
+    motions = motions_of(rising(3, 4))
+    made = adaptations(motions, R2)
+    heldout = made.heldout.query("subject != 's2'")
+    two = replace(made, heldout=heldout, summary=summary_table(made.fits, heldout))
+    said = words_of(report_html(motions, R2, two))
+    assert f"{UNSEEN_DEG}° {UNSEEN_DEG}° 12 of 12" in said
+    assert "of 2 of the subjects" in said
+    assert "of 2 of the subjects" not in words_of(report_html(motions, R2, made))
+    (model,) = figure_data(motions, R2, two, {})["models"]
+    assert model["unseen_deg"] == [[UNSEEN_DEG] * 2, [None] * 2, [UNSEEN_DEG] * 2]
+
+
+def test_who_was_not_handled_is_named():
+    motions = motions_of(rising(3, 4))
+    failed = {f"P{k}": "adaptation not_converged" for k in range(70)}
+    words = words_of(report_html(motions, R2, adaptations(motions, R2, failed=["s2"]), failed))
+    assert "P0: adaptation not_converged" in words
+    assert "P60" not in words
+    assert "70 left out or failed in part" in words
+    assert "And more" in words
+
+
+# --- the file ------------------------------------------------------------------------------------------------------
+
+
+def test_the_same_results_give_the_same_page_and_it_needs_no_other_file():
+    motions = motions_of(rising(2, 4))
+    html = report_html(motions, MODELS, adaptations(motions, MODELS))
+    assert html == report_html(motions, MODELS, adaptations(motions, MODELS))
+    ours = html.replace(re.findall(r"<script>(.*?)</script>", html, re.DOTALL)[0], "")
+    assert not re.search(r"(src|href)=[\"'](?!#)", ours), "nothing but links within the page"
+    assert "default-src 'none'" in ours
+
+
+def test_names_from_files_are_text():
+    motions = motions_of(rising(2, 4), names=[EVIL], motion=EVIL)
+    html = report_html(motions, R2, adaptations(motions, R2), {EVIL: "adaptation not_converged"})
+    assert "alert(1)</script>" not in html
+    assert f"{EVIL}: adaptation not_converged" in words_of(html)
+    found = data_of(html)
+    assert found["subjects"][0]["name"] == EVIL
+    assert found["subjects"][0]["motions"][0]["name"] == EVIL
+
+
+# --- with a diagnosis ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", BY_KIND)
+def test_every_kind_of_answer_has_its_page(kind):
+    """The verdict comes first; each answer stands once, with its probability."""
+    motions, found = motions_of(rising(10, 4)), of(BY_KIND[kind])
+    html = report_html(motions, R2, adaptations(motions, R2), {}, found)
+    assert [unescape(one) for one in re.findall(r"<h1>(.*?)</h1>", html, re.DOTALL)] == [found["verdict"]["sentence"]]
+    words = words_of(html)
+    assert words.index(found["verdict"]["sentence"]) < words.index("Before and after adaptation")
+    shown = re.findall(r'<span class="name">(\S+)\s.*?<span class="value">(.*?)</span>', html, re.DOTALL)
+    assert len(shown) == len(found["probability"])
+    for name, value in shown:
+        assert unescape(value) in (f"{found['probability'][name]:.2f}", "<0.01")
+    for name, size in found["amplitude"].items():
+        assert f"{name} {amplitude_text(size)}" in words
+    assert found["next_measurement"][0]["what"] in words
+    assert data_of(html)["models"][0]["noise_deg"] == found["noise"]["angle_deg"]
+
+
+def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer():
+    motions = motions_of(rising(10, 4))
+    found = as_json({"R2": SKIN, "R4": replace(SKIN, model="R4", gap=gap_of(1.2, 1.1))})
+    html = report_html(motions, MODELS, adaptations(motions, MODELS), {}, found)
+    data = data_of(html)
+    assert found["model"] == data["models"][data["first_model"]]["name"] == "R4"
+    for of_model in found["by_model"].values():
+        assert of_model["verdict"]["sentence"] in words_of(html)
+
+
+def test_what_a_diagnosis_could_not_tell_is_a_dash():
+    unknown = replace(SKIN, gap=gap_of(math.nan, math.nan), next_measurement=[], indistinguishable=[])
+    motions = motions_of(rising(10, 4))
+    words = words_of(report_html(motions, R2, adaptations(motions, R2), {}, of(unknown)))
+    assert "adapted - [-, -]" in words
+    assert "Every effect of the list could be told from every other one" in words
+    assert "None was proposed" in words

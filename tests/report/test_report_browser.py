@@ -1,0 +1,315 @@
+"""The report as a person meets it: opened in a real browser, stepped, turned, chosen from, on a desk and on a phone."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnoses import NOTHING, PAIR, SKIN, of
+from handmade import MOVED_MM, adaptations, motions_of, rising
+from pages import EVIL, MODELS, R2, simulated
+from PIL import Image
+from playwright.sync_api import Browser, Page, expect
+
+from adapt.report import report_html
+from adapt.report.bone_positions import POINTS
+from motions import InputError, Motions
+from scripts.picture_report import BROWSERS, browser, installed_browser, main, open_report, picture
+
+pytestmark = pytest.mark.skipif(installed_browser() is None, reason=f"none of {', '.join(BROWSERS)} is installed")
+
+DESK = {"width": 1280, "height": 900}
+PHONE = {"width": 390, "height": 844}
+
+DRAWN_MM = 0.051
+"""The page holds tenths of a mm."""
+
+SETTLED_MS = 500
+"""The longest pause between two frames of a turning view that was seen on a machine with every core taken."""
+
+SETTLING_READS = 40
+
+EYE = "document.getElementById('view')._fullLayout.scene._scene.getCamera().eye"
+
+DRAWN_SHARE = 2e-3
+"""Twice those tenths as a share of a semi-axis of 100 mm."""
+
+LARGEST_PICTURE_BYTES = 250_000
+
+
+@dataclass
+class Seen:
+    """A page, and what the browser had to say of it."""
+
+    page: Page
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def traces(self, place: str = "view") -> list[dict[str, Any]]:
+        """What is drawn there."""
+        return json.loads(self.page.evaluate(f"JSON.stringify(document.getElementById('{place}').data)"))
+
+    def data(self) -> dict[str, Any]:
+        return json.loads(self.page.inner_text("#data") or self.page.text_content("#data") or "")
+
+    def eye(self) -> dict[str, float]:
+        """Where the 3-D view is seen from."""
+        return self.page.evaluate(EYE)
+
+    def settled_eye(self) -> dict[str, float]:
+        """The same once the view has come to rest: on a busy machine it still turns long after the mouse is let go."""
+        now = self.eye()
+        for _ in range(SETTLING_READS):
+            self.page.wait_for_timeout(SETTLED_MS)
+            last, now = now, self.eye()
+            if now == last:
+                return now
+        raise AssertionError(f"the view still turns after {SETTLING_READS * SETTLED_MS} ms")
+
+    def assert_quiet(self) -> None:
+        """No error, nothing asked of a network, nothing wider than the window."""
+        assert self.errors == []
+        assert [url for url in self.requests if not url.startswith(("file:", "blob:", "data:"))] == []
+        width, window = self.page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
+        assert width <= window
+
+
+@pytest.fixture(scope="module")
+def started() -> Iterator[Browser]:
+    with browser() as one:
+        yield one
+
+
+@pytest.fixture
+def look(started, tmp_path) -> Iterator[Any]:
+    """Open a report's text in a window of its own."""
+    pages: list[Page] = []
+
+    def opened(html: str, window: dict[str, int] = DESK) -> Seen:
+        path = tmp_path / f"report{len(pages)}.html"
+        path.write_text(html, encoding="utf-8")
+        page = started.new_page(viewport=window)
+        pages.append(page)
+        seen = Seen(page)
+        page.on("console", lambda said: seen.errors.append(said.text) if said.type == "error" else None)
+        page.on("pageerror", lambda error: seen.errors.append(str(error)))
+        page.on("dialog", lambda dialog: (seen.errors.append(f"dialog {dialog.message}"), dialog.dismiss()))
+        page.on("request", lambda request: seen.requests.append(request.url))
+        open_report(page, path)
+        return seen
+
+    yield opened
+    for page in pages:
+        page.close()
+
+
+def two_motions(subjects: int = 2) -> Motions:
+    parts = [motions_of(rising(subjects, 5), motion="abduction"), motions_of(rising(subjects, 4), motion="flexion")]
+    return Motions.concatenate(parts)
+
+
+def drawn_scapula(seen: Seen, name: str) -> np.ndarray:
+    """AC, TS, AI and AC again, (lateral, up, backward) as in the thorax frame."""
+    (line,) = [one for one in seen.traces() if one.get("name") == f"{name}: scapula"]
+    return np.array([line["x"], line["z"], [-y for y in line["y"]]])
+
+
+def landmarks_of(columns: list[list[float]], names: list[str], row: int) -> np.ndarray:
+    at = [POINTS.index(name) for name in names]
+    return np.array([[columns[3 * k + axis][row] for k in at] for axis in range(3)])
+
+
+TRIANGLE = ["AC", "TS", "AI", "AC"]
+
+
+@pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
+def test_the_view_steps_through_the_postures_and_turns(look, window):
+    """What is drawn is the girdle of the posture that the slider is at, measured in black, adapted in blue."""
+    motions = two_motions()
+    seen = look(report_html(motions, MODELS, adaptations(motions, MODELS)), window)
+    page, data = seen.page, seen.data()
+    model = data["models"][data["first_model"]]
+    for step in range(3):
+        assert page.inner_text("#readout").startswith(f"Posture {step + 1} of 5")
+        measured = landmarks_of(model["measured_points_mm"], TRIANGLE, step)
+        np.testing.assert_allclose(drawn_scapula(seen, "measured"), measured, rtol=0.0, atol=DRAWN_MM)
+        after = landmarks_of(model["states"]["after"]["simulated_points_mm"], TRIANGLE, step)
+        np.testing.assert_allclose(drawn_scapula(seen, "adapted"), after, rtol=0.0, atol=DRAWN_MM)
+        page.click("#next")
+    assert page.input_value("#posture") == "3"
+    before = seen.settled_eye()
+    page.locator("#readout").evaluate("one => one.scrollIntoView()")
+    box = page.locator("#view").bounding_box()
+    assert box
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.55 * box["height"], steps=6)
+    seen.settled_eye()  # as a person does: what is let go is what is seen
+    page.mouse.up()
+    turned = seen.settled_eye()
+    assert max(abs(turned[axis] - before[axis]) for axis in "xyz") > 0.1
+    page.click("#next")
+    assert max(abs(seen.settled_eye()[axis] - turned[axis]) for axis in "xyz") < 1e-6, "stepping does not turn it back"
+    page.click("[data-view=front]")
+    page.wait_for_function(f"{EYE}.y > 1.0")
+    seen.assert_quiet()
+
+
+def test_model_subject_motion_and_state_can_be_chosen(look):
+    motions = two_motions()
+    seen = look(report_html(motions, MODELS, adaptations(motions, MODELS)))
+    page, data = seen.page, seen.data()
+    page.select_option("#model", label="R4")
+    page.select_option("#subject", label="s2")
+    page.select_option("#motion", label="flexion")
+    page.click("#show-before")
+    page.fill("#posture", "2")
+    row = data["subjects"][1]["motions"][1]["rows"][0] + 2
+    model = next(one for one in data["models"] if one["name"] == "R4")
+    simulated_mm = landmarks_of(model["states"]["before"]["simulated_points_mm"], TRIANGLE, row)
+    np.testing.assert_allclose(drawn_scapula(seen, "model as it is"), simulated_mm, rtol=0.0, atol=DRAWN_MM)
+    headings = page.locator("h2 [data-name]").all_inner_texts()
+    assert {"R4", "s2", "flexion"} <= set(headings)
+    (dots,) = [
+        one
+        for one in json.loads(page.evaluate("JSON.stringify(document.querySelector('#angles .figure').data)"))
+        if one["mode"] == "markers"
+    ]
+    assert dots["y"] == data["measured_deg"][0][slice(*data["subjects"][1]["motions"][1]["rows"])]
+    page.click("#subject-table tbody tr:first-child")
+    assert page.input_value("#subject") == "0"
+    page.select_option("#heat-motion", label="flexion")
+    page.click("#play")
+    expect(page.locator("#posture")).to_have_value("3")
+    page.click("#play")
+    seen.assert_quiet()
+
+
+def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
+    """Every drawn point of the surface is on it: M_x moved, as a file of the user's own may have it."""
+    girdle = replace(R2[0].girdle, centre_mm=np.array([7.0, *R2[0].girdle.centre_mm[1:]]))
+    model, motions = replace(R2[0], girdle=girdle), two_motions(1)
+    seen = look(report_html(motions, [model], adaptations(motions, [model])))
+    for state, moved_mm in (("before", 0.0 * MOVED_MM), ("after", MOVED_MM)):
+        seen.page.click(f"#show-{state}")
+        (surface,) = [one for one in seen.traces() if one["type"] == "surface"]
+        x, forward, up = (np.array(surface[axis]) for axis in "xyz")
+        M_y, M_z, A_x, A_y, A_z, _ = np.asarray(girdle.adapted_mm) + moved_mm
+        squares = ((x - 7.0) / A_x) ** 2 + ((up - M_y) / A_y) ** 2 + ((-forward - M_z) / A_z) ** 2
+        np.testing.assert_allclose(squares, 1.0, rtol=0.0, atol=DRAWN_SHARE)
+    seen.assert_quiet()
+
+
+def test_a_name_that_would_run_is_shown_as_text(look):
+    motions = simulated(motions_of(rising(2, 4), names=[EVIL], motion=EVIL), 2)
+    seen = look(report_html(motions, R2, adaptations(motions, R2), {EVIL: "adaptation not_converged"}))
+    assert seen.page.locator("#subject option").first.text_content() == EVIL
+    assert seen.page.locator("#motion option").first.text_content() == EVIL
+    assert seen.page.locator("#subject-table tbody th").first.text_content() == EVIL
+    assert EVIL in (seen.page.text_content("#failed") or "")
+    assert "All subjects are simulated" in seen.page.inner_text(".badge")
+    seen.assert_quiet()
+
+
+def nothing_measured() -> Motions:
+    """The scapula of the first subject and the elevations of the second one were not measured."""
+    angles_deg = rising(2, 4)
+    angles_deg[0, :, 3:] = np.nan
+    motions = motions_of(angles_deg)
+    motions.humerus_elevation_deg[4:] = np.nan
+    return motions
+
+
+ODD = {
+    "one posture": (motions_of(rising(1, 1)), []),
+    "not measured": (nothing_measured(), []),
+    "one failed": (motions_of(rising(3, 4)), ["s1"]),
+    "all failed": (motions_of(rising(2, 4)), ["s1", "s2"]),
+}
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_odd_results_are_drawn_without_an_error(look, kind):
+    motions, failed = ODD[kind]
+    seen = look(report_html(motions, R2, adaptations(motions, R2, failed=failed), dict.fromkeys(failed, "failed")))
+    page = seen.page
+    page.click("#next")
+    page.click("#show-before")
+    for subject in range(len(motions.subjects) if len(motions.subjects) > 1 else 0):
+        page.select_option("#subject", str(subject))
+    assert page.inner_text("#readout").startswith("Posture ")
+    seen.assert_quiet()
+
+
+def test_a_motion_at_one_elevation_is_drawn_posture_by_posture(look):
+    motions = motions_of(rising(1, 4))
+    motions.humerus_elevation_deg[:] = 30.0
+    seen = look(report_html(motions, R2, adaptations(motions, R2)))
+    first = seen.page.locator("#angles .figure").first
+    drawn = "one => [one.data[0].x, one.layout.xaxis.title.text]"
+    assert first.evaluate(drawn) == [[1, 2, 3, 4], "posture"]
+    seen.assert_quiet()
+
+
+def test_a_failed_subject_says_so_and_has_no_adapted_ellipsoid(look):
+    motions, failed = ODD["one failed"]
+    seen = look(report_html(motions, R2, adaptations(motions, R2, failed=failed)))
+    assert "adaptation not_converged · fit adapted: not_converged" in seen.page.inner_text("#readout")
+    assert not [one for one in seen.traces() if one["type"] == "surface"]
+    seen.page.click("#show-before")
+    assert [one for one in seen.traces() if one["type"] == "surface"]
+
+
+@pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
+def test_a_diagnosis_is_in_the_page(look, window):
+    motions = two_motions(10)
+    found = of(PAIR)
+    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, found), window)
+    page = seen.page
+    assert page.inner_text("h1") == found["verdict"]["sentence"]
+    words = " ".join(page.inner_text("#why").split())
+    assert "Two together: skin_artefact and clavicle_length 0.90" in words
+    assert "conoid_strain and clavicle_axial_estimate" in words, "cannot be told apart"
+    assert found["next_measurement"][0]["what"] in words
+    assert "7.0 [5.3, 8.7] deg" in words
+    named = [name.split("\n")[0] for name in page.locator(".answer.named .name").all_inner_texts()]
+    assert sorted(named) == ["clavicle_length", "skin_artefact"]
+    assert "1.34 [1.24, 1.44]" in " ".join(page.inner_text("#gap").split())
+    (both, *_) = page.locator("#gaps .figure").all()
+    held_out, in_sample = json.loads(both.evaluate("one => JSON.stringify(one.data)"))
+    assert held_out["x"] == [2.1, 1.34, 1.02, 0.89]
+    assert in_sample["x"] == pytest.approx([2.0, 1.14, 0.82, 0.8])
+    (band,) = [
+        one
+        for one in json.loads(page.evaluate("JSON.stringify(document.querySelector('#angles .figure').data)"))
+        if one.get("fill")
+    ]
+    measured = seen.data()["measured_deg"][0][:5]
+    np.testing.assert_allclose(np.subtract(band["y"], measured), 1.96 * SKIN.noise.noise.angle_deg, rtol=0.0, atol=1e-9)
+    seen.assert_quiet()
+
+
+def test_without_an_effect_there_is_no_gap_with_it(look):
+    motions = two_motions(1)
+    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, of(NOTHING)))
+    held_out, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
+    assert held_out["x"] == [2.1, 0.93, 0.89]
+    assert "with" not in seen.page.inner_text("#gap tbody")
+    seen.assert_quiet()
+
+
+def test_the_picture_of_a_report_is_small(started, tmp_path):
+    motions = two_motions()
+    report, out = tmp_path / "report.html", tmp_path / "report.png"
+    report.write_text(report_html(motions, MODELS, adaptations(motions, MODELS)), encoding="utf-8")
+    picture(started, report, 3, (1240, 1310)).save(out, optimize=True)
+    assert out.stat().st_size < LARGEST_PICTURE_BYTES
+    with Image.open(out) as drawn:
+        assert len(drawn.convert("RGB").getcolors(1 << 20) or []) > 20, "something is drawn"
+
+
+def test_a_report_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(InputError, match="there is no such file"):
+        main(tmp_path / "report.html", tmp_path / "report.png")

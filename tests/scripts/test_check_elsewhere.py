@@ -1,0 +1,60 @@
+"""Worlds made elsewhere: what is found in a folder, and one of them from its files to its report."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from adapt.diagnosis import diagnose
+from models.effects import EFFECTS
+from scripts import check_elsewhere
+from scripts.blind.runs import read_lines
+from scripts.blind_world import make_world
+
+BIAS, OTHER = "scapula_landmark_bias", "conoid_strain"
+MODEL = Path(__file__).parents[2] / "models" / "sets" / "R4.toml"
+
+
+def told(folder: Path, **truth: Any) -> Path:
+    folder.mkdir(parents=True)
+    (folder / "truth.json").write_text(json.dumps(truth))
+    return folder / "motions.csv"
+
+
+def test_worlds_are_folders_with_motions_and_a_truth(tmp_path: Path) -> None:
+    told(tmp_path / "b", label="none_at_all", model="R2").touch()
+    told(tmp_path / "a" / "deep", label="none", model="R4", seed=7).touch()
+    told(tmp_path / "c", label="outside_fog", model="R6").touch()
+    told(tmp_path / "without motions", label="none", model="R2")
+    found = check_elsewhere.worlds(tmp_path)
+    assert [(one.label, one.repeat, one.model) for one in found] == [
+        ("none", 0, "R4"),
+        ("none", 1, "R2"),
+        ("outside_fog", 0, "R6"),
+    ]
+
+
+def test_one_world_from_its_files_to_its_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # two effects: the whole library would compile for a minute
+    few = {name: EFFECTS[name] for name in (OTHER, BIAS)}
+    monkeypatch.setattr(check_elsewhere, "diagnose", partial(diagnose, effects=tuple(few.values())))
+    world = make_world(BIAS, MODEL, subjects=3, seed=1)
+    world.table.to_csv(told(tmp_path / "in" / "theirs", label=BIAS, model="R4"), index=False)
+    check_elsewhere.main(tmp_path / "in", tmp_path / "out", jobs=1)
+    printed = capsys.readouterr().out
+    (found,) = read_lines(tmp_path / "out" / "cases.jsonl")
+    assert (found["label"], found["model"], found["effects"]) == (BIAS, "R4", [BIAS])
+    assert "| true effect in the reported set | >= 97 % | 100.0 %" in printed
+    # done is done
+    monkeypatch.setattr(check_elsewhere, "examine", lambda case, fits: pytest.fail("ran again"))
+    check_elsewhere.main(tmp_path / "in", tmp_path / "out", jobs=1)
+    assert capsys.readouterr().out == printed
+
+
+def test_a_folder_without_worlds_says_what_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(check_elsewhere.typer.BadParameter, match=r"has a motions.csv and a truth.json"):
+        check_elsewhere.main(tmp_path, tmp_path / "out")

@@ -1,0 +1,217 @@
+"""Eliminated postures against their dense systems: whatever the parameters' step, the conditions of a posture hold."""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+import pytest
+
+from adapt.solvers.batched.elimination import STIFFER, STIFFNESS, Elimination, augmented, stationarity
+from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
+from models import load_model
+from models.derivatives import ELLIPSOID, Chain, chain, feet
+from motions.rhythm_subjects import simulate_subjects
+from motions.rotations import DEG
+
+EXACT = 1e-9
+"""Relative to the largest term of a sum: LDL' of matrices whose condition is some 1e4."""
+
+LANES = 400
+
+OF_LAMBDA = np.array([0.5, -0.7, 1.3])
+"""Directions of the multipliers; their sizes decide how far a posture is from a minimum."""
+
+
+class Case(NamedTuple):
+    """Postures at angles off the measured ones, chains a little open; matrices of each lane first."""
+
+    at: Chain
+    weights: np.ndarray
+    """(6, lanes), one of them 0 in every third lane."""
+    pull: np.ndarray
+    multipliers: np.ndarray
+    g: np.ndarray
+    G: np.ndarray
+    T: np.ndarray
+    H: np.ndarray
+    """W + d2(lambda'g)/dq2, W as the elimination takes it."""
+    C: np.ndarray
+    U: np.ndarray
+
+
+def symmetric(rows, size: int) -> np.ndarray:
+    full = np.zeros((LANES, size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            full[:, i, j] = full[:, j, i] = rows[i][j]
+    return full
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    generator = np.random.default_rng(3)
+    girdle = jax.tree.map(np.asarray, load_model("R2").girdle)
+    measured = simulate_subjects(1, seed=5).angles_deg[:14].T[:, np.arange(LANES) % 14] / float(DEG)
+    q = measured + generator.normal(size=(6, LANES)) * 0.05
+    theta = np.asarray(girdle.adapted_mm)[:, None] + generator.normal(size=(6, LANES))
+    weights = 2.0 * float(DEG) ** 2 / 6.0 * generator.uniform(0.5, 2.0, (6, LANES))
+    weights[2, ::3] = 0.0
+    multipliers = OF_LAMBDA[:, None] * np.geomspace(0.1, 300.0, LANES)
+    start = feet(girdle, list(q), list(theta))
+    at = chain(girdle, list(q), list(theta), list(multipliers), start)
+    damped = np.maximum(weights, UNMEASURED_WEIGHT * weights.max(axis=0))
+    T, C, U = np.zeros((LANES, 3, 6)), np.zeros((LANES, 6, 6)), np.zeros((LANES, 6, 6))
+    T[:, :2, :ELLIPSOID], T[:, 2, ELLIPSOID] = np.moveaxis(np.array(at.T), -1, 0), -1.0
+    C[..., :ELLIPSOID] = np.moveaxis(np.array(at.qu), -1, 0)
+    U[:, :ELLIPSOID, :ELLIPSOID] = symmetric(at.uu, ELLIPSOID)
+    return Case(
+        at,
+        weights,
+        weights * (q - measured),
+        multipliers,
+        np.array(at.g).T,
+        np.moveaxis(np.array(at.G), -1, 0),
+        T,
+        symmetric(at.qq, 6) + damped.T[:, :, None] * np.eye(6),
+        C,
+        U,
+    )
+
+
+def eliminated(case: Case, parameters: bool) -> Elimination:
+    return Elimination(case.at, list(case.weights), list(case.pull), parameters)
+
+
+def assert_sum_to_zero(*terms: np.ndarray) -> None:
+    largest = np.max([np.abs(term).max(axis=-1, keepdims=True) for term in terms], axis=0)
+    assert (np.abs(sum(terms)) <= EXACT * largest).all()
+
+
+def times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return np.einsum("lij,lj->li", matrices, vectors)
+
+
+def stiffened(case: Case, share: float) -> np.ndarray:
+    """Smallest eigenvalue of H + G' s G."""
+    s = share * case.weights.max(axis=0)[:, None] / np.sum(case.G**2, axis=2)
+    return np.linalg.eigvalsh(case.H + np.einsum("lki,lk,lkj->lij", case.G, s, case.G))[:, 0]
+
+
+def test_a_posture_is_convex_where_its_stiffened_hessian_is_definite(case):
+    """With little stiffness, with more, or with neither; each of them is among the lanes."""
+    found = eliminated(case, parameters=True)
+    little, more = (stiffened(case, share) > 0.0 for share in (STIFFNESS, STIFFNESS * STIFFER))
+    np.testing.assert_array_equal(found.convex, little | more)
+    assert little.any()
+    assert (more & ~little).any()
+    assert (~more).any()
+    used = np.array(found.steps.used)
+    scale = case.weights.max(axis=0) / np.sum(case.G**2, axis=2).T
+    expected = np.where(little, STIFFNESS, np.where(more, STIFFNESS * STIFFER, 0.0)) * scale
+    np.testing.assert_allclose(used, expected, rtol=EXACT)
+
+
+@pytest.mark.parametrize(("share", "convex"), [(2.0 * PIVOT_FLOOR, True), (0.5 * PIVOT_FLOOR, False)])
+def test_a_direction_that_is_nearly_flat_is_no_minimum(share, convex):
+    """Three angles are held by the constraints; of the others one has hardly any curvature, as a share of W."""
+    one, nothing = np.ones(1), np.zeros(1)
+    weight = 500.0
+    qq = [[nothing] * i + [(share - 1.0) * weight * one if i == 5 else nothing] for i in range(6)]
+    held = [[one if i == k else nothing for i in range(6)] for k in range(3)]
+    at = Chain([nothing] * 3, held, [], qq, [], [], [nothing] * 2)
+    found = Elimination(at, [weight * one] * 6, [nothing] * 6, parameters=False)
+    assert np.asarray(found.convex).tolist() == [convex]
+
+
+def conditions(case: Case, convex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """H, C and U; of a posture that is not convex W alone."""
+    damped = np.maximum(case.weights, UNMEASURED_WEIGHT * case.weights.max(axis=0)).T
+    H = np.where(convex[:, None, None], case.H, damped[:, :, None] * np.eye(6))
+    return H, case.C * convex[:, None, None], case.U * convex[:, None, None]
+
+
+@pytest.mark.parametrize("size_mm", [0.0, 1.0, 30.0])
+def test_the_conditions_of_a_posture_hold_for_any_step_of_the_parameters(case, size_mm):
+    """H dq + C d + G' lambda = -W (q - s) and G dq + T d = -g."""
+    found = eliminated(case, parameters=True)
+    H, C, _ = conditions(case, np.asarray(found.convex))
+    d = size_mm * np.random.default_rng(4).normal(size=(LANES, 6))
+    dq, multipliers = (np.array(x).T for x in found.steps.moved(list(d.T)))
+    assert_sum_to_zero(times(H, dq), times(C, d), times(np.swapaxes(case.G, 1, 2), multipliers), case.pull.T)
+    assert_sum_to_zero(times(case.G, dq), times(case.T, d), case.g)
+
+
+def test_without_parameters_they_are_those_of_a_posture_fit(case):
+    found = eliminated(case, parameters=False)
+    H, _, _ = conditions(case, np.asarray(found.convex))
+    dq, multipliers = (np.array(x).T for x in found.steps.moved([]))
+    assert_sum_to_zero(times(H, dq), times(np.swapaxes(case.G, 1, 2), multipliers), case.pull.T)
+    assert_sum_to_zero(times(case.G, dq), case.g)
+
+
+def test_what_is_left_for_the_parameters_is_their_own_condition(case):
+    """U d + C' dq + T' lambda = slope + curvature d, dq and lambda following d."""
+    found = eliminated(case, parameters=True)
+    _, C, U = conditions(case, np.asarray(found.convex))
+    d = np.random.default_rng(5).normal(size=(LANES, 6))
+    dq, multipliers = (np.array(x).T for x in found.steps.moved(list(d.T)))
+    slope = np.array([found.slope(i) for i in range(6)]).T
+    curvature = symmetric([[found.curvature(i, j) for j in range(i + 1)] for i in range(6)], 6)
+    left = times(U, d), times(np.swapaxes(C, 1, 2), dq), times(np.swapaxes(case.T, 1, 2), multipliers)
+    assert_sum_to_zero(*left, -slope, -times(curvature, d))
+
+
+def test_merit_and_stationarity_by_hand(case):
+    """lambda'g + 1/2 sum s g^2, and the largest component of W (q - s) + G' lambda."""
+    s = np.full((3, LANES), 7.0)
+    found = augmented(list(case.multipliers), list(s), list(case.g.T))
+    np.testing.assert_allclose(found, np.sum((case.multipliers + 3.5 * case.g.T) * case.g.T, axis=0), rtol=EXACT)
+    residual = case.pull.T + times(np.swapaxes(case.G, 1, 2), case.multipliers.T)
+    found = stationarity(case.at, list(case.pull), list(case.multipliers))
+    np.testing.assert_allclose(found, np.abs(residual).max(axis=1), rtol=EXACT)
+
+
+# The stiffness of a posture's matrix: the least that makes it positive definite, ten times as much, or none
+
+WEIGHT = 1000.0
+"""Of every angle; any number would do."""
+
+
+def pivots(K: np.ndarray) -> np.ndarray:
+    """D of K = L D L'."""
+    L = np.linalg.cholesky(K)
+    return np.diag(L) ** 2
+
+
+def definite(K: np.ndarray) -> bool:
+    try:
+        return bool((pivots(K) > PIVOT_FLOOR * WEIGHT).all())
+    except np.linalg.LinAlgError:
+        return False
+
+
+def test_no_more_stiffness_than_it_takes():
+    """Postures with multipliers so large that many are at no minimum: each case is met, and told by LAPACK."""
+    q = simulate_subjects(20, seed=3).angles_deg.T / DEG
+    count = q.shape[1]
+    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
+    theta = [*girdle.centre_mm[1:], *girdle.semi_axes_mm, girdle.conoid_length_mm]
+    multipliers = np.random.default_rng(8).normal(size=(3, count)) * 40.0
+    at = chain(girdle, list(q), theta, list(multipliers), feet(girdle, list(q), theta))
+    weights = [np.full(count, WEIGHT)] * 6
+    found = Elimination(at, weights, [np.zeros(count)] * 6, parameters=False)
+
+    G = np.array(at.G)
+    H = np.empty((6, 6, count))
+    for i in range(6):
+        for j in range(i + 1):
+            H[i, j] = H[j, i] = at.qq[i][j] + (WEIGHT if i == j else 0.0)
+    least = STIFFNESS * WEIGHT / (G**2).sum(axis=1)
+    met = []
+    for k in range(count):
+        enough = [s for s in (1.0, STIFFER) if definite(H[..., k] + G[..., k].T @ (s * least[:, k, None] * G[..., k]))]
+        assert found.convex[k] == bool(enough)
+        expected = least[:, k] * (enough[0] if enough else STIFFER)
+        np.testing.assert_allclose([s[k] for s in found.stiffness], expected, rtol=1e-12)
+        met.append(enough[0] if enough else None)
+    assert {1.0, STIFFER, None} == set(met)

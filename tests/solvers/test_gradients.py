@@ -1,0 +1,178 @@
+"""Derivatives of the posture fit and of the nested objective: differences, both directions, every order."""
+
+from dataclasses import fields
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import bones, constraints
+
+from adapt.solvers.differentiable import nested_objective, posture_fit
+from models import load_model
+from models.girdle import Girdle, constraint_residuals_mm
+from motions.rhythm_subjects import simulate_subjects
+from motions.rotations import DEG
+
+FD_TOLERANCE = 1e-6
+"""Central differences of step 1e-3 mm or 1e-4 rad: the solver stops at |g| and |dL/dq| of 1e-9, mostly far below, which
+over the step leaves 1e-7; the rest is truncation. Relative to the largest entry."""
+
+EXACT = 1e-9
+"""Forward and reverse: the same 9 x 9 system solved from the left and from the right; condition 1e4. Relative."""
+
+ENVELOPE = 1e-7
+"""dJ/dtheta against lambda . dg/dtheta: exact at the optimum, which is known to a stationarity of 1e-9. Relative."""
+
+MODEL = load_model("R2")
+GIRDLE = MODEL.girdle
+POINTS = jnp.asarray(MODEL.points_mm)
+SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg.T / DEG)
+ONE = SUBJECT[:, 4]
+ALL = jnp.ones(6, bool)
+FIELDS = tuple(field.name for field in fields(Girdle))
+
+
+def quantities(girdle: Girdle, angles, known=ALL):
+    """Angles (rad), multipliers and J of one posture as one vector, to compile everything once."""
+    fit = posture_fit(girdle, angles, known)
+    return jnp.concatenate([fit.angles, fit.multipliers, fit.j_deg2[None]])
+
+
+value = jax.jit(quantities)
+_forward = jax.jit(jax.jacfwd(quantities, argnums=(0, 1)))
+_reverse = jax.jit(jax.jacrev(quantities, argnums=(0, 1)))
+
+
+def forward(girdle, angles, known=ALL):
+    return _forward(girdle, angles, known)
+
+
+def reverse(girdle, angles, known=ALL):
+    return _reverse(girdle, angles, known)
+
+
+def assert_close(found, expected, tolerance: float) -> None:
+    expected = np.asarray(expected)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * max(1.0, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_fit_multipliers_and_j_along_every_number_of_the_girdle(field):
+    number = getattr(GIRDLE, field)
+    slope = np.asarray(getattr(forward(GIRDLE, ONE)[0], field)).reshape(10, -1)
+    others = {f: getattr(GIRDLE, f) for f in FIELDS}
+    for k in range(number.size):
+        step = 1e-3 * jnp.eye(number.size)[k].reshape(number.shape)
+        ends = [value(Girdle(**(others | {field: number + s * step})), ONE) for s in (1.0, -1.0)]
+        assert_close(slope[:, k], (ends[0] - ends[1]) / 2e-3, FD_TOLERANCE)
+    assert_close(np.asarray(getattr(reverse(GIRDLE, ONE)[0], field)).reshape(10, -1), slope, EXACT)
+
+
+def test_fit_multipliers_and_j_along_every_measured_angle():
+    slope = np.asarray(forward(GIRDLE, ONE)[1])
+    for k in range(6):
+        step = 1e-4 * jnp.eye(6)[k]
+        assert_close(slope[:, k], (value(GIRDLE, ONE + step) - value(GIRDLE, ONE - step)) / 2e-4, FD_TOLERANCE)
+    assert_close(reverse(GIRDLE, ONE)[1], slope, EXACT)
+    gap = np.asarray(value(GIRDLE, ONE)[:6] - ONE)
+    assert_close(slope[9], -gap * DEG**2 / 3.0, ENVELOPE)  # dJ/ds = -W (q - s): the fit itself does not matter
+
+
+def test_the_fitted_posture_stays_on_the_constraints():
+    """G dq/ds = 0 and, as dq/ds is symmetric and a projection where the surface is flat, its rank is three."""
+    fitted = value(GIRDLE, ONE)
+    dq = np.asarray(forward(GIRDLE, ONE)[1])[:6]
+    _, G = constraints(bones(GIRDLE), np.asarray(fitted[:6]) * DEG)
+    assert np.abs(G @ dq).max() <= EXACT * np.abs(G).max()
+    assert_close(dq, dq.T, EXACT)
+    assert np.linalg.matrix_rank(dq, tol=1e-8) == 3
+
+
+def test_the_slope_of_j_is_the_multipliers_times_the_slope_of_the_constraints():
+    """dJ/dtheta = lambda . dg/dtheta (envelope theorem), for every number of the girdle."""
+    fitted = value(GIRDLE, ONE)
+    T = jax.jacfwd(constraint_residuals_mm)(GIRDLE, fitted[:6])
+    slope = forward(GIRDLE, ONE)[0]
+    for field in FIELDS:
+        expected = np.tensordot(np.asarray(fitted[6:9]), np.asarray(getattr(T, field)), axes=1)
+        assert_close(np.asarray(getattr(slope, field))[9], expected, ENVELOPE)
+    assert float(slope.ts_distance_mm[9]) == pytest.approx(-float(fitted[6]), rel=ENVELOPE)
+
+
+def test_a_missing_angle_has_no_slope_and_takes_no_part():
+    known = jnp.array([True, True, False, True, True, True])
+    slope = reverse(GIRDLE, ONE, known)[1][:6]
+    assert np.abs(slope[:, 2]).max() == 0.0
+    assert np.abs(slope[:, 0]).max() > 0.1
+
+
+# --- the nested objective -------------------------------------------------------------------------
+
+THETA = GIRDLE.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
+
+
+def E(theta, angles=SUBJECT):
+    return nested_objective(theta, GIRDLE, POINTS, angles, jnp.ones(angles.shape, bool), 10.0)
+
+
+values_and_slopes = jax.jit(jax.vmap(jax.value_and_grad(E)))
+"""jit of vmap of grad, over several theta."""
+
+STEPS = 1e-3 * jnp.concatenate([jnp.zeros((1, 6)), jnp.eye(6), -jnp.eye(6)])
+"""No step, then one forward and one backward along each parameter, mm."""
+
+
+def differences(of_steps) -> np.ndarray:
+    """d/dtheta of what was computed at STEPS."""
+    return (np.asarray(of_steps)[1:7] - np.asarray(of_steps)[7:]) / 2e-3
+
+
+@pytest.fixture(scope="module")
+def stepped():
+    values, slopes = values_and_slopes(THETA + STEPS)
+    return np.asarray(values), np.asarray(slopes)
+
+
+@pytest.fixture(scope="module")
+def in_forward_mode():
+    """dE/dtheta in forward mode, and d2E/dtheta2 forward over reverse, in one program."""
+    slope, hessian = jax.jit(jax.jacfwd(jax.value_and_grad(E)))(THETA)
+    return np.asarray(slope), np.asarray(hessian)
+
+
+def test_nested_gradient_by_differences_and_in_forward_mode(stepped, in_forward_mode):
+    values, slopes = stepped
+    assert_close(slopes[0], differences(values), FD_TOLERANCE)
+    assert_close(in_forward_mode[0], slopes[0], EXACT)
+
+
+def test_nested_hessian_by_differences_and_symmetric(stepped, in_forward_mode):
+    hessian = in_forward_mode[1]
+    assert_close(hessian, differences(stepped[1]), FD_TOLERANCE)
+    assert_close(hessian, hessian.T, EXACT)
+
+
+def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
+    """Two subjects, the second with the postures in another order: twice the slope of one."""
+    angles = jnp.stack([SUBJECT, SUBJECT[:, ::-1]])
+    of_sum = jax.jit(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0))(t, angles))))
+    assert_close(of_sum(THETA), 2.0 * stepped[1][0], EXACT)
+
+
+def test_a_posture_that_fails_is_nan_alone():
+    """R2 with a conoid far too short for one of two postures: no wrong number, and no NaN next door."""
+    girdle = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), GIRDLE)
+    short = Girdle(**(vars(girdle) | {"conoid_length_mm": girdle.conoid_length_mm.at[1].set(1.0)}))
+    pair = jnp.stack([ONE, ONE], axis=-1)
+
+    def total(s):
+        fit = posture_fit(short, s)
+        return jnp.nansum(fit.j_deg2), fit.angles
+
+    (j, angles), slope = jax.jit(jax.value_and_grad(total, has_aux=True))(pair)
+    expected = value(GIRDLE, ONE)
+    assert_close(angles[:, 0], expected[:6], EXACT)
+    assert np.isnan(np.asarray(angles)[:, 1]).all()
+    assert float(j) == pytest.approx(float(expected[9]), rel=EXACT)
+    assert_close(slope[:, 0], reverse(GIRDLE, ONE)[1][9], EXACT)

@@ -1,0 +1,126 @@
+"""The objective by hand: E and its weight in every reading, D of a sphere, and the ellipsoid nearest to points."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from adapt.solvers.objective import (
+    DEFAULT_READING,
+    READINGS,
+    WEIGHT,
+    Reading,
+    ThoraxPoints,
+    fitted_girdle,
+    jitted_geometric_fit,
+    thorax_distance_mm2,
+)
+from models import load_model
+from models.ellipsoid import signed_distance_mm
+
+D_MM2, J_DEG2, W = 16.0, 9.0, 10.0
+
+BY_HAND = {
+    "mm2_deg2": 16.0 + 10.0 * 9.0,
+    "cm2_deg2": 0.16 + 10.0 * 9.0,
+    "cm2_rad2": 0.16 + 10.0 * 9.0 * np.radians(1.0) ** 2,
+    "rms_cm_rad": 0.4 + 10.0 * 3.0 * np.radians(1.0),
+    "rms_mm_deg": 4.0 + 10.0 * 3.0,
+}
+
+EXACT = 1e-11
+"""Relative to the largest: derivatives by hand and by JAX are sums of the same hundred terms in another order."""
+
+FITTED_MM = 1e-4
+"""Levenberg-Marquardt stops at 1e-10 of its steps; along M_y and A_y the points hardly hold the ellipsoid."""
+
+
+def test_the_thesis_weight_and_reading():
+    assert (WEIGHT, DEFAULT_READING, list(READINGS)) == (10.0, "mm2_deg2", list(BY_HAND))
+
+
+@pytest.mark.parametrize("name", READINGS)
+def test_e_by_hand(name):
+    assert READINGS[name].value(W, D_MM2, J_DEG2) == pytest.approx(BY_HAND[name], rel=1e-14)
+
+
+@pytest.mark.parametrize("name", READINGS)
+def test_the_weight_gives_e_the_slopes_of_the_plain_sum(name):
+    """dE/dJ over dE/dD by differences is W of D + W J, whatever the units and roots."""
+    reading, step = READINGS[name], 1e-5
+    along_d = reading.value(W, D_MM2 + step, J_DEG2) - reading.value(W, D_MM2 - step, J_DEG2)
+    along_j = reading.value(W, D_MM2, J_DEG2 + step) - reading.value(W, D_MM2, J_DEG2 - step)
+    weight = reading.weight(W, np.array(D_MM2), np.array(J_DEG2))
+    np.testing.assert_allclose(weight, along_j / along_d, rtol=1e-6)
+
+
+def test_a_root_of_nothing_has_a_weight():
+    """At D = 0 or J = 0 the root has a kink; the weight stays a number, of 1e-12 mm^2 or deg^2."""
+    rooted = Reading(1.0, 1.0, root=True)
+    np.testing.assert_allclose(rooted.weight(1.0, np.array([0.0, 1.0]), np.array([1.0, 0.0])), [1e-6, 1e6], rtol=1e-12)
+
+
+def test_d_of_a_sphere_by_hand():
+    """Points 3 outside and 4 inside, and one that is padding."""
+    model = load_model("R2").girdle
+    sphere = replace(model, centre_mm=jnp.array([0.0, 10.0, 0.0]), semi_axes_mm=jnp.full(3, 100.0))
+    points = jnp.array([[103.0, 10.0, 0.0], [0.0, 106.0, 0.0], [0.0, 10.0, 500.0]]).T
+    found = thorax_distance_mm2(sphere, points, jnp.array([0.5, 0.5, 0.0]))
+    assert float(found) == pytest.approx((9.0 + 16.0) / 2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("shift_mm", [0.0, 6.0])
+def test_the_geometric_fit_finds_the_ellipsoid_its_points_lie_on(shift_mm):
+    """Points all round, so that they hold all five numbers; the conoid and all else stay."""
+    model = load_model("R2").girdle
+    generator = np.random.default_rng(2)
+    direction = generator.standard_normal((3, 40))
+    direction /= np.linalg.norm(direction, axis=0)
+    true = np.asarray(model.adapted_mm)[:5] + shift_mm * np.array([1.0, -1.0, 1.0, -1.0, 1.0])
+    points = np.array([0.0, *true[:2]])[:, None] + true[2:, None] * direction
+    fitted = jitted_geometric_fit(model, jnp.asarray(points))
+    np.testing.assert_allclose(np.asarray(fitted.adapted_mm)[:5], true, rtol=0.0, atol=FITTED_MM)
+    assert float(fitted.conoid_length_mm) == float(model.conoid_length_mm)
+
+
+def test_a_geometric_fit_that_fails_keeps_the_ellipsoid():
+    model = load_model("R2").girdle
+    fitted = jitted_geometric_fit(model, jnp.full((3, 40), jnp.nan))
+    np.testing.assert_array_equal(fitted.adapted_mm, model.adapted_mm)
+
+
+def test_derivatives_of_d_by_hand_are_those_of_jax():
+    """At parameters off the set's own, of ten points of which one does not count."""
+    model = load_model("R2")
+    shares = np.append(np.full(9, 1.0 / 9.0), 0.0)
+    points = np.asarray(model.points_mm)[:, :10]
+    thorax = ThoraxPoints(model.girdle, jnp.asarray(points), jnp.asarray(shares))
+    theta = model.girdle.adapted_mm + jnp.array([12.0, -5.0, 3.0, -20.0, 4.0, 1.0])
+
+    def D(theta):
+        return thorax_distance_mm2(model.girdle.with_adapted(theta), jnp.asarray(points), jnp.asarray(shares))
+
+    def distances(theta):
+        moved = model.girdle.with_adapted(theta)
+        return signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+
+    at, slopes = thorax.distances(theta)
+    found = [thorax.value(theta), at.d, jnp.stack(slopes, axis=-1), thorax.slope(theta), thorax.curvature(theta)]
+    expected = [D(theta), distances(theta), jax.jacobian(distances)(theta), jax.grad(D)(theta), jax.hessian(D)(theta)]
+    for one, other in zip(found, expected, strict=True):
+        assert one.shape == other.shape
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=EXACT * max(1.0, float(jnp.abs(other).max())))
+
+
+def test_an_ellipsoid_on_its_points_is_not_fitted_again_and_one_off_them_is():
+    """The points of a shipped set lie on its ellipsoid; with all of them moved, so is the centre."""
+    model = load_model("R2")
+    points = np.asarray(model.points_mm)
+    assert fitted_girdle(model.girdle, points) is model.girdle
+    lower = points + np.array([0.0, -1.0, 2.0])[:, None]
+    fitted = fitted_girdle(model.girdle, lower)
+    moved = np.asarray(fitted.adapted_mm) - np.asarray(model.girdle.adapted_mm)
+    np.testing.assert_allclose(moved, [-1.0, 2.0, 0.0, 0.0, 0.0, 0.0], rtol=0.0, atol=FITTED_MM)
+    assert isinstance(fitted.centre_mm, np.ndarray)

@@ -1,0 +1,179 @@
+"""What must hold whatever was measured: of posture fits and adaptations, on drawn motions (hypothesis).
+
+Of rotations, the distance to the ellipsoid and the frames of landmarks: beside their other tests.
+"""
+
+from dataclasses import fields, replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from laboratory import repeated
+
+from adapt.solvers import status
+from adapt.solvers.adaptation import Lanes, adapt_lanes, fitted_angles, lanes
+from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.posture_fits import fit_lanes
+from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
+from models import load_model
+from models.girdle import ADAPTED, Girdle, constraint_residuals_mm
+from motions import read_motions
+from motions.motion_csv.posture_rows import MIRROR_ANGLES, MIRROR_POSITION
+from motions.rhythm_subjects import simulate_subjects
+from motions.rotations import DEG
+
+ROUNDING_MM = 1e-11
+"""Some rounding errors of sums of 100s of mm."""
+
+SAME_FIT_RAD = 1e-9
+"""Converged fits agree to this, whatever rounding went before (adapt.solvers.posture_fits.SAME_BRANCH_RAD is wider)."""
+
+PARTNERS = 1e-12
+"""Relative: lanes are elementwise, so company and order change nothing but which instruction rounds."""
+
+RISES = 1e-9
+"""Relative: of two optima of one problem from several starts."""
+
+R2 = load_model("R2").girdle
+POSTURES = 8
+seeds = st.integers(0, 2**16)
+few = settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+def measured(seed: int) -> np.ndarray:
+    """Simulated angles with noise of 3 degrees, (6, POSTURES) rad."""
+    motions = simulate_subjects(1, seed=seed, noise_deg=3.0)
+    return motions.angles_deg[:POSTURES].T / float(DEG)
+
+
+def fitted(girdle: Girdle, angles: np.ndarray):
+    return fit_lanes(repeated(girdle, angles.shape[1]), angles, np.ones(angles.shape, bool))
+
+
+def mirrored(girdle: Girdle) -> Girdle:
+    """The left shoulder of the same person: every point reflected in the sagittal plane, in its own frame."""
+    mirror = jnp.asarray(MIRROR_POSITION)
+    axes = girdle.semi_axes_mm
+    points = {one.name: getattr(girdle, one.name) for one in fields(girdle)}
+    moved = {name: value * mirror if value.ndim else value for name, value in points.items()}
+    return Girdle(**moved | {"semi_axes_mm": axes})
+
+
+@few
+@given(seed=seeds)
+def test_a_left_shoulder_is_the_mirror_image_in_constraints_and_fits(seed):
+    angles, mirror = measured(seed), MIRROR_ANGLES[:, None]
+    right, left = repeated(R2, POSTURES), repeated(mirrored(R2), POSTURES)
+    expected = constraint_residuals_mm(right, jnp.asarray(angles))
+    found = constraint_residuals_mm(left, jnp.asarray(angles * mirror))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING_MM)
+    one, other = fitted(R2, angles), fitted(mirrored(R2), angles * mirror)
+    assert one.status.tolist() == other.status.tolist()
+    np.testing.assert_allclose(other.angles, one.angles * mirror, rtol=0.0, atol=SAME_FIT_RAD)
+    np.testing.assert_allclose(other.multipliers, one.multipliers, rtol=1e-6, atol=1e-8)
+
+
+def test_a_file_of_a_left_shoulder_is_read_as_the_right_one_that_it_mirrors(tmp_path):
+    """Bit for bit: so are the fits."""
+    motions = simulate_subjects(2, seed=5)
+    header = "subject,side,motion,posture,humerus_elevation_deg," + ",".join(
+        f"{bone}_{axis}_deg" for bone in ("clavicle", "scapula") for axis in "yzx"
+    )
+    read = []
+    for side, mirror in (("right", np.ones(6)), ("left", MIRROR_ANGLES)):
+        rows = [
+            f"{motions.subject[k]},{side},{motions.motion[k]},{motions.posture[k]},{float(motions.humerus_elevation_deg[k])!r},"
+            + ",".join(repr(float(x)) for x in motions.angles_deg[k] * mirror)
+            for k in range(len(motions.posture))
+        ]
+        (tmp_path / f"{side}.csv").write_text("\n".join([header, *rows]) + "\n")
+        read.append(read_motions(tmp_path / f"{side}.csv"))
+    np.testing.assert_array_equal(read[0].angles_deg, read[1].angles_deg)
+
+
+@few
+@given(seed=seeds, scale=st.floats(0.5, 2.0))
+def test_the_unit_of_length_does_not_matter_to_the_angles(seed, scale):
+    """A girdle twice as large has the same fits; a millimetre of it costs half as much."""
+    angles = measured(seed)
+    larger = Girdle(**{one.name: getattr(R2, one.name) * scale for one in fields(R2)})
+    one, other = fitted(R2, angles), fitted(larger, angles)
+    assert one.status.tolist() == other.status.tolist()
+    np.testing.assert_allclose(other.angles, one.angles, rtol=0.0, atol=SAME_FIT_RAD)
+    np.testing.assert_allclose(other.multipliers * scale, one.multipliers, rtol=1e-6, atol=1e-8)
+
+
+@few
+@given(seed=seeds, order=st.permutations(range(POSTURES)), turned=st.floats(-1.0, 1.0))
+def test_order_and_company_of_postures_do_not_matter(seed, order, turned):
+    """The last posture of the batch is replaced by another one, far off."""
+    angles = measured(seed)
+    other = angles.copy()
+    other[:, -1] += turned
+    one, shuffled = fitted(R2, angles), fitted(R2, other[:, list(order)])
+    back = np.argsort(order)[:-1]
+    for name in ("angles", "multipliers", "j_deg2"):
+        expected = getattr(one, name)[..., :-1]
+        np.testing.assert_allclose(getattr(shuffled, name)[..., back], expected, rtol=PARTNERS, atol=PARTNERS)
+
+
+# --- adaptation ------------------------------------------------------------------------------------------------------
+
+SUBJECTS = 8
+
+
+def held(data: Lanes, free: set[str]) -> Lanes:
+    """The same with every other parameter held at the girdle's own value."""
+    own = np.asarray(data.girdle.adapted_mm)
+    is_free = np.array([name in free for name in ADAPTED])[:, None]
+    lower, upper = np.asarray(data.bounds_mm)
+    bounds = np.stack([np.where(is_free, lower, own), np.where(is_free, upper, own)])
+    return replace(data, bounds_mm=jnp.asarray(bounds))
+
+
+NO_POINTS = 1e4
+"""A weight with which E is the gap but for D / w: 1000 mm^2 of it, more than there is, count as 0.1 deg^2."""
+
+
+def before(data: Lanes, weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """E and mean J of the girdle as it is, with its postures fitted."""
+    theta = data.girdle.adapted_mm
+    D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.shares))
+    j = mean_square_deg2(fitted_angles(data, theta), data.angles, objective_weights(data.measured))
+    mean_j = np.asarray(jnp.sum(jnp.where(data.counted, j, 0.0), axis=0) / jnp.sum(data.counted, axis=0))
+    return D + weight * mean_j, mean_j
+
+
+@pytest.mark.parametrize("weight", [WEIGHT, NO_POINTS], ids=["E", "the gap alone"])
+def test_nothing_rises_by_adapting_nor_by_freeing_a_parameter(weight):
+    """Nested: nothing free, the conoid, the centre too, all. Each problem contains the one before."""
+    data = lanes(pack(simulate_subjects(SUBJECTS, seed=3, noise_deg=2.0)), [load_model("R2")])
+    nested = [{"conoid_length"}, {"conoid_length", "M_y", "M_z"}, set(ADAPTED)]
+    found = [before(data, weight)]
+    for free in nested:
+        adapted = adapt_lanes(held(data, free), weight)
+        assert set(adapted.status) == {status.OK}
+        fixed = [k for k, name in enumerate(ADAPTED) if name not in free]
+        np.testing.assert_array_equal(adapted.theta_mm[fixed], np.asarray(data.girdle.adapted_mm)[fixed])
+        found.append((adapted.E, adapted.mean_j_deg2))
+    for (less, gap), (more, wider) in zip(found[1:], found[:-1], strict=True):
+        assert (less <= more * (1.0 + RISES)).all(), (less, more)
+        if weight == NO_POINTS:
+            assert (gap <= wider + 1000.0 / weight).all(), (gap, wider)
+    assert (found[-1][0] < 0.9 * found[0][0]).all(), "adapting does something"
+
+
+@few
+@given(seed=seeds, angle=st.integers(0, 5))
+def test_the_gap_never_grows_when_an_angle_need_not_be_met(seed, angle):
+    """The sum of squares of the others, which the fit is free to bring down further."""
+    angles, measured_ones = measured(seed), np.ones((6, POSTURES), bool)
+    girdle = repeated(R2, POSTURES)
+    all_six = fit_lanes(girdle, angles, measured_ones, around=True)
+    measured_ones[angle] = False
+    without = fit_lanes(girdle, angles, measured_ones, around=True)
+    assert set(all_six.status) == set(without.status) == {status.OK}
+    assert (5.0 * without.j_deg2 <= 6.0 * all_six.j_deg2 * (1.0 + RISES)).all()

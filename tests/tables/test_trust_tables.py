@@ -1,0 +1,244 @@
+"""What the trust of an adaptation is made of, in cases worked by hand: no solver, or one posture fit."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from handmade import adaptations, motions_of, rising
+
+from adapt.assessment import forbidden_share, jump_free_share
+from adapt.cli.print_tables import PlainConsole
+from adapt.cli.print_trust import print_weights
+from adapt.solvers.padded_batch import pack
+from adapt.tables.held_out import COLUMNS, MOTION, OTHER, POSTURES, by_model, by_subject
+from adapt.trust.covariance import NORMAL_95
+from adapt.trust.held_out import fewest_folds, folds, folds_between, held_out_gaps, reported_gaps_deg, sample
+from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
+from models import load_model, model_names
+from motions import Motions
+from scripts import reporting, study_sets
+
+ROUNDING = 1e-12
+
+ON_SURFACE_MM = 1e-6
+"""The shipped thorax points are on the ellipsoid to 1e-9 mm of each coordinate."""
+
+
+def two_motions() -> Motions:
+    """s1 has abduction and flexion, six and six postures; s2 abduction alone."""
+    abduction, flexion = motions_of(rising(2, 6)), motions_of(rising(1, 6), motion="flexion")
+    return Motions.concatenate([abduction, flexion])
+
+
+# --- folds ---------------------------------------------------------------------------------------------------------
+
+
+def test_each_motion_of_who_has_several_and_every_third_posture_is_held_out_once():
+    motions = two_motions()
+    batch = pack(motions)
+    found = folds(motions, batch)
+    kinds = [(fold.subject, fold.kind, fold.held_out, int(fold.tested.sum())) for fold in found]
+    thirds = ("third 1", "third 2", "third 3")
+    assert kinds == [
+        *((0, MOTION, name, 6) for name in ("abduction", "flexion")),
+        *((0, POSTURES, name, 4) for name in thirds),
+        *((1, POSTURES, name, 2) for name in thirds),
+    ]
+    counted = np.asarray(batch.counted)
+    for fold in found:
+        assert not (fold.fitted & fold.tested).any()
+        np.testing.assert_array_equal(fold.fitted | fold.tested, counted[:, fold.subject])
+    for subject in (0, 1):
+        tested = sum(fold.tested.astype(int) for fold in found if (fold.subject, fold.kind) == (subject, POSTURES))
+        np.testing.assert_array_equal(tested, counted[:, subject])
+
+
+def test_the_fewest_folds_leave_out_postures_only_of_who_has_one_motion():
+    motions = two_motions()
+    found = fewest_folds(motions, pack(motions))
+    assert [(fold.subject, fold.kind) for fold in found] == [*[(0, MOTION)] * 2, *[(1, POSTURES)] * 3]
+
+
+def test_of_very_many_subjects_every_so_manieth_has_something_held_out():
+    names = [f"s{k}" for k in range(1000)]
+    assert sample(names[:400]) == set(names[:400])
+    assert sample(names[:401]) == set(names[:401:2])
+    assert sample(names) == set(names[::3])
+
+
+def test_who_has_a_single_posture_has_nothing_to_hold_out():
+    motions = motions_of(rising(1, 1))
+    made = adaptations(motions, [load_model("R2")])
+    found = held_out_gaps(motions, [load_model("R2")], made.fits)
+    assert (len(found), tuple(found.columns)) == (0, COLUMNS)
+    assert len(by_model(found)) == 0
+
+
+def test_reported_gaps_are_those_of_the_table_of_fits():
+    """Every angle 6 degrees off before and 2 after; one that was not measured and a fit that failed have none."""
+    angles_deg = rising(2, 4)
+    angles_deg[0, 1, 3] = np.nan
+    motions = motions_of(angles_deg)
+    made = adaptations(motions, [load_model("R2"), load_model("R4")], failed=["s2"])
+    gaps = reported_gaps_deg(pack(motions), ["R2", "R4"], made.fits)
+    for word, gap_deg in (("before", 6.0), ("in_sample", 2.0)):
+        assert gaps[word].shape == (6, 4, 4)
+        for lane in (0, 2):  # s1 with both models
+            missing = np.isnan(gaps[word][..., lane])
+            assert np.argwhere(missing).tolist() == [[3, 1]]
+            np.testing.assert_allclose(gaps[word][..., lane][~missing], gap_deg)
+        assert np.isnan(gaps[word][..., 1]).all() == (word == "in_sample")
+
+
+def test_a_fold_between_two_motions_is_of_those_who_have_both():
+    motions = two_motions()
+    batch = pack(motions)
+    (fold,) = folds_between(motions, batch, "abduction", "flexion")
+    assert (fold.subject, fold.kind, fold.held_out) == (0, OTHER, "flexion")
+    assert set(motions.motion[batch.rows[fold.fitted, 0]]) == {"abduction"}
+    assert set(motions.motion[batch.rows[fold.tested, 0]]) == {"flexion"}
+
+
+def test_the_gap_of_a_subject_counts_each_part_by_its_postures():
+    """Two postures with a gap of 1 and four with one of 4 degrees: 3; a part that failed does not count."""
+    rows = [("s1", 2, 1.0), ("s1", 4, 4.0), ("s1", 9, float("nan")), ("s2", 5, 2.0)]
+    table = pd.DataFrame(
+        [{"model": "R2", "subject": s, "kind": MOTION, "postures": n, "gap_unseen_deg": gap} for s, n, gap in rows]
+    )
+    assert by_subject(table)["gap_unseen_deg"].tolist() == [3.0, 2.0]
+
+
+# --- jumps ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_jump_is_counted_among_the_steps_along_motions():
+    """s1 has two motions of six postures, ten steps, one with a jump; the first posture of a motion is no step."""
+    motions = two_motions()
+    fits = pd.DataFrame({"jump": np.zeros(len(motions.posture), int)})
+    assert jump_free_share(motions, fits) == {"s1": 1.0, "s2": 1.0}
+    fits.loc[2, "jump"] = 1
+    assert jump_free_share(motions, fits) == pytest.approx({"s1": 0.9, "s2": 1.0})
+
+
+def test_a_single_posture_is_no_step():
+    motions = motions_of(rising(1, 1))
+    assert np.isnan(jump_free_share(motions, pd.DataFrame({"jump": [0]}))["s1"])
+
+
+# --- thorax points ---------------------------------------------------------------------------------------------------
+
+
+def test_what_the_points_forbid_by_hand():
+    """From 100 to 30 with them, to 20 without: 10 of 80. No share where nothing falls, or without is above with."""
+    assert forbidden_share(100.0, 30.0, 20.0) == 0.125
+    assert forbidden_share(100.0, 20.0, 20.0) == 0.0
+    unknown = [(100.0, 15.0, 20.0), (20.0, 20.0, 20.0), (100.0, 30.0, np.nan), (100.0, np.nan, 20.0)]
+    assert np.isnan([forbidden_share(*J) for J in unknown]).all()
+
+
+# --- plausibility --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_no_published_ellipsoid_is_warned_of(name):
+    model = load_model(name)
+    found = checks(model, np.asarray(model.girdle.adapted_mm))
+    assert {check.verdict for check in found} == {PASS}
+    assert all(check.reason for check in found)
+    on_surface = region_distances_mm(model, np.asarray(model.girdle.adapted_mm))
+    assert set(on_surface) == {"front", "side", "back"}
+    assert max(on_surface.values()) <= ON_SURFACE_MM
+
+
+def test_the_numbers_of_an_ellipsoid_by_hand():
+    """R2: 4/3 pi 0.153 0.404 0.130 m^3 = 33.66 l; a chest 260 mm deep over 197."""
+    model = load_model("R2")
+    found = {check.name: check.value for check in checks(model, np.asarray(model.girdle.adapted_mm))}
+    assert found["volume"] == pytest.approx(33.66, abs=0.01)
+    assert (found["depth"], found["width"]) == (260.0, 306.0)
+    assert found["depth over chest depth"] == pytest.approx(260.0 / 197.0)
+
+
+def test_a_thorax_moved_backward_leaves_its_points_at_the_front_and_back():
+    """By 30 mm along z: a point whose normal is along n is left by 30 n_z, to first order; at the side n_z is small."""
+    model = load_model("R6")
+    theta = np.asarray(model.girdle.adapted_mm).copy()
+    theta[1] += 30.0
+    left = region_distances_mm(model, theta)
+    assert left["side"] < 15.0 < left["front"] < 30.0
+    assert 15.0 < left["back"] < 30.0
+    warned = {check.name for check in checks(model, theta) if check.verdict == WARNING}
+    assert warned == {"thorax points, front", "thorax points, back"}
+
+
+def test_a_thorax_that_is_none_is_warned_of():
+    model = load_model("R2")
+    own = np.asarray(model.girdle.adapted_mm)
+    for k, factor, name in ((4, 1.2, "depth"), (2, 0.5, "width"), (3, 2.0, "volume"), (5, 2.0, "conoid")):
+        theta = own.copy()
+        theta[k] *= factor
+        assert name in {check.name for check in checks(model, theta) if check.verdict == WARNING}
+    nothing = checks(model, np.full(6, np.nan))
+    assert {check.verdict for check in nothing} == {WARNING}
+
+
+@pytest.mark.parametrize(("best", "chosen"), [(10.0, True), (1.0, False), (100.0, False)])
+def test_a_weight_at_the_end_of_those_tried_is_not_called_chosen(best, chosen, capsys):
+    rows = [
+        {"model": "R2", "weight": weight, "subjects_ok": 1, "thorax_points_rms_mm": 1.0, "j_rms_deg": 1.0}
+        | {"at_bound": 0, "gap_in_sample_deg": 1.0, "gap_unseen_deg": 1.0, "best": int(weight == best)}
+        for weight in (1.0, 10.0, 100.0)
+    ]
+    print_weights(PlainConsole(), pd.DataFrame(rows))
+    out = capsys.readouterr().out
+    assert f"{best:g}*" in out
+    assert ("these motions choose none" not in out) == chosen
+
+
+# --- studies -------------------------------------------------------------------------------------------------------
+
+
+def test_variance_is_shared_out_as_by_hand():
+    """A set effect of -+1 and subject effects of -+2, nothing else: 1 / 5 and 4 / 5."""
+    values = np.array([[-1.0], [1.0]]) + np.array([[-2.0, 2.0]])
+    assert study_sets.variance_shares(values) == pytest.approx((0.2, 0.8, 0.0), abs=ROUNDING)
+    values[0, 0] += 4.0
+    assert sum(study_sets.variance_shares(values)) == pytest.approx(1.0)
+    assert study_sets.variance_shares(values)[2] > 0.0
+
+
+def test_tables_of_the_thesis_beside_ours():
+    """A gap of 6 degrees in every angle and posture, by hand-made fits: mean 6.0, SD 0.0."""
+    models = [load_model(name) for name in study_sets.SETS]
+    made = adaptations(motions_of(rising(2, 4), motion="frontal_elevation"), models)
+    lines = study_sets.mean_motion_table(made.fits, "Table 3.4, abduction", "frontal_elevation", ["s1"]).splitlines()
+    assert len(lines) == 2 + 3 + 3
+    published, ours = (lines[k].strip("|").split("|") for k in (3, 6))
+    assert [cell.strip() for cell in published][1:4] == ["R4", "2.8 (1.7)", "5.8 (1.7)"]
+    assert {cell.strip() for cell in ours[2:8]} == {"6.0 (0.0)"}
+    agreement = study_sets.agreement_table(made.parameters, made.summary).splitlines()
+    # All moved alike: the value depends on the set alone.
+    (M_y,) = (line for line in agreement if line.startswith("| M_y, mm"))
+    assert "| 100 % | 0 % | 0 % |" in M_y
+
+
+def test_the_sets_are_compared_by_their_gap_held_out_too():
+    """On motions held out R4 is 1 degree worse than R2 and R6, and s2 by 3 degrees than s1, whatever the set."""
+    made = adaptations(motions_of(rising(2, 4)), [load_model(name) for name in study_sets.SETS])
+    summary = made.summary
+    for bone in ("clavicle", "scapula"):
+        summary[f"{bone}_held_out_deg"] += 1.0 * (summary["model"] == "R4") + 3.0 * (summary["subject"] == "s2")
+    lines = study_sets.agreement_table(made.parameters, summary).splitlines()
+    for bone in ("clavicle", "scapula"):
+        (held_out,) = (line for line in lines if line.startswith(f"| {bone}, gap held out, deg "))
+        # SDs of 0, 1, 0 and of 0, 3; sums of squares 2 (2/3) and 6 (9/4).
+        assert held_out.endswith("| 0.6 | 2.1 | 9 % | 91 % | 0 % |")
+        assert (
+            sum(line.startswith(f"| {bone}, gap {state}, deg ") for line in lines for state in ("before", "after")) == 2
+        )
+
+
+def test_the_interval_of_a_share_by_the_published_example():
+    """Ten of ten: Wilson's lower limit is n / (n + z^2) = 10 / 13.84."""
+    low, high = reporting.wilson(10, 10, NORMAL_95)
+    assert low == pytest.approx(10.0 / (10.0 + 1.959964**2))
+    assert high == pytest.approx(1.0)
