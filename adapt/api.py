@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import DTypeLike
 
-from adapt.engine.batching import as_type, lanes_of
-from adapt.solvers.adaptation import Adapted, adapt_lanes, lanes
+from adapt.engine.batching import as_type, take_problems
+from adapt.solvers.adaptation import Adapted, adapt_batch, lanes
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.posture_fits import Fitted, fit_lanes, follow_motions
+from adapt.solvers.posture_fits import Fitted, fit_batch, follow_motions
 from adapt.tables.held_out import NOTHING
 from adapt.tables.results import (
     ALL_MOTIONS,
@@ -26,7 +26,7 @@ from adapt.tables.results import (
     summary_table,
 )
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
-from models.effects.known import NO_EFFECTS, Amplitudes, at_work
+from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions.errors import InputError
@@ -116,9 +116,9 @@ def adapt_subjects(
     dtype = _type_of(dtype, effects)
     _, before = _before(motions, models, progress, dtype, effects)
     batch = pack(motions)
-    known = at_work(effects, motions.humerus_elevation_deg[batch.rows])
+    known = active_effects(effects, motions.humerus_elevation_deg[batch.rows])
     data = as_type(lanes(batch, models, known), dtype)
-    adapted = adapt_lanes(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
+    adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     width = len(batch.subjects)
     results = {
         model.name: Adapted(**{k: v[..., number * width : (number + 1) * width] for k, v in vars(adapted).items()})
@@ -128,7 +128,7 @@ def adapt_subjects(
     lane = np.concatenate(
         [batch.unpack(np.broadcast_to(k * width + np.arange(width), batch.counted.shape)) for k in range(len(models))]
     )
-    girdle = lanes_of(data.girdle.with_adapted(adapted.theta_mm), lane)
+    girdle = take_problems(data.girdle.with_adapted(adapted.theta_mm), lane)
     start = np.concatenate([batch.unpack(one.angles) for one in results.values()], axis=-1)
     by_model = _fitted_rows(motions, models, girdle, dtype, effects, start)
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
@@ -197,8 +197,8 @@ def _fitted_rows(
     measured = np.isfinite(angles)
     before = previous_rows(motions)
     previous = np.concatenate([np.where(before < 0, -1, before + k * rows) for k in range(len(models))])
-    chain = at_work(effects, np.tile(motions.humerus_elevation_deg, len(models))).on(girdle)
-    fitted = follow_motions(fit_lanes(chain, angles, measured, start), chain, angles, measured, previous)
+    chain = active_effects(effects, np.tile(motions.humerus_elevation_deg, len(models))).on(girdle)
+    fitted = follow_motions(fit_batch(chain, angles, measured, start), chain, angles, measured, previous)
     return {
         model.name: Fitted(**{name: value[..., k * rows : (k + 1) * rows] for name, value in vars(fitted).items()})
         for k, model in enumerate(models)

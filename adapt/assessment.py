@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from adapt.api import Adaptations, adapt_subjects, previous_rows
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, Lanes, adapted_from, lanes
+from adapt.solvers.adaptation import Adapted, ProblemBatch, adapted_from, lanes
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
@@ -90,7 +90,9 @@ def joined(parts: Sequence[Adapted]) -> Adapted:
     return Adapted(**{k: np.concatenate([getattr(part, k) for part in parts], axis=-1) for k in vars(parts[0])})
 
 
-def intervals(data: Lanes, adapted: Adapted, found: Uncertainty) -> tuple[Float[np.ndarray, "2 6 lanes"], np.ndarray]:
+def intervals(
+    data: ProblemBatch, adapted: Adapted, found: Uncertainty
+) -> tuple[Float[np.ndarray, "2 6 lanes"], np.ndarray]:
     """95 % intervals, mm, within the bounds, and where each comes from."""
     bounds = np.asarray(data.bounds_mm)
     half = NORMAL_95 * found.sd_mm
@@ -102,7 +104,7 @@ def intervals(data: Lanes, adapted: Adapted, found: Uncertainty) -> tuple[Float[
 def uncertainty_table(
     subjects: Sequence[str],
     models: Sequence[ParameterSet],
-    data: Lanes,
+    data: ProblemBatch,
     adapted: Adapted,
     found: Uncertainty,
     profile: Profile,
@@ -185,7 +187,7 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
             row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
             row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)
             row["noise_deg"] = found.noise_deg[lane]
-            row["points_forbid"] = forbidden_share(before[model, subject], *(J[lane] for J in least))
+            row["points_forbid"] = improvement_blocked_by_points(before[model, subject], *(J[lane] for J in least))
             row["jump_free"] = smooth[subject]
             row["at_bound"] = ", ".join(n for n, at in zip(ADAPTED, adapted.at_bound[:, lane], strict=True) if at)
             row["flat"] = "; ".join(flat_directions(found.covariance_mm2[..., lane]))
@@ -194,7 +196,7 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
     return pd.DataFrame(rows)
 
 
-def forbidden_share(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:
+def improvement_blocked_by_points(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:
     """Of the fall of mean J from before adaptation to an adaptation without thorax points, what there is not with them.
 
     NaN where the one without them failed, or ended in another valley, above the one with them.

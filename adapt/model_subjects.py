@@ -13,8 +13,8 @@ from jaxtyping import Float
 from numpy.random import PCG64, Generator
 
 from adapt.solvers import status
-from adapt.solvers.posture_fits import fit_lanes
-from models.effects import AtWork, Effect, ExtendedGirdle
+from adapt.solvers.posture_fits import fit_batch
+from models.effects import ActiveEffects, Effect, ExtendedGirdle
 from models.girdle import ADAPTED, Girdle
 from models.parameter_sets import ParameterSet
 from motions.rhythm_subjects import add_noise, noise_free_subjects
@@ -60,7 +60,7 @@ def simulate_model_subjects(
     amplitude = _amplitudes(effect, subjects, size, generator)
     row = np.repeat(np.arange(subjects), len(wanted.posture) // subjects)
     chain = _chain(model.girdle, theta[:, row], effect, amplitude[:, row], wanted.humerus_elevation_deg)
-    fitted = fit_lanes(chain, wanted.angles_deg.T / DEG, np.ones((6, len(row)), bool))
+    fitted = fit_batch(chain, wanted.angles_deg.T / DEG, np.ones((6, len(row)), bool))
     closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(fitted.status == status.OK)
     truth = pd.DataFrame({"subject": wanted.subjects, "effect": effect.name if effect else "none"})
     for k, name in enumerate(ADAPTED):
@@ -85,4 +85,4 @@ def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, elevation_de
     repeated = repeated.with_adapted(jnp.asarray(theta))
     if effect is None:
         return repeated
-    return AtWork((effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,)).on(repeated)
+    return ActiveEffects((effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,)).on(repeated)

@@ -23,7 +23,7 @@ sum a_i^2 m_i^2 = 1 fixes t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from models.ellipsoid import foot_multiplier
+from models.ellipsoid import closest_point_multiplier
 from motions.arrays import Array, xp
 
 Vector = tuple[Array, Array, Array]
@@ -127,7 +127,7 @@ FOOT_STEPS = 3
 1 mm away: the multiplier is carried along, and the points come to rest before the iteration ends."""
 
 
-def foot(p: Vector, a: Vector, t: Array) -> Array:
+def closest_point_multiplier_near(p: Vector, a: Vector, t: Array) -> Array:
     """t where S(t) = sum (a_i p_i / (t + a_i^2))^2 = 1: Newton on the nearly linear 1 - S^(-1/2)."""
     for _ in range(FOOT_STEPS):
         D = tuple(1.0 / (t + x * x) for x in a)
@@ -174,7 +174,7 @@ ELLIPSOID = 5
 """The first five adapted parameters, M_y, M_z and A: those that A1 and A2 depend on. A3 has only the conoid length."""
 
 
-class Chain(NamedTuple):
+class ConstraintDerivatives(NamedTuple):
     """g = (A1, A2, A3), mm, and its derivatives in the six angles q and the ellipsoid's parameters u (``ELLIPSOID``).
 
     Second derivatives are those of multipliers . g; of symmetric ones the entries j <= i exist. dg/dconoid_length is
@@ -189,7 +189,7 @@ class Chain(NamedTuple):
     qq: list[list[Array]]
     qu: list[list[Array]]
     uu: list[list[Array]]
-    feet: list[Array]
+    closest_point_multipliers: list[Array]
     """t of TS and AI, ``FOOT_STEPS`` on."""
 
 
@@ -204,16 +204,18 @@ def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
     return centre + [[-at.pa[1][i], -at.pa[2][i], *at.aa[i][: i + 1]] for i in range(3)]
 
 
-def feet(girdle, q: Sequence[Array], theta: Sequence[Array]) -> list[Array]:
+def closest_point_multipliers(girdle, q: Sequence[Array], theta: Sequence[Array]) -> list[Array]:
     """t of the foot points of TS and AI on the ellipsoid, mm^2, from however far: where :func:`chain` starts."""
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
     centre: Vector = girdle.centre_mm[0], theta[0], theta[1]
     ac_from_centre = _minus(_sum(tuple(girdle.sc_mm), clavicle.rotate(tuple(girdle.ac_mm))), centre)
     points = [_sum(ac_from_centre, scapula.rotate(tuple(v))) for v in (girdle.ts_mm, girdle.ai_mm)]
-    return [foot_multiplier(point, theta[2:5]) for point in points]
+    return [closest_point_multiplier(point, theta[2:5]) for point in points]
 
 
-def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], feet: list[Array]) -> Chain:
+def chain(
+    girdle, q: list[Array], theta: list[Array], multipliers: list[Array], closest_point_multipliers: list[Array]
+) -> ConstraintDerivatives:
     """The constraints at angles q and adapted parameters theta, from the feet t of TS and AI at a point nearby.
 
     The feet take ``FOOT_STEPS`` Newton steps.
@@ -234,11 +236,15 @@ def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], 
     uu = [[zero] * (i + 1) for i in range(ELLIPSOID)]
     forces, arms, moved = [], [], []
     for own, v, constant, t in zip(
-        multipliers, (girdle.ts_mm, girdle.ai_mm), (girdle.ts_distance_mm, girdle.ai_distance_mm), feet, strict=False
+        multipliers,
+        (girdle.ts_mm, girdle.ai_mm),
+        (girdle.ts_distance_mm, girdle.ai_distance_mm),
+        closest_point_multipliers,
+        strict=False,
     ):
         arm = scapula.rotate(tuple(v))
         point = _sum(ac_from_centre, arm)
-        at = distance(point, a, foot(point, a, t))
+        at = distance(point, a, closest_point_multiplier_near(point, a, t))
         J = (*ac_spin, *scapula.spin(arm))
         g.append(at.d - constant)
         G.append([dot(column, at.n) for column in J])
@@ -281,7 +287,7 @@ def chain(girdle, q: list[Array], theta: list[Array], multipliers: list[Array], 
     for first, turned in ((0, clavicle.curvature(of_clavicle)), (3, scapula.curvature(of_scapula))):
         for (i, j), value in turned.items():
             qq[first + j][first + i] = qq[first + j][first + i] + value
-    return Chain(g, G, T, qq, qu, uu, moved)
+    return ConstraintDerivatives(g, G, T, qq, qu, uu, moved)
 
 
 def _moments(arms: list[Vector], forces: list[Vector]) -> Matrix:

@@ -72,7 +72,7 @@ def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) ->
     return a * a * p / (root(p, a)[None] + xp.stack(_beyond_shortest(a)))
 
 
-def foot_multiplier(p: Vector, a: Vector) -> Array:
+def closest_point_multiplier(p: Vector, a: Vector) -> Array:
     """t of p - x = t (x_i / a_i^2), mm^2, x the closest point. Of components, as everything below."""
     off_plane = tuple(
         xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y))

@@ -36,17 +36,17 @@ def read_text(path: Path, remedy: str) -> str:
     return text
 
 
-def write_whole(path: str | os.PathLike[str], text: str) -> None:
-    """Write the text (UTF-8, line ends as they are) to the path, as `write_bytes_whole` does."""
-    write_bytes_whole(path, text.encode("utf-8"))
+def atomic_write(path: str | os.PathLike[str], text: str) -> None:
+    """Write the text (UTF-8, line ends as they are) to the path, as `atomic_write_bytes` does."""
+    atomic_write_bytes(path, text.encode("utf-8"))
 
 
-def write_bytes_whole(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write the content to the path, as `write_pieces_whole` does."""
-    write_pieces_whole(path, [content])
+def atomic_write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write the content to the path, as `atomic_write_pieces` does."""
+    atomic_write_pieces(path, [content])
 
 
-def write_pieces_whole(path: str | os.PathLike[str], pieces: Iterable[bytes]) -> None:
+def atomic_write_pieces(path: str | os.PathLike[str], pieces: Iterable[bytes]) -> None:
     """Write the pieces to the path one after the other, replacing what was there.
 
     Whoever reads the path, even while this runs or after it broke off, finds all of the old or all of the

@@ -32,12 +32,12 @@ from oracles import bones, ipopt_call, slsqp  # noqa: E402  # pyright: ignore[re
 
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
 from adapt.engine.kernel import Kernel  # noqa: E402
-from adapt.solvers.adaptation import lanes, lanes_at, problem_of, solved_from_geometric_fit, subjects_kernel  # noqa: E402
+from adapt.solvers.adaptation import lanes, problem_of, select_problems, solved_from_geometric_fit, subjects_kernel  # noqa: E402
 from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
 from adapt.solvers.differentiable import nested_objective  # noqa: E402
 from adapt.solvers.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
-from adapt.solvers.posture_fits import fit_lanes  # noqa: E402
+from adapt.solvers.posture_fits import fit_batch  # noqa: E402
 from models import load_model  # noqa: E402
 from motions.arrays import repeat  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
@@ -236,7 +236,7 @@ def benchmark(
     """Measure and compare."""
     keep_compiled()
     data = prepared(model, subjects)
-    one = lanes_at(data, np.arange(1))
+    one = select_problems(data, np.arange(1))
     ours = solved_from_geometric_fit(data)
     solved_from_geometric_fit(one)
     measured = np.asarray(simulate_subjects(subjects, seed=SEED).angles_deg.T) / DEG
@@ -244,7 +244,7 @@ def benchmark(
     count = measured.shape[1]
     girdles = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x)[..., None], (*x.shape, count)), girdle)
     known = np.isfinite(measured)
-    fitted = fit_lanes(girdles, measured, known)
+    fitted = fit_batch(girdles, measured, known)
 
     keys = ("adapt", "ipopt", "single", "fit", "slsqp", "gflops", "peak_gflops")
     rows: dict[str, list[float]] = {key: [] for key in keys}
@@ -255,7 +255,7 @@ def benchmark(
         seconds, E_ipopt = on_all_cores(ipopt_share, model, peers, subjects)
         rows["ipopt"].append(peers / seconds)
         rows["single"].append(1.0 / timed(lambda: solved_from_geometric_fit(one)))
-        rows["fit"].append(count / timed(lambda: fit_lanes(girdles, measured, known)))
+        rows["fit"].append(count / timed(lambda: fit_batch(girdles, measured, known)))
         seconds, J_slsqp = on_all_cores(slsqp_share, model, 2 * peers, subjects)
         rows["slsqp"].append(2 * peers / seconds)
         rows["gflops"].append(sweep_gflops(data, operations))

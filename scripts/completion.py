@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from models.export.toml import parameters_toml
 from models.girdle import Girdle, bone_rotations, constraint_residuals_mm
 from models.parameter_sets import shortest_conoid_mm
-from motions.files import write_whole
+from motions.files import atomic_write
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation, rotate, rotation_from_vector
@@ -101,7 +101,7 @@ def completed_sets() -> tuple[Completed, ...]:
 def write_sets(folder: str | os.PathLike[str]) -> None:
     """Write every shipped set as NAME.toml. InputError if the folder cannot be written to."""
     for completed in completed_sets():
-        write_whole(Path(folder) / f"{completed.name}.toml", toml_text(completed))
+        atomic_write(Path(folder) / f"{completed.name}.toml", toml_text(completed))
 
 
 def thorax_points_mm(centre_mm: Float[Array, " 3"], semi_axes_mm: Float[Array, " 3"]) -> Float[np.ndarray, "3 points"]:

@@ -28,7 +28,7 @@ from adapt.output.svg import BLUE, NOTE, ORANGE, svg
 from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from motions import InputError
-from motions.files import write_whole
+from motions.files import atomic_write
 from scripts.reporting import NAMES, read_table
 
 PANELS = {
@@ -145,7 +145,7 @@ def main(
     text = f"{title or first['subject']}, {first['motion']}, parameter set {first['model']}"
     unseen_deg = held_out_deg(fits.parent / "summary.csv", *(first[name] for name in NAMES))
     prepare_folder(out.parent)
-    write_whole(out, svg(lambda: draw(rows, text, unseen_deg)))
+    atomic_write(out, svg(lambda: draw(rows, text, unseen_deg)))
 
 
 if __name__ == "__main__":

@@ -21,14 +21,14 @@ import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
 from adapt import adapt_subjects, fit_postures  # noqa: E402
-from adapt.engine.batching import as_type, lanes_of  # noqa: E402
+from adapt.engine.batching import as_type, take_problems  # noqa: E402
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
 from adapt.solvers import status  # noqa: E402
-from adapt.solvers.adaptation import Lanes, adapt_lanes, lanes, problem_of, swept_from  # noqa: E402
+from adapt.solvers.adaptation import ProblemBatch, adapt_batch, lanes, problem_of, swept_from  # noqa: E402
 from adapt.solvers.batched.kernels import fitted_from_places  # noqa: E402
 from adapt.solvers.objective import WEIGHT  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
-from adapt.solvers.posture_fits import fit_lanes  # noqa: E402
+from adapt.solvers.posture_fits import fit_batch  # noqa: E402
 from adapt.solvers.reference.posture import objective_weights  # noqa: E402
 from models import ParameterSet, load_model  # noqa: E402
 from motions import Motions, read_motions, write_motions  # noqa: E402
@@ -91,7 +91,7 @@ def _spread(values: np.ndarray) -> dict[str, float]:
     return {"median": float(np.median(values)), "most": float(values.max())}
 
 
-def shares_in_float64(data: Lanes) -> dict[str, float]:
+def shares_in_float64(data: ProblemBatch) -> dict[str, float]:
     """Of posture fits, with the models as they are, and of adaptations: those that did not converge in float32."""
     single = as_type(data, np.float32)
     girdle, angles, measured = of_postures(single)
@@ -102,18 +102,18 @@ def shares_in_float64(data: Lanes) -> dict[str, float]:
     return {"posture_fits": float(1.0 - fits.converged.mean()), "adaptations": float(1.0 - swept.converged.mean())}
 
 
-def of_postures(data: Lanes) -> tuple[Any, np.ndarray, np.ndarray]:
+def of_postures(data: ProblemBatch) -> tuple[Any, np.ndarray, np.ndarray]:
     """Girdle, angles (at rest where not measured) and what was measured, of each posture that counts."""
     posture, lane = np.nonzero(data.counted)
     angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
     rest = (REST_DEG[:, None] / DEG).astype(angles.dtype)
-    return lanes_of(data.girdle, lane), np.where(measured, angles, rest), measured
+    return take_problems(data.girdle, lane), np.where(measured, angles, rest), measured
 
 
-def speeds(data: Lanes, repeats: int) -> dict[str, float]:
+def speeds(data: ProblemBatch, repeats: int) -> dict[str, float]:
     """Times as fast in float32: posture fits, and adaptations with all their starts and rounds."""
 
-    def ratio(run: Callable[[Lanes], Any]) -> float:
+    def ratio(run: Callable[[ProblemBatch], Any]) -> float:
         both = [as_type(data, dtype) for dtype in (np.float64, np.float32)]
         for one in both:
             run(one)
@@ -121,8 +121,8 @@ def speeds(data: Lanes, repeats: int) -> dict[str, float]:
         return float(np.median(times[:, 0] / times[:, 1]))
 
     return {
-        "posture_fits": ratio(lambda one: fit_lanes(*of_postures(one))),
-        "adaptations": ratio(lambda one: adapt_lanes(one)),
+        "posture_fits": ratio(lambda one: fit_batch(*of_postures(one))),
+        "adaptations": ratio(lambda one: adapt_batch(one)),
     }
 
 

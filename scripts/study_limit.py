@@ -33,10 +33,10 @@ from adapt.diagnosis.design.predicted_power import (
     products_of,
     products_with,
     root_of,
-    shown,
+    simulate_statistics,
     typical_amplitudes,
 )
-from adapt.diagnosis.design.separability import closed
+from adapt.diagnosis.design.separability import projected_onto_model
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, log_sum
 from adapt.diagnosis.fit.observations import Noise, observe
 from adapt.engine.batching import in_threads
@@ -99,20 +99,20 @@ def limit_of(
     """Of the subjects with these inner products (``products_of``); the effects have ``size`` of their typical size."""
     generator, root = default_rng(_SEED), root_of(gram)
     drawn = (draw(gram, k, effect, draws, generator, size) for k, effect in zip(own, [None, *effects], strict=True))
-    seen = np.concatenate([shown(gram, root, coefficients, generator) for coefficients in drawn])
+    seen = np.concatenate([simulate_statistics(gram, root, coefficients, generator) for coefficients in drawn])
     ways = [size * typical_amplitudes(effect, directions, 1, generator, between=0.0)[:, 0] for effect in effects]
     logs = np.array(in_threads(lambda k, d: log_evidence(gram, seen, k, d), own[1:], ways))
     logs = logs.reshape(len(effects), 1 + len(effects), draws)
     any_effect = log_sum(logs)
     beyond = any_effect[1:] > np.quantile(any_effect[0], 1.0 - BLAMED)
-    at_work = np.arange(len(effects))[:, None]
+    active_effects = np.arange(len(effects))[:, None]
     best = logs[:, 1:].argmax(axis=0)
     probability = np.exp(logs[:, 1:] - any_effect[1:])
     names = [effect.name for effect in effects]
     wrong = [(names[min(i, j)], names[max(i, j)]) for i, of in enumerate(best.tolist()) for j in of if i != j]
     return Limit(
-        right=float((best == at_work).mean()),
-        first=float(((best == at_work) & beyond).mean()),
+        right=float((best == active_effects).mean()),
+        first=float(((best == active_effects) & beyond).mean()),
         set_size=float((probability >= np.quantile(np.diagonal(probability), MISSED)).sum(axis=0).clip(1).mean()),
         claimed=float(probability.max(axis=0).mean()),
         taken_for=Counter(wrong),
@@ -149,7 +149,7 @@ def limit_in(condition: str, model_name: str) -> Limit:
     with tempfile.TemporaryDirectory() as folder:
         data = observe(read_motions(written(world.table, SHOWN_MOTIONS, Path(folder) / "motions.csv")))
     noise = Noise(how.noise_deg)
-    gram, own = products_of(model.girdle, effects, closed(model.girdle, effects, data, noise), noise)
+    gram, own = products_of(model.girdle, effects, projected_onto_model(model.girdle, effects, data, noise), noise)
     return limit_of(gram, own, effects, how.size)
 
 

@@ -27,7 +27,7 @@ from jaxtyping import Bool, Float
 
 from adapt import fit_postures
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, Lanes, adapt_lanes, lanes
+from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch, lanes
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.tables.results import ALL_MOTIONS
@@ -117,27 +117,27 @@ class Study:
     """The subjects with every set: what no variant changes."""
 
     motions: Motions
-    data: Lanes
+    data: ProblemBatch
     """As shipped; the points doubled by their mirror images, which have no share."""
     width: int
     """Lanes of a set."""
     before_deg: dict[str, Float[np.ndarray, "6 subjects"]]
 
 
-def with_mirrored_points(data: Lanes) -> Lanes:
+def with_mirrored_points(data: ProblemBatch) -> ProblemBatch:
     """The points and, without a share, their images in the midsagittal plane."""
     mirrored = data.points_mm * jnp.array([-1.0, 1.0, 1.0])[:, None, None]
     points = jnp.concatenate([data.points_mm, mirrored], axis=1)
     return replace(data, points_mm=points, shares=jnp.concatenate([data.shares, jnp.zeros_like(data.shares)]))
 
 
-def azimuth_deg(data: Lanes) -> Float[np.ndarray, "points lanes"]:
+def azimuth_deg(data: ProblemBatch) -> Float[np.ndarray, "points lanes"]:
     """Azimuth of each point about the ellipsoid's centre, of the parameter, from lateral toward backward."""
     scaled = np.asarray((data.points_mm - data.girdle.centre_mm[:, None]) / data.girdle.semi_axes_mm[:, None])
     return np.degrees(np.arctan2(scaled[2], scaled[0]))
 
 
-def with_points(data: Lanes, name: str) -> Lanes:
+def with_points(data: ProblemBatch, name: str) -> ProblemBatch:
     """Equal shares for the named columns of points, none for the others."""
     columns = np.array(POINT_AZIMUTHS_DEG)
     nearest = columns[np.argmin(np.abs(azimuth_deg(data)[..., None] - columns), axis=-1)]
@@ -147,7 +147,7 @@ def with_points(data: Lanes, name: str) -> Lanes:
     return replace(data, shares=jnp.asarray(counts / counts.sum(axis=0)))
 
 
-def with_bounds(data: Lanes, factor: float | None) -> Lanes:
+def with_bounds(data: ProblemBatch, factor: float | None) -> ProblemBatch:
     """Bounds at a multiple of their distance, or none, but semi-axes and conoid at least ``SHORTEST_MM``."""
     own = data.girdle.adapted_mm
     away = data.bounds_mm - own if factor is not None else NO_BOUND_MM * jnp.array([-1.0, 1.0])[:, None, None]
@@ -169,7 +169,7 @@ def gap_before_deg(summary: pd.DataFrame, model: str, subjects: tuple[str, ...])
     return np.asarray(mine[[f"{angle}_deg" for angle in ANGLES]]).T
 
 
-def gap_after_deg(data: Lanes, adapted: Adapted) -> Float[np.ndarray, "6 lanes"]:
+def gap_after_deg(data: ProblemBatch, adapted: Adapted) -> Float[np.ndarray, "6 lanes"]:
     """Mean |simulated - measured| of each angle over the postures that count."""
     known = np.asarray(data.measured & data.counted)
     gap = np.where(known, np.abs(adapted.angles - np.asarray(data.angles)), 0.0) * DEG
@@ -179,7 +179,7 @@ def gap_after_deg(data: Lanes, adapted: Adapted) -> Float[np.ndarray, "6 lanes"]
 def outcomes(study: Study, variant: Variant) -> dict[str, Outcome]:
     """Every set adapted to every subject in one way."""
     data = with_bounds(with_points(study.data, variant.points), BOUNDS[variant.bounds])
-    adapted = adapt_lanes(data, variant.weight, variant.reading)
+    adapted = adapt_batch(data, variant.weight, variant.reading)
     after = gap_after_deg(data, adapted)
     own = np.asarray(data.girdle.adapted_mm)
     subjects = len(study.motions.subjects)

@@ -31,7 +31,7 @@ from adapt.cli import app as cli
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.run_files import prepare_folder, write_table
 from adapt.solvers import status
-from adapt.solvers.adaptation import adapt_lanes, lanes
+from adapt.solvers.adaptation import adapt_batch, lanes
 from adapt.solvers.padded_batch import pack
 from adapt.trust.covariance import NORMAL_95, sd, uncertainty
 from adapt.trust.flat_directions import FLAT_MM
@@ -69,7 +69,7 @@ def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profi
     batch = pack(made.motions)
     names = list(batch.subjects)
     data = lanes(batch, [model])
-    adapted = adapt_lanes(data)
+    adapted = adapt_batch(data)
     found = uncertainty(data, adapted)
     truth = made.truth.set_index("subject").loc[names][[f"{name}_mm" for name in ADAPTED]].to_numpy().T
     ends, origin = intervals(data, adapted, found)

@@ -38,10 +38,10 @@ from adapt.output.run_files import (
     inputs_record,
     results_folder,
     run_key,
+    transaction,
     write_json,
     write_run,
     write_table,
-    written_together,
 )
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.tables.results import Tables
@@ -166,7 +166,7 @@ def fit(
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
-        with written_together(folder) as part:
+        with transaction(folder) as part:
             write_fits(part, result)
             write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
     print_summary(console, result.summary)
@@ -223,13 +223,13 @@ def adapt(
         with progress(errors) as report:
             table = parts.make(work, chunks, maker, report)
             report("writing")
-            with written_together(folder) as part:
-                result, failed = parts.become_tables(part, models)
+            with transaction(folder) as part:
+                result, failed = parts.merge(part, models)
                 write_adapted_models(part, models, result.parameters, how)
                 write_run(part, "adapt", record, options, files.rejected)
                 table = replace(table, rejected=tuple(files.rejected))
                 drawn = result.of(table.subjects)
-                wrong = write_report(part, table, models, drawn, failed, of=len(subjects), at_work=known)
+                wrong = write_report(part, table, models, drawn, failed, of=len(subjects), active_effects=known)
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
         _print_tables(result, len(subjects))
@@ -277,7 +277,7 @@ def diagnose_gap(
             result = adapt_subjects(table, models, progress=report)
             report("figures")
             found = as_json(by_model)
-            with written_together(folder) as part:
+            with transaction(folder) as part:
                 write_figures(part, found)
                 write_json(found, part / "diagnosis.json")
                 write_adaptations(part, result)
@@ -311,7 +311,7 @@ def trust_results(
     with results_folder(out) as folder:
         with progress(errors) as report:
             found = assess_trust(table, models, weight, choose_weight, report)
-        with written_together(folder) as part:
+        with transaction(folder) as part:
             write_adaptations(part, found.adaptations)
             for name in ("uncertainty", "plausibility"):
                 write_table(getattr(found, name), part / f"{name}.csv")
@@ -403,7 +403,7 @@ def simulate(
         with progress(errors) as report:
             report("simulating")
             result = simulate_model_subjects(parameters, hidden, subjects, noise_deg, seed)
-        with written_together(folder) as part:
+        with transaction(folder) as part:
             write_motions(result.motions, part / "motions.csv")
             write_table(result.truth, part / "truth.csv")
             write_run(part, "simulate", record, options)

@@ -12,7 +12,7 @@ from adapt.solvers import status
 from models.export.opensim import opensim_model
 from models.parameter_sets import load_model
 from motions.errors import InputError
-from motions.files import file_names, write_bytes_whole, write_whole
+from motions.files import atomic_write, atomic_write_bytes, file_names
 from motions.formats.angle_table import split, table_from_motions
 from motions.formats.any_file import read_any
 from motions.formats.mot import write_mot
@@ -33,7 +33,7 @@ def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: b
     """
     kind = target.suffix.lower()
     if kind == ".osim":
-        write_whole(target, opensim_model(load_model(str(source))))
+        atomic_write(target, opensim_model(load_model(str(source))))
         return None
     if kind == ".parquet":
         write_parquet(source, target)
@@ -81,7 +81,7 @@ def write_parquet(source: Path, target: Path) -> None:
     if importlib.util.find_spec("pyarrow") is None:
         cause = "Parquet needs pyarrow, which is not installed"
         raise InputError(str(target), None, cause, "Install it: .venv/bin/pip install pyarrow")
-    write_bytes_whole(target, _table(source).to_parquet(index=False))
+    atomic_write_bytes(target, _table(source).to_parquet(index=False))
 
 
 def simulated_motions(fits: Path) -> Motions:

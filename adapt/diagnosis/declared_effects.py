@@ -10,7 +10,7 @@ _MADE_SO = (
 """Column, how its cells start, effect."""
 
 
-def expected_effects(motions: Motions) -> tuple[str, ...]:
+def declared_effects(motions: Motions) -> tuple[str, ...]:
     """The effects that most postures are marked with."""
     return tuple(
         effect

@@ -9,12 +9,12 @@ from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
 from adapt.diagnosis import gap_location as where
-from adapt.diagnosis.declared_effects import expected_effects
+from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.design.next_measurement import Proposal, propose
-from adapt.diagnosis.design.predicted_power import Foreseen, foresee
-from adapt.diagnosis.design.separability import alike_sets, closed, separation, smallest_detectable
+from adapt.diagnosis.design.predicted_power import PredictedPower, predict_power
+from adapt.diagnosis.design.separability import alike_sets, projected_onto_model, separation, smallest_detectable
 from adapt.diagnosis.fit.held_out_gaps import HeldOut, gaps
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, Linear, none_and_each
+from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit, single_hypotheses
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.misfit import misfit
 from adapt.diagnosis.fit.noise import estimate_noise
@@ -86,7 +86,7 @@ class Diagnosis:
     indistinguishable: list[list[str]]
     detectable: dict[str, float | None]
     """Smallest amplitude of each effect that these data would show, in its unit."""
-    foreseen: dict[str, Foreseen]
+    predicted_power: dict[str, PredictedPower]
     """What a diagnosis of such data would make of each effect, if it were at work."""
     next_measurement: list[Proposal]
     ranking: Ranking
@@ -106,7 +106,7 @@ def diagnose(
     """
     models = [models] if isinstance(models, ParameterSet) else list(models)
     data, left_out = _usable(observe(motions))
-    expected = expected_effects(motions)
+    expected = declared_effects(motions)
     with threadpool_limits(1, "blas"):  # of a hundred columns, more threads wait for each other longer than they work
         return {
             model.name: _diagnose(
@@ -165,10 +165,10 @@ def _diagnose(
     noise = estimate.noise
     data, noisy = _without_noisy(data, estimate)
     progress("what can be told apart")
-    hypotheses = none_and_each(names)
-    postures = closed(girdle, effects, data, noise)
+    hypotheses = single_hypotheses(names)
+    postures = projected_onto_model(girdle, effects, data, noise)
     apart = separation(girdle, effects, hypotheses, postures, noise)
-    foreseen = foresee(girdle, effects, postures, noise)
+    predicted_power = predict_power(girdle, effects, postures, noise)
     progress("every effect")
     ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
     verdict = judge(ranking, names, expected)
@@ -202,7 +202,7 @@ def _diagnose(
         constraints=where.constraint_residuals_mm(data, _at_measured(girdle, data, none)),
         indistinguishable=alike_sets(hypotheses, apart),
         detectable=smallest_detectable(girdle, effects, postures, noise),
-        foreseen=foreseen,
+        predicted_power=predicted_power,
         next_measurement=propose(girdle, effects, _candidates(ranking, concluded.verdict), data, noise),
         ranking=ranking,
     )
@@ -213,7 +213,7 @@ class Conclusion:
     """What follows from a ranking."""
 
     verdict: Verdict
-    explained: Linear
+    explained: LinearisedFit
     """What the gap is compared with."""
     amplitude: dict[str, tuple[Amplitude, ...]]
     """As in Diagnosis."""
@@ -243,7 +243,7 @@ def _with_pairs(girdle: Girdle, effects, data: Observed, noise: NoiseEstimate, r
     return rank([*ranking.fitted, *fitted], effects, data, noise)
 
 
-def _explanation(ranking: Ranking, verdict: Verdict) -> Linear:
+def _explanation(ranking: Ranking, verdict: Verdict) -> LinearisedFit:
     """What the gap is compared with: nothing if nothing is blamed, else the most probable effect or pair."""
     by_hypothesis = {one.hypothesis: one for one in ranking.fitted}
     if verdict.answer == NONE:
@@ -253,7 +253,7 @@ def _explanation(ranking: Ranking, verdict: Verdict) -> Linear:
     return next(one for one in ranking.fitted if one.hypothesis)
 
 
-def _at_measured(girdle: Girdle, data: Observed, fitted: Linear) -> Float[np.ndarray, "3 postures subjects"]:
+def _at_measured(girdle: Girdle, data: Observed, fitted: LinearisedFit) -> Float[np.ndarray, "3 postures subjects"]:
     """A1-A3 of each subject's adapted girdle at the measured angles, mm."""
     theta = jnp.asarray(fitted.z[: len(ADAPTED), None])
     adapted = girdle.over_axes(2).with_adapted(theta)
@@ -271,7 +271,7 @@ def _at_other_noise(
     return found
 
 
-def _changes(none: Linear, explained: Linear) -> dict[str, Changed]:
+def _changes(none: LinearisedFit, explained: LinearisedFit) -> dict[str, Changed]:
     values = zip(ADAPTED, none.z.mean(axis=1), explained.z.mean(axis=1), strict=False)
     return {name: Changed(float(a), float(b)) for name, a, b in values}
 

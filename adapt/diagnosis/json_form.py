@@ -37,7 +37,11 @@ def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
         "verdict": _verdict(of.verdict),
         "probability": of.verdict.probability,
         "pairs": of.verdict.pairs,
-        "tests": {name: getattr(of.ranking, name) for name in ("discrepancy_gain", "excess", "oversize")},
+        "tests": {
+            "discrepancy_gain": of.ranking.discrepancy_gain,
+            "excess": of.ranking.excess,
+            "oversize": of.ranking.amplitude_excess,
+        },
         "amplitude": {name: _amplitude(effects[name], size, of.highest_deg) for name, size in of.amplitude.items()},
         "gap_deg": _gaps(of.gap),
         "where": of.cells,
@@ -50,7 +54,7 @@ def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
             name: None if value is None else {"value": value, "unit": effects[name].unit}
             for name, value in of.detectable.items()
         },
-        "foreseen": of.foreseen,
+        "foreseen": of.predicted_power,
         "next_measurement": of.next_measurement,
         "noise": {**vars(of.noise.noise), "source": of.noise.source, "freedom": of.noise.freedom},
         "at_other_noise": [{"noise_deg": deg, **_verdict(one)} for deg, one in sorted(of.at_other_noise.items())],

@@ -88,10 +88,10 @@ def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[
         left = np.flatnonzero(~result.converged)
         if not len(left):
             break
-        before = lanes_of(result, left)
+        before = take_problems(result, left)
         again = type(start)(*(getattr(before, name) for name in start._fields))
-        further = done(lanes_of(fixed, left), again, iterations)
-        result = with_lanes(result, left, further._replace(iterations=before.iterations + further.iterations))
+        further = done(take_problems(fixed, left), again, iterations)
+        result = with_problems(result, left, further._replace(iterations=before.iterations + further.iterations))
     return result
 
 
@@ -105,20 +105,20 @@ def as_type(tree: Any, dtype: DTypeLike) -> Any:
     return jax.tree.map(cast, tree)
 
 
-def lanes_of(tree: Any, index: Any) -> Any:
+def take_problems(tree: Any, index: Any) -> Any:
     """The given lanes of every array: their numbers, or where they are."""
     index = np.flatnonzero(index) if np.asarray(index).dtype == bool else index
     return jax.tree.map(lambda x: np.asarray(x).take(index, axis=-1), tree)
 
 
-def put_lanes(tree: Any, index: Any, values: Any) -> None:
+def put_problems(tree: Any, index: Any, values: Any) -> None:
     """The given lanes of every array of a tree become those of ``values``."""
     for whole, some in zip(jax.tree.leaves(tree), jax.tree.leaves(values), strict=True):
         whole[..., index] = some
 
 
-def with_lanes(tree: Any, index: Any, values: Any) -> Any:
+def with_problems(tree: Any, index: Any, values: Any) -> Any:
     """The same in a copy of the tree, as numpy."""
     result = jax.tree.map(np.array, tree)
-    put_lanes(result, index, values)
+    put_problems(result, index, values)
     return result

@@ -23,7 +23,7 @@ import platformdirs
 from adapt.engine.batching import compiled, in_chunks
 from adapt.engine.llvm import Code, Lane, width
 from motions.errors import InputError
-from motions.files import write_bytes_whole
+from motions.files import atomic_write_bytes
 
 AXES = ("postures", "points")
 """What there can be several of in a lane."""
@@ -195,7 +195,7 @@ def _object_code(name: str, code: Callable[[], Code]) -> bytes:
     made = compiled_text(code().text())
     with suppress(OSError, InputError):  # a folder that cannot be written to costs the next run this compilation
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes_whole(path, _DIGEST(made).digest() + made)
+        atomic_write_bytes(path, _DIGEST(made).digest() + made)
     return made
 
 

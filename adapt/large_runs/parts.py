@@ -23,7 +23,7 @@ from adapt.solvers import status
 from adapt.tables.results import Tables, as_csv, summary_of
 from models.effects.known import Amplitudes
 from models.parameter_sets import ParameterSet
-from motions.files import write_bytes_whole, write_pieces_whole
+from motions.files import atomic_write_bytes, atomic_write_pieces
 from motions.table import Motions
 
 FOLDER = "unfinished"
@@ -120,19 +120,19 @@ class Parts:
                     yield number, replace(motions, rejected=())
 
         for number, part in maker(work, missing()):
-            write_bytes_whole(self._path(number), part)
+            atomic_write_bytes(self._path(number), part)
         return Motions.concatenate(shown)
 
-    def become_tables(self, folder: Path, models: Sequence[ParameterSet]) -> tuple[Tables, dict[str, str]]:
+    def merge(self, folder: Path, models: Sequence[ParameterSet]) -> tuple[Tables, dict[str, str]]:
         """Write fits.csv, parameters.csv, heldout.csv and summary.csv. The tables, fits only of the subjects that the
         report shows; and by subject what failed."""
         states = [(state, k) for state in _STATES for k in range(len(models))]
         with ExitStack() as stack:
             parts = [stack.enter_context(zipfile.ZipFile(path)) for path in sorted(self._home.glob("*.zip"))]
             parameters, heldout = ([f"{n}/{k}.csv" for k in range(len(models))] for n in ("parameters", "heldout"))
-            write_pieces_whole(folder / "fits.csv", _joined(parts, [f"fits{state}/{k}.csv" for state, k in states]))
-            write_pieces_whole(folder / "parameters.csv", _joined(parts, parameters))
-            write_pieces_whole(folder / "heldout.csv", _joined(parts, heldout))
+            atomic_write_pieces(folder / "fits.csv", _joined(parts, [f"fits{state}/{k}.csv" for state, k in states]))
+            atomic_write_pieces(folder / "parameters.csv", _joined(parts, parameters))
+            atomic_write_pieces(folder / "heldout.csv", _joined(parts, heldout))
             unseen = _table(parts, heldout)
             by_subject = {(models[k].name, s): _table(parts, [f"summary{s}/{k}.csv"]) for s, k in states}
             tables = Tables(
@@ -142,7 +142,7 @@ class Parts:
                 heldout=unseen,
             )
             failed = {subject: why for part in parts for subject, why in json.loads(part.read("failed.json")).items()}
-        write_pieces_whole(folder / "summary.csv", [as_csv(tables.summary).encode()])
+        atomic_write_pieces(folder / "summary.csv", [as_csv(tables.summary).encode()])
         return tables, failed
 
     def remove(self) -> None:

@@ -36,7 +36,7 @@ def write_adapted_models(
     """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
 
     how: the options of the adaptation, for the [source] lines. The folder is one of
-    ``adapt.output.run_files.written_together``.
+    ``adapt.output.run_files.transaction``.
     """
     prepare_folder(folder / FOLDER)
     of_name = {model.name: model for model in models}

@@ -9,7 +9,7 @@ from adapt.output.run_files import write_table
 from adapt.tables.results import Tables
 from models import ParameterSet
 from motions import InputError, Motions
-from motions.files import write_whole
+from motions.files import atomic_write
 
 REPORT = "report.html"
 
@@ -32,7 +32,7 @@ def write_figures(folder: Path, found: Object) -> None:
     from adapt.output.diagnosis_figures import figures  # matplotlib takes half a second to load: not for every command
 
     for name, text in figures(found).items():
-        write_whole(folder / name, text)
+        atomic_write(folder / name, text)
 
 
 def write_report(
@@ -43,14 +43,14 @@ def write_report(
     failed: Mapping[str, str],
     found: Object | None = None,
     of: int = 0,
-    at_work: str = "",
+    active_effects: str = "",
 ) -> Exception | None:
     """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
     had), which must not keep them from theirs."""
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        write_whole(folder / REPORT, report_html(motions, models, result, failed, found, of, at_work))
+        atomic_write(folder / REPORT, report_html(motions, models, result, failed, found, of, active_effects))
     except Exception as error:
         return error
     return None

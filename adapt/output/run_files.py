@@ -18,7 +18,7 @@ from adapt.solvers.batched.kernels import OFFSETS_SEED
 from adapt.tables.results import as_csv
 from models.parameter_sets import FOLDER, model_file
 from motions.errors import InputError
-from motions.files import is_part, part_name, write_whole
+from motions.files import atomic_write, is_part, part_name
 
 try:
     import fcntl
@@ -68,7 +68,7 @@ def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextmanager
-def written_together(folder: Path) -> Iterator[Path]:
+def transaction(folder: Path) -> Iterator[Path]:
     """A folder to write files to, which take their places in ``folder`` together when the block has ended well.
 
     If it has not (the disk is full), or is killed, all files of ``folder`` stay as they were.
@@ -122,12 +122,12 @@ def _lock(folder: Path) -> int | None:
 
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """As CSV: see ``adapt.tables.results.as_csv``."""
-    write_whole(path, as_csv(table))
+    atomic_write(path, as_csv(table))
 
 
 def write_json(record: dict[str, object], path: Path) -> None:
     """Strict JSON: what is not a finite number must be null by now."""
-    write_whole(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
+    atomic_write(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
 def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:

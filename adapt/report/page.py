@@ -34,13 +34,14 @@ def report_html(
     not_handled: Mapping[str, str] | None = None,
     diagnosis: Object | None = None,
     of: int = 0,
-    at_work: str = "",
+    active_effects: str = "",
 ) -> str:
     """The page: no other file and no network is needed to read it. The same results give the same text.
 
     ``not_handled`` names the subjects that could not be fitted, each with its reason; ``diagnosis`` is the object of
     diagnosis.json (``adapt.diagnosis.json_form.as_json``), of the same motions and models. ``of`` is the number of
-    subjects of which these are a sample, if they are. ``at_work`` says with which effects they were fitted, if any.
+    subjects of which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if
+    any.
     """
     by_model: dict[str, Object] = diagnosis["by_model"] if diagnosis else {}
     noise_deg = {name: of["noise"]["angle_deg"] for name, of in by_model.items()}
@@ -61,7 +62,7 @@ def report_html(
             by_model=by_model,
             who=who,
             of=of,
-            at_work=at_work,
+            active_effects=active_effects,
             simulated=simulated_subjects(motions),
             subjects=motions.subjects,
             drawn=len(data["subjects"]),

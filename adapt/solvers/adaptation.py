@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from adapt.engine.batching import as_type, compiled, in_chunks, in_rounds, lanes_of, with_lanes
+from adapt.engine.batching import as_type, compiled, in_chunks, in_rounds, take_problems, with_problems
 from adapt.engine.kernel import Kernel
 from adapt.solvers import status
 from adapt.solvers.batched.kernels import GIRDLE
@@ -18,11 +18,11 @@ from adapt.solvers.batched.subject import Fixed, Start, Swept, sweep
 from adapt.solvers.linalg import Factor, diagonal, matmul, trace, transpose
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, ThoraxPoints, fitted_girdle, thorax_distance_mm2
 from adapt.solvers.padded_batch import Batch
-from adapt.solvers.posture_fits import FEWEST_ANGLES, Chain, fit_lanes
+from adapt.solvers.posture_fits import FEWEST_ANGLES, AnyGirdle, fit_batch
 from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from adapt.solvers.reference.subject import Problem, Subject, joint, solve_subjects
-from models.effects import NOTHING_AT_WORK, AtWork
+from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
 from models.girdle import ADAPTED, Girdle
 from models.parameter_sets import ParameterSet
 from motions.arrays import Array, ByType, xp
@@ -72,7 +72,7 @@ class Adapted:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Lanes:
+class ProblemBatch:
     """The data and models of L lanes, padding included. All numbers float64; or float32, for adaptations in that."""
 
     girdle: Girdle
@@ -83,17 +83,17 @@ class Lanes:
     angles: Float[Array, " 6 postures lanes"]
     measured: Bool[Array, " 6 postures lanes"]
     counted: Bool[Array, "postures lanes"]
-    at_work: AtWork = NOTHING_AT_WORK
+    active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
     """Strengths (channels, postures, lanes). They act in the chain; D is that of the ellipsoid without them."""
 
-    def chain(self, theta_mm: Float[Array, " 6 lanes"], posture, lane) -> Chain:
+    def chain(self, theta_mm: Float[Array, " 6 lanes"], posture, lane) -> AnyGirdle:
         """The girdles at theta, with what is at work, of some postures: a lane each."""
-        return self.at_work.at(posture, lane).on(lanes_of(self.girdle.with_adapted(theta_mm), lane))
+        return self.active_effects.at(posture, lane).on(take_problems(self.girdle.with_adapted(theta_mm), lane))
 
 
-def lanes(batch: Batch, models: list[ParameterSet], at_work: AtWork = NOTHING_AT_WORK) -> Lanes:
-    """Every subject of the batch with every model: lane = model * subjects + subject. Strengths of what is ``at_work``
-    are (channels, postures, subjects)."""
+def lanes(batch: Batch, models: list[ParameterSet], active_effects: ActiveEffects = NO_ACTIVE_EFFECTS) -> ProblemBatch:
+    """Every subject of the batch with every model: lane = model * subjects + subject. Strengths of what is
+    ``active_effects`` are (channels, postures, subjects)."""
     subjects = batch.angles.shape[-1]
     points = max(model.points_mm.shape[1] for model in models)
 
@@ -111,7 +111,7 @@ def lanes(batch: Batch, models: list[ParameterSet], at_work: AtWork = NOTHING_AT
         return np.where(np.arange(points) < count, 1.0 / count, 0.0)
 
     girdles = [fitted_girdle(model.girdle, model.points_mm) for model in models]
-    return Lanes(
+    return ProblemBatch(
         girdle=jax.tree.map(lambda *x: each_subject(x), *girdles),
         points_mm=each_subject([padded(model) for model in models]),
         shares=each_subject([shares(model) for model in models]),
@@ -119,17 +119,17 @@ def lanes(batch: Batch, models: list[ParameterSet], at_work: AtWork = NOTHING_AT
         angles=each_model(batch.angles),
         measured=each_model(batch.measured),
         counted=each_model(batch.counted),
-        at_work=jax.tree.map(each_model, at_work),
+        active_effects=jax.tree.map(each_model, active_effects),
     )
 
 
-def lanes_at(data: Lanes, index: Int[np.ndarray, " chosen"], **changed: np.ndarray) -> Lanes:
+def select_problems(data: ProblemBatch, index: Int[np.ndarray, " chosen"], **changed: np.ndarray) -> ProblemBatch:
     """The given lanes, any of them as often as wanted, with some of their arrays replaced."""
-    return replace(Lanes(**{k: lanes_of(v, index) for k, v in vars(data).items()}), **changed)
+    return replace(ProblemBatch(**{k: take_problems(v, index) for k, v in vars(data).items()}), **changed)
 
 
-def adapt_lanes(
-    data: Lanes,
+def adapt_batch(
+    data: ProblemBatch,
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
@@ -156,20 +156,22 @@ def adapt_lanes(
     return replace(adapted, status=np.where(moving, status.NOT_CONVERGED, adapted.status))
 
 
-def _lowest(data: Lanes, weight, reading, factor, progress) -> Adapted:
+def _lowest(data: ProblemBatch, weight, reading, factor, progress) -> Adapted:
     """All starts of all lanes side by side, then the best of each lane."""
     starts, count = len(STARTS_MM), len(factor)
     lower, upper = data.bounds_mm
     theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
     every = np.tile(np.arange(count), starts)
-    found = _from_theta(lanes_of(data, every), weight, reading, factor[every], np.concatenate(theta, axis=-1), progress)
-    best, *others = (_lanes_of(found, slice(k * count, (k + 1) * count)) for k in range(starts))
+    found = _from_theta(
+        take_problems(data, every), weight, reading, factor[every], np.concatenate(theta, axis=-1), progress
+    )
+    best, *others = (_take(found, slice(k * count, (k + 1) * count)) for k in range(starts))
     for other in others:
         best = _better(best, other)
     return best
 
 
-def _lanes_of(adapted: Adapted, chosen) -> Adapted:
+def _take(adapted: Adapted, chosen) -> Adapted:
     return Adapted(**{name: value[..., chosen] for name, value in vars(adapted).items()})
 
 
@@ -181,44 +183,44 @@ def _better(one: Adapted, other: Adapted) -> Adapted:
     )
 
 
-def solved_from_geometric_fit(data: Lanes) -> Subject:
+def solved_from_geometric_fit(data: ProblemBatch) -> Subject:
     """One start alone, the geometric fit and the measured angles, with the default weight: what benchmarks compare."""
     problem = problem_of(data, np.full(data.counted.shape[1:], WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     return solved_from((data.girdle, data.points_mm, data.shares, problem), theta, data.angles)
 
 
-def adapted_from(data: Lanes, theta: Float[np.ndarray, "6 lanes"], weight: float = WEIGHT) -> Adapted:
+def adapted_from(data: ProblemBatch, theta: Float[np.ndarray, "6 lanes"], weight: float = WEIGHT) -> Adapted:
     """The optimum of E [mm^2, deg^2] reached from one start alone, theta in mm and within the bounds."""
     reading = READINGS[DEFAULT_READING]
     return _from_theta(data, weight, reading, np.full(data.counted.shape[1:], weight), theta, lambda _: None)
 
 
-def _from_theta(data: Lanes, weight, reading, factor, theta: Float[np.ndarray, "6 lanes"], progress) -> Adapted:
+def _from_theta(data: ProblemBatch, weight, reading, factor, theta: Float[np.ndarray, "6 lanes"], progress) -> Adapted:
     weights = _weights(data, factor)
     fixed = data.girdle, data.points_mm, data.shares, _problem(data, weights)
     progress("round 1")
-    result = _solved(fixed, data.at_work, theta, fitted_angles(data, theta))
+    result = _solved(fixed, data.active_effects, theta, fitted_angles(data, theta))
     left = np.arange(theta.shape[-1])
     for number in range(2, _ROUNDS + 1):
-        angles, lower = _lower_postures(lanes_of(data, left), lanes_of(result, left))
+        angles, lower = _lower_postures(take_problems(data, left), take_problems(result, left))
         again = ~result.converged[left] | lower
         left = left[again]
         if not len(left):
             break
         progress(f"round {number}")
-        further = _solved(*lanes_of((fixed, data.at_work), left), result.theta[:, left], angles[..., again])
+        further = _solved(*take_problems((fixed, data.active_effects), left), result.theta[:, left], angles[..., again])
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
-        result = with_lanes(result, left, lanes_of(further, gains))
+        result = with_problems(result, left, take_problems(further, gains))
     return _as_adapted(as_type(data, float), weight, reading, weights, result)
 
 
-def _solved(fixed: tuple[Girdle, Array, Array, Problem], at_work: AtWork, theta, angles) -> Subject:
+def _solved(fixed: tuple[Girdle, Array, Array, Problem], active_effects: ActiveEffects, theta, angles) -> Subject:
     """The optima reached from here; with effects at work, which have no fast path, by the careful one."""
-    if not at_work.effects:
+    if not active_effects.effects:
         return solved_from(fixed, theta, angles)
-    return in_chunks(_solve, _FEW_LANES, *fixed, theta, angles, at_work)
+    return in_chunks(_solve, _SMALL_CHUNK, *fixed, theta, angles, active_effects)
 
 
 def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Subject:
@@ -231,12 +233,12 @@ def solved_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> S
     result = swept_from(fixed, theta, angles)
     left = np.flatnonzero(~result.converged)
     if len(left):
-        again = lanes_of((fixed, theta, angles), left)
+        again = take_problems((fixed, theta, angles), left)
         if fixed[3].measured.dtype == np.float32:
             further = solved_from(*as_type(again, float))
         else:
-            further = in_chunks(_solve, _FEW_LANES, *again[0], *again[1:], at_once=_FEW_AT_ONCE)
-        result = with_lanes(result, left, further)
+            further = in_chunks(_solve, _SMALL_CHUNK, *again[0], *again[1:], at_once=_SMALL_AT_ONCE)
+        result = with_problems(result, left, further)
     return result
 
 
@@ -251,7 +253,7 @@ def swept_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Su
     return Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
 
 
-def _lower_postures(data: Lanes, solved: Subject) -> tuple[np.ndarray, np.ndarray]:
+def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np.ndarray]:
     """The postures fitted anew at the solution, where that lowers their J, and the lanes where it does.
 
     A posture can be carried along in a valley that has become the higher one; E is the sum of the lowest.
@@ -263,11 +265,11 @@ def _lower_postures(data: Lanes, solved: Subject) -> tuple[np.ndarray, np.ndarra
     return np.where(lower[None], fresh, solved.angles), np.any(lower, axis=0)
 
 
-def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, " 6 postures lanes"]:
+def fitted_angles(data: ProblemBatch, theta: Float[Array, " 6 lanes"]) -> Float[Array, " 6 postures lanes"]:
     """The posture fits of every lane with its own girdle at theta."""
     postures, count = data.counted.shape
     posture, lane = (places.ravel() for places in np.indices((postures, count)))
-    fitted = fit_lanes(
+    fitted = fit_batch(
         data.chain(theta, posture, lane),
         np.asarray(data.angles).reshape(6, -1),
         np.asarray(data.measured).reshape(6, -1),
@@ -276,29 +278,29 @@ def fitted_angles(data: Lanes, theta: Float[Array, " 6 lanes"]) -> Float[Array, 
     return fitted.angles.reshape(6, postures, count)
 
 
-def _weights(data: Lanes, factor) -> Float[Array, " 6 postures lanes"]:
+def _weights(data: ProblemBatch, factor) -> Float[Array, " 6 postures lanes"]:
     """W of each angle in E: w / postures times that in J."""
     count = xp.sum(data.counted, axis=0)
     return objective_weights(data.measured) * (factor / count)[None, None]
 
 
-def problem_of(data: Lanes, factor: Float[np.ndarray, " lanes"]) -> Problem:
+def problem_of(data: ProblemBatch, factor: Float[np.ndarray, " lanes"]) -> Problem:
     """The whole-subject problems of the lanes with E = D [mm^2] + factor mean(J) [deg^2]."""
     return _problem(data, _weights(data, factor))
 
 
-def _problem(data: Lanes, weights) -> Problem:
+def _problem(data: ProblemBatch, weights) -> Problem:
     return Problem(data.angles, weights, data.counted, *data.bounds_mm)
 
 
-def _conditions(girdle: Girdle, points_mm, shares, at_work: AtWork) -> tuple[Constraints, ThoraxPoints]:
+def _conditions(girdle: Girdle, points_mm, shares, active_effects: ActiveEffects) -> tuple[Constraints, ThoraxPoints]:
     """The constraints of z = (q, theta) and the thorax term of theta."""
     of_postures = girdle.over_postures()
 
     def with_effects(z):
-        return at_work.on(of_postures.with_adapted(z[6:])).residuals_mm(z[:6])
+        return active_effects.on(of_postures.with_adapted(z[6:])).residuals_mm(z[:6])
 
-    constraints = Differentiated(with_effects) if at_work.effects else ByHand(of_postures)
+    constraints = Differentiated(with_effects) if active_effects.effects else ByHand(of_postures)
     return constraints, ThoraxPoints(girdle, points_mm, shares)
 
 
@@ -308,10 +310,10 @@ _LANES = 256
 _AT_ONCE = 128
 """Subjects up to which numpy is done before a compiled program is loaded."""
 
-_FEW_LANES = 16
+_SMALL_CHUNK = 16
 """Subjects in a chunk of the careful path, which is long to compile."""
 
-_FEW_AT_ONCE = 256
+_SMALL_AT_ONCE = 256
 """Subjects up to which numpy does the careful path; it takes a minute to compile."""
 
 _SWEEPS = ByType((10, 10, 20, 20, 400), (10, 10, 20))
@@ -333,14 +335,20 @@ subjects_kernel = Kernel(
 
 @jax.jit
 def _solve(
-    girdle: Girdle, points_mm, shares, problem: Problem, theta, angles, at_work: AtWork = NOTHING_AT_WORK
+    girdle: Girdle,
+    points_mm,
+    shares,
+    problem: Problem,
+    theta,
+    angles,
+    active_effects: ActiveEffects = NO_ACTIVE_EFFECTS,
 ) -> Subject:
-    return solve_subjects(*_conditions(girdle, points_mm, shares, at_work), problem, theta, angles)
+    return solve_subjects(*_conditions(girdle, points_mm, shares, active_effects), problem, theta, angles)
 
 
 @compiled
 def standard_deviations(
-    girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject, at_work: AtWork
+    girdle: Girdle, points_mm, shares, problem: Problem, solved: Subject, active_effects: ActiveEffects
 ) -> Float[Array, " 6 lanes"]:
     """SD of each free parameter, mm, from the curvature of E (Gauss-Newton sandwich).
 
@@ -353,13 +361,13 @@ def standard_deviations(
     for angles with variance s2 = sum of squared gaps / (3 P - free) and distances with variance d2 = n D / (n - 5).
     The gaps stand for the noise: what the model cannot do counts as if it were independent from posture to posture.
     """
-    constraints, thorax = _conditions(girdle, points_mm, shares, at_work)
+    constraints, thorax = _conditions(girdle, points_mm, shares, active_effects)
     slopes = constraints.slopes(joint(solved.angles, solved.theta))
     G, T = slopes[:, :6], slopes[:, 6:]
     weight = xp.max(problem.weights, axis=(0, 1))
     softness = xp.where(problem.weights > 0.0, 1.0 / problem.weights, 1e6 / weight)
-    stiffness = matmul(G * softness[None], transpose(G))
-    factor = Factor(stiffness, 1e-12 * trace(stiffness))
+    range_space_penalty = matmul(G * softness[None], transpose(G))
+    factor = Factor(range_space_penalty, 1e-12 * trace(range_space_penalty))
     from_angles = problem.total(matmul(transpose(T), factor.solve(T)))
 
     at, by_parameter = thorax.distances(solved.theta)
@@ -385,11 +393,11 @@ def standard_deviations(
     return xp.where(free & curved.positive[None], xp.sqrt(variance), xp.nan)
 
 
-def _as_adapted(data: Lanes, weight, reading, weights, solved: Subject) -> Adapted:
+def _as_adapted(data: ProblemBatch, weight, reading, weights, solved: Subject) -> Adapted:
     problem = _problem(data, weights)
     fixed = data.girdle, data.points_mm, data.shares, problem
-    at_once = 0 if data.at_work.effects else _AT_ONCE
-    sd = in_chunks(standard_deviations, _LANES, *fixed, solved, data.at_work, at_once=at_once)
+    at_once = 0 if data.active_effects.effects else _AT_ONCE
+    sd = in_chunks(standard_deviations, _LANES, *fixed, solved, data.active_effects, at_once=at_once)
     D = thorax_distance_mm2(data.girdle.with_adapted(solved.theta), data.points_mm, data.shares)
     j = mean_square_deg2(solved.angles, data.angles, objective_weights(data.measured))
     mean_j = problem.total(j) / np.sum(data.counted, axis=0)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from models.derivatives import ELLIPSOID, Distance, distance, ellipsoid_curvature, ellipsoid_slope
-from models.ellipsoid import foot_multiplier, signed_distance_mm
+from models.ellipsoid import closest_point_multiplier, signed_distance_mm
 from models.girdle import Girdle
 from motions.arrays import Array, xp
 
@@ -104,7 +104,7 @@ class ThoraxPoints:
     def _at(self, theta) -> Distance:
         moved = self.girdle.with_adapted(theta).over_postures()
         p, a = xp.broadcast_arrays(self.points_mm - moved.centre_mm, moved.semi_axes_mm)
-        return distance(tuple(p), tuple(a), foot_multiplier(p, a))
+        return distance(tuple(p), tuple(a), closest_point_multiplier(p, a))
 
 
 _ON_THE_POINTS_MM2 = 1e-18

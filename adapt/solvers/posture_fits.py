@@ -13,7 +13,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from adapt.engine.batching import as_type, in_chunks, lanes_of
+from adapt.engine.batching import as_type, in_chunks, take_problems
 from adapt.solvers import status
 from adapt.solvers.batched.kernels import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower, tracked
 from adapt.solvers.batched.posture import SweptPostures
@@ -44,7 +44,7 @@ _TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
 """A posture is followed to the next one in this many steps along the straight line of measured angles."""
 
 
-Chain = Girdle | ExtendedGirdle
+AnyGirdle = Girdle | ExtendedGirdle
 """A girdle of each lane, with or without effects."""
 
 
@@ -65,8 +65,8 @@ class Fitted:
     """True where the posture is not on the branch of the posture before it in its motion."""
 
 
-def fit_lanes(
-    girdle: Chain,
+def fit_batch(
+    girdle: AnyGirdle,
     angles: Float[np.ndarray, "6 lanes"],
     measured: Bool[np.ndarray, "6 lanes"],
     start: Float[np.ndarray, "6 lanes"] | None = None,
@@ -95,9 +95,9 @@ def fit_lanes(
         again = np.flatnonzero(fitted.status == status.NOT_CONVERGED)
         if not len(again):
             return fitted
-        part = lanes_of(girdle, again), target[:, again], weights[:, again]
-        closed, residual = _few(_close, part[0], part[1] + offset[:, None])
-        tried = _as_fitted(_carefully(*part, closed))
+        part = take_problems(girdle, again), target[:, again], weights[:, again]
+        closed, residual = _in_small_chunks(_close, part[0], part[1] + offset[:, None])
+        tried = _as_fitted(_reference_fit(*part, closed))
         converged = tried.status == status.OK
         _put(fitted, again[converged], _pick(tried, converged))
         open_mm = np.abs(residual).max(axis=0)
@@ -108,14 +108,14 @@ def fit_lanes(
     return fitted
 
 
-def _finite(girdle: Chain) -> Bool[np.ndarray, " lanes"]:
+def _finite(girdle: AnyGirdle) -> Bool[np.ndarray, " lanes"]:
     """Whether every number of the girdle of a lane is one."""
     return np.isfinite(sum(np.sum(x, axis=tuple(range(np.ndim(x) - 1))) for x in jax.tree.leaves(girdle)))
 
 
 def follow_motions(
     fitted: Fitted,
-    girdle: Chain,
+    girdle: AnyGirdle,
     angles: Float[np.ndarray, "6 lanes"],
     measured: Bool[np.ndarray, "6 lanes"],
     previous: Int[np.ndarray, " lanes"],
@@ -157,11 +157,11 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
             before, after = before[~arrived], after[~arrived]
 
 
-def _trackers(girdle: Chain) -> list[Callable[..., SweptPostures]]:
+def _trackers(girdle: AnyGirdle) -> list[Callable[..., SweptPostures]]:
     """The fast path, in shorter steps for what it did not follow; with effects the careful one."""
     if isinstance(girdle, Girdle):
         return [partial(tracked, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
-    return [_track_carefully]
+    return [_track_by_reference]
 
 
 def _breaks(fitted: Fitted, problem, previous, same_rad: float) -> Bool[np.ndarray, " lanes"]:
@@ -181,7 +181,7 @@ def _breaks(fitted: Fitted, problem, previous, same_rad: float) -> Bool[np.ndarr
 
 def _track_lanes(fitted: Fitted, problem, before, after, track) -> Fitted:
     girdle, target, weights = problem
-    part = lanes_of((girdle, target, weights), after)
+    part = take_problems((girdle, target, weights), after)
     return _as_fitted(track(*part, target[:, before], fitted.angles[:, before]))
 
 
@@ -222,41 +222,41 @@ def _put(fitted: Fitted, lanes, values: Fitted) -> None:
         getattr(fitted, name)[..., lanes] = value
 
 
-def _solved(girdle: Chain, target, weights, start, around: bool) -> SweptPostures:
+def _solved(girdle: AnyGirdle, target, weights, start, around: bool) -> SweptPostures:
     """The fast path, and for the lanes that need it the careful one; after float32 first the fast one in float64."""
     if not isinstance(girdle, Girdle):
-        return _carefully(girdle, target, weights, start)
+        return _reference_fit(girdle, target, weights, start)
     problem = girdle, target, weights
     quick = as_type(fitted_from_places(problem, around) if start is None else fitted_from(problem, start), float)
     left = np.flatnonzero(~quick.converged)
     if len(left):
-        girdle, target, weights = lanes_of(problem, left)
+        girdle, target, weights = take_problems(problem, left)
         start = None if start is None else start[:, left]
         if target.dtype == np.float32:
             girdle, target = as_type((girdle, target), float)
             further = _solved(girdle, target, weights, start, around)
         else:
-            further = _carefully(girdle, target, weights, start)
+            further = _reference_fit(girdle, target, weights, start)
         put_lower(quick, left, further)
     return quick
 
 
-def _carefully(girdle: Chain, target, weights, start) -> SweptPostures:
+def _reference_fit(girdle: AnyGirdle, target, weights, start) -> SweptPostures:
     """The optimum reached from one start; without one the lower of those from the measured angles and from where the
     chain closes nearest to them (see ``posture.solve_from_two_starts``, which would be another program to compile)."""
     if start is not None:
-        return _as_swept(_few(_solve, girdle, target, weights, start), target, weights)
-    closed, _ = _few(_close, girdle, target)
-    found, other = (_carefully(girdle, target, weights, place) for place in (target, closed))
+        return _as_swept(_in_small_chunks(_solve, girdle, target, weights, start), target, weights)
+    closed, _ = _in_small_chunks(_close, girdle, target)
+    found, other = (_reference_fit(girdle, target, weights, place) for place in (target, closed))
     put_lower(found, np.arange(target.shape[1]), other)
     return found
 
 
-def _track_carefully(girdle: Chain, target, weights, target_before, start) -> SweptPostures:
+def _track_by_reference(girdle: AnyGirdle, target, weights, target_before, start) -> SweptPostures:
     """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
     for share in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
-        start = _carefully(girdle, target_before + share * (target - target_before), weights, start).angles
-    return _carefully(girdle, target, weights, start)
+        start = _reference_fit(girdle, target_before + share * (target - target_before), weights, start).angles
+    return _reference_fit(girdle, target, weights, start)
 
 
 def _as_swept(solved: Postures, target, weights) -> SweptPostures:
@@ -271,33 +271,33 @@ def _as_swept(solved: Postures, target, weights) -> SweptPostures:
     )
 
 
-def _few(function, girdle: Chain, *arrays) -> Any:
+def _in_small_chunks(function, girdle: AnyGirdle, *arrays) -> Any:
     """The careful path. With effects there are no derivatives by hand, which numpy needs."""
-    at_once = _FEW_AT_ONCE if isinstance(girdle, Girdle) else 0
-    return in_chunks(function, _FEW_LANES, girdle, *arrays, at_once=at_once)
+    at_once = _SMALL_AT_ONCE if isinstance(girdle, Girdle) else 0
+    return in_chunks(function, _SMALL_CHUNK, girdle, *arrays, at_once=at_once)
 
 
-_FEW_LANES = 64
+_SMALL_CHUNK = 64
 """Postures in a chunk of the careful path, which is long to compile."""
 
-_FEW_AT_ONCE = 512
+_SMALL_AT_ONCE = 512
 """Postures up to which numpy does the careful path: 2 ms each, a tenth of that compiled, which takes 12 s once."""
 
 _PLACES_DEG = np.stack([np.zeros(6), *OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""
 
 
-def _constraints(girdle: Chain) -> Constraints:
+def _constraints(girdle: AnyGirdle) -> Constraints:
     return ByHand(girdle) if isinstance(girdle, Girdle) else Differentiated(girdle.residuals_mm)
 
 
 @jax.jit
-def _solve(girdle: Chain, target: Array, weights: Array, start: Array) -> Postures:
+def _solve(girdle: AnyGirdle, target: Array, weights: Array, start: Array) -> Postures:
     return solve_postures(_constraints(girdle), target, weights, start)
 
 
 @jax.jit
-def _close(girdle: Chain, start: Array) -> tuple[Array, Array]:
+def _close(girdle: AnyGirdle, start: Array) -> tuple[Array, Array]:
     constraints = _constraints(girdle)
     closed = close_chain(constraints, start)
     return closed, constraints.residual(closed)

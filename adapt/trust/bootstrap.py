@@ -4,13 +4,18 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, Lanes, adapted_from, lanes_at
+from adapt.solvers.adaptation import Adapted, ProblemBatch, adapted_from, select_problems
 from adapt.solvers.objective import WEIGHT
 from motions.rotations import DEG
 
 
 def bootstrap_mm(
-    data: Lanes, adapted: Adapted, noise_deg: Float[np.ndarray, " lanes"], replicates: int, seed: int, weight=WEIGHT
+    data: ProblemBatch,
+    adapted: Adapted,
+    noise_deg: Float[np.ndarray, " lanes"],
+    replicates: int,
+    seed: int,
+    weight=WEIGHT,
 ) -> Float[np.ndarray, "6 replicates lanes"]:
     """Adapted parameters (ADAPTED, mm) of simulated repetitions; NaN where one did not converge.
 
@@ -23,6 +28,6 @@ def bootstrap_mm(
     postures = adapted.angles.shape[1]
     errors = generator.standard_normal((replicates, lanes, 6, postures)) * (noise_deg / DEG)[:, None, None]
     measured = adapted.angles[..., lane] + np.moveaxis(errors.reshape(-1, 6, postures), 0, -1)
-    again = adapted_from(lanes_at(data, lane, angles=measured), adapted.theta_mm[:, lane], weight)
+    again = adapted_from(select_problems(data, lane, angles=measured), adapted.theta_mm[:, lane], weight)
     theta = np.where(again.status == status.OK, again.theta_mm, np.nan)
     return theta.reshape(6, replicates, lanes)

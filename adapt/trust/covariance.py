@@ -34,7 +34,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.model_subjects import PARAMETER_SD_MM
-from adapt.solvers.adaptation import Adapted, Lanes
+from adapt.solvers.adaptation import Adapted, ProblemBatch
 from adapt.solvers.objective import WEIGHT
 from adapt.trust.curvature import Curvature, curvature
 from motions.rotations import DEG
@@ -82,7 +82,7 @@ def sd(covariance: Float[np.ndarray, "n n lanes"]) -> Float[np.ndarray, "n lanes
 
 
 def uncertainty(
-    data: Lanes, adapted: Adapted, weight: float = WEIGHT, person_sd_mm: Float[np.ndarray, " 6"] = PERSON_SD_MM
+    data: ProblemBatch, adapted: Adapted, weight: float = WEIGHT, person_sd_mm: Float[np.ndarray, " 6"] = PERSON_SD_MM
 ) -> Uncertainty:
     """The uncertainty of each adaptation of ``data`` by E = D + weight mean(J), mm^2 and deg^2."""
     curved = curvature(data, adapted, weight)
@@ -145,7 +145,9 @@ def reduced_inverse(
     return result
 
 
-def _noise_rad(data: Lanes, adapted: Adapted, followed: Float[np.ndarray, " lanes"]) -> Float[np.ndarray, " lanes"]:
+def _noise_rad(
+    data: ProblemBatch, adapted: Adapted, followed: Float[np.ndarray, " lanes"]
+) -> Float[np.ndarray, " lanes"]:
     """s; ``followed`` = tr(I^-1 I_J) parameters follow the errors. NaN where no angle is left over."""
     counts = np.asarray(data.measured) & np.asarray(data.counted)[None]
     squares = np.where(counts, (adapted.angles - np.asarray(data.angles)) ** 2, 0.0).sum(axis=(0, 1))

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from adapt.engine.batching import in_chunks
-from adapt.solvers.adaptation import Adapted, Lanes, problem_of
+from adapt.solvers.adaptation import Adapted, ProblemBatch, problem_of
 from adapt.solvers.linalg import Factor, matmul, matvec, transpose
 from adapt.solvers.objective import ThoraxPoints
 from adapt.solvers.reference.constraints import ByHand
@@ -50,7 +50,7 @@ class Curvature:
     """I_J."""
 
 
-def curvature(data: Lanes, adapted: Adapted, weight: float) -> Curvature:
+def curvature(data: ProblemBatch, adapted: Adapted, weight: float) -> Curvature:
     """The curvature of E = D + w mean(J) (mm^2, deg^2) at the adaptations of ``data``, lane by lane."""
     problem = problem_of(data, np.full(data.counted.shape[1:], weight))
     lanes = data.girdle, data.points_mm, data.shares, problem, adapted.theta_mm, adapted.angles

@@ -12,13 +12,13 @@ from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, Lanes, adapt_lanes, lanes, lanes_at
+from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch, lanes, select_problems
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
-from adapt.solvers.posture_fits import fit_lanes
+from adapt.solvers.posture_fits import fit_batch
 from adapt.tables.held_out import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.tables.results import DIFFERENCES
-from models.effects.known import NO_EFFECTS, Amplitudes, at_work
+from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
 from models.parameter_sets import ParameterSet
 from motions.rotations import DEG
 from motions.table import Motions
@@ -94,7 +94,7 @@ class HeldOut:
 
 
 def held_out(
-    data: Lanes,
+    data: ProblemBatch,
     subjects: int,
     parts: Sequence[Fold],
     weight: float = WEIGHT,
@@ -108,8 +108,8 @@ def held_out(
         np.tile(np.stack([getattr(part, k) for part in parts], axis=1), models) for k in ("fitted", "tested")
     )
     progress(f"held-out gaps, {len(lane)} adaptations")
-    part_of = lanes_at(data, lane, counted=fitted)
-    without = adapt_lanes(part_of, weight, reading)
+    part_of = select_problems(data, lane, counted=fitted)
+    without = adapt_batch(part_of, weight, reading)
     return HeldOut(without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK)))
 
 
@@ -129,7 +129,7 @@ def held_out_gaps(
     parts = choose(motions, batch)
     if not parts:
         return NOTHING
-    known = at_work(effects, motions.humerus_elevation_deg[batch.rows])
+    known = active_effects(effects, motions.humerus_elevation_deg[batch.rows])
     data = as_type(lanes(batch, list(models), known), dtype)
     found = held_out(data, len(batch.subjects), parts, weight, reading, progress)
     return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))
@@ -148,12 +148,14 @@ def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -
     return gaps
 
 
-def _gaps_deg(data: Lanes, theta_mm, of: Bool[np.ndarray, "postures lanes"]) -> Float[np.ndarray, "6 postures lanes"]:
+def _gaps_deg(
+    data: ProblemBatch, theta_mm, of: Bool[np.ndarray, "postures lanes"]
+) -> Float[np.ndarray, "6 postures lanes"]:
     posture, lane = np.nonzero(of)
     if not len(lane):
         return np.full((6, *of.shape), np.nan)
     angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
-    found = fit_lanes(data.chain(theta_mm, posture, lane), angles, measured, around=True)
+    found = fit_batch(data.chain(theta_mm, posture, lane), angles, measured, around=True)
     result = np.full((6, *of.shape), np.nan)
     result[:, posture, lane] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, Lanes, adapted_from, lanes_at
+from adapt.solvers.adaptation import Adapted, ProblemBatch, adapted_from, select_problems
 from adapt.solvers.objective import WEIGHT
 from adapt.trust.covariance import NORMAL_95, Uncertainty, reduced_inverse
 
@@ -32,7 +32,7 @@ class Profile:
 
 
 def profile_intervals(
-    data: Lanes, adapted: Adapted, found: Uncertainty, of: Bool[np.ndarray, "6 lanes"], weight: float = WEIGHT
+    data: ProblemBatch, adapted: Adapted, found: Uncertainty, of: Bool[np.ndarray, "6 lanes"], weight: float = WEIGHT
 ) -> Profile:
     """The intervals of the parameters ``of`` that are free, of every lane, all at once; NaN for the others."""
     lanes = adapted.theta_mm.shape[-1]
@@ -48,7 +48,7 @@ def profile_intervals(
     if not len(lane):
         return Profile(np.full((2, 6, lanes), np.nan), np.zeros((2, 6, lanes), bool))
     best, bound = adapted.theta_mm[parameter, lane], np.asarray(data.bounds_mm)[side, parameter, lane]
-    repeated, start = lanes_at(data, lane), adapted.theta_mm[:, lane]
+    repeated, start = select_problems(data, lane), adapted.theta_mm[:, lane]
     follow = inverse[:, parameter, lane] / width[parameter, lane]
 
     def short_of(value_mm):
@@ -95,12 +95,12 @@ def _crossing(inside, outside, short_inside, short_outside):
     return inside + np.where(apart > 0.0, short_inside / np.where(apart > 0.0, apart, 1.0), 0.0) * (outside - inside)
 
 
-def _least_e(data: Lanes, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " lanes"]:
+def _least_e(data: ProblemBatch, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " lanes"]:
     """E with one parameter of each lane held at a value, the others from where the parabola has them; NaN where that
     did not converge."""
     lane = np.arange(len(value_mm))
     bounds = np.array(data.bounds_mm)
     bounds[:, parameter, lane] = value_mm
-    held = lanes_at(data, lane, bounds_mm=bounds)
+    held = select_problems(data, lane, bounds_mm=bounds)
     least = adapted_from(held, np.clip(start_mm, *bounds), weight)
     return np.where(least.status == status.OK, least.E, np.nan)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, Lanes, adapt_lanes
+from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch
 from adapt.tables.held_out import MOTION, by_subject
 from adapt.trust.held_out import Fold, held_out, heldout_table
 from motions.rotations import DEG
@@ -18,7 +18,7 @@ WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 
 
 def weight_table(
-    data: Lanes,
+    data: ProblemBatch,
     subjects: Sequence[str],
     models: Sequence[str],
     parts: Sequence[Fold],
@@ -35,7 +35,7 @@ def weight_table(
     rows = []
     for weight in weights:
         progress(f"w = {weight:g}")
-        adapted = adapt_lanes(data, weight)
+        adapted = adapt_batch(data, weight)
         gaps = _gaps(data, adapted, subjects, models, chosen, weight)
         for m, model in enumerate(models):
             mine = slice(m * len(subjects), (m + 1) * len(subjects))

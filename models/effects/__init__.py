@@ -7,7 +7,7 @@ bone or the measurement. Nothing has to be registered.
 import importlib
 import pkgutil
 
-from models.effects.effect import NOTHING_AT_WORK, AtWork, Effect, ExtendedGirdle
+from models.effects.effect import NO_ACTIVE_EFFECTS, ActiveEffects, Effect, ExtendedGirdle
 
 _FOLDERS = [importlib.import_module(f"{__name__}.{one.name}") for one in pkgutil.iter_modules(__path__) if one.ispkg]
 
@@ -22,4 +22,4 @@ EFFECTS: dict[str, Effect] = {
 }
 """Every effect by its name, in alphabetical order."""
 
-__all__ = ["EFFECTS", "NOTHING_AT_WORK", "AtWork", "Effect", "ExtendedGirdle"]
+__all__ = ["EFFECTS", "NO_ACTIVE_EFFECTS", "ActiveEffects", "Effect", "ExtendedGirdle"]

@@ -147,7 +147,7 @@ class Effect:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class AtWork:
+class ActiveEffects:
     """Effects at work with their strengths, of postures that are laid out as the last axes say."""
 
     strengths: tuple[Float[Array, " channels *batch"], ...] = ()
@@ -158,12 +158,12 @@ class AtWork:
         """The girdle with these effects; without any, the girdle itself."""
         return ExtendedGirdle(girdle, self) if self.effects else girdle
 
-    def at(self, *index: Int[np.ndarray, " chosen"]) -> "AtWork":
+    def at(self, *index: Int[np.ndarray, " chosen"]) -> "ActiveEffects":
         """Those of some postures, by their place along each of the last axes."""
         return replace(self, strengths=tuple(np.asarray(one)[:, *index] for one in self.strengths))
 
 
-NOTHING_AT_WORK = AtWork()
+NO_ACTIVE_EFFECTS = ActiveEffects()
 
 
 @jax.tree_util.register_dataclass
@@ -172,7 +172,7 @@ class ExtendedGirdle:
     """A girdle with effects at work, usable where a :class:`Girdle` is: arrays have the same trailing batch."""
 
     girdle: Girdle
-    at_work: AtWork
+    active_effects: ActiveEffects
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
@@ -181,7 +181,7 @@ class ExtendedGirdle:
 
     def landmarks_mm(self, angles: Float[Array, " 6 *batch"]) -> Points:
         """Where SHOWN would be seen at angles as they would be measured."""
-        effects, strengths = self.at_work.effects, self.at_work.strengths
+        effects, strengths = self.active_effects.effects, self.active_effects.strengths
         *before, (girdle, rotations) = self._adjusted(angles)
         at = chain_landmarks(girdle, *rotations)
         points = jnp.stack(jnp.broadcast_arrays(girdle.sc_mm, at.AC, at.TS, at.AI), axis=1)
@@ -192,7 +192,7 @@ class ExtendedGirdle:
     def _adjusted(self, angles: Float[Array, " 6 *batch"]) -> list[tuple[Girdle, Rotations]]:
         """The girdle and the bones' rotations before the first effect, after it, ..., after the last."""
         steps = [(self.girdle, bone_rotations(angles))]
-        for effect, strength in zip(self.at_work.effects, self.at_work.strengths, strict=True):
+        for effect, strength in zip(self.active_effects.effects, self.active_effects.strengths, strict=True):
             steps.append(effect.adjust(*steps[-1], strength))
         return steps
 

@@ -6,7 +6,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float
 
-from models.effects import EFFECTS, AtWork, Effect
+from models.effects import EFFECTS, ActiveEffects, Effect
 from motions.errors import InputError
 
 Amplitudes = Mapping[str, Sequence[float]]
@@ -19,7 +19,7 @@ OPTION = "--effect"
 """Of the command line, where an error names it."""
 
 
-def at_work(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*postures"]) -> AtWork:
+def active_effects(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*postures"]) -> ActiveEffects:
     """The effects at these elevations; InputError where there is no such effect or its numbers do not fit it."""
     effects = [effect_named(name, "effects") for name in amplitudes]
     for effect in effects:
@@ -29,7 +29,7 @@ def at_work(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*postures"
         for effect in effects
     )
     shape = elevation_deg.shape
-    return AtWork(tuple(np.broadcast_to(one, (len(one), *shape)) for one in strengths), tuple(effects))
+    return ActiveEffects(tuple(np.broadcast_to(one, (len(one), *shape)) for one in strengths), tuple(effects))
 
 
 def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:

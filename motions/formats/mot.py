@@ -10,7 +10,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from motions.errors import InputError
-from motions.files import read_text, write_whole
+from motions.files import atomic_write, read_text
 from motions.formats.text import numbers
 
 _END = "endheader"
@@ -75,7 +75,7 @@ def write_mot(table: AngleTable, path: Path) -> None:
     header = "".join(f"{key}={value}\n" for key, value in (known | table.header).items())
     buffer = io.StringIO()
     frame.to_csv(buffer, sep="\t", index=False, na_rep="nan", lineterminator="\n")
-    write_whole(path, f"{path.stem}\n{header}{_END}\n{buffer.getvalue()}")
+    atomic_write(path, f"{path.stem}\n{header}{_END}\n{buffer.getvalue()}")
 
 
 def _key_value(line: str) -> tuple[str, str]:

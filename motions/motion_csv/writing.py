@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from motions.files import write_whole
+from motions.files import atomic_write
 from motions.motion_csv.columns import REQUIRED, landmark_columns
 from motions.table import Motions
 
@@ -19,7 +19,7 @@ def write_motions(motions: Motions, path: str | os.PathLike[str]) -> None:
     landmarks = [column for name in motions.landmarks_mm for column in landmark_columns(name)]
     header = [*REQUIRED, *landmarks, *motions.extra.columns]
     lines = (",".join(map(_quoted_if_needed, cells)) for cells in (header, *_rows(motions)))
-    write_whole(path, "\n".join(lines) + "\n")
+    atomic_write(path, "\n".join(lines) + "\n")
 
 
 def _rows(motions: Motions) -> Iterator[list[str]]:

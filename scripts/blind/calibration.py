@@ -52,7 +52,7 @@ def calibration(lines: Sequence[Line]) -> str:
     log_prior = np.log([verdict._NONE_PRIOR, *[(1.0 - verdict._NONE_PRIOR) / len(EFFECTS)] * len(EFFECTS)])
     temperature = best_temperature(log, truth, log_prior)
     shares = tempered(log, log_prior, temperature)
-    now = (*verdict._UNKNOWN_TERMS, *verdict._DOUBTS, verdict._TEMPERATURE)
+    now = (*verdict._UNKNOWN_TERMS, *verdict._UNKNOWN_PENALTIES, verdict._TEMPERATURE)
     names = ("constant", "weight of the gain", "weight of the excess", "of pairs", "of the oversize", "temperature")
     fitted = [[n, f"{a:.3f}", f"{b:.3f}"] for n, a, b in zip(names, now, (*weights, temperature), strict=True)]
     seeds = sorted({line["seed"] for line in whole})

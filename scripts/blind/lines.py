@@ -12,7 +12,7 @@ from adapt.diagnosis.fit.held_out_gaps import Gaps
 from adapt.diagnosis.fit.misfit import misfit
 from adapt.diagnosis.fit.observations import Observed, observe
 from adapt.diagnosis.inference.ranking import Ranking, rank
-from adapt.diagnosis.inference.verdict import NONE, UNKNOWN, doubts, shares_of
+from adapt.diagnosis.inference.verdict import NONE, UNKNOWN, posterior_probabilities, unknown_penalties
 from models import ParameterSet
 from motions import read_motions
 from motions.rotations import DEG
@@ -59,7 +59,7 @@ def line_of(found: Diagnosis, single: Ranking) -> Line:
         "other_motion_deg": gaps(found.gap.other_motion),
         "indistinguishable": found.indistinguishable,
         "detectable": found.detectable,
-        "foreseen": {name: one.named for name, one in found.foreseen.items()},
+        "foreseen": {name: one.named for name, one in found.predicted_power.items()},
         "subjects": list(found.subjects),
         "left_out": found.left_out,
     }
@@ -69,11 +69,11 @@ def tests_of(found: Diagnosis) -> dict[str, Any]:
     """What the probability of unknown follows from, pairs and all."""
     ranking = found.ranking
     names = [name for name in found.verdict.probability if name not in (NONE, UNKNOWN)]
-    shares = shares_of(ranking.hypotheses, ranking.log_evidence, names, found.expected)
+    shares = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, found.expected)
     return {
         "discrepancy_gain": ranking.discrepancy_gain,
         "excess": ranking.excess,
-        "doubts": list(doubts(ranking, shares)),
+        "doubts": list(unknown_penalties(ranking, shares)),
     }
 
 

@@ -7,7 +7,7 @@ import pytest
 from test_discrepancy import observed
 from test_evidence import linear_of
 
-from adapt.diagnosis.fit.linear_evidence import Linear, alike, posterior
+from adapt.diagnosis.fit.linear_evidence import LinearisedFit, posterior, shared_prior
 from adapt.diagnosis.inference.amplitude import Amplitude, amplitudes
 from adapt.diagnosis.inference.ranking import Ranking
 from models.effects import EFFECTS
@@ -23,14 +23,14 @@ LIST = tuple(replace(EFFECTS[name], channels=("size",), scale=(8.0,), details=0)
 """Effects of one constant channel each, in the order of the list."""
 
 
-def fitted(seed: int, *hypothesis: str) -> Linear:
+def fitted(seed: int, *hypothesis: str) -> LinearisedFit:
     return replace(linear_of(seed, amplitudes=len(hypothesis)), hypothesis=hypothesis)
 
 
-def ranking(*each: Linear, less: float = 0.0, unlike: float = -1.0) -> Ranking:
+def ranking(*each: LinearisedFit, less: float = 0.0, independent_prior: float = -1.0) -> Ranking:
     """The first is the best, the others are ``less`` nats less probable."""
     log = np.array([0.0] + [-less] * (len(each) - 1))
-    return Ranking(each, log, np.full(len(each), unlike), 0.0, 1.0, 1.0, 0.0, 0.0)
+    return Ranking(each, log, np.full(len(each), independent_prior), 0.0, 1.0, 1.0, 0.0, 0.0)
 
 
 def of(weighed: Ranking, together: int) -> Amplitude:
@@ -38,8 +38,8 @@ def of(weighed: Ranking, together: int) -> Amplitude:
     return found
 
 
-def mean_and_variance(one: Linear) -> tuple[float, float]:
-    found = posterior(one, alike(one.scale))
+def mean_and_variance(one: LinearisedFit) -> tuple[float, float]:
+    found = posterior(one, shared_prior(one.scale))
     return float(found.a[:, 0].mean()), float(found.mean_covariance[0, 0])
 
 
@@ -83,7 +83,7 @@ def test_details_are_allowed_for_and_not_told():
     """A tilted thorax whose centre may have moved: of four amplitudes three are told, as all four give them."""
     tilt = EFFECTS["thorax_tilt"]
     one = replace(linear_of(4, amplitudes=4), hypothesis=("thorax_tilt",), scale=np.asarray(tilt.scale))
-    expected = posterior(one, alike(one.scale))
+    expected = posterior(one, shared_prior(one.scale))
     found = amplitudes(ranking(one), [tilt], observed(), ["thorax_tilt"], together=1)["thorax_tilt"]
     assert tuple(channel.channel for channel in found) == tilt.channels[:3]
     mean = expected.a[:, :3].mean(axis=0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.diagnosis.fit.linear_evidence import Products, alike, log_evidence
+from adapt.diagnosis.fit.linear_evidence import InnerProducts, log_evidence, shared_prior
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference import axial_turn
 from adapt.diagnosis.inference.axial_turn import mean_subject, with_mean_subject
@@ -91,8 +91,8 @@ def test_one_more_residual_is_that_of_the_dense_gaussian():
     """Evidence of a mean subject alone: seen ~ N(0, 1 + columns (common^2 + between^2) columns')."""
     found, scale = mean_subject([LAG], turning(10.0)), np.array([15.0, 4.5, 3.0])
     assert found is not None
-    columns, prior = found.columns[:3], alike(scale)
-    nobody = Products(np.zeros((0, 9, 9)), np.zeros((0, 9)), np.zeros(()), residuals=0)
+    columns, prior = found.columns[:3], shared_prior(scale)
+    nobody = InnerProducts(np.zeros((0, 9, 9)), np.zeros((0, 9)), np.zeros(()), residuals=0)
     variance = 1.0 + (columns**2 * (prior.common**2 + prior.between**2)).sum()
     of = with_mean_subject(nobody, found._replace(columns=columns)).at()
     expected = -0.5 * (found.seen**2 / variance + np.log(variance))
@@ -100,5 +100,5 @@ def test_one_more_residual_is_that_of_the_dense_gaussian():
 
 
 def test_without_one_the_products_stay():
-    nobody = Products(np.zeros((0, 9, 9)), np.zeros((0, 9)), np.zeros(()), residuals=0)
+    nobody = InnerProducts(np.zeros((0, 9, 9)), np.zeros((0, 9)), np.zeros(()), residuals=0)
     assert with_mean_subject(nobody, None) is nobody

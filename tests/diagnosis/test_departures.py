@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_discrepancy import KNOWN, POSTURES, SUBJECTS, observed, with_offsets
 
-from adapt.diagnosis.fit.linear_evidence import Linear, products
+from adapt.diagnosis.fit.linear_evidence import LinearisedFit, inner_products
 from adapt.diagnosis.inference.departures import with_departures
 from adapt.diagnosis.inference.discrepancy import discrepancy_gain
 from adapt.diagnosis.inference.priors import likeliest_prior, likely_spreads, over_priors
@@ -24,7 +24,7 @@ DATA = observed()
 F = DATA.elevation_deg.T / FULL_ELEVATION_DEG
 
 
-def fitted_to(course: np.ndarray, size_mm: float = 15.0) -> Linear:
+def fitted_to(course: np.ndarray, size_mm: float = 15.0) -> LinearisedFit:
     """Two channels that change A1 and A2; TS alone follows ``course`` (subjects, postures), on top of noise."""
     offsets = size_mm * course[..., None] * np.array([1.0, 0.0, 0.0])
     one = with_offsets(offsets)
@@ -60,8 +60,8 @@ def test_one_motion_has_nothing_to_depart_from():
     assert with_departures(fitted_to(F), [GAP], data).A.shape[2] == 6 + 2 * 2
 
 
-def evidence_of(fitted: Linear) -> float:
-    of = products(fitted)
+def evidence_of(fitted: LinearisedFit) -> float:
+    of = inner_products(fitted)
     spreads, log_share = likely_spreads(of, fitted.a)
     return float(over_priors(of, fitted.scale, [GAP], [(1.0, 1.0)], spreads).log_evidence) - log_share
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.diagnosis.fit.linear_evidence import Linear, alike
+from adapt.diagnosis.fit.linear_evidence import LinearisedFit, shared_prior
 from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed
 from adapt.diagnosis.inference.discrepancy import (
     FINE,
@@ -43,14 +43,14 @@ def observed() -> Observed:
     )
 
 
-def with_offsets(offsets_mm: np.ndarray, share: float = 1.0, seed: int = 0) -> Linear:
+def with_offsets(offsets_mm: np.ndarray, share: float = 1.0, seed: int = 0) -> LinearisedFit:
     """Residuals of A1-A3 that are off by (subjects, postures, 3) mm, with ``share`` of the noise they are taken for."""
     generator = np.random.default_rng(seed)
     residuals = 3 * POSTURES
     noise = share * generator.standard_normal((SUBJECTS, POSTURES, 3))
     y = (noise + offsets_mm @ ROOT.T).reshape(SUBJECTS, residuals)
     X = generator.standard_normal((SUBJECTS, residuals, 6))
-    return Linear(
+    return LinearisedFit(
         hypothesis=(),
         z=np.zeros((6, SUBJECTS)),
         nearest=np.zeros((6, POSTURES, SUBJECTS)),
@@ -66,7 +66,7 @@ def with_offsets(offsets_mm: np.ndarray, share: float = 1.0, seed: int = 0) -> L
     )
 
 
-def against_landmarks(clavicle_deg: np.ndarray, seed: int = 0) -> Linear:
+def against_landmarks(clavicle_deg: np.ndarray, seed: int = 0) -> LinearisedFit:
     """The same, nothing off in A1-A3, with three equations of a landmark that both bones move: the clavicle's angles
     are off against them by (subjects, postures, 3) degrees."""
     fitted = with_offsets(np.zeros((SUBJECTS, POSTURES, 3)), seed=seed)
@@ -93,8 +93,8 @@ def against_landmarks(clavicle_deg: np.ndarray, seed: int = 0) -> Linear:
     )
 
 
-def gain(fitted: Linear, noise: NoiseEstimate) -> float:
-    return discrepancy_gain(fitted, observed(), alike(fitted.scale), noise)
+def gain(fitted: LinearisedFit, noise: NoiseEstimate) -> float:
+    return discrepancy_gain(fitted, observed(), shared_prior(fitted.scale), noise)
 
 
 def breath(size_mm: float, held_by: tuple[float, float, float]) -> np.ndarray:

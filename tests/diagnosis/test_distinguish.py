@@ -9,7 +9,13 @@ from made_effects import without_details
 from scipy.stats import chi2, multivariate_normal
 
 from adapt.diagnosis.design import separability as distinguish
-from adapt.diagnosis.design.separability import TOLD_APART, alike_sets, closed, separation, smallest_detectable
+from adapt.diagnosis.design.separability import (
+    TOLD_APART,
+    alike_sets,
+    projected_onto_model,
+    separation,
+    smallest_detectable,
+)
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, THETA_SD_MM
 from adapt.diagnosis.fit.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
 from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed, observe
@@ -221,11 +227,11 @@ def world() -> Observed:
 
 @pytest.fixture(scope="module")
 def postures(world) -> Observed:
-    return closed(GIRDLE, SMALL_EFFECTS, world, NOISE)
+    return projected_onto_model(GIRDLE, SMALL_EFFECTS, world, NOISE)
 
 
 def test_closed_postures_stay_where_they_are_closed_again(postures, world):
-    again = closed(GIRDLE, SMALL_EFFECTS, postures, NOISE)
+    again = projected_onto_model(GIRDLE, SMALL_EFFECTS, postures, NOISE)
     first, second = (
         np.abs(one.values - other.values)[:, world.counted] for one, other in ((postures, world), (again, postures))
     )

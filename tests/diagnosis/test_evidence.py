@@ -11,18 +11,18 @@ from scipy.stats import multivariate_normal
 from adapt.diagnosis.fit.linear_evidence import (
     BETWEEN_SUBJECTS,
     THETA_SD_MM,
-    Block,
-    Linear,
+    AmplitudePrior,
+    LinearisedFit,
     Statistics,
     agreeing_signs,
-    alike,
     common_shift,
+    independent_prior,
+    inner_products,
     log_evidence,
     log_sum,
     posterior,
-    products,
+    shared_prior,
     statistics,
-    unlike,
 )
 from models.girdle import ADAPTED
 
@@ -39,7 +39,7 @@ ALL, EACH = np.ones(6), np.array([0.4, 1.2, 0.7, 0.3, 2.0, 0.5])
 """Spreads of the adapted parameters."""
 
 
-def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: np.ndarray | float = 1.0) -> Linear:
+def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: np.ndarray | float = 1.0) -> LinearisedFit:
     """Random columns and residuals of three subjects."""
     generator = np.random.default_rng(seed)
 
@@ -48,7 +48,7 @@ def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: np.ndarray | 
 
     X, A = normal(RESIDUALS, 6), normal(RESIDUALS, amplitudes)
     u, a, y = normal(6), normal(amplitudes), normal(RESIDUALS)
-    return Linear(
+    return LinearisedFit(
         hypothesis=("a",),
         z=np.zeros((6 + amplitudes, SUBJECTS)),
         nearest=np.zeros((6, 1, SUBJECTS)),
@@ -65,13 +65,13 @@ def linear_of(seed: int = 0, amplitudes: int = AMPLITUDES, spread: np.ndarray | 
     )
 
 
-def shifted(scale: np.ndarray) -> Block:
+def shifted(scale: np.ndarray) -> AmplitudePrior:
     """Amplitudes about a mean that is not zero, each with its own spreads."""
     k = np.arange(len(scale))
-    return Block(scale * (1.0 - 0.7 * k), scale * (0.4 + 0.2 * k), scale * 0.3 / (1.0 + k))
+    return AmplitudePrior(scale * (1.0 - 0.7 * k), scale * (0.4 + 0.2 * k), scale * 0.3 / (1.0 + k))
 
 
-def fixed_common(scale: np.ndarray) -> Block:
+def fixed_common(scale: np.ndarray) -> AmplitudePrior:
     """A common part known beforehand in its first amplitude, no spread between subjects in its last."""
     block = shifted(scale)
     common, between = block.common.copy(), block.between.copy()
@@ -79,7 +79,7 @@ def fixed_common(scale: np.ndarray) -> Block:
     return replace(block, common=common, between=between)
 
 
-PRIORS = {"alike": alike, "unlike": unlike, "shifted": shifted, "fixed": fixed_common}
+PRIORS = {"alike": shared_prior, "unlike": independent_prior, "shifted": shifted, "fixed": fixed_common}
 each_prior = pytest.mark.parametrize("prior", PRIORS.values(), ids=PRIORS)
 
 
@@ -95,7 +95,7 @@ class Dense:
     mean_covariance: np.ndarray
 
 
-def dense(fitted: Linear, block: Block, noise: float = 1.0, spread: np.ndarray | float = 1.0) -> Dense:
+def dense(fitted: LinearisedFit, block: AmplitudePrior, noise: float = 1.0, spread: np.ndarray | float = 1.0) -> Dense:
     """Unknowns in the order u of all subjects, a of all subjects, the common amplitude."""
     S, R, K = fitted.A.shape
     common, between = np.diag(block.common**2), np.diag(block.between**2)
@@ -153,7 +153,7 @@ def test_log_evidence_of_the_statistics_is_that_of_the_posterior(prior):
 
 def test_no_amplitudes_leave_the_evidence_of_the_adapted_parameters():
     fitted = linear_of(3, amplitudes=0)
-    found, expected = posterior(fitted, alike(fitted.scale)), dense(fitted, alike(fitted.scale))
+    found, expected = posterior(fitted, shared_prior(fitted.scale)), dense(fitted, shared_prior(fitted.scale))
     assert_same(found.log_evidence, expected.log_evidence)
     assert_same(statistics(fitted).log, expected.log_evidence)
     assert_same(found.u, expected.u)
@@ -163,16 +163,16 @@ def test_no_amplitudes_leave_the_evidence_of_the_adapted_parameters():
 def test_extra_columns_are_further_amplitudes_with_a_prior_of_their_own():
     fitted = linear_of(4)
     more = np.random.default_rng(5).standard_normal((SUBJECTS, RESIDUALS, MORE))
-    block = shifted(fitted.scale) + unlike(np.array([0.7, 1.3]))
+    block = shifted(fitted.scale) + independent_prior(np.array([0.7, 1.3]))
     wider = replace(fitted, A=np.concatenate([fitted.A, more], axis=2))
-    assert_same(log_evidence(products(fitted, more).at(), block), dense(wider, block).log_evidence)
+    assert_same(log_evidence(inner_products(fitted, more).at(), block), dense(wider, block).log_evidence)
 
 
 def test_extra_columns_that_cannot_act_change_nothing():
     fitted = linear_of(6)
     more = np.random.default_rng(7).standard_normal((SUBJECTS, RESIDUALS, MORE))
-    block = alike(fitted.scale)
-    with_more = log_evidence(products(fitted, more).at(), block + alike(np.zeros(MORE)))
+    block = shared_prior(fitted.scale)
+    with_more = log_evidence(inner_products(fitted, more).at(), block + shared_prior(np.zeros(MORE)))
     assert_same(with_more, log_evidence(statistics(fitted), block))
 
 
@@ -195,7 +195,7 @@ def test_other_noise_is_that_of_the_dense_gaussian(prior, share):
 def test_noise_integrated_out_is_the_mixture_of_the_dense_gaussians(prior):
     fitted, block = linear_of(), prior(linear_of().scale)
     shares = [(0.8, 0.3), (1.0, 0.5), (1.3, 0.2)]
-    found = log_sum(log_evidence(products(fitted).over(shares), block))
+    found = log_sum(log_evidence(inner_products(fitted).over(shares), block))
     expected = [np.log(weight) + dense(fitted, block, noise=share).log_evidence for share, weight in shares]
     assert found == pytest.approx(np.logaddexp.reduce(expected), rel=SAME)
 
@@ -204,7 +204,7 @@ def test_more_columns_keep_their_meaning_at_other_noise():
     """A column acts on the measurement: as columns of the hypothesis do."""
     fitted = linear_of()
     less = replace(fitted, A=fitted.A[..., :3], scale=fitted.scale[:3], linear=fitted.linear)
-    whole, split = products(fitted).at(0.7), products(less, fitted.A[..., 3:]).at(0.7)
+    whole, split = inner_products(fitted).at(0.7), inner_products(less, fitted.A[..., 3:]).at(0.7)
     np.testing.assert_allclose(split.information, whole.information, rtol=SAME, atol=SAME)
     np.testing.assert_allclose(split.pull, whole.pull, rtol=SAME, atol=SAME)
     assert split.log == pytest.approx(whole.log, rel=SAME)
@@ -222,7 +222,7 @@ def test_other_noise_and_back_is_the_same():
 def test_other_spread_is_that_of_the_dense_gaussian(spread):
     """u is counted in units of the spread."""
     fitted = linear_of(10)
-    found, block = posterior(fitted.with_spread(spread), alike(fitted.scale)), alike(fitted.scale)
+    found, block = posterior(fitted.with_spread(spread), shared_prior(fitted.scale)), shared_prior(fitted.scale)
     expected = dense(fitted, block, spread=spread)
     assert_same(found.log_evidence, expected.log_evidence)
     assert_same(spread * found.u, expected.u)
@@ -242,7 +242,7 @@ def test_a_spread_is_of_the_original_parameters_not_of_the_last_ones():
 def test_products_of_another_spread_are_those_of_the_dense_gaussian(spread):
     """Taken at spreads of their own; then of those asked for, with what all subjects share in ``THETA_SD_MM`` still."""
     fitted = linear_of(15)
-    made = products(fitted.with_spread(EACH))
+    made = inner_products(fitted.with_spread(EACH))
     of_these = EACH if spread is None else spread
     block = shifted(fitted.scale)
     assert_same(
@@ -264,19 +264,19 @@ def test_a_common_shift_is_that_of_the_dense_gaussian(spread):
     fitted = linear_of(20)
     wider = replace(fitted, A=np.concatenate([fitted.A, fitted.X], axis=2))
     block = shifted(fitted.scale) + common_shift(0.5)
-    found = log_evidence(products(fitted).with_shift().at(spread=spread), block)
+    found = log_evidence(inner_products(fitted).with_shift().at(spread=spread), block)
     assert_same(found, dense(wider, block, spread=spread).log_evidence)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_signs_are_turned_to_those_with_the_most_evidence(seed):
     fitted = linear_of(seed, amplitudes=2)
-    block = alike(fitted.scale)
+    block = shared_prior(fitted.scale)
     patterns = [np.array([1.0, *signs]) for signs in product([1.0, -1.0], repeat=SUBJECTS - 1)]
     turnings = [replace(fitted, A=signs[:, None, None] * fitted.A) for signs in patterns]
     expected = max(dense(one, block).log_evidence for one in turnings)
     of = statistics(fitted)
-    assert_same(log_evidence(of.turned(agreeing_signs(of, block)), block), expected)
+    assert_same(log_evidence(of.with_signs(agreeing_signs(of, block)), block), expected)
 
 
 def test_turning_begins_near_the_best_signs():
@@ -284,18 +284,21 @@ def test_turning_begins_near_the_best_signs():
     (-2, -12), 148 squared. One by one from elsewhere it may end at (10, 6), 136, where no single turn adds."""
     pull = np.array([[3.0, -2.0], [1.0, -1.0], [-3.0, -4.0], [-3.0, -4.0], [0.0, 1.0]])
     of = Statistics(log=np.zeros(()), information=np.zeros((5, 2, 2)), pull=pull)
-    sign = agreeing_signs(of, alike(np.ones(2)))
+    sign = agreeing_signs(of, shared_prior(np.ones(2)))
     assert np.sum((sign @ pull) ** 2) == pytest.approx(148.0)
 
 
 @each_prior
 def test_many_draws_at_once_are_each_by_itself(prior):
     one, other = linear_of(21), replace(linear_of(21), linear=linear_of(22).linear)
-    block, each = prior(one.scale), [products(of) for of in (one, other)]
+    block, each = prior(one.scale), [inner_products(of) for of in (one, other)]
     both = replace(
         each[0], seen=np.stack([of.seen for of in each]), square=np.stack([np.asarray(of.square) for of in each])
     )
-    for change in (lambda of: of.at(0.8, 0.5), lambda of: of.at().turned(agreeing_signs(of.at(), alike(one.scale)))):
+    for change in (
+        lambda of: of.at(0.8, 0.5),
+        lambda of: of.at().with_signs(agreeing_signs(of.at(), shared_prior(one.scale))),
+    ):
         expected = [float(log_evidence(change(of), block)) for of in each]
         assert_same(log_evidence(change(both), block), expected)
 
@@ -309,7 +312,7 @@ def test_the_unit_of_an_amplitude_does_not_matter(prior):
     unit = np.array([10.0, 0.1, 3.0, 1.0])
     other = replace(fitted, A=fitted.A / unit, a=fitted.a * unit, scale=fitted.scale * unit)
     block = prior(fitted.scale)
-    found = posterior(other, Block(*(unit * value for value in vars(block).values())))
+    found = posterior(other, AmplitudePrior(*(unit * value for value in vars(block).values())))
     expected = posterior(fitted, block)
     assert_same(found.log_evidence, expected.log_evidence)
     assert_same(found.common, unit * expected.common)
@@ -323,8 +326,10 @@ def test_turned_residuals_and_another_order_of_subjects_change_nothing(prior):
     fitted = linear_of(13)
     Q, _ = np.linalg.qr(np.random.default_rng(14).standard_normal((RESIDUALS, RESIDUALS)))
     order = np.array([2, 0, 1])
-    turned = {name: np.einsum("ij,sj...->si...", Q, getattr(fitted, name)[order]) for name in ("y", "X", "A", "linear")}
-    found = posterior(replace(fitted, **turned), prior(fitted.scale))
+    with_signs = {
+        name: np.einsum("ij,sj...->si...", Q, getattr(fitted, name)[order]) for name in ("y", "X", "A", "linear")
+    }
+    found = posterior(replace(fitted, **with_signs), prior(fitted.scale))
     expected = posterior(fitted, prior(fitted.scale))
     assert_same(found.log_evidence, expected.log_evidence)
     assert_same(found.common, expected.common)
@@ -347,14 +352,17 @@ def test_alike_and_unlike_give_one_subject_the_same_prior():
     fitted = linear_of(16)
     one = replace(fitted, **{name: getattr(fitted, name)[:1] for name in ("y", "X", "A", "u", "a", "linear", "root")})
     of = statistics(one)
-    assert_same(log_evidence(of, alike(fitted.scale)), log_evidence(of, unlike(fitted.scale)))
+    assert_same(log_evidence(of, shared_prior(fitted.scale)), log_evidence(of, independent_prior(fitted.scale)))
     of = statistics(fitted)
-    assert abs(log_evidence(of, alike(fitted.scale)) - log_evidence(of, unlike(fitted.scale))) > 1e3 * SAME
+    assert (
+        abs(log_evidence(of, shared_prior(fitted.scale)) - log_evidence(of, independent_prior(fitted.scale)))
+        > 1e3 * SAME
+    )
 
 
 def test_blocks_add_up_and_scale():
     scale = np.array([1.0, 3.0])
-    both = (alike(scale) + unlike(scale)) * 2.0
+    both = (shared_prior(scale) + independent_prior(scale)) * 2.0
     assert_same(both.common, [2.0, 6.0, 0.0, 0.0])
     assert_same(both.between[:2], 2.0 * BETWEEN_SUBJECTS * scale)
     assert_same(both.between[2:] ** 2, (1.0 + BETWEEN_SUBJECTS**2) * (2.0 * scale) ** 2)

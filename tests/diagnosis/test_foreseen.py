@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.diagnosis.design import predicted_power as foreseen
-from adapt.diagnosis.design.predicted_power import foresee, typical_amplitudes
-from adapt.diagnosis.design.separability import closed, slopes
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, Linear, products
+from adapt.diagnosis.design import predicted_power as predicted_power
+from adapt.diagnosis.design.predicted_power import predict_power, typical_amplitudes
+from adapt.diagnosis.design.separability import projected_onto_model, slopes
+from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, LinearisedFit, inner_products
 from adapt.diagnosis.fit.observations import Noise, observe
 from adapt.diagnosis.inference.priors import over_priors
 from adapt.model_subjects import simulate_model_subjects
@@ -34,7 +34,7 @@ HYPOTHESES = [(), *((name,) for name in NAMES)]
 @pytest.fixture(scope="module")
 def data():
     postures = observe(simulate_model_subjects(MODEL, None, 3, 0.0, seed=1).motions)
-    return closed(MODEL.girdle, CHOSEN, postures, Noise(1.0))
+    return projected_onto_model(MODEL.girdle, CHOSEN, postures, Noise(1.0))
 
 
 def test_amplitudes_are_as_long_as_the_scales_and_keep_the_signs_of_nature():
@@ -73,13 +73,13 @@ def test_amplitudes_of_one_draw_have_one_direction_and_one_course():
 
 
 def test_draws_have_the_mean_and_covariance_of_residuals_written_out(monkeypatch):
-    monkeypatch.setattr(foreseen, "SPREAD", 0.0)
+    monkeypatch.setattr(predicted_power, "SPREAD", 0.0)
     generator = np.random.default_rng(2)
     columns = generator.standard_normal((2, 20, 7)) / np.sqrt(20.0)
     gram = np.swapaxes(columns, 1, 2) @ columns
     effect = replace(EFFECTS["conoid_strain"], over_elevation=False, scale=(1.0,))
-    coefficients = foreseen.draw(gram, np.array([6]), effect, DRAWS, generator)
-    seen = foreseen.shown(gram, foreseen.root_of(gram), coefficients, generator)
+    coefficients = predicted_power.draw(gram, np.array([6]), effect, DRAWS, generator)
+    seen = predicted_power.simulate_statistics(gram, predicted_power.root_of(gram), coefficients, generator)
     np.testing.assert_allclose(seen.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)
     expected = gram + BETWEEN_SUBJECTS**2 * gram[..., 6:] @ gram[:, 6:]
     for subject in (0, 1):
@@ -97,33 +97,33 @@ def test_draws_are_weighed_as_the_diagnosis_weighs_residuals(data):
     for effect, A in zip([None, *CHOSEN], by_amplitudes, strict=True):
         own, start = np.arange(start, start + A.shape[2]), start + A.shape[2]
         alone = [effect] if effect else []
-        found.append(foreseen._log_evidence(gram, seen[None], own, alone)[0])
+        found.append(predicted_power._log_evidence(gram, seen[None], own, alone)[0])
         scale = np.asarray(effect.prior_sd) if effect else np.zeros(0)
         nothing = np.zeros(0)
-        fitted = Linear(("a",), nothing, nothing, y, X, A, scale, nothing, nothing, y, nothing, nothing)
-        of = over_priors(products(fitted), scale, alone, [(1.0, 1.0)], spreads=foreseen._SPREADS)
+        fitted = LinearisedFit(("a",), nothing, nothing, y, X, A, scale, nothing, nothing, y, nothing, nothing)
+        of = over_priors(inner_products(fitted), scale, alone, [(1.0, 1.0)], spreads=predicted_power._SPREADS)
         expected.append(float(of.log_evidence))
     np.testing.assert_allclose(np.subtract(found, found[0]), np.subtract(expected, expected[0]), rtol=SAME, atol=SAME)
 
 
 def test_without_noise_every_effect_is_named(data):
-    found = foresee(MODEL.girdle, CHOSEN, data, Noise(0.01))
+    found = predict_power(MODEL.girdle, CHOSEN, data, Noise(0.01))
     assert all(one.named >= SURELY for one in found.values())
 
 
 def test_in_noise_beyond_all_measure_none_is(data):
-    found = foresee(MODEL.girdle, CHOSEN, data, Noise(300.0))
+    found = predict_power(MODEL.girdle, CHOSEN, data, Noise(300.0))
     assert all(one.none >= SURELY and one.named <= 1.0 - SURELY for one in found.values())
 
 
 def test_shares_add_up_and_are_the_same_again(data):
-    found = foresee(MODEL.girdle, CHOSEN, data, Noise(3.0))
-    assert found == foresee(MODEL.girdle, CHOSEN, data, Noise(3.0))
+    found = predict_power(MODEL.girdle, CHOSEN, data, Noise(3.0))
+    assert found == predict_power(MODEL.girdle, CHOSEN, data, Noise(3.0))
     for name, one in found.items():
         assert name not in one.taken_for
         assert one.named + one.none + sum(one.taken_for.values()) <= 1.0 + SAME
 
 
 def test_more_subjects_name_more(data):
-    few, many = (foresee(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.of_subjects(np.array([0])), data))
+    few, many = (predict_power(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.of_subjects(np.array([0])), data))
     assert sum(one.named for one in many.values()) > sum(one.named for one in few.values())

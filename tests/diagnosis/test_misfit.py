@@ -10,9 +10,9 @@ import pytest
 from adapt.diagnosis.fit.misfit import Misfit, columns_of, misfit, prior_z
 from adapt.diagnosis.fit.observations import Noise, Observed, observe
 from adapt.solvers import status
-from adapt.solvers.posture_fits import Fitted, fit_lanes
+from adapt.solvers.posture_fits import Fitted, fit_batch
 from models import load_model
-from models.effects import EFFECTS, AtWork, ExtendedGirdle
+from models.effects import EFFECTS, ActiveEffects, ExtendedGirdle
 from models.girdle import ADAPTED
 from motions.rhythm import REST_DEG
 from motions.rhythm_subjects import simulate_subjects
@@ -75,7 +75,7 @@ def look(data: Observed, z: np.ndarray, columns=ALL, noise: Noise = NOISE, proje
     )
 
 
-def lanes_of(data: Observed, count: int) -> Observed:
+def take_problems(data: Observed, count: int) -> Observed:
     """The first subject, many times."""
     return data.of_subjects(np.zeros(count, int))
 
@@ -87,7 +87,7 @@ def squares(found: Misfit) -> np.ndarray:
 
 def fitted(data: Observed, z: np.ndarray) -> Fitted:
     """The posture fit of all postures, padding included, with the effects at work: lanes (postures, subjects)."""
-    found = fit_lanes(extended(z, data.elevation_deg.ravel()), data.values.reshape(6, -1), np.ones((6, 16), bool))
+    found = fit_batch(extended(z, data.elevation_deg.ravel()), data.values.reshape(6, -1), np.ones((6, 16), bool))
     assert set(found.status) == {status.OK}
     return found
 
@@ -100,7 +100,7 @@ def extended(z: np.ndarray, elevation_deg: np.ndarray) -> ExtendedGirdle:
     at = jnp.asarray(elevation_deg)
     strengths = tuple(e.at(jnp.asarray(a), at) for e, a in zip(SMALL_EFFECTS, amplitudes, strict=True))
     girdle = girdle.with_adapted(jnp.repeat(z[:6, None], count, axis=1))
-    return ExtendedGirdle(girdle, AtWork(strengths, SMALL_EFFECTS))
+    return ExtendedGirdle(girdle, ActiveEffects(strengths, SMALL_EFFECTS))
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def data(both_closed) -> Observed:
 @pytest.fixture(scope="module")
 def closed(both_closed) -> Observed:
     """The first subject."""
-    return lanes_of(both_closed, 1)
+    return take_problems(both_closed, 1)
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +140,7 @@ def with_landmarks(closed) -> Observed:
 def noisy(closed) -> tuple[Observed, Misfit, Misfit]:
     """Trials of the closed postures with noise; their misfit at the truth, and that of the closed postures."""
     noise = Noise(angle_deg=0.3)
-    many = lanes_of(closed, TRIALS)
+    many = take_problems(closed, TRIALS)
     error = np.random.default_rng(8).standard_normal(many.values.shape) * noise.angle_deg / DEG
     many = replace(many, values=many.values + np.asarray(error))
     return many, look(many, z_near(1), noise=noise, projections=8), look(closed, z_near(1), noise=noise)
@@ -155,7 +155,7 @@ def test_y_times_its_slopes_is_the_slope_of_half_its_square(data, seed):
     z = z_near(seed)
     step = FD_STEP * np.eye(18)
     lanes = np.concatenate([z[:, None], z[:, None] + step, z[:, None] - step], axis=1)
-    found = look(lanes_of(data, 37), lanes)
+    found = look(take_problems(data, 37), lanes)
     half = 0.5 * squares(found).sum(axis=1)
     expected = (half[1:19] - half[19:]) / (2.0 * FD_STEP)
     slopes = np.einsum("pm,pmk->k", found.y[0], found.slopes[0])
@@ -207,7 +207,7 @@ def test_a_chain_that_nothing_closes_gapes(data):
     """A conoid of 500 mm."""
     z = z_near(2)
     z[5] = 500.0
-    one = lanes_of(data, 1)
+    one = take_problems(data, 1)
     assert look(one, z).open_mm[0][one.counted[:, 0]].min() > 1.0
 
 
@@ -241,7 +241,7 @@ def test_a_lane_does_not_depend_on_the_lanes_beside_it(data):
 def test_an_angle_that_was_not_measured_has_hardly_a_say(data, angle):
     """What stands in its place, moved by 2 degrees, changes the distance by at most a sixtieth of what it could if it
     were measured: distances to a set change by no more than the point moves."""
-    one = lanes_of(data, 1)
+    one = take_problems(data, 1)
     measured = one.measured.copy()
     measured[angle] = False
     shift = 2.0
@@ -289,7 +289,7 @@ def test_exact_landmarks_of_closed_postures_leave_nothing(with_landmarks):
 def test_a_landmark_that_is_off_is_felt_and_by_no_more_than_its_noise_says(with_landmarks):
     """Each coordinate in turn, 5 mm: one lane each. SC stands in the thorax: nothing gives way, |y| is 5 mm / SD."""
     off_mm = 5.0
-    many = lanes_of(with_landmarks, 12)
+    many = take_problems(with_landmarks, 12)
     values = many.values.copy()
     for k in range(12):
         values[6 + k, :, k] += off_mm
@@ -303,7 +303,7 @@ def test_a_landmark_that_is_off_is_felt_and_by_no_more_than_its_noise_says(with_
 def test_root_is_what_one_unit_of_each_equation_adds_to_y(with_landmarks):
     """A landmark off by a hundredth of a mm, one lane for each coordinate."""
     off_mm = 0.01
-    many = lanes_of(with_landmarks, 12)
+    many = take_problems(with_landmarks, 12)
     values = many.values.copy()
     for k in range(12):
         values[6 + k, :, k] += off_mm
@@ -316,7 +316,7 @@ def test_root_is_what_one_unit_of_each_equation_adds_to_y(with_landmarks):
 def test_by_angle_is_what_a_rad_of_each_measured_angle_adds_to_y(with_landmarks):
     """An angle off by a ten thousandth of a rad, one lane for each; landmarks keep their places."""
     off = 1e-4
-    many = lanes_of(with_landmarks, 6)
+    many = take_problems(with_landmarks, 6)
     values = many.values.copy()
     for k in range(6):
         values[k, :, k] += off

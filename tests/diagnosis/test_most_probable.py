@@ -78,8 +78,8 @@ def test_a_subject_left_in_another_valley_is_fetched_from_it():
     assert fetched.z[0] / THETA_SD_MM[0] == pytest.approx([-1.0, -1.0], abs=0.05)
     assert fetched.z[0, 0] == -THETA_SD_MM[0]
     assert fetched.cost[1] < 2.0
-    alike = at(-1.0, -1.0)
-    assert _from_lower_valleys(look, prior, alike, subjects=1) is alike
+    shared_prior = at(-1.0, -1.0)
+    assert _from_lower_valleys(look, prior, shared_prior, subjects=1) is shared_prior
 
 
 def test_lanes_that_have_come_to_rest_are_not_looked_at_again(data, monkeypatch):

@@ -7,7 +7,7 @@ import pytest
 from made_effects import without_details
 from scipy.stats import multivariate_normal
 
-from adapt.diagnosis.fit.linear_evidence import Block, Statistics, alike, common_amplitude
+from adapt.diagnosis.fit.linear_evidence import AmplitudePrior, Statistics, common_amplitude, shared_prior
 from adapt.diagnosis.inference.one_course import OneCourse, one_course
 from models.effects import EFFECTS
 from models.effects.effect import COURSE_SD
@@ -36,9 +36,9 @@ def statistics_of(A: np.ndarray, seen: np.ndarray) -> Statistics:
     return Statistics(log, np.swapaxes(A, 1, 2) @ A, np.einsum("src,sr->sc", A, seen))
 
 
-def prior() -> Block:
+def prior() -> AmplitudePrior:
     scale = [*np.asarray(GAP.prior_sd), *np.asarray(BIAS.prior_sd), *[0.7] * 2 * DEPARTURES, 5.0]
-    return alike(np.array(scale))
+    return shared_prior(np.array(scale))
 
 
 def together(A: np.ndarray, seen: np.ndarray) -> OneCourse:
@@ -60,7 +60,7 @@ def test_channels_share_the_terms_and_departures_of_their_course():
 def test_two_effects_with_a_course_have_one_each():
     """Conoid (3 amplitudes) and gap (6), then the departures of the conoid and those of TS and of AI."""
     pair, count = [EFFECTS["conoid_strain"], GAP], 9 + 3 * DEPARTURES
-    A, free, block = columns(count=count), np.arange(1.0, count + 1.0), alike(np.ones(count))
+    A, free, block = columns(count=count), np.arange(1.0, count + 1.0), shared_prior(np.ones(count))
     found = one_course(statistics_of(A, np.ones((SUBJECTS, 20))), block, free, pair, DEPARTURES)
     np.testing.assert_array_equal(found.kept, [0, 3, 6])
     own = [A[..., 1], A[..., 2], A[..., 9], A[..., 10]]

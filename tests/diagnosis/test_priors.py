@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from made_effects import without_details
 
-from adapt.diagnosis.fit.linear_evidence import THETA_SD_MM, Linear, log_evidence, products, unlike
+from adapt.diagnosis.fit.linear_evidence import (
+    THETA_SD_MM,
+    LinearisedFit,
+    independent_prior,
+    inner_products,
+    log_evidence,
+)
 from adapt.diagnosis.inference import priors
 from adapt.diagnosis.inference.priors import SPREADS_MM, OverPriors, likely_spreads, over_priors
 from models.effects import EFFECTS, Effect
@@ -24,7 +30,7 @@ EFFECT = without_details(EFFECTS["scapula_landmark_bias"])
 SUBJECTS, RESIDUALS = 8, 30
 
 
-def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0, effect: Effect = EFFECT) -> Linear:
+def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0, effect: Effect = EFFECT) -> LinearisedFit:
     """Amplitudes (subjects, amplitudes) in units of their scale, and adapted parameters that are all off by
     ``shift``."""
     generator = np.random.default_rng(seed)
@@ -34,19 +40,19 @@ def subjects(amplitudes: np.ndarray, shift: float = 0.0, seed: int = 0, effect: 
     linear = np.einsum("srk,sk->sr", X, u) + np.einsum("srk,sk->sr", A, amplitudes)
     linear = linear + generator.standard_normal((SUBJECTS, RESIDUALS))
     nothing = np.zeros(0)
-    return Linear(
+    return LinearisedFit(
         (effect.name,), nothing, nothing, linear, X, A / scale, scale, nothing, nothing, linear, nothing, nothing
     )
 
 
-def weighed(fitted: Linear, effect: Effect = EFFECT) -> OverPriors:
-    return over_priors(products(fitted), fitted.scale, [effect], [(1.0, 1.0)], SPREADS)
+def weighed(fitted: LinearisedFit, effect: Effect = EFFECT) -> OverPriors:
+    return over_priors(inner_products(fitted), fitted.scale, [effect], [(1.0, 1.0)], SPREADS)
 
 
-def plain(fitted: Linear) -> float:
+def plain(fitted: LinearisedFit) -> float:
     """Log evidence without an amplitude."""
     none = replace(fitted, A=fitted.A[..., :0], scale=fitted.scale[:0])
-    return float(over_priors(products(none), none.scale, [], [(1.0, 1.0)], SPREADS).log_evidence)
+    return float(over_priors(inner_products(none), none.scale, [], [(1.0, 1.0)], SPREADS).log_evidence)
 
 
 WAY = np.array([0.6, -0.3, 0.5])
@@ -55,7 +61,7 @@ SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
 
 def test_amplitudes_of_all_alike_are_found_alike():
     found = weighed(subjects(np.tile(WAY, (SUBJECTS, 1))))
-    assert found.unlike < -CLEAR
+    assert found.independent_prior < -CLEAR
 
 
 @pytest.mark.parametrize(
@@ -65,18 +71,18 @@ def test_amplitudes_of_all_alike_are_found_alike():
 )
 def test_amplitudes_that_differ_are_found_to_differ(amplitudes):
     fitted = subjects(amplitudes)
-    assert weighed(fitted).unlike > CLEAR
+    assert weighed(fitted).independent_prior > CLEAR
     assert weighed(fitted).log_evidence > plain(fitted) + CLEAR
 
 
 def test_signs_that_differ_cost_less_than_amplitudes_of_ones_own():
     """Half of 2^8 patterns, but one direction in place of eight."""
     opposed = weighed(subjects(SIGNS[:, None] * WAY)).log_evidence
-    alike = weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).log_evidence
+    shared_prior = weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).log_evidence
     own = weighed(
         subjects(np.linalg.norm(WAY) / np.sqrt(3.0) * np.sign(np.random.default_rng(6).standard_normal((8, 3))))
     )
-    assert own.log_evidence < opposed < alike
+    assert own.log_evidence < opposed < shared_prior
 
 
 def test_signs_that_differ_are_less_likely_of_an_effect_whose_nature_has_one():
@@ -89,7 +95,9 @@ def test_parameters_off_by_the_same_in_all_need_no_effect():
     """A shift of half a SD in eight subjects: sixteen times as improbable as it is where only subjects differ."""
     fitted = subjects(np.zeros((SUBJECTS, 3)), shift=0.5)
     assert plain(fitted) > float(weighed(fitted).log_evidence)
-    spread = over_priors(products(replace(fitted, A=fitted.A[..., :0])), np.zeros(0), [], [(1.0, 1.0)], SPREADS).spread
+    spread = over_priors(
+        inner_products(replace(fitted, A=fitted.A[..., :0])), np.zeros(0), [], [(1.0, 1.0)], SPREADS
+    ).spread
     assert (spread < 0.5).all()
 
 
@@ -97,7 +105,7 @@ def test_the_spread_is_the_one_that_the_subjects_have():
     np.testing.assert_array_equal(weighed(subjects(np.tile(WAY, (SUBJECTS, 1)))).spread, SPREADS[0])
 
 
-def wider_chests() -> Linear:
+def wider_chests() -> LinearisedFit:
     """Without effect; A_x differs by 8 mm either way, all else by what is least in ``SPREADS_MM``."""
     fitted = subjects(np.zeros((SUBJECTS, 3)))
     generator = np.random.default_rng(3)
@@ -109,9 +117,9 @@ def wider_chests() -> Linear:
 
 
 def test_each_parameter_has_a_spread_of_its_own():
-    spreads, log_share = likely_spreads(products(wider_chests()), np.zeros((SUBJECTS, 3)))
+    spreads, log_share = likely_spreads(inner_products(wider_chests()), np.zeros((SUBJECTS, 3)))
     assert np.log(0.2) < log_share <= 0.0
-    of = over_priors(products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
+    of = over_priors(inner_products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
     least = np.array([least for least, *_ in SPREADS_MM]) / THETA_SD_MM
     np.testing.assert_allclose(of.spread, np.where(np.arange(6) == 2, 8.0 / THETA_SD_MM, least))
 
@@ -120,8 +128,8 @@ def test_likely_spreads_are_those_of_the_evidence_without_the_amplitudes():
     """Amplitudes taken out of what was seen leave the evidence of the adapted parameters alone."""
     fitted, amplitudes = wider_chests(), np.random.default_rng(4).standard_normal((SUBJECTS, 3))
     bare = replace(fitted, A=fitted.A[..., :0], linear=fitted.linear - np.einsum("srk,sk->sr", fitted.A, amplitudes))
-    expected = [float(log_evidence(products(bare).at(spread=s), unlike(np.zeros(0)))) for s in SPREADS]
-    found = products(fitted).of_adapted(amplitudes).at(spread=SPREADS).log
+    expected = [float(log_evidence(inner_products(bare).at(spread=s), independent_prior(np.zeros(0)))) for s in SPREADS]
+    found = inner_products(fitted).of_adapted(amplitudes).at(spread=SPREADS).log
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
@@ -138,7 +146,7 @@ def gained_by_one_course(amplitudes: np.ndarray, monkeypatch: pytest.MonkeyPatch
     logs = []
     for share in (priors._TOGETHER_SHARE, 0.0):
         monkeypatch.setattr(priors, "_TOGETHER_SHARE", max(share, 1e-300))
-        logs.append(float(over_priors(products(fitted), fitted.scale, [GAP], [(1.0, 1.0)], SPREADS).log_evidence))
+        logs.append(float(over_priors(inner_products(fitted), fitted.scale, [GAP], [(1.0, 1.0)], SPREADS).log_evidence))
     return logs[0] - logs[1]
 
 

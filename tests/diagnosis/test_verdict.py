@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from adapt.diagnosis.declared_effects import expected_effects
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, Linear
+from adapt.diagnosis.declared_effects import declared_effects
+from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit
 from adapt.diagnosis.inference.ranking import Ranking
 from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge
 from motions import read_motions
@@ -22,10 +22,10 @@ NOTHING_LEFT = {"discrepancy_gain": -5.0, "excess": 0.0}
 """What the tests of the best hypothesis say if it is right."""
 
 
-def linear(hypothesis: Hypothesis) -> Linear:
+def linear(hypothesis: Hypothesis) -> LinearisedFit:
     """A fit of which only the name is looked at."""
     n = len(hypothesis)
-    return Linear(
+    return LinearisedFit(
         hypothesis=hypothesis,
         z=np.zeros((6 + n, 1)),
         nearest=np.zeros((6, 1, 1)),
@@ -42,7 +42,10 @@ def linear(hypothesis: Hypothesis) -> Linear:
 
 
 def ranking(
-    evidence: dict[Hypothesis, float], discrepancy_gain: float = -5.0, excess: float = 0.0, oversize: float = 0.0
+    evidence: dict[Hypothesis, float],
+    discrepancy_gain: float = -5.0,
+    excess: float = 0.0,
+    amplitude_excess: float = 0.0,
 ) -> Ranking:
     """None and all of NAMES, far behind where nothing else is said; most probable first."""
     every = {**dict.fromkeys([(), *((name,) for name in NAMES)], -SURE), **evidence}
@@ -51,12 +54,12 @@ def ranking(
     return Ranking(
         fitted=tuple(linear(hypothesis) for hypothesis in order),
         log_evidence=log - log.max(),
-        unlike=np.zeros(len(order)),
+        independent_prior=np.zeros(len(order)),
         discrepancy_gain=discrepancy_gain,
         chi_square=1.0,
         freedom=1.0,
         excess=excess,
-        oversize=oversize,
+        amplitude_excess=amplitude_excess,
     )
 
 
@@ -141,7 +144,7 @@ def test_what_a_file_says_of_itself(column, marks, effects):
     motions = read_motions(DATA_FILE)
     motions = motions.select(np.arange(len(motions.subject)) < len(marks))
     motions.extra[column] = marks
-    assert expected_effects(motions) == effects
+    assert declared_effects(motions) == effects
 
 
 def test_more_evidence_is_more_probability():
@@ -245,7 +248,7 @@ def test_a_pair_has_to_leave_less_than_an_effect_alone():
 def test_an_effect_larger_than_such_effects_are_has_to_leave_less():
     left = {"discrepancy_gain": -4.0, "excess": 0.5}
     assert judged({("a",): 0.0}, **left).answer == EFFECT
-    assert judged({("a",): 0.0}, **left, oversize=2.0).answer == UNKNOWN
+    assert judged({("a",): 0.0}, **left, amplitude_excess=2.0).answer == UNKNOWN
 
 
 def test_no_pairs_tried_are_no_pairs_reported():

@@ -15,7 +15,7 @@ from adapt.solvers.batched import kernels as quick_fit
 from adapt.solvers.batched.kernels import fitted_from_places
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.posture_fits import fit_lanes
+from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.parameter_sets import FOLDER
@@ -71,7 +71,7 @@ def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
     problem = girdle_, angles, measured = of_postures(data)
     done = fitted_from_places((girdle_, angles, objective_weights(measured)), around=False).converged
     assert 0.5 < done.mean() < 0.98
-    found, double = fit_lanes(*problem), fit_lanes(*as_type(problem, float))
+    found, double = fit_batch(*problem), fit_batch(*as_type(problem, float))
     assert found.angles.dtype == float
     np.testing.assert_array_equal(found.status, double.status)
     assert_float64_where_not_done(found, double, ("angles", "multipliers", "residual_mm", "j_deg2"), done)
@@ -123,7 +123,7 @@ def test_statuses_are_those_of_float64(tmp_path):
     for model, expected in ((load_model(str(short)), status.UNREACHABLE), (load_model("R4"), status.OK)):
         problem = of_postures(lanes(pack(simulate_subjects(1, seed=3)), [model]))
         problem[2][2:, 0] = False
-        found = fit_lanes(*as_type(problem, np.float32))
+        found = fit_batch(*as_type(problem, np.float32))
         assert found.status.tolist() == [status.INVALID] + [expected] * 13
 
 

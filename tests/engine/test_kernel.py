@@ -6,17 +6,17 @@ import platformdirs
 import pytest
 
 from adapt.engine import kernel
-from adapt.engine.batching import lanes_of
+from adapt.engine.batching import take_problems
 from adapt.engine.kernel import Kernel
 from adapt.solvers import adaptation
 from adapt.solvers import posture_fits as fit
-from adapt.solvers.adaptation import Lanes, lanes, lanes_at, problem_of
+from adapt.solvers.adaptation import ProblemBatch, lanes, problem_of, select_problems
 from adapt.solvers.batched import kernels as quick_fit
 from adapt.solvers.batched.posture import PostureStart
 from adapt.solvers.batched.subject import Fixed, Start
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.posture_fits import fit_lanes
+from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.reference.constraints import ByHand
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.reference.subject import conditions, joint
@@ -46,11 +46,11 @@ def ragged() -> Motions:
 
 
 @pytest.fixture(scope="module")
-def data() -> Lanes:
+def data() -> ProblemBatch:
     return lanes(pack(ragged()), [load_model("R2")])
 
 
-def arguments(data: Lanes, iterations: float = 60.0):
+def arguments(data: ProblemBatch, iterations: float = 60.0):
     count, postures = data.counted.shape[1], data.counted.shape[0]
     fixed = Fixed(data.girdle, data.points_mm, data.shares, problem_of(data, np.full(count, WEIGHT)))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
@@ -156,9 +156,9 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
 def test_a_lane_is_the_same_alone_and_in_any_company(data):
     """To the last bit: alone, among others, and among so many that every core has some."""
     among = adaptation.subjects_kernel.by_machine(*arguments(data))
-    many = adaptation.subjects_kernel.by_machine(*arguments(lanes_at(data, np.arange(300) % SUBJECTS)))
+    many = adaptation.subjects_kernel.by_machine(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
     for k in range(SUBJECTS):
-        alone = adaptation.subjects_kernel.by_machine(*arguments(lanes_at(data, np.array([k]))))
+        alone = adaptation.subjects_kernel.by_machine(*arguments(select_problems(data, np.array([k]))))
         for name in ("theta", "angles", "multipliers", "residual_mm", "slope", "converged"):
             np.testing.assert_array_equal(getattr(alone, name)[..., 0], getattr(among, name)[..., k])
             np.testing.assert_array_equal(getattr(many, name)[..., k::SUBJECTS][..., 0], getattr(among, name)[..., k])
@@ -178,7 +178,7 @@ def test_few_and_no_lanes():
     given = posture_arguments()
     whole = quick_fit.postures_kernel.by_machine(*given)
     for count in (0, 1, 7, 8, 9):
-        part = quick_fit.postures_kernel.by_machine(*lanes_of(given, np.arange(count)))
+        part = quick_fit.postures_kernel.by_machine(*take_problems(given, np.arange(count)))
         np.testing.assert_array_equal(part.angles, whole.angles[:, :count])
 
 
@@ -195,8 +195,8 @@ def test_far_postures_end_no_higher_than_the_careful_path():
     count = target.shape[1]
     girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
     known = np.ones(target.shape, bool)
-    found = fit_lanes(girdle, target, known)
-    careful = fit._carefully(girdle, target, objective_weights(known), None)
+    found = fit_batch(girdle, target, known)
+    careful = fit._reference_fit(girdle, target, objective_weights(known), None)
     j = fit.mean_square_deg2(careful.angles, target, objective_weights(known))
     assert np.all(found.status == "ok")
     above = np.asarray(careful.converged & (found.j_deg2 > j + 1e-6))

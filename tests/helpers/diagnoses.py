@@ -7,7 +7,7 @@ import numpy as np
 
 from adapt.diagnosis import Amplitude, Changed, Diagnosis
 from adapt.diagnosis.design.next_measurement import Proposal
-from adapt.diagnosis.design.predicted_power import Foreseen
+from adapt.diagnosis.design.predicted_power import PredictedPower
 from adapt.diagnosis.fit.held_out_gaps import Gap, HeldOut
 from adapt.diagnosis.fit.observations import Noise, NoiseEstimate
 from adapt.diagnosis.gap_location import Cell, ConstraintResidual, Level, Profile, Shares
@@ -58,7 +58,7 @@ PROPOSALS = [
     Proposal("twice as many subjects (20)", 0.5, 1.2, 0.77),
 ]
 
-SELDOM = Foreseen(0.25, 0.45, {"skin_artefact": 0.3})
+SELDOM = PredictedPower(0.25, 0.45, {"skin_artefact": 0.3})
 
 SKIN = Diagnosis(
     model="R2",
@@ -80,7 +80,7 @@ SKIN = Diagnosis(
     constraints=[ConstraintResidual("A1", None, 140, 0.1, None, -2.0, 2.0, None)],
     indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
     detectable=dict.fromkeys(EFFECTS, 1.5) | {"thorax_asymmetry": None, "thorax_shape": 0.15},
-    foreseen=dict.fromkeys(EFFECTS, Foreseen(0.9, 0.1, {})) | {"sc_translation": SELDOM},
+    predicted_power=dict.fromkeys(EFFECTS, PredictedPower(0.9, 0.1, {})) | {"sc_translation": SELDOM},
     next_measurement=PROPOSALS,
     ranking=Ranking((), np.zeros(0), np.zeros(0), -5.0, 1.0, 1.0, 0.3, 0.0),  # what else it says is in the other fields
 )
@@ -120,7 +120,7 @@ NOTHING = replace(
 )
 OUTSIDE = replace(SKIN, verdict=verdict(UNKNOWN, unknown=0.99))
 IN_PART = replace(SKIN, verdict=verdict(UNKNOWN, "skin_artefact", unknown=0.99))
-TOO_LARGE = replace(IN_PART, ranking=replace(IN_PART.ranking, oversize=1.9))
+TOO_LARGE = replace(IN_PART, ranking=replace(IN_PART.ranking, amplitude_excess=1.9))
 """Explained in part by an effect that is larger than such effects are."""
 
 BY_KIND = {

@@ -13,7 +13,7 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from models import load_model
 from models.effects import EFFECTS
-from models.effects.known import as_option, at_work, described, read_amplitudes
+from models.effects.known import active_effects, as_option, described, read_amplitudes
 from motions import InputError, Motions, read_motions, write_motions
 from motions.rotations import DEG
 
@@ -115,7 +115,7 @@ def test_an_adaptation_is_an_optimum_of_the_nested_objective(noisy):
 
 def test_what_goes_with_elevation_grows_along_its_first_term_and_is_laid_out_as_the_postures_are():
     elevation = np.array([[0.0, 75.0], [150.0, 30.0]])
-    found = at_work({"thorax_extension": (8.0, 0.0, -3.0), "thorax_asymmetry": (5.0,)}, elevation)
+    found = active_effects({"thorax_extension": (8.0, 0.0, -3.0), "thorax_asymmetry": (5.0,)}, elevation)
     assert [effect.name for effect in found.effects] == ["thorax_extension", "thorax_asymmetry"]
     grows, constant = map(np.asarray, found.strengths)
     np.testing.assert_allclose(grows[:3], np.array([8.0, 0.0, -3.0])[:, None, None] * elevation / 150.0)
@@ -133,7 +133,7 @@ def test_what_goes_with_elevation_grows_along_its_first_term_and_is_laid_out_as_
 )
 def test_numbers_that_do_not_fit_an_effect_are_named(effects, cause, remedy):
     with pytest.raises(InputError, match=cause) as error:
-        at_work(effects, np.zeros(3))
+        active_effects(effects, np.zeros(3))
     assert remedy in str(error.value)
 
 
@@ -192,5 +192,5 @@ def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, c
 @pytest.mark.parametrize("name", ["scapula_landmark_bias", "thorax_extension", "skin_artefact"])
 def test_an_option_at_150_degrees_has_the_size_that_was_found_lower(name):
     effect, size, highest_deg = EFFECTS[name], [3.0, -4.0, 5.0], 120.0
-    found = at_work(read_amplitudes([as_option(effect, size, highest_deg)]), np.array([highest_deg]))
+    found = active_effects(read_amplitudes([as_option(effect, size, highest_deg)]), np.array([highest_deg]))
     np.testing.assert_allclose(found.strengths[0][:3, 0], size, rtol=OPTION_DIGITS)

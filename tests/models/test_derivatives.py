@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from models import load_model, model_names
-from models.derivatives import Chain, chain, distance, ellipsoid_curvature, ellipsoid_slope, feet, foot
+from models.derivatives import (
+    ConstraintDerivatives,
+    chain,
+    closest_point_multiplier_near,
+    closest_point_multipliers,
+    distance,
+    ellipsoid_curvature,
+    ellipsoid_slope,
+)
 from models.ellipsoid import signed_distance_mm
 from models.girdle import constraint_residuals_mm
 from motions.rhythm_subjects import simulate_subjects
@@ -53,18 +61,18 @@ def test_distance_with_slopes_and_curvatures(k):
     p, a = tuple(point - CENTRE), tuple(AXES)
     t = jnp.zeros(())
     for _ in range(SETTLED):
-        t = foot(p, a, t)
+        t = closest_point_multiplier_near(p, a, t)
     at = distance(p, a, t)
     assert_same(at.d, d(ellipsoid))
     assert_same(ellipsoid_slope(at), jax.grad(d)(ellipsoid))
     assert_same(lower(ellipsoid_curvature(at), 5), jax.hessian(d)(ellipsoid))
 
 
-def settled(girdle, q, theta) -> Chain:
+def settled(girdle, q, theta) -> ConstraintDerivatives:
     """The constraints at feet that have come to rest."""
     start = [jnp.zeros(())] * 2
     for _ in range(SETTLED):
-        start = chain(girdle, list(q), list(theta), list(MULTIPLIERS), start).feet
+        start = chain(girdle, list(q), list(theta), list(MULTIPLIERS), start).closest_point_multipliers
     return chain(girdle, list(q), list(theta), list(MULTIPLIERS), start)
 
 
@@ -97,5 +105,5 @@ def test_feet_are_where_those_of_the_chain_come_to_rest():
     q = jnp.asarray(simulate_subjects(1, seed=5).angles_deg[4] / DEG)
     theta = girdle.adapted_mm
     at = settled(girdle, q, theta)
-    assert_same(feet(girdle, list(q), list(theta)), at.feet)
+    assert_same(closest_point_multipliers(girdle, list(q), list(theta)), at.closest_point_multipliers)
     assert_same(at.g, constraint_residuals_mm(girdle, q))

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from models import load_model
-from models.effects import EFFECTS, AtWork, Effect, ExtendedGirdle
+from models.effects import EFFECTS, ActiveEffects, Effect, ExtendedGirdle
 from models.effects.effect import COURSE_SD
 from models.girdle import constraint_residuals_mm
 from motions.rhythm_subjects import simulate_subjects
@@ -74,7 +74,7 @@ each_effect = pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def chain(*acting: tuple[Effect, np.ndarray]) -> ExtendedGirdle:
     """R2 with effects of given strengths (channels,), the same in all postures."""
     strengths = tuple(jnp.repeat(jnp.asarray(strength, float)[:, None], POSTURES, axis=1) for _, strength in acting)
-    return ExtendedGirdle(GIRDLE.over_axes(1), AtWork(strengths, tuple(effect for effect, _ in acting)))
+    return ExtendedGirdle(GIRDLE.over_axes(1), ActiveEffects(strengths, tuple(effect for effect, _ in acting)))
 
 
 @jax.jit
@@ -95,10 +95,10 @@ def points(of: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
 def slope(of: ExtendedGirdle, direction: ExtendedGirdle):
     """Derivative of the residuals at ANGLES along the strengths of ``direction``."""
 
-    def residuals_at(at_work):
-        return replace(of, at_work=at_work).residuals_mm(ANGLES)
+    def residuals_at(active_effects):
+        return replace(of, active_effects=active_effects).residuals_mm(ANGLES)
 
-    return jax.jvp(residuals_at, (of.at_work,), (direction.at_work,))[1]
+    return jax.jvp(residuals_at, (of.active_effects,), (direction.active_effects,))[1]
 
 
 def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:
@@ -207,7 +207,7 @@ def test_small_effects_add_up_and_their_order_does_not_matter():
         jnp.asarray(SMALL * unequal(effect)[:, None] * act) for effect, act in zip(effects, acting, strict=True)
     )
     angles = jnp.tile(ANGLES, (1, acting.shape[1] // POSTURES))
-    in_orders = (AtWork(strengths[::way], effects[::way]) for way in (1, -1))
+    in_orders = (ActiveEffects(strengths[::way], effects[::way]) for way in (1, -1))
     forth, back = (residuals(ExtendedGirdle(GIRDLE.over_axes(1), order), angles) for order in in_orders)
     close(forth[:, :POSTURES], base_residuals(), GEOMETRY_MM)
     changes = (forth - np.tile(base_residuals(), (1, acting.shape[1] // POSTURES))).reshape(3, -1, POSTURES)

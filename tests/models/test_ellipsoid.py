@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from models import ellipsoid, load_model, model_names
-from models.ellipsoid import closest_point, foot_multiplier, signed_distance_mm
+from models.ellipsoid import closest_point, closest_point_multiplier, signed_distance_mm
 
 ROUNDING_MM = 1e-10
 """Distances are of 100s of mm; 1e3 times their rounding, for the sums and the root of the secular equation. The point
@@ -40,7 +40,7 @@ THORAX = jnp.array([153.0, 404.0, 130.0])
 ZERO = jnp.zeros(3)
 
 distance = jax.jit(lambda p, a: signed_distance_mm(p, jnp.zeros_like(p), a))
-foot = jax.jit(closest_point)
+closest_point_multiplier_near = jax.jit(closest_point)
 gradient = jax.jit(jax.grad(signed_distance_mm, argnums=(0, 1, 2)))
 
 OFF_PLANE_MM = 0.1
@@ -91,7 +91,9 @@ def test_points_along_the_normal_come_back_to_their_foot():
     found = distance(jnp.asarray(p), jnp.asarray(a))
     np.testing.assert_allclose(found, t * np.linalg.norm(x / a**2, axis=0), atol=ROUNDING_MM, rtol=1e-12)
     # Next to the evolute (t = -min a^2) the foot point slides 1 / (1 + t / min a^2) = 100 times as far as p.
-    np.testing.assert_allclose(foot(jnp.asarray(p), jnp.asarray(a)), x, rtol=0.0, atol=100.0 * ROUNDING_MM)
+    np.testing.assert_allclose(
+        closest_point_multiplier_near(jnp.asarray(p), jnp.asarray(a)), x, rtol=0.0, atol=100.0 * ROUNDING_MM
+    )
 
 
 def test_the_multiplier_of_a_foot_by_hand():
@@ -99,10 +101,12 @@ def test_the_multiplier_of_a_foot_by_hand():
     x, a = sample(20, seed=8)
     for t in (-2000.0, 500.0, 30_000.0):
         p = x + t * x / a**2
-        for found in (foot_multiplier(p, a), foot_multiplier(jnp.asarray(p), jnp.asarray(a))):
+        for found in (closest_point_multiplier(p, a), closest_point_multiplier(jnp.asarray(p), jnp.asarray(a))):
             np.testing.assert_allclose(found, t, rtol=MULTIPLIER)
     r, d = 100.0, 7.0
-    assert float(foot_multiplier(jnp.array([r + d, 0.0, 0.0]), jnp.full(3, r))) == pytest.approx(d * r, rel=MULTIPLIER)
+    assert float(closest_point_multiplier(jnp.array([r + d, 0.0, 0.0]), jnp.full(3, r))) == pytest.approx(
+        d * r, rel=MULTIPLIER
+    )
 
 
 def test_numpy_finds_what_jax_finds():
@@ -134,7 +138,7 @@ def test_foot_points_are_on_the_surface_and_the_normal_meets_the_point():
     generator = np.random.default_rng(4)
     a = generator.uniform(60.0, 450.0, (3, 100_000))
     p = generator.uniform(-2.0, 2.0, a.shape) * a
-    x = np.asarray(foot(jnp.asarray(p), jnp.asarray(a)))
+    x = np.asarray(closest_point_multiplier_near(jnp.asarray(p), jnp.asarray(a)))
     assert np.abs(np.sum((x / a) ** 2, axis=0) - 1.0).max() <= ON_SURFACE
     n = x / a**2
     n = n / np.linalg.norm(n, axis=0)
@@ -198,7 +202,9 @@ def test_deep_inside_next_to_the_plane_of_the_shortest_axis():
     found = [float(distance(ZERO, jnp.asarray(a))) for a in axes.T[:200]]
     np.testing.assert_allclose(found, -axes.min(axis=0)[:200], rtol=0.0, atol=ROUNDING_MM)
     for scale in (1e-12, 1e-9, 1e-6, 1e-3):
-        x = np.asarray(foot(jnp.asarray(scale * generator.normal(size=axes.shape)), jnp.asarray(axes)))
+        x = np.asarray(
+            closest_point_multiplier_near(jnp.asarray(scale * generator.normal(size=axes.shape)), jnp.asarray(axes))
+        )
         assert np.abs(np.sum((x / axes) ** 2, axis=0) - 1.0).max() <= ON_SURFACE
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motions import ANGLES, LANDMARKS, InputError, Motions, read_motions, write_motions
-from motions.files import write_whole
+from motions.files import atomic_write
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1, max_size=6).filter(
     lambda name: name == name.strip()
@@ -97,7 +97,7 @@ def test_a_place_that_cannot_be_written(tmp_path, name):
     (tmp_path / "file.csv").write_text("kept")
     (tmp_path / "folder").mkdir()
     with pytest.raises(InputError, match="cannot be written") as caught:
-        write_whole(tmp_path / name, "text")
+        atomic_write(tmp_path / name, "text")
     assert (caught.value.file, caught.value.row) == (str(tmp_path / name), None)
     assert "folder that exists" in caught.value.remedy
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file.csv", "folder"]
@@ -105,21 +105,21 @@ def test_a_place_that_cannot_be_written(tmp_path, name):
 
 def test_a_write_that_breaks_off_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "m.csv"
-    write_whole(path, "old")
+    atomic_write(path, "old")
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", full)
     with pytest.raises(InputError, match="No space left on device"):
-        write_whole(path, "new")
+        atomic_write(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_file_is_replaced_and_line_ends_are_kept(tmp_path):
     path = tmp_path / "m.csv"
-    write_whole(path, "old")
-    write_whole(str(path), "ä\r\nb\n")
+    atomic_write(path, "old")
+    atomic_write(str(path), "ä\r\nb\n")
     assert path.read_bytes() == "ä\r\nb\n".encode()
     assert list(tmp_path.iterdir()) == [path]

@@ -79,7 +79,7 @@ def test_a_part_is_what_its_subjects_are_alone(motion):
     folder.mkdir()
     made = Parts(folder, "key")
     made.make(work(motions.subjects), [motions], one_after_another, lambda _: None)
-    found, failed = made.become_tables(folder, work().models)
+    found, failed = made.merge(folder, work().models)
     made.remove()
     for name in ("summary", "parameters", "heldout"):
         pd.testing.assert_frame_equal(getattr(found, name), getattr(tables, name), check_exact=True)
@@ -171,7 +171,7 @@ def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypa
     from distributed import Client, LocalCluster
 
     written = []
-    write = parts_module.write_bytes_whole
+    write = parts_module.atomic_write_bytes
 
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         with Client(cluster) as client:

@@ -30,10 +30,10 @@ ONE_WAY = replace(EFFECTS["thorax_asymmetry"], scale=(1.0,), sign=(1,))
 """An effect of one number, which is 1 when all subjects have it alike."""
 
 
-def two_orthogonal(shown: float):
+def two_orthogonal(simulate_statistics: float):
     """One subject without adapted parameters: each of two effects turns a residual of its own by so much."""
     gram = np.zeros((1, 8, 8))
-    gram[0, [6, 7], [6, 7]] = shown**2
+    gram[0, [6, 7], [6, 7]] = simulate_statistics**2
     return gram, [np.arange(6, 6), np.array([6]), np.array([7])]
 
 

@@ -13,12 +13,12 @@ from adapt.solvers import status
 from adapt.solvers.adaptation import (
     STARTS_MM,
     Adapted,
-    Lanes,
-    adapt_lanes,
+    ProblemBatch,
+    adapt_batch,
     adapted_from,
     fitted_angles,
     lanes,
-    lanes_at,
+    select_problems,
 )
 from adapt.solvers.differentiable import nested_objective
 from adapt.solvers.objective import WEIGHT
@@ -62,7 +62,7 @@ class Run:
 
     models: list[ParameterSet]
     motions: Motions
-    data: Lanes
+    data: ProblemBatch
     adapted: Adapted
 
     def lane(self, model: int, subject: int) -> int:
@@ -79,7 +79,7 @@ class Run:
 
 def adaptation(motions: Motions, models: list[ParameterSet]) -> Run:
     data = lanes(pack(motions), models)
-    return Run(models, motions, data, adapt_lanes(data))
+    return Run(models, motions, data, adapt_batch(data))
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ def test_other_starts_find_nothing_lower(measured):
     """Eight drawn about the geometric fit, of the shoulder whose adaptations once ended up to a fifth above others."""
     subject = measured.motions.subjects.index("mean_oki2012")
     lane = np.array([measured.lane(m, subject) for m, model in enumerate(measured.models) if model.name != "das3"])
-    data = lanes_at(measured.data, np.tile(lane, 8))
+    data = select_problems(measured.data, np.tile(lane, 8))
     offset = np.random.default_rng(1).normal(size=(6, 8 * len(lane))) * OTHERS_MM[:, None]
     other = adapted_from(data, np.clip(np.asarray(data.girdle.adapted_mm) + offset, *np.asarray(data.bounds_mm)))
     E = np.where(other.status == status.OK, other.E, np.inf)
@@ -288,7 +288,7 @@ def test_a_bound_in_the_way_is_kept_and_flagged(known):
     run, theta = known
     bounds = np.array(run.data.bounds_mm)
     bounds[1, 0] = theta[0] - 3.0
-    narrow = adapt_lanes(replace(run.data, bounds_mm=jnp.asarray(bounds)))
+    narrow = adapt_batch(replace(run.data, bounds_mm=jnp.asarray(bounds)))
     real = [run.lane(m, s) for m, s in run.pairs()]
     assert set(narrow.status[real]) == {status.OK}
     np.testing.assert_array_equal(narrow.theta_mm[0, real], bounds[1, 0, real])

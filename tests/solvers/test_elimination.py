@@ -6,10 +6,10 @@ import jax
 import numpy as np
 import pytest
 
-from adapt.solvers.batched.elimination import STIFFER, STIFFNESS, Elimination, augmented, stationarity
+from adapt.solvers.batched.elimination import PENALTY_GROWTH, RANGE_SPACE_PENALTY, Elimination, augmented, stationarity
 from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from models import load_model
-from models.derivatives import ELLIPSOID, Chain, chain, feet
+from models.derivatives import ELLIPSOID, ConstraintDerivatives, chain, closest_point_multipliers
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
 
@@ -25,7 +25,7 @@ OF_LAMBDA = np.array([0.5, -0.7, 1.3])
 class Case(NamedTuple):
     """Postures at angles off the measured ones, chains a little open; matrices of each lane first."""
 
-    at: Chain
+    at: ConstraintDerivatives
     weights: np.ndarray
     """(6, lanes), one of them 0 in every third lane."""
     pull: np.ndarray
@@ -57,7 +57,7 @@ def case() -> Case:
     weights = 2.0 * float(DEG) ** 2 / 6.0 * generator.uniform(0.5, 2.0, (6, LANES))
     weights[2, ::3] = 0.0
     multipliers = OF_LAMBDA[:, None] * np.geomspace(0.1, 300.0, LANES)
-    start = feet(girdle, list(q), list(theta))
+    start = closest_point_multipliers(girdle, list(q), list(theta))
     at = chain(girdle, list(q), list(theta), list(multipliers), start)
     damped = np.maximum(weights, UNMEASURED_WEIGHT * weights.max(axis=0))
     T, C, U = np.zeros((LANES, 3, 6)), np.zeros((LANES, 6, 6)), np.zeros((LANES, 6, 6))
@@ -100,14 +100,16 @@ def stiffened(case: Case, share: float) -> np.ndarray:
 def test_a_posture_is_convex_where_its_stiffened_hessian_is_definite(case):
     """With little stiffness, with more, or with neither; each of them is among the lanes."""
     found = eliminated(case, parameters=True)
-    little, more = (stiffened(case, share) > 0.0 for share in (STIFFNESS, STIFFNESS * STIFFER))
+    little, more = (
+        stiffened(case, share) > 0.0 for share in (RANGE_SPACE_PENALTY, RANGE_SPACE_PENALTY * PENALTY_GROWTH)
+    )
     np.testing.assert_array_equal(found.convex, little | more)
     assert little.any()
     assert (more & ~little).any()
     assert (~more).any()
     used = np.array(found.steps.used)
     scale = case.weights.max(axis=0) / np.sum(case.G**2, axis=2).T
-    expected = np.where(little, STIFFNESS, np.where(more, STIFFNESS * STIFFER, 0.0)) * scale
+    expected = np.where(little, RANGE_SPACE_PENALTY, np.where(more, RANGE_SPACE_PENALTY * PENALTY_GROWTH, 0.0)) * scale
     np.testing.assert_allclose(used, expected, rtol=EXACT)
 
 
@@ -118,7 +120,7 @@ def test_a_direction_that_is_nearly_flat_is_no_minimum(share, convex):
     weight = 500.0
     qq = [[nothing] * i + [(share - 1.0) * weight * one if i == 5 else nothing] for i in range(6)]
     held = [[one if i == k else nothing for i in range(6)] for k in range(3)]
-    at = Chain([nothing] * 3, held, [], qq, [], [], [nothing] * 2)
+    at = ConstraintDerivatives([nothing] * 3, held, [], qq, [], [], [nothing] * 2)
     found = Elimination(at, [weight * one] * 6, [nothing] * 6, parameters=False)
     assert np.asarray(found.convex).tolist() == [convex]
 
@@ -197,7 +199,7 @@ def test_no_more_stiffness_than_it_takes():
     girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
     theta = [*girdle.centre_mm[1:], *girdle.semi_axes_mm, girdle.conoid_length_mm]
     multipliers = np.random.default_rng(8).normal(size=(3, count)) * 40.0
-    at = chain(girdle, list(q), theta, list(multipliers), feet(girdle, list(q), theta))
+    at = chain(girdle, list(q), theta, list(multipliers), closest_point_multipliers(girdle, list(q), theta))
     weights = [np.full(count, WEIGHT)] * 6
     found = Elimination(at, weights, [np.zeros(count)] * 6, parameters=False)
 
@@ -206,12 +208,14 @@ def test_no_more_stiffness_than_it_takes():
     for i in range(6):
         for j in range(i + 1):
             H[i, j] = H[j, i] = at.qq[i][j] + (WEIGHT if i == j else 0.0)
-    least = STIFFNESS * WEIGHT / (G**2).sum(axis=1)
+    least = RANGE_SPACE_PENALTY * WEIGHT / (G**2).sum(axis=1)
     met = []
     for k in range(count):
-        enough = [s for s in (1.0, STIFFER) if definite(H[..., k] + G[..., k].T @ (s * least[:, k, None] * G[..., k]))]
+        enough = [
+            s for s in (1.0, PENALTY_GROWTH) if definite(H[..., k] + G[..., k].T @ (s * least[:, k, None] * G[..., k]))
+        ]
         assert found.convex[k] == bool(enough)
-        expected = least[:, k] * (enough[0] if enough else STIFFER)
-        np.testing.assert_allclose([s[k] for s in found.stiffness], expected, rtol=1e-12)
+        expected = least[:, k] * (enough[0] if enough else PENALTY_GROWTH)
+        np.testing.assert_allclose([s[k] for s in found.range_space_penalty], expected, rtol=1e-12)
         met.append(enough[0] if enough else None)
-    assert {1.0, STIFFER, None} == set(met)
+    assert {1.0, PENALTY_GROWTH, None} == set(met)

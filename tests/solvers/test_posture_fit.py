@@ -9,7 +9,7 @@ import pytest
 from oracles import Posture, bones, constraints, kkt_residual, slsqp
 
 from adapt.solvers import status
-from adapt.solvers.posture_fits import Fitted, fit_lanes, follow_motions
+from adapt.solvers.posture_fits import Fitted, fit_batch, follow_motions
 from models import load_model, model_names
 from models.girdle import Girdle
 from models.parameter_sets import shortest_conoid_mm
@@ -57,7 +57,7 @@ def repeated(girdle: Girdle, count: int) -> Girdle:
 
 def fit(girdle: Girdle, target_deg: np.ndarray, measured: np.ndarray | None = None) -> Fitted:
     measured = np.ones(target_deg.shape, bool) if measured is None else measured
-    return fit_lanes(girdle, target_deg / DEG, measured)
+    return fit_batch(girdle, target_deg / DEG, measured)
 
 
 def all_models(target_deg: np.ndarray) -> tuple[Girdle, np.ndarray, tuple[str, ...]]:
@@ -191,7 +191,7 @@ def test_the_start_does_not_matter_within_its_valley(simulated_deg):
     girdle, known = repeated(load_model("R2").girdle, count), np.ones(simulated_deg.shape, bool)
     fitted = fit(girdle, simulated_deg)
     offset = np.random.default_rng(2).uniform(-2.0, 2.0, simulated_deg.shape) / DEG
-    again = fit_lanes(girdle, simulated_deg / DEG, known, fitted.angles + offset)
+    again = fit_batch(girdle, simulated_deg / DEG, known, fitted.angles + offset)
     assert set(again.status) == {status.OK}
     assert np.abs(again.angles - fitted.angles).max() * DEG <= ANGLE_TOLERANCE_DEG
 
@@ -376,7 +376,7 @@ def other_branch(girdle: Girdle, target_deg: np.ndarray, first: Fitted) -> tuple
     generator = np.random.default_rng(5)
     for _ in range(10):
         start = (target_deg + generator.uniform(-90.0, 90.0, target_deg.shape)) / DEG
-        found = fit_lanes(girdle, target_deg / DEG, np.ones(target_deg.shape, bool), start)
+        found = fit_batch(girdle, target_deg / DEG, np.ones(target_deg.shape, bool), start)
         for k in range(2, target_deg.shape[1] - 1):
             if found.status[k] == status.OK and found.j_deg2[k] > first.j_deg2.max() + 1.0:
                 return k, Fitted(**{key: v[..., k : k + 1] for key, v in vars(found).items()})

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from laboratory import repeated
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import Lanes, adapt_lanes, fitted_angles, lanes
+from adapt.solvers.adaptation import ProblemBatch, adapt_batch, fitted_angles, lanes
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.posture_fits import fit_lanes
+from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.girdle import ADAPTED, Girdle, constraint_residuals_mm
@@ -50,7 +50,7 @@ def measured(seed: int) -> np.ndarray:
 
 
 def fitted(girdle: Girdle, angles: np.ndarray):
-    return fit_lanes(repeated(girdle, angles.shape[1]), angles, np.ones(angles.shape, bool))
+    return fit_batch(repeated(girdle, angles.shape[1]), angles, np.ones(angles.shape, bool))
 
 
 def mirrored(girdle: Girdle) -> Girdle:
@@ -125,7 +125,7 @@ def test_order_and_company_of_postures_do_not_matter(seed, order, turned):
 SUBJECTS = 8
 
 
-def held(data: Lanes, free: set[str]) -> Lanes:
+def held(data: ProblemBatch, free: set[str]) -> ProblemBatch:
     """The same with every other parameter held at the girdle's own value."""
     own = np.asarray(data.girdle.adapted_mm)
     is_free = np.array([name in free for name in ADAPTED])[:, None]
@@ -138,7 +138,7 @@ NO_POINTS = 1e4
 """A weight with which E is the gap but for D / w: 1000 mm^2 of it, more than there is, count as 0.1 deg^2."""
 
 
-def before(data: Lanes, weight: float) -> tuple[np.ndarray, np.ndarray]:
+def before(data: ProblemBatch, weight: float) -> tuple[np.ndarray, np.ndarray]:
     """E and mean J of the girdle as it is, with its postures fitted."""
     theta = data.girdle.adapted_mm
     D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.shares))
@@ -154,7 +154,7 @@ def test_nothing_rises_by_adapting_nor_by_freeing_a_parameter(weight):
     nested = [{"conoid_length"}, {"conoid_length", "M_y", "M_z"}, set(ADAPTED)]
     found = [before(data, weight)]
     for free in nested:
-        adapted = adapt_lanes(held(data, free), weight)
+        adapted = adapt_batch(held(data, free), weight)
         assert set(adapted.status) == {status.OK}
         fixed = [k for k, name in enumerate(ADAPTED) if name not in free]
         np.testing.assert_array_equal(adapted.theta_mm[fixed], np.asarray(data.girdle.adapted_mm)[fixed])
@@ -172,8 +172,8 @@ def test_the_gap_never_grows_when_an_angle_need_not_be_met(seed, angle):
     """The sum of squares of the others, which the fit is free to bring down further."""
     angles, measured_ones = measured(seed), np.ones((6, POSTURES), bool)
     girdle = repeated(R2, POSTURES)
-    all_six = fit_lanes(girdle, angles, measured_ones, around=True)
+    all_six = fit_batch(girdle, angles, measured_ones, around=True)
     measured_ones[angle] = False
-    without = fit_lanes(girdle, angles, measured_ones, around=True)
+    without = fit_batch(girdle, angles, measured_ones, around=True)
     assert set(all_six.status) == set(without.status) == {status.OK}
     assert (5.0 * without.j_deg2 <= 6.0 * all_six.j_deg2 * (1.0 + RISES)).all()

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from handmade import adaptations, motions_of, rising
 
-from adapt.assessment import forbidden_share, jump_free_share
+from adapt.assessment import improvement_blocked_by_points, jump_free_share
 from adapt.cli.print_tables import PlainConsole
 from adapt.cli.print_trust import print_weights
 from adapt.solvers.padded_batch import pack
@@ -129,10 +129,10 @@ def test_a_single_posture_is_no_step():
 
 def test_what_the_points_forbid_by_hand():
     """From 100 to 30 with them, to 20 without: 10 of 80. No share where nothing falls, or without is above with."""
-    assert forbidden_share(100.0, 30.0, 20.0) == 0.125
-    assert forbidden_share(100.0, 20.0, 20.0) == 0.0
+    assert improvement_blocked_by_points(100.0, 30.0, 20.0) == 0.125
+    assert improvement_blocked_by_points(100.0, 20.0, 20.0) == 0.0
     unknown = [(100.0, 15.0, 20.0), (20.0, 20.0, 20.0), (100.0, 30.0, np.nan), (100.0, np.nan, 20.0)]
-    assert np.isnan([forbidden_share(*J) for J in unknown]).all()
+    assert np.isnan([improvement_blocked_by_points(*J) for J in unknown]).all()
 
 
 # --- plausibility --------------------------------------------------------------------------------------------------

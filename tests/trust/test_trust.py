@@ -16,7 +16,7 @@ from adapt.api import adapt_subjects
 from adapt.assessment import BOUNDS, NONE, intervals
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, Lanes, adapt_lanes, adapted_from, lanes, lanes_at
+from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch, adapted_from, lanes, select_problems
 from adapt.solvers.padded_batch import pack
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
 from adapt.tables.results import HELD_OUT
@@ -66,7 +66,7 @@ class Case:
 
     model: ParameterSet
     motions: Motions
-    data: Lanes
+    data: ProblemBatch
     adapted: Adapted
     found: Uncertainty
 
@@ -76,7 +76,7 @@ def case() -> Case:
     model = load_model("breteler_dissection")
     motions = simulate_model_subjects(model, None, SUBJECTS, 1.5, seed=7).motions
     data = lanes(pack(motions), [model])
-    adapted = adapt_lanes(data)
+    adapted = adapt_batch(data)
     assert set(adapted.status) == {status.OK}
     assert not adapted.at_bound.any()
     return Case(model, motions, data, adapted, uncertainty(data, adapted))
@@ -96,7 +96,7 @@ def test_the_optimum_follows_the_measured_angles_as_the_derivative_says(case):
         for sign in (1.0, -1.0):
             angles = np.array(case.data.angles)
             angles[angle, posture] += sign * STEP_DEG / DEG
-            moved.append(adapted_from(lanes_at(case.data, np.arange(4), angles=angles), case.adapted.theta_mm))
+            moved.append(adapted_from(select_problems(case.data, np.arange(4), angles=angles), case.adapted.theta_mm))
         found = (moved[0].theta_mm - moved[1].theta_mm) / (2.0 * STEP_DEG / DEG)
         expected = np.moveaxis(slope[:, :, angle, posture], 0, -1)
         assert np.abs(found - expected).max() <= FOLLOWS * np.abs(slope).max()
@@ -127,7 +127,7 @@ def test_curvature_of_the_motion_is_the_rise_of_e(case):
             for sign in (1.0, -1.0):
                 theta = case.adapted.theta_mm + sign * size * directions[:, [k]]
                 held = np.stack([theta, theta])
-                E.append(adapted_from(lanes_at(case.data, np.arange(4), bounds_mm=held), theta).E[lane])
+                E.append(adapted_from(select_problems(case.data, np.arange(4), bounds_mm=held), theta).E[lane])
             rise = np.mean(E) - case.adapted.E[lane]
             assert rise == pytest.approx(0.5 * 0.05**2, rel=0.02)
 
@@ -147,7 +147,7 @@ def test_the_noise_part_is_what_repeated_measurements_scatter_by(case):
 
 def test_noise_of_no_subject_is_no_uncertainty(case):
     """Angles that the adapted chain takes exactly, by an ellipsoid that is the points': only Sigma is left."""
-    exact = lanes_at(case.data, np.arange(4), angles=np.asarray(case.adapted.angles))
+    exact = select_problems(case.data, np.arange(4), angles=np.asarray(case.adapted.angles))
     adapted = replace(case.adapted)
     found = uncertainty(exact, adapted)
     assert found.noise_deg.max() == 0.0
@@ -175,7 +175,7 @@ def test_a_parameter_at_its_bound_may_be_anywhere_between_them_and_takes_others_
     """M_y held at a bound 10 mm from where it is: a uniform deviation has W / sqrt(3) about an end, and A_y follows."""
     bounds = np.array(case.data.bounds_mm)
     bounds[0, 0] = case.adapted.theta_mm[0] + 10.0
-    narrow = lanes_at(case.data, np.arange(4), bounds_mm=bounds)
+    narrow = select_problems(case.data, np.arange(4), bounds_mm=bounds)
     adapted = adapted_from(narrow, np.clip(case.adapted.theta_mm, *bounds))
     assert adapted.at_bound[0].all()
     found = uncertainty(narrow, adapted)
@@ -209,7 +209,7 @@ def test_without_an_angle_to_spare_nothing_is_said_of_the_noise(case):
     """Three angles a posture, which three degrees of freedom follow: no noise, no interval, no direction."""
     few = np.array(case.data.measured)
     few[[2, 4, 5]] = False
-    found = uncertainty(lanes_at(case.data, np.arange(SUBJECTS), measured=few), case.adapted)
+    found = uncertainty(select_problems(case.data, np.arange(SUBJECTS), measured=few), case.adapted)
     assert np.isnan(found.noise_deg).all()
     _, origin = intervals(case.data, case.adapted, found)
     assert set(origin.ravel()) == {NONE}
@@ -271,7 +271,7 @@ def test_postures_held_out_have_no_part_in_the_adaptation(case):
     clean = held_out(case.data, SUBJECTS, parts)
     angles = np.array(case.data.angles)
     angles[:, parts[0].tested, 0] += 40.0 / DEG
-    spoilt = held_out(lanes_at(case.data, np.arange(SUBJECTS), angles=angles), SUBJECTS, parts)
+    spoilt = held_out(select_problems(case.data, np.arange(SUBJECTS), angles=angles), SUBJECTS, parts)
     np.testing.assert_allclose(spoilt.adapted.theta_mm, clean.adapted.theta_mm, rtol=0.0, atol=SAME_THETA_MM)
     assert np.nanmean(spoilt.unseen_deg) > 5.0 + np.nanmean(clean.unseen_deg)
     assert np.isfinite(clean.unseen_deg[:, parts[0].tested]).all()

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
-from adapt.diagnosis.design.separability import closed, separation
+from adapt.diagnosis.design.separability import projected_onto_model, separation
 from adapt.diagnosis.fit.linear_evidence import Hypothesis
 from adapt.diagnosis.fit.observations import Noise, Observed
 from models.effects import Effect
@@ -42,7 +42,7 @@ def propose(
     girdle: Girdle, effects: tuple[Effect, ...], candidates: Sequence[Hypothesis], data: Observed, noise: Noise
 ) -> list[Proposal]:
     """Proposals for at least two candidates, the most separating first."""
-    postures = closed(girdle, effects, data, noise)
+    postures = projected_onto_model(girdle, effects, data, noise)
 
     def least(data: Observed, noise: Noise) -> float:
         apart = separation(girdle, effects, candidates, data, noise)
@@ -100,7 +100,7 @@ def _with_motion(girdle: Girdle, effects, name: str, plane_deg: float) -> Change
             subjects=data.subjects,
             motions=(f"further {name}",),
         )
-        more = closed(girdle, effects, more, noise)
+        more = projected_onto_model(girdle, effects, more, noise)
         if len(data.values) > 6:
             more = _with_landmarks(girdle, more)
         arrays = {

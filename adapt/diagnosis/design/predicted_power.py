@@ -19,12 +19,12 @@ from jaxtyping import Float, Int
 from numpy.random import Generator, default_rng
 
 from adapt.diagnosis.design.separability import slopes
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, Products, none_and_each
+from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, InnerProducts, single_hypotheses
 from adapt.diagnosis.fit.misfit import prior_sd_of
 from adapt.diagnosis.fit.observations import Noise, Observed
 from adapt.diagnosis.inference.axial_turn import mean_subject
 from adapt.diagnosis.inference.priors import over_priors
-from adapt.diagnosis.inference.verdict import NONE_FROM, shares_of
+from adapt.diagnosis.inference.verdict import NONE_FROM, posterior_probabilities
 from adapt.engine.batching import in_threads
 from models.effects import Effect
 from models.effects.effect import COURSE_SD
@@ -45,7 +45,7 @@ _NAMED_OFTEN = 0.05
 
 
 @dataclass(frozen=True)
-class Foreseen:
+class PredictedPower:
     """What would become of an effect of its typical size."""
 
     named: float
@@ -56,17 +56,19 @@ class Foreseen:
     """Shares in which another would be the first name, the largest first."""
 
 
-def foresee(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> dict[str, Foreseen]:
-    """By name of the effect. ``data`` are ``closed`` ones (see ``distinguish``)."""
+def predict_power(
+    girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
+) -> dict[str, PredictedPower]:
+    """By name of the effect. ``data`` are ``projected_onto_model`` ones (see ``distinguish``)."""
     names = [effect.name for effect in effects]
-    hypotheses = none_and_each(names)
+    hypotheses = single_hypotheses(names)
     gram, own = products_of(girdle, effects, data, noise)
     root, generator = root_of(gram), default_rng(_SEED)
     drawn = (draw(gram, k, effect, _DRAWS, generator) for k, effect in zip(own[1:], effects, strict=True))
-    seen = np.concatenate([shown(gram, root, coefficients, generator) for coefficients in drawn])
+    seen = np.concatenate([simulate_statistics(gram, root, coefficients, generator) for coefficients in drawn])
     alone = [[], *([effect] for effect in effects)]
-    logs = np.array(in_threads(lambda k, at_work: _log_evidence(gram, seen, k, at_work), own, alone))
-    shares = shares_of(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
+    logs = np.array(in_threads(lambda k, active_effects: _log_evidence(gram, seen, k, active_effects), own, alone))
+    shares = posterior_probabilities(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
     return {name: _outcomes(k, shares[:, k], names) for k, name in enumerate(names)}
 
 
@@ -75,7 +77,7 @@ def products_of(
 ) -> tuple[Float[np.ndarray, "subjects columns columns"], list[Int[np.ndarray, " own"]]]:
     """G of each subject, the mean one of ``axial_turn`` last; and which of its columns are the amplitudes of none and
     of every effect, those of X being the first."""
-    hypotheses = none_and_each(effect.name for effect in effects)
+    hypotheses = single_hypotheses(effect.name for effect in effects)
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     columns = np.concatenate([X, *by_amplitudes], axis=2)
     gram = np.swapaxes(columns, 1, 2) @ columns
@@ -129,7 +131,7 @@ def draw(
     return coefficients
 
 
-def shown(
+def simulate_statistics(
     gram: Float[np.ndarray, "subjects columns columns"],
     root: Float[np.ndarray, "subjects columns columns"],
     coefficients: Float[np.ndarray, "draws subjects columns"],
@@ -144,10 +146,10 @@ def products_with(
     gram: Float[np.ndarray, "subjects columns columns"],
     seen: Float[np.ndarray, "draws subjects columns"],
     own: Int[np.ndarray, " own"],
-) -> Products:
+) -> InnerProducts:
     """Those of X and of the amplitudes ``own``; the square of what was seen is left out."""
     k = np.concatenate([np.arange(len(ADAPTED)), own])
-    return Products(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
+    return InnerProducts(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
 
 
 def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:
@@ -156,9 +158,13 @@ def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarra
     return over_priors(of, prior_sd_of(effects), effects, [(1.0, 1.0)], spreads=_SPREADS).log_evidence
 
 
-def _outcomes(at_work: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> Foreseen:
+def _outcomes(
+    active_effects: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]
+) -> PredictedPower:
     nothing = shares[0] >= NONE_FROM
     first = np.where(nothing, -1, shares[1:].argmax(axis=0))
     often = [float((first == k).mean()) for k in range(len(names))]
-    others = sorted((-share, names[k]) for k, share in enumerate(often) if k != at_work and share >= _NAMED_OFTEN)
-    return Foreseen(often[at_work], float(nothing.mean()), {name: -share for share, name in others})
+    others = sorted(
+        (-share, names[k]) for k, share in enumerate(often) if k != active_effects and share >= _NAMED_OFTEN
+    )
+    return PredictedPower(often[active_effects], float(nothing.mean()), {name: -share for share, name in others})

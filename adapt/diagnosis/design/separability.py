@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import THETA_SD_MM, Hypothesis, alike, none_and_each
+from adapt.diagnosis.fit.linear_evidence import THETA_SD_MM, Hypothesis, shared_prior, single_hypotheses
 from adapt.diagnosis.fit.misfit import columns_of, free_columns, misfit, prior_sd_of, prior_z
 from adapt.diagnosis.fit.observations import Noise, Observed
 from models.effects import Effect
@@ -96,7 +96,7 @@ def _pairs(left, right):
     return (np.swapaxes(left, 1, 2) @ right).sum(axis=0)
 
 
-def closed(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> Observed:
+def projected_onto_model(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> Observed:
     """The same postures as the model as it is would take them: nothing of the residuals is left in them."""
     z = _prior(girdle, effects, data.counted.shape[1])
     nearest = misfit(girdle, effects, data, noise, z, projections=_CLOSING_STEPS).nearest
@@ -106,7 +106,8 @@ def closed(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: N
 def separation(
     girdle: Girdle, effects: tuple[Effect, ...], hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
 ) -> Float[np.ndarray, "hypotheses hypotheses"]:
-    """D_ij in nats: how clearly these data would show i and not j if i is at work. ``data`` are ``closed`` ones."""
+    """D_ij in nats: how clearly these data would show i and not j if i is at work. ``data`` are
+    ``projected_onto_model`` ones."""
     columns = _columns(girdle, effects, hypotheses, data, noise)
     return np.array([[_divergence(i, j) for j in columns] for i in columns])
 
@@ -131,7 +132,7 @@ def smallest_detectable(
 ) -> dict[str, float | None]:
     """The amplitude of each effect (all directions together) from which these data would show it, in its unit; None
     where 16 times its typical size would not do."""
-    hypotheses = none_and_each(effect.name for effect in effects)
+    hypotheses = single_hypotheses(effect.name for effect in effects)
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
     found: dict[str, float | None] = {}
     for effect, column in zip(effects, columns, strict=True):
@@ -150,8 +151,8 @@ def slopes(
     girdle: Girdle, effects: tuple[Effect, ...], hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
 ) -> tuple[Float[np.ndarray, "subjects residuals 6"], list[Float[np.ndarray, "subjects residuals amplitudes"]]]:
     """Derivatives of the whitened residuals at the model as it is: by the adapted parameters, in prior standard
-    deviations, and by the amplitudes of each hypothesis, in units of its effects. ``data`` are ``closed`` ones; of many
-    subjects, the first ones."""
+    deviations, and by the amplitudes of each hypothesis, in units of its effects. ``data`` are ``projected_onto_model``
+    ones; of many subjects, the first ones."""
     subjects = min(data.counted.shape[1], _MOST_SUBJECTS)
     chosen = free_columns(effects, hypotheses)
     at = misfit(
@@ -173,7 +174,7 @@ def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, 
     by_name = {effect.name: effect for effect in effects}
     found = []
     for hypothesis, A in zip(hypotheses, by_amplitudes, strict=True):
-        prior = alike(prior_sd_of(by_name[name] for name in hypothesis))
+        prior = shared_prior(prior_sd_of(by_name[name] for name in hypothesis))
         found.append(Column(X, A * prior.between, A * prior.common))
     return found
 

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, Linear
+from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.misfit import Misfit, misfit
 from adapt.diagnosis.fit.observations import Noise, Observed
 from adapt.engine.batching import in_threads
 from adapt.solvers import status
-from adapt.solvers.posture_fits import fit_lanes
+from adapt.solvers.posture_fits import fit_batch
 from models.effects import Effect
 from models.girdle import Girdle
 from motions.rotations import DEG
@@ -64,7 +64,7 @@ def gaps(
     effects: tuple[Effect, ...],
     data: Observed,
     noise: Noise,
-    fitted: Sequence[Linear],
+    fitted: Sequence[LinearisedFit],
     progress: Callable[[str], None] = lambda _: None,
 ) -> HeldOut:
     """Gaps of ``adapted`` (first of ``fitted``) and ``with_effect`` (last), beside ``base`` and the noise floor.
@@ -87,7 +87,7 @@ def gaps(
     return HeldOut(_summarised([seen]), _summarised(looked[: len(thirds)]), by_motion)
 
 
-def _fit(girdle, effects, hypotheses: list[Hypothesis], data, noise) -> list[Linear]:
+def _fit(girdle, effects, hypotheses: list[Hypothesis], data, noise) -> list[LinearisedFit]:
     """Each hypothesis once, in the given order."""
     distinct = list(dict.fromkeys(hypotheses))
     found = dict(zip(distinct, fit_hypotheses(girdle, effects, distinct, data, noise), strict=True))
@@ -115,7 +115,7 @@ class _Looked:
     differences_deg: dict[str, Float[np.ndarray, "6 postures subjects"]]
 
 
-def _looked(girdle, effects, data: Observed, noise, fitted: Sequence[Linear], base, held) -> _Looked:
+def _looked(girdle, effects, data: Observed, noise, fitted: Sequence[LinearisedFit], base, held) -> _Looked:
     def apart(found: Misfit):
         return np.abs(data.values - found.nearest)[:6] * DEG
 
@@ -135,7 +135,7 @@ def _as_it_is(girdle: Girdle, data: Observed) -> Float[np.ndarray, "6 postures s
     postures, subjects = data.counted.shape
     repeated = jax.tree.map(lambda x: jnp.repeat(x[..., None], postures * subjects, axis=-1), girdle)
     angles, measured = (np.asarray(x[:6]).reshape(6, -1) for x in (data.values, data.measured))
-    fitted = fit_lanes(repeated, angles, measured)
+    fitted = fit_batch(repeated, angles, measured)
     apart = np.where(fitted.status == status.OK, np.abs(fitted.angles - angles) * DEG, np.nan)
     return apart.reshape(6, postures, subjects)
 

@@ -20,7 +20,7 @@ Hypothesis = tuple[str, ...]
 """Names of the effects at work; empty for none."""
 
 
-def none_and_each(names: Iterable[str]) -> list[Hypothesis]:
+def single_hypotheses(names: Iterable[str]) -> list[Hypothesis]:
     """That nothing is at work, and each effect alone."""
     return [(), *((name,) for name in names)]
 
@@ -39,43 +39,46 @@ BETWEEN_SUBJECTS = 0.3
 
 
 @dataclass(frozen=True)
-class Block:
+class AmplitudePrior:
     """Prior of some amplitudes: mean and SD of the common part, SD of each subject's deviation from it."""
 
     mean: Float[np.ndarray, " amplitudes"]
     common: Float[np.ndarray, " amplitudes"]
     between: Float[np.ndarray, " amplitudes"]
 
-    def __add__(self, other: "Block") -> "Block":
-        return Block(*(np.concatenate(both) for both in zip(vars(self).values(), vars(other).values(), strict=True)))
+    def __add__(self, other: "AmplitudePrior") -> "AmplitudePrior":
+        return AmplitudePrior(
+            *(np.concatenate(both) for both in zip(vars(self).values(), vars(other).values(), strict=True))
+        )
 
-    def __mul__(self, factor: float) -> "Block":
-        return Block(*(factor * value for value in vars(self).values()))
+    def __mul__(self, factor: float) -> "AmplitudePrior":
+        return AmplitudePrior(*(factor * value for value in vars(self).values()))
 
 
-def alike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
+def shared_prior(scale: Float[np.ndarray, " amplitudes"]) -> AmplitudePrior:
     """Amplitudes that vary little between subjects."""
-    return Block(0.0 * scale, scale, BETWEEN_SUBJECTS * scale)
+    return AmplitudePrior(0.0 * scale, scale, BETWEEN_SUBJECTS * scale)
 
 
-def unlike(scale: Float[np.ndarray, " amplitudes"]) -> Block:
+def independent_prior(scale: Float[np.ndarray, " amplitudes"]) -> AmplitudePrior:
     """Amplitudes that every subject has for itself, of either sign."""
-    return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale)
+    return AmplitudePrior(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale)
 
 
-def common_shift(share: float) -> Block:
-    """Adapted parameters that are off by the same in all subjects (see ``Products.with_shift``): the people measured
-    are not on average the person whose girdle the parameter set is. ``share`` is that of their SD between people."""
+def common_shift(share: float) -> AmplitudePrior:
+    """Adapted parameters that are off by the same in all subjects (see ``InnerProducts.with_shift``): the people
+    measured are not on average the person whose girdle the parameter set is. ``share`` is that of their SD between
+    people."""
     nothing = np.zeros(_ADAPTED)
-    return Block(nothing, nothing + share, nothing)
+    return AmplitudePrior(nothing, nothing + share, nothing)
 
 
-Spread = Callable[[Float[np.ndarray, " amplitudes"]], Block]
+Spread = Callable[[Float[np.ndarray, " amplitudes"]], AmplitudePrior]
 """alike or unlike."""
 
 
 @dataclass(frozen=True)
-class Linear:
+class LinearisedFit:
     """A hypothesis fitted to all subjects, linear around its most probable parameters (see ``most_probable``)."""
 
     hypothesis: Hypothesis
@@ -100,12 +103,12 @@ class Linear:
     """By which share of its ``THETA_SD_MM`` each adapted parameter varies between subjects: that is the unit of u and
     X."""
 
-    def with_noise(self, share: float) -> "Linear":
+    def with_noise(self, share: float) -> "LinearisedFit":
         """The same, had the noise been ``share`` times what it was taken for."""
         changed = {name: getattr(self, name) / share for name in ("y", "X", "A", "linear", "root", "by_angle")}
         return replace(self, **changed)
 
-    def with_spread(self, spread: Float[np.ndarray, " 6"]) -> "Linear":
+    def with_spread(self, spread: Float[np.ndarray, " 6"]) -> "LinearisedFit":
         """The same with other spreads of the adapted parameters."""
         share = spread / self.spread
         return replace(self, X=share * self.X, u=self.u / share, spread=spread)
@@ -139,19 +142,19 @@ class Statistics:
     """Where it is the same for all draws, along axes of length 1."""
     pull: Float[np.ndarray, "*draws subjects amplitudes"]
 
-    def made_of(self, T: Float[np.ndarray, "*draws amplitudes fewer"]) -> "Statistics":
+    def project(self, T: Float[np.ndarray, "*draws amplitudes fewer"]) -> "Statistics":
         """The same of the fewer amplitudes b that these, a = T b, are made of."""
         T = T[..., None, :, :]
         pull = (self.pull[..., None, :] @ T)[..., 0, :]
         return replace(self, information=np.swapaxes(T, -1, -2) @ self.information @ T, pull=pull)
 
-    def turned(self, sign: Float[np.ndarray, "*draws subjects"]) -> "Statistics":
+    def with_signs(self, sign: Float[np.ndarray, "*draws subjects"]) -> "Statistics":
         """The same of amplitudes whose sign is turned where ``sign`` is -1."""
         return replace(self, pull=self.pull * sign[..., None])
 
 
 @dataclass(frozen=True)
-class Products:
+class InnerProducts:
     """Inner products over a subject's residuals: all that evidence needs of them, whatever the noise and the spread."""
 
     columns: Float[np.ndarray, "subjects columns columns"]
@@ -196,7 +199,7 @@ class Products:
             pull=seen[..., _ADAPTED:] - (own[..., None, :] @ through[behind_draws])[..., 0, :],
         )
 
-    def of_adapted(self, amplitudes: Float[np.ndarray, "subjects amplitudes"]) -> "Products":
+    def of_adapted(self, amplitudes: Float[np.ndarray, "subjects amplitudes"]) -> "InnerProducts":
         """Those of X alone, had these amplitudes been known."""
         by_amplitudes, seen = self.columns[:, _ADAPTED:], self.seen[:, _ADAPTED:]
         both = np.einsum("skl,sk->sl", by_amplitudes, amplitudes)
@@ -205,7 +208,7 @@ class Products:
         seen = self.seen[:, own] - both[:, own]
         return replace(self, columns=self.columns[:, own, own], seen=seen, square=self.square - explained)
 
-    def with_shift(self) -> "Products":
+    def with_shift(self) -> "InnerProducts":
         """The same with X once more behind all columns, in units of ``THETA_SD_MM``: what a shift of the adapted
         parameters does that all subjects have in common."""
         again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)])
@@ -225,11 +228,13 @@ class Products:
         return replace(of, log=of.log + more.reshape(-1, *(1,) * self.square.ndim))
 
 
-def products(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more"] | None = None) -> Products:
+def inner_products(
+    fitted: LinearisedFit, extra: Float[np.ndarray, "subjects residuals more"] | None = None
+) -> InnerProducts:
     """Inner products of a fitted hypothesis; ``extra`` are further columns beside its own."""
     more = () if extra is None else (extra,)
     columns = np.concatenate([fitted.X, fitted.A, *more], axis=2)
-    return Products(
+    return InnerProducts(
         columns=np.swapaxes(columns, 1, 2) @ columns,
         seen=np.einsum("src,sr->sc", columns, fitted.linear),
         square=np.asarray((fitted.linear**2).sum()),
@@ -238,18 +243,18 @@ def products(fitted: Linear, extra: Float[np.ndarray, "subjects residuals more"]
     )
 
 
-def statistics(fitted: Linear) -> Statistics:
+def statistics(fitted: LinearisedFit) -> Statistics:
     """Sufficient statistics of the amplitudes."""
-    return products(fitted).at()
+    return inner_products(fitted).at()
 
 
-def log_evidence(of: Statistics, prior: Block) -> Float[np.ndarray, "*draws"]:
+def log_evidence(of: Statistics, prior: AmplitudePrior) -> Float[np.ndarray, "*draws"]:
     """log p(y | hypothesis) but for a constant that all hypotheses on the same data share."""
     return _combined(of, prior)[0]
 
 
 def common_amplitude(
-    of: Statistics, prior: Block, along: Float[np.ndarray, "*draws amplitudes ways"] | None = None
+    of: Statistics, prior: AmplitudePrior, along: Float[np.ndarray, "*draws amplitudes ways"] | None = None
 ) -> tuple[
     Float[np.ndarray, "*draws"],
     Float[np.ndarray, "*draws amplitudes"],
@@ -262,13 +267,13 @@ def common_amplitude(
     return _combined(of, prior, along)[:3]
 
 
-def agreeing_signs(of: Statistics, prior: Block) -> Float[np.ndarray, "*draws subjects"]:
+def agreeing_signs(of: Statistics, prior: AmplitudePrior) -> Float[np.ndarray, "*draws subjects"]:
     """Signs of the subjects' amplitudes with which all agree best on a common one.
 
     The evidence grows with s'Qs, Q = p C p' from each subject's pull p on the common amplitude and its covariance C:
     the signs s start as those of Q's largest eigenvector; each is then turned as long as that adds.
     """
-    by_subject = _pulls(of, prior)
+    by_subject = _subject_information(of, prior)
     Q = by_subject.pull @ by_subject.covariance @ np.swapaxes(by_subject.pull, -1, -2)
     sign = np.where(np.linalg.eigh(Q)[1][..., -1] < 0.0, -1.0, 1.0)
     own = np.diagonal(Q, axis1=-2, axis2=-1)
@@ -285,7 +290,7 @@ def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray, axis: int
 
 
 @dataclass(frozen=True)
-class _Pulls:
+class _SubjectInformation:
     """What each subject says of the common amplitude, its own deviation integrated out."""
 
     own: Float[np.ndarray, "*draws subjects amplitudes amplitudes"]
@@ -298,7 +303,7 @@ class _Pulls:
     """Of it, in the same."""
 
 
-def _pulls(of: Statistics, prior: Block, along=None) -> _Pulls:
+def _subject_information(of: Statistics, prior: AmplitudePrior, along=None) -> _SubjectInformation:
     c, mean = prior.common, prior.mean
     information, pull = of.information, of.pull - of.information @ mean
     b = _deviations(prior.between, along)
@@ -309,7 +314,9 @@ def _pulls(of: Statistics, prior: Block, along=None) -> _Pulls:
     log = log + 0.5 * (pull * followed).sum(axis=(-1, -2)) + 0.5 * np.linalg.slogdet(S)[1].sum(axis=-1)
     left = (information - information @ own @ information).sum(axis=-3)
     covariance = np.linalg.inv(np.eye(len(c)) + c[:, None] * left * c)
-    return _Pulls(own, log, c * (pull - np.einsum("...sij,...sj->...si", information, followed)), covariance)
+    return _SubjectInformation(
+        own, log, c * (pull - np.einsum("...sij,...sj->...si", information, followed)), covariance
+    )
 
 
 def _deviations(between, along) -> Float[np.ndarray, "*draws 1 amplitudes ways"]:
@@ -320,16 +327,16 @@ def _deviations(between, along) -> Float[np.ndarray, "*draws 1 amplitudes ways"]
     return each[..., None, :, :]
 
 
-def _combined(of: Statistics, prior: Block, along=None):
+def _combined(of: Statistics, prior: AmplitudePrior, along=None):
     """Log evidence; mean and covariance of the common amplitude; the shrinkage b S b' of each subject."""
-    by_subject, c = _pulls(of, prior, along), prior.common
+    by_subject, c = _subject_information(of, prior, along), prior.common
     pull, covariance = by_subject.pull.sum(axis=-2), by_subject.covariance
     mu = np.einsum("...i,...ij->...j", pull, covariance)
     log = by_subject.log + 0.5 * (pull * mu).sum(axis=-1) + 0.5 * np.linalg.slogdet(covariance)[1]
     return log, prior.mean + c * mu, c[:, None] * covariance * c, by_subject.own
 
 
-def posterior(fitted: Linear, prior: Block) -> Posterior:
+def posterior(fitted: LinearisedFit, prior: AmplitudePrior) -> Posterior:
     """Evidence and means of everything under one prior of the amplitudes."""
     of = statistics(fitted)
     log, common, covariance, own = _combined(of, prior)

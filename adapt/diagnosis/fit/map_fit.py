@@ -13,7 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, THETA_SD_MM, Hypothesis, Linear, alike, posterior
+from adapt.diagnosis.fit.linear_evidence import (
+    BETWEEN_SUBJECTS,
+    THETA_SD_MM,
+    Hypothesis,
+    LinearisedFit,
+    posterior,
+    shared_prior,
+)
 from adapt.diagnosis.fit.misfit import Misfit, columns_of, free_columns, misfit, prior_sd_of, prior_z
 from adapt.diagnosis.fit.observations import Noise, Observed
 from models.effects import Effect
@@ -92,7 +99,7 @@ def fit_hypotheses(
     hypotheses: Sequence[Hypothesis],
     data: Observed,
     noise: Noise,
-) -> list[Linear]:
+) -> list[LinearisedFit]:
     """Every hypothesis fitted to all subjects, in the given order."""
     subjects = data.counted.shape[1]
     subject = np.tile(np.arange(subjects), len(hypotheses))
@@ -175,11 +182,11 @@ def _newton_step(y, slopes, prior: _Prior, z, damping) -> Float[np.ndarray, "fre
     return -np.linalg.solve(curvature, slope[..., None])[..., 0].T
 
 
-def _together(girdle, effects, hypotheses, look: Look, found: _Found) -> list[Linear]:
+def _together(girdle, effects, hypotheses, look: Look, found: _Found) -> list[LinearisedFit]:
     """All subjects of each hypothesis, from what was found for each: whole steps, or shorter ones where they fail."""
     prior, subjects = prior_z(girdle, effects), found.z.shape[1] // len(hypotheses)
 
-    def linear(chosen: Sequence[int], z, nearest) -> tuple[list[Linear], list[float]]:
+    def linear(chosen: Sequence[int], z, nearest) -> tuple[list[LinearisedFit], list[float]]:
         """Of some of the hypotheses."""
         lanes = (np.array(chosen)[:, None] * subjects + np.arange(subjects)).ravel()
         at = look(z, nearest, 2, lanes)
@@ -209,26 +216,26 @@ def _together(girdle, effects, hypotheses, look: Look, found: _Found) -> list[Li
     return best
 
 
-def _pooled_z(effects, fitted: Linear, prior) -> Float[np.ndarray, "parameters subjects"]:
+def _pooled_z(effects, fitted: LinearisedFit, prior) -> Float[np.ndarray, "parameters subjects"]:
     """Where the linear model puts the most probable parameters of all subjects together."""
-    mean = posterior(fitted, alike(fitted.scale))
+    mean = posterior(fitted, shared_prior(fitted.scale))
     z = np.repeat(prior[:, None], fitted.z.shape[1], axis=1)
     z[_THETA] += (mean.u * THETA_SD_MM).T
     z[columns_of(effects, fitted.hypothesis)] = mean.a.T
     return z
 
 
-def _cost(fitted: Linear) -> float:
+def _cost(fitted: LinearisedFit) -> float:
     """-2 log of the joint posterior at z, but for a constant: misfit, adapted parameters, amplitudes."""
     a = fitted.a / fitted.scale
-    block = alike(np.ones(a.shape[1]))
+    block = shared_prior(np.ones(a.shape[1]))
     spread, common = block.between**2, block.common**2
     mu = common * a.sum(axis=0) / (spread + len(a) * common)
     cost = (fitted.y**2).sum() + (fitted.u**2).sum() + ((a - mu) ** 2 / spread).sum() + (mu**2 / common).sum()
     return float(np.where(np.isfinite(cost), cost, np.inf))
 
 
-def _linear(effects, hypothesis: Hypothesis, at: Misfit, z, prior, span: slice) -> Linear:
+def _linear(effects, hypothesis: Hypothesis, at: Misfit, z, prior, span: slice) -> LinearisedFit:
     chosen = columns_of(effects, hypothesis)
     scale = prior_sd_of(e for e in effects if e.name in hypothesis)
     y = at.y[span].reshape(at.y[span].shape[0], -1)
@@ -236,7 +243,7 @@ def _linear(effects, hypothesis: Hypothesis, at: Misfit, z, prior, span: slice) 
     X, A = slopes[..., _THETA] * THETA_SD_MM, slopes[..., len(ADAPTED) : len(ADAPTED) + len(chosen)]
     u = (z[_THETA, span].T - prior[_THETA]) / THETA_SD_MM
     a = z[chosen][:, span].T
-    return Linear(
+    return LinearisedFit(
         hypothesis=hypothesis,
         z=z[:, span].copy(),
         nearest=at.nearest[..., span],

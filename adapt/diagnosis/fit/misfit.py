@@ -25,7 +25,7 @@ from adapt.diagnosis.fit.observations import Noise, Observed
 from adapt.engine.batching import compiled, in_chunks
 from adapt.solvers.linalg import jacobian
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
-from models.effects import AtWork, Effect, ExtendedGirdle
+from models.effects import ActiveEffects, Effect, ExtendedGirdle
 from models.girdle import ADAPTED, Girdle
 from motions.table import ANGLES
 
@@ -176,7 +176,7 @@ def _inputs(effects, z, elevation_deg) -> Float[Array, " inputs postures"]:
 def _chain(effects, girdle: Girdle, inputs) -> ExtendedGirdle:
     ends = np.cumsum([len(ADAPTED), *(len(effect.channels) for effect in effects)]).tolist()
     strengths = tuple(inputs[a:b] for a, b in itertools.pairwise(ends))
-    return ExtendedGirdle(girdle.over_axes(1).with_adapted(inputs[: len(ADAPTED)]), AtWork(strengths, effects))
+    return ExtendedGirdle(girdle.over_axes(1).with_adapted(inputs[: len(ADAPTED)]), ActiveEffects(strengths, effects))
 
 
 def _closure(chain: ExtendedGirdle, angles):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Linear
+from adapt.diagnosis.fit.linear_evidence import LinearisedFit
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed
 from adapt.diagnosis.inference.discrepancy import SMOOTH, discrepancy_columns
@@ -95,7 +95,7 @@ def _noisy_deg(everyone: Sequence[_Beyond]) -> dict[int, float]:
     return {int(s): ASSUMED.angle_deg * float(np.sqrt(variance[s])) for s in noisy}
 
 
-def _beyond_their_own(fitted: Linear, data: Observed) -> list[_Beyond]:
+def _beyond_their_own(fitted: LinearisedFit, data: Observed) -> list[_Beyond]:
     """Of every subject; its postures that have all their angles."""
     own = np.concatenate([fitted.X, discrepancy_columns(fitted, data, SMOOTH)], axis=2)
     common = _posture_columns(fitted, data)
@@ -117,7 +117,7 @@ def _unexplained(subjects: Sequence[_Beyond]) -> tuple[float, int]:
     return float(((free.T @ left) ** 2).sum()), free.shape[1]
 
 
-def _posture_columns(fitted: Linear, data: Observed) -> Float[np.ndarray, "subjects residuals more"]:
+def _posture_columns(fitted: LinearisedFit, data: Observed) -> Float[np.ndarray, "subjects residuals more"]:
     """One column for each constraint at each elevation of each motion."""
     where = np.round(data.elevation_deg / _BIN_DEG) + 1000.0 * data.motion
     chosen = where.T[..., None] == np.unique(where[data.counted])

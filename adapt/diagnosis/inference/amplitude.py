@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Spread, alike, posterior, unlike
+from adapt.diagnosis.fit.linear_evidence import Spread, independent_prior, posterior, shared_prior
 from adapt.diagnosis.fit.misfit import spans_of
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.departures import with_departures
@@ -66,12 +66,12 @@ def _strength(
     ranking: Ranking, k: int, by_name: dict[str, Effect], name: str, data: Observed, elevation_deg: float
 ) -> tuple[Float[np.ndarray, " channels"], Float[np.ndarray, " channels"]]:
     """Mean and variance of each channel of one effect in one hypothesis, at one elevation."""
-    spread: Spread = unlike if ranking.unlike[k] > 0.0 else alike
+    spread: Spread = independent_prior if ranking.independent_prior[k] > 0.0 else shared_prior
     hypothesis = ranking.hypotheses[k]
-    at_work = [by_name[one] for one in hypothesis]
-    fitted = with_departures(ranking.fitted[k], at_work, data)
+    active_effects = [by_name[one] for one in hypothesis]
+    fitted = with_departures(ranking.fitted[k], active_effects, data)
     mean = posterior(fitted, spread(fitted.scale))
-    effect, part = by_name[name], spans_of(at_work)[hypothesis.index(name)]
+    effect, part = by_name[name], spans_of(active_effects)[hypothesis.index(name)]
     # The strengths at one elevation are linear in the amplitudes.
     L = np.asarray(effect.at(jnp.eye(effect.amplitudes), jnp.full(effect.amplitudes, elevation_deg)))
     return L @ mean.a[:, part].mean(axis=0), np.diagonal(L @ mean.mean_covariance[part, part] @ L.T)

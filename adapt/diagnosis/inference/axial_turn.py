@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Products
+from adapt.diagnosis.fit.linear_evidence import InnerProducts
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.departures import departures_of, of_each_channel
 from models.effects import Effect
@@ -79,7 +79,7 @@ def _turns_deg(data: Observed, weight: Float[np.ndarray, "postures subjects"]) -
     return (data.values[_AXIAL] * weight).sum(axis=0) * float(DEG)
 
 
-def with_mean_subject(of: Products, mean: MeanSubject | None) -> Products:
+def with_mean_subject(of: InnerProducts, mean: MeanSubject | None) -> InnerProducts:
     """The products with those of one more subject."""
     if mean is None:
         return of

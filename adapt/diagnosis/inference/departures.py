@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Linear
+from adapt.diagnosis.fit.linear_evidence import LinearisedFit
 from adapt.diagnosis.fit.misfit import spans_of
 from adapt.diagnosis.fit.observations import Observed
 from models.effects import Effect
@@ -23,7 +23,7 @@ _FINER_SD = (0.1, 0.1)
 a sigmoid have up to 0.15 and 0.08."""
 
 
-def with_departures(fitted: Linear, effects: Sequence[Effect], data: Observed) -> Linear:
+def with_departures(fitted: LinearisedFit, effects: Sequence[Effect], data: Observed) -> LinearisedFit:
     """The hypothesis with columns for what else ``effects``, its own, may do, behind those of the amplitudes."""
     subjects, postures, m, _ = fitted.root.shape
     columns, scales = [], []

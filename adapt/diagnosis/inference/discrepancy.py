@@ -14,15 +14,15 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.linear_evidence import (
-    Block,
-    Linear,
+    AmplitudePrior,
+    LinearisedFit,
     Spread,
-    alike,
     common_shift,
+    independent_prior,
+    inner_products,
     log_evidence,
     log_sum,
-    products,
-    unlike,
+    shared_prior,
 )
 from adapt.diagnosis.fit.observations import NoiseEstimate, Observed
 from adapt.diagnosis.inference.priors import SHIFT
@@ -58,12 +58,12 @@ _SCATTER_SHARE = 0.01
 """Prior probability of scatter: the noise of six angles is not quite alike, which is not to pass for it."""
 
 
-def discrepancy_columns(fitted: Linear, data: Observed, terms: int) -> Columns:
+def discrepancy_columns(fitted: LinearisedFit, data: Observed, terms: int) -> Columns:
     """Derivatives of y by the terms (Legendre polynomials of elevation), for each constraint and motion."""
     return _over_elevation(fitted.root[..., : len(CONSTRAINTS)], data, terms)
 
 
-def landmark_columns(fitted: Linear, data: Observed) -> list[tuple[Columns, tuple[float, ...]]]:
+def landmark_columns(fitted: LinearisedFit, data: Observed) -> list[tuple[Columns, tuple[float, ...]]]:
     """The same, smooth over elevation, for a degree of each angle of either bone, and a mm of each coordinate of every
     landmark, with their scales; of data without landmarks, none."""
     by_coordinate = fitted.root[..., len(CONSTRAINTS) :]
@@ -86,7 +86,7 @@ def _over_elevation(unit: Float[np.ndarray, "subjects postures m units"], data: 
     return columns.reshape(len(unit), unit.shape[1] * unit.shape[2], -1)
 
 
-def scatter_columns(fitted: Linear, held_by: Sequence[float]) -> Columns:
+def scatter_columns(fitted: LinearisedFit, held_by: Sequence[float]) -> Columns:
     """Derivatives of y by a number of mm for each posture, added to A1-A3 in the shares of ``held_by``."""
     subjects, postures, m, _ = fitted.root.shape
     at_posture = fitted.root[..., : len(CONSTRAINTS)] @ np.asarray(held_by)
@@ -94,7 +94,7 @@ def scatter_columns(fitted: Linear, held_by: Sequence[float]) -> Columns:
     return columns.reshape(subjects, postures * m, postures)
 
 
-def discrepancy_gain(fitted: Linear, data: Observed, prior: Block, noise: NoiseEstimate) -> float:
+def discrepancy_gain(fitted: LinearisedFit, data: Observed, prior: AmplitudePrior, noise: NoiseEstimate) -> float:
     """log evidence of the hypothesis with a discrepancy beside it, less that without: the most over its kinds.
 
     A course over elevation: smooth or fine, of either size, common to the subjects or each subject's own; with landmark
@@ -110,18 +110,22 @@ Kind = tuple[Columns, Spread, tuple[float, ...]]
 """Columns of a discrepancy, how it varies between subjects, and the scales that it may have."""
 
 
-def _courses(fitted: Linear, data: Observed) -> list[Kind]:
+def _courses(fitted: LinearisedFit, data: Observed) -> list[Kind]:
     smooth, fine = (discrepancy_columns(fitted, data, terms) for terms in (SMOOTH, FINE))
     return [
-        (smooth, alike, _SCALES_MM),
-        (smooth, unlike, _SCALES_MM),
-        (fine, alike, _SCALES_MM),
-        *((columns, spread, sds) for columns, sds in landmark_columns(fitted, data) for spread in (alike, unlike)),
+        (smooth, shared_prior, _SCALES_MM),
+        (smooth, independent_prior, _SCALES_MM),
+        (fine, shared_prior, _SCALES_MM),
+        *(
+            (columns, spread, sds)
+            for columns, sds in landmark_columns(fitted, data)
+            for spread in (shared_prior, independent_prior)
+        ),
     ]
 
 
-def _scatters(fitted: Linear) -> list[Kind]:
-    return [(scatter_columns(fitted, held_by), unlike, _SCALES_MM) for held_by in _HELD_BY]
+def _scatters(fitted: LinearisedFit) -> list[Kind]:
+    return [(scatter_columns(fitted, held_by), independent_prior, _SCALES_MM) for held_by in _HELD_BY]
 
 
 def _less_or_likely(noise: NoiseEstimate) -> list[tuple[float, float]]:
@@ -133,14 +137,16 @@ def _less_or_likely(noise: NoiseEstimate) -> list[tuple[float, float]]:
     return [(share, 1.0 / len(shares)) for share in shares]
 
 
-def _gain(fitted: Linear, prior: Block, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]) -> float:
+def _gain(
+    fitted: LinearisedFit, prior: AmplitudePrior, kinds: Sequence[Kind], noises: Sequence[tuple[float, float]]
+) -> float:
     """The most of any kind and size; the noise is integrated out, with and without. A shift of the adapted parameters
     that subjects have in common is no discrepancy: it may be there in both."""
     shift = common_shift(SHIFT)
-    without = log_sum(log_evidence(products(fitted).with_shift().over(noises), prior + shift))
+    without = log_sum(log_evidence(inner_products(fitted).with_shift().over(noises), prior + shift))
     gains = []
     for columns, spread, scales in kinds:
-        with_more, one = products(fitted, columns).with_shift().over(noises), np.ones(columns.shape[2])
+        with_more, one = inner_products(fitted, columns).with_shift().over(noises), np.ones(columns.shape[2])
         priors = [prior + spread(one * scale) + shift for scale in scales]
         gains += [log_sum(log_evidence(with_more, wider)) for wider in priors]
     return max(gains) - without

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.diagnosis.fit.linear_evidence import Block, Statistics
+from adapt.diagnosis.fit.linear_evidence import AmplitudePrior, Statistics
 from adapt.diagnosis.fit.misfit import spans_of
 from models.effects import Effect
 from models.effects.effect import COURSE_SD
@@ -33,7 +33,7 @@ class OneCourse:
     """The evidence's ingredients (see ``evidence.common_amplitude``) for amplitudes that go together."""
 
     of: Statistics
-    prior: Block
+    prior: AmplitudePrior
     along: Float[np.ndarray, "*draws amplitudes effects"]
     kept: Int[np.ndarray, " kept"]
     """Which of the free amplitudes are the first ones of these."""
@@ -41,7 +41,7 @@ class OneCourse:
 
 def one_course(
     of: Statistics,
-    prior: Block,
+    prior: AmplitudePrior,
     free: Float[np.ndarray, "*draws amplitudes"],
     effects: Sequence[Effect],
     departures: int,
@@ -58,12 +58,12 @@ def one_course(
     for effect, first in enumerate(firsts):
         along[..., np.searchsorted(kept, first), effect] = _SIZE_SD * free[..., first]
     sd, none = np.array([group.sd for group in groups]), np.zeros(len(groups))
-    together = Block(
+    together = AmplitudePrior(
         mean=np.concatenate([prior.mean[kept], none]),
         common=np.concatenate([prior.common[kept], sd]),
         between=np.concatenate([_BESIDE * prior.between[kept], none]),
     )
-    return OneCourse(of.made_of(T), together, along, kept)
+    return OneCourse(of.project(T), together, along, kept)
 
 
 class _Group(NamedTuple):

@@ -10,18 +10,18 @@ from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.linear_evidence import (
     THETA_SD_MM,
-    Block,
-    Linear,
-    Products,
+    AmplitudePrior,
+    InnerProducts,
+    LinearisedFit,
     Statistics,
     agreeing_signs,
-    alike,
     common_amplitude,
     common_shift,
+    independent_prior,
     log_evidence,
     log_sum,
+    shared_prior,
     statistics,
-    unlike,
 )
 from adapt.diagnosis.inference.one_course import one_course
 from models.effects import Effect
@@ -68,7 +68,7 @@ class OverPriors:
     """The evidence of a hypothesis, of one data set or of many draws."""
 
     log_evidence: Float[np.ndarray, "*draws"]
-    unlike: Float[np.ndarray, "*draws"]
+    independent_prior: Float[np.ndarray, "*draws"]
     """Log odds that amplitudes differ between subjects, in sign or in all."""
     of_spread: Float[np.ndarray, " spreads *draws"]
     """Log evidence with each of ``spreads``."""
@@ -81,7 +81,7 @@ class OverPriors:
 
 
 def over_priors(
-    of: Products,
+    of: InnerProducts,
     scale: Float[np.ndarray, " amplitudes"],
     effects: Sequence[Effect],
     noise_shares: Sequence[tuple[float, float]],
@@ -91,11 +91,11 @@ def over_priors(
     """Evidence summed over the noise there may be, the spreads of the adapted parameters and what they have in common,
     and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own, with so many columns
     for ``departures`` of each channel behind the amplitudes."""
-    sign = agreeing_signs(of.at(), alike(scale))
+    sign = agreeing_signs(of.at(), shared_prior(scale))
     unsigned = [replace(effect, sign=()) for effect in effects]
-    priors = [alike(scale) * size for size in _SIZES]
+    priors = [shared_prior(scale) * size for size in _SIZES]
     at, shifted = (one.over(noise_shares, spreads) for one in (of, of.with_shift()))
-    opposed = at.turned(sign)
+    opposed = at.with_signs(sign)
     signed = any(any(effect.sign) for effect in effects)
     opposed_share = _OPPOSED_SIGNED_SHARE if signed else _OPPOSED_SHARE
     own_share = _UNLIKE_SIGNED_SHARE if signed else _UNLIKE_SHARE
@@ -105,7 +105,7 @@ def over_priors(
     )
     unlike_log = _mixed(
         (opposed_share * 0.5 ** (sign.shape[-1] - 1), [_log_alike(opposed, p, unsigned, departures) for p in priors]),
-        (own_share, [log_evidence(at, unlike(prior.common)) for prior in priors]),
+        (own_share, [log_evidence(at, independent_prior(prior.common)) for prior in priors]),
     )
     share = 1.0 - opposed_share - own_share
     each = np.logaddexp(alike_log + math.log(share), unlike_log)
@@ -113,7 +113,7 @@ def over_priors(
 
 
 def likely_spreads(
-    of: Products, amplitudes: Float[np.ndarray, "subjects amplitudes"]
+    of: InnerProducts, amplitudes: Float[np.ndarray, "subjects amplitudes"]
 ) -> tuple[Float[np.ndarray, "likeliest 6"], float]:
     """The spreads with the most evidence for these amplitudes, and the log of their share of the evidence of all."""
     log = of.of_adapted(amplitudes).at(spread=_SPREADS).log
@@ -127,14 +127,14 @@ def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, " spreads *draws"]:
     return log_sum([math.log(share) + log_sum(log_sum(logs), axis=1) for share, logs in parts])
 
 
-def likeliest_prior(fitted: Linear) -> Block:
+def likeliest_prior(fitted: LinearisedFit) -> AmplitudePrior:
     """Of the priors of the amplitudes, the one with the most evidence."""
     of = statistics(fitted)
-    priors = [spread(fitted.scale) * size for spread in (alike, unlike) for size in _SIZES]
+    priors = [spread(fitted.scale) * size for spread in (shared_prior, independent_prior) for size in _SIZES]
     return max(priors, key=lambda prior: float(log_evidence(of, prior)))
 
 
-def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect], departures: int):
+def _log_alike(of: Statistics, prior: AmplitudePrior, effects: Sequence[Effect], departures: int):
     """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs, and
     the channels of each effect go together or not."""
     if len(effects) == 1 and (leading := effects[0].leading) is not None:
@@ -144,7 +144,7 @@ def _log_alike(of: Statistics, prior: Block, effects: Sequence[Effect], departur
 
 
 def _log_together_or_not(
-    of: Statistics, prior: Block, effects: Sequence[Effect], signs: Sequence[int], departures: int
+    of: Statistics, prior: AmplitudePrior, effects: Sequence[Effect], signs: Sequence[int], departures: int
 ):
     """The same for one prior of the amplitudes, of which so many first ones have these signs, expected or 0."""
     expected = np.zeros(len(prior.common), dtype=int)
@@ -168,7 +168,7 @@ def _log_of_signs(expected: Int[np.ndarray, " amplitudes"], common, covariance):
     return log
 
 
-def _log_about(of: Statistics, prior: Block, effect: Effect, leading: int, departures: int):
+def _log_about(of: Statistics, prior: AmplitudePrior, effect: Effect, leading: int, departures: int):
     """The same if the amplitude of the channel that leads lies about plus or minus the size."""
     own, logs = effect.signs[leading], []
     for sign in (1.0, -1.0):

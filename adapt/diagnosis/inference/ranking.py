@@ -7,7 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, Linear, alike, products, unlike
+from adapt.diagnosis.fit.linear_evidence import (
+    Hypothesis,
+    LinearisedFit,
+    independent_prior,
+    inner_products,
+    shared_prior,
+)
 from adapt.diagnosis.fit.misfit import spans_of
 from adapt.diagnosis.fit.observations import NoiseEstimate, Observed
 from adapt.diagnosis.inference.axial_turn import mean_subject, with_mean_subject
@@ -25,10 +31,10 @@ _EXAMINED = 3
 class Ranking:
     """Hypotheses, most probable first."""
 
-    fitted: tuple[Linear, ...]
+    fitted: tuple[LinearisedFit, ...]
     log_evidence: Float[np.ndarray, " hypotheses"]
     """Less that of the best."""
-    unlike: Float[np.ndarray, " hypotheses"]
+    independent_prior: Float[np.ndarray, " hypotheses"]
     """Log evidence that amplitudes differ between subjects, less that they are alike."""
     discrepancy_gain: float
     """log evidence of the best hypothesis with an unlisted discrepancy, less that of the best without."""
@@ -38,7 +44,7 @@ class Ranking:
     excess: float
     """log(chi_square / freedom) in standard deviations, that of the noise estimate included: a ratio of variances from
     few degrees of freedom is skewed, its logarithm is not."""
-    oversize: float
+    amplitude_excess: float
     """How far the amplitudes of an effect of the best hypothesis lie beyond their prior, likewise: log of the mean
     square amplitude, in prior SDs, in standard deviations; 0 if within. What is not in the list is fitted by effects
     larger than there are."""
@@ -53,15 +59,15 @@ class Ranking:
 class _Weighed:
     """A hypothesis with its evidence over all priors."""
 
-    fitted: Linear
+    fitted: LinearisedFit
     """With the spread of the adapted parameters that the data choose."""
-    wider: Linear
+    wider: LinearisedFit
     """The same with what its amplitudes may depart by."""
     log_evidence: float
-    unlike: float
+    independent_prior: float
 
 
-def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> Ranking:
+def rank(fitted: Sequence[LinearisedFit], effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> Ranking:
     """Weigh fitted hypotheses; examine the best for what they leave."""
     by_name = {effect.name: effect for effect in effects}
     departures = of_each_channel(data)
@@ -78,37 +84,37 @@ def rank(fitted: Sequence[Linear], effects: Sequence[Effect], data: Observed, no
     return Ranking(
         fitted=tuple(one.fitted for one in weighed),
         log_evidence=np.array([one.log_evidence - best for one in weighed]),
-        unlike=np.array([one.unlike for one in weighed]),
+        independent_prior=np.array([one.independent_prior for one in weighed]),
         discrepancy_gain=gain,
         chi_square=chi_square,
         freedom=freedom,
         excess=math.log(chi_square / freedom) / math.sqrt(2.0 / freedom + 2.0 / noise.freedom),
-        oversize=oversize(top, [by_name[name] for name in top.hypothesis]),
+        amplitude_excess=amplitude_excess(top, [by_name[name] for name in top.hypothesis]),
     )
 
 
 def _weighed(
-    fitted: Linear, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate, departures: int
+    fitted: LinearisedFit, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate, departures: int
 ) -> _Weighed:
     wider = with_departures(fitted, effects, data)
-    of = products(wider)
+    of = inner_products(wider)
     spreads, log_share = likely_spreads(of, wider.a)
     of = with_mean_subject(of, mean_subject(effects, data))
     found = over_priors(of, wider.scale, effects, noise.likely_shares, spreads, departures)
     fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
-    return _Weighed(fitted, wider, float(found.log_evidence) - log_share, float(found.unlike))
+    return _Weighed(fitted, wider, float(found.log_evidence) - log_share, float(found.independent_prior))
 
 
-def oversize(fitted: Linear, effects: Sequence[Effect]) -> float:
+def amplitude_excess(fitted: LinearisedFit, effects: Sequence[Effect]) -> float:
     """Of ``effects``, its own, that most beyond: (2 / amplitudes)^1/2 is about the SD of the log of a mean square."""
-    square = ((fitted.a / unlike(fitted.scale).between) ** 2).mean(axis=0)
+    square = ((fitted.a / independent_prior(fitted.scale).between) ** 2).mean(axis=0)
     each = (square[own] for own in spans_of(effects))
     return max((math.log(max(float(one.mean()), 1.0)) / math.sqrt(2.0 / len(one)) for one in each), default=0.0)
 
 
-def _freedom(fitted: Linear, data: Observed) -> float:
+def _freedom(fitted: LinearisedFit, data: Observed) -> float:
     """Expected chi square of y if the hypothesis is right: tr (1 + X X' + A b^2 A')^-1, less the common amplitudes."""
-    A = fitted.A * alike(fitted.scale).between
+    A = fitted.A * shared_prior(fitted.scale).between
     covariance = np.eye(fitted.y.shape[1]) + fitted.X @ np.swapaxes(fitted.X, 1, 2) + A @ np.swapaxes(A, 1, 2)
     informed = np.trace(np.linalg.inv(covariance), axis1=1, axis2=2).sum() - data.uninformative
     return max(1.0, float(informed) - len(fitted.scale))

@@ -33,7 +33,7 @@ _PAIR_PRIOR = 0.02
 _UNKNOWN_TERMS = (-0.7, 0.4, 0.85)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
 
-_DOUBTS = (1.7, 1.5)
+_UNKNOWN_PENALTIES = (1.7, 1.5)
 """Added to those log odds as far as pairs are the answer, as two effects of the list mimic more than one does; and for
 each standard deviation that an effect of the best hypothesis is larger than such effects are.
 
@@ -79,7 +79,7 @@ def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) 
 
     ``expected`` are those of the names that the motions are marked with.
     """
-    shares = shares_of(ranking.hypotheses, ranking.log_evidence, names, expected)
+    shares = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, expected)
     unknown = _unknown(ranking, shares)
     probability = dict.fromkeys([*names, NONE], 0.0)
     pairs: dict[str, float] = {}
@@ -93,10 +93,10 @@ def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) 
 
 
 def _unknown(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> float:
-    """Logistic in the two tests and in ``doubts``."""
+    """Logistic in the two tests and in ``unknown_penalties``."""
     constant, *weights = _UNKNOWN_TERMS
     tests = clipped_tests(ranking.discrepancy_gain, ranking.excess)
-    log_odds = constant + float(np.dot(weights, tests) + np.dot(_DOUBTS, doubts(ranking, shares)))
+    log_odds = constant + float(np.dot(weights, tests) + np.dot(_UNKNOWN_PENALTIES, unknown_penalties(ranking, shares)))
     return 1.0 / (1.0 + math.exp(-log_odds))
 
 
@@ -108,10 +108,10 @@ def clipped_tests(discrepancy_gain: float, excess: float) -> tuple[float, float]
     )
 
 
-def doubts(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> tuple[float, float]:
+def unknown_penalties(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> tuple[float, float]:
     """How much of the answer is pairs, and the oversize: with both, the best hypothesis has to leave less."""
     of_pairs = sum(float(s) for h, s in zip(ranking.hypotheses, shares, strict=True) if len(h) > 1)
-    return of_pairs, min(ranking.oversize, _MOST_OVERSIZE)
+    return of_pairs, min(ranking.amplitude_excess, _MOST_OVERSIZE)
 
 
 def _single_priors(names: Sequence[str], expected: Sequence[str]) -> dict[Hypothesis, float]:
@@ -125,7 +125,7 @@ def _single_priors(names: Sequence[str], expected: Sequence[str]) -> dict[Hypoth
     return {(): _NONE_PRIOR, **priors}
 
 
-def shares_of(
+def posterior_probabilities(
     hypotheses: Sequence[Hypothesis],
     log_evidence: Float[np.ndarray, " hypotheses *draws"],
     names: Sequence[str],

@@ -16,14 +16,14 @@ from typing import NamedTuple
 from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
-from models.derivatives import ELLIPSOID, Chain
+from models.derivatives import ELLIPSOID, ConstraintDerivatives
 from motions.arrays import Array, ByType, repeat_while, xp
 
-STIFFNESS = 20.0
+RANGE_SPACE_PENALTY = 20.0
 """s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see
 ``adapt.solvers.reference.elimination``). Of 5 to 100 the one with the fewest iterations on simulated subjects."""
 
-STIFFER = 10.0
+PENALTY_GROWTH = 10.0
 """Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
 
 CLOSED_MM = ByType(CONSTRAINT_TOLERANCE_MM, 5e-4)
@@ -53,12 +53,12 @@ def column(rows: list[Components], k: int) -> Components:
     return [row[k] for row in rows]
 
 
-def augmented(target: Components, stiffness: Components, g: Components) -> Array:
+def augmented(target: Components, range_space_penalty: Components, g: Components) -> Array:
     """lambda'g + 1/2 g' s g: what the merit adds to the objective."""
-    return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, strict=True)], g)
+    return product([m + 0.5 * s * x for m, s, x in zip(target, range_space_penalty, g, strict=True)], g)
 
 
-def stationarity(at: Chain, pull: Components, multipliers: Components) -> Array:
+def stationarity(at: ConstraintDerivatives, pull: Components, multipliers: Components) -> Array:
     """max |W (q - s) + G' lambda|."""
     return largest([x + product(column(at.G, k), multipliers) for k, x in enumerate(pull)])
 
@@ -108,7 +108,7 @@ class _Factor(NamedTuple):
     """L D L' = H + G' s G."""
 
     attempts: Array
-    stiffness: Components
+    range_space_penalty: Components
     """s."""
     lower: list[Components]
     """L below its diagonal."""
@@ -124,17 +124,17 @@ def _convex_factor(H: list[Components], G: list[Components], scale: Array) -> _F
     def unfinished(tried: _Factor) -> Array:
         return xp.any(~tried.convex & (tried.attempts < 2.0))
 
-    def stiffer(tried: _Factor) -> _Factor:
+    def more_penalised(tried: _Factor) -> _Factor:
         again = ~tried.convex & (tried.attempts > 0.0)
-        stiffness = [xp.where(again, STIFFER * s, s) for s in tried.stiffness]
-        stiff = [[s * x for x in row] for s, row in zip(stiffness, G, strict=True)]
+        range_space_penalty = [xp.where(again, PENALTY_GROWTH * s, s) for s in tried.range_space_penalty]
+        stiff = [[s * x for x in row] for s, row in zip(range_space_penalty, G, strict=True)]
         K = [[x + product(column(stiff, i), column(G, j)) for j, x in enumerate(row)] for i, row in enumerate(H)]
-        return _Factor(tried.attempts + 1.0, stiffness, *factorised(K, PIVOT_FLOOR * scale))
+        return _Factor(tried.attempts + 1.0, range_space_penalty, *factorised(K, PIVOT_FLOOR * scale))
 
     zero = xp.zeros_like(scale)
-    least = [STIFFNESS * scale / product(row, row) for row in G]
+    least = [RANGE_SPACE_PENALTY * scale / product(row, row) for row in G]
     nothing = _Factor(zero, least, [[zero] * i for i in range(6)], [zero] * 6, zero > 0.0)
-    return repeat_while(unfinished, stiffer, nothing)
+    return repeat_while(unfinished, more_penalised, nothing)
 
 
 class Elimination:
@@ -143,7 +143,7 @@ class Elimination:
     Without ``parameters`` it is the step of a posture fit.
     """
 
-    def __init__(self, at: Chain, weights: Components, pull: Components, parameters: bool):
+    def __init__(self, at: ConstraintDerivatives, weights: Components, pull: Components, parameters: bool):
         scale = weights[0]
         for w in weights[1:]:
             scale = xp.maximum(scale, w)
@@ -152,10 +152,10 @@ class Elimination:
         self._T = _parameter_slopes(at.T if parameters else [])
         H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
         factor = _convex_factor(H, at.G, scale)
-        self.convex, self.stiffness = factor.convex, factor.stiffness
+        self.convex, self.range_space_penalty = factor.convex, factor.range_space_penalty
         lower = [[xp.where(self.convex, x, 0.0) for x in row] for row in factor.lower]
         inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped, strict=True)]
-        used = [xp.where(self.convex, s, 0.0) for s in self.stiffness]
+        used = [xp.where(self.convex, s, 0.0) for s in self.range_space_penalty]
         C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
         self._sides = [forward(lower, side) for side in (*at.G, *C, pull)]
         self._weighed = [[x * d for x, d in zip(side, inverse, strict=True)] for side in self._sides]

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.engine.batching import in_rounds, lanes_of, put_lanes
+from adapt.engine.batching import in_rounds, put_problems, take_problems
 from adapt.engine.kernel import Kernel
 from adapt.solvers.batched.posture import Lowest, PostureStart, SweptPostures, sweep_from_two_starts, sweep_postures
 from models.girdle import Girdle
@@ -62,7 +62,7 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     needed = ~first.settled | first.apart | ~found.converged | (found.j_deg2 >= _FAR_DEG2) | around
     again = np.flatnonzero(needed)
     if len(again):
-        part = lanes_of(problem, again)
+        part = take_problems(problem, again)
         one, other = (part[1] + offset[:, None] / DEG for offset in OFFSETS_DEG[:2])
         further = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
         put_lower(found, again, further.swept)
@@ -73,7 +73,7 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
 def put_lower(found: SweptPostures, lanes: Int[np.ndarray, " again"], other: SweptPostures) -> None:
     """The other fits of these lanes take their places where they converged and are lower."""
     lower = other.converged & ~(found.converged[lanes] & (found.j_deg2[lanes] <= other.j_deg2))
-    put_lanes(found, lanes[lower], lanes_of(other, lower))
+    put_problems(found, lanes[lower], take_problems(other, lower))
 
 
 def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[float, float]) -> Lowest:
@@ -89,8 +89,8 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
         left = np.flatnonzero(~result.settled)
         if not len(left):
             break
-        part, places = lanes_of((problem, starts), left)
-        put_lanes(result, left, found(part, places, iterations))
+        part, places = take_problems((problem, starts), left)
+        put_problems(result, left, found(part, places, iterations))
     return result
 
 

@@ -23,7 +23,7 @@ from adapt.solvers.batched.elimination import (
 )
 from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
-from models.derivatives import Chain, chain, feet
+from models.derivatives import ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle
 from motions.arrays import Array, ByType, repeat, repeat_while, stacked, xp
 from motions.rotations import DEG
@@ -48,9 +48,9 @@ class _State(NamedTuple):
     change: Components
     length: Array
     target: Components
-    stiffness: Components
+    range_space_penalty: Components
     merit: Array
-    feet: Components
+    closest_point_multipliers: Components
     iterations: Array
     converged: Array
 
@@ -107,11 +107,11 @@ class _Problem(NamedTuple):
         """1/2 (q - s)' W (q - s)."""
         return 0.5 * product(self.pull(q), [x - s for x, s in zip(q, self.measured, strict=True)])
 
-    def chain(self, q: Components, multipliers: Components, feet_nearby: Components) -> Chain:
-        return chain(self.girdle, q, self.theta, multipliers, feet_nearby)
+    def chain(self, q: Components, multipliers: Components, nearby_multipliers: Components) -> ConstraintDerivatives:
+        return chain(self.girdle, q, self.theta, multipliers, nearby_multipliers)
 
-    def feet(self, q: Components) -> Components:
-        return feet(self.girdle, q, self.theta)
+    def closest_point_multipliers(self, q: Components) -> Components:
+        return closest_point_multipliers(self.girdle, q, self.theta)
 
 
 class _Best(NamedTuple):
@@ -136,7 +136,9 @@ def sweep_postures(
     """At most ``iterations`` iterations on from ``start``; a lane that has converged there stays where it is."""
     problem = _Problem(girdle, list(measured), list(weights))
     angles, nowhere = list(start.angles), [xp.full_like(x, xp.inf) for x in start.angles]
-    first = _first(angles, list(start.multipliers), problem.feet(angles))._replace(converged=start.converged)
+    first = _first(angles, list(start.multipliers), problem.closest_point_multipliers(angles))._replace(
+        converged=start.converged
+    )
     end = _iterated(problem, first, nowhere, iterations)
     return _judged(problem, *_last_step(end, end.converged & ~start.converged), end.iterations)
 
@@ -185,7 +187,7 @@ def _near(q: Components, known: Components) -> Array:
     return largest([x - y for x, y in zip(q, known, strict=True)]) <= _SAME_VALLEY_RAD
 
 
-def _first(angles: Components, multipliers: Components, feet_nearby: Components) -> _State:
+def _first(angles: Components, multipliers: Components, nearby_multipliers: Components) -> _State:
     lane = xp.zeros_like(angles[0])
     return _State(
         base=angles,
@@ -194,9 +196,9 @@ def _first(angles: Components, multipliers: Components, feet_nearby: Components)
         change=[lane] * 3,
         length=lane + 1.0,
         target=[lane] * 3,
-        stiffness=[lane] * 3,
+        range_space_penalty=[lane] * 3,
         merit=lane + xp.inf,
-        feet=feet_nearby,
+        closest_point_multipliers=nearby_multipliers,
         iterations=xp.zeros_like(lane, int),
         converged=lane > 0.0,
     )
@@ -218,7 +220,7 @@ def _last_step(end: _State, last: Array) -> tuple[Components, Components]:
 
 def _judged(problem: _Problem, q: Components, multipliers: Components, iterations: Array) -> SweptPostures:
     """The conditions of ``adapt.solvers.reference.posture`` there, with the feet computed anew."""
-    at = problem.chain(q, multipliers, problem.feet(q))
+    at = problem.chain(q, multipliers, problem.closest_point_multipliers(q))
     rest = stationarity(at, problem.pull(q), multipliers) / DEG
     converged = (largest(at.g) <= CLOSED_MM.of(rest)) & (rest <= STATIONARY.of(rest))
     return SweptPostures(
@@ -229,9 +231,9 @@ def _judged(problem: _Problem, q: Components, multipliers: Components, iteration
 def _iterate(problem: _Problem, known: Components, state: _State) -> _State:
     q = [x + state.length * dx for x, dx in zip(state.base, state.step, strict=True)]
     multipliers = [x + state.length * dx for x, dx in zip(state.multipliers, state.change, strict=True)]
-    at = problem.chain(q, multipliers, state.feet)
+    at = problem.chain(q, multipliers, state.closest_point_multipliers)
     J, pull = problem.j_deg2(q), problem.pull(q)
-    good = good_enough(state, J + augmented(state.target, state.stiffness, at.g))
+    good = good_enough(state, J + augmented(state.target, state.range_space_penalty, at.g))
     posture = Elimination(at, problem.weights, pull, parameters=False)
     step, target = posture.steps.moved([])
     arrived = (largest(step) <= _LAST_STEP_RAD.of(J)) | _near([x + dx for x, dx in zip(q, step, strict=True)], known)
@@ -242,9 +244,9 @@ def _iterate(problem: _Problem, known: Components, state: _State) -> _State:
         change=[x - y for x, y in zip(target, multipliers, strict=True)],
         length=xp.minimum(1.0, STEP_LIMIT_RAD / largest(step)),
         target=target,
-        stiffness=posture.stiffness,
-        merit=J + augmented(target, posture.stiffness, at.g),
-        feet=at.feet,
+        range_space_penalty=posture.range_space_penalty,
+        merit=J + augmented(target, posture.range_space_penalty, at.g),
+        closest_point_multipliers=at.closest_point_multipliers,
         iterations=state.iterations + 1,
         converged=good & posture.convex & arrived,
     )
@@ -272,7 +274,7 @@ def _closed_nearby(problem: _Problem, start: Components, steps: Array) -> _State
         limit = xp.minimum(1.0, STEP_LIMIT_RAD / largest(step))
         q = [x + limit * dx for x, dx in zip(q, step, strict=True)]
         pull = problem.pull(q)
-        new = number + 1.0, q, lifted([-product(row, pull) for row in at.G]), at.feet
+        new = number + 1.0, q, lifted([-product(row, pull) for row in at.G]), at.closest_point_multipliers
         return jax.tree.map(lambda a, b: xp.where(number < steps, a, b), new, carry)
 
     first = lane, list(start), [lane] * 3, [lane] * 2

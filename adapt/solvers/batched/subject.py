@@ -29,8 +29,16 @@ from adapt.solvers.batched.elimination import (
 from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
 from adapt.solvers.reference.subject import THETA_TOLERANCE, Problem
-from models.derivatives import ELLIPSOID, chain, distance, ellipsoid_curvature, ellipsoid_slope, feet, foot
-from models.ellipsoid import foot_multiplier
+from models.derivatives import (
+    ELLIPSOID,
+    chain,
+    closest_point_multiplier_near,
+    closest_point_multipliers,
+    distance,
+    ellipsoid_curvature,
+    ellipsoid_slope,
+)
+from models.ellipsoid import closest_point_multiplier
 from models.girdle import Girdle
 from motions.arrays import Array, ByType, along, repeat, stacked, xp
 from motions.rotations import DEG
@@ -96,8 +104,8 @@ class _Posture(NamedTuple):
     """Of the multipliers."""
     target: Components
     """Multipliers at the end of the full step: those of the merit."""
-    stiffness: Components
-    feet: Components
+    range_space_penalty: Components
+    closest_point_multipliers: Components
     """t of TS and AI."""
 
 
@@ -138,11 +146,11 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swe
 
     def first(q, multipliers):
         none = [xp.zeros_like(q[0])] * 6
-        t = feet(girdle, list(q), theta)
+        t = closest_point_multipliers(girdle, list(q), theta)
         return (), (), _Posture(list(q), list(multipliers), none, none[:3], list(multipliers), none[:3], t)
 
     *_, postures = over_postures.reduced(first, start.angles, start.multipliers)
-    *_, points = over_points.reduced(lambda point: ((), (), _exact_foot(girdle, theta, point)), points_mm)
+    *_, points = over_points.reduced(lambda point: ((), (), _exact_multiplier(girdle, theta, point)), points_mm)
     state = _State(
         theta, [zero] * 6, zero + 1.0, zero + xp.inf, zero + _FIRST_RADIUS_MM, xp.zeros_like(lane, int), start.converged
     )
@@ -159,14 +167,14 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swe
     def end_of(own: _Posture, measured, weights):
         q = [xp.where(last, x + dx, x) for x, dx in zip(own.q, own.dq, strict=True)]
         multipliers = [xp.where(last, x + dx, x) for x, dx in zip(own.multipliers, own.change, strict=True)]
-        at = chain(girdle, q, theta, multipliers, feet(girdle, q, theta))
+        at = chain(girdle, q, theta, multipliers, closest_point_multipliers(girdle, q, theta))
         rest = stationarity(at, _pull(weights, q, measured), multipliers) / DEG
         return _slope(at, multipliers), (largest(at.g), rest), (q, multipliers, at.g, rest)
 
     slope, (gape, rest), kept = over_postures.reduced(end_of, postures, problem.measured, problem.weights)
 
     def thorax_slope(point, share):
-        return _thorax(girdle, theta, point, share, _exact_foot(girdle, theta, point))[0].slope, (), ()
+        return _thorax(girdle, theta, point, share, _exact_multiplier(girdle, theta, point))[0].slope, (), ()
 
     of_points, *_ = over_points.reduced(thorax_slope, points_mm, shares)
     free = _free(problem, theta, [x + y for x, y in zip(slope, of_points, strict=True)])
@@ -202,14 +210,14 @@ def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Array, Array
     return point[0] - girdle.centre_mm[0], point[1] - theta[0], point[2] - theta[1]
 
 
-def _exact_foot(girdle: Girdle, theta: Components, point) -> Array:
-    return foot_multiplier(_from_centre(girdle, theta, point), tuple(theta[2:5]))
+def _exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
+    return closest_point_multiplier(_from_centre(girdle, theta, point), tuple(theta[2:5]))
 
 
 def _thorax(girdle: Girdle, theta: Components, point, share, t) -> tuple[_Sums, Array]:
     """A point's part of D = sum share_i d_i^2 with its derivatives, and the t of its foot."""
     p, axes = _from_centre(girdle, theta, point), (theta[2], theta[3], theta[4])
-    at = distance(p, axes, foot(p, axes, t))
+    at = distance(p, axes, closest_point_multiplier_near(p, axes, t))
     slope, curvature = ellipsoid_slope(at), ellipsoid_curvature(at)
     pull = 2.0 * share * at.d
     zero = xp.zeros_like(at.d)
@@ -234,19 +242,19 @@ def _iterate(
     def tried(own: _Posture, measured, weights):
         q = [x + state.length * dx for x, dx in zip(own.q, own.dq, strict=True)]
         multipliers = [x + state.length * dx for x, dx in zip(own.multipliers, own.change, strict=True)]
-        at = chain(girdle, q, theta, multipliers, own.feet)
+        at = chain(girdle, q, theta, multipliers, own.closest_point_multipliers)
         gap = [x - s for x, s in zip(q, measured, strict=True)]
         pull = [w * x for w, x in zip(weights, gap, strict=True)]
         posture = Elimination(at, list(weights), pull, parameters=True)
         sums = _Sums(
             E=0.5 * product(pull, gap),
-            augmented=augmented(own.target, own.stiffness, at.g),
+            augmented=augmented(own.target, own.range_space_penalty, at.g),
             slope=_slope(at, multipliers),
             right=[posture.slope(i) for i in range(6)],
             matrix=[[posture.curvature(i, j) for j in range(i + 1)] for i in range(6)],
         )
         worst = largest(at.g), stationarity(at, pull, multipliers) / DEG, xp.where(posture.convex, 0.0, 1.0)
-        return sums, worst, (q, multipliers, posture.stiffness, at.feet, posture.steps)
+        return sums, worst, (q, multipliers, posture.range_space_penalty, at.closest_point_multipliers, posture.steps)
 
     of_points, _, points_tried = over_points.reduced(thorax, points_mm, shares, points)
     of_postures, worst, kept = over_postures.reduced(tried, postures, problem.measured, problem.weights)
@@ -263,11 +271,11 @@ def _iterate(
     dtheta, definite = _box_minimum(sums.matrix, sums.right, low, high)
 
     def moved(old: _Posture, point):
-        q, multipliers, stiffness, t, steps = point
+        q, multipliers, range_space_penalty, t, steps = point
         dq, target = steps.moved(dtheta)
         change = [x - y for x, y in zip(target, multipliers, strict=True)]
-        new = _Posture(q, multipliers, dq, change, target, stiffness, t)
-        return augmented(target, stiffness, steps.g), largest(dq), new
+        new = _Posture(q, multipliers, dq, change, target, range_space_penalty, t)
+        return augmented(target, range_space_penalty, steps.g), largest(dq), new
 
     added, longest, postures = over_postures.advanced(taken, moved, postures, kept)
     *_, points = over_points.advanced(taken, lambda _, t: ((), (), t), points, points_tried)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from adapt.solvers.linalg import ElementwiseFunction, gradient, hessian, jacobian
 from adapt.solvers.reference.elimination import Linearised
-from models.derivatives import ELLIPSOID, Chain, chain, feet
+from models.derivatives import ELLIPSOID, ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle
 from motions.arrays import Array, xp
 
@@ -84,17 +84,17 @@ class ByHand:
     def _at(self, z) -> Girdle:
         return self.girdle.with_adapted(z[6:]) if len(z) > 6 else self.girdle
 
-    def _chain(self, z, multipliers) -> Chain:
+    def _chain(self, z, multipliers) -> ConstraintDerivatives:
         girdle = self._at(z)
         q, theta = list(z[:6]), list(girdle.adapted_mm)
-        return chain(girdle, q, theta, list(multipliers), feet(girdle, q, theta))
+        return chain(girdle, q, theta, list(multipliers), closest_point_multipliers(girdle, q, theta))
 
 
 def _stacked(row, z):
     return xp.stack([xp.broadcast_to(x, z[0].shape) for x in row])
 
 
-def _parameter_slopes(c: Chain, z):
+def _parameter_slopes(c: ConstraintDerivatives, z):
     """dg/dtheta, 3 x 6: A1 and A2 of the ellipsoid, A3 of the conoid's length."""
     zero = 0.0 * z[0]
     return xp.stack([_stacked(row, z) for row in ([*c.T[0], zero], [*c.T[1], zero], [zero] * ELLIPSOID + [zero - 1.0])])

@@ -31,7 +31,7 @@ STEP_LIMIT_RAD = 0.6
 _CURVATURE_SHARES = (1.0, 0.3, 0.0)
 """Shares of the constraint curvature tried until H is positive definite on the tangent space; 0 is Gauss-Newton."""
 
-_STIFFNESS = 100.0
+_RANGE_SPACE_PENALTY = 100.0
 """Weight of the range space of G' in H, relative to the largest entry of H: see :func:`_convexified`."""
 
 PIVOT_FLOOR = 1e-4
@@ -75,8 +75,8 @@ def eliminate(at: Linearised, slope: Float[Array, " 6 *batch"], weights: Float[A
     Gt = transpose(at.G)
     lift = _range_space(at.G)
     curvature = at.curvature[:6, :6]
-    stiffness = _STIFFNESS * (xp.max(weights, axis=0) + xp.max(abs(curvature), axis=(0, 1)))
-    factor, share = _convexified(curvature, weights, stiffness * matmul(Gt, lift.solve(at.G)))
+    range_space_penalty = _RANGE_SPACE_PENALTY * (xp.max(weights, axis=0) + xp.max(abs(curvature), axis=(0, 1)))
+    factor, share = _convexified(curvature, weights, range_space_penalty * matmul(Gt, lift.solve(at.G)))
     HG = factor.solve(Gt)
     S = matmul(at.G, HG)
     shift = _RANK_SHIFT * trace(S)
@@ -87,7 +87,7 @@ def eliminate(at: Linearised, slope: Float[Array, " 6 *batch"], weights: Float[A
     coupling = share * at.curvature[:6, 6:]
     gape = xp.concatenate([at.residual[:, None], at.T], axis=1)
     pull = xp.concatenate([slope[:, None], coupling], axis=1)
-    affine = factor.solve(pull + stiffness * matmul(Gt, lift.solve(gape)))
+    affine = factor.solve(pull + range_space_penalty * matmul(Gt, lift.solve(gape)))
     multipliers = schur.solve(gape - matmul(at.G, affine))
     steps = -affine - matmul(HG, multipliers)
 
