@@ -248,5 +248,5 @@ def test_the_key_of_the_cached_code_covers_every_source_file_at_any_depth(change
 
 
 def test_the_key_of_the_cached_code_is_that_of_this_checkout():
-    assert (kernel._ROOT / "adapt" / "kernel.py").samefile(kernel.__file__)
+    assert (kernel._ROOT / "adapt" / "engine" / "kernel.py").samefile(kernel.__file__)
     assert all((kernel._ROOT / package / "__init__.py").exists() for package in kernel._PACKAGES)

@@ -23,12 +23,14 @@ pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the packag
 ASSEMBLED_MM = 1e-3
 """OpenSim's assembly ends at 1e-10 of its own error measure; below a micrometre a bone is where it should be."""
 
+IN_OPENSIM = Path(__file__).parents[1] / "helpers" / "in_opensim.py"
+
 TURNED_DEG = 8.0
 """Away from rest, and well within what every set's clavicle can take."""
 
 
 def in_opensim(*arguments: object) -> dict[str, Any]:
-    command = [sys.executable, str(Path(__file__).with_name("in_opensim.py")), *map(str, arguments)]
+    command = [sys.executable, str(IN_OPENSIM), *map(str, arguments)]
     return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 

@@ -18,6 +18,8 @@ from adapt.output import run_files as output
 from models import load_model
 from motions.files import part_name
 
+QUICK_GIRDLE = Path(__file__).parents[1] / "helpers" / "quick_girdle.py"
+
 TABLES = {"fits.csv", "heldout.csv", "parameters.csv", "summary.csv", "run.json"}
 
 FULL_KB = 160
@@ -86,7 +88,7 @@ def listening(command: list[str], environment: dict[str, str] | None = None) -> 
 
 def started(at: str, *arguments: object) -> subprocess.Popen[str]:
     """The command in a process of its own, when it has come to the stage."""
-    command = [sys.executable, str(Path(__file__).with_name("quick_girdle.py")), at, *map(str, arguments)]
+    command = [sys.executable, str(QUICK_GIRDLE), at, *map(str, arguments)]
     process = listening(command)
     assert process.stdout is not None
     if at != "never":
