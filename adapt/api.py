@@ -8,11 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import DTypeLike
 
-from adapt.engine.batching import as_type, take_problems
-from adapt.solvers.adaptation import Adapted, adapt_batch, lanes
+from adapt.engine.batching import as_type
+from adapt.solvers.adaptation import Adapted, adapt_batch
+from adapt.solvers.motion_rows import MotionRows, fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.posture_fits import Fitted, fit_batch, follow_motions
+from adapt.solvers.posture_fits import Fitted
+from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import NOTHING
 from adapt.tables.results import (
     ALL_MOTIONS,
@@ -25,12 +27,11 @@ from adapt.tables.results import (
     summary_of,
     summary_table,
 )
+from adapt.trust.covariance import Uncertainty, uncertainty
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
-from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions.errors import InputError
-from motions.rotations import DEG
 from motions.table import Motions
 
 Progress = Callable[[str], None]
@@ -41,7 +42,7 @@ class PostureFits:
     """Posture fits of every model with every posture."""
 
     by_model: dict[str, Fitted]
-    """Lanes in the order of the motions' rows."""
+    """Problems in the order of the motions' rows."""
     fits: pd.DataFrame
     """One row a model and posture: the columns of ``fits.csv``."""
     summary: pd.DataFrame
@@ -53,7 +54,9 @@ class Adaptations(PostureFits, Tables):
     """The same before and after adaptation, with the adapted parameters."""
 
     adapted: dict[str, Adapted]
-    """By model; lanes in the order of ``motions.subjects``."""
+    """By model; problems in the order of ``motions.subjects``."""
+    uncertainty: Uncertainty
+    """Of problem number = model * subjects + subject."""
     subjects: SubjectRows
     """What the summary is made of."""
 
@@ -80,9 +83,10 @@ def _before(
     """The fits of the models as they are, and their table."""
     _check_names(motions)
     progress("posture fits")
-    rows = len(motions.posture)
-    girdle = jax.tree.map(lambda *x: np.repeat(np.stack(x, axis=-1), rows, axis=-1), *[one.girdle for one in models])
-    by_model = _fitted_rows(motions, models, girdle, dtype, effects)
+    count = len(motions.posture)
+    girdle = jax.tree.map(lambda *x: np.repeat(np.stack(x, axis=-1), count, axis=-1), *[one.girdle for one in models])
+    rows = MotionRows.of_models(motions, len(models), effects, dtype)
+    by_model = _by_model(models, fit_rows(rows, girdle))
     return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
 
 
@@ -117,24 +121,19 @@ def adapt_subjects(
     _, before = _before(motions, models, progress, dtype, effects)
     batch = pack(motions)
     known = active_effects(effects, motions.humerus_elevation_deg[batch.rows])
-    data = as_type(lanes(batch, models, known), dtype)
+    data = as_type(problem_batch(batch, models, known), dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
-    width = len(batch.subjects)
-    results = {
-        model.name: Adapted(**{k: v[..., number * width : (number + 1) * width] for k, v in vars(adapted).items()})
-        for number, model in enumerate(models)
-    }
-    progress("posture fits after adaptation")
-    lane = np.concatenate(
-        [batch.unpack(np.broadcast_to(k * width + np.arange(width), batch.counted.shape)) for k in range(len(models))]
-    )
-    girdle = take_problems(data.girdle.with_adapted(adapted.theta_mm), lane)
-    start = np.concatenate([batch.unpack(one.angles) for one in results.values()], axis=-1)
-    by_model = _fitted_rows(motions, models, girdle, dtype, effects, start)
+    parts = _parts(len(models), len(batch.subjects))
+    results = {model.name: adapted.take(part) for model, part in zip(models, parts, strict=True)}
+    progress("uncertainty")
+    uncertain = uncertainty(as_type(data, float), adapted)
+    progress("postures after adaptation")
+    rows = MotionRows.of_models(motions, len(models), effects, dtype)
+    by_model = _by_model(models, rows_of_optima(rows, batch, data, adapted))
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
     fits = pd.concat([before, *tables], ignore_index=True)
     subjects = rows_of_subjects(fits)
-    parameters = parameters_table(motions.subjects, models, results, fits)
+    parameters = parameters_table(motions.subjects, models, results, uncertain.sd_mm, fits)
     of = sample(motions.subjects) if held_out is None else held_out
     heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, effects, of)
     return Adaptations(
@@ -142,6 +141,7 @@ def adapt_subjects(
         fits=fits,
         summary=summary_of(subjects, heldout),
         adapted=results,
+        uncertainty=uncertain,
         subjects=subjects,
         parameters=parameters,
         heldout=heldout,
@@ -183,34 +183,11 @@ def _as_list(models) -> list[ParameterSet]:
     return [models] if isinstance(models, ParameterSet) else list(models)
 
 
-def _fitted_rows(
-    motions: Motions,
-    models: Sequence[ParameterSet],
-    girdle: Girdle,
-    dtype: DTypeLike,
-    effects: Amplitudes,
-    start: np.ndarray | None = None,
-) -> dict[str, Fitted]:
-    """The fits by model. Lanes of ``girdle`` and ``start``: the rows of the motions for each model in turn."""
-    rows = len(motions.posture)
-    angles = np.tile(motions.angles_deg.T / DEG, len(models)).astype(dtype, copy=False)
-    measured = np.isfinite(angles)
-    before = previous_rows(motions)
-    previous = np.concatenate([np.where(before < 0, -1, before + k * rows) for k in range(len(models))])
-    chain = active_effects(effects, np.tile(motions.humerus_elevation_deg, len(models))).on(girdle)
-    fitted = follow_motions(fit_batch(chain, angles, measured, start), chain, angles, measured, previous)
-    return {
-        model.name: Fitted(**{name: value[..., k * rows : (k + 1) * rows] for name, value in vars(fitted).items()})
-        for k, model in enumerate(models)
-    }
+def _by_model(models: Sequence[ParameterSet], fitted: Fitted) -> dict[str, Fitted]:
+    parts = _parts(len(models), len(fitted.status) // len(models))
+    return {model.name: fitted.take(part) for model, part in zip(models, parts, strict=True)}
 
 
-def previous_rows(motions: Motions) -> np.ndarray:
-    """Row of the posture before, in the same motion of the same subject by posture number; -1 for the first."""
-    previous = np.full(len(motions.posture), -1)
-    order = np.lexsort((motions.posture, motions.motion, motions.subject))
-    same = (motions.subject[order[1:]] == motions.subject[order[:-1]]) & (
-        motions.motion[order[1:]] == motions.motion[order[:-1]]
-    )
-    previous[order[1:][same]] = order[:-1][same]
-    return previous
+def _parts(models: int, width: int) -> list[slice]:
+    """Of each model in turn, where its ``width`` problems are."""
+    return [slice(k * width, (k + 1) * width) for k in range(models)]

@@ -10,20 +10,21 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from adapt.api import Adaptations, adapt_subjects, previous_rows
+from adapt.api import Adaptations, adapt_subjects
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, ProblemBatch, adapted_from, lanes
+from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
 from adapt.tables.results import DIFFERENCES, summary_of
-from adapt.trust.covariance import NORMAL_95, Uncertainty, sd, uncertainty
+from adapt.trust.covariance import NORMAL_95, Uncertainty, sd
 from adapt.trust.flat_directions import FLAT_MM, flat_directions
 from adapt.trust.held_out import folds, held_out_gaps
 from adapt.trust.profile import Profile, profile_intervals
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from adapt.trust.weight_choice import weight_table
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from models.parameter_sets import ParameterSet
 from motions.table import Motions
 
@@ -66,10 +67,8 @@ def assess_trust(
     names = [model.name for model in models]
     result = adapt_subjects(motions, models, weight, progress=progress, held_out=())
     batch = pack(motions)
-    subjects, data = batch.subjects, lanes(batch, models)
-    adapted = joined([result.adapted[name] for name in names])
-    progress("uncertainty")
-    found = uncertainty(data, adapted, weight)
+    subjects, data = batch.subjects, problem_batch(batch, models)
+    adapted, found = joined([result.adapted[name] for name in names]), result.uncertainty
     progress("profiles of E")
     profile = profile_intervals(data, adapted, found, found.sd_mm > FLAT_MM, weight)
     progress("adaptation without the thorax points")
@@ -86,13 +85,13 @@ def assess_trust(
 
 
 def joined(parts: Sequence[Adapted]) -> Adapted:
-    """The lanes of all parts, one part after the other."""
+    """The problems of all parts, one part after the other."""
     return Adapted(**{k: np.concatenate([getattr(part, k) for part in parts], axis=-1) for k in vars(parts[0])})
 
 
 def intervals(
     data: ProblemBatch, adapted: Adapted, found: Uncertainty
-) -> tuple[Float[np.ndarray, "2 6 lanes"], np.ndarray]:
+) -> tuple[Float[np.ndarray, "2 6 problems"], np.ndarray]:
     """95 % intervals, mm, within the bounds, and where each comes from."""
     bounds = np.asarray(data.bounds_mm)
     half = NORMAL_95 * found.sd_mm
@@ -121,30 +120,33 @@ def uncertainty_table(
     good = adapted.status == status.OK
     noise, person, both = sd(found.noise_mm2), sd(found.person_mm2), found.sd_mm
     rows = []
-    for lane in range(len(good)):
-        model = models[lane // len(subjects)]
+    for problem in range(len(good)):
+        model = models[problem // len(subjects)]
         own = np.asarray(model.girdle.adapted_mm)
         for k, name in enumerate(ADAPTED):
-            row: dict[str, object] = {"model": model.name, "subject": subjects[lane % len(subjects)]}
-            row |= {"parameter": name, "adapted_mm": adapted.theta_mm[k, lane], "prior_mm": own[k]}
-            numbers = {"sd_mm": both[k, lane], "sd_noise_mm": noise[k, lane], "sd_person_mm": person[k, lane]}
-            numbers |= {"low_mm": ends[0, k, lane], "high_mm": ends[1, k, lane]}
-            numbers |= {f"profile_{end}_mm": profile.ends_mm[i, k, lane] for i, end in enumerate(("low", "high"))}
-            numbers |= {"points_share": found.points_share[k, lane]}
-            row |= {key: value if good[lane] else np.nan for key, value in numbers.items()}
-            row |= {"interval": origin[k, lane] if good[lane] else NONE, "at_bound": int(adapted.at_bound[k, lane])}
-            rows.append(row | {"status": adapted.status[lane]})
+            row: dict[str, object] = {"model": model.name, "subject": subjects[problem % len(subjects)]}
+            row |= {"parameter": name, "adapted_mm": adapted.theta_mm[k, problem], "prior_mm": own[k]}
+            numbers = {"sd_mm": both[k, problem], "sd_noise_mm": noise[k, problem], "sd_person_mm": person[k, problem]}
+            numbers |= {"low_mm": ends[0, k, problem], "high_mm": ends[1, k, problem]}
+            numbers |= {f"profile_{end}_mm": profile.ends_mm[i, k, problem] for i, end in enumerate(("low", "high"))}
+            numbers |= {"points_share": found.points_share[k, problem]}
+            row |= {key: value if good[problem] else np.nan for key, value in numbers.items()}
+            row |= {
+                "interval": origin[k, problem] if good[problem] else NONE,
+                "at_bound": int(adapted.at_bound[k, problem]),
+            }
+            rows.append(row | {"status": adapted.status[problem]})
     return pd.DataFrame(rows)
 
 
 def plausibility_table(subjects: Sequence[str], models: Sequence[ParameterSet], adapted: Adapted) -> pd.DataFrame:
     """``plausibility.csv``: value, limits, their reason, and ``pass`` or ``warning``; own_value is the set's own."""
     rows = []
-    for lane in range(adapted.theta_mm.shape[-1]):
-        model = models[lane // len(subjects)]
+    for problem in range(adapted.theta_mm.shape[-1]):
+        model = models[problem // len(subjects)]
         own = checks(model, np.asarray(model.girdle.adapted_mm))
-        for check, before in zip(checks(model, adapted.theta_mm[:, lane]), own, strict=True):
-            row = {"model": model.name, "subject": subjects[lane % len(subjects)], "check": check.name}
+        for check, before in zip(checks(model, adapted.theta_mm[:, problem]), own, strict=True):
+            row = {"model": model.name, "subject": subjects[problem % len(subjects)], "check": check.name}
             row |= {"value": check.value, "own_value": before.value, "low": check.low, "high": check.high}
             rows.append(row | {"unit": check.unit, "verdict": check.verdict, "reason": check.reason})
     return pd.DataFrame(rows)
@@ -152,7 +154,7 @@ def plausibility_table(subjects: Sequence[str], models: Sequence[ParameterSet], 
 
 def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
     """By subject, the share of steps along its motions after adaptation that stay on one branch of solutions."""
-    step = previous_rows(motions) >= 0
+    step = motions.previous_rows() >= 0
     jump = fits["jump"].to_numpy() == 1
     shares = {}
     for subject in motions.subjects:
@@ -181,16 +183,16 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
     for m, model in enumerate(names):
         smooth = jump_free_share(motions, fits[(fits["model"] == model) & (fits["adapted"] == 1)])
         for s, subject in enumerate(subjects):
-            lane = m * len(subjects) + s
-            row: dict[str, object] = {"model": model, "subject": subject, "status": adapted.status[lane]}
+            problem = m * len(subjects) + s
+            row: dict[str, object] = {"model": model, "subject": subject, "status": adapted.status[problem]}
             row |= {"gap_before_deg": gap.get((model, subject, 0)), "gap_in_sample_deg": gap.get((model, subject, 1))}
             row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
             row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)
-            row["noise_deg"] = found.noise_deg[lane]
-            row["points_forbid"] = improvement_blocked_by_points(before[model, subject], *(J[lane] for J in least))
+            row["noise_deg"] = found.noise_deg[problem]
+            row["points_forbid"] = improvement_blocked_by_points(before[model, subject], *(J[problem] for J in least))
             row["jump_free"] = smooth[subject]
-            row["at_bound"] = ", ".join(n for n, at in zip(ADAPTED, adapted.at_bound[:, lane], strict=True) if at)
-            row["flat"] = "; ".join(flat_directions(found.covariance_mm2[..., lane]))
+            row["at_bound"] = ", ".join(n for n, at in zip(ADAPTED, adapted.at_bound[:, problem], strict=True) if at)
+            row["flat"] = "; ".join(flat_directions(found.covariance_mm2[..., problem]))
             row["plausibility"] = WARNING if (model, subject) in warned else PASS
             rows.append(row | {"warnings": warned.get((model, subject), "")})
     return pd.DataFrame(rows)

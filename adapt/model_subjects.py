@@ -14,15 +14,13 @@ from numpy.random import PCG64, Generator
 
 from adapt.solvers import status
 from adapt.solvers.posture_fits import fit_batch
+from models.adapted_parameters import ADAPTED, PERSON_SD_MM
 from models.effects import ActiveEffects, Effect, ExtendedGirdle
-from models.girdle import ADAPTED, Girdle
+from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions.rhythm_subjects import add_noise, noise_free_subjects
 from motions.rotations import DEG
 from motions.table import Motions
-
-PARAMETER_SD_MM = np.array([20.0, 6.0, 3.0, 20.0, 8.0, 2.0])
-"""Spread of the adapted parameters between simulated subjects, in the order of ADAPTED: at most that of Table 6.5."""
 
 AMPLITUDE_SPREAD = 0.25
 """Between-subject SD of an amplitude, as a share of the common one."""
@@ -50,11 +48,11 @@ def simulate_model_subjects(
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
     effect is ``size`` times its scale in each of its directions, without details, with signs common to all subjects
     (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters differ by ``spread`` times
-    PARAMETER_SD_MM. A posture that its chain cannot take is left out.
+    PERSON_SD_MM. A posture that its chain cannot take is left out.
     """
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(subjects, generator)
-    apart = spread * PARAMETER_SD_MM[:, None] * generator.standard_normal((6, subjects))
+    apart = spread * PERSON_SD_MM[:, None] * generator.standard_normal((len(ADAPTED), subjects))
     theta = np.asarray(model.girdle.adapted_mm)[:, None] + apart
     theta = np.clip(theta, *(bound[:, None] for bound in model.bounds_mm))
     amplitude = _amplitudes(effect, subjects, size, generator)

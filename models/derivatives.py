@@ -20,9 +20,10 @@ sum a_i^2 m_i^2 = 1 fixes t. With D_i = 1 / (t + a_i^2), w = D m, L = |m|, n = m
     d2d/da_i da_j = 2 a_i m_i w_i y_j / L + e_i (n.w y_j + 2 n_j a_j w_j) / L + [i = j] (4 a_i^2 m_i w_i - m_i^2) / L
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from models.adapted_parameters import ELLIPSOID, AdaptedParameter, conoid_length, ellipsoid_components
 from models.ellipsoid import closest_point_multiplier
 from motions.arrays import Array, xp
 
@@ -170,12 +171,9 @@ def distance(p: Vector, a: Vector, t: Array) -> Distance:
     return Distance(t * squared * shorter, n, e, matrix(pp), matrix(pa), matrix(aa), t)
 
 
-ELLIPSOID = 5
-"""The first five adapted parameters, M_y, M_z and A: those that A1 and A2 depend on. A3 has only the conoid length."""
-
-
 class ConstraintDerivatives(NamedTuple):
-    """g = (A1, A2, A3), mm, and its derivatives in the six angles q and the ellipsoid's parameters u (``ELLIPSOID``).
+    """g = (A1, A2, A3), mm, and its derivatives in the six angles q and the adapted parameters u of the
+    ellipsoid (``models.adapted_parameters.ELLIPSOID``).
 
     Second derivatives are those of multipliers . g; of symmetric ones the entries j <= i exist. dg/dconoid_length is
     (0, 0, -1).
@@ -185,7 +183,7 @@ class ConstraintDerivatives(NamedTuple):
     G: list[list[Array]]
     """dg/dq, three rows of six."""
     T: list[list[Array]]
-    """d(A1, A2)/du, two rows of five."""
+    """d(A1, A2)/du, two rows."""
     qq: list[list[Array]]
     qu: list[list[Array]]
     uu: list[list[Array]]
@@ -193,24 +191,37 @@ class ConstraintDerivatives(NamedTuple):
     """t of TS and AI, ``FOOT_STEPS`` on."""
 
 
+def _by_parameter(centre: Callable[[int], Array], semi_axis: Callable[[int], Array]) -> list[Array]:
+    """Of each parameter of the ellipsoid, what belongs to its component."""
+    return [semi_axis(one.component) if one.is_length else centre(one.component) for one in ELLIPSOID]
+
+
 def ellipsoid_slope(at: Distance) -> list[Array]:
     """dd/du: the centre moves against the point."""
-    return [-at.n[1], -at.n[2], *at.e]
+    return _by_parameter(lambda k: -at.n[k], lambda k: at.e[k])
 
 
 def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
     """d2d/du2, entries j <= i."""
-    centre = [[at.pp[1][1]], [at.pp[2][1], at.pp[2][2]]]
-    return centre + [[-at.pa[1][i], -at.pa[2][i], *at.aa[i][: i + 1]] for i in range(3)]
+
+    def entry(one: AdaptedParameter, other: AdaptedParameter) -> Array:
+        i, j = one.component, other.component
+        if one.is_length and other.is_length:
+            return at.aa[i][j]
+        if one.is_length:
+            return -at.pa[j][i]
+        return -at.pa[i][j] if other.is_length else at.pp[i][j]
+
+    return [[entry(one, other) for other in ELLIPSOID[: i + 1]] for i, one in enumerate(ELLIPSOID)]
 
 
 def closest_point_multipliers(girdle, q: Sequence[Array], theta: Sequence[Array]) -> list[Array]:
     """t of the foot points of TS and AI on the ellipsoid, mm^2, from however far: where :func:`chain` starts."""
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
-    centre: Vector = girdle.centre_mm[0], theta[0], theta[1]
+    centre, semi_axes = ellipsoid_components(girdle, theta)
     ac_from_centre = _minus(_sum(tuple(girdle.sc_mm), clavicle.rotate(tuple(girdle.ac_mm))), centre)
     points = [_sum(ac_from_centre, scapula.rotate(tuple(v))) for v in (girdle.ts_mm, girdle.ai_mm)]
-    return [closest_point_multiplier(point, theta[2:5]) for point in points]
+    return [closest_point_multiplier(point, semi_axes) for point in points]
 
 
 def chain(
@@ -222,9 +233,8 @@ def chain(
     ``girdle`` is a ``models.girdle.Girdle``, whose adapted parameters are not looked at.
     """
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
-    a: Vector = theta[2], theta[3], theta[4]
+    centre, a = ellipsoid_components(girdle, theta)
     to_ac = clavicle.rotate(tuple(girdle.ac_mm))
-    centre: Vector = girdle.centre_mm[0], theta[0], theta[1]
     sc_to_centre = _minus(centre, tuple(girdle.sc_mm))
     ac_from_centre = _minus(to_ac, sc_to_centre)
     ac_spin = clavicle.spin(to_ac)
@@ -232,8 +242,8 @@ def chain(
     g, G, T = [], [], []
     zero = xp.zeros_like(q[0])
     qq = [[zero] * (i + 1) for i in range(6)]
-    qu = [[zero] * ELLIPSOID for _ in range(6)]
-    uu = [[zero] * (i + 1) for i in range(ELLIPSOID)]
+    qu = [[zero] * len(ELLIPSOID) for _ in range(6)]
+    uu = [[zero] * (i + 1) for i in range(len(ELLIPSOID))]
     forces, arms, moved = [], [], []
     for own, v, constant, t in zip(
         multipliers,
@@ -256,7 +266,7 @@ def chain(
             for j in range(i + 1):
                 qq[i][j] = qq[i][j] + dot(J[j], bent)  # not +=: they all start as one array
             stretched = [J[i][0] * pa[0][k] + J[i][1] * pa[1][k] + J[i][2] * pa[2][k] for k in range(3)]
-            for k, value in enumerate((-bent[1], -bent[2], *stretched)):
+            for k, value in enumerate(_by_parameter(lambda k, bent=bent: -bent[k], stretched.__getitem__)):
                 qu[i][k] = qu[i][k] + value
         for i, row in enumerate(ellipsoid_curvature(at)):
             for j, value in enumerate(row):
@@ -273,7 +283,7 @@ def chain(
     shorter = 1.0 / xp.sqrt(squared)
     n = _times(shorter, conoid)
     J = (*clavicle.spin(from_clavicle), *scapula.spin(arm))
-    g.append(squared * shorter - theta[5])
+    g.append(squared * shorter - conoid_length(theta))
     G.append([dot(column, n) for column in J])
     for i in range(6):
         for j in range(i + 1):

@@ -11,15 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from models.adapted_parameters import adapted_components, conoid_length, ellipsoid_components
 from models.ellipsoid import signed_distance_mm
 from motions.arrays import Array, xp
 from motions.rotations import rotate, rotation_from_cardan
 
 CONSTRAINTS = ("A1", "A2", "A3")
 """TS to the ellipsoid, AI to the ellipsoid, length of the conoid (thesis Eq. 6.2)."""
-
-ADAPTED = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid_length")
-"""The parameters an adaptation changes, in mm (thesis 6.2.6; M_x = 0 is A4)."""
 
 
 @jax.tree_util.register_dataclass
@@ -55,18 +53,18 @@ class Girdle:
         return constraint_residuals_mm(self, angles)
 
     @property
-    def adapted_mm(self) -> Float[Array, " 6 *batch"]:
-        """The adapted parameters, in the order of ``ADAPTED``."""
-        return xp.stack([*self.centre_mm[1:], *self.semi_axes_mm, self.conoid_length_mm])
+    def adapted_mm(self) -> Float[Array, " adapted *batch"]:
+        """The adapted parameters, in the order of ``ADAPTED_PARAMETERS``."""
+        return xp.stack(adapted_components(self))
 
-    def with_adapted(self, adapted_mm: Float[Array, " 6 *#batch"]) -> "Girdle":
-        """This girdle with other adapted parameters. M_x stays what it is (0 in the thesis: A4)."""
-        M_y, M_z, A_x, A_y, A_z, conoid = adapted_mm
+    def with_adapted(self, adapted_mm: Float[Array, " adapted *#batch"]) -> "Girdle":
+        """This girdle with other adapted parameters; what is not adapted (M_x, A4 of the thesis) stays what it is."""
+        centre, semi_axes = ellipsoid_components(self, adapted_mm)
         return replace(
             self,
-            centre_mm=xp.stack(xp.broadcast_arrays(self.centre_mm[0], M_y, M_z)),
-            semi_axes_mm=xp.stack([A_x, A_y, A_z]),
-            conoid_length_mm=conoid,
+            centre_mm=xp.stack(xp.broadcast_arrays(*centre)),
+            semi_axes_mm=xp.stack(xp.broadcast_arrays(*semi_axes)),
+            conoid_length_mm=conoid_length(adapted_mm),
         )
 
     def over_axes(self, count: int) -> "Girdle":

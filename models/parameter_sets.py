@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from models.girdle import ADAPTED, Girdle
+from models.adapted_parameters import ADAPTED_PARAMETERS, ELLIPSOID, HALF_WIDTHS_MM
+from models.girdle import Girdle
 from motions.errors import InputError
 
 FOLDER = Path(__file__).parent / "sets"
@@ -30,22 +31,11 @@ SMALLEST_THORAX_MM = 50.0
 """The longest semi-axis of any thorax is longer: a newborn's chest, 330 mm around, is wider. A shorter one
 is not in mm (the thesis's longest, in cm, is 40.4)."""
 
-FEWEST_POINTS = 6
-"""One more than the unknowns of the geometric fit (M_y, M_z, A_x, A_y, A_z)."""
+FEWEST_POINTS = len(ELLIPSOID) + 1
+"""One more than the unknowns of the geometric fit."""
 
 FLATTEST_SCAPULA_MM = 1.0
 """How far off the line through AC and the farther of TS and AI the other one must be: a palpator's noise."""
-
-HALF_WIDTHS_MM = {
-    "M_y_mm": 100.0,
-    "M_z_mm": 30.0,
-    "A_x_mm": 30.0,
-    "A_y_mm": 100.0,
-    "A_z_mm": 30.0,
-    "conoid_length_mm": 8.0,
-}
-"""How far an adapted parameter may go from the set's own value, where the file does not say: beyond the
-standard deviations of ten subjects (31, 7, 3, 24, 17 and 2 mm at most, Table 6.5), short of a runaway."""
 
 _VECTOR, _POINTS, _LENGTH, _DISTANCE, _TEXT = "vector", "points", "length", "distance", "text"
 
@@ -88,8 +78,8 @@ class ParameterSet:
     """Unbatched: vectors (3,), lengths ()."""
     points_mm: Float[np.ndarray, "3 points"]
     """Points on the thorax, thorax frame."""
-    bounds_mm: Float[np.ndarray, "2 6"]
-    """Lower and upper bound of the adapted parameters, in the order of ``ADAPTED``: own value -+ half."""
+    bounds_mm: Float[np.ndarray, "2 adapted"]
+    """Lower and upper bound of the adapted parameters, in the order of ``ADAPTED_PARAMETERS``: own value -+ half."""
     source: dict[str, str]
     """Where each number comes from, by ``section.key``. Empty where a file of the user's own names none."""
 
@@ -258,7 +248,7 @@ def _check_geometry(numbers: dict[str, np.ndarray], file: str) -> None:
         remedy = "centre_mm must start with 0.0: the ellipsoid is symmetric about the midsagittal plane (A4)"
         raise InputError(file, None, f"thorax.centre_mm starts with {M_x:g}", remedy)
     if points < FEWEST_POINTS:
-        remedy = f"Give {FEWEST_POINTS} or more: the fit of the ellipsoid has five unknowns"
+        remedy = f"Give {FEWEST_POINTS} or more: the fit of the ellipsoid has {len(ELLIPSOID)} unknowns"
         raise InputError(file, None, f"thorax.points_mm has {points} points", remedy)
     if _off_line_mm(numbers["scapula.ts_mm"], numbers["scapula.ai_mm"]) < FLATTEST_SCAPULA_MM:
         remedy = "Give ts_mm and ai_mm in the scapula frame, from AC"
@@ -301,10 +291,10 @@ def _girdle(numbers: dict[str, np.ndarray]) -> Girdle:
     )
 
 
-def _half_widths_mm(document: dict[str, Any], file: str) -> Float[np.ndarray, "6"]:
-    """Half widths in the order of ``ADAPTED``: the file's, else the default."""
+def _half_widths_mm(document: dict[str, Any], file: str) -> Float[np.ndarray, " adapted"]:
+    """Half widths in the order of ``ADAPTED_PARAMETERS``: the file's, else the default."""
     given = document.get("bounds", {})
-    keys = [f"{name}_mm" for name in ADAPTED]
+    keys = list(HALF_WIDTHS_MM)
     widths = [_array(file, f"bounds.{k}", given.get(k, HALF_WIDTHS_MM[k]), _LENGTH) for k in keys]
     for key, width in zip(keys, widths, strict=True):
         if width <= 0.0:
@@ -313,11 +303,13 @@ def _half_widths_mm(document: dict[str, Any], file: str) -> Float[np.ndarray, "6
     return np.array(widths)
 
 
-def _bounds_mm(own_mm: Float[np.ndarray, "6"], half_mm: Float[np.ndarray, "6"]) -> Float[np.ndarray, "2 6"]:
-    """own -+ half, but no semi-axis and no conoid (all after M_y and M_z) below ``SHORTEST_MM``."""
-    lower, upper = own_mm - half_mm, own_mm + half_mm
-    lower[2:] = np.maximum(lower[2:], SHORTEST_MM)
-    return np.stack([lower, upper])
+def _bounds_mm(
+    own_mm: Float[np.ndarray, " adapted"], half_mm: Float[np.ndarray, " adapted"]
+) -> Float[np.ndarray, "2 adapted"]:
+    """own -+ half, but no semi-axis and no conoid below ``SHORTEST_MM``."""
+    is_length = np.array([one.is_length for one in ADAPTED_PARAMETERS])
+    lower = np.where(is_length, np.maximum(own_mm - half_mm, SHORTEST_MM), own_mm - half_mm)
+    return np.stack([lower, own_mm + half_mm])
 
 
 def _name(document: dict[str, Any], file: str) -> str:

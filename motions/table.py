@@ -24,6 +24,9 @@ ANGLE_NAMES = {
 }
 """What a person calls them; each grows in the direction that its name says, tipping and axial rotation backward."""
 
+FEWEST_ANGLES = 3
+"""The girdle has three degrees of freedom (thesis 6.2.3): with fewer angles its posture is not determined."""
+
 LANDMARKS = ("SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
 """Bony landmarks whose positions a motion file may hold (thesis, Appendix A)."""
 
@@ -53,6 +56,15 @@ class Motions:
     def subjects(self) -> tuple[str, ...]:
         """The names of the subjects, each once, in the order in which they first appear."""
         return tuple(dict.fromkeys(self.subject.tolist()))
+
+    def previous_rows(self) -> Int[np.ndarray, " postures"]:
+        """Give the row of the posture before, in the same motion of the same subject; -1 for the first."""
+        previous = np.full(len(self.posture), -1)
+        order = np.lexsort((self.posture, self.motion, self.subject))
+        after, before = order[1:], order[:-1]
+        same = (self.subject[after] == self.subject[before]) & (self.motion[after] == self.motion[before])
+        previous[after[same]] = before[same]
+        return previous
 
     def select(self, mask: Bool[np.ndarray, " postures"]) -> Motions:
         """The postures where the mask is true, in the same order."""

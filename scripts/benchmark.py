@@ -32,12 +32,14 @@ from oracles import bones, ipopt_call, slsqp  # noqa: E402  # pyright: ignore[re
 
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
 from adapt.engine.kernel import Kernel  # noqa: E402
-from adapt.solvers.adaptation import lanes, problem_of, select_problems, solved_from_geometric_fit, subjects_kernel  # noqa: E402
+from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
 from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
+from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
 from adapt.solvers.differentiable import nested_objective  # noqa: E402
 from adapt.solvers.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
+from adapt.solvers.problem_batch import problem_batch, problem_with_weight, select_problems  # noqa: E402
 from models import load_model  # noqa: E402
 from motions.arrays import repeat  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
@@ -105,14 +107,14 @@ def on_all_cores(
 
 def values_of(data: Any, solved: Any) -> np.ndarray:
     """E of each lane."""
-    D = thorax_distance_mm2(data.girdle.with_adapted(jnp.asarray(solved.theta)), data.points_mm, data.shares)
+    D = thorax_distance_mm2(data.girdle.with_adapted(jnp.asarray(solved.theta)), data.points_mm, data.point_weights)
     j = jnp.mean((jnp.asarray(solved.angles) - data.angles) ** 2, axis=0) * DEG**2
     return np.asarray(D + WEIGHT * jnp.sum(jnp.where(data.counted, j, 0.0), axis=0) / jnp.sum(data.counted, axis=0))
 
 
 def prepared(model: str, subjects: int):
     """The lanes of simulated subjects."""
-    return lanes(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
+    return problem_batch(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
 
 
 def nested_seconds(model: str, subjects: int) -> float:
@@ -184,10 +186,10 @@ def sweep_gflops(data: Any, operations: int) -> float:
     """Of the first iterations of every subject, of so many operations each; those of lanes that wait for their partners
     are not counted."""
     postures, lanes_ = data.counted.shape
-    problem = problem_of(data, np.full(lanes_, WEIGHT))
+    problem = problem_with_weight(data, np.full(lanes_, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, lanes_)), np.zeros(lanes_, bool))
-    fixed = Fixed(data.girdle, data.points_mm, data.shares, problem)
+    fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem)
 
     def run() -> Any:
         return subjects_kernel.by_machine(fixed, start, np.full(lanes_, 10.0))
@@ -248,7 +250,7 @@ def benchmark(
 
     keys = ("adapt", "ipopt", "single", "fit", "slsqp", "gflops", "peak_gflops")
     rows: dict[str, list[float]] = {key: [] for key in keys}
-    operations = operations_of_iteration(data.counted.shape[0], data.shares.shape[0])
+    operations = operations_of_iteration(data.counted.shape[0], data.point_weights.shape[0])
     E_ipopt, J_slsqp = np.empty(0), np.empty(0)
     for _ in range(repeats):
         rows["adapt"].append(subjects / timed(lambda: solved_from_geometric_fit(data)))

@@ -24,11 +24,14 @@ from adapt import adapt_subjects, fit_postures  # noqa: E402
 from adapt.engine.batching import as_type, take_problems  # noqa: E402
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
 from adapt.solvers import status  # noqa: E402
-from adapt.solvers.adaptation import ProblemBatch, adapt_batch, lanes, problem_of, swept_from  # noqa: E402
-from adapt.solvers.batched.kernels import fitted_from_places  # noqa: E402
+from adapt.solvers.adaptation import adapt_batch  # noqa: E402
+from adapt.solvers.batched.posture_kernels import fitted_from_places  # noqa: E402
+from adapt.solvers.batched.subject import Fixed  # noqa: E402
+from adapt.solvers.batched.subject_kernels import sweep_from  # noqa: E402
 from adapt.solvers.objective import WEIGHT  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch, problem_with_weight  # noqa: E402
 from adapt.solvers.reference.posture import objective_weights  # noqa: E402
 from models import ParameterSet, load_model  # noqa: E402
 from motions import Motions, read_motions, write_motions  # noqa: E402
@@ -96,9 +99,9 @@ def shares_in_float64(data: ProblemBatch) -> dict[str, float]:
     single = as_type(data, np.float32)
     girdle, angles, measured = of_postures(single)
     fits = fitted_from_places((girdle, angles, objective_weights(measured)), around=False)
-    problem = problem_of(single, np.full(data.counted.shape[1], WEIGHT))
+    problem = problem_with_weight(single, np.full(data.counted.shape[1], WEIGHT))
     theta = np.clip(single.girdle.adapted_mm, *single.bounds_mm)
-    swept = swept_from((single.girdle, single.points_mm, single.shares, problem), theta, single.angles)
+    swept = sweep_from(Fixed(single.girdle, single.points_mm, single.point_weights, problem), theta, single.angles)
     return {"posture_fits": float(1.0 - fits.converged.mean()), "adaptations": float(1.0 - swept.converged.mean())}
 
 
@@ -155,7 +158,7 @@ def measure(
     keep_compiled()
     table = read_motions(*motions) if motions else simulate_subjects(subjects, seed=SEED)
     models = [load_model(name) for name in model]
-    data = lanes(pack(table), models)
+    data = problem_batch(pack(table), models)
     of_what = "motions of files" if motions else "simulated"
     print(f"{len(table.subjects)} subjects, {of_what}, {', '.join(model)}")
     print(f"float32 against float64: {errors(table, models)}")

@@ -20,8 +20,9 @@ import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
-from adapt.solvers.adaptation import lanes, solved_from_geometric_fit  # noqa: E402
+from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
+from adapt.solvers.problem_batch import problem_batch  # noqa: E402
 from models import load_model  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 
@@ -80,7 +81,7 @@ def _measured(model: str, counts: list[int], path: Path) -> dict[str, Any]:
     seconds, first = {}, {}
     solved = None
     for count in counts:
-        data = lanes(pack(simulate_subjects(count, seed=SEED)), [load_model(model)])
+        data = problem_batch(pack(simulate_subjects(count, seed=SEED)), [load_model(model)])
         start = time.perf_counter()
         solved_from_geometric_fit(data)
         first[count] = time.perf_counter() - start

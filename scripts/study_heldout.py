@@ -20,8 +20,8 @@ import typer
 
 from adapt import adapt_subjects
 from adapt.cli import app as cli
-from adapt.solvers.adaptation import lanes
 from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import problem_batch
 from adapt.trust.held_out import folds, folds_between, held_out_gaps
 from adapt.trust.weight_choice import weight_table
 from models import load_model
@@ -90,7 +90,7 @@ def main(
         print(gap_table(held_out_gaps(motions, models, fits, choose=choose), fitted), end="\n\n")
     if weights:
         report = lambda stage: print(stage, file=sys.stderr, flush=True)  # noqa: E731
-        data, parts = lanes(batch, models), folds(motions, batch)
+        data, parts = problem_batch(batch, models), folds(motions, batch)
         print(curve(weight_table(data, batch.subjects, names, parts, progress=report)))
 
 

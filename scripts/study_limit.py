@@ -41,8 +41,8 @@ from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, log_sum
 from adapt.diagnosis.fit.observations import Noise, observe
 from adapt.engine.batching import in_threads
 from models import load_model
+from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS, Effect
-from models.girdle import ADAPTED
 from motions import read_motions
 from scripts.blind.cases import CONDITIONS, MODELS, SHOWN_MOTIONS, Case, world_of, written
 from scripts.reporting import check_known, markdown

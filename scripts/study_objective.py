@@ -27,9 +27,10 @@ from jaxtyping import Bool, Float
 
 from adapt import fit_postures
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch, lanes
+from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch
 from adapt.tables.results import ALL_MOTIONS
 from models import ParameterSet, load_model
 from models.parameter_sets import SHORTEST_MM
@@ -120,7 +121,7 @@ class Study:
     data: ProblemBatch
     """As shipped; the points doubled by their mirror images, which have no share."""
     width: int
-    """Lanes of a set."""
+    """Problems of a set."""
     before_deg: dict[str, Float[np.ndarray, "6 subjects"]]
 
 
@@ -128,10 +129,12 @@ def with_mirrored_points(data: ProblemBatch) -> ProblemBatch:
     """The points and, without a share, their images in the midsagittal plane."""
     mirrored = data.points_mm * jnp.array([-1.0, 1.0, 1.0])[:, None, None]
     points = jnp.concatenate([data.points_mm, mirrored], axis=1)
-    return replace(data, points_mm=points, shares=jnp.concatenate([data.shares, jnp.zeros_like(data.shares)]))
+    return replace(
+        data, points_mm=points, point_weights=jnp.concatenate([data.point_weights, jnp.zeros_like(data.point_weights)])
+    )
 
 
-def azimuth_deg(data: ProblemBatch) -> Float[np.ndarray, "points lanes"]:
+def azimuth_deg(data: ProblemBatch) -> Float[np.ndarray, "points problems"]:
     """Azimuth of each point about the ellipsoid's centre, of the parameter, from lateral toward backward."""
     scaled = np.asarray((data.points_mm - data.girdle.centre_mm[:, None]) / data.girdle.semi_axes_mm[:, None])
     return np.degrees(np.arctan2(scaled[2], scaled[0]))
@@ -144,7 +147,7 @@ def with_points(data: ProblemBatch, name: str) -> ProblemBatch:
     right_side = np.asarray(data.points_mm[0]) > 0.0
     # The azimuth of a mirror image is 180 degrees less that of its point: it counts with its point or not at all.
     counts = np.ones_like(right_side) if name == BOTH_SIDES else right_side & np.isin(nearest, POINTS[name])
-    return replace(data, shares=jnp.asarray(counts / counts.sum(axis=0)))
+    return replace(data, point_weights=jnp.asarray(counts / counts.sum(axis=0)))
 
 
 def with_bounds(data: ProblemBatch, factor: float | None) -> ProblemBatch:
@@ -160,7 +163,7 @@ def prepare(motions: Motions, sets: list[ParameterSet]) -> Study:
     batch = pack(motions)
     summary = fit_postures(motions, sets).summary
     before = {model.name: gap_before_deg(summary, model.name, motions.subjects) for model in sets}
-    return Study(motions, with_mirrored_points(lanes(batch, sets)), batch.angles.shape[-1], before)
+    return Study(motions, with_mirrored_points(problem_batch(batch, sets)), batch.angles.shape[-1], before)
 
 
 def gap_before_deg(summary: pd.DataFrame, model: str, subjects: tuple[str, ...]) -> Float[np.ndarray, "6 subjects"]:
@@ -169,7 +172,7 @@ def gap_before_deg(summary: pd.DataFrame, model: str, subjects: tuple[str, ...])
     return np.asarray(mine[[f"{angle}_deg" for angle in ANGLES]]).T
 
 
-def gap_after_deg(data: ProblemBatch, adapted: Adapted) -> Float[np.ndarray, "6 lanes"]:
+def gap_after_deg(data: ProblemBatch, adapted: Adapted) -> Float[np.ndarray, "6 problems"]:
     """Mean |simulated - measured| of each angle over the postures that count."""
     known = np.asarray(data.measured & data.counted)
     gap = np.where(known, np.abs(adapted.angles - np.asarray(data.angles)), 0.0) * DEG

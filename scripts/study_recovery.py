@@ -31,13 +31,14 @@ from adapt.cli import app as cli
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.run_files import prepare_folder, write_table
 from adapt.solvers import status
-from adapt.solvers.adaptation import adapt_batch, lanes
+from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import problem_batch
 from adapt.trust.covariance import NORMAL_95, sd, uncertainty
 from adapt.trust.flat_directions import FLAT_MM
 from adapt.trust.profile import profile_intervals
 from models import ParameterSet, load_model
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from scripts.reporting import markdown, wilson
 
 SEED = 20261121
@@ -68,7 +69,7 @@ def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profi
     made = simulate_model_subjects(model, None, subjects, world.noise_deg, seed, spread=world.spread)
     batch = pack(made.motions)
     names = list(batch.subjects)
-    data = lanes(batch, [model])
+    data = problem_batch(batch, [model])
     adapted = adapt_batch(data)
     found = uncertainty(data, adapted)
     truth = made.truth.set_index("subject").loc[names][[f"{name}_mm" for name in ADAPTED]].to_numpy().T

@@ -29,7 +29,7 @@ from adapt.cli import app as cli
 from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from models import load_model
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from motions import ANGLES, InputError, read_motions
 from scripts.reporting import markdown
 
@@ -99,7 +99,7 @@ def agreement_table(parameters: pd.DataFrame, summary: pd.DataFrame) -> str:
     lines = []
     good = parameters[parameters["status"] == status.OK]
     for name in ADAPTED:
-        changed = good.assign(change=good[f"{name}_mm"] - good[f"{name}_mm_prior"])
+        changed = good.assign(change=good[f"{name}_mm"] - good[f"{name}_mm_model"])
         for label, table, column in ((f"{name}, mm", good, f"{name}_mm"), (f"{name}, change, mm", changed, "change")):
             lines.append([label, *shared(grid(table, column))])
     all_motions = summary[(summary["motion"] == ALL_MOTIONS) & summary["subject"].isin(parameters["subject"])]

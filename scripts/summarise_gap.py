@@ -20,7 +20,7 @@ import typer
 from adapt.cli import app as cli
 from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from motions import ANGLES
 from scripts.reporting import markdown, read_table
 
@@ -46,7 +46,7 @@ def gap_cells(summary: pd.DataFrame, model: str) -> list[str]:
 def centre_moved_mm(parameters: pd.DataFrame) -> float:
     """Mean over subjects of the distance between the ellipsoid's centre and the model's own."""
     return float(
-        np.hypot(*(parameters[f"{name}_mm"] - parameters[f"{name}_mm_prior"] for name in ("M_y", "M_z"))).mean()
+        np.hypot(*(parameters[f"{name}_mm"] - parameters[f"{name}_mm_model"] for name in ("M_y", "M_z"))).mean()
     )
 
 

@@ -85,7 +85,7 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
         table.add_column(header, justify="right")
     for model, rows in statistics.groupby("model", sort=False):
         for number, row in enumerate(rows.to_dict("records")):
-            values = (f"{row[key]:.1f}" for key in ("prior_mm", "mean_mm", "sd_mm"))
+            values = (f"{row[key]:.1f}" for key in ("model_mm", "mean_mm", "sd_mm"))
             bound = f"{row['at_bound']} of {row['subjects']}" if row["at_bound"] else ""
             name = "" if number else str(model)
             table.add_row(name, row["parameter"], *values, bound, end_section=number == len(rows) - 1)

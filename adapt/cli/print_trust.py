@@ -11,7 +11,7 @@ from rich.table import Table
 
 from adapt.assessment import Trust
 from adapt.trust.thorax_plausibility import WARNING
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 
 
 def print_trust(console: Console, found: Trust) -> None:

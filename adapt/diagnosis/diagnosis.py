@@ -22,13 +22,13 @@ from adapt.diagnosis.fit.observations import NoiseEstimate, Observed, observe
 from adapt.diagnosis.inference.amplitude import Amplitude, amplitudes
 from adapt.diagnosis.inference.ranking import Ranking, rank
 from adapt.diagnosis.inference.verdict import NONE, UNKNOWN, Verdict, judge
-from adapt.solvers.posture_fits import FEWEST_ANGLES
+from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS, Effect
-from models.girdle import ADAPTED, Girdle
+from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions.errors import InputError
 from motions.rotations import DEG
-from motions.table import Motions
+from motions.table import FEWEST_ANGLES, Motions
 
 Progress = Callable[[str], None]
 

@@ -4,7 +4,6 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -14,20 +13,24 @@ from jaxtyping import Float
 
 from adapt.output.run_files import prepare_folder
 from adapt.solvers import status
+from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, HALF_WIDTHS_MM
 from models.export.toml import parameters_toml
-from models.girdle import ADAPTED, Girdle
-from models.parameter_sets import HALF_WIDTHS_MM, ParameterSet
+from models.girdle import Girdle
+from models.parameter_sets import ParameterSet
 from motions.files import file_names, printable
 
 FOLDER = "models"
 """Below the folder of the results."""
 
 _KEY_OF = {
-    "thorax.centre_mm": ("M_y", "M_z"),
-    "thorax.semi_axes_mm": ("A_x", "A_y", "A_z"),
-    "constraint.conoid_length_mm": ("conoid_length",),
+    f"{section}.{field}": tuple(one.name for one in ADAPTED_PARAMETERS if one.field == field)
+    for section, field in (
+        ("thorax", "centre_mm"),
+        ("thorax", "semi_axes_mm"),
+        ("constraint", "conoid_length_mm"),
+    )
 }
-"""The numbers of a parameter set that an adaptation changes."""
+"""The numbers of a parameter set that an adaptation changes, and which parameters they hold."""
 
 
 def write_adapted_models(
@@ -69,13 +72,11 @@ def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, s
 
 
 def adapted_toml(
-    model: ParameterSet, subject: str, theta_mm: Float[np.ndarray, "6"], at_bound: Mapping[str, bool], how: str
+    model: ParameterSet, subject: str, theta_mm: Float[np.ndarray, " adapted"], at_bound: Mapping[str, bool], how: str
 ) -> str:
     """The parameter set of one subject. Numbers that were not adapted keep the source that they have in the model."""
-    M_y, M_z, A_x, A_y, A_z, conoid = theta_mm
     own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of jax would take longer than the adaptation did
-    changed = {"centre_mm": [own.centre_mm[0], M_y, M_z], "semi_axes_mm": [A_x, A_y, A_z], "conoid_length_mm": conoid}
-    girdle = replace(own, **{name: np.array(value, dtype=float) for name, value in changed.items()})
+    girdle = own.with_adapted(theta_mm)
     source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
     for key, names in _KEY_OF.items():
         bound = ", ".join(name for name in names if at_bound[name])
@@ -90,9 +91,8 @@ def adapted_toml(
     return parameters_toml(name, comment, girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own))
 
 
-def _own_bounds(upper_mm: Float[np.ndarray, "6"], own: Girdle) -> dict[str, float] | None:
+def _own_bounds(upper_mm: Float[np.ndarray, " adapted"], own: Girdle) -> dict[str, float] | None:
     """The half widths of a model that has its own: upper bound less own value, as a lower one may be cut at 1 mm."""
-    values = np.array([*own.centre_mm[1:], *own.semi_axes_mm, own.conoid_length_mm])
-    widths = dict(zip((f"{name}_mm" for name in ADAPTED), (upper_mm - values).tolist(), strict=True))
+    widths = dict(zip(HALF_WIDTHS_MM, (upper_mm - own.adapted_mm).tolist(), strict=True))
     default = all(math.isclose(widths[key], HALF_WIDTHS_MM[key]) for key in widths)
     return None if default else widths

@@ -16,7 +16,8 @@ from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
 from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
-from models.girdle import ADAPTED, CONSTRAINTS
+from models.adapted_parameters import ADAPTED
+from models.girdle import CONSTRAINTS
 from models.parameter_sets import ParameterSet
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 

@@ -9,7 +9,7 @@ from adapt.report.fit_states import STATES, state_rows
 from adapt.report.headline import BONES, statistic
 from adapt.solvers import status
 from adapt.tables.results import HELD_OUT, Tables, parameter_statistics
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from motions.table import ANGLES, Motions
 
 _ORIGIN, _SIMULATED = "origin", "simulated"

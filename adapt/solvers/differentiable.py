@@ -5,6 +5,7 @@ function theorem). Their derivative is one 9 x 9 solve with the matrix of the la
 through the iterations. Forward, reverse and higher derivatives, ``jit`` and ``vmap`` compose in any order.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -14,7 +15,13 @@ from jaxtyping import Array, Bool, Float
 from adapt.solvers.objective import thorax_distance_mm2
 from adapt.solvers.reference.constraints import Differentiated
 from adapt.solvers.reference.elimination import eliminate
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights, solve_from_two_starts
+from adapt.solvers.reference.posture import (
+    close_chain,
+    lower_of_two_starts,
+    mean_square_deg2,
+    objective_weights,
+    solve_postures,
+)
 from models.girdle import Girdle
 
 
@@ -58,8 +65,12 @@ def _with_batch(girdle: Girdle, batch: tuple[int, ...]) -> Girdle:
 
 @jax.custom_jvp
 def _optimum(girdle: Girdle, measured: Array, weights: Array) -> tuple[Array, Array]:
-    beside = jax.tree.map(lambda x: x[..., None], girdle)
-    solved = solve_from_two_starts(Differentiated(beside.residuals_mm), measured, weights)
+    chain = Differentiated(jax.tree.map(lambda x: x[..., None], girdle).residuals_mm)  # with an axis for the two starts
+
+    def close(angles):
+        return close_chain(chain, jnp.stack([angles, angles], axis=-1))[..., 1]
+
+    solved = lower_of_two_starts(partial(solve_postures, chain), close, measured, weights)
     good = solved.converged[None]
     return jnp.where(good, solved.angles, jnp.nan), jnp.where(good, solved.multipliers, jnp.nan)
 
@@ -70,12 +81,12 @@ def _optimum_jvp(primals, tangents):
 
     def conditions(girdle, measured, weights):
         constraints = Differentiated(girdle.residuals_mm)
-        return weights * (q - measured) + constraints.pull(q, multipliers), constraints.residual(q)
+        return weights * (q - measured) + constraints.multiplier_gradient(q, multipliers), constraints.residual(q)
 
-    _, (slope, gape) = jax.jvp(conditions, primals, tangents)
+    _, (slope, moved_violation) = jax.jvp(conditions, primals, tangents)
     girdle, _, weights = primals
     at = Differentiated(girdle.residuals_mm).linearised(q, multipliers)
-    moved = eliminate(at._replace(residual=gape), slope, weights)
+    moved = eliminate(at._replace(residual=moved_violation), slope, weights)
     return (q, multipliers), (moved.step, moved.multipliers)
 
 

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from models.derivatives import ELLIPSOID, Distance, distance, ellipsoid_curvature, ellipsoid_slope
+from models.adapted_parameters import ADAPTED, ELLIPSOID
+from models.derivatives import Distance, distance, ellipsoid_curvature, ellipsoid_slope
 from models.ellipsoid import closest_point_multiplier, signed_distance_mm
 from models.girdle import Girdle
 from motions.arrays import Array, xp
@@ -59,15 +60,15 @@ DEFAULT_READING = "mm2_deg2"
 def thorax_distance_mm2(
     girdle: Girdle,
     points_mm: Float[Array, " 3 points *batch"],
-    shares: Float[Array, " points *batch"],
+    point_weights: Float[Array, " points *batch"],
 ) -> Float[Array, " *batch"]:
     """D = mean squared distance of the thorax points to the ellipsoid, mm^2.
 
-    ``shares`` sum to 1 over the points: 1/n each, 0 for padding.
+    ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding.
     """
     spread = girdle.over_postures()
     distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
-    return xp.sum(shares * distance**2, axis=0)
+    return xp.sum(point_weights * distance**2, axis=0)
 
 
 class ThoraxPoints:
@@ -75,12 +76,12 @@ class ThoraxPoints:
     (``adapt.solvers.reference.subject.Thorax``)."""
 
     def __init__(
-        self, girdle: Girdle, points_mm: Float[Array, " 3 points *batch"], shares: Float[Array, " points *batch"]
+        self, girdle: Girdle, points_mm: Float[Array, " 3 points *batch"], point_weights: Float[Array, " points *batch"]
     ):
-        self.girdle, self.points_mm, self.shares = girdle, points_mm, shares
+        self.girdle, self.points_mm, self.point_weights = girdle, points_mm, point_weights
 
     def value(self, theta):
-        return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.shares)
+        return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.point_weights)
 
     def distances(self, theta) -> tuple[Distance, list[Array]]:
         """Of every point, and its slopes in the parameters, the conoid's last."""
@@ -89,17 +90,17 @@ class ThoraxPoints:
 
     def slope(self, theta):
         at, slope = self.distances(theta)
-        return xp.stack([xp.sum(2.0 * self.shares * at.d * x, axis=0) for x in slope])
+        return xp.stack([xp.sum(2.0 * self.point_weights * at.d * x, axis=0) for x in slope])
 
     def curvature(self, theta):
         at, slope = self.distances(theta)
         bent = ellipsoid_curvature(at)
 
         def entry(i, j):
-            second = at.d * bent[max(i, j)][min(i, j)] if max(i, j) < ELLIPSOID else 0.0
-            return xp.sum(2.0 * self.shares * (slope[i] * slope[j] + second), axis=0)
+            second = at.d * bent[max(i, j)][min(i, j)] if max(i, j) < len(ELLIPSOID) else 0.0
+            return xp.sum(2.0 * self.point_weights * (slope[i] * slope[j] + second), axis=0)
 
-        return xp.stack([xp.stack([entry(i, j) for j in range(6)]) for i in range(6)])
+        return xp.stack([xp.stack([entry(i, j) for j in range(len(ADAPTED))]) for i in range(len(ADAPTED))])
 
     def _at(self, theta) -> Distance:
         moved = self.girdle.with_adapted(theta).over_postures()
@@ -113,8 +114,8 @@ _ON_THE_POINTS_MM2 = 1e-18
 
 def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> Girdle:
     """:func:`geometric_fit` as numpy; a girdle whose ellipsoid lies on its points stays as it is."""
-    shares = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
-    if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, shares) <= _ON_THE_POINTS_MM2:
+    point_weights = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
+    if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, point_weights) <= _ON_THE_POINTS_MM2:
         return girdle
     return jax.tree.map(np.asarray, jitted_geometric_fit(girdle, jnp.asarray(points_mm)))
 
@@ -122,8 +123,8 @@ def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> G
 def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdle:
     """The girdle with the ellipsoid that is closest to its thorax points, min D (thesis 6.2.6, Table 6.6).
 
-    Levenberg-Marquardt from the girdle's own ellipsoid over M_y, M_z and A. The thesis found it the best start of an
-    adaptation. For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.
+    Levenberg-Marquardt from the girdle's own ellipsoid over its adapted parameters. The thesis found it the best start
+    of an adaptation. For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.
     """
 
     def distances(ellipsoid, _):
@@ -133,7 +134,7 @@ def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdl
     import optimistix  # 0.2 s: not for every command
 
     solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
-    start = girdle.adapted_mm[:5]
+    start = girdle.adapted_mm[: len(ELLIPSOID)]
     solution = optimistix.least_squares(distances, solver, start, throw=False, max_steps=200)
     found = xp.where(solution.result == optimistix.RESULTS.successful, solution.value, start)
     return girdle.with_adapted(xp.append(found, girdle.conoid_length_mm))

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.posture_fits import Fitted
 from adapt.tables.held_out import MOTION, NOTHING, by_subject
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from models.parameter_sets import ParameterSet
 from motions.rotations import DEG
 from motions.table import ANGLES, Motions
@@ -174,23 +175,32 @@ def _statistics(block: pd.DataFrame) -> pd.DataFrame:
 def parameters_table(
     subjects: Sequence[str],
     models: Sequence[ParameterSet],
-    adapted: dict[str, Adapted],
-    before: pd.DataFrame,
+    adapted: Mapping[str, Adapted],
+    sd_mm: Float[np.ndarray, "adapted problems"],
+    fits: pd.DataFrame,
 ) -> pd.DataFrame:
-    """``parameters.csv``: one row a model and subject; lengths in mm, J in deg^2, E in the units of its reading."""
+    """``parameters.csv``: one row a model and subject; lengths in mm, J in deg^2, E in the units of its reading.
+
+    ``sd_mm``: of ``adapt.trust.covariance``, problem = model * subjects + subject; none of who was not adapted.
+    """
+    each = np.split(sd_mm, len(models), axis=1)
     return pd.concat(
-        [_model_parameters(subjects, model, adapted[model.name], before) for model in models],
+        [
+            _model_parameters(subjects, model, adapted[model.name], sd, fits)
+            for model, sd in zip(models, each, strict=True)
+        ],
         ignore_index=True,
     )
 
 
-def _model_parameters(subjects, model: ParameterSet, adapted: Adapted, fits: pd.DataFrame) -> pd.DataFrame:
+def _model_parameters(subjects, model: ParameterSet, adapted: Adapted, sd_mm, fits: pd.DataFrame) -> pd.DataFrame:
     columns: dict[str, object] = {"model": model.name, "subject": list(subjects)}
-    prior = np.asarray(model.girdle.adapted_mm)
+    own = np.asarray(model.girdle.adapted_mm)
+    good = adapted.status == status.OK
     for k, name in enumerate(ADAPTED):
         columns[f"{name}_mm"] = adapted.theta_mm[k]
-        columns[f"{name}_mm_prior"] = prior[k]
-        columns[f"{name}_mm_sd"] = adapted.sd_mm[k]
+        columns[f"{name}_mm_model"] = own[k]
+        columns[f"{name}_mm_sd"] = np.where(good, sd_mm[k], np.nan)
         columns[f"{name}_mm_at_bound"] = adapted.at_bound[k].astype(int)
     mine = fits[(fits["model"] == model.name) & (fits["status"] == status.OK)]
     columns["E"] = adapted.E
@@ -213,11 +223,11 @@ def parameter_statistics(parameters: pd.DataFrame) -> pd.DataFrame:
                 {
                     "model": model,
                     "parameter": name,
-                    "prior_mm": part[f"{name}_mm_prior"].iloc[0],
+                    "model_mm": part[f"{name}_mm_model"].iloc[0],
                     "mean_mm": values.mean(),
                     "sd_mm": values.std(),
                     "at_bound": int(part[f"{name}_mm_at_bound"].sum()),
                     "subjects": len(values),
                 }
             )
-    return pd.DataFrame(rows, columns=["model", "parameter", "prior_mm", "mean_mm", "sd_mm", "at_bound", "subjects"])
+    return pd.DataFrame(rows, columns=["model", "parameter", "model_mm", "mean_mm", "sd_mm", "at_bound", "subjects"])

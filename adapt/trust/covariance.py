@@ -2,11 +2,11 @@
 
 **Noise model.** Every measured angle is that of the closed chain plus an independent Gaussian error of SD s. The thorax
 points are those of another person, whose ellipsoid theta_0 (min D) differs from this person's theta by a Gaussian of
-covariance Sigma. E = D + w mean(J) is then, but for a factor, the negative logarithm of a likelihood (J) times a prior
-(D): with n points, P postures and all angles measured, -2 log p = 6 P E / (w s^2), so that w says how well the points
-are taken to be known, each to s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14 postures, w = 10: 2.5 mm). As nobody chose
-w for that, its optimum is judged as an estimator instead, whatever w is (a sandwich): with I_D, I_J and B of
-``adapt.trust.curvature``
+covariance Sigma (``PERSON_SD_MM``; the conoid has no part in it, as D does not depend on it). E = D + w mean(J) is
+then, but for a factor, the negative logarithm of a likelihood (J) times a prior (D): with n points, P postures and all
+angles measured, -2 log p = 6 P E / (w s^2), so that w says how well the points are taken to be known, each to
+s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14 postures, w = 10: 2.5 mm). As nobody chose w for that, its optimum is
+judged as an estimator instead, whatever w is (a sandwich): with I_D, I_J and B of ``adapt.trust.curvature``
 
     theta^ - theta = -I^-1 (B e + I_D (theta - theta_0)),      e the errors of the angles
     cov = s^2 I^-1 B B' I^-1  +  I^-1 I_D Sigma I_D I^-1       (noise; person)
@@ -33,15 +33,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.model_subjects import PARAMETER_SD_MM
-from adapt.solvers.adaptation import Adapted, ProblemBatch
-from adapt.solvers.objective import WEIGHT
+from adapt.solvers.adaptation import Adapted
+from adapt.solvers.problem_batch import ProblemBatch
 from adapt.trust.curvature import Curvature, curvature
+from models.adapted_parameters import PERSON_SD_MM
 from motions.rotations import DEG
-
-PERSON_SD_MM = PARAMETER_SD_MM
-"""Sigma: how far a person's thorax is from the parameter set's, SD in the order of ADAPTED. Assumed, at most that of
-ten subjects adapted (Table 6.5). That of the conoid has no part in it: D does not pull at it."""
 
 _NARROWEST_MM = 1e-6
 """A parameter that is held has bounds 0 apart; it has no spread, whatever room it is given."""
@@ -52,40 +48,40 @@ NORMAL_95 = 1.959964
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Of L adaptations; parameters in the order of ADAPTED, mm. NaN where neither motion nor points hold one."""
+    """Of adapted parameters in the order of ``ADAPTED_PARAMETERS``, mm; NaN where neither motion nor points hold one."""
 
-    noise_mm2: Float[np.ndarray, "6 6 lanes"]
+    noise_mm2: Float[np.ndarray, "adapted adapted problems"]
     """Covariance from the errors of the angles, as if there were no bounds."""
-    person_mm2: Float[np.ndarray, "6 6 lanes"]
+    person_mm2: Float[np.ndarray, "adapted adapted problems"]
     """Covariance from the thorax points being another person's, as if there were no bounds."""
-    bound_mm2: Float[np.ndarray, "6 6 lanes"]
+    bound_mm2: Float[np.ndarray, "adapted adapted problems"]
     """Covariance from parameters that ended at a bound; 0 without any."""
-    covariance_mm2: Float[np.ndarray, "6 6 lanes"]
+    covariance_mm2: Float[np.ndarray, "adapted adapted problems"]
     """Of theta^ - theta: noise and person as far as the bounds leave room, and what bounds that were met hide."""
-    points_share: Float[np.ndarray, "6 lanes"]
+    points_share: Float[np.ndarray, "adapted problems"]
     """Of the information that holds a parameter, the others following it, the share that is the thorax points', 0 to 1;
     the rest is the motion's. NaN at a bound."""
-    noise_deg: Float[np.ndarray, " lanes"]
+    noise_deg: Float[np.ndarray, " problems"]
     """s, degrees."""
     curvature: Curvature
-    free: Bool[np.ndarray, "6 lanes"]
+    free: Bool[np.ndarray, "adapted problems"]
 
     @property
-    def sd_mm(self) -> Float[np.ndarray, "6 lanes"]:
+    def sd_mm(self) -> Float[np.ndarray, "adapted problems"]:
         """Square roots of its diagonal."""
         return sd(self.covariance_mm2)
 
 
-def sd(covariance: Float[np.ndarray, "n n lanes"]) -> Float[np.ndarray, "n lanes"]:
+def sd(covariance: Float[np.ndarray, "n n problems"]) -> Float[np.ndarray, "n problems"]:
     """Square roots of the diagonals."""
     return np.sqrt(np.einsum("kkl->kl", covariance))
 
 
 def uncertainty(
-    data: ProblemBatch, adapted: Adapted, weight: float = WEIGHT, person_sd_mm: Float[np.ndarray, " 6"] = PERSON_SD_MM
+    data: ProblemBatch, adapted: Adapted, person_sd_mm: Float[np.ndarray, " adapted"] = PERSON_SD_MM
 ) -> Uncertainty:
-    """The uncertainty of each adaptation of ``data`` by E = D + weight mean(J), mm^2 and deg^2."""
-    curved = curvature(data, adapted, weight)
+    """Give the uncertainty of each adaptation of ``data`` by its E = D + W mean(J), mm^2 and deg^2."""
+    curved = curvature(data, adapted)
     free = ~adapted.at_bound
     of_points, of_motion = curved.points_information, curved.motion_information
     inverse = reduced_inverse(of_points + of_motion, free)
@@ -107,47 +103,48 @@ def uncertainty(
     )
 
 
-def _points_share(inverse, of_points, free) -> Float[np.ndarray, "6 lanes"]:
+def _points_share(inverse, of_points, free) -> Float[np.ndarray, "adapted problems"]:
     """u' I_D u / u' I u along u = I^-1 e_k, the way the others follow parameter k."""
     along = np.einsum("ikl,ijl,jkl->kl", inverse, of_points, inverse)
     return along / np.where(free, np.einsum("kkl->kl", inverse), np.nan)
 
 
-def within_bounds(covariance, width_mm) -> Float[np.ndarray, "6 6 lanes"]:
+def within_bounds(covariance, width_mm) -> Float[np.ndarray, "adapted adapted problems"]:
     """cov - cov (cov + diag(W^2 / 6))^-1 cov; of parameters without a spread it stays 0."""
     C = np.moveaxis(covariance, -1, 0)
-    room = np.eye(6) * np.maximum(width_mm.T[:, None], _NARROWEST_MM) ** 2 / 6.0
+    room = np.eye(len(width_mm)) * np.maximum(width_mm.T[:, None], _NARROWEST_MM) ** 2 / 6.0
     return np.moveaxis(C - C @ np.linalg.solve(C + room, C), 0, -1)
 
 
-def _from_bounds(inverse, information, free, width_mm) -> Float[np.ndarray, "6 6 lanes"]:
+def _from_bounds(inverse, information, free, width_mm) -> Float[np.ndarray, "adapted adapted problems"]:
     """M diag(W^2 / 3) M' over the parameters k at a bound; column k of M is 1 for k itself and -I_ff^-1 I_fk."""
     held = np.where(free, 0.0, width_mm**2 / 3.0)
-    follow = np.eye(6)[..., None] - np.einsum("ijl,jkl->ikl", inverse, information)
+    follow = np.eye(len(free))[..., None] - np.einsum("ijl,jkl->ikl", inverse, information)
     return np.einsum("ikl,kl,jkl->ijl", follow, held, follow)
 
 
-def _sandwich(inverse, middle) -> Float[np.ndarray, "6 6 lanes"]:
+def _sandwich(inverse, middle) -> Float[np.ndarray, "adapted adapted problems"]:
     return np.einsum("ijl,jkl,kml->iml", inverse, middle, inverse)
 
 
 def reduced_inverse(
-    matrix: Float[np.ndarray, "6 6 lanes"], free: Bool[np.ndarray, "6 lanes"]
-) -> Float[np.ndarray, "6 6 lanes"]:
+    matrix: Float[np.ndarray, "adapted adapted problems"], free: Bool[np.ndarray, "adapted problems"]
+) -> Float[np.ndarray, "adapted adapted problems"]:
     """Inverse over the free parameters, 0 for the others; NaN where it is not positive definite."""
-    result = np.zeros_like(matrix)
-    for lane in range(matrix.shape[-1]):
-        chosen = np.flatnonzero(free[:, lane])
-        both = np.ix_(chosen, chosen)
-        part = matrix[..., lane][both]
-        definite = np.isfinite(part).all() and (np.linalg.eigvalsh(part) > 0.0).all()
-        result[..., lane][both] = np.linalg.inv(part) if definite else np.nan
-    return result
+    both = free[:, None] & free[None]
+    unit = np.eye(len(free))[..., None]
+    reduced = np.where(both, matrix, np.where(free[:, None], 0.0, unit))
+    parts = np.moveaxis(reduced, -1, 0)
+    finite = np.asarray(np.isfinite(parts).all(axis=(1, 2)))
+    parts = np.where(finite[:, None, None], parts, np.eye(len(free)))
+    definite = np.asarray(finite & (np.linalg.eigvalsh(parts) > 0.0).all(axis=1))
+    inverse = np.moveaxis(np.linalg.inv(np.where(definite[:, None, None], parts, np.eye(len(free)))), 0, -1)
+    return np.where(both, np.where(definite, inverse, np.nan), 0.0)
 
 
 def _noise_rad(
-    data: ProblemBatch, adapted: Adapted, followed: Float[np.ndarray, " lanes"]
-) -> Float[np.ndarray, " lanes"]:
+    data: ProblemBatch, adapted: Adapted, followed: Float[np.ndarray, " problems"]
+) -> Float[np.ndarray, " problems"]:
     """s; ``followed`` = tr(I^-1 I_J) parameters follow the errors. NaN where no angle is left over."""
     counts = np.asarray(data.measured) & np.asarray(data.counted)[None]
     squares = np.where(counts, (adapted.angles - np.asarray(data.angles)) ** 2, 0.0).sum(axis=(0, 1))

@@ -3,85 +3,87 @@
 With the postures eliminated E is a function of theta and of the measured angles s alone. At its optimum
 
     H = d2E/dtheta2 = H_D + H_J     of the thorax points, D, and of the motion, w mean(J)
-    B = d2E/dtheta ds,              dtheta/ds = -H^-1 B
+    B = d2E/dtheta ds = -(dq/dtheta)' W,      dtheta/ds = -H^-1 B
 
-(implicit function theorem; ``adapt.solvers.reference.elimination.eliminate`` gives both, as the 9 x 9 block of each
-posture is solved there). Without the curvature of distances and constraints, which a larger residual makes matter, what
-is left is information,
+(implicit function theorem; dE/ds = -W (q - s) gives the second form of B). H_J and dq/dtheta come from
+``adapt.solvers.reference.elimination.eliminate``. Without the curvature of distances and constraints, which a larger
+residual makes matter, what is left is information,
 
-    I_D = 2 sum_i share_i d'_i d'_i',   I_J = B W^-1 B'    of the thorax points and of the motion,
+    I_D = 2 sum_i c_i d'_i d'_i',   I_J = B W^-1 B'    of the thorax points and of the motion,
 
-never negative in any direction. d'_i: derivative in theta of the distance of point i; W: weights of the angles in E.
+never negative in any direction. d'_i: derivative in theta of the distance of point i; c_i: its weight in D; W: weights
+of the angles in E.
 """
 
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from adapt.engine.batching import in_chunks
-from adapt.solvers.adaptation import Adapted, ProblemBatch, problem_of
+from adapt.engine.batching import compiled, in_chunks
+from adapt.solvers.adaptation import Adapted, subject_conditions
 from adapt.solvers.linalg import Factor, matmul, matvec, transpose
-from adapt.solvers.objective import ThoraxPoints
-from adapt.solvers.reference.constraints import ByHand
+from adapt.solvers.problem_batch import ProblemBatch, problem_with_weight
 from adapt.solvers.reference.elimination import eliminate
 from adapt.solvers.reference.subject import Problem, joint
+from models.effects import ActiveEffects
 from models.girdle import Girdle
+from motions.arrays import Array, xp
 
-_LANES = 64
+_CHUNK = 64
 """Subjects in a chunk: second derivatives of 14 postures of each are 130 kB."""
+
+_AT_ONCE = 128
+"""Subjects up to which numpy is done before a compiled program is loaded."""
 
 
 @dataclass(frozen=True)
 class Curvature:
-    """Second derivatives of E (mm^2) at L adapted girdles, theta in mm, angles in rad."""
+    """Second derivatives of E (mm^2) at adapted girdles, theta in mm, angles in rad."""
 
-    of_points: Float[np.ndarray, "6 6 lanes"]
+    of_points: Float[np.ndarray, "adapted adapted problems"]
     """H_D."""
-    of_motion: Float[np.ndarray, "6 6 lanes"]
+    of_motion: Float[np.ndarray, "adapted adapted problems"]
     """H_J."""
-    by_angle: Float[np.ndarray, "6 6 postures lanes"]
+    by_angle: Float[np.ndarray, "adapted 6 postures problems"]
     """B: by parameter, then by measured angle. 0 for padding and for angles not measured."""
-    points_information: Float[np.ndarray, "6 6 lanes"]
+    points_information: Float[np.ndarray, "adapted adapted problems"]
     """I_D."""
-    motion_information: Float[np.ndarray, "6 6 lanes"]
+    motion_information: Float[np.ndarray, "adapted adapted problems"]
     """I_J."""
 
 
-def curvature(data: ProblemBatch, adapted: Adapted, weight: float) -> Curvature:
-    """The curvature of E = D + w mean(J) (mm^2, deg^2) at the adaptations of ``data``, lane by lane."""
-    problem = problem_of(data, np.full(data.counted.shape[1:], weight))
-    lanes = data.girdle, data.points_mm, data.shares, problem, adapted.theta_mm, adapted.angles
-    return Curvature(*in_chunks(_curvature, _LANES, *lanes))
+def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
+    """Differentiate E = D + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, problem by problem."""
+    problem = problem_with_weight(data, adapted.weight)
+    given = data.girdle, data.points_mm, data.point_weights, problem, adapted.theta_mm, adapted.angles
+    at_once = 0 if data.active_effects.effects else _AT_ONCE  # effects have no derivatives by hand, which numpy needs
+    return Curvature(*in_chunks(_curvature, _CHUNK, *given, data.active_effects, at_once=at_once))
 
 
-@jax.jit
-def _curvature(girdle: Girdle, points_mm, shares, problem: Problem, theta, angles) -> tuple[Array, ...]:
-    constraints = ByHand(girdle.over_postures())
+@compiled
+def _curvature(
+    girdle: Girdle, points_mm, point_weights, problem: Problem, theta, angles, active_effects: ActiveEffects
+) -> tuple[Array, ...]:
+    constraints, thorax = subject_conditions(girdle, points_mm, point_weights, active_effects)
     z = joint(angles, theta)
-    pull = problem.weights * (angles - problem.measured)
-    at = constraints.linearised(z, _multipliers(constraints.slopes(z)[:, :6], pull))
-    of_motion = problem.total(eliminate(at, pull, problem.weights).hessian)
-
-    still = at._replace(residual=jnp.zeros_like(at.residual))
-
-    def by_angle(direction):
-        """d(dE/dtheta)/ds_k: the elimination is linear in the slope W (q - s), of which -W e_k is the derivative."""
-        slope = -problem.weights * direction.reshape(6, *[1] * (angles.ndim - 1))
-        return jnp.where(problem.counted, eliminate(still, slope, problem.weights).slope, 0.0)
-
-    thorax = ThoraxPoints(girdle, points_mm, shares)
-    B = jax.vmap(by_angle, out_axes=1)(jnp.eye(6))
-    softness = jnp.where(problem.weights > 0.0, 1.0 / problem.weights, 0.0)
-
-    slope = jnp.stack(thorax.distances(theta)[1], axis=1)
-    points_information = 2.0 * jnp.einsum("nil,nl,njl->ijl", slope, shares, slope)
-    return thorax.curvature(theta), of_motion, B, points_information, jnp.einsum("iapl,apl,japl->ijl", B, softness, B)
+    objective_gradient = problem.weights * (angles - problem.measured)
+    at = constraints.linearised(z, _multipliers(constraints.slopes(z)[:, :6], objective_gradient))
+    eliminated = eliminate(at, objective_gradient, problem.weights)
+    B = -xp.swapaxes(problem.weights[:, None] * eliminated.step_theta, 0, 1)
+    B = xp.where(problem.counted, B, 0.0)
+    inverse_weights = xp.where(problem.weights > 0.0, 1.0 / problem.weights, 0.0)
+    slope = xp.stack(thorax.distances(theta)[1], axis=1)
+    return (
+        thorax.curvature(theta),
+        problem.total(eliminated.hessian),
+        B,
+        2.0 * xp.einsum("nil,nl,njl->ijl", slope, point_weights, slope),
+        xp.einsum("iapl,apl,japl->ijl", B, inverse_weights, B),
+    )
 
 
-def _multipliers(G, pull):
+def _multipliers(G, objective_gradient):
     """lambda of G' lambda = -W (q - s), which holds at an optimum."""
     GGt = matmul(G, transpose(G))
-    return -Factor(GGt, jnp.zeros_like(GGt[0, 0])).solve_vector(matvec(G, pull))
+    return -Factor(GGt, xp.zeros_like(GGt[0, 0])).solve_vector(matvec(G, objective_gradient))

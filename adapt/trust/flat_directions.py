@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 
 FLAT_MM = 10.0
 """A direction whose SD is longer is flat. One cadaver's thorax, fitted by its points twice (Table 4.5, MRI and

@@ -12,10 +12,11 @@ from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch, lanes, select_problems
+from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
 from adapt.tables.held_out import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.tables.results import DIFFERENCES
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
@@ -85,11 +86,11 @@ def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]
 
 @dataclass(frozen=True)
 class HeldOut:
-    """L = models x folds lanes; lane = model * folds + fold."""
+    """L = models x folds problems; problem = model * folds + fold."""
 
     adapted: Adapted
     """Without the postures held out."""
-    unseen_deg: Float[np.ndarray, "6 postures lanes"]
+    unseen_deg: Float[np.ndarray, "6 postures problems"]
     """|simulated - measured| at the postures tested; NaN elsewhere and where a fit failed."""
 
 
@@ -101,14 +102,14 @@ def held_out(
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
 ) -> HeldOut:
-    """Adapt every lane (model * subjects + subject) of ``data`` anew without the postures of each of its folds."""
+    """Adapt every problem (model * subjects + subject) of ``data`` anew without the postures of each of its folds."""
     models = data.counted.shape[1] // subjects
-    lane = np.concatenate([m * subjects + np.array([part.subject for part in parts]) for m in range(models)])
+    problem = np.concatenate([m * subjects + np.array([part.subject for part in parts]) for m in range(models)])
     fitted, tested = (
         np.tile(np.stack([getattr(part, k) for part in parts], axis=1), models) for k in ("fitted", "tested")
     )
-    progress(f"held-out gaps, {len(lane)} adaptations")
-    part_of = select_problems(data, lane, counted=fitted)
+    progress(f"held-out gaps, {len(problem)} adaptations")
+    part_of = select_problems(data, problem, counted=fitted)
     without = adapt_batch(part_of, weight, reading)
     return HeldOut(without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK)))
 
@@ -130,13 +131,14 @@ def held_out_gaps(
     if not parts:
         return NOTHING
     known = active_effects(effects, motions.humerus_elevation_deg[batch.rows])
-    data = as_type(lanes(batch, list(models), known), dtype)
+    data = as_type(problem_batch(batch, list(models), known), dtype)
     found = held_out(data, len(batch.subjects), parts, weight, reading, progress)
     return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))
 
 
 def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -> dict[str, np.ndarray]:
-    """|simulated - measured| of all postures before and after (in sample), (6, postures, lanes), from their table."""
+    """|simulated - measured| of all postures before and after (in sample), (6, postures, problems), from their
+    table."""
     gaps = {}
     for word, state in SEEN.items():
         parts = []
@@ -149,15 +151,15 @@ def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -
 
 
 def _gaps_deg(
-    data: ProblemBatch, theta_mm, of: Bool[np.ndarray, "postures lanes"]
-) -> Float[np.ndarray, "6 postures lanes"]:
-    posture, lane = np.nonzero(of)
-    if not len(lane):
+    data: ProblemBatch, theta_mm, of: Bool[np.ndarray, "postures problems"]
+) -> Float[np.ndarray, "6 postures problems"]:
+    posture, problem = np.nonzero(of)
+    if not len(problem):
         return np.full((6, *of.shape), np.nan)
-    angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
-    found = fit_batch(data.chain(theta_mm, posture, lane), angles, measured, around=True)
+    angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
+    found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured, around=True)
     result = np.full((6, *of.shape), np.nan)
-    result[:, posture, lane] = np.where(
+    result[:, posture, problem] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
     )
     return result
@@ -168,26 +170,26 @@ def heldout_table(
     models: Sequence[str],
     parts: Sequence[Fold],
     found: HeldOut,
-    seen_deg: Mapping[str, Float[np.ndarray, "6 postures lanes"]],
+    seen_deg: Mapping[str, Float[np.ndarray, "6 postures problems"]],
 ) -> pd.DataFrame:
     """``heldout.csv``: one row a model, subject and part held out; gaps are mean |simulated - measured|, degrees.
 
     All are of the postures held out: before adaptation, adapted to everything (in_sample) and without them (unseen).
-    ``seen_deg``: the first two, by lane model * subjects + subject.
+    ``seen_deg``: the first two, by problem model * subjects + subject.
     """
     rows = []
     for m, model in enumerate(models):
         for k, part in enumerate(parts):
-            lane = m * len(parts) + k
+            problem = m * len(parts) + k
             row: dict[str, object] = {"model": model, "subject": subjects[part.subject]}
             row |= {"kind": part.kind, "held_out": part.held_out}
             row |= {"postures": int(part.tested.sum()), "adapted_to": int(part.fitted.sum())}
             of_subject = m * len(subjects) + part.subject
             gaps = {word: seen_deg[word][:, part.tested, of_subject] for word in SEEN if word in seen_deg}
-            for word, gap in (gaps | {"unseen": found.unseen_deg[:, part.tested, lane]}).items():
+            for word, gap in (gaps | {"unseen": found.unseen_deg[:, part.tested, problem]}).items():
                 for bone, angles in BONES.items():
                     row[f"{bone}gap_{word}_deg"] = mean_of(gap[angles])
-            row["status"] = found.adapted.status[lane]
+            row["status"] = found.adapted.status[problem]
             rows.append(row)
     return pd.DataFrame(rows)
 

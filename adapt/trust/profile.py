@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, ProblemBatch, adapted_from, select_problems
+from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
+from adapt.solvers.problem_batch import ProblemBatch, select_problems
 from adapt.trust.covariance import NORMAL_95, Uncertainty, reduced_inverse
 
 _STRIDES = (1.0, 2.0, 4.0)
@@ -24,32 +25,34 @@ _ROUNDS = 4
 
 @dataclass(frozen=True)
 class Profile:
-    """Ends of the 95 % intervals of L lanes, mm, lower then upper."""
+    """Ends of the 95 % intervals of L problems, mm, lower then upper."""
 
-    ends_mm: Float[np.ndarray, "2 6 lanes"]
-    open: Bool[np.ndarray, "2 6 lanes"]
+    ends_mm: Float[np.ndarray, "2 6 problems"]
+    open: Bool[np.ndarray, "2 6 problems"]
     """The bound came first."""
 
 
 def profile_intervals(
-    data: ProblemBatch, adapted: Adapted, found: Uncertainty, of: Bool[np.ndarray, "6 lanes"], weight: float = WEIGHT
+    data: ProblemBatch, adapted: Adapted, found: Uncertainty, of: Bool[np.ndarray, "6 problems"], weight: float = WEIGHT
 ) -> Profile:
-    """The intervals of the parameters ``of`` that are free, of every lane, all at once; NaN for the others."""
-    lanes = adapted.theta_mm.shape[-1]
+    """The intervals of the parameters ``of`` that are free, of every problem, all at once; NaN for the others."""
+    problem_batch = adapted.theta_mm.shape[-1]
     H = found.curvature.of_points + found.curvature.of_motion
     inverse = reduced_inverse(H, found.free)
     width = np.einsum("kkl->kl", inverse)
-    side, parameter, lane = (x.ravel() for x in np.meshgrid([0, 1], range(6), range(lanes), indexing="ij"))
+    side, parameter, problem = (x.ravel() for x in np.meshgrid([0, 1], range(6), range(problem_batch), indexing="ij"))
     use = (
-        (of & found.free)[parameter, lane] & np.isfinite(found.sd_mm[parameter, lane]) & (width[parameter, lane] > 0.0)
+        (of & found.free)[parameter, problem]
+        & np.isfinite(found.sd_mm[parameter, problem])
+        & (width[parameter, problem] > 0.0)
     )
-    side, parameter, lane = side[use], parameter[use], lane[use]
-    wanted = NORMAL_95 * found.sd_mm[parameter, lane]
-    if not len(lane):
-        return Profile(np.full((2, 6, lanes), np.nan), np.zeros((2, 6, lanes), bool))
-    best, bound = adapted.theta_mm[parameter, lane], np.asarray(data.bounds_mm)[side, parameter, lane]
-    repeated, start = select_problems(data, lane), adapted.theta_mm[:, lane]
-    follow = inverse[:, parameter, lane] / width[parameter, lane]
+    side, parameter, problem = side[use], parameter[use], problem[use]
+    wanted = NORMAL_95 * found.sd_mm[parameter, problem]
+    if not len(problem):
+        return Profile(np.full((2, 6, problem_batch), np.nan), np.zeros((2, 6, problem_batch), bool))
+    best, bound = adapted.theta_mm[parameter, problem], np.asarray(data.bounds_mm)[side, parameter, problem]
+    repeated, start = select_problems(data, problem), adapted.theta_mm[:, problem]
+    follow = inverse[:, parameter, problem] / width[parameter, problem]
 
     def short_of(value_mm):
         """By how many mm of the parabola the rise of the profile falls short; far beyond where nothing was found.
@@ -57,7 +60,7 @@ def profile_intervals(
         All ends every time: one shape, so that nothing is compiled twice.
         """
         E = _least_e(repeated, parameter, value_mm, start + follow * (value_mm - best), weight)
-        rise = np.sqrt(2.0 * width[parameter, lane] * np.maximum(E - adapted.E[lane], 0.0))
+        rise = np.sqrt(2.0 * width[parameter, problem] * np.maximum(E - adapted.E[problem], 0.0))
         return np.where(np.isfinite(E), wanted - rise, -wanted)
 
     inside, outside = best, best
@@ -82,10 +85,10 @@ def profile_intervals(
         short_outside = np.where(within, 0.5 * short_outside, short)
         short_inside = np.where(within, short, 0.5 * short_inside)
         inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
-    ends = np.full((2, 6, lanes), np.nan)
-    ends[side, parameter, lane] = np.where(is_open, bound, _crossing(inside, outside, short_inside, short_outside))
-    opened = np.zeros((2, 6, lanes), bool)
-    opened[side, parameter, lane] = is_open
+    ends = np.full((2, 6, problem_batch), np.nan)
+    ends[side, parameter, problem] = np.where(is_open, bound, _crossing(inside, outside, short_inside, short_outside))
+    opened = np.zeros((2, 6, problem_batch), bool)
+    opened[side, parameter, problem] = is_open
     return Profile(ends, opened)
 
 
@@ -95,12 +98,12 @@ def _crossing(inside, outside, short_inside, short_outside):
     return inside + np.where(apart > 0.0, short_inside / np.where(apart > 0.0, apart, 1.0), 0.0) * (outside - inside)
 
 
-def _least_e(data: ProblemBatch, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " lanes"]:
-    """E with one parameter of each lane held at a value, the others from where the parabola has them; NaN where that
+def _least_e(data: ProblemBatch, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " problems"]:
+    """E with one parameter of each problem held at a value, the others from where the parabola has them; NaN where that
     did not converge."""
-    lane = np.arange(len(value_mm))
+    problem = np.arange(len(value_mm))
     bounds = np.array(data.bounds_mm)
-    bounds[:, parameter, lane] = value_mm
-    held = select_problems(data, lane, bounds_mm=bounds)
+    bounds[:, parameter, problem] = value_mm
+    held = select_problems(data, problem, bounds_mm=bounds)
     least = adapted_from(held, np.clip(start_mm, *bounds), weight)
     return np.where(least.status == status.OK, least.E, np.nan)

@@ -72,9 +72,11 @@ class Check:
         return PASS if self.low <= self.value <= self.high else WARNING
 
 
-def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " 6"]) -> list[Check]:
-    """All checks of one adaptation; ``theta_mm`` in the order of ADAPTED."""
-    A_x, A_y, A_z, conoid = (float(x) for x in theta_mm[2:])
+def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list[Check]:
+    """All checks of one adaptation; ``theta_mm`` in the order of ``ADAPTED_PARAMETERS``."""
+    adapted = model.girdle.with_adapted(theta_mm)
+    A_x, A_y, A_z = (float(x) for x in adapted.semi_axes_mm)
+    conoid = float(adapted.conoid_length_mm)
     volume = 4.0 / 3.0 * np.pi * A_x * A_y * A_z / 1e6
     found = [
         Check("depth", 2.0 * A_z, *DEPTH_MM, "mm", f"2 A_z; {_ADULTS}"),
@@ -92,7 +94,7 @@ def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " 6"]) -> list[Check
     return found
 
 
-def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " 6"]) -> dict[str, float]:
+def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> dict[str, float]:
     """Root mean square distance of the thorax points of each region to the adapted ellipsoid, mm.
 
     A point on the left counts as its mirror image, as the ellipsoid is symmetric. Regions without points are left out.

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch
+from adapt.solvers.adaptation import Adapted, adapt_batch
+from adapt.solvers.problem_batch import ProblemBatch
 from adapt.tables.held_out import MOTION, by_subject
 from adapt.trust.held_out import Fold, held_out, heldout_table
 from motions.rotations import DEG

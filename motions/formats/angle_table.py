@@ -13,8 +13,8 @@ from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
 from motions.motion_csv.columns import SIDE_MEASURED
-from motions.motion_csv.posture_rows import LEAST_MEASURED_ANGLES, MIRROR_ANGLES
-from motions.table import ANGLES, Motions
+from motions.motion_csv.posture_rows import MIRROR_ANGLES
+from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
 ELEVATION = "humerus_elevation"
 SCAPULA_THROUGH = "scapula_through"
@@ -91,7 +91,7 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         landmarks_mm={},
         extra=pd.DataFrame(extra, index=pd.RangeIndex(count), dtype=str),
     )
-    return motions.select(np.sum(np.isfinite(angles_deg), axis=1) >= LEAST_MEASURED_ANGLES)
+    return motions.select(np.sum(np.isfinite(angles_deg), axis=1) >= FEWEST_ANGLES)
 
 
 def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:

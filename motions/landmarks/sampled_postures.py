@@ -14,8 +14,7 @@ from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_a
 from motions.landmarks.resampling import resample
 from motions.motion_csv.cells import Side
 from motions.motion_csv.columns import SIDE_MEASURED
-from motions.motion_csv.posture_rows import LEAST_MEASURED_ANGLES
-from motions.table import ANGLES, Motions
+from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
 ESTIMATED = "clavicle_x_estimated"
 """The extra column that says, with `yes`, that the clavicle's axial rotation is an estimate and not measured."""
@@ -56,9 +55,9 @@ def postures_from_landmarks(
     """
     frames = frame_angles(dict(lab_mm), labels.side, file, labels.aa_to_ac)
     table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
-    measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= LEAST_MEASURED_ANGLES
+    measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= FEWEST_ANGLES
     if not measured.any():
-        cause = f"no posture has {LEAST_MEASURED_ANGLES} angles: landmarks are missing in every one"
+        cause = f"no posture has {FEWEST_ANGLES} angles: landmarks are missing in every one"
         raise InputError(file, None, cause, "Look for gaps in IJ, PX, C7, T8, AC, TS and AI")
     return table.select(measured)
 

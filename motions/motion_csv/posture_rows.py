@@ -9,10 +9,7 @@ from jaxtyping import Float
 from motions.motion_csv.cells import Side, angle_in, measured_in, name_in, side_in, whole_number_in
 from motions.motion_csv.columns import ANGLE_COLUMNS, KNOWN, SIDE, SIDE_MEASURED, landmark_columns
 from motions.motion_csv.rows import Row
-from motions.table import LANDMARKS
-
-LEAST_MEASURED_ANGLES = 3
-"""The girdle has three degrees of freedom (thesis 6.2.3): with fewer angles its posture is not determined."""
+from motions.table import FEWEST_ANGLES, LANDMARKS
 
 MIRROR_ANGLES = np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
 """M R M with M = diag(-1, 1, 1), the reflection in the sagittal plane, negates the y and z angles of R."""
@@ -72,7 +69,7 @@ def _angles_deg(row: Row) -> Float[np.ndarray, "6"]:
     measured = sum(not math.isnan(angle) for angle in angles_deg)
     if measured == 0:
         raise row.error("no angle was measured", "Delete the row or fill it in")
-    if measured < LEAST_MEASURED_ANGLES:
+    if measured < FEWEST_ANGLES:
         cause = f"{measured} of the six angles measured are too few: the girdle has three degrees of freedom"
         raise row.error(cause, "Fill in at least three angles or delete the row")
     return np.array(angles_deg)

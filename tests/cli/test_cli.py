@@ -18,9 +18,9 @@ from adapt.report.bone_positions import POINTS
 from adapt.solvers import status
 from adapt.tables.results import STATISTICS
 from models import load_model, model_names
+from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
 from models.ellipsoid import signed_distance_mm
-from models.girdle import ADAPTED
 from models.parameter_sets import FOLDER
 from motions import ANGLES
 
@@ -31,7 +31,7 @@ FITS_COLUMNS = [
 ]
 PARAMETERS_COLUMNS = [
     *("model", "subject"),
-    *(f"{name}_mm{kind}" for name in ADAPTED for kind in ("", "_prior", "_sd", "_at_bound")),
+    *(f"{name}_mm{kind}" for name in ADAPTED for kind in ("", "_model", "_sd", "_at_bound")),
     *("E", "D_mm2", "mean_j_before_deg2", "mean_j_after_deg2", "status"),
 ]
 SUMMARY_COLUMNS = [
@@ -212,7 +212,7 @@ def test_priors_are_the_models_own(adapted):
     parameters = adapted.table("parameters")
     own = (-296.0, 78.0, 153.0, 404.0, 130.0, 18.3)
     for name, value in zip(ADAPTED, own, strict=True):
-        assert parameters[f"{name}_mm_prior"].tolist() == [value, value]
+        assert parameters[f"{name}_mm_model"].tolist() == [value, value]
         held = parameters[f"{name}_mm_at_bound"] == 1
         np.testing.assert_array_equal(np.isnan(parameters[f"{name}_mm_sd"]), held)
 

@@ -19,8 +19,9 @@ from adapt import adapt_subjects
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.tables.results import DIFFERENCES
 from models import load_model, model_names
+from models.adapted_parameters import ADAPTED
 from models.export.opensim import opensim_model
-from models.girdle import ADAPTED, bone_rotations, chain_landmarks
+from models.girdle import bone_rotations, chain_landmarks
 from models.parameter_sets import FOLDER
 from motions import read_motions, write_motions
 from motions.files import file_names

@@ -38,8 +38,8 @@ from adapt.diagnosis.json_form import as_json
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.diagnosis_figures import FIGURES, figures
 from models import load_model
+from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
-from models.girdle import ADAPTED
 from motions import ANGLES, write_motions
 
 TABLES = ("fits.csv", "heldout.csv", "parameters.csv", "summary.csv")

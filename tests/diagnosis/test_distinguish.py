@@ -16,11 +16,12 @@ from adapt.diagnosis.design.separability import (
     separation,
     smallest_detectable,
 )
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, THETA_SD_MM
+from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS
 from adapt.diagnosis.fit.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
 from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed, observe
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
+from models.adapted_parameters import PRIOR_SD_MM
 from models.effects import EFFECTS
 from motions.rotations import DEG
 
@@ -81,7 +82,7 @@ def random_slopes(monkeypatch):
     """
     width = 6 + sum(effect.amplitudes for effect in SMALL_EFFECTS)
     every = np.random.default_rng(1).standard_normal((SUBJECTS, POSTURES, 3, width))
-    every[..., :6] /= THETA_SD_MM
+    every[..., :6] /= PRIOR_SD_MM
     every[..., 6:] /= np.concatenate([np.asarray(effect.prior_sd) for effect in SMALL_EFFECTS])
 
     def misfit(girdle, effects, data, noise, z, columns):
@@ -97,7 +98,7 @@ def covariance(slopes: np.ndarray, hypothesis: tuple[str, ...], size: float = 1.
     """Of the residuals of all subjects stacked, with effects of ``size`` times their typical size."""
     prior = np.concatenate([np.asarray(e.prior_sd) for e in SMALL_EFFECTS])
     acts = np.concatenate([np.full(effect.amplitudes, effect.name in hypothesis) for effect in SMALL_EFFECTS])
-    X, A = slopes[..., :6] * THETA_SD_MM, slopes[..., 6:] * np.where(acts, size * prior, 0.0)
+    X, A = slopes[..., :6] * PRIOR_SD_MM, slopes[..., 6:] * np.where(acts, size * prior, 0.0)
     n = X.shape[1]
     common = A.reshape(-1, A.shape[2])
     C = common @ common.T + np.eye(len(common))

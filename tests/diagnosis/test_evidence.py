@@ -10,7 +10,6 @@ from scipy.stats import multivariate_normal
 
 from adapt.diagnosis.fit.linear_evidence import (
     BETWEEN_SUBJECTS,
-    THETA_SD_MM,
     AmplitudePrior,
     LinearisedFit,
     Statistics,
@@ -24,7 +23,7 @@ from adapt.diagnosis.fit.linear_evidence import (
     shared_prior,
     statistics,
 )
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED, PRIOR_SD_MM
 
 SAME = 1e-9
 """Relative: two ways through linear systems whose condition is below 1e4 leave 1e-12."""
@@ -240,7 +239,7 @@ def test_a_spread_is_of_the_original_parameters_not_of_the_last_ones():
 
 @pytest.mark.parametrize("spread", [None, 0.7 * ALL], ids=["as made", "another"])
 def test_products_of_another_spread_are_those_of_the_dense_gaussian(spread):
-    """Taken at spreads of their own; then of those asked for, with what all subjects share in ``THETA_SD_MM`` still."""
+    """Taken at spreads of their own; then of those asked for, with what all subjects share in ``PRIOR_SD_MM`` still."""
     fitted = linear_of(15)
     made = inner_products(fitted.with_spread(EACH))
     of_these = EACH if spread is None else spread
@@ -260,7 +259,7 @@ def test_products_of_another_spread_are_those_of_the_dense_gaussian(spread):
 
 @pytest.mark.parametrize("spread", [ALL, EACH], ids=["all alike", "each its own"])
 def test_a_common_shift_is_that_of_the_dense_gaussian(spread):
-    """It is in units of ``THETA_SD_MM``, whatever the spread between subjects is."""
+    """It is in units of ``PRIOR_SD_MM``, whatever the spread between subjects is."""
     fitted = linear_of(20)
     wider = replace(fitted, A=np.concatenate([fitted.A, fitted.X], axis=2))
     block = shifted(fitted.scale) + common_shift(0.5)
@@ -343,7 +342,7 @@ def test_the_prior_of_the_adapted_parameters_is_about_the_published_spread():
     """Table 6.5, R2; the order is that of ADAPTED."""
     published_mm = {"M_y": 31.0, "M_z": 6.0, "A_x": 3.0, "A_y": 24.0, "A_z": 17.0, "conoid_length": 2.0}
     assert tuple(published_mm) == ADAPTED
-    share = THETA_SD_MM / np.array([*published_mm.values()])
+    share = PRIOR_SD_MM / np.array([*published_mm.values()])
     assert (np.abs(np.log2(share)) <= 1.0).all()
 
 

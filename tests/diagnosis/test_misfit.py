@@ -12,8 +12,8 @@ from adapt.diagnosis.fit.observations import Noise, Observed, observe
 from adapt.solvers import status
 from adapt.solvers.posture_fits import Fitted, fit_batch
 from models import load_model
+from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS, ActiveEffects, ExtendedGirdle
-from models.girdle import ADAPTED
 from motions.rhythm import REST_DEG
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG

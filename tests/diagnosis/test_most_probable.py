@@ -7,7 +7,7 @@ import pytest
 from made_effects import without_details
 
 from adapt.diagnosis.fit import map_fit as most_probable
-from adapt.diagnosis.fit.linear_evidence import THETA_SD_MM
+from adapt.diagnosis.fit.linear_evidence import PRIOR_SD_MM
 from adapt.diagnosis.fit.map_fit import _cost, _Found, _from_lower_valleys, _Prior, fit_hypotheses
 from adapt.diagnosis.fit.misfit import Misfit, misfit
 from adapt.diagnosis.fit.observations import Noise, observe
@@ -50,13 +50,13 @@ def test_company_leaves_the_best_hypothesis_as_it_is_and_makes_none_worse(data):
 
 def test_a_subject_left_in_another_valley_is_fetched_from_it():
     """Two valleys at plus and minus one standard deviation of M_y, of which the second is the lower by 64."""
-    sd = np.repeat(THETA_SD_MM[:, None], 2, axis=1)
+    sd = np.repeat(PRIOR_SD_MM[:, None], 2, axis=1)
     prior = _Prior(np.repeat(np.arange(6)[:, None], 2, axis=1), np.zeros((6, 2)), sd)
 
     def look(z, nearest, projections, lanes) -> Misfit:
-        w, nothing = z[0] / THETA_SD_MM[0], np.zeros((z.shape[1], 1))
+        w, nothing = z[0] / PRIOR_SD_MM[0], np.zeros((z.shape[1], 1))
         slopes = np.zeros((len(w), 1, 2, 6))
-        slopes[:, 0, :, 0] = np.stack([10.0 * w, 4.0 + 0.0 * w], axis=1) / THETA_SD_MM[0]
+        slopes[:, 0, :, 0] = np.stack([10.0 * w, 4.0 + 0.0 * w], axis=1) / PRIOR_SD_MM[0]
         y = np.stack([5.0 * (w**2 - 1.0), 4.0 * (w + 1.0)], axis=1)[:, None]
         return Misfit(
             nearest=np.zeros((6, 1, len(w))),
@@ -70,13 +70,13 @@ def test_a_subject_left_in_another_valley_is_fetched_from_it():
 
     def at(*w: float) -> _Found:
         z = np.zeros((6, 2))
-        z[0] = THETA_SD_MM[0] * np.array(w)
+        z[0] = PRIOR_SD_MM[0] * np.array(w)
         seen = look(z, None, 0, np.arange(2))
         return _Found(z, seen.nearest, (seen.y**2).sum(axis=(1, 2)) + np.square(w))
 
     fetched = _from_lower_valleys(look, prior, at(-1.0, 1.0), subjects=1)
-    assert fetched.z[0] / THETA_SD_MM[0] == pytest.approx([-1.0, -1.0], abs=0.05)
-    assert fetched.z[0, 0] == -THETA_SD_MM[0]
+    assert fetched.z[0] / PRIOR_SD_MM[0] == pytest.approx([-1.0, -1.0], abs=0.05)
+    assert fetched.z[0, 0] == -PRIOR_SD_MM[0]
     assert fetched.cost[1] < 2.0
     shared_prior = at(-1.0, -1.0)
     assert _from_lower_valleys(look, prior, shared_prior, subjects=1) is shared_prior

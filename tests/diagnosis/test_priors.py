@@ -7,14 +7,14 @@ import pytest
 from made_effects import without_details
 
 from adapt.diagnosis.fit.linear_evidence import (
-    THETA_SD_MM,
     LinearisedFit,
     independent_prior,
     inner_products,
     log_evidence,
 )
 from adapt.diagnosis.inference import priors
-from adapt.diagnosis.inference.priors import SPREADS_MM, OverPriors, likely_spreads, over_priors
+from adapt.diagnosis.inference.priors import OverPriors, likely_spreads, over_priors
+from models.adapted_parameters import PRIOR_SD_MM, SPREADS_MM
 from models.effects import EFFECTS, Effect
 
 CLEAR = 3.0
@@ -109,7 +109,7 @@ def wider_chests() -> LinearisedFit:
     """Without effect; A_x differs by 8 mm either way, all else by what is least in ``SPREADS_MM``."""
     fitted = subjects(np.zeros((SUBJECTS, 3)))
     generator = np.random.default_rng(3)
-    sd = np.array([least for least, *_ in SPREADS_MM]) / THETA_SD_MM
+    sd = np.array([least for least, *_ in SPREADS_MM]) / PRIOR_SD_MM
     u = sd * generator.choice([-1.0, 1.0], (SUBJECTS, 6))
     u[:, 2] *= 8.0 / SPREADS_MM[2][0]
     seen = np.einsum("srk,sk->sr", fitted.X, u) + generator.standard_normal((SUBJECTS, RESIDUALS))
@@ -120,8 +120,8 @@ def test_each_parameter_has_a_spread_of_its_own():
     spreads, log_share = likely_spreads(inner_products(wider_chests()), np.zeros((SUBJECTS, 3)))
     assert np.log(0.2) < log_share <= 0.0
     of = over_priors(inner_products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
-    least = np.array([least for least, *_ in SPREADS_MM]) / THETA_SD_MM
-    np.testing.assert_allclose(of.spread, np.where(np.arange(6) == 2, 8.0 / THETA_SD_MM, least))
+    least = np.array([least for least, *_ in SPREADS_MM]) / PRIOR_SD_MM
+    np.testing.assert_allclose(of.spread, np.where(np.arange(6) == 2, 8.0 / PRIOR_SD_MM, least))
 
 
 def test_likely_spreads_are_those_of_the_evidence_without_the_amplitudes():

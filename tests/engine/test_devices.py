@@ -14,7 +14,7 @@ PROGRAM = """
 import json
 import jax
 import numpy as np
-from adapt.solvers.batched import kernels as quick_fit
+from adapt.solvers.batched import posture_kernels as quick_fit
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.batched.posture import PostureStart
 from models import load_model

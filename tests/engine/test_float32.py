@@ -10,12 +10,15 @@ from command import girdle
 
 from adapt.engine.batching import as_type
 from adapt.solvers import status
-from adapt.solvers.adaptation import lanes, problem_of, solved_from, swept_from
-from adapt.solvers.batched import kernels as quick_fit
-from adapt.solvers.batched.kernels import fitted_from_places
+from adapt.solvers.adaptation import solved_from
+from adapt.solvers.batched import posture_kernels as quick_fit
+from adapt.solvers.batched.posture_kernels import fitted_from_places
+from adapt.solvers.batched.subject import Fixed
+from adapt.solvers.batched.subject_kernels import sweep_from
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.problem_batch import problem_batch, problem_with_weight
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.parameter_sets import FOLDER
@@ -67,7 +70,7 @@ def assert_float64_where_not_done(found, double, names: Sequence[str], done: np.
 
 def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
     """Measured angles far from any closed chain: many valleys."""
-    data = as_type(lanes(pack(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32)
+    data = as_type(problem_batch(pack(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32)
     problem = girdle_, angles, measured = of_postures(data)
     done = fitted_from_places((girdle_, angles, objective_weights(measured)), around=False).converged
     assert 0.5 < done.mean() < 0.98
@@ -78,10 +81,14 @@ def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
 
 
 def test_adaptations_that_float32_cannot_do_are_those_of_float64():
-    data = as_type(lanes(pack(hard(24)), [load_model("R2")]), np.float32)
+    data = as_type(problem_batch(pack(hard(24)), [load_model("R2")]), np.float32)
     theta, factor = np.clip(data.girdle.adapted_mm, *data.bounds_mm), np.full(24, WEIGHT)
-    given = (data.girdle, data.points_mm, data.shares, problem_of(data, factor)), theta, data.angles
-    done = swept_from(*given).converged
+    given = (
+        Fixed(data.girdle, data.points_mm, data.point_weights, problem_with_weight(data, factor)),
+        theta,
+        data.angles,
+    )
+    done = sweep_from(*given).converged
     assert 0.1 < done.mean() < 0.9
     found, double = solved_from(*given), solved_from(*as_type(given, float))
     assert found.theta.dtype == float
@@ -91,8 +98,8 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
 
 def test_a_parameter_at_its_bound_is_at_it():
     """What float32 makes of a bound is not beside it."""
-    data = as_type(lanes(pack(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
-    given = data.girdle, data.points_mm, data.shares, problem_of(data, np.full(SUBJECTS, WEIGHT))
+    data = as_type(problem_batch(pack(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
+    given = Fixed(data.girdle, data.points_mm, data.point_weights, problem_with_weight(data, np.full(SUBJECTS, WEIGHT)))
     theta = solved_from(given, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
     lower, upper = data.bounds_mm.astype(float)
     assert np.all((theta >= lower) & (theta <= upper))
@@ -101,7 +108,7 @@ def test_a_parameter_at_its_bound_is_at_it():
 
 
 def test_three_engines_in_float32():
-    data = as_type(lanes(pack(simulate_subjects(4, seed=7)), [load_model("R4")]), np.float32)
+    data = as_type(problem_batch(pack(simulate_subjects(4, seed=7)), [load_model("R4")]), np.float32)
     girdle_, target, measured = of_postures(data)
     count = target.shape[1]
     start = quick_fit.PostureStart(target, np.zeros((3, count)), np.zeros(count, bool))
@@ -121,7 +128,7 @@ def test_statuses_are_those_of_float64(tmp_path):
     short = tmp_path / "short.toml"
     short.write_text((FOLDER / "R4.toml").read_text().replace("conoid_length_mm = 13.2", "conoid_length_mm = 8.2"))
     for model, expected in ((load_model(str(short)), status.UNREACHABLE), (load_model("R4"), status.OK)):
-        problem = of_postures(lanes(pack(simulate_subjects(1, seed=3)), [model]))
+        problem = of_postures(problem_batch(pack(simulate_subjects(1, seed=3)), [model]))
         problem[2][2:, 0] = False
         found = fit_batch(*as_type(problem, np.float32))
         assert found.status.tolist() == [status.INVALID] + [expected] * 13

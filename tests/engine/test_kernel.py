@@ -8,15 +8,15 @@ import pytest
 from adapt.engine import kernel
 from adapt.engine.batching import take_problems
 from adapt.engine.kernel import Kernel
-from adapt.solvers import adaptation
 from adapt.solvers import posture_fits as fit
-from adapt.solvers.adaptation import ProblemBatch, lanes, problem_of, select_problems
-from adapt.solvers.batched import kernels as quick_fit
+from adapt.solvers.batched import posture_kernels as quick_fit
+from adapt.solvers.batched import subject_kernels
 from adapt.solvers.batched.posture import PostureStart
 from adapt.solvers.batched.subject import Fixed, Start
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch, problem_with_weight, select_problems
 from adapt.solvers.reference.constraints import ByHand
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.reference.subject import conditions, joint
@@ -47,12 +47,12 @@ def ragged() -> Motions:
 
 @pytest.fixture(scope="module")
 def data() -> ProblemBatch:
-    return lanes(pack(ragged()), [load_model("R2")])
+    return problem_batch(pack(ragged()), [load_model("R2")])
 
 
 def arguments(data: ProblemBatch, iterations: float = 60.0):
     count, postures = data.counted.shape[1], data.counted.shape[0]
-    fixed = Fixed(data.girdle, data.points_mm, data.shares, problem_of(data, np.full(count, WEIGHT)))
+    fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem_with_weight(data, np.full(count, WEIGHT)))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
     return fixed, start, np.full(count, iterations)
@@ -70,11 +70,11 @@ def posture_arguments(iterations: float = 30.0):
 
 def test_subjects_by_three_engines(data):
     given = arguments(data)
-    found = adaptation.subjects_kernel.by_machine(*given)
+    found = subject_kernels.subjects_kernel.by_machine(*given)
     assert found.converged.all()
     with np.errstate(all="ignore"):
-        at_once = adaptation.subjects_kernel.text(*given)
-    for other in (at_once, adaptation.subjects_kernel.by_jax(*given)):
+        at_once = subject_kernels.subjects_kernel.text(*given)
+    for other in (at_once, subject_kernels.subjects_kernel.by_jax(*given)):
         np.testing.assert_array_equal(found.converged, other.converged)
         np.testing.assert_allclose(found.theta, other.theta, rtol=SAME_RELATIVE, atol=0.0)
         np.testing.assert_allclose(found.angles, other.angles, rtol=0.0, atol=SAME_RAD)
@@ -139,10 +139,10 @@ def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
 def test_the_conditions_are_those_of_the_definition(data, iterations):
     """On the way as at the end: ``adapt.solvers.reference.subject.conditions`` at the point where the sweep stopped."""
     fixed, *rest = arguments(data, iterations)
-    found = adaptation.subjects_kernel.by_machine(fixed, *rest)
+    found = subject_kernels.subjects_kernel.by_machine(fixed, *rest)
     constraints, thorax = ByHand(fixed.girdle.over_postures()), ThoraxPoints(*fixed[:3])
     z, point = joint(found.angles, found.theta), (found.theta, found.angles, found.multipliers)
-    at = constraints.residual(z), constraints.pull(z, found.multipliers)
+    at = constraints.residual(z), constraints.multiplier_gradient(z, found.multipliers)
     expected = conditions(thorax, fixed.problem, *point, *at)
     for name in ("residual_mm", "stationarity", "slope"):
         scale = max(1.0, np.abs(getattr(expected, name)).max())
@@ -155,19 +155,19 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
 
 def test_a_lane_is_the_same_alone_and_in_any_company(data):
     """To the last bit: alone, among others, and among so many that every core has some."""
-    among = adaptation.subjects_kernel.by_machine(*arguments(data))
-    many = adaptation.subjects_kernel.by_machine(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
+    among = subject_kernels.subjects_kernel.by_machine(*arguments(data))
+    many = subject_kernels.subjects_kernel.by_machine(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
     for k in range(SUBJECTS):
-        alone = adaptation.subjects_kernel.by_machine(*arguments(select_problems(data, np.array([k]))))
+        alone = subject_kernels.subjects_kernel.by_machine(*arguments(select_problems(data, np.array([k]))))
         for name in ("theta", "angles", "multipliers", "residual_mm", "slope", "converged"):
             np.testing.assert_array_equal(getattr(alone, name)[..., 0], getattr(among, name)[..., k])
             np.testing.assert_array_equal(getattr(many, name)[..., k::SUBJECTS][..., 0], getattr(among, name)[..., k])
 
 
 def test_one_bad_lane_harms_no_other(data):
-    good = adaptation.subjects_kernel.by_machine(*arguments(data))
+    good = subject_kernels.subjects_kernel.by_machine(*arguments(data))
     data.angles[1, 0, 4] = np.nan
-    found = adaptation.subjects_kernel.by_machine(*arguments(data))
+    found = subject_kernels.subjects_kernel.by_machine(*arguments(data))
     data.angles[1, 0, 4] = 0.1
     rest = np.arange(SUBJECTS) != 4
     assert not found.converged[4]
@@ -196,7 +196,7 @@ def test_far_postures_end_no_higher_than_the_careful_path():
     girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
     known = np.ones(target.shape, bool)
     found = fit_batch(girdle, target, known)
-    careful = fit._reference_fit(girdle, target, objective_weights(known), None)
+    careful = fit.reference_fit(girdle, target, objective_weights(known), None)
     j = fit.mean_square_deg2(careful.angles, target, objective_weights(known))
     assert np.all(found.status == "ok")
     above = np.asarray(careful.converged & (found.j_deg2 > j + 1e-6))

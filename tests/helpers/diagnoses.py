@@ -14,8 +14,8 @@ from adapt.diagnosis.gap_location import Cell, ConstraintResidual, Level, Profil
 from adapt.diagnosis.inference.ranking import Ranking
 from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN, Verdict
 from adapt.diagnosis.json_form import as_json
+from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
-from models.girdle import ADAPTED
 
 ANSWERS = {*EFFECTS, NONE, UNKNOWN}
 BONES = ("all", "clavicle", "scapula")

@@ -9,10 +9,14 @@ from jaxtyping import Float
 from adapt import Adaptations
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
+from adapt.solvers.objective import WEIGHT
 from adapt.solvers.posture_fits import Fitted
 from adapt.tables.held_out import BONES, COLUMNS, MOTION
 from adapt.tables.results import fits_table, parameters_table, rows_of_subjects, summary_table
+from adapt.trust.covariance import Uncertainty
+from adapt.trust.curvature import Curvature
 from models import ParameterSet
+from models.adapted_parameters import ADAPTED
 from motions import ANGLES, Motions
 from motions.rotations import DEG
 
@@ -66,7 +70,8 @@ def adaptations(
     tables = [fits_table(motions, one.name, state, fitted[state]) for state in by_state for one in models]
     fits = pd.concat(tables, ignore_index=True)
     results = {model.name: _adapted(motions, model, failed) for model in models}
-    parameters = parameters_table(motions.subjects, models, results, fits)
+    uncertainty = _uncertainty(len(models) * len(motions.subjects))
+    parameters = parameters_table(motions.subjects, models, results, uncertainty.sd_mm, fits)
     by_model = {one.name: fitted[True] for one in models}
     heldout = _heldout(motions, models)
     return Adaptations(
@@ -75,6 +80,7 @@ def adaptations(
         summary=summary_table(fits, heldout),
         subjects=rows_of_subjects(fits),
         adapted=results,
+        uncertainty=uncertainty,
         parameters=parameters,
         heldout=heldout,
     )
@@ -107,18 +113,29 @@ def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndar
     )
 
 
+def _uncertainty(problems: int) -> Uncertainty:
+    """Of every parameter 1 mm, all of it noise."""
+    unit = np.repeat(np.eye(len(ADAPTED))[..., None], problems, axis=-1)
+    curvature = Curvature(unit, unit, np.zeros((len(ADAPTED), 6, 1, problems)), unit, unit)
+    row = np.ones((len(ADAPTED), problems))
+    return Uncertainty(unit, 0.0 * unit, 0.0 * unit, unit, 0.5 * row, row[0], curvature, row > 0.0)
+
+
 def _adapted(motions: Motions, model: ParameterSet, failed: Sequence[str]) -> Adapted:
     names = motions.subjects
     lost = np.isin(names, list(failed))
     theta_mm = np.asarray(model.girdle.adapted_mm)[:, None] + MOVED_MM[:, None] + np.zeros(len(names))
     return Adapted(
         theta_mm=np.where(lost, np.nan, theta_mm),
-        sd_mm=np.ones((len(ANGLES), len(names))),
         at_bound=np.zeros((len(ANGLES), len(names)), dtype=bool),
         angles=np.zeros((6, 1, len(names))),
+        multipliers=np.zeros((3, 1, len(names))),
+        residual_mm=np.zeros((3, 1, len(names))),
+        stationarity=np.zeros((1, len(names))),
         D_mm2=np.ones(len(names)),
         mean_j_deg2=np.ones(len(names)),
         E=np.ones(len(names)),
+        weight=np.full(len(names), WEIGHT),
         iterations=np.ones(len(names), dtype=int),
         status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
     )

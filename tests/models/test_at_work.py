@@ -79,7 +79,7 @@ def test_of_size_zero_it_changes_nothing(noisy):
     for model in models:
         ours, theirs = found.adapted[model.name], expected.adapted[model.name]
         np.testing.assert_allclose(ours.theta_mm, theirs.theta_mm, atol=SAME_MM)
-        np.testing.assert_allclose(ours.sd_mm, theirs.sd_mm, rtol=SAME_MM)
+    np.testing.assert_allclose(found.uncertainty.sd_mm, expected.uncertainty.sd_mm, rtol=SAME_MM)
     ours, theirs = (one.fits.select_dtypes("number").to_numpy() for one in (found, expected))
     np.testing.assert_allclose(ours, theirs, atol=SAME_DEG)
 

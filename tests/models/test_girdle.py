@@ -9,7 +9,8 @@ import pytest
 from oracles import bones, constraints
 
 from models import load_model, model_names
-from models.girdle import ADAPTED, Girdle, constraint_residuals_mm, landmarks
+from models.adapted_parameters import ADAPTED
+from models.girdle import Girdle, constraint_residuals_mm, landmarks
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 

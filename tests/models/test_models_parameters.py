@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from models import ParameterSet, load_model, model_names
-from models.girdle import ADAPTED, Girdle, constraint_residuals_mm, landmarks
+from models.adapted_parameters import ADAPTED
+from models.girdle import Girdle, constraint_residuals_mm, landmarks
 from models.parameter_sets import FOLDER, SHORTEST_MM, shortest_conoid_mm
 from motions.errors import InputError
 from motions.rotations import DEG

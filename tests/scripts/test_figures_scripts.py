@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from motions import ANGLES, InputError
 from scripts import draw_before_after, summarise_gap
 
@@ -51,7 +51,7 @@ def parameters(
     """One row of parameters.csv."""
     row: dict[str, object] = {"model": "R2", "subject": subject, "status": status}
     for name in ADAPTED:
-        row |= {f"{name}_mm": 100.0, f"{name}_mm_prior": 100.0, f"{name}_mm_at_bound": int(name in at_bound)}
+        row |= {f"{name}_mm": 100.0, f"{name}_mm_model": 100.0, f"{name}_mm_at_bound": int(name in at_bound)}
     return row | {"M_y_mm": 100.0 + moved_mm[0], "M_z_mm": 100.0 + moved_mm[1]}
 
 

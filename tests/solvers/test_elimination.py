@@ -28,7 +28,7 @@ class Case(NamedTuple):
     at: ConstraintDerivatives
     weights: np.ndarray
     """(6, lanes), one of them 0 in every third lane."""
-    pull: np.ndarray
+    objective_gradient: np.ndarray
     multipliers: np.ndarray
     g: np.ndarray
     G: np.ndarray
@@ -61,9 +61,9 @@ def case() -> Case:
     at = chain(girdle, list(q), list(theta), list(multipliers), start)
     damped = np.maximum(weights, UNMEASURED_WEIGHT * weights.max(axis=0))
     T, C, U = np.zeros((LANES, 3, 6)), np.zeros((LANES, 6, 6)), np.zeros((LANES, 6, 6))
-    T[:, :2, :ELLIPSOID], T[:, 2, ELLIPSOID] = np.moveaxis(np.array(at.T), -1, 0), -1.0
-    C[..., :ELLIPSOID] = np.moveaxis(np.array(at.qu), -1, 0)
-    U[:, :ELLIPSOID, :ELLIPSOID] = symmetric(at.uu, ELLIPSOID)
+    T[:, :2, : len(ELLIPSOID)], T[:, 2, len(ELLIPSOID)] = np.moveaxis(np.array(at.T), -1, 0), -1.0
+    C[..., : len(ELLIPSOID)] = np.moveaxis(np.array(at.qu), -1, 0)
+    U[:, : len(ELLIPSOID), : len(ELLIPSOID)] = symmetric(at.uu, len(ELLIPSOID))
     return Case(
         at,
         weights,
@@ -79,7 +79,7 @@ def case() -> Case:
 
 
 def eliminated(case: Case, parameters: bool) -> Elimination:
-    return Elimination(case.at, list(case.weights), list(case.pull), parameters)
+    return Elimination(case.at, list(case.weights), list(case.objective_gradient), parameters)
 
 
 def assert_sum_to_zero(*terms: np.ndarray) -> None:
@@ -139,7 +139,9 @@ def test_the_conditions_of_a_posture_hold_for_any_step_of_the_parameters(case, s
     H, C, _ = conditions(case, np.asarray(found.convex))
     d = size_mm * np.random.default_rng(4).normal(size=(LANES, 6))
     dq, multipliers = (np.array(x).T for x in found.steps.moved(list(d.T)))
-    assert_sum_to_zero(times(H, dq), times(C, d), times(np.swapaxes(case.G, 1, 2), multipliers), case.pull.T)
+    assert_sum_to_zero(
+        times(H, dq), times(C, d), times(np.swapaxes(case.G, 1, 2), multipliers), case.objective_gradient.T
+    )
     assert_sum_to_zero(times(case.G, dq), times(case.T, d), case.g)
 
 
@@ -147,7 +149,7 @@ def test_without_parameters_they_are_those_of_a_posture_fit(case):
     found = eliminated(case, parameters=False)
     H, _, _ = conditions(case, np.asarray(found.convex))
     dq, multipliers = (np.array(x).T for x in found.steps.moved([]))
-    assert_sum_to_zero(times(H, dq), times(np.swapaxes(case.G, 1, 2), multipliers), case.pull.T)
+    assert_sum_to_zero(times(H, dq), times(np.swapaxes(case.G, 1, 2), multipliers), case.objective_gradient.T)
     assert_sum_to_zero(times(case.G, dq), case.g)
 
 
@@ -168,8 +170,8 @@ def test_merit_and_stationarity_by_hand(case):
     s = np.full((3, LANES), 7.0)
     found = augmented(list(case.multipliers), list(s), list(case.g.T))
     np.testing.assert_allclose(found, np.sum((case.multipliers + 3.5 * case.g.T) * case.g.T, axis=0), rtol=EXACT)
-    residual = case.pull.T + times(np.swapaxes(case.G, 1, 2), case.multipliers.T)
-    found = stationarity(case.at, list(case.pull), list(case.multipliers))
+    residual = case.objective_gradient.T + times(np.swapaxes(case.G, 1, 2), case.multipliers.T)
+    found = stationarity(case.at, list(case.objective_gradient), list(case.multipliers))
     np.testing.assert_allclose(found, np.abs(residual).max(axis=1), rtol=EXACT)
 
 

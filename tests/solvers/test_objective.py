@@ -94,13 +94,13 @@ def test_a_geometric_fit_that_fails_keeps_the_ellipsoid():
 def test_derivatives_of_d_by_hand_are_those_of_jax():
     """At parameters off the set's own, of ten points of which one does not count."""
     model = load_model("R2")
-    shares = np.append(np.full(9, 1.0 / 9.0), 0.0)
+    point_weights = np.append(np.full(9, 1.0 / 9.0), 0.0)
     points = np.asarray(model.points_mm)[:, :10]
-    thorax = ThoraxPoints(model.girdle, jnp.asarray(points), jnp.asarray(shares))
+    thorax = ThoraxPoints(model.girdle, jnp.asarray(points), jnp.asarray(point_weights))
     theta = model.girdle.adapted_mm + jnp.array([12.0, -5.0, 3.0, -20.0, 4.0, 1.0])
 
     def D(theta):
-        return thorax_distance_mm2(model.girdle.with_adapted(theta), jnp.asarray(points), jnp.asarray(shares))
+        return thorax_distance_mm2(model.girdle.with_adapted(theta), jnp.asarray(points), jnp.asarray(point_weights))
 
     def distances(theta):
         moved = model.girdle.with_adapted(theta)

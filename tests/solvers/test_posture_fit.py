@@ -9,7 +9,8 @@ import pytest
 from oracles import Posture, bones, constraints, kkt_residual, slsqp
 
 from adapt.solvers import status
-from adapt.solvers.posture_fits import Fitted, fit_batch, follow_motions
+from adapt.solvers.continuation import follow_motions
+from adapt.solvers.posture_fits import Fitted, fit_batch
 from models import load_model, model_names
 from models.girdle import Girdle
 from models.parameter_sets import shortest_conoid_mm
@@ -113,17 +114,17 @@ def measured(measured_files) -> Case:
     girdle, target, model = all_models(motions.angles_deg.T)
     same = (motions.subject[1:] == motions.subject[:-1]) & (motions.motion[1:] == motions.motion[:-1])
     previous = np.append(-1, np.where(same, np.arange(len(same)), -1))
-    lane = np.arange(len(MODELS))[:, None] * len(previous)
-    previous = np.where(previous >= 0, previous + lane, -1).ravel()
+    problem = np.arange(len(MODELS))[:, None] * len(previous)
+    previous = np.where(previous >= 0, previous + problem, -1).ravel()
     found = fit(girdle, target)
     followed = follow_motions(found, girdle, target / DEG, np.isfinite(target), previous)
     return Case(target, model, followed, followed.j_deg2 > found.j_deg2 + J_TOLERANCE_DEG2)
 
 
-def slsqp_lanes(case: Case, start_deg: np.ndarray, lanes) -> dict[int, Posture]:
+def slsqp_lanes(case: Case, start_deg: np.ndarray, problem_batch) -> dict[int, Posture]:
     """SLSQP on the given lanes, without those where it gives up."""
     known = {name: bones(load_model(name).girdle) for name in MODELS}
-    found = {k: slsqp(known[case.model[k]], case.target_deg[:, k], start_deg[:, k]) for k in map(int, lanes)}
+    found = {k: slsqp(known[case.model[k]], case.target_deg[:, k], start_deg[:, k]) for k in map(int, problem_batch)}
     return {k: one for k, one in found.items() if one.success and one.open_mm < OPEN_MM}
 
 
@@ -171,8 +172,8 @@ def test_measured_postures_are_slsqps_and_never_the_worse_valley(measured):
     assert_optimal(measured)
     _, higher = other_valleys(measured)
     assert measured.raised is not None
-    assert [lane for lane in higher if not measured.raised[lane]] == []
-    assert {measured.model[lane] for lane in higher} <= {"das3"}  # which does not close at rest: many valleys
+    assert [problem for problem in higher if not measured.raised[problem]] == []
+    assert {measured.model[problem] for problem in higher} <= {"das3"}  # which does not close at rest: many valleys
 
 
 def test_every_posture_60_degrees_away_converges(far):
@@ -202,9 +203,9 @@ def test_the_start_does_not_matter_within_its_valley(simulated_deg):
 def test_a_closed_posture_is_its_own_fit(near):
     """The fitted postures close the chain; taken as measured, J = 0 and nothing moves."""
     for name in ("R2", "breteler_mri"):
-        lanes = np.flatnonzero([model == name for model in near.model])
-        closed = near.fitted.angles[:, lanes]
-        again = fit(repeated(load_model(name).girdle, len(lanes)), closed * DEG)
+        problem_batch = np.flatnonzero([model == name for model in near.model])
+        closed = near.fitted.angles[:, problem_batch]
+        again = fit(repeated(load_model(name).girdle, len(problem_batch)), closed * DEG)
         assert set(again.status) == {status.OK}
         assert np.abs(again.angles - closed).max() * DEG <= ANGLE_TOLERANCE_DEG
         assert again.j_deg2.max() <= ANGLE_TOLERANCE_DEG**2
@@ -215,16 +216,16 @@ def test_a_measurement_pulled_off_along_the_normal_comes_back(near):
 
     From dJ/dq = (q - s) / 3 = -G' lambda, degrees and deg^2 a mm.
     """
-    lanes = np.flatnonzero([name == "R4" for name in near.model])
+    problem_batch = np.flatnonzero([name == "R4" for name in near.model])
     b = bones(load_model("R4").girdle)
-    q = near.fitted.angles[:, lanes] * DEG
+    q = near.fitted.angles[:, problem_batch] * DEG
     G = np.stack([constraints(b, one)[1] for one in q.T], axis=-1)
-    multipliers = np.random.default_rng(3).normal(0.0, 0.1, (3, len(lanes)))
-    pull = np.einsum("cak,ck->ak", G, multipliers)
-    found = fit(repeated(load_model("R4").girdle, len(lanes)), q + 3.0 * pull)
+    multipliers = np.random.default_rng(3).normal(0.0, 0.1, (3, len(problem_batch)))
+    multiplier_gradient = np.einsum("cak,ck->ak", G, multipliers)
+    found = fit(repeated(load_model("R4").girdle, len(problem_batch)), q + 3.0 * multiplier_gradient)
     np.testing.assert_allclose(found.angles * DEG, q, rtol=0.0, atol=ANGLE_TOLERANCE_DEG)
     np.testing.assert_allclose(found.multipliers, multipliers, rtol=0.0, atol=1e-7)
-    np.testing.assert_allclose(found.j_deg2, 1.5 * np.sum(pull**2, axis=0), rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(found.j_deg2, 1.5 * np.sum(multiplier_gradient**2, axis=0), rtol=0.0, atol=1e-8)
 
 
 def one_angle_girdle() -> tuple[Girdle, np.ndarray, float]:
@@ -395,10 +396,9 @@ def test_a_posture_on_another_branch_is_put_back():
         other = None if good.jump.any() else other_branch(girdle, target, good)
         if other is None:
             continue
-        k, lane = other
-        moved = Fitted(**{key: value.copy() for key, value in vars(good).items()})
-        for key, value in vars(lane).items():
-            getattr(moved, key)[..., k : k + 1] = value
+        k, further = other
+        moved = good.copy()
+        moved.put(slice(k, k + 1), further)
         assert np.abs(moved.angles - good.angles).max() * DEG > 1.0
         back = follow_motions(moved, *problem)
         np.testing.assert_allclose(back.angles, good.angles, rtol=0.0, atol=ANGLE_TOLERANCE_DEG / DEG)

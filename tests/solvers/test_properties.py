@@ -13,13 +13,15 @@ from hypothesis import strategies as st
 from laboratory import repeated
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import ProblemBatch, adapt_batch, fitted_angles, lanes
+from adapt.solvers.adaptation import adapt_batch, fitted_angles
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
-from models.girdle import ADAPTED, Girdle, constraint_residuals_mm
+from models.adapted_parameters import ADAPTED
+from models.girdle import Girdle, constraint_residuals_mm
 from motions import read_motions
 from motions.motion_csv.posture_rows import MIRROR_ANGLES, MIRROR_POSITION
 from motions.rhythm_subjects import simulate_subjects
@@ -141,7 +143,7 @@ NO_POINTS = 1e4
 def before(data: ProblemBatch, weight: float) -> tuple[np.ndarray, np.ndarray]:
     """E and mean J of the girdle as it is, with its postures fitted."""
     theta = data.girdle.adapted_mm
-    D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.shares))
+    D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.point_weights))
     j = mean_square_deg2(fitted_angles(data, theta), data.angles, objective_weights(data.measured))
     mean_j = np.asarray(jnp.sum(jnp.where(data.counted, j, 0.0), axis=0) / jnp.sum(data.counted, axis=0))
     return D + weight * mean_j, mean_j
@@ -150,7 +152,7 @@ def before(data: ProblemBatch, weight: float) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("weight", [WEIGHT, NO_POINTS], ids=["E", "the gap alone"])
 def test_nothing_rises_by_adapting_nor_by_freeing_a_parameter(weight):
     """Nested: nothing free, the conoid, the centre too, all. Each problem contains the one before."""
-    data = lanes(pack(simulate_subjects(SUBJECTS, seed=3, noise_deg=2.0)), [load_model("R2")])
+    data = problem_batch(pack(simulate_subjects(SUBJECTS, seed=3, noise_deg=2.0)), [load_model("R2")])
     nested = [{"conoid_length"}, {"conoid_length", "M_y", "M_z"}, set(ADAPTED)]
     found = [before(data, weight)]
     for free in nested:

@@ -15,7 +15,7 @@ from adapt.tables.results import (
     parameter_statistics,
     summary_table,
 )
-from models.girdle import ADAPTED
+from models.adapted_parameters import ADAPTED
 from motions import ANGLES
 
 MEANS = [f"{angle}_deg" for angle in ANGLES]
@@ -192,7 +192,7 @@ def parameters(model: str, M_y_mm: list[float], words: list[str]) -> pd.DataFram
     columns: dict[str, object] = {"model": [model] * len(words), "status": words}
     for name in ADAPTED:
         columns[f"{name}_mm"] = M_y_mm if name == "M_y" else 7.0
-        columns[f"{name}_mm_prior"] = -296.0 if name == "M_y" else 7.0
+        columns[f"{name}_mm_model"] = -296.0 if name == "M_y" else 7.0
         columns[f"{name}_mm_at_bound"] = [int(value > -200.0) if name == "M_y" else 0 for value in M_y_mm]
     return pd.DataFrame(columns)
 
@@ -207,7 +207,7 @@ def test_parameter_statistics_by_hand():
     M_y, others = found.iloc[0], found.iloc[1:6]
     assert M_y["mean_mm"] == pytest.approx(-260.0)
     assert M_y["sd_mm"] == pytest.approx(np.sqrt(3700.0))
-    assert (M_y["prior_mm"], M_y["at_bound"], M_y["subjects"]) == (-296.0, 1, 3)
+    assert (M_y["model_mm"], M_y["at_bound"], M_y["subjects"]) == (-296.0, 1, 3)
     assert others["sd_mm"].tolist() == [0.0] * 5
     assert others["mean_mm"].tolist() == [7.0] * 5
     assert np.isnan(found.iloc[6]["sd_mm"])

@@ -16,8 +16,9 @@ from adapt.api import adapt_subjects
 from adapt.assessment import BOUNDS, NONE, intervals
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, ProblemBatch, adapt_batch, adapted_from, lanes, select_problems
+from adapt.solvers.adaptation import Adapted, adapt_batch, adapted_from
 from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
 from adapt.tables.results import HELD_OUT
 from adapt.trust.bootstrap import bootstrap_mm
@@ -75,7 +76,7 @@ class Case:
 def case() -> Case:
     model = load_model("breteler_dissection")
     motions = simulate_model_subjects(model, None, SUBJECTS, 1.5, seed=7).motions
-    data = lanes(pack(motions), [model])
+    data = problem_batch(pack(motions), [model])
     adapted = adapt_batch(data)
     assert set(adapted.status) == {status.OK}
     assert not adapted.at_bound.any()
@@ -119,16 +120,16 @@ def test_the_curvature_of_the_points_is_that_of_the_other_engine(case):
 def test_curvature_of_the_motion_is_the_rise_of_e(case):
     """E a little off the optimum, the postures fitted anew: 1/2 v' H v more, in flat and stiff directions."""
     H = case.found.curvature.of_points + case.found.curvature.of_motion
-    for lane in range(SUBJECTS):
-        values, directions = np.linalg.eigh(H[..., lane])
+    for problem in range(SUBJECTS):
+        values, directions = np.linalg.eigh(H[..., problem])
         for k in (0, 3, 5):
             size = 0.05 / np.sqrt(values[k])
             E = []
             for sign in (1.0, -1.0):
                 theta = case.adapted.theta_mm + sign * size * directions[:, [k]]
                 held = np.stack([theta, theta])
-                E.append(adapted_from(select_problems(case.data, np.arange(4), bounds_mm=held), theta).E[lane])
-            rise = np.mean(E) - case.adapted.E[lane]
+                E.append(adapted_from(select_problems(case.data, np.arange(4), bounds_mm=held), theta).E[problem])
+            rise = np.mean(E) - case.adapted.E[problem]
             assert rise == pytest.approx(0.5 * 0.05**2, rel=0.02)
 
 
@@ -160,13 +161,13 @@ def test_noise_of_no_subject_is_no_uncertainty(case):
 
 def test_points_alone_forbid_everything_and_motion_alone_nothing(case):
     """w -> 0: theta is the points', as far off as the person is from them. The conoid has no points."""
-    tiny = uncertainty(case.data, case.adapted, weight=1e-9)
+    tiny = uncertainty(case.data, replace(case.adapted, weight=np.full(4, 1e-9)))
     np.testing.assert_allclose(tiny.points_share[:5], 1.0, rtol=0.0, atol=1e-5)
     # Of the geometric fit itself, where D has no residual, what is left is Sigma.
-    at_own = replace(case.adapted, theta_mm=np.asarray(case.data.girdle.adapted_mm))
-    own = uncertainty(case.data, at_own, weight=1e-9)
+    own_mm = np.asarray(case.data.girdle.adapted_mm)
+    own = uncertainty(case.data, replace(case.adapted, theta_mm=own_mm, weight=np.full(4, 1e-9)))
     np.testing.assert_allclose(sd(own.person_mm2)[:5], PERSON_SD_MM[:5, None] * np.ones(4), rtol=1e-3)
-    huge = uncertainty(case.data, case.adapted, weight=1e9)
+    huge = uncertainty(case.data, replace(case.adapted, weight=np.full(4, 1e9)))
     # The motion's information along its flattest direction is 1e-8 of that along the stiffest.
     np.testing.assert_allclose(huge.points_share, 0.0, rtol=0.0, atol=1e-2)
 
@@ -283,11 +284,11 @@ def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
     result = adapt_subjects(case.motions, case.model, held_out=case.motions.subjects[:2])
     assert set(result.heldout["subject"]) == set(case.motions.subjects[:2])
     seen = by_subject(result.heldout)
-    for lane in range(2):
-        counted = np.asarray(case.data.counted)[:, lane]
-        off = np.abs(case.adapted.angles[..., lane] - np.asarray(case.data.angles)[..., lane])[:, counted] * DEG
+    for problem in range(2):
+        counted = np.asarray(case.data.counted)[:, problem]
+        off = np.abs(case.adapted.angles[..., problem] - np.asarray(case.data.angles)[..., problem])[:, counted] * DEG
         for bone, angles in (("", slice(0, 6)), ("clavicle_", slice(0, 3)), ("scapula_", slice(3, 6))):
-            assert seen[f"{bone}gap_in_sample_deg"][lane] == pytest.approx(off[angles].mean(), abs=1e-6)
+            assert seen[f"{bone}gap_in_sample_deg"][problem] == pytest.approx(off[angles].mean(), abs=1e-6)
     # What was not seen is fitted by a girdle that knew less.
     assert (seen["gap_unseen_deg"] > seen["gap_in_sample_deg"]).all()
 

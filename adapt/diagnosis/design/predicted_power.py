@@ -26,9 +26,10 @@ from adapt.diagnosis.inference.axial_turn import mean_subject
 from adapt.diagnosis.inference.priors import over_priors
 from adapt.diagnosis.inference.verdict import NONE_FROM, posterior_probabilities
 from adapt.engine.batching import in_threads
+from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import COURSE_SD
-from models.girdle import ADAPTED, Girdle
+from models.girdle import Girdle
 
 _DRAWS = 50
 """Of each effect: a share of one half is known to 7 points, the mean over the effects to 2."""
@@ -37,7 +38,7 @@ _SEED = 1999
 """The same draws for the same data: nothing else is random in a diagnosis."""
 
 SPREAD, _SPREADS = 0.5, np.outer((0.4, 0.7), np.ones(6))
-"""Share of ``THETA_SD_MM`` by which the drawn subjects' adapted parameters vary; and those with which draws are
+"""Share of ``PRIOR_SD_MM`` by which the drawn subjects' adapted parameters vary; and those with which draws are
 weighed, as if the data had chosen them."""
 
 _NAMED_OFTEN = 0.05

@@ -14,11 +14,12 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import THETA_SD_MM, Hypothesis, shared_prior, single_hypotheses
+from adapt.diagnosis.fit.linear_evidence import Hypothesis, shared_prior, single_hypotheses
 from adapt.diagnosis.fit.misfit import columns_of, free_columns, misfit, prior_sd_of, prior_z
 from adapt.diagnosis.fit.observations import Noise, Observed
+from models.adapted_parameters import ADAPTED, PRIOR_SD_MM
 from models.effects import Effect
-from models.girdle import ADAPTED, Girdle
+from models.girdle import Girdle
 
 TOLD_APART = 3.0
 """Expected log evidence (odds of 20 to 1) from which two hypotheses are told apart."""
@@ -166,7 +167,7 @@ def slopes(
     each = at.reshape(len(hypotheses), subjects, -1, len(chosen))
     amplitudes = [columns_of(effects, hypothesis) for hypothesis in hypotheses]
     by_amplitudes = [of[..., len(ADAPTED) : len(ADAPTED) + len(k)] for of, k in zip(each, amplitudes, strict=True)]
-    return each[0, ..., : len(ADAPTED)] * THETA_SD_MM, by_amplitudes
+    return each[0, ..., : len(ADAPTED)] * PRIOR_SD_MM, by_amplitudes
 
 
 def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:

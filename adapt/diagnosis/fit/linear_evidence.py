@@ -16,6 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from models.adapted_parameters import PRIOR_SD_MM
+
 Hypothesis = tuple[str, ...]
 """Names of the effects at work; empty for none."""
 
@@ -25,11 +27,7 @@ def single_hypotheses(names: Iterable[str]) -> list[Hypothesis]:
     return [(), *((name,) for name in names)]
 
 
-THETA_SD_MM = np.array([30.0, 8.0, 6.0, 30.0, 12.0, 3.0])
-"""Prior SD of a subject's adapted parameters about the model's own, in the order of ADAPTED. Assumed: within a factor
-of two of the spread between subjects of Table 6.5 (R2: 31, 6, 3, 24, 17, 2 mm)."""
-
-_ADAPTED = len(THETA_SD_MM)
+_ADAPTED = len(PRIOR_SD_MM)
 
 _TURNS = 3
 """Rounds of turning signs: the eigenvector is nearly always right."""
@@ -100,7 +98,7 @@ class LinearisedFit:
     by_angle: Float[np.ndarray, "subjects postures m 6"]
     """What a unit of each equation, and a rad of each measured angle, adds to y (see ``misfit.Misfit``)."""
     spread: Float[np.ndarray, " 6"] = field(default_factory=lambda: np.ones(_ADAPTED))
-    """By which share of its ``THETA_SD_MM`` each adapted parameter varies between subjects: that is the unit of u and
+    """By which share of its ``PRIOR_SD_MM`` each adapted parameter varies between subjects: that is the unit of u and
     X."""
 
     def with_noise(self, share: float) -> "LinearisedFit":
@@ -209,7 +207,7 @@ class InnerProducts:
         return replace(self, columns=self.columns[:, own, own], seen=seen, square=self.square - explained)
 
     def with_shift(self) -> "InnerProducts":
-        """The same with X once more behind all columns, in units of ``THETA_SD_MM``: what a shift of the adapted
+        """The same with X once more behind all columns, in units of ``PRIOR_SD_MM``: what a shift of the adapted
         parameters does that all subjects have in common."""
         again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)])
         unit = np.ones(len(again))

@@ -15,7 +15,6 @@ from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.linear_evidence import (
     BETWEEN_SUBJECTS,
-    THETA_SD_MM,
     Hypothesis,
     LinearisedFit,
     posterior,
@@ -23,8 +22,9 @@ from adapt.diagnosis.fit.linear_evidence import (
 )
 from adapt.diagnosis.fit.misfit import Misfit, columns_of, free_columns, misfit, prior_sd_of, prior_z
 from adapt.diagnosis.fit.observations import Noise, Observed
+from models.adapted_parameters import ADAPTED, PRIOR_SD_MM
 from models.effects import Effect
-from models.girdle import ADAPTED, Girdle
+from models.girdle import Girdle
 
 _STEPS = 6
 """Most Gauss-Newton steps in each of the first two rounds, and of all subjects together."""
@@ -140,7 +140,7 @@ def _from_lower_valleys(look: Look, prior: _Prior, found: _Found, subjects: int)
 def _layout(effects, hypotheses) -> tuple[Int[np.ndarray, "free hypotheses"], Float[np.ndarray, "free hypotheses"]]:
     """The columns of z that each hypothesis frees, padded with -1, and their prior scales."""
     columns = free_columns(effects, hypotheses)
-    scale = np.concatenate([THETA_SD_MM, prior_sd_of(effects)])
+    scale = np.concatenate([PRIOR_SD_MM, prior_sd_of(effects)])
     return columns, np.where(columns >= 0, scale[columns], 1.0)
 
 
@@ -220,7 +220,7 @@ def _pooled_z(effects, fitted: LinearisedFit, prior) -> Float[np.ndarray, "param
     """Where the linear model puts the most probable parameters of all subjects together."""
     mean = posterior(fitted, shared_prior(fitted.scale))
     z = np.repeat(prior[:, None], fitted.z.shape[1], axis=1)
-    z[_THETA] += (mean.u * THETA_SD_MM).T
+    z[_THETA] += (mean.u * PRIOR_SD_MM).T
     z[columns_of(effects, fitted.hypothesis)] = mean.a.T
     return z
 
@@ -240,8 +240,8 @@ def _linear(effects, hypothesis: Hypothesis, at: Misfit, z, prior, span: slice) 
     scale = prior_sd_of(e for e in effects if e.name in hypothesis)
     y = at.y[span].reshape(at.y[span].shape[0], -1)
     slopes = at.slopes[span].reshape(*y.shape, -1)
-    X, A = slopes[..., _THETA] * THETA_SD_MM, slopes[..., len(ADAPTED) : len(ADAPTED) + len(chosen)]
-    u = (z[_THETA, span].T - prior[_THETA]) / THETA_SD_MM
+    X, A = slopes[..., _THETA] * PRIOR_SD_MM, slopes[..., len(ADAPTED) : len(ADAPTED) + len(chosen)]
+    u = (z[_THETA, span].T - prior[_THETA]) / PRIOR_SD_MM
     a = z[chosen][:, span].T
     return LinearisedFit(
         hypothesis=hypothesis,

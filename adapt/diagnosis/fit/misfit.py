@@ -25,8 +25,9 @@ from adapt.diagnosis.fit.observations import Noise, Observed
 from adapt.engine.batching import compiled, in_chunks
 from adapt.solvers.linalg import jacobian
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
+from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects, Effect, ExtendedGirdle
-from models.girdle import ADAPTED, Girdle
+from models.girdle import Girdle
 from motions.table import ANGLES
 
 _POSTURES = 512

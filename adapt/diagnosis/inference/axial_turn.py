@@ -20,9 +20,9 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.linear_evidence import InnerProducts
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.departures import departures_of, of_each_channel
+from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import FULL_ELEVATION_DEG
-from models.girdle import ADAPTED
 from motions.rotations import DEG
 from motions.table import ANGLES
 

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.linear_evidence import (
-    THETA_SD_MM,
     AmplitudePrior,
     InnerProducts,
     LinearisedFit,
@@ -24,17 +23,13 @@ from adapt.diagnosis.fit.linear_evidence import (
     statistics,
 )
 from adapt.diagnosis.inference.one_course import one_course
+from models.adapted_parameters import PRIOR_SD_MM, SPREADS_MM
 from models.effects import Effect
 
 _SIZES = (0.5, 1.0)
 """Shares of an effect's scale that its amplitude is as likely to be of: small ones and large ones."""
 
-SPREADS_MM = ((7.0, 25.0), (3.0, 7.0), (2.0, 4.0, 8.0), (7.0, 25.0), (4.0, 12.0), (0.9, 2.5))
-"""SDs of each of ADAPTED between people that there may be, any with any: the data choose. Table 6.5 has 8-31, 6-7, 2-3,
-13-24, 15-17 and 1-2 mm, fitted with noise and within bounds; A_x may vary more, as chests do (assumed). One held
-to vary less than it does would be taken for a constant effect: a wider chest for another clavicle."""
-
-_SPREADS = np.array(list(product(*SPREADS_MM))) / THETA_SD_MM
+_SPREADS = np.array(list(product(*SPREADS_MM))) / PRIOR_SD_MM
 
 _LIKELIEST = 8
 """So many are weighed with all else; the others are allowed for by their weight with the amplitudes as fitted."""
@@ -45,7 +40,7 @@ the effect where it is at work, not of its absence."""
 
 _SHIFT_SHARE, SHIFT = 0.1, 0.5
 """Prior probability that the people measured differ from the parameter set on average, not only from each other; and by
-which share of ``THETA_SD_MM``."""
+which share of ``PRIOR_SD_MM``."""
 
 _OPPOSED_SHARE, _OPPOSED_SIGNED_SHARE = 0.05, 0.015
 """Prior probability that an effect's sign differs from subject to subject, all else being alike; and that of an effect

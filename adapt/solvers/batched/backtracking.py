@@ -1,7 +1,7 @@
 """The loop of both fast paths: every iteration tries a point, accepts it or comes back part of the way.
 
 A state has ``length`` (the share of the step that is tried), ``merit`` (of the last accepted point), ``iterations`` and
-``converged``, one of each a lane.
+``converged``, one of each a problem.
 """
 
 from collections.abc import Callable
@@ -26,20 +26,20 @@ class Tried(Protocol):
     """What every state has; a NamedTuple."""
 
     @property
-    def length(self) -> Float[Array, " lanes"]: ...
+    def length(self) -> Float[Array, " problems"]: ...
     @property
-    def merit(self) -> Float[Array, " lanes"]: ...
+    def merit(self) -> Float[Array, " problems"]: ...
     @property
-    def iterations(self) -> Int[Array, " lanes"]: ...
+    def iterations(self) -> Int[Array, " problems"]: ...
     @property
-    def converged(self) -> Bool[Array, " lanes"]: ...
+    def converged(self) -> Bool[Array, " problems"]: ...
     def _replace(self, **changes: Any) -> Any: ...
 
 
 State = TypeVar("State", bound=Tried)
 
 
-def good_enough(state: Tried, merit: Float[Array, " lanes"]) -> Bool[Array, " lanes"]:
+def good_enough(state: Tried, merit: Float[Array, " problems"]) -> Bool[Array, " problems"]:
     """Whether the point tried may be gone on from. NaN may not.
 
     A step that is still refused when hardly anything is left of it goes uphill, as one may where a posture or theta is
@@ -49,19 +49,19 @@ def good_enough(state: Tried, merit: Float[Array, " lanes"]) -> Bool[Array, " la
     return lower | ((state.length < _HARDLY) & (merit < xp.inf))
 
 
-def accepted_or_shorter(good: Bool[Array, " lanes"], accepted: State, state: State) -> State:
+def accepted_or_shorter(good: Bool[Array, " problems"], accepted: State, state: State) -> State:
     """The next state: the accepted one, or a shorter step from where the last one was."""
     refused = state._replace(length=_SHORTER * state.length, iterations=accepted.iterations)
     return jax.tree.map(lambda yes, no: xp.where(good, yes, no), accepted, refused)
 
 
-def until_converged(advance: Callable[[Any], Any], first: Any, iterations: Float[Array, " lanes"]) -> Any:
+def until_converged(advance: Callable[[Any], Any], first: Any, iterations: Float[Array, " problems"]) -> Any:
     """``advance`` of (state, what goes with it) at most so many times.
 
-    A lane that has converged stays where it is; what goes with the state is left alone there by ``advance`` itself.
+    A problem that has converged stays where it is; what goes with the state is left alone there by ``advance`` itself.
     """
 
-    def active(state: Tried) -> Bool[Array, " lanes"]:
+    def active(state: Tried) -> Bool[Array, " problems"]:
         return ~state.converged & (state.iterations < iterations)
 
     def next_one(old: Any) -> Any:

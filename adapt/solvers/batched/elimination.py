@@ -16,7 +16,8 @@ from typing import NamedTuple
 from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
-from models.derivatives import ELLIPSOID, ConstraintDerivatives
+from models.adapted_parameters import ELLIPSOID
+from models.derivatives import ConstraintDerivatives
 from motions.arrays import Array, ByType, repeat_while, xp
 
 RANGE_SPACE_PENALTY = 20.0
@@ -58,17 +59,17 @@ def augmented(target: Components, range_space_penalty: Components, g: Components
     return product([m + 0.5 * s * x for m, s, x in zip(target, range_space_penalty, g, strict=True)], g)
 
 
-def stationarity(at: ConstraintDerivatives, pull: Components, multipliers: Components) -> Array:
+def stationarity(at: ConstraintDerivatives, objective_gradient: Components, multipliers: Components) -> Array:
     """max |W (q - s) + G' lambda|."""
-    return largest([x + product(column(at.G, k), multipliers) for k, x in enumerate(pull)])
+    return largest([x + product(column(at.G, k), multipliers) for k, x in enumerate(objective_gradient)])
 
 
 def _parameter_slopes(T: list[Components]) -> list[Components]:
-    """dg/dtheta, 3 x 6, of the ellipsoid's d(A1, A2)/du; without those, of no parameters."""
+    """dg/dtheta, three rows, of the ellipsoid's d(A1, A2)/du; without those, of no parameters."""
     if not T:
         return [[], [], []]
     zero = xp.zeros_like(T[0][0])
-    return [[*row, zero] for row in T] + [[zero] * ELLIPSOID + [zero - 1.0]]
+    return [[*row, zero] for row in T] + [[zero] * len(ELLIPSOID) + [zero - 1.0]]
 
 
 class Steps(NamedTuple):
@@ -99,7 +100,7 @@ class Steps(NamedTuple):
         for i in range(6):
             x = self.weighed[-1][i] + product(column(self.weighed[:3], i), mu)
             if d:
-                x = x + product(column(self.weighed[3:-1], i), d[:ELLIPSOID])
+                x = x + product(column(self.weighed[3:-1], i), d[: len(ELLIPSOID)])
             back.append(-x)
         return backward(self.lower, back), multipliers
 
@@ -138,17 +139,19 @@ def _convex_factor(H: list[Components], G: list[Components], scale: Array) -> _F
 
 
 class Elimination:
-    """A posture's share of the system in the parameters, and its ``steps``; ``pull`` is W (q - s).
+    """A posture's share of the system in the parameters, and its ``steps``; ``objective_gradient`` is W (q - s).
 
     Without ``parameters`` it is the step of a posture fit.
     """
 
-    def __init__(self, at: ConstraintDerivatives, weights: Components, pull: Components, parameters: bool):
+    def __init__(
+        self, at: ConstraintDerivatives, weights: Components, objective_gradient: Components, parameters: bool
+    ):
         scale = weights[0]
         for w in weights[1:]:
             scale = xp.maximum(scale, w)
         damped = [xp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
-        self._at, self._coupled = at, ELLIPSOID if parameters else 0
+        self._at, self._coupled = at, len(ELLIPSOID) if parameters else 0
         self._T = _parameter_slopes(at.T if parameters else [])
         H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
         factor = _convex_factor(H, at.G, scale)
@@ -157,7 +160,7 @@ class Elimination:
         inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped, strict=True)]
         used = [xp.where(self.convex, s, 0.0) for s in self.range_space_penalty]
         C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
-        self._sides = [forward(lower, side) for side in (*at.G, *C, pull)]
+        self._sides = [forward(lower, side) for side in (*at.G, *C, objective_gradient)]
         self._weighed = [[x * d for x, d in zip(side, inverse, strict=True)] for side in self._sides]
         S = [[self._gram(i, j) for j in range(i + 1)] for i in range(3)]
         self._S, self._S_inverse, _ = factorised(S, xp.zeros_like(scale))

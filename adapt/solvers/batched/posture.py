@@ -1,7 +1,7 @@
 """The fast path of the posture fit: the Newton iteration of ``adapt.solvers.reference.posture`` by components (see
 ``adapt.solvers.batched.subject``).
 
-A lane that does not end here is no failure: ``adapt.solvers.reference.posture`` goes on with it.
+A problem that does not end here is no failure: ``adapt.solvers.reference.posture`` goes on with it.
 """
 
 from typing import NamedTuple
@@ -23,6 +23,7 @@ from adapt.solvers.batched.elimination import (
 )
 from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
+from models.adapted_parameters import adapted_components
 from models.derivatives import ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle
 from motions.arrays import Array, ByType, repeat, repeat_while, stacked, xp
@@ -58,22 +59,22 @@ class _State(NamedTuple):
 class PostureStart(NamedTuple):
     """Where the fast path begins."""
 
-    angles: Float[Array, " 6 lanes"]
-    multipliers: Float[Array, " 3 lanes"]
-    converged: Bool[Array, " lanes"]
+    angles: Float[Array, " 6 problems"]
+    multipliers: Float[Array, " 3 problems"]
+    converged: Bool[Array, " problems"]
 
 
 class SweptPostures(NamedTuple):
     """Where it ended, with the conditions of ``adapt.solvers.reference.posture.Postures`` there, the feet computed
     anew."""
 
-    angles: Float[Array, " 6 lanes"]
-    multipliers: Float[Array, " 3 lanes"]
-    residual_mm: Float[Array, " 3 lanes"]
-    stationarity: Float[Array, " lanes"]
-    j_deg2: Float[Array, " lanes"]
-    iterations: Int[Array, " lanes"]
-    converged: Bool[Array, " lanes"]
+    angles: Float[Array, " 6 problems"]
+    multipliers: Float[Array, " 3 problems"]
+    residual_mm: Float[Array, " 3 problems"]
+    stationarity: Float[Array, " problems"]
+    j_deg2: Float[Array, " problems"]
+    iterations: Int[Array, " problems"]
+    converged: Bool[Array, " problems"]
 
 
 class Lowest(NamedTuple):
@@ -81,9 +82,9 @@ class Lowest(NamedTuple):
 
     swept: SweptPostures
     """``iterations`` are those from both starts."""
-    settled: Bool[Array, " lanes"]
+    settled: Bool[Array, " problems"]
     """Whether each start led to an optimum."""
-    apart: Bool[Array, " lanes"]
+    apart: Bool[Array, " problems"]
     """Whether they led to different ones."""
 
 
@@ -97,15 +98,15 @@ class _Problem(NamedTuple):
     @property
     def theta(self) -> Components:
         """The adapted parameters."""
-        return [*self.girdle.centre_mm[1:], *self.girdle.semi_axes_mm, self.girdle.conoid_length_mm]
+        return adapted_components(self.girdle)
 
-    def pull(self, q: Components) -> Components:
+    def objective_gradient(self, q: Components) -> Components:
         """W (q - s)."""
         return [w * (x - s) for w, x, s in zip(self.weights, q, self.measured, strict=True)]
 
     def j_deg2(self, q: Components) -> Array:
         """1/2 (q - s)' W (q - s)."""
-        return 0.5 * product(self.pull(q), [x - s for x, s in zip(q, self.measured, strict=True)])
+        return 0.5 * product(self.objective_gradient(q), [x - s for x, s in zip(q, self.measured, strict=True)])
 
     def chain(self, q: Components, multipliers: Components, nearby_multipliers: Components) -> ConstraintDerivatives:
         return chain(self.girdle, q, self.theta, multipliers, nearby_multipliers)
@@ -128,12 +129,12 @@ class _Best(NamedTuple):
 
 def sweep_postures(
     girdle: Girdle,
-    measured: Float[Array, " 6 lanes"],
-    weights: Float[Array, " 6 lanes"],
+    measured: Float[Array, " 6 problems"],
+    weights: Float[Array, " 6 problems"],
     start: PostureStart,
-    iterations: Float[Array, " lanes"],
+    iterations: Float[Array, " problems"],
 ) -> SweptPostures:
-    """At most ``iterations`` iterations on from ``start``; a lane that has converged there stays where it is."""
+    """At most ``iterations`` iterations on from ``start``; a problem that has converged there stays where it is."""
     problem = _Problem(girdle, list(measured), list(weights))
     angles, nowhere = list(start.angles), [xp.full_like(x, xp.inf) for x in start.angles]
     first = _first(angles, list(start.multipliers), problem.closest_point_multipliers(angles))._replace(
@@ -145,20 +146,20 @@ def sweep_postures(
 
 def sweep_from_two_starts(
     girdle: Girdle,
-    measured: Float[Array, " 6 lanes"],
-    weights: Float[Array, " 6 lanes"],
-    starts: tuple[Float[Array, " 6 lanes"], Float[Array, " 6 lanes"]],
-    closing_steps: tuple[Float[Array, " lanes"], Float[Array, " lanes"]],
-    iterations: Float[Array, " lanes"],
+    measured: Float[Array, " 6 problems"],
+    weights: Float[Array, " 6 problems"],
+    starts: tuple[Float[Array, " 6 problems"], Float[Array, " 6 problems"]],
+    closing_steps: tuple[Float[Array, " problems"], Float[Array, " problems"]],
+    iterations: Float[Array, " problems"],
 ) -> Lowest:
     """The chain is closed by so many steps from each of the starts, and fitted from there by at most ``iterations``.
 
     What from the second start leads to where the first one ended is not followed to its end.
     """
     problem = _Problem(girdle, list(measured), list(weights))
-    lane = xp.zeros_like(measured[0])
-    count = xp.zeros_like(lane, int)
-    nothing = _Best([lane + xp.inf] * 6, [lane] * 3, lane + xp.inf, lane <= 0.0, lane > 0.0, count)
+    each = xp.zeros_like(measured[0])
+    count = xp.zeros_like(each, int)
+    nothing = _Best([each + xp.inf] * 6, [each] * 3, each + xp.inf, each <= 0.0, each > 0.0, count)
 
     def tried(carry):
         start, steps, best = carry
@@ -188,19 +189,19 @@ def _near(q: Components, known: Components) -> Array:
 
 
 def _first(angles: Components, multipliers: Components, nearby_multipliers: Components) -> _State:
-    lane = xp.zeros_like(angles[0])
+    each = xp.zeros_like(angles[0])
     return _State(
         base=angles,
         multipliers=multipliers,
-        step=[lane] * 6,
-        change=[lane] * 3,
-        length=lane + 1.0,
-        target=[lane] * 3,
-        range_space_penalty=[lane] * 3,
-        merit=lane + xp.inf,
+        step=[each] * 6,
+        change=[each] * 3,
+        length=each + 1.0,
+        target=[each] * 3,
+        range_space_penalty=[each] * 3,
+        merit=each + xp.inf,
         closest_point_multipliers=nearby_multipliers,
-        iterations=xp.zeros_like(lane, int),
-        converged=lane > 0.0,
+        iterations=xp.zeros_like(each, int),
+        converged=each > 0.0,
     )
 
 
@@ -213,7 +214,7 @@ def _iterated(problem: _Problem, first: _State, known: Components, iterations: A
 
 
 def _last_step(end: _State, last: Array) -> tuple[Components, Components]:
-    """Where the step leads that a lane still proposes at its end, in the ``last`` lanes."""
+    """Where the step leads that a problem still proposes at its end, in the ``last`` problems."""
     q = [xp.where(last, x + dx, x) for x, dx in zip(end.base, end.step, strict=True)]
     return q, [xp.where(last, x + dx, x) for x, dx in zip(end.multipliers, end.change, strict=True)]
 
@@ -221,7 +222,7 @@ def _last_step(end: _State, last: Array) -> tuple[Components, Components]:
 def _judged(problem: _Problem, q: Components, multipliers: Components, iterations: Array) -> SweptPostures:
     """The conditions of ``adapt.solvers.reference.posture`` there, with the feet computed anew."""
     at = problem.chain(q, multipliers, problem.closest_point_multipliers(q))
-    rest = stationarity(at, problem.pull(q), multipliers) / DEG
+    rest = stationarity(at, problem.objective_gradient(q), multipliers) / DEG
     converged = (largest(at.g) <= CLOSED_MM.of(rest)) & (rest <= STATIONARY.of(rest))
     return SweptPostures(
         stacked(q), stacked(multipliers), stacked(at.g), rest, problem.j_deg2(q), iterations, converged
@@ -232,9 +233,9 @@ def _iterate(problem: _Problem, known: Components, state: _State) -> _State:
     q = [x + state.length * dx for x, dx in zip(state.base, state.step, strict=True)]
     multipliers = [x + state.length * dx for x, dx in zip(state.multipliers, state.change, strict=True)]
     at = problem.chain(q, multipliers, state.closest_point_multipliers)
-    J, pull = problem.j_deg2(q), problem.pull(q)
+    J, objective_gradient = problem.j_deg2(q), problem.objective_gradient(q)
     good = good_enough(state, J + augmented(state.target, state.range_space_penalty, at.g))
-    posture = Elimination(at, problem.weights, pull, parameters=False)
+    posture = Elimination(at, problem.weights, objective_gradient, parameters=False)
     step, target = posture.steps.moved([])
     arrived = (largest(step) <= _LAST_STEP_RAD.of(J)) | _near([x + dx for x, dx in zip(q, step, strict=True)], known)
     accepted = _State(
@@ -258,12 +259,12 @@ def _closed_nearby(problem: _Problem, start: Components, steps: Array) -> _State
 
     The multipliers there are those of least |W (q - s) + G' lambda|.
     """
-    lane = xp.zeros_like(start[0])
+    each = xp.zeros_like(start[0])
 
     def closer(carry):
         number, q, _, t = carry
-        at = problem.chain(q, [lane] * 3, t)
-        S, inverse, _ = factorised([[product(at.G[i], at.G[j]) for j in range(i + 1)] for i in range(3)], lane)
+        at = problem.chain(q, [each] * 3, t)
+        S, inverse, _ = factorised([[product(at.G[i], at.G[j]) for j in range(i + 1)] for i in range(3)], each)
 
         def lifted(b: Components) -> Components:
             """(GG')^-1 b."""
@@ -273,10 +274,10 @@ def _closed_nearby(problem: _Problem, start: Components, steps: Array) -> _State
         step = [-product(column(at.G, k), lift) for k in range(6)]
         limit = xp.minimum(1.0, STEP_LIMIT_RAD / largest(step))
         q = [x + limit * dx for x, dx in zip(q, step, strict=True)]
-        pull = problem.pull(q)
-        new = number + 1.0, q, lifted([-product(row, pull) for row in at.G]), at.closest_point_multipliers
+        objective_gradient = problem.objective_gradient(q)
+        new = number + 1.0, q, lifted([-product(row, objective_gradient) for row in at.G]), at.closest_point_multipliers
         return jax.tree.map(lambda a, b: xp.where(number < steps, a, b), new, carry)
 
-    first = lane, list(start), [lane] * 3, [lane] * 2
+    first = each, list(start), [each] * 3, [each] * 2
     _, q, multipliers, t = repeat_while(lambda carry: xp.any(carry[0] < steps), closer, first)
     return _first(q, multipliers, t)

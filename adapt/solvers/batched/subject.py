@@ -7,7 +7,7 @@ backtracking (``adapt.solvers.batched.backtracking``) on the augmented Lagrangia
 needs no more than g: a refused point costs one evaluation.
 
 One text for the engines of ``motions.arrays``: what is done to a posture or a thorax point is a function of one of
-them. A lane that does not end here is no failure: ``adapt.solvers.reference.subject`` goes on with it.
+them. A problem that does not end here is no failure: ``adapt.solvers.reference.subject`` goes on with it.
 """
 
 from typing import Any, NamedTuple
@@ -29,8 +29,9 @@ from adapt.solvers.batched.elimination import (
 from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
 from adapt.solvers.reference.subject import THETA_TOLERANCE, Problem
+from models.adapted_parameters import ADAPTED, ELLIPSOID, ellipsoid_components
 from models.derivatives import (
-    ELLIPSOID,
+    Vector,
     chain,
     closest_point_multiplier_near,
     closest_point_multipliers,
@@ -59,39 +60,40 @@ _ACTIVE_SETS = 5
 """Changes of the set of parameters at a bound within one step."""
 
 _COORDINATE_STEPS = 8
-"""Rounds of steps along each parameter alone after them: a third fewer lanes need a second round of the fast path."""
+"""Rounds of steps along each parameter alone after them: a third fewer problems need a second round of the fast
+path."""
 
 
 class Fixed(NamedTuple):
     """What data and model fix."""
 
     girdle: Girdle
-    points_mm: Float[Array, " 3 points lanes"]
-    shares: Float[Array, " points lanes"]
+    points_mm: Float[Array, " 3 points problems"]
+    point_weights: Float[Array, " points problems"]
     problem: Problem
 
 
 class Start(NamedTuple):
     """Where the fast path begins."""
 
-    theta: Float[Array, " 6 lanes"]
-    angles: Float[Array, " 6 postures lanes"]
-    multipliers: Float[Array, " 3 postures lanes"]
-    converged: Bool[Array, " lanes"]
+    theta: Float[Array, " adapted problems"]
+    angles: Float[Array, " 6 postures problems"]
+    multipliers: Float[Array, " 3 postures problems"]
+    converged: Bool[Array, " problems"]
 
 
 class Swept(NamedTuple):
     """Where it ended, with the conditions of ``adapt.solvers.reference.subject.Subject`` there, the feet computed
     anew."""
 
-    theta: Float[Array, " 6 lanes"]
-    angles: Float[Array, " 6 postures lanes"]
-    multipliers: Float[Array, " 3 postures lanes"]
-    residual_mm: Float[Array, " 3 postures lanes"]
-    stationarity: Float[Array, " postures lanes"]
-    slope: Float[Array, " 6 lanes"]
-    iterations: Int[Array, " lanes"]
-    converged: Bool[Array, " lanes"]
+    theta: Float[Array, " adapted problems"]
+    angles: Float[Array, " 6 postures problems"]
+    multipliers: Float[Array, " 3 postures problems"]
+    residual_mm: Float[Array, " 3 postures problems"]
+    stationarity: Float[Array, " postures problems"]
+    slope: Float[Array, " adapted problems"]
+    iterations: Int[Array, " problems"]
+    converged: Bool[Array, " problems"]
 
 
 class _Posture(NamedTuple):
@@ -136,13 +138,13 @@ class _Sums(NamedTuple):
     """Lower triangle of the system in theta."""
 
 
-def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swept:
-    """At most ``iterations`` iterations on from ``start``; a lane that has converged there stays where it is."""
-    girdle, points_mm, shares, problem = fixed
-    over_postures, over_points = along(problem.counted, problem.counted), along(shares)
+def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> Swept:
+    """At most ``iterations`` iterations on from ``start``; a problem that has converged there stays where it is."""
+    girdle, points_mm, point_weights, problem = fixed
+    over_postures, over_points = along(problem.counted, problem.counted), along(point_weights)
     theta = list(start.theta)
-    lane = theta[0]
-    zero = xp.zeros_like(lane)
+    each = theta[0]
+    zero = xp.zeros_like(each)
 
     def first(q, multipliers):
         none = [xp.zeros_like(q[0])] * 6
@@ -152,7 +154,13 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swe
     *_, postures = over_postures.reduced(first, start.angles, start.multipliers)
     *_, points = over_points.reduced(lambda point: ((), (), _exact_multiplier(girdle, theta, point)), points_mm)
     state = _State(
-        theta, [zero] * 6, zero + 1.0, zero + xp.inf, zero + _FIRST_RADIUS_MM, xp.zeros_like(lane, int), start.converged
+        theta,
+        [zero] * len(theta),
+        zero + 1.0,
+        zero + xp.inf,
+        zero + _FIRST_RADIUS_MM,
+        xp.zeros_like(each, int),
+        start.converged,
     )
 
     def advance(everything):
@@ -160,7 +168,7 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swe
 
     state, postures, points = until_converged(advance, (state, postures, points), iterations)
 
-    # The step that a converged lane still proposes is taken too: quadratically, nothing but rounding is left then.
+    # The step that a converged problem still proposes is taken too: quadratically, nothing but rounding is left then.
     last = state.converged & ~start.converged
     theta = [xp.where(last, x + dx, x) for x, dx in zip(state.theta, state.dtheta, strict=True)]
 
@@ -168,29 +176,31 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " lanes"]) -> Swe
         q = [xp.where(last, x + dx, x) for x, dx in zip(own.q, own.dq, strict=True)]
         multipliers = [xp.where(last, x + dx, x) for x, dx in zip(own.multipliers, own.change, strict=True)]
         at = chain(girdle, q, theta, multipliers, closest_point_multipliers(girdle, q, theta))
-        rest = stationarity(at, _pull(weights, q, measured), multipliers) / DEG
+        rest = stationarity(at, _objective_gradient(weights, q, measured), multipliers) / DEG
         return _slope(at, multipliers), (largest(at.g), rest), (q, multipliers, at.g, rest)
 
-    slope, (gape, rest), kept = over_postures.reduced(end_of, postures, problem.measured, problem.weights)
+    slope, (violation, rest), kept = over_postures.reduced(end_of, postures, problem.measured, problem.weights)
 
-    def thorax_slope(point, share):
-        return _thorax(girdle, theta, point, share, _exact_multiplier(girdle, theta, point))[0].slope, (), ()
+    def thorax_slope(point, point_weight):
+        return _thorax(girdle, theta, point, point_weight, _exact_multiplier(girdle, theta, point))[0].slope, (), ()
 
-    of_points, *_ = over_points.reduced(thorax_slope, points_mm, shares)
+    of_points, *_ = over_points.reduced(thorax_slope, points_mm, point_weights)
     free = _free(problem, theta, [x + y for x, y in zip(slope, of_points, strict=True)])
-    converged = _closed_and_stationary(gape, rest, free)
+    converged = _closed_and_stationary(violation, rest, free)
     angles, multipliers, residual, rest = map(stacked, kept)
     return Swept(stacked(theta), angles, multipliers, residual, rest, stacked(free), state.iterations, converged)
 
 
-def _pull(weights, q, measured) -> Components:
+def _objective_gradient(weights, q, measured) -> Components:
     """W (q - s)."""
     return [w * (x - s) for w, x, s in zip(weights, q, measured, strict=True)]
 
 
 def _slope(at, multipliers: Components) -> Components:
     """What a posture adds to dE/dtheta: T' lambda."""
-    return [at.T[0][k] * multipliers[0] + at.T[1][k] * multipliers[1] for k in range(ELLIPSOID)] + [-multipliers[2]]
+    return [at.T[0][k] * multipliers[0] + at.T[1][k] * multipliers[1] for k in range(len(ELLIPSOID))] + [
+        -multipliers[2]
+    ]
 
 
 def _free(problem: Problem, theta: Components, slope: Components) -> Components:
@@ -201,42 +211,45 @@ def _free(problem: Problem, theta: Components, slope: Components) -> Components:
     ]
 
 
-def _closed_and_stationary(gape: Array, rest: Array, free_slope: Components) -> Array:
-    closed = (gape <= CLOSED_MM.of(gape)) & (rest <= STATIONARY.of(rest))
-    return closed & (largest(free_slope) <= _FLAT.of(gape))
+def _closed_and_stationary(violation: Array, rest: Array, free_slope: Components) -> Array:
+    closed = (violation <= CLOSED_MM.of(violation)) & (rest <= STATIONARY.of(rest))
+    return closed & (largest(free_slope) <= _FLAT.of(violation))
 
 
-def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Array, Array, Array]:
-    return point[0] - girdle.centre_mm[0], point[1] - theta[0], point[2] - theta[1]
+def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vector]:
+    """The point from the ellipsoid's centre, and the semi-axes."""
+    centre, semi_axes = ellipsoid_components(girdle, theta)
+    return (point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]), semi_axes
 
 
 def _exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
-    return closest_point_multiplier(_from_centre(girdle, theta, point), tuple(theta[2:5]))
+    return closest_point_multiplier(*_from_centre(girdle, theta, point))
 
 
-def _thorax(girdle: Girdle, theta: Components, point, share, t) -> tuple[_Sums, Array]:
+def _thorax(girdle: Girdle, theta: Components, point, point_weight, t) -> tuple[_Sums, Array]:
     """A point's part of D = sum share_i d_i^2 with its derivatives, and the t of its foot."""
-    p, axes = _from_centre(girdle, theta, point), (theta[2], theta[3], theta[4])
+    p, axes = _from_centre(girdle, theta, point)
     at = distance(p, axes, closest_point_multiplier_near(p, axes, t))
     slope, curvature = ellipsoid_slope(at), ellipsoid_curvature(at)
-    pull = 2.0 * share * at.d
+    objective_gradient = 2.0 * point_weight * at.d
     zero = xp.zeros_like(at.d)
-    by_parameter = [*(pull * x for x in slope), zero]
+    by_parameter = [*(objective_gradient * x for x in slope), zero]
     matrix = [
-        [2.0 * share * slope[i] * slope[j] + pull * curvature[i][j] for j in range(i + 1)] for i in range(ELLIPSOID)
+        [2.0 * point_weight * slope[i] * slope[j] + objective_gradient * curvature[i][j] for j in range(i + 1)]
+        for i in range(len(ELLIPSOID))
     ]
-    return _Sums(share * at.d**2, zero, by_parameter, by_parameter, [*matrix, [zero] * 6]), at.t
+    return _Sums(point_weight * at.d**2, zero, by_parameter, by_parameter, [*matrix, [zero] * len(ADAPTED)]), at.t
 
 
 def _iterate(
-    fixed: Fixed, iterations: Float[Array, " lanes"], state: _State, postures: Any, points: Any
+    fixed: Fixed, iterations: Float[Array, " problems"], state: _State, postures: Any, points: Any
 ) -> tuple[_State, Any, Any]:
-    girdle, points_mm, shares, problem = fixed
-    over_postures, over_points = along(problem.counted, problem.counted), along(shares)
+    girdle, points_mm, point_weights, problem = fixed
+    over_postures, over_points = along(problem.counted, problem.counted), along(point_weights)
     theta = [x + state.length * dx for x, dx in zip(state.theta, state.dtheta, strict=True)]
 
-    def thorax(point, share, t):
-        sums, t = _thorax(girdle, theta, point, share, t)
+    def thorax(point, point_weight, t):
+        sums, t = _thorax(girdle, theta, point, point_weight, t)
         return sums, (), t
 
     def tried(own: _Posture, measured, weights):
@@ -244,21 +257,25 @@ def _iterate(
         multipliers = [x + state.length * dx for x, dx in zip(own.multipliers, own.change, strict=True)]
         at = chain(girdle, q, theta, multipliers, own.closest_point_multipliers)
         gap = [x - s for x, s in zip(q, measured, strict=True)]
-        pull = [w * x for w, x in zip(weights, gap, strict=True)]
-        posture = Elimination(at, list(weights), pull, parameters=True)
+        objective_gradient = [w * x for w, x in zip(weights, gap, strict=True)]
+        posture = Elimination(at, list(weights), objective_gradient, parameters=True)
         sums = _Sums(
-            E=0.5 * product(pull, gap),
+            E=0.5 * product(objective_gradient, gap),
             augmented=augmented(own.target, own.range_space_penalty, at.g),
             slope=_slope(at, multipliers),
-            right=[posture.slope(i) for i in range(6)],
-            matrix=[[posture.curvature(i, j) for j in range(i + 1)] for i in range(6)],
+            right=[posture.slope(i) for i in range(len(theta))],
+            matrix=[[posture.curvature(i, j) for j in range(i + 1)] for i in range(len(theta))],
         )
-        worst = largest(at.g), stationarity(at, pull, multipliers) / DEG, xp.where(posture.convex, 0.0, 1.0)
+        worst = (
+            largest(at.g),
+            stationarity(at, objective_gradient, multipliers) / DEG,
+            xp.where(posture.convex, 0.0, 1.0),
+        )
         return sums, worst, (q, multipliers, posture.range_space_penalty, at.closest_point_multipliers, posture.steps)
 
-    of_points, _, points_tried = over_points.reduced(thorax, points_mm, shares, points)
+    of_points, _, points_tried = over_points.reduced(thorax, points_mm, point_weights, points)
     of_postures, worst, kept = over_postures.reduced(tried, postures, problem.measured, problem.weights)
-    gape, rest, concave = worst
+    violation, rest, concave = worst
     sums: _Sums = jax.tree.map(lambda x, y: x + y, of_points, of_postures)
     good = good_enough(state, sums.E + sums.augmented)
     taken = good & ~state.converged & (state.iterations < iterations)
@@ -289,7 +306,7 @@ def _iterate(
         converged=good
         & definite
         & (concave <= 0.0)
-        & _closed_and_stationary(gape, rest, _free(problem, theta, sums.slope)),
+        & _closed_and_stationary(violation, rest, _free(problem, theta, sums.slope)),
     )
     return accepted_or_shorter(good, accepted, state), postures, points
 
@@ -308,13 +325,13 @@ def _box_minimum(
 
     def pushed(x):
         """slope + matrix x."""
-        return [b + product([matrix[max(i, j)][min(i, j)] for j in range(6)], x) for i, b in enumerate(slope)]
+        return [b + product([matrix[max(i, j)][min(i, j)] for j in range(len(slope))], x) for i, b in enumerate(slope)]
 
     def with_fixed(below, above):
         free = [~(a | b) for a, b in zip(below, above, strict=True)]
         value = [xp.where(a, lo, xp.where(b, hi, 0.0)) for a, b, lo, hi in zip(below, above, low, high, strict=True)]
         reduced = [[xp.where(free[i] & free[j], x, 0.0) for j, x in enumerate(row)] for i, row in enumerate(matrix)]
-        for i in range(6):
+        for i in range(len(slope)):
             reduced[i][i] = xp.where(free[i], reduced[i][i], size)
         L, inverse, positive = factorised(reduced, _THETA_FLOOR.of(size) * size)
         right = [xp.where(f, -b, size * v) for f, b, v in zip(free, pushed(value), value, strict=True)]
@@ -336,9 +353,9 @@ def _box_minimum(
 
     def lowered(x):
         x = list(x)
-        for i in range(6):
-            pull = slope[i] + product([matrix[max(i, j)][min(i, j)] for j in range(6)], x)
-            x[i] = xp.clip(x[i] - pull / xp.maximum(matrix[i][i], _THETA_FLOOR.of(size) * size), low[i], high[i])
+        for i in range(len(slope)):
+            push = slope[i] + product([matrix[max(i, j)][min(i, j)] for j in range(len(slope))], x)
+            x[i] = xp.clip(x[i] - push / xp.maximum(matrix[i][i], _THETA_FLOOR.of(size) * size), low[i], high[i])
         return x
 
     return repeat(_COORDINATE_STEPS, lowered, x), definite

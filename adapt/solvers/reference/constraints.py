@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from adapt.solvers.linalg import ElementwiseFunction, gradient, hessian, jacobian
 from adapt.solvers.reference.elimination import Linearised
-from models.derivatives import ELLIPSOID, ConstraintDerivatives, chain, closest_point_multipliers
+from models.adapted_parameters import ADAPTED, ELLIPSOID, adapted_components
+from models.derivatives import ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle
 from motions.arrays import Array, xp
 
@@ -22,7 +23,7 @@ class Constraints(Protocol):
 
     def residual(self, z: Z) -> Float[Array, " 3 *batch"]: ...
     def slopes(self, z: Z) -> Float[Array, " 3 n *batch"]: ...
-    def pull(self, z: Z, multipliers: Multipliers) -> Z: ...  # d(multipliers . g)/dz
+    def multiplier_gradient(self, z: Z, multipliers: Multipliers) -> Z: ...  # d(multipliers . g)/dz
     def linearised(self, z: Z, multipliers: Multipliers) -> Linearised: ...
 
 
@@ -38,7 +39,7 @@ class Differentiated:
     def slopes(self, z):
         return jacobian(self._function, z)
 
-    def pull(self, z, multipliers):
+    def multiplier_gradient(self, z, multipliers):
         return gradient(lambda z: xp.sum(multipliers * self.residual(z), axis=0), z)
 
     def linearised(self, z, multipliers):
@@ -64,7 +65,7 @@ class ByHand:
         G = xp.stack([_stacked(row, z) for row in c.G])
         return G if len(z) == 6 else xp.concatenate([G, _parameter_slopes(c, z)], axis=1)
 
-    def pull(self, z, multipliers):
+    def multiplier_gradient(self, z, multipliers):
         return xp.sum(multipliers[:, None] * self.slopes(z), axis=0)
 
     def linearised(self, z, multipliers):
@@ -72,7 +73,9 @@ class ByHand:
         zero = 0.0 * z[0]
         rows = [list(row) + [zero] * (n - len(row)) for row in c.qq]
         if n > 6:
-            rows += [[x[k] for x in c.qu] + list(c.uu[k]) + [zero] * (ELLIPSOID - k) for k in range(ELLIPSOID)]
+            rows += [
+                [x[k] for x in c.qu] + list(c.uu[k]) + [zero] * (len(ADAPTED) - 1 - k) for k in range(len(ELLIPSOID))
+            ]
             rows += [[zero] * n]
         lower = [_stacked(row, z) for row in rows]
         entries = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
@@ -86,7 +89,7 @@ class ByHand:
 
     def _chain(self, z, multipliers) -> ConstraintDerivatives:
         girdle = self._at(z)
-        q, theta = list(z[:6]), list(girdle.adapted_mm)
+        q, theta = list(z[:6]), adapted_components(girdle)
         return chain(girdle, q, theta, list(multipliers), closest_point_multipliers(girdle, q, theta))
 
 
@@ -95,6 +98,8 @@ def _stacked(row, z):
 
 
 def _parameter_slopes(c: ConstraintDerivatives, z):
-    """dg/dtheta, 3 x 6: A1 and A2 of the ellipsoid, A3 of the conoid's length."""
+    """dg/dtheta, three rows: A1 and A2 of the ellipsoid, A3 of the conoid's length."""
     zero = 0.0 * z[0]
-    return xp.stack([_stacked(row, z) for row in ([*c.T[0], zero], [*c.T[1], zero], [zero] * ELLIPSOID + [zero - 1.0])])
+    return xp.stack(
+        [_stacked(row, z) for row in ([*c.T[0], zero], [*c.T[1], zero], [zero] * len(ELLIPSOID) + [zero - 1.0])]
+    )

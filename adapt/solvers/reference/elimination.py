@@ -76,7 +76,7 @@ def eliminate(at: Linearised, slope: Float[Array, " 6 *batch"], weights: Float[A
     lift = _range_space(at.G)
     curvature = at.curvature[:6, :6]
     range_space_penalty = _RANGE_SPACE_PENALTY * (xp.max(weights, axis=0) + xp.max(abs(curvature), axis=(0, 1)))
-    factor, share = _convexified(curvature, weights, range_space_penalty * matmul(Gt, lift.solve(at.G)))
+    factor, fraction = _convexified(curvature, weights, range_space_penalty * matmul(Gt, lift.solve(at.G)))
     HG = factor.solve(Gt)
     S = matmul(at.G, HG)
     shift = _RANK_SHIFT * trace(S)
@@ -84,11 +84,11 @@ def eliminate(at: Linearised, slope: Float[Array, " 6 *batch"], weights: Float[A
 
     # Right-hand sides: the constant one, then one for each theta. Apart from the matrices above, so that the solution
     # stays visibly linear in them and can be transposed.
-    coupling = share * at.curvature[:6, 6:]
-    gape = xp.concatenate([at.residual[:, None], at.T], axis=1)
-    pull = xp.concatenate([slope[:, None], coupling], axis=1)
-    affine = factor.solve(pull + range_space_penalty * matmul(Gt, lift.solve(gape)))
-    multipliers = schur.solve(gape - matmul(at.G, affine))
+    coupling = fraction * at.curvature[:6, 6:]
+    violation = xp.concatenate([at.residual[:, None], at.T], axis=1)
+    gradient = xp.concatenate([slope[:, None], coupling], axis=1)
+    affine = factor.solve(gradient + range_space_penalty * matmul(Gt, lift.solve(violation)))
+    multipliers = schur.solve(violation - matmul(at.G, affine))
     steps = -affine - matmul(HG, multipliers)
 
     slope_and_hessian = matmul(transpose(coupling), steps) + matmul(transpose(at.T), multipliers)
@@ -98,7 +98,7 @@ def eliminate(at: Linearised, slope: Float[Array, " 6 *batch"], weights: Float[A
         multipliers=multipliers[:, 0],
         multipliers_theta=multipliers[:, 1:],
         slope=slope_and_hessian[:, 0],
-        hessian=slope_and_hessian[:, 1:] + share * at.curvature[6:, 6:],
+        hessian=slope_and_hessian[:, 1:] + fraction * at.curvature[6:, 6:],
     )
 
 

@@ -7,6 +7,7 @@ an l1 merit function (``adapt.solvers.reference.line_search``): quadratic at the
 Elementwise over a trailing batch of postures.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -93,8 +94,8 @@ def solve_postures(
 
     def here(angles, multipliers) -> tuple[Postures, Linearised]:
         at = constraints.linearised(angles, multipliers)
-        pull = xp.sum(multipliers[:, None] * at.G, axis=0)
-        return _conditions(angles, multipliers, at.residual, pull, measured, weights), at
+        multiplier_gradient = xp.sum(multipliers[:, None] * at.G, axis=0)
+        return _conditions(angles, multipliers, at.residual, multiplier_gradient, measured, weights), at
 
     def advance(carry):
         state, at = carry
@@ -112,26 +113,27 @@ def solve_postures(
     return repeat_while(unfinished, advance, here(start, xp.zeros_like(start[:3])))[0]
 
 
-def solve_from_two_starts(
-    chain: Constraints,
+def lower_of_two_starts(
+    solve: Callable[[Array, Array, Array], Postures],
+    close: Callable[[Array], Array],
     measured: Float[Array, " 6 *batch"],
     weights: Float[Array, " 6 *batch"],
 ) -> Postures:
-    """The lower of the optima reached from the measured angles and from where the chain closes nearest to them.
+    """Find the lower of the optima reached from the measured angles and from where the chain closes nearest to them.
 
     From the measured angles alone the first steps, taken while the chain is still open, end in a worse valley in about
-    4 % of postures 15 degrees off a real motion. ``chain`` has the starts as a last axis.
+    4 % of postures 15 degrees off a real motion. ``solve`` takes measured angles, weights and starts with the two
+    starts as a last axis (:func:`solve_postures`), ``close`` angles without it (:func:`close_chain`).
     """
-    twice = xp.stack([measured, measured], axis=-1)
-    starts = xp.stack([measured, close_chain(chain, twice)[..., 1]], axis=-1)
-    both = solve_postures(chain, twice, xp.stack([weights, weights], axis=-1), starts)
-    j = mean_square_deg2(both.angles, twice, xp.stack([weights, weights], axis=-1))
-    second = ~both.converged[..., 0] | (both.converged[..., 1] & (j[..., 1] < j[..., 0]))
+    twice, both_weights = (xp.stack([x, x], axis=-1) for x in (measured, weights))
+    both = solve(twice, both_weights, xp.stack([measured, close(measured)], axis=-1))
+    j = mean_square_deg2(both.angles, twice, both_weights)
+    second = both.converged[..., 1] & ~(both.converged[..., 0] & (j[..., 0] <= j[..., 1]))
     return jax.tree.map(lambda x: xp.where(second, x[..., 1], x[..., 0]), both)
 
 
-def _conditions(angles, multipliers, g, pull, measured, weights) -> Postures:
-    stationarity = largest(weights * (angles - measured) + pull) / DEG
+def _conditions(angles, multipliers, g, multiplier_gradient, measured, weights) -> Postures:
+    stationarity = largest(weights * (angles - measured) + multiplier_gradient) / DEG
     zero = xp.zeros_like(stationarity)
     return Postures(angles, multipliers, g, stationarity, zero, zero + xp.inf, zero.astype(int))
 

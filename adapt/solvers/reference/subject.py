@@ -106,8 +106,8 @@ def solve_subjects(
 
     def here(theta, angles, multipliers) -> tuple[Subject, Linearised]:
         at = constraints.linearised(joint(angles, theta), multipliers)
-        pull = xp.sum(multipliers[:, None] * xp.concatenate([at.G, at.T], axis=1), axis=0)
-        return conditions(thorax, problem, theta, angles, multipliers, at.residual, pull), at
+        multiplier_gradient = xp.sum(multipliers[:, None] * xp.concatenate([at.G, at.T], axis=1), axis=0)
+        return conditions(thorax, problem, theta, angles, multipliers, at.residual, multiplier_gradient), at
 
     def advance(carry):
         state, at = carry
@@ -135,10 +135,10 @@ def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
     return at_lower | at_upper
 
 
-def conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, pull) -> Subject:
+def conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, multiplier_gradient) -> Subject:
     """Those of an optimum at this point, with g and d(multipliers . g)/dz there; not iterated yet."""
-    stationarity = largest(problem.weights * (angles - problem.measured) + pull[:6]) / DEG
-    slope = thorax.slope(theta) + problem.total(pull[6:])
+    stationarity = largest(problem.weights * (angles - problem.measured) + multiplier_gradient[:6]) / DEG
+    slope = thorax.slope(theta) + problem.total(multiplier_gradient[6:])
     slope = xp.where(_held(problem, theta, slope), 0.0, slope)
     converged = (
         (problem.worst(largest(g)) <= CONSTRAINT_TOLERANCE_MM)

@@ -1,7 +1,7 @@
-"""The fast path of the posture fits: many lanes, from several starts, in rounds of more and more iterations.
+"""The fast path of the posture fits: many problems, from several starts, in rounds of more and more iterations.
 
-All of it is done in the type of the measured angles, float64 or float32. A lane that has not converged at the end is no
-failure: ``adapt.solvers.posture_fits`` goes on with it.
+All of it is done in the type of the measured angles, float64 or float32. A problem that has not converged at the end is
+no failure: ``adapt.solvers.posture_fits`` goes on with it.
 """
 
 from dataclasses import fields
@@ -18,10 +18,10 @@ from models.girdle import Girdle
 from motions.arrays import ByType
 from motions.rotations import DEG
 
-Problem = tuple[Girdle, Float[np.ndarray, "6 lanes"], Float[np.ndarray, "6 lanes"]]
-"""Girdle, measured angles (rad) and weights of each lane."""
+Problem = tuple[Girdle, Float[np.ndarray, "6 problems"], Float[np.ndarray, "6 problems"]]
+"""Girdle, measured angles (rad) and weights of each problem."""
 
-Starts = tuple[Float[np.ndarray, "6 lanes"], Float[np.ndarray, "6 lanes"]]
+Starts = tuple[Float[np.ndarray, "6 problems"], Float[np.ndarray, "6 problems"]]
 
 OFFSETS_SEED = 0
 
@@ -52,7 +52,7 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     asked for or needed, from where it closes next to two places ``around``.
 
     They are needed where the first two starts do not lead to one optimum, or to one far from the measured angles. In
-    float32 a lane has converged only if every start has led to an optimum: one not found there may be the lowest.
+    float32 a problem has converged only if every start has led to an optimum: one not found there may be the lowest.
     """
     problem = _contiguous(problem)
     target = problem[1]
@@ -71,13 +71,13 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
 
 
 def put_lower(found: SweptPostures, lanes: Int[np.ndarray, " again"], other: SweptPostures) -> None:
-    """The other fits of these lanes take their places where they converged and are lower."""
+    """The other fits of these problems take their places where they converged and are lower."""
     lower = other.converged & ~(found.converged[lanes] & (found.j_deg2[lanes] <= other.j_deg2))
     put_problems(found, lanes[lower], take_problems(other, lower))
 
 
 def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[float, float]) -> Lowest:
-    """The lower optimum; a lane where a start has not led to one begins anew, with more iterations."""
+    """The lower optimum; a problem where a start has not led to one begins anew, with more iterations."""
 
     def found(problem: Problem, starts: Starts, iterations: float) -> Lowest:
         one, other, most = (np.full(starts[0].shape[1], x) for x in (*closing_steps, iterations))
@@ -94,7 +94,7 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
     return result
 
 
-def fitted_from(problem: Problem, start: Float[np.ndarray, "6 lanes"]) -> SweptPostures:
+def fitted_from(problem: Problem, start: Float[np.ndarray, "6 problems"]) -> SweptPostures:
     """The optimum reached from one start alone."""
     rounds = _ROUNDS.of(problem[1])
     return in_rounds(postures_kernel, rounds, _contiguous(problem), _start(start, np.zeros_like(start[:3])))
