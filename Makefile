@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 MOTIONS ?= ../shared/motions/*.csv
 
-.PHONY: adapt test lint types units lock blind recovery heldout sets readings speed fuzz mutants clean
+.PHONY: adapt test lint types units lock blind recovery heldout sets readings speed fuzz mutants rooms clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -47,6 +47,9 @@ readings: .venv/runtime ## which reading of E is the thesis's: ten minutes; of m
 
 speed: .venv/dev ## the fits against IPOPT, SLSQP and jaxopt: minutes; simulated subjects
 	$(BIN)/python scripts/benchmark.py --subjects 1000 --peers 30 --repeats 5
+
+rooms: .venv/runtime ## the drawing of the rooms, docs/rooms.svg, from the imports in the source
+	$(BIN)/python scripts/draw_rooms.py
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportReturnType=false
 # pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""What `girdle adapt` achieved, in one table: the README's "Measured results" from the folder it wrote.
+"""What `girdle adapt` achieved, in one table: the table of docs/results.md from the folder it wrote.
 
     python scripts/summarise_gap.py results
 

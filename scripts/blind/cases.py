@@ -23,7 +23,7 @@ CALIBRATION_SEEDS = range(100_000)
 on."""
 
 REPORTED_SEEDS = range(200_000, 200_012)
-"""No threshold was ever fitted on these or on any after them. The README says which of them its figures are of."""
+"""No threshold was ever fitted on these or on any after them. docs/blind_check.md names those of its figures."""
 
 NONE_WORLDS = 8
 """Worlds without an effect a seed: all that says how often an effect is blamed on nothing."""

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
-RUN = sorted(path for path in SCRIPTS.rglob("*.py") if "__main__" in path.read_text(encoding="utf-8"))
+RUN = sorted(
+    path for path in SCRIPTS.rglob("*.py") if '\nif __name__ == "__main__"' in path.read_text(encoding="utf-8")
+)
 
 
 @pytest.mark.parametrize("script", RUN, ids=lambda path: str(path.relative_to(SCRIPTS)))

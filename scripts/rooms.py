@@ -1,0 +1,131 @@
+"""The rooms of the code and who imports whom, read from the source: nothing of the project is imported.
+
+`tests/house` holds the directions with it, `scripts/draw_rooms.py` draws them.
+"""
+
+import ast
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("motions", "models", "adapt")
+
+ORDER = (
+    "motions",
+    "models",
+    "adapt.engine",
+    "adapt.solvers",
+    "adapt.tables",
+    "adapt.model_subjects",
+    "adapt.trust",
+    "adapt.api",
+    "adapt.assessment",
+    "adapt.diagnosis",
+    "adapt",
+    "adapt.report",
+    "adapt.output",
+    "adapt.large_runs",
+    "adapt.cli",
+    "adapt.__main__",
+)
+"""The rooms, each of which may import those before it and none after it. `adapt` alone is `adapt/__init__.py`."""
+
+WITHIN = (
+    ("motions.motion_csv", "motions.landmarks", "motions.formats"),
+    ("adapt.solvers.reference", "adapt.solvers.batched"),
+    ("adapt.diagnosis.fit", "adapt.diagnosis.inference", "adapt.diagnosis.design"),
+)
+"""Folders inside a room, in the same sense."""
+
+EXCEPTIONS = {
+    (
+        "motions",
+        "adapt.engine",
+    ): "motions/arrays.py dispatches on the compiler's values: to go when these have a protocol",
+    (
+        "adapt.report",
+        "adapt.cli",
+    ): "the notes of a diagnosis stand in print_diagnosis.py: to go when they leave the terminal",
+    (
+        "adapt.diagnosis.fit",
+        "adapt.diagnosis.inference",
+    ): "noise.py takes columns of discrepancy.py: to go when these are in fit",
+}
+"""Imports against the order that are still there. An entry must go with its import: a test says so."""
+
+
+class Import(NamedTuple):
+    """One module imports another; ``imported`` may be another project's."""
+
+    importer: str
+    imported: str
+    line: int
+
+
+def module_name(path: Path, root: Path = ROOT) -> str:
+    """Return the dotted name of a source file; a package's ``__init__.py`` has the package's."""
+    parts = path.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def source_files(root: Path = ROOT) -> dict[str, Path]:
+    """Return the source files of the three packages by module name."""
+    found = (path for package in PACKAGES for path in sorted((root / package).rglob("*.py")))
+    return {module_name(path, root): path for path in found}
+
+
+def imports(files: Mapping[str, Path]) -> Iterator[Import]:
+    """Yield every import statement of the files, those inside functions too.
+
+    ``from package import name`` imports the module ``package.name`` where the files have it, else ``package``.
+    """
+    for importer, path in files.items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                yield from (Import(importer, alias.name, node.lineno) for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                base = _absolute(node, importer, path)
+                for alias in node.names:
+                    full = f"{base}.{alias.name}"
+                    yield Import(importer, full if full in files else base, node.lineno)
+
+
+def _absolute(node: ast.ImportFrom, importer: str, path: Path) -> str:
+    """Return the module that a ``from`` statement names, a relative one too."""
+    if not node.level:
+        return node.module or ""
+    package = importer.split(".") if path.name == "__init__.py" else importer.split(".")[:-1]
+    parents = package[: len(package) - node.level + 1]
+    return ".".join([*parents, *([node.module] if node.module else [])])
+
+
+def room(module: str) -> str | None:
+    """Return the room of a module: a package, or a folder or file at the top of `adapt`; none for other projects'."""
+    package, *rest = module.split(".")
+    if package not in PACKAGES:
+        return None
+    return f"adapt.{rest[0]}" if package == "adapt" and rest else package
+
+
+def folder(module: str, names: Iterable[str]) -> str | None:
+    """Return which of these folders a module is in."""
+    return next((name for name in names if f"{module}.".startswith(f"{name}.")), None)
+
+
+def crossings(
+    found: Iterable[Import], place: Callable[[str], str | None] = room
+) -> dict[tuple[str, str], list[Import]]:
+    """Return the imports that cross from one place into another, by the two places: importer, imported."""
+    by_places: dict[tuple[str, str], list[Import]] = {}
+    for one in found:
+        ends = place(one.importer), place(one.imported)
+        if ends[0] and ends[1] and ends[0] != ends[1]:
+            by_places.setdefault((ends[0], ends[1]), []).append(one)
+    return by_places
+
+
+def purpose(name: str, files: Mapping[str, Path]) -> str:
+    """Return the first line of a room's docstring."""
+    text = ast.get_docstring(ast.parse(files[name].read_text(encoding="utf-8"))) or ""
+    return text.partition("\n")[0]
