@@ -48,7 +48,7 @@ NORMAL_95 = 1.959964
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Of adapted parameters in the order of ``ADAPTED_PARAMETERS``, mm; NaN where neither motion nor points hold one."""
+    """Of adapted parameters, in the order of ``ADAPTED``, mm; NaN where neither motion nor points hold one."""
 
     noise_mm2: Float[np.ndarray, "adapted adapted problems"]
     """Covariance from the errors of the angles, as if there were no bounds."""

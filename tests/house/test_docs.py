@@ -14,9 +14,6 @@ DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs
 
 MOST_LINES_OF_README = 150
 
-NOT_YET = {"models/adapted_parameters.py"}
-"""Named before it is there; a test says when an entry must go."""
-
 PATH = re.compile(r"(?<![\w./-])(?:adapt|docs|models|motions|scripts|tests)/[\w./*-]*[\w*/]")
 """A path from the root; ``*`` stands for anything."""
 
@@ -64,7 +61,7 @@ def test_links_resolve(document):
 
 @documents
 def test_paths_exist(document):
-    named = set(PATH.findall(document.read_text(encoding="utf-8"))) - NOT_YET
+    named = set(PATH.findall(document.read_text(encoding="utf-8")))
     assert not sorted(name for name in named if not any(ROOT.glob(name.rstrip("/"))))
 
 
@@ -83,11 +80,6 @@ def test_imports_of_examples_work(document):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] in PACKAGES:
                 for alias in node.names:
                     resolved(f"{node.module}.{alias.name}")
-
-
-@pytest.mark.parametrize("name", sorted(NOT_YET))
-def test_what_is_not_there_yet_is_not_there(name):
-    assert not (ROOT / name).exists(), "delete this entry of NOT_YET: the file is there by now"
 
 
 def test_readme_is_short():

@@ -1,0 +1,72 @@
+"""After an adaptation the postures are those of its optimum."""
+
+import numpy as np
+import pytest
+
+from adapt import adapt_subjects
+from adapt.solvers import status
+from adapt.solvers.objective import WEIGHT
+from models import load_model
+from models.adapted_parameters import ADAPTED
+from motions.rhythm_subjects import simulate_subjects
+
+ROUNDING = 1e-12
+"""Relative, of a sum of some hundred squares."""
+
+
+@pytest.fixture(scope="module")
+def jumping():
+    """Subjects whose chain jumps along their motions: das3 does not close at rest."""
+    motions = simulate_subjects(2, seed=0)
+    return motions, adapt_subjects(motions, [load_model("das3"), load_model("R2")], held_out=())
+
+
+def test_e_is_that_of_the_rows_jumps_included(jumping):
+    _, result = jumping
+    after = result.fits[result.fits["adapted"] == 1]
+    assert after[after["model"] == "das3"]["jump"].sum() > 0, "no motion jumps: another case is needed"
+    mean_j = after.groupby(["model", "subject"], sort=False)["j_deg2"].mean()
+    parameters = result.parameters.set_index(["model", "subject"])
+    np.testing.assert_allclose(parameters["mean_j_after_deg2"], mean_j[parameters.index], rtol=ROUNDING)
+    E = parameters["D_mm2"] + WEIGHT * parameters["mean_j_after_deg2"]
+    assert set(parameters["status"]) == {status.OK}
+    np.testing.assert_allclose(parameters["E"], E, rtol=ROUNDING)
+
+
+def test_multipliers_are_those_of_a_posture_fit(jumping):
+    """W (q - s) + G' lambda = 0 with W of J: the same as a posture fit with the adapted girdle reports."""
+    motions, result = jumping
+    fitted, adapted = result.by_model["R2"], result.adapted["R2"]
+    assert np.all(fitted.status == status.OK)
+    assert fitted.stationarity.max() < 1e-8
+    assert np.abs(fitted.residual_mm).max() < 1e-8
+    theta = adapted.theta_mm[:, [motions.subjects.index(name) for name in motions.subject]]
+    girdle = load_model("R2").girdle.over_axes(1).with_adapted(theta)
+    gradient = girdle_gradient(girdle, fitted.angles, fitted.multipliers)
+    target = motions.angles_deg.T * np.pi / 180.0
+    weights = 2.0 * (180.0 / np.pi) ** 2 / 6.0
+    np.testing.assert_allclose(weights * (fitted.angles - target), -gradient, atol=1e-6)
+
+
+def girdle_gradient(girdle, angles, multipliers):
+    """G' lambda by central differences."""
+    step, columns = 1e-6, []
+    for k in range(6):
+        moved = [girdle.residuals_mm(angles + sign * step * np.eye(6)[:, [k]]) for sign in (1.0, -1.0)]
+        columns.append(((moved[0] - moved[1]) / (2.0 * step) * multipliers).sum(axis=0))
+    return np.stack(columns)
+
+
+def test_a_parameter_has_one_sd(jumping):
+    _, result = jumping
+    sd = result.parameters[[f"{name}_mm_sd" for name in ADAPTED]].to_numpy()
+    np.testing.assert_array_equal(sd, result.uncertainty.sd_mm.T)
+
+
+def test_where_e_does_not_hold_the_postures_they_are_fitted():
+    """w = 0: the ellipsoid is the points'; the postures are those of a fit with it."""
+    motions, model = simulate_subjects(2, seed=1), load_model("R2")
+    result = adapt_subjects(motions, model, weight=0.0, held_out=())
+    assert set(result.parameters["status"]) == {status.OK}
+    before, after = (result.fits[result.fits["adapted"] == state]["j_deg2"].to_numpy() for state in (0, 1))
+    np.testing.assert_allclose(after, before, rtol=1e-6)
