@@ -134,8 +134,8 @@ def adapt_subjects(
     fits = pd.concat([before, *tables], ignore_index=True)
     subjects = rows_of_subjects(fits)
     parameters = parameters_table(motions.subjects, models, results, uncertain.sd_mm, fits)
-    of = sample(motions.subjects) if held_out is None else held_out
-    heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, effects, of)
+    chosen = sample(motions.subjects) if held_out is None else held_out
+    heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, effects, chosen)
     return Adaptations(
         by_model=by_model,
         fits=fits,

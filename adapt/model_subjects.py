@@ -78,8 +78,8 @@ def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) ->
 
 
 def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, elevation_deg) -> Girdle | ExtendedGirdle:
-    lanes = len(elevation_deg)
-    repeated = jax.tree.map(lambda x: jnp.repeat(x[..., None], lanes, axis=-1), girdle)
+    count = len(elevation_deg)
+    repeated = jax.tree.map(lambda x: jnp.repeat(x[..., None], count, axis=-1), girdle)
     repeated = repeated.with_adapted(jnp.asarray(theta))
     if effect is None:
         return repeated

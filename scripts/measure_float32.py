@@ -107,10 +107,10 @@ def shares_in_float64(data: ProblemBatch) -> dict[str, float]:
 
 def of_postures(data: ProblemBatch) -> tuple[Any, np.ndarray, np.ndarray]:
     """Girdle, angles (at rest where not measured) and what was measured, of each posture that counts."""
-    posture, lane = np.nonzero(data.counted)
-    angles, measured = (np.asarray(x)[:, posture, lane] for x in (data.angles, data.measured))
+    posture, problem = np.nonzero(data.counted)
+    angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
     rest = (REST_DEG[:, None] / DEG).astype(angles.dtype)
-    return take_problems(data.girdle, lane), np.where(measured, angles, rest), measured
+    return take_problems(data.girdle, problem), np.where(measured, angles, rest), measured
 
 
 def speeds(data: ProblemBatch, repeats: int) -> dict[str, float]:

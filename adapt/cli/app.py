@@ -228,8 +228,10 @@ def adapt(
                 write_adapted_models(part, models, result.parameters, how)
                 write_run(part, "adapt", record, options, files.rejected)
                 table = replace(table, rejected=tuple(files.rejected))
-                drawn = result.of(table.subjects)
-                wrong = write_report(part, table, models, drawn, failed, of=len(subjects), active_effects=known)
+                drawn = result.select(table.subjects)
+                wrong = write_report(
+                    part, table, models, drawn, failed, all_subjects=len(subjects), active_effects=known
+                )
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
         _print_tables(result, len(subjects))

@@ -39,16 +39,16 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
     Up to ``at_once`` lanes the function (``compiled``) runs on numpy's arrays as it is written.
     """
     trees = jax.tree.map(np.asarray, trees)
-    lanes = jax.tree.leaves(trees)[0].shape[-1]
-    if lanes <= at_once:
+    problems = jax.tree.leaves(trees)[0].shape[-1]
+    if problems <= at_once:
         with np.errstate(all="ignore"):  # a lane that fails is NaN, and found out
             return jax.tree.map(np.array, unwrap(function)(*trees))
     devices = jax.local_devices()
-    starts = range(0, lanes, size)
+    starts = range(0, problems, size)
 
     def run(number: int) -> Any:
         first = starts[number]
-        count = min(size, lanes - first)
+        count = min(size, problems - first)
         index = first + np.minimum(np.arange(size), count - 1)
         part = jax.tree.map(lambda x: x[..., index], trees)
         device = devices[number % len(devices)]

@@ -42,7 +42,7 @@ def write_report(
     result: Tables,
     failed: Mapping[str, str],
     found: Object | None = None,
-    of: int = 0,
+    all_subjects: int = 0,
     active_effects: str = "",
 ) -> Exception | None:
     """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
@@ -50,7 +50,7 @@ def write_report(
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        atomic_write(folder / REPORT, report_html(motions, models, result, failed, found, of, active_effects))
+        atomic_write(folder / REPORT, report_html(motions, models, result, failed, found, all_subjects, active_effects))
     except Exception as error:
         return error
     return None

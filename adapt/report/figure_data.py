@@ -81,7 +81,7 @@ def _model(
     noise_deg: float | None,
 ) -> dict[str, Any]:
     order = {name: number for number, name in enumerate(motions.subjects)}
-    lane = np.array([order[name] for name in subjects])
+    number = np.array([order[name] for name in subjects])
     adapted = (
         result.parameters[result.parameters["model"] == model.name].set_index("subject").loc[list(motions.subjects)]
     )
@@ -98,13 +98,13 @@ def _model(
         "sc_mm": np.asarray(model.girdle.sc_mm),
         "M_x_mm": float(model.girdle.centre_mm[0]),
         "thorax_points_mm": _rounded(model.points_mm, _LENGTH_DIGITS),
-        "adaptation": adapted["status"].to_numpy()[lane],
+        "adaptation": adapted["status"].to_numpy()[number],
         "measured_points_mm": _flat(at_measured["before"][0]),
         "heat": _heat(motions, result.fits, model.name),
         "unseen_deg": _rounded(_unseen(result.summary, model.name, subjects), _ANGLE_DIGITS),
         "states": {
             state: {
-                "theta_mm": _rounded(theta_mm[state][:, lane].T, _LENGTH_DIGITS),
+                "theta_mm": _rounded(theta_mm[state][:, number].T, _LENGTH_DIGITS),
                 "gap_deg": _rounded(_gaps(result.summary, model.name, state, subjects), _ANGLE_DIGITS),
                 "residual_mm": _rounded(at_measured[state][1], _RESIDUAL_DIGITS),
             }

@@ -56,8 +56,8 @@ def _cells(motions: Motions, fits: pd.DataFrame) -> list[Cell]:
     ]
 
 
-def _array(of: list[Cell], low_deg: list[float]) -> Float[np.ndarray, "6 bins"]:
+def _array(chosen: list[Cell], low_deg: list[float]) -> Float[np.ndarray, "6 bins"]:
     values = np.full((len(ANGLES), len(low_deg)), np.nan)
-    for cell in of:
+    for cell in chosen:
         values[ANGLES.index(cell.angle), low_deg.index(cell.elevation_low_deg)] = cell.mean_absolute_deg
     return values

@@ -126,6 +126,6 @@ def _motions_of(previous: Int[np.ndarray, " problems"]) -> list[Int[np.ndarray, 
 
 def _track_by_reference(girdle: AnyGirdle, target, weights, target_before, start) -> SweptPostures:
     """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
-    for share in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
-        start = reference_fit(girdle, target_before + share * (target - target_before), weights, start).angles
+    for fraction in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
+        start = reference_fit(girdle, target_before + fraction * (target - target_before), weights, start).angles
     return reference_fit(girdle, target, weights, start)

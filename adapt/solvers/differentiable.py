@@ -103,6 +103,6 @@ def nested_objective(
     The reference that the whole-subject solver is tested against, and what a general optimiser can minimise.
     """
     adapted = girdle.with_adapted(theta_mm)
-    shares = jnp.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
+    point_weights = jnp.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
     fits = posture_fit(adapted, angles, measured)
-    return thorax_distance_mm2(adapted, points_mm, shares) + weight * jnp.mean(fits.j_deg2)
+    return thorax_distance_mm2(adapted, points_mm, point_weights) + weight * jnp.mean(fits.j_deg2)

@@ -49,7 +49,7 @@ class Tables:
     heldout: pd.DataFrame
     """One row a model, subject and part held out: the columns of ``heldout.csv``; none of whom none was asked for."""
 
-    def of(self, subjects: Sequence[str]) -> "Tables":
+    def select(self, subjects: Sequence[str]) -> "Tables":
         """The tables of these subjects alone; these tables if that is all."""
         mine = self.parameters["subject"].isin(subjects)
         if mine.all():

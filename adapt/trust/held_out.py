@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike
 from adapt.engine.batching import as_type
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
+from adapt.solvers.folds import hold_out_motions, hold_out_thirds
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
@@ -23,8 +24,6 @@ from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
 from models.parameter_sets import ParameterSet
 from motions.rotations import DEG
 from motions.table import Motions
-
-_POSTURE_FOLDS = 3
 
 MOST_SUBJECTS = 400
 """Of whom parts are held out where nobody says of whom: more take longer than their adaptation, and tell no more."""
@@ -45,14 +44,13 @@ def folds(motions: Motions, batch: Batch) -> list[Fold]:
     """Every motion of every subject that has several, and every third posture of every subject."""
     found = []
     for subject, (names, counted) in enumerate(_named(motions, batch)):
-        several = list(dict.fromkeys(names[counted].tolist()))
-        held = [(MOTION, name, counted & (names == name)) for name in several if len(several) > 1]
-        turn = np.cumsum(counted) % _POSTURE_FOLDS
-        held += [(POSTURES, f"third {k + 1}", counted & (turn == k)) for k in range(_POSTURE_FOLDS)]
+        motions_of_subject = hold_out_motions(counted, names)
+        held = [(MOTION, str(name), part) for name, part in motions_of_subject.items() if len(motions_of_subject) > 1]
+        held += [(POSTURES, f"third {k + 1}", part) for k, part in enumerate(hold_out_thirds(counted))]
         found += [
-            Fold(subject, kind, name, counted & ~of, of)
-            for kind, name, of in held
-            if of.any() and (counted & ~of).any()
+            Fold(subject, kind, name, counted & ~part, part)
+            for kind, name, part in held
+            if part.any() and (counted & ~part).any()
         ]
     return found
 
@@ -151,14 +149,14 @@ def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -
 
 
 def _gaps_deg(
-    data: ProblemBatch, theta_mm, of: Bool[np.ndarray, "postures problems"]
+    data: ProblemBatch, theta_mm, tested: Bool[np.ndarray, "postures problems"]
 ) -> Float[np.ndarray, "6 postures problems"]:
-    posture, problem = np.nonzero(of)
+    posture, problem = np.nonzero(tested)
     if not len(problem):
-        return np.full((6, *of.shape), np.nan)
+        return np.full((6, *tested.shape), np.nan)
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
     found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured, around=True)
-    result = np.full((6, *of.shape), np.nan)
+    result = np.full((6, *tested.shape), np.nan)
     result[:, posture, problem] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
     )

@@ -33,16 +33,20 @@ class Profile:
 
 
 def profile_intervals(
-    data: ProblemBatch, adapted: Adapted, found: Uncertainty, of: Bool[np.ndarray, "6 problems"], weight: float = WEIGHT
+    data: ProblemBatch,
+    adapted: Adapted,
+    found: Uncertainty,
+    chosen: Bool[np.ndarray, "6 problems"],
+    weight: float = WEIGHT,
 ) -> Profile:
-    """The intervals of the parameters ``of`` that are free, of every problem, all at once; NaN for the others."""
+    """The intervals of the parameters ``chosen`` that are free, of every problem, all at once; NaN for the others."""
     problem_batch = adapted.theta_mm.shape[-1]
     H = found.curvature.of_points + found.curvature.of_motion
     inverse = reduced_inverse(H, found.free)
     width = np.einsum("kkl->kl", inverse)
     side, parameter, problem = (x.ravel() for x in np.meshgrid([0, 1], range(6), range(problem_batch), indexing="ij"))
     use = (
-        (of & found.free)[parameter, problem]
+        (chosen & found.free)[parameter, problem]
         & np.isfinite(found.sd_mm[parameter, problem])
         & (width[parameter, problem] > 0.0)
     )

@@ -108,4 +108,4 @@ def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " adapt
     scaled = (points - np.asarray(own.centre_mm)[:, None]) / np.asarray(own.semi_axes_mm)[:, None]
     azimuth = np.degrees(np.arctan2(scaled[2], np.abs(scaled[0])))
     inside = {name: (azimuth >= low) & (azimuth < high) for name, (low, high) in REGIONS.items()}
-    return {name: float(np.sqrt(np.mean(distance[of] ** 2))) for name, of in inside.items() if of.any()}
+    return {name: float(np.sqrt(np.mean(distance[part] ** 2))) for name, part in inside.items() if part.any()}

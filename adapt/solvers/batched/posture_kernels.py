@@ -70,10 +70,10 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     return found._replace(converged=found.converged & settled) if target.dtype == np.float32 else found
 
 
-def put_lower(found: SweptPostures, lanes: Int[np.ndarray, " again"], other: SweptPostures) -> None:
+def put_lower(found: SweptPostures, problems: Int[np.ndarray, " again"], other: SweptPostures) -> None:
     """The other fits of these problems take their places where they converged and are lower."""
-    lower = other.converged & ~(found.converged[lanes] & (found.j_deg2[lanes] <= other.j_deg2))
-    put_problems(found, lanes[lower], take_problems(other, lower))
+    lower = other.converged & ~(found.converged[problems] & (found.j_deg2[problems] <= other.j_deg2))
+    put_problems(found, problems[lower], take_problems(other, lower))
 
 
 def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[float, float]) -> Lowest:

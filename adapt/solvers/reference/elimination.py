@@ -122,12 +122,12 @@ def _convexified(
     """
     scale = xp.max(weights, axis=0)
     convex = diagonal(xp.maximum(weights, UNMEASURED_WEIGHT * scale)) + range_space
-    share = xp.full_like(scale, _CURVATURE_SHARES[0])
+    fraction = xp.full_like(scale, _CURVATURE_SHARES[0])
     factor = Factor(convex + curvature, PIVOT_FLOOR * scale)
     for smaller in _CURVATURE_SHARES[1:]:
-        share = xp.where(factor.positive, share, smaller)
+        fraction = xp.where(factor.positive, fraction, smaller)
         factor = factor.otherwise(Factor(convex + smaller * curvature, UNMEASURED_WEIGHT * scale))
-    return factor, share
+    return factor, fraction
 
 
 def back_to_surface(G: Float[Array, " 3 6 *batch"], residual: Float[Array, " 3 *batch"]) -> Float[Array, " 6 *batch"]:
