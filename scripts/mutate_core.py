@@ -35,7 +35,10 @@ ROOT = Path(__file__).parents[1]
 
 TESTS_OF = {
     "motions/rotations.py": ["tests/motions/test_motions_rotations.py"],
-    "adapt/engine/llvm.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/function_builder.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/instructions.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/trigonometry.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/axes.py": ["tests/engine/test_machine.py"],
     "models/ellipsoid.py": ["tests/models/test_ellipsoid.py"],
     "models/girdle.py": ["tests/models/test_girdle.py"],
     "models/derivatives.py": ["tests/models/test_derivatives.py"],
@@ -66,7 +69,7 @@ _ANY_SHARE = "the way that a point is moved off a plane only has to be more than
 EQUIVALENT: dict[str, dict[str, str]] = {
     "adapt/solvers/batched/elimination.py": {
         "zero = xp.zeros_like(T[0][0]): 0 -> 1": ("all entries are of one shape"),
-        "return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, "
+        "return product([m + 0.5 * s * x for m, s, x in zip(target, range_space_penalty, g, "
         "strict=True)], g): True -> False": _SAME_LENGTH,
         "return backward(self._S, [x * d for x, d in zip(forward(self._S, b), "
         "self._S_inverse, strict=True)]): True -> False": _SAME_LENGTH,
@@ -109,7 +112,7 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         " y)): -_OFF_PLANE * y -> -_OFF_PLANE / y": _ANY_SHARE,
         "xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE *"
         " y)): _OFF_PLANE * y -> _OFF_PLANE / y": _ANY_SHARE,
-        "return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.of(S)): 1.0 -> 1.5": (
+        "return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.for_dtype_of(S)): 1.0 -> 1.5": (
             "all steps are taken, the later ones for nothing"
         ),
         "_OFF_PLANE = 1e-13: 1e-13 -> 1.5000000000000002e-13": _ANY_SHARE,

@@ -248,7 +248,7 @@ def swept_from(fixed: tuple[Girdle, Array, Array, Problem], theta, angles) -> Su
     start = Start(theta, angles, np.zeros((3, postures, lanes)), np.zeros(lanes, bool))
     measured = fixed[3].measured
     given = as_type(((Fixed(*fixed),), start), measured.dtype)
-    swept = as_type(in_rounds(subjects_kernel, _SWEEPS.of(measured), *given), float)
+    swept = as_type(in_rounds(subjects_kernel, _SWEEPS.for_dtype_of(measured), *given), float)
     nothing = np.zeros((postures, lanes))
     return Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())
 
@@ -261,7 +261,7 @@ def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np
     fresh = fitted_angles(data, solved.theta)
     weights = objective_weights(data.measured)
     before, after = (mean_square_deg2(angles, data.angles, weights) for angles in (solved.angles, fresh))
-    lower = (after < before - _LOWER_DEG2.of(data.angles)) & data.counted
+    lower = (after < before - _LOWER_DEG2.for_dtype_of(data.angles)) & data.counted
     return np.where(lower[None], fresh, solved.angles), np.any(lower, axis=0)
 
 

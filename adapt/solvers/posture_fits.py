@@ -128,7 +128,7 @@ def follow_motions(
     """
     target = np.where(measured, angles, REST_DEG[:, None] / DEG).astype(float)
     weights = objective_weights(measured)
-    problem, same_rad = (girdle, target, weights), SAME_BRANCH_RAD.of(angles)
+    problem, same_rad = (girdle, target, weights), SAME_BRANCH_RAD.for_dtype_of(angles)
     fitted = replace(fitted, **{name: value.copy() for name, value in vars(fitted).items()})
     fitted.jump[:] = _breaks(fitted, problem, previous, same_rad)
     with_jump = [lanes for lanes in _motions_of(previous) if fitted.jump[lanes].any()]

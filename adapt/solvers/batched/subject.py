@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import jax
 from jaxtyping import Bool, Float, Int
 
+from adapt.engine.axes import along, stacked
 from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
 from adapt.solvers.batched.elimination import (
     CLOSED_MM,
@@ -40,7 +41,7 @@ from models.derivatives import (
 )
 from models.ellipsoid import closest_point_multiplier
 from models.girdle import Girdle
-from motions.arrays import Array, ByType, along, repeat, stacked, xp
+from motions.arrays import Array, ByType, repeat, xp
 from motions.rotations import DEG
 
 _THETA_FLOOR = ByType(1e-9, 1e-6)
@@ -202,8 +203,8 @@ def _free(problem: Problem, theta: Components, slope: Components) -> Components:
 
 
 def _closed_and_stationary(gape: Array, rest: Array, free_slope: Components) -> Array:
-    closed = (gape <= CLOSED_MM.of(gape)) & (rest <= STATIONARY.of(rest))
-    return closed & (largest(free_slope) <= _FLAT.of(gape))
+    closed = (gape <= CLOSED_MM.for_dtype_of(gape)) & (rest <= STATIONARY.for_dtype_of(rest))
+    return closed & (largest(free_slope) <= _FLAT.for_dtype_of(gape))
 
 
 def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Array, Array, Array]:
@@ -316,7 +317,7 @@ def _box_minimum(
         reduced = [[xp.where(free[i] & free[j], x, 0.0) for j, x in enumerate(row)] for i, row in enumerate(matrix)]
         for i in range(6):
             reduced[i][i] = xp.where(free[i], reduced[i][i], size)
-        L, inverse, positive = factorised(reduced, _THETA_FLOOR.of(size) * size)
+        L, inverse, positive = factorised(reduced, _THETA_FLOOR.for_dtype_of(size) * size)
         right = [xp.where(f, -b, size * v) for f, b, v in zip(free, pushed(value), value, strict=True)]
         return backward(L, [x * d for x, d in zip(forward(L, right), inverse, strict=True)]), positive
 
@@ -338,7 +339,8 @@ def _box_minimum(
         x = list(x)
         for i in range(6):
             pull = slope[i] + product([matrix[max(i, j)][min(i, j)] for j in range(6)], x)
-            x[i] = xp.clip(x[i] - pull / xp.maximum(matrix[i][i], _THETA_FLOOR.of(size) * size), low[i], high[i])
+            floor = _THETA_FLOOR.for_dtype_of(size) * size
+            x[i] = xp.clip(x[i] - pull / xp.maximum(matrix[i][i], floor), low[i], high[i])
         return x
 
     return repeat(_COORDINATE_STEPS, lowered, x), definite
