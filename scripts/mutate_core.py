@@ -64,6 +64,8 @@ _PROCESSES.set_forkserver_preload(["pytest", "jax", "jax.numpy", "hypothesis", "
 
 _SAME_LENGTH = "both are of one length; strict only says so"
 
+_OTHER_NAMES = "values and labels have other names, each its own"
+
 _ANY_SHARE = "the way that a point is moved off a plane only has to be more than 0 and less than shows"
 
 EQUIVALENT: dict[str, dict[str, str]] = {
@@ -79,6 +81,20 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         "strict=True)]: True -> False": _SAME_LENGTH,
         "inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped,"
         " strict=True)]: True -> False": _SAME_LENGTH,
+    },
+    "adapt/engine/instructions.py": {
+        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
+        "self._names = 0: 0 -> 1": _OTHER_NAMES,
+        "self._names += 1: 1 -> 2": _OTHER_NAMES,
+        'label = f"{name}{self.new_name()[1:]}": 1 -> 2': _OTHER_NAMES,
+    },
+    "adapt/engine/trigonometry.py": {
+        "_SERIES = {8: 9, 4: 6}: 9 -> 10": "one term more than rounding shows",
+        "for place in range(1, 3):: 3 -> 4": "one part more than is needed",
+    },
+    "adapt/engine/axes.py": {
+        "return [self._builder.where(taken, a, b) for a, b in zip(new, before, strict=True)]: "
+        "True -> False": _SAME_LENGTH,
     },
     "adapt/diagnosis/fit/linear_evidence.py": {
         "return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "

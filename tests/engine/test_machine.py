@@ -6,7 +6,7 @@ import platformdirs
 import pytest
 from numpy.random import PCG64, Generator
 
-from adapt.engine.axes import along
+from adapt.engine.axes import along, stacked
 from adapt.engine.kernel import Kernel
 from adapt.engine.trigonometry import half_pi_parts
 from motions.arrays import repeat, repeat_while, xp
@@ -70,7 +70,7 @@ def test_arithmetic_is_that_of_numpy(dtype):
 def neutral(x):
     """Every operation with 0 and 1 on either side, which need no instruction where they change nothing."""
     a, found = x[0], []
-    for constant in (0.0, 1.0, xp.zeros_like(x[0]), xp.zeros_like(x[0]) + 1.0):
+    for constant in (0.0, 1.0, xp.zeros_like(x[0]), xp.zeros_like(x[0]) + 1.0, xp.full_like(x[0], 1.0)):
         found += [a + constant, constant + a, a - constant, constant - a, a * constant, constant * a, constant / a]
     return [*found, a / 1.0, a**1]
 
@@ -78,7 +78,7 @@ def neutral(x):
 @pytest.mark.parametrize("dtype", TYPES)
 def test_zero_and_one_are_what_they_are_in_every_operation(dtype):
     x = values(1).astype(dtype)
-    np.testing.assert_allclose(machine(neutral, 1, 30, x), np.stack(neutral(x)), rtol=2 * ULP[dtype], atol=0.0)
+    np.testing.assert_allclose(machine(neutral, 1, 37, x), np.stack(neutral(x)), rtol=2 * ULP[dtype], atol=0.0)
 
 
 def test_what_is_0_by_construction_stays_so_whatever_it_is_multiplied_by():
@@ -161,6 +161,26 @@ def test_loops_over_places_sum_count_keep_and_replace():
         kernel = Kernel("passes", text, ("3 postures", "postures bool"), "5", 64)
         expected = jax.tree.map(np.asarray, np.stack(text(x, counted)))
         np.testing.assert_allclose(kernel.by_machine(x, counted), expected, rtol=0.0, atol=1e-13)
+
+
+def test_a_sum_of_ones_counts_the_places():
+    """What is the same at every place by construction is summed as anything else."""
+
+    def text(x):
+        total, worst, _ = along(x[0]).reduced(lambda row: (xp.full_like(row[0], 1.0), xp.full_like(row[0], 1.0), ()), x)
+        return [total, worst]
+
+    x = Generator(PCG64(5)).normal(size=(2, 5, PROBLEMS))
+    found = Kernel("ones", text, ("2 points",), "2", 64).by_machine(x)
+    np.testing.assert_array_equal(found, [[5.0] * PROBLEMS, [1.0] * PROBLEMS])
+
+
+def test_components_are_stacked_where_they_are_arrays():
+    for count in (1, 3):
+        x = values(count)
+        np.testing.assert_array_equal(stacked(list(x)), x)
+        np.testing.assert_array_equal(machine(stacked, count, count, x), x)
+    assert stacked(x) is x
 
 
 def test_operations_are_counted_where_they_are_done():
