@@ -70,7 +70,7 @@ def assess_trust(
     subjects, data = batch.subjects, problem_batch(batch, models)
     adapted, found = joined([result.adapted[name] for name in names]), result.uncertainty
     progress("profiles of E")
-    profile = profile_intervals(data, adapted, found, found.sd_mm > FLAT_MM, weight)
+    profile = profile_intervals(data, adapted, found, found.sd_mm > FLAT_MM)
     progress("adaptation without the thorax points")
     free = adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
     heldout = held_out_gaps(motions, models, result.fits, weight, progress=progress)

@@ -118,7 +118,7 @@ def _largest_root(p: Vector, a: Vector) -> Array:
 
     def unfinished(carry):
         step, _, S = carry
-        return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.of(S))
+        return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.for_dtype_of(S))
 
     def again(carry):
         step, tau, _ = carry

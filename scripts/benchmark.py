@@ -4,6 +4,9 @@ Peers in their best practical form: CasADi/IPOPT on the whole-subject problem wi
 once and warm, one process a core; SciPy's SLSQP with analytic derivatives, one process a core; SciPy's L-BFGS-B through
 jaxopt on the nested objective, compiled. Every time excludes building, compilation and the preparation of inputs. E of
 both is compared subject by subject. Ratios are medians over the repeats, beside the least and the most.
+
+The machine code of ``adapt.engine`` has a peer of its own: XLA, given the same text of the subject sweep and the same
+iterations (``machine_code_vs_xla``; CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
 """
 
 import json
@@ -113,7 +116,7 @@ def values_of(data: Any, solved: Any) -> np.ndarray:
 
 
 def prepared(model: str, subjects: int):
-    """The lanes of simulated subjects."""
+    """The problems of simulated subjects."""
     return problem_batch(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
 
 
@@ -147,11 +150,9 @@ def nested_seconds(model: str, subjects: int) -> float:
 
 def operations_of_iteration(postures: int, points: int) -> int:
     """Additions, multiplications, divisions and roots of one iteration of one subject, counted in its machine code."""
-    code = subjects_kernel.code()
-    code.text()
     lengths = {"posture": postures, "point": points, "while": 1}  # a second factor of a posture is seldom needed
     total = 0
-    for path, count in code.operations.items():
+    for path, count in subjects_kernel.build().count_operations().items():
         if path[:2] == ("block", "while"):
             times = [lengths[word] if word in lengths else int(word.split(".")[1]) for word in path[2:]]
             total += count * math.prod(times)
@@ -183,19 +184,20 @@ def peak_gflops() -> float:
 
 
 def sweep_gflops(data: Any, operations: int) -> float:
-    """Of the first iterations of every subject, of so many operations each; those of lanes that wait for their partners
-    are not counted."""
-    postures, lanes_ = data.counted.shape
-    problem = problem_with_weight(data, np.full(lanes_, WEIGHT))
+    """Of the first iterations of every subject, of so many operations each; those of subjects that wait for others of
+    their block are not counted."""
+    given = first_iterations(data)
+    done = subjects_kernel.by_machine(*given).iterations.sum()
+    return float(done) * operations / timed(lambda: subjects_kernel.by_machine(*given)) / 1e9
+
+
+def first_iterations(data: Any) -> tuple[Fixed, Start, np.ndarray]:
+    """The arguments of the first round of the subject sweep: ten iterations from the geometric fit."""
+    postures, count = data.counted.shape
+    problem = problem_with_weight(data, np.full(count, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
-    start = Start(theta, data.angles, np.zeros((3, postures, lanes_)), np.zeros(lanes_, bool))
-    fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem)
-
-    def run() -> Any:
-        return subjects_kernel.by_machine(fixed, start, np.full(lanes_, 10.0))
-
-    done = run().iterations.sum()
-    return float(done) * operations / timed(run) / 1e9
+    start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
+    return Fixed(data.girdle, data.points_mm, data.point_weights, problem), start, np.full(count, 10.0)
 
 
 def spread(values: list[float]) -> dict[str, float]:
@@ -248,9 +250,11 @@ def benchmark(
     known = np.isfinite(measured)
     fitted = fit_batch(girdles, measured, known)
 
-    keys = ("adapt", "ipopt", "single", "fit", "slsqp", "gflops", "peak_gflops")
+    keys = ("adapt", "ipopt", "single", "fit", "slsqp", "gflops", "peak_gflops", "sweep", "sweep_by_xla")
     rows: dict[str, list[float]] = {key: [] for key in keys}
     operations = operations_of_iteration(data.counted.shape[0], data.point_weights.shape[0])
+    sweep = first_iterations(data)
+    subjects_kernel.by_jax(*sweep)  # compiles
     E_ipopt, J_slsqp = np.empty(0), np.empty(0)
     for _ in range(repeats):
         rows["adapt"].append(subjects / timed(lambda: solved_from_geometric_fit(data)))
@@ -262,6 +266,8 @@ def benchmark(
         rows["slsqp"].append(2 * peers / seconds)
         rows["gflops"].append(sweep_gflops(data, operations))
         rows["peak_gflops"].append(peak_gflops())
+        rows["sweep"].append(subjects / timed(lambda: subjects_kernel.by_machine(*sweep)))
+        rows["sweep_by_xla"].append(subjects / timed(lambda: subjects_kernel.by_jax(*sweep)))
     cores = os.cpu_count() or 1
     sizes = [n for n in (250, 1000, 4000, 16000, 64000) if n < largest] + [largest]
     seconds = {n: _seconds(model, n) for n in sizes}
@@ -271,6 +277,7 @@ def benchmark(
         "adapt_single_vs_ipopt": [a / (b / cores) for a, b in zip(rows["single"], rows["ipopt"], strict=True)],
         "fit_vs_slsqp": [a / b for a, b in zip(rows["fit"], rows["slsqp"], strict=True)],
         "share_of_peak": [a / b for a, b in zip(rows["gflops"], rows["peak_gflops"], strict=True)],
+        "machine_code_vs_xla": [a / b for a, b in zip(rows["sweep"], rows["sweep_by_xla"], strict=True)],
     }
     result = {
         **{key: float(np.median(values)) for key, values in ratio.items()},

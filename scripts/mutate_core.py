@@ -35,7 +35,10 @@ ROOT = Path(__file__).parents[1]
 
 TESTS_OF = {
     "motions/rotations.py": ["tests/motions/test_motions_rotations.py"],
-    "adapt/engine/llvm.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/function_builder.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/instructions.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/trigonometry.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/axes.py": ["tests/engine/test_machine.py"],
     "models/ellipsoid.py": ["tests/models/test_ellipsoid.py"],
     "models/girdle.py": ["tests/models/test_girdle.py"],
     "models/derivatives.py": ["tests/models/test_derivatives.py"],
@@ -61,12 +64,14 @@ _PROCESSES.set_forkserver_preload(["pytest", "jax", "jax.numpy", "hypothesis", "
 
 _SAME_LENGTH = "both are of one length; strict only says so"
 
+_OTHER_NAMES = "values and labels have other names, each its own"
+
 _ANY_SHARE = "the way that a point is moved off a plane only has to be more than 0 and less than shows"
 
 EQUIVALENT: dict[str, dict[str, str]] = {
     "adapt/solvers/batched/elimination.py": {
         "zero = xp.zeros_like(T[0][0]): 0 -> 1": ("all entries are of one shape"),
-        "return product([m + 0.5 * s * x for m, s, x in zip(target, stiffness, g, "
+        "return product([m + 0.5 * s * x for m, s, x in zip(target, range_space_penalty, g, "
         "strict=True)], g): True -> False": _SAME_LENGTH,
         "return backward(self._S, [x * d for x, d in zip(forward(self._S, b), "
         "self._S_inverse, strict=True)]): True -> False": _SAME_LENGTH,
@@ -76,6 +81,20 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         "strict=True)]: True -> False": _SAME_LENGTH,
         "inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped,"
         " strict=True)]: True -> False": _SAME_LENGTH,
+    },
+    "adapt/engine/instructions.py": {
+        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
+        "self._names = 0: 0 -> 1": _OTHER_NAMES,
+        "self._names += 1: 1 -> 2": _OTHER_NAMES,
+        'label = f"{name}{self.new_name()[1:]}": 1 -> 2': _OTHER_NAMES,
+    },
+    "adapt/engine/trigonometry.py": {
+        "_SERIES = {8: 9, 4: 6}: 9 -> 10": "one term more than rounding shows",
+        "for place in range(1, 3):: 3 -> 4": "one part more than is needed",
+    },
+    "adapt/engine/axes.py": {
+        "return [self._builder.where(taken, a, b) for a, b in zip(new, before, strict=True)]: "
+        "True -> False": _SAME_LENGTH,
     },
     "adapt/diagnosis/fit/linear_evidence.py": {
         "return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
@@ -109,7 +128,7 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         " y)): -_OFF_PLANE * y -> -_OFF_PLANE / y": _ANY_SHARE,
         "xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE *"
         " y)): _OFF_PLANE * y -> _OFF_PLANE / y": _ANY_SHARE,
-        "return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.of(S)): 1.0 -> 1.5": (
+        "return (step < _MAX_STEPS) & xp.any(abs(S - 1.0) > _LAST_STEP.for_dtype_of(S)): 1.0 -> 1.5": (
             "all steps are taken, the later ones for nothing"
         ),
         "_OFF_PLANE = 1e-13: 1e-13 -> 1.5000000000000002e-13": _ANY_SHARE,

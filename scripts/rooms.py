@@ -40,10 +40,6 @@ WITHIN = (
 
 EXCEPTIONS = {
     (
-        "motions",
-        "adapt.engine",
-    ): "motions/arrays.py dispatches on the compiler's values: to go when these have a protocol",
-    (
         "adapt.report",
         "adapt.cli",
     ): "the notes of a diagnosis stand in print_diagnosis.py: to go when they leave the terminal",

@@ -1,8 +1,8 @@
-"""A batch of lanes: a long one in chunks of one shape, in cache on a CPU, on every device that JAX sees, a thread each;
-a short one at once by numpy, before a compiled program would have been loaded.
+"""A batch of problems: a long one in chunks of one shape, in cache on a CPU, on every device that JAX sees, a thread
+each; a short one at once by numpy, before a compiled program would have been loaded.
 
-Lanes are independent, so the outcome does not depend on the chunks. Every chunk is padded with copies of its last lane
-to one size, so that one program serves every batch.
+Problems are independent, so the outcome does not depend on the chunks. Every chunk is padded with copies of its last
+problem to one size, so that one program serves every batch.
 """
 
 import os
@@ -22,7 +22,7 @@ uses: measured on one sweep, 23 times the operations, 4 times the run time and 6
 
 
 def compiled(function: Callable[..., Any], static_argnums: tuple[int, ...] = ()) -> Callable[..., Any]:
-    """``jax.jit`` without fusion on a CPU; elsewhere a kernel launch costs more than what fusion repeats."""
+    """Compile by ``jax.jit``, on a CPU without fusion; else a kernel launch costs more than what fusion repeats."""
 
     @cache
     def program() -> Callable[..., Any]:  # not before the first call: asking for the backend starts it
@@ -33,15 +33,16 @@ def compiled(function: Callable[..., Any], static_argnums: tuple[int, ...] = ())
 
 
 def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int = 0) -> Any:
-    """``function(*trees)`` over the last axis of every array, in chunks of ``size`` lanes; the results as numpy, to be
-    written to.
+    """Run ``function(*trees)`` over the last axis of every array, in chunks of ``size`` problems.
 
-    Up to ``at_once`` lanes the function (``compiled``) runs on numpy's arrays as it is written.
+    The results are numpy's arrays, to be written to.
+
+    Up to ``at_once`` problems the function (``compiled``) runs on numpy's arrays as it is written.
     """
     trees = jax.tree.map(np.asarray, trees)
     problems = jax.tree.leaves(trees)[0].shape[-1]
     if problems <= at_once:
-        with np.errstate(all="ignore"):  # a lane that fails is NaN, and found out
+        with np.errstate(all="ignore"):  # a problem that fails is NaN, and found out
             return jax.tree.map(np.array, unwrap(function)(*trees))
     devices = jax.local_devices()
     starts = range(0, problems, size)
@@ -62,20 +63,20 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
 
 
 def in_threads(function: Callable[..., Any], *items: Iterable[Any], threads: int | None = None) -> list[Any]:
-    """``map``, by default a thread a core: for work whose time is spent in numpy, which lets other threads run."""
+    """Do what ``map`` does, by default with a thread a core: for work in numpy, which lets other threads run."""
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         return list(pool.map(function, *items))
 
 
 def _workers(devices: list[Any]) -> int:
-    """Two chunks a device in flight hide the transfers; a CPU is one device with several cores."""
+    """Count threads: two chunks a device in flight hide the transfers; a CPU is one device with several cores."""
     if devices[0].platform == "cpu":
         return max(len(devices), os.cpu_count() or 1)
     return 2 * len(devices)
 
 
 def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[Any, ...], start: Any) -> Any:
-    """``function(*fixed, start, iterations)``, again on the lanes not yet ``converged``: who has is left alone.
+    """Run ``function(*fixed, start, iterations)``, again on the problems not yet ``converged``: the others stay.
 
     ``rounds`` are the most iterations of each. The result has the fields of ``start``, and its ``iterations`` add up.
     """
@@ -96,7 +97,7 @@ def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[
 
 
 def as_type(tree: Any, dtype: DTypeLike) -> Any:
-    """The numbers of every array in this type; truths and counts as they are, and an array that has it already."""
+    """Convert the numbers of every array to this type; leave truths, counts, and an array that has it already."""
 
     def cast(x: Any) -> Any:
         x = np.asarray(x)
@@ -106,19 +107,19 @@ def as_type(tree: Any, dtype: DTypeLike) -> Any:
 
 
 def take_problems(tree: Any, index: Any) -> Any:
-    """The given lanes of every array: their numbers, or where they are."""
+    """Take some problems of every array: ``index`` holds their numbers, or says which they are."""
     index = np.flatnonzero(index) if np.asarray(index).dtype == bool else index
     return jax.tree.map(lambda x: np.asarray(x).take(index, axis=-1), tree)
 
 
 def put_problems(tree: Any, index: Any, values: Any) -> None:
-    """The given lanes of every array of a tree become those of ``values``."""
+    """Overwrite some problems of every array of a tree with those of ``values``."""
     for whole, some in zip(jax.tree.leaves(tree), jax.tree.leaves(values), strict=True):
         whole[..., index] = some
 
 
 def with_problems(tree: Any, index: Any, values: Any) -> Any:
-    """The same in a copy of the tree, as numpy."""
+    """Do the same in a copy of the tree, as numpy."""
     result = jax.tree.map(np.array, tree)
     put_problems(result, index, values)
     return result

@@ -177,8 +177,14 @@ def write_run(
 
 def versions() -> dict[str, str]:
     """Of everything that the last digits of a result depend on, but for the machine."""
-    libraries = {name: importlib.metadata.version(name) for name in _VERSIONS_OF}
-    return {"python": sys.version.split()[0]} | libraries
+    return {"python": sys.version.split()[0]} | {name: _version(name) for name in _VERSIONS_OF}
+
+
+def _version(library: str) -> str:
+    try:
+        return importlib.metadata.version(library)
+    except importlib.metadata.PackageNotFoundError:  # llvmlite may be missing (``adapt.engine.kernel``)
+        return "none"
 
 
 def sha256(path: Path) -> str | None:

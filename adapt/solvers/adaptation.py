@@ -203,7 +203,7 @@ def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np
     fresh = fitted_angles(data, solved.theta)
     weights = objective_weights(data.measured)
     before, after = (mean_square_deg2(angles, data.angles, weights) for angles in (solved.angles, fresh))
-    lower = (after < before - _LOWER_DEG2.of(data.angles)) & data.counted
+    lower = (after < before - _LOWER_DEG2.for_dtype_of(data.angles)) & data.counted
     return np.where(lower[None], fresh, solved.angles), np.any(lower, axis=0)
 
 

@@ -44,7 +44,7 @@ def follow_motions(
         _follow_from_best(fitted, problem, with_jump)
         moved = np.concatenate(with_jump)
         of_moved = np.where(np.isin(np.arange(len(previous)), moved), previous, -1)
-        fitted.jump[moved] = _breaks(fitted, problem, of_moved, SAME_BRANCH_RAD.of(angles))[moved]
+        fitted.jump[moved] = _breaks(fitted, problem, of_moved, SAME_BRANCH_RAD.for_dtype_of(angles))[moved]
     return fitted
 
 
@@ -57,7 +57,7 @@ def mark_jumps(
 ) -> Fitted:
     """Mark where a fit is not on the branch of the posture before (see :func:`follow_motions`); move none."""
     fitted = fitted.copy()
-    fitted.jump[:] = _breaks(fitted, _targets(girdle, angles, measured), previous, SAME_BRANCH_RAD.of(angles))
+    fitted.jump[:] = _breaks(fitted, _targets(girdle, angles, measured), previous, SAME_BRANCH_RAD.for_dtype_of(angles))
     return fitted
 
 

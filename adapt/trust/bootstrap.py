@@ -5,7 +5,6 @@ from jaxtyping import Float
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
-from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import ProblemBatch, select_problems
 from motions.rotations import DEG
 
@@ -16,19 +15,20 @@ def bootstrap_mm(
     noise_deg: Float[np.ndarray, " problems"],
     replicates: int,
     seed: int,
-    weight=WEIGHT,
-) -> Float[np.ndarray, "6 replicates problems"]:
+) -> Float[np.ndarray, "adapted replicates problems"]:
     """Adapted parameters (ADAPTED, mm) of simulated repetitions; NaN where one did not converge.
 
     Each repetition has the fitted, closed postures as truth, with independent Gaussian errors of SD ``noise_deg`` on
     every angle, and is adapted anew from the subject's own optimum, with the same thorax points and bounds.
     """
-    problem_batch = adapted.theta_mm.shape[-1]
-    problem = np.tile(np.arange(problem_batch), replicates)
+    count = adapted.theta_mm.shape[-1]
+    problem = np.tile(np.arange(count), replicates)
     generator = np.random.Generator(np.random.PCG64(seed))
     postures = adapted.angles.shape[1]
-    errors = generator.standard_normal((replicates, problem_batch, 6, postures)) * (noise_deg / DEG)[:, None, None]
+    errors = generator.standard_normal((replicates, count, 6, postures)) * (noise_deg / DEG)[:, None, None]
     measured = adapted.angles[..., problem] + np.moveaxis(errors.reshape(-1, 6, postures), 0, -1)
-    again = adapted_from(select_problems(data, problem, angles=measured), adapted.theta_mm[:, problem], weight)
+    again = adapted_from(
+        select_problems(data, problem, angles=measured), adapted.theta_mm[:, problem], adapted.weight[problem]
+    )
     theta = np.where(again.status == status.OK, again.theta_mm, np.nan)
-    return theta.reshape(6, replicates, problem_batch)
+    return theta.reshape(len(theta), replicates, count)

@@ -12,7 +12,6 @@ from jaxtyping import Bool, Float
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
-from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import ProblemBatch, select_problems
 from adapt.trust.covariance import NORMAL_95, Uncertainty, reduced_inverse
 
@@ -27,8 +26,8 @@ _ROUNDS = 4
 class Profile:
     """Ends of the 95 % intervals of L problems, mm, lower then upper."""
 
-    ends_mm: Float[np.ndarray, "2 6 problems"]
-    open: Bool[np.ndarray, "2 6 problems"]
+    ends_mm: Float[np.ndarray, "2 adapted problems"]
+    open: Bool[np.ndarray, "2 adapted problems"]
     """The bound came first."""
 
 
@@ -36,15 +35,16 @@ def profile_intervals(
     data: ProblemBatch,
     adapted: Adapted,
     found: Uncertainty,
-    chosen: Bool[np.ndarray, "6 problems"],
-    weight: float = WEIGHT,
+    chosen: Bool[np.ndarray, "adapted problems"],
 ) -> Profile:
     """The intervals of the parameters ``chosen`` that are free, of every problem, all at once; NaN for the others."""
-    problem_batch = adapted.theta_mm.shape[-1]
+    count = adapted.theta_mm.shape[-1]
     H = found.curvature.of_points + found.curvature.of_motion
     inverse = reduced_inverse(H, found.free)
     width = np.einsum("kkl->kl", inverse)
-    side, parameter, problem = (x.ravel() for x in np.meshgrid([0, 1], range(6), range(problem_batch), indexing="ij"))
+    side, parameter, problem = (
+        x.ravel() for x in np.meshgrid([0, 1], range(len(found.free)), range(count), indexing="ij")
+    )
     use = (
         (chosen & found.free)[parameter, problem]
         & np.isfinite(found.sd_mm[parameter, problem])
@@ -53,7 +53,7 @@ def profile_intervals(
     side, parameter, problem = side[use], parameter[use], problem[use]
     wanted = NORMAL_95 * found.sd_mm[parameter, problem]
     if not len(problem):
-        return Profile(np.full((2, 6, problem_batch), np.nan), np.zeros((2, 6, problem_batch), bool))
+        return Profile(np.full((2, len(found.free), count), np.nan), np.zeros((2, len(found.free), count), bool))
     best, bound = adapted.theta_mm[parameter, problem], np.asarray(data.bounds_mm)[side, parameter, problem]
     repeated, start = select_problems(data, problem), adapted.theta_mm[:, problem]
     follow = inverse[:, parameter, problem] / width[parameter, problem]
@@ -63,7 +63,7 @@ def profile_intervals(
 
         All ends every time: one shape, so that nothing is compiled twice.
         """
-        E = _least_e(repeated, parameter, value_mm, start + follow * (value_mm - best), weight)
+        E = _least_e(repeated, parameter, value_mm, start + follow * (value_mm - best), adapted.weight[problem])
         rise = np.sqrt(2.0 * width[parameter, problem] * np.maximum(E - adapted.E[problem], 0.0))
         return np.where(np.isfinite(E), wanted - rise, -wanted)
 
@@ -89,9 +89,9 @@ def profile_intervals(
         short_outside = np.where(within, 0.5 * short_outside, short)
         short_inside = np.where(within, short, 0.5 * short_inside)
         inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
-    ends = np.full((2, 6, problem_batch), np.nan)
+    ends = np.full((2, len(found.free), count), np.nan)
     ends[side, parameter, problem] = np.where(is_open, bound, _crossing(inside, outside, short_inside, short_outside))
-    opened = np.zeros((2, 6, problem_batch), bool)
+    opened = np.zeros((2, len(found.free), count), bool)
     opened[side, parameter, problem] = is_open
     return Profile(ends, opened)
 
@@ -102,7 +102,7 @@ def _crossing(inside, outside, short_inside, short_outside):
     return inside + np.where(apart > 0.0, short_inside / np.where(apart > 0.0, apart, 1.0), 0.0) * (outside - inside)
 
 
-def _least_e(data: ProblemBatch, parameter, value_mm, start_mm, weight: float) -> Float[np.ndarray, " problems"]:
+def _least_e(data: ProblemBatch, parameter, value_mm, start_mm, weight) -> Float[np.ndarray, " problems"]:
     """E with one parameter of each problem held at a value, the others from where the parabola has them; NaN where that
     did not converge."""
     problem = np.arange(len(value_mm))

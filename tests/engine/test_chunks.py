@@ -26,15 +26,15 @@ class Count(NamedTuple):
     converged: np.ndarray
 
 
-@pytest.mark.parametrize("lanes", [1, 7, 8, 9, 63, 64, 65, 200])
-def test_every_lane_comes_back_once_in_its_place(lanes):
-    x = np.arange(2.0 * lanes).reshape(2, lanes)
+@pytest.mark.parametrize("problems", [1, 7, 8, 9, 63, 64, 65, 200])
+def test_every_problem_comes_back_once_in_its_place(problems):
+    x = np.arange(2.0 * problems).reshape(2, problems)
     found = in_chunks(lambda tree, y: {"sum": tree["x"] + y, "row": y}, SIZE, {"x": x}, x[0])
     np.testing.assert_array_equal(found["sum"], x + x[0])
     np.testing.assert_array_equal(found["row"], x[0])
 
 
-def test_one_program_serves_every_number_of_lanes():
+def test_one_program_serves_every_number_of_problems():
     shapes = []
 
     @compiled
@@ -42,12 +42,12 @@ def test_one_program_serves_every_number_of_lanes():
         shapes.append(x.shape)  # runs while tracing: once a compilation
         return 2.0 * x
 
-    for lanes in (*range(1, 130, 7), 1000):
-        np.testing.assert_array_equal(in_chunks(doubled, SIZE, np.arange(float(lanes))), 2.0 * np.arange(lanes))
+    for problems in (*range(1, 130, 7), 1000):
+        np.testing.assert_array_equal(in_chunks(doubled, SIZE, np.arange(float(problems))), 2.0 * np.arange(problems))
     assert shapes == [(64,)]
 
 
-def test_few_lanes_are_done_at_once_and_compile_nothing():
+def test_few_problems_are_done_at_once_and_compile_nothing():
     shapes = []
 
     @compiled
@@ -55,14 +55,14 @@ def test_few_lanes_are_done_at_once_and_compile_nothing():
         shapes.append((type(x), x.shape))
         return x
 
-    for lanes in (1, 8, 9, 10):
-        np.testing.assert_array_equal(in_chunks(same, SIZE, np.arange(float(lanes)), at_once=9), np.arange(lanes))
+    for problems in (1, 8, 9, 10):
+        np.testing.assert_array_equal(in_chunks(same, SIZE, np.arange(float(problems)), at_once=9), np.arange(problems))
     assert shapes[:3] == [(np.ndarray, (1,)), (np.ndarray, (8,)), (np.ndarray, (9,))]
     assert [shape for _, shape in shapes[3:]] == [(SIZE,)]
 
 
 def test_who_has_converged_is_left_alone():
-    """Lanes that end in the first round come back untouched by the others' further rounds."""
+    """Problems that end in the first round come back untouched by the others' further rounds."""
     handled = []
 
     def halved(fixed, start, iterations):

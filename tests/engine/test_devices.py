@@ -1,4 +1,4 @@
-"""Several devices in one process: the lanes are shared out, and what comes back is the same."""
+"""Several devices in one process: the problems are shared out, and what comes back is the same."""
 
 import json
 import os
@@ -42,7 +42,7 @@ print(json.dumps({"devices": len(jax.devices()), "used": len(used), "off": float
 """
 
 
-def test_two_devices_share_the_lanes_and_change_nothing():
+def test_two_devices_share_the_problems_and_change_nothing():
     """JAX is told that the CPU is two devices; in a process of its own, because it asks that only once."""
     environment = os.environ | {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_PLATFORMS": "cpu"}
     command = [sys.executable, "-c", PROGRAM]

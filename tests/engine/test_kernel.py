@@ -1,13 +1,20 @@
-"""The fast paths as machine code, by JAX and by numpy; partners, threads and shapes that change nothing; the cache."""
+"""The fast paths as machine code, by XLA and by numpy; other problems, threads and shapes change nothing; the cache;
+XLA where there is no machine code.
+"""
+
+import logging
+import sys
 
 import jax
+import llvmlite.binding as llvm
 import numpy as np
 import platformdirs
 import pytest
 
-from adapt.engine import kernel
+from adapt.engine import kernel, machine_code, object_cache
 from adapt.engine.batching import take_problems
 from adapt.engine.kernel import Kernel
+from adapt.engine.machine_code import MachineCodeError
 from adapt.solvers import posture_fits as fit
 from adapt.solvers.batched import posture_kernels as quick_fit
 from adapt.solvers.batched import subject_kernels
@@ -153,7 +160,7 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
     assert found.converged.all() == (iterations == 60.0)
 
 
-def test_a_lane_is_the_same_alone_and_in_any_company(data):
+def test_a_problem_is_the_same_alone_and_in_any_company(data):
     """To the last bit: alone, among others, and among so many that every core has some."""
     among = subject_kernels.subjects_kernel.by_machine(*arguments(data))
     many = subject_kernels.subjects_kernel.by_machine(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
@@ -164,7 +171,7 @@ def test_a_lane_is_the_same_alone_and_in_any_company(data):
             np.testing.assert_array_equal(getattr(many, name)[..., k::SUBJECTS][..., 0], getattr(among, name)[..., k])
 
 
-def test_one_bad_lane_harms_no_other(data):
+def test_one_bad_problem_harms_no_other(data):
     good = subject_kernels.subjects_kernel.by_machine(*arguments(data))
     data.angles[1, 0, 4] = np.nan
     found = subject_kernels.subjects_kernel.by_machine(*arguments(data))
@@ -174,7 +181,7 @@ def test_one_bad_lane_harms_no_other(data):
     np.testing.assert_array_equal(found.theta[:, rest], good.theta[:, rest])
 
 
-def test_few_and_no_lanes():
+def test_few_and_no_problems():
     given = posture_arguments()
     whole = quick_fit.postures_kernel.by_machine(*given)
     for count in (0, 1, 7, 8, 9):
@@ -211,9 +218,9 @@ def doubled(x):
 
 
 def test_one_compilation_serves_every_length_and_the_next_run(tmp_path, monkeypatch):
-    compiled, original = [], kernel.compiled_text
+    compiled, original = [], object_cache.emit_object
     monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path)
-    monkeypatch.setattr(kernel, "compiled_text", lambda text: compiled.append(text) or original(text))
+    monkeypatch.setattr(object_cache, "emit_object", lambda text: compiled.append(text) or original(text))
     one = Kernel("doubled", doubled, ("",), "", 64)
     for count in (1, 8, 13, 1000):
         np.testing.assert_array_equal(one.by_machine(np.arange(float(count))), 2.0 * np.arange(count))
@@ -238,15 +245,93 @@ def test_the_key_of_the_cached_code_covers_every_source_file_at_any_depth(change
     for name in files:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("x = 1\n")
-    before = kernel.source_digest(tmp_path)
-    assert kernel.source_digest(tmp_path) == before
+    before = object_cache.source_digest(tmp_path)
+    assert object_cache.source_digest(tmp_path) == before
     (tmp_path / changed).write_text("x = 2\n")
-    after = kernel.source_digest(tmp_path)
+    after = object_cache.source_digest(tmp_path)
     assert after != before
     (tmp_path / changed).rename((tmp_path / changed).with_name("elsewhere.py"))
-    assert kernel.source_digest(tmp_path) not in (before, after)
+    assert object_cache.source_digest(tmp_path) not in (before, after)
 
 
 def test_the_key_of_the_cached_code_is_that_of_this_checkout():
-    assert (kernel._ROOT / "adapt" / "engine" / "kernel.py").samefile(kernel.__file__)
-    assert all((kernel._ROOT / package / "__init__.py").exists() for package in kernel._PACKAGES)
+    assert (object_cache._ROOT / "adapt" / "engine" / "kernel.py").samefile(kernel.__file__)
+    assert all((object_cache._ROOT / package / "__init__.py").exists() for package in object_cache._PACKAGES)
+
+
+# --- without machine code --------------------------------------------------------------------------------------------
+
+
+def fail(*_, **__):
+    raise RuntimeError("as LLVM says it")
+
+
+def llvmlite_is_missing(monkeypatch):
+    for name in ("llvmlite", "llvmlite.binding"):
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+def the_processor_is_unknown(monkeypatch):
+    monkeypatch.setattr(machine_code, "_target_machine", machine_code._target_machine.__wrapped__)
+    monkeypatch.setattr(llvm.Target, "from_default_triple", fail)
+
+
+def compiling_fails(monkeypatch):
+    monkeypatch.setattr(llvm, "parse_assembly", fail)
+
+
+def linking_fails(monkeypatch):
+    monkeypatch.setattr(llvm, "JITLibraryBuilder", fail)
+
+
+@pytest.mark.parametrize("damage", [llvmlite_is_missing, the_processor_is_unknown, compiling_fails, linking_fails])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_xla_does_it_where_there_is_no_machine_code(damage, dtype, tmp_path, monkeypatch, caplog):
+    """With one note, which nobody sees who has not asked for it, and no second attempt."""
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path)
+    kernel._note_fallback.cache_clear()
+    damage(monkeypatch)
+    one = Kernel("doubled", doubled, ("",), "", 64)
+    with pytest.raises(MachineCodeError):
+        one.by_machine(np.ones(3, dtype))
+    with caplog.at_level(logging.INFO, logger=kernel.__name__):
+        for count in (0, 1, 100):
+            found = one(np.arange(count, dtype=dtype))
+            assert found.dtype == dtype
+            np.testing.assert_array_equal(found, 2.0 * np.arange(count))
+    assert [record.levelname for record in caplog.records] == ["INFO"]
+    monkeypatch.undo()
+    assert one._left_to_xla == {dtype}
+
+
+def test_a_fault_in_the_text_is_no_reason_to_leave_it_to_xla():
+    with pytest.raises(AttributeError):
+        Kernel("wrong", lambda x: x.no_such_thing, ("",), "", 64)(np.ones(3))
+
+
+def test_the_fast_paths_without_llvmlite_have_the_same_results(data, monkeypatch):
+    postures, subjects = posture_arguments(), arguments(data)
+    measured = np.isfinite(postures[1])
+    expected = (
+        quick_fit.postures_kernel(*postures),
+        subject_kernels.subjects_kernel(*subjects),
+        fit_batch(*postures[:2], measured),
+    )
+    for one in (quick_fit.postures_kernel, quick_fit.lowest_kernel, subject_kernels.subjects_kernel):
+        monkeypatch.setattr(one, "_functions", {})
+        monkeypatch.setattr(one, "_left_to_xla", set())
+    llvmlite_is_missing(monkeypatch)
+    swept, adapted, fitted = (
+        quick_fit.postures_kernel(*postures),
+        subject_kernels.subjects_kernel(*subjects),
+        fit_batch(*postures[:2], measured),
+    )
+    ended = expected[0].converged
+    np.testing.assert_array_equal(swept.converged, ended)
+    np.testing.assert_allclose(swept.angles[:, ended], expected[0].angles[:, ended], rtol=0.0, atol=SAME_RAD)
+    np.testing.assert_array_equal(adapted.converged, expected[1].converged)
+    np.testing.assert_allclose(adapted.theta, expected[1].theta, rtol=SAME_RELATIVE, atol=0.0)
+    np.testing.assert_allclose(adapted.angles, expected[1].angles, rtol=0.0, atol=SAME_RAD)
+    np.testing.assert_array_equal(fitted.status, expected[2].status)
+    np.testing.assert_allclose(fitted.angles, expected[2].angles, rtol=0.0, atol=SAME_RAD)
+    assert all(one._left_to_xla for one in (quick_fit.postures_kernel, subject_kernels.subjects_kernel))

@@ -1,4 +1,4 @@
-"""The arithmetic of machine code against numpy's: operations, loops, memory, and lanes that know nothing of others."""
+"""The arithmetic of machine code against numpy's: operations, loops, memory; problems that know nothing of others."""
 
 import jax
 import numpy as np
@@ -6,9 +6,10 @@ import platformdirs
 import pytest
 from numpy.random import PCG64, Generator
 
+from adapt.engine.axes import along, stacked
 from adapt.engine.kernel import Kernel
-from adapt.engine.llvm import Code, half_pi_parts
-from motions.arrays import along, repeat, repeat_while, xp
+from adapt.engine.trigonometry import half_pi_parts
+from motions.arrays import repeat, repeat_while, xp
 
 ULP = {np.float64: 2.3e-16, np.float32: 1.2e-7}
 """Relative: one unit in the last place."""
@@ -18,7 +19,7 @@ TYPES = list(ULP)
 SINE_ERROR = 2.0
 """Units in the last place of 1, of sine and cosine; of the sine of what is small, relative."""
 
-LANES = 29
+PROBLEMS = 29
 """Not a multiple of eight."""
 
 
@@ -29,7 +30,7 @@ def _own_cache(tmp_path, monkeypatch):
 
 
 def values(rows: int, seed: int = 1) -> np.ndarray:
-    return Generator(PCG64(seed)).normal(size=(rows, LANES)) * 10.0
+    return Generator(PCG64(seed)).normal(size=(rows, PROBLEMS)) * 10.0
 
 
 def machine(text, rows: int, given: int, *arrays: np.ndarray) -> np.ndarray:
@@ -69,7 +70,7 @@ def test_arithmetic_is_that_of_numpy(dtype):
 def neutral(x):
     """Every operation with 0 and 1 on either side, which need no instruction where they change nothing."""
     a, found = x[0], []
-    for constant in (0.0, 1.0, xp.zeros_like(x[0]), xp.zeros_like(x[0]) + 1.0):
+    for constant in (0.0, 1.0, xp.zeros_like(x[0]), xp.zeros_like(x[0]) + 1.0, xp.full_like(x[0], 1.0)):
         found += [a + constant, constant + a, a - constant, constant - a, a * constant, constant * a, constant / a]
     return [*found, a / 1.0, a**1]
 
@@ -77,7 +78,7 @@ def neutral(x):
 @pytest.mark.parametrize("dtype", TYPES)
 def test_zero_and_one_are_what_they_are_in_every_operation(dtype):
     x = values(1).astype(dtype)
-    np.testing.assert_allclose(machine(neutral, 1, 30, x), np.stack(neutral(x)), rtol=2 * ULP[dtype], atol=0.0)
+    np.testing.assert_allclose(machine(neutral, 1, 37, x), np.stack(neutral(x)), rtol=2 * ULP[dtype], atol=0.0)
 
 
 def test_what_is_0_by_construction_stays_so_whatever_it_is_multiplied_by():
@@ -108,8 +109,8 @@ def test_sine_and_cosine(size, dtype):
     assert np.all(np.abs(sine - np.sin(x)) <= most * np.minimum(1.0, np.maximum(np.abs(x), 1e-300)))
 
 
-def test_each_lane_iterates_for_itself():
-    """A lane that has finished stays as it is while its partners go on: Newton's square root, and a count."""
+def test_each_problem_iterates_for_itself():
+    """A problem that has finished stays as it is while others go on: Newton's square root, and a count."""
 
     def root(x):
         def better(carry):
@@ -118,10 +119,10 @@ def test_each_lane_iterates_for_itself():
 
         return list(repeat_while(lambda carry: abs(carry[0] ** 2 - x) > 1e-9 * x, better, (x, xp.zeros_like(x))))
 
-    x = np.geomspace(1e-6, 1e6, LANES)
+    x = np.geomspace(1e-6, 1e6, PROBLEMS)
     found, steps = Kernel("root", root, ("",), "2", 64).by_machine(x)
     alone = np.concatenate(
-        [Kernel("root", root, ("",), "2", 64).by_machine(x[k : k + 1]) for k in range(LANES)], axis=1
+        [Kernel("root", root, ("",), "2", 64).by_machine(x[k : k + 1]) for k in range(PROBLEMS)], axis=1
     )
     np.testing.assert_allclose(found, np.sqrt(x), rtol=1e-9, atol=0.0)
     np.testing.assert_array_equal(np.stack([found, steps]), alone)
@@ -156,10 +157,30 @@ def test_loops_over_places_sum_count_keep_and_replace():
 
     random = Generator(PCG64(5))
     for postures in (1, 3, 16):
-        x, counted = random.normal(size=(3, postures, LANES)), random.random((postures, LANES)) < 0.7
+        x, counted = random.normal(size=(3, postures, PROBLEMS)), random.random((postures, PROBLEMS)) < 0.7
         kernel = Kernel("passes", text, ("3 postures", "postures bool"), "5", 64)
         expected = jax.tree.map(np.asarray, np.stack(text(x, counted)))
         np.testing.assert_allclose(kernel.by_machine(x, counted), expected, rtol=0.0, atol=1e-13)
+
+
+def test_a_sum_of_ones_counts_the_places():
+    """What is the same at every place by construction is summed as anything else."""
+
+    def text(x):
+        total, worst, _ = along(x[0]).reduced(lambda row: (xp.full_like(row[0], 1.0), xp.full_like(row[0], 1.0), ()), x)
+        return [total, worst]
+
+    x = Generator(PCG64(5)).normal(size=(2, 5, PROBLEMS))
+    found = Kernel("ones", text, ("2 points",), "2", 64).by_machine(x)
+    np.testing.assert_array_equal(found, [[5.0] * PROBLEMS, [1.0] * PROBLEMS])
+
+
+def test_components_are_stacked_where_they_are_arrays():
+    for count in (1, 3):
+        x = values(count)
+        np.testing.assert_array_equal(stacked(list(x)), x)
+        np.testing.assert_array_equal(machine(stacked, count, count, x), x)
+    assert stacked(x) is x
 
 
 def test_operations_are_counted_where_they_are_done():
@@ -171,9 +192,9 @@ def test_operations_are_counted_where_they_are_done():
         return total / 3.0
 
     kernel = Kernel("counted", text, ("2 points",), "", 64)
-    code: Code = kernel.code()
-    assert "sqrt" not in code.text()
-    assert dict(code.operations) == {("block", "point"): 2, ("block",): 1}
+    builder = kernel.build()
+    assert "sqrt" not in builder.text()
+    assert dict(builder.count_operations()) == {("block", "point"): 2, ("block",): 1}
 
 
 @pytest.mark.parametrize(("dtype", "bits"), [(np.float64, 33), (np.float32, 13)])

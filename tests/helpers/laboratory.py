@@ -55,12 +55,14 @@ def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, closed: b
 
 def on_constraints(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
     """Angles (6, frames) near the given ones where A1-A3 hold, by steps q - G' (G G')^-1 g (Gauss-Newton)."""
-    problem_batch = repeated(girdle, angles.shape[1])
+    repeated_girdle = repeated(girdle, angles.shape[1])
     directions = jnp.eye(6)
 
     @jax.jit
     def linearised(q):
-        rows = [jax.jvp(problem_batch.residuals_mm, (q,), (jnp.broadcast_to(d[:, None], q.shape),)) for d in directions]
+        rows = [
+            jax.jvp(repeated_girdle.residuals_mm, (q,), (jnp.broadcast_to(d[:, None], q.shape),)) for d in directions
+        ]
         return rows[0][0], jnp.stack([row[1] for row in rows], axis=1)
 
     q = jnp.asarray(angles)
@@ -68,7 +70,7 @@ def on_constraints(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
         g, G = (np.moveaxis(np.asarray(x), -1, 0) for x in linearised(q))
         Gt = np.swapaxes(G, 1, 2)
         q = q - (Gt @ np.linalg.solve(G @ Gt, g[..., None]))[..., 0].T
-    assert np.abs(np.asarray(problem_batch.residuals_mm(q))).max() < 1e-9
+    assert np.abs(np.asarray(repeated_girdle.residuals_mm(q))).max() < 1e-9
     return np.asarray(q)
 
 

@@ -1,5 +1,6 @@
 """What --repeat refuses: inputs that changed, records of other commands, records that are none."""
 
+import importlib.metadata
 import json
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 from command import girdle, refused, written
 
 from adapt.output import repeat
-from adapt.output.run_files import inputs_record, write_run
+from adapt.output.run_files import inputs_record, versions, write_run
 from models.parameter_sets import FOLDER
 
 
@@ -74,6 +75,16 @@ def test_other_versions_are_a_note(record, tmp_path):
     note, error = ended.messages
     assert note == f"note: the last digits may differ: numpy 0.1, now {versions['numpy']}"
     assert error.startswith(f"error: {tmp_path / '1.csv'}, line 1: columns subject, ")
+
+
+def test_a_library_that_is_missing_is_recorded_as_none(monkeypatch):
+    """llvmlite may be: XLA does its work."""
+
+    def missing(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", missing)
+    assert versions()["llvmlite"] == "none"
 
 
 NO_RECORDS = {

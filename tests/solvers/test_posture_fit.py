@@ -121,10 +121,10 @@ def measured(measured_files) -> Case:
     return Case(target, model, followed, followed.j_deg2 > found.j_deg2 + J_TOLERANCE_DEG2)
 
 
-def slsqp_lanes(case: Case, start_deg: np.ndarray, problem_batch) -> dict[int, Posture]:
+def slsqp_lanes(case: Case, start_deg: np.ndarray, problems) -> dict[int, Posture]:
     """SLSQP on the given lanes, without those where it gives up."""
     known = {name: bones(load_model(name).girdle) for name in MODELS}
-    found = {k: slsqp(known[case.model[k]], case.target_deg[:, k], start_deg[:, k]) for k in map(int, problem_batch)}
+    found = {k: slsqp(known[case.model[k]], case.target_deg[:, k], start_deg[:, k]) for k in map(int, problems)}
     return {k: one for k, one in found.items() if one.success and one.open_mm < OPEN_MM}
 
 
@@ -203,9 +203,9 @@ def test_the_start_does_not_matter_within_its_valley(simulated_deg):
 def test_a_closed_posture_is_its_own_fit(near):
     """The fitted postures close the chain; taken as measured, J = 0 and nothing moves."""
     for name in ("R2", "breteler_mri"):
-        problem_batch = np.flatnonzero([model == name for model in near.model])
-        closed = near.fitted.angles[:, problem_batch]
-        again = fit(repeated(load_model(name).girdle, len(problem_batch)), closed * DEG)
+        problems = np.flatnonzero([model == name for model in near.model])
+        closed = near.fitted.angles[:, problems]
+        again = fit(repeated(load_model(name).girdle, len(problems)), closed * DEG)
         assert set(again.status) == {status.OK}
         assert np.abs(again.angles - closed).max() * DEG <= ANGLE_TOLERANCE_DEG
         assert again.j_deg2.max() <= ANGLE_TOLERANCE_DEG**2
@@ -216,13 +216,13 @@ def test_a_measurement_pulled_off_along_the_normal_comes_back(near):
 
     From dJ/dq = (q - s) / 3 = -G' lambda, degrees and deg^2 a mm.
     """
-    problem_batch = np.flatnonzero([name == "R4" for name in near.model])
+    problems = np.flatnonzero([name == "R4" for name in near.model])
     b = bones(load_model("R4").girdle)
-    q = near.fitted.angles[:, problem_batch] * DEG
+    q = near.fitted.angles[:, problems] * DEG
     G = np.stack([constraints(b, one)[1] for one in q.T], axis=-1)
-    multipliers = np.random.default_rng(3).normal(0.0, 0.1, (3, len(problem_batch)))
+    multipliers = np.random.default_rng(3).normal(0.0, 0.1, (3, len(problems)))
     multiplier_gradient = np.einsum("cak,ck->ak", G, multipliers)
-    found = fit(repeated(load_model("R4").girdle, len(problem_batch)), q + 3.0 * multiplier_gradient)
+    found = fit(repeated(load_model("R4").girdle, len(problems)), q + 3.0 * multiplier_gradient)
     np.testing.assert_allclose(found.angles * DEG, q, rtol=0.0, atol=ANGLE_TOLERANCE_DEG)
     np.testing.assert_allclose(found.multipliers, multipliers, rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(found.j_deg2, 1.5 * np.sum(multiplier_gradient**2, axis=0), rtol=0.0, atol=1e-8)

@@ -45,7 +45,7 @@ def good_enough(state: Tried, merit: Float[Array, " problems"]) -> Bool[Array, "
     A step that is still refused when hardly anything is left of it goes uphill, as one may where a posture or theta is
     not at a minimum: the point is taken, and the next step is another one, with the new multipliers and a small radius.
     """
-    lower = merit <= state.merit + _ROUNDING.of(merit) * (1.0 + abs(state.merit))
+    lower = merit <= state.merit + _ROUNDING.for_dtype_of(merit) * (1.0 + abs(state.merit))
     return lower | ((state.length < _HARDLY) & (merit < xp.inf))
 
 

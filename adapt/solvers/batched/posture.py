@@ -9,6 +9,7 @@ from typing import NamedTuple
 import jax
 from jaxtyping import Bool, Float, Int
 
+from adapt.engine.axes import stacked
 from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
 from adapt.solvers.batched.elimination import (
     CLOSED_MM,
@@ -26,7 +27,7 @@ from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
 from models.adapted_parameters import adapted_components
 from models.derivatives import ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle
-from motions.arrays import Array, ByType, repeat, repeat_while, stacked, xp
+from motions.arrays import Array, ByType, repeat, repeat_while, xp
 from motions.rotations import DEG
 
 _LAST_STEP_RAD = ByType(1e-7, 1e-5)
@@ -173,7 +174,7 @@ def sweep_from_two_starts(
             multipliers=[xp.where(lower, x, y) for x, y in zip(multipliers, best.multipliers, strict=True)],
             j_deg2=xp.where(lower, J, best.j_deg2),
             settled=best.settled & end.converged,
-            apart=another & (best.j_deg2 < xp.inf) & (abs(J - best.j_deg2) > _SAME_DEG2.of(J)),
+            apart=another & (best.j_deg2 < xp.inf) & (abs(J - best.j_deg2) > _SAME_DEG2.for_dtype_of(J)),
             iterations=best.iterations + end.iterations,
         )
         return list(starts[1]), closing_steps[1], further
@@ -223,7 +224,7 @@ def _judged(problem: _Problem, q: Components, multipliers: Components, iteration
     """The conditions of ``adapt.solvers.reference.posture`` there, with the feet computed anew."""
     at = problem.chain(q, multipliers, problem.closest_point_multipliers(q))
     rest = stationarity(at, problem.objective_gradient(q), multipliers) / DEG
-    converged = (largest(at.g) <= CLOSED_MM.of(rest)) & (rest <= STATIONARY.of(rest))
+    converged = (largest(at.g) <= CLOSED_MM.for_dtype_of(rest)) & (rest <= STATIONARY.for_dtype_of(rest))
     return SweptPostures(
         stacked(q), stacked(multipliers), stacked(at.g), rest, problem.j_deg2(q), iterations, converged
     )
@@ -237,7 +238,8 @@ def _iterate(problem: _Problem, known: Components, state: _State) -> _State:
     good = good_enough(state, J + augmented(state.target, state.range_space_penalty, at.g))
     posture = Elimination(at, problem.weights, objective_gradient, parameters=False)
     step, target = posture.steps.moved([])
-    arrived = (largest(step) <= _LAST_STEP_RAD.of(J)) | _near([x + dx for x, dx in zip(q, step, strict=True)], known)
+    short = largest(step) <= _LAST_STEP_RAD.for_dtype_of(J)
+    arrived = short | _near([x + dx for x, dx in zip(q, step, strict=True)], known)
     accepted = _State(
         base=q,
         multipliers=multipliers,

@@ -83,7 +83,7 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
         one, other, most = (np.full(starts[0].shape[1], x) for x in (*closing_steps, iterations))
         return lowest_kernel(*problem, starts, (one, other), most)
 
-    first, *others = _LOWEST_ROUNDS.of(problem[1])
+    first, *others = _LOWEST_ROUNDS.for_dtype_of(problem[1])
     result = found(problem, starts, first)
     for iterations in others:
         left = np.flatnonzero(~result.settled)
@@ -96,7 +96,7 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
 
 def fitted_from(problem: Problem, start: Float[np.ndarray, "6 problems"]) -> SweptPostures:
     """The optimum reached from one start alone."""
-    rounds = _ROUNDS.of(problem[1])
+    rounds = _ROUNDS.for_dtype_of(problem[1])
     return in_rounds(postures_kernel, rounds, _contiguous(problem), _start(start, np.zeros_like(start[:3])))
 
 

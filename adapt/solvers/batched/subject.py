@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import jax
 from jaxtyping import Bool, Float, Int
 
+from adapt.engine.axes import along, stacked
 from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
 from adapt.solvers.batched.elimination import (
     CLOSED_MM,
@@ -41,7 +42,7 @@ from models.derivatives import (
 )
 from models.ellipsoid import closest_point_multiplier
 from models.girdle import Girdle
-from motions.arrays import Array, ByType, along, repeat, stacked, xp
+from motions.arrays import Array, ByType, repeat, xp
 from motions.rotations import DEG
 
 _THETA_FLOOR = ByType(1e-9, 1e-6)
@@ -212,8 +213,8 @@ def _free(problem: Problem, theta: Components, slope: Components) -> Components:
 
 
 def _closed_and_stationary(violation: Array, rest: Array, free_slope: Components) -> Array:
-    closed = (violation <= CLOSED_MM.of(violation)) & (rest <= STATIONARY.of(rest))
-    return closed & (largest(free_slope) <= _FLAT.of(violation))
+    closed = (violation <= CLOSED_MM.for_dtype_of(violation)) & (rest <= STATIONARY.for_dtype_of(rest))
+    return closed & (largest(free_slope) <= _FLAT.for_dtype_of(violation))
 
 
 def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vector]:
@@ -333,7 +334,7 @@ def _box_minimum(
         reduced = [[xp.where(free[i] & free[j], x, 0.0) for j, x in enumerate(row)] for i, row in enumerate(matrix)]
         for i in range(len(slope)):
             reduced[i][i] = xp.where(free[i], reduced[i][i], size)
-        L, inverse, positive = factorised(reduced, _THETA_FLOOR.of(size) * size)
+        L, inverse, positive = factorised(reduced, _THETA_FLOOR.for_dtype_of(size) * size)
         right = [xp.where(f, -b, size * v) for f, b, v in zip(free, pushed(value), value, strict=True)]
         return backward(L, [x * d for x, d in zip(forward(L, right), inverse, strict=True)]), positive
 
@@ -355,7 +356,9 @@ def _box_minimum(
         x = list(x)
         for i in range(len(slope)):
             push = slope[i] + product([matrix[max(i, j)][min(i, j)] for j in range(len(slope))], x)
-            x[i] = xp.clip(x[i] - push / xp.maximum(matrix[i][i], _THETA_FLOOR.of(size) * size), low[i], high[i])
+            x[i] = xp.clip(
+                x[i] - push / xp.maximum(matrix[i][i], _THETA_FLOOR.for_dtype_of(size) * size), low[i], high[i]
+            )
         return x
 
     return repeat(_COORDINATE_STEPS, lowered, x), definite

@@ -38,6 +38,6 @@ def sweep_from(fixed: Fixed, theta, angles) -> Subject:
     start = Start(theta, angles, np.zeros((3, postures, problems)), np.zeros(problems, bool))
     measured = fixed.problem.measured
     given = as_type(((fixed,), start), measured.dtype)
-    swept = as_type(in_rounds(subjects_kernel, _ROUNDS.of(measured), *given), float)
+    swept = as_type(in_rounds(subjects_kernel, _ROUNDS.for_dtype_of(measured), *given), float)
     nothing = np.zeros((postures, problems))
     return Subject(penalty=nothing, radius_mm=nothing[0], **swept._asdict())

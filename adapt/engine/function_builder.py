@@ -1,0 +1,311 @@
+"""Write LLVM instructions from a kernel's text: called with ``SimdValue``s, a function of components leaves them here.
+
+Every problem (ISPC's program instance) has one lane of a register, and a block of problems (ISPC's gang) fills it.
+Values stay in registers or in the first cache, however many there are. Loops (over postures, thorax points, iterations)
+are written around such pieces; none of their lengths is in the code. No result depends on the other problems of a
+block.
+"""
+
+import re
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.typing import DTypeLike
+
+from adapt.engine.instructions import InstructionList
+from adapt.engine.simd_values import REGISTER_BYTES, MemoryRow, SimdValue, simd_width
+from adapt.engine.trigonometry import cosine, sine
+
+_ROWS = "SCRATCH_ROWS"
+"""Stands for the number of scratch rows of a place, which is known at the end."""
+
+
+class FunctionBuilder:
+    """Builds one function, ``void name(ptr arrays, ptr sizes, i64 first, i64 last, ptr scratch)``.
+
+    ``arrays`` points to the arrays, component first and problems last; ``sizes`` to the number of problems and the
+    lengths of the axes. It does blocks ``first`` to ``last``; the last block of all ends with the last problem.
+
+    It is also the array namespace of its values: their ``where``, ``sqrt``, ``repeat_while``, ...
+    """
+
+    def __init__(self, name: str, dtype: DTypeLike):
+        """``dtype``: float64 or float32, the type of all numbers."""
+        self.name, self.dtype = name, np.dtype(dtype)
+        self.simd_width = simd_width(dtype)
+        self.element = {8: "double", 4: "float"}[self.dtype.itemsize]
+        self.vector, self.mask = f"<{self.simd_width} x {self.element}>", f"<{self.simd_width} x i1>"
+        self.instructions = InstructionList()
+        self._scratch_rows = 0
+
+    # --- values
+
+    def broadcast(self, x: Any) -> SimdValue:
+        """Give x as a SIMD value: a Python number is the same in every lane (uniform)."""
+        if isinstance(x, SimdValue):
+            return x
+        if isinstance(x, bool):
+            return SimdValue(self, f"splat (i1 {str(x).lower()})", is_mask=True)
+        rounded = float(self.dtype.type(x))  # LLVM writes the bits of a float as those of the same double
+        return SimdValue(self, f"splat ({self.element} 0x{struct.pack('>d', rounded).hex().upper()})")
+
+    def arithmetic(self, operation: str, a: Any, b: Any) -> SimdValue:
+        """Compute a of b. ``contract``: a product and a sum may become one instruction, rounded once."""
+        a, b = self.broadcast(a), self.broadcast(b)
+        return self._number(f"{operation} contract {self.vector} {a.operand}, {b.operand}")
+
+    def add(self, a: Any, b: Any) -> SimdValue:
+        a, b = self.broadcast(a), self.broadcast(b)
+        if self.is_constant(a, 0.0):
+            return b
+        return a if self.is_constant(b, 0.0) else self.arithmetic("fadd", a, b)
+
+    def subtract(self, a: Any, b: Any) -> SimdValue:
+        a, b = self.broadcast(a), self.broadcast(b)
+        if self.is_constant(b, 0.0):
+            return a
+        if self.is_constant(a, 0.0):
+            return self._number(f"fneg {self.vector} {b.operand}")
+        return self.arithmetic("fsub", a, b)
+
+    def multiply(self, a: Any, b: Any) -> SimdValue:
+        """What is 0 by construction stays so, whatever it is multiplied by."""
+        a, b = self.broadcast(a), self.broadcast(b)
+        if self.is_constant(a, 0.0) or self.is_constant(b, 1.0):
+            return a
+        return b if self.is_constant(b, 0.0) or self.is_constant(a, 1.0) else self.arithmetic("fmul", a, b)
+
+    def is_constant(self, x: Any, value: float) -> bool:
+        """Tell whether x is this number by construction."""
+        return self.broadcast(x).operand == self.broadcast(value).operand
+
+    def call_intrinsic(self, function: str, *arguments: Any, flags: str = "") -> SimdValue:
+        """Call LLVM's function of this name."""
+        operands = ", ".join(f"{self.vector} {self.broadcast(x).operand}" for x in arguments)
+        kind = f"v{self.simd_width}f{8 * self.dtype.itemsize}"
+        return self._number(f"call {flags}{self.vector} @llvm.{function}.{kind}({operands})")
+
+    def compare(self, how: str, a: Any, b: Any) -> SimdValue:
+        a, b = self.broadcast(a), self.broadcast(b)
+        return self._mask(f"fcmp {how} {self.vector} {a.operand}, {b.operand}")
+
+    def combine_masks(self, operation: str, a: Any, b: Any) -> SimdValue:
+        a, b = self.broadcast(a), self.broadcast(b)
+        return self._mask(f"{operation} {self.mask} {a.operand}, {b.operand}")
+
+    def _number(self, instruction: str) -> SimdValue:
+        return SimdValue(self, self.instructions.compute(instruction))
+
+    def _mask(self, instruction: str) -> SimdValue:
+        return SimdValue(self, self.instructions.compute(instruction), is_mask=True)
+
+    # --- functions of numpy
+
+    def where(self, condition: SimdValue, yes: Any, no: Any) -> SimdValue:
+        yes, no = self.broadcast(yes), self.broadcast(no)
+        if yes.operand == no.operand:
+            return yes
+        kind = self.mask if yes.is_mask else self.vector
+        instruction = f"select {self.mask} {condition.operand}, {kind} {yes.operand}, {kind} {no.operand}"
+        return self._mask(instruction) if yes.is_mask else self._number(instruction)
+
+    def zeros_like(self, _: Any, kind: type = float) -> SimdValue:
+        return self.broadcast(kind(0))
+
+    def full_like(self, _: Any, value: float) -> SimdValue:
+        return self.broadcast(value)
+
+    def sqrt(self, x: Any) -> SimdValue:
+        return self.call_intrinsic("sqrt", x)
+
+    def maximum(self, a: Any, b: Any) -> SimdValue:
+        """NaN if one of them is."""
+        return self.call_intrinsic("maximum", a, b, flags="nsz ")
+
+    def minimum(self, a: Any, b: Any) -> SimdValue:
+        return self.call_intrinsic("minimum", a, b, flags="nsz ")
+
+    def clip(self, x: Any, low: Any, high: Any) -> SimdValue:
+        return self.minimum(self.maximum(x, low), high)
+
+    def any(self, x: SimdValue) -> SimdValue:
+        """Leave each problem its own truth: ``repeat_while`` asks whether some problem goes on."""
+        return x
+
+    def sin(self, x: SimdValue) -> SimdValue:
+        return sine(x)
+
+    def cos(self, x: SimdValue) -> SimdValue:
+        return cosine(x)
+
+    # --- memory
+
+    def load(self, address: str, is_mask: bool, one_byte: bool = False) -> SimdValue:
+        name = self.instructions.new_name()
+        if not one_byte:
+            self.instructions.append(f"{name} = load {self.vector}, ptr {address}, align {self.dtype.itemsize}")
+            number = SimdValue(self, name)
+            return number > 0.5 if is_mask else number
+        self.instructions.append(f"{name} = load <{self.simd_width} x i8>, ptr {address}, align 1")
+        return self._mask(f"icmp ne <{self.simd_width} x i8> {name}, splat (i8 0)")
+
+    def store(self, address: str, value: SimdValue, one_byte: bool = False) -> None:
+        if one_byte:
+            widened = f"zext {self.mask} {value.operand} to <{self.simd_width} x i8>"
+            as_bytes = self.instructions.compute(widened)
+            self.instructions.append(f"store <{self.simd_width} x i8> {as_bytes}, ptr {address}, align 1")
+        else:
+            self.instructions.append(self.store_instruction(address, value))
+
+    def store_instruction(self, address: str, value: SimdValue) -> str:
+        """Return the instruction that stores a number; a mask as 1 or 0."""
+        if value.is_mask:
+            value = self.where(value, 1.0, 0.0)
+        return f"store {self.vector} {value.operand}, ptr {address}, align {self.dtype.itemsize}"
+
+    def variable(self) -> str:
+        """Make room for one number a problem; return its address."""
+        name = self.instructions.new_name()
+        self.instructions.entry.append(f"{name} = alloca {self.vector}, align {REGISTER_BYTES}")
+        return name
+
+    def scratch_row(self, length: str, is_mask: bool) -> MemoryRow:
+        """Return a new row of scratch, beside the others of the same place of the axis."""
+        row, self._scratch_rows = self._scratch_rows, self._scratch_rows + 1
+        compute = self.instructions.compute
+
+        def offset_at(index: str) -> str:
+            first = compute(f"mul i64 {index}, {_ROWS}")
+            return compute(f"mul i64 {compute(f'add i64 {first}, {row}')}, {self.simd_width}")
+
+        return MemoryRow(self, "%scratch", length, offset_at, is_mask, one_byte=False)
+
+    def argument_rows(self, number: int, rows: int, axis: int | None, is_mask: bool) -> list[MemoryRow]:
+        """Return the rows of the caller's array of this number, along this entry of ``sizes`` if there is one."""
+        pointer = self._argument("ptr", "%arrays", number)
+        length = "1" if axis is None else self.size(axis)
+        compute = self.instructions.compute
+
+        def offset_of(row: int) -> Callable[[str], str]:
+            def offset_at(index: str) -> str:
+                place = compute(f"add i64 {compute(f'mul i64 {length}, {row}')}, {index}")
+                return compute(f"add i64 {compute(f'mul i64 {place}, {self.size(0)}')}, %problem")
+
+            return offset_at
+
+        return [MemoryRow(self, pointer, length, offset_of(row), is_mask, one_byte=is_mask) for row in range(rows)]
+
+    def size(self, axis: int) -> str:
+        """Return an entry of ``sizes``: the number of problems, or the length of an axis."""
+        return self._argument("i64", "%sizes", axis)
+
+    def _argument(self, kind: str, table: str, number: int) -> str:
+        name = f"%{table[1:]}.{number}"
+        address, entry = f"{name}.at = getelementptr {kind}, ptr {table}, i64 {number}", self.instructions.entry
+        if address not in entry:
+            entry += [address, f"{name} = load {kind}, ptr {name}.at"]
+        return name
+
+    # --- loops
+
+    @contextmanager
+    def loop(self, length: str, name: str, first: str = "0") -> Iterator[str]:
+        """Do the instructions within for every index from ``first`` up to ``length``."""
+        write = self.instructions
+        counter = write.new_name()
+        write.entry.append(f"{counter} = alloca i64")
+        write.append(f"store i64 {first}, ptr {counter}")
+        with write.loop(name) as labels:
+            index, more, following = write.new_name(), write.new_name(), write.new_name()
+            write.append(f"{index} = load i64, ptr {counter}", f"{more} = icmp slt i64 {index}, {length}")
+            write.enter_if(more, labels)
+            yield index
+            write.append(f"{following} = add i64 {index}, 1", f"store i64 {following}, ptr {counter}")
+
+    @contextmanager
+    def each_block(self) -> Iterator[None]:
+        """Do what is within for one block after the other; ``%problem`` is the first one of each."""
+        compute = self.instructions.compute
+        with self.loop("%last", "block", "%first") as block:
+            last = compute(f"sub i64 {self.size(0)}, {self.simd_width}")
+            problem = compute(f"mul i64 {block}, {self.simd_width}")
+            fits = compute(f"icmp slt i64 {problem}, {last}")
+            self.instructions.append(f"%problem = select i1 {fits}, i64 {problem}, i64 {last}")
+            yield
+
+    def repeat_while(
+        self,
+        unfinished: Callable[[Any], SimdValue],
+        advance: Callable[[Any], Any],
+        state: Any,
+        name: str = "while",
+    ) -> Any:
+        """Advance each problem as long as it is unfinished: as ``motions.arrays.repeat_while`` of that problem alone.
+
+        A problem that has finished stays as it is while others go on. ``MemoryRow``s of the state change in place.
+        """
+        leaves, tree = jax.tree.flatten(state)
+        places = {k: self.variable() for k, x in enumerate(leaves) if not isinstance(x, MemoryRow)}
+        masks = {k: self.broadcast(leaves[k]).is_mask for k in places}
+        for k, place in places.items():
+            self.store(place, self.broadcast(leaves[k]))
+
+        def now() -> Any:
+            values = [self.load(places[k], masks[k]) if k in places else x for k, x in enumerate(leaves)]
+            return values, jax.tree.unflatten(tree, values)
+
+        with self.instructions.loop(name) as labels:
+            before, old = now()
+            mask = unfinished(old)
+            self.instructions.enter_if(self._any_lane(mask), labels)
+            for k, x in enumerate(jax.tree.leaves(advance(old))):
+                if k in places:
+                    self.store(places[k], self.where(mask, x, before[k]))
+        return now()[1]
+
+    def _any_lane(self, mask: SimdValue) -> str:
+        bits = self.instructions.compute(f"bitcast {self.mask} {mask.operand} to i{self.simd_width}")
+        return self.instructions.compute(f"icmp ne i{self.simd_width} {bits}, 0")
+
+    def repeat(self, times: int, advance: Callable[[Any], Any], state: Any) -> Any:
+        """Advance the state so many times."""
+
+        def advance_and_count(counted):
+            number, now = counted
+            return number + 1.0, advance(now)
+
+        first = self.broadcast(0.0), state
+        return self.repeat_while(lambda counted: counted[0] < times, advance_and_count, first, f"times.{times}.")[1]
+
+    # --- the whole
+
+    def text(self) -> str:
+        """Return the module: the function, and ``name_rows()``, how many rows of scratch it wants for each place."""
+        rows, live = str(self._scratch_rows), self.instructions.live()
+        lines = [*self.instructions.entry, "br label %start", "start:", *live, "ret void"]
+        body = "\n  ".join(lines).replace(_ROWS, rows)
+        called = sorted({m for line in live for m in re.findall(r"call [a-z ]*?(<[^>]*> @llvm[.\w]+)\(", line)})
+        declarations = [f"declare {one}({', '.join([self.vector] * _arity(one))})" for one in called]
+        return "\n".join(
+            [
+                f"define i64 @{self.name}_rows() {{ ret i64 {rows} }}",
+                f"define void @{self.name}(ptr %arrays, ptr %sizes, i64 %first, i64 %last, ptr noalias %scratch) "
+                f'"min-legal-vector-width"="512" {{',
+                f"entry:\n  {body}\n}}",
+                *declarations,
+                "",
+            ]
+        )
+
+    def count_operations(self) -> Counter[tuple[str, ...]]:
+        """Count the operations on numbers by the loops that they are in, outermost first."""
+        return self.instructions.count_operations()
+
+
+def _arity(function: str) -> int:
+    return 2 if "imum" in function else 1

@@ -1,0 +1,68 @@
+"""Object code of this processor from LLVM's text, and functions of this process from object code, by llvmlite."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+
+class MachineCodeError(Exception):
+    """llvmlite is missing, does not know this processor, or cannot compile or link for it."""
+
+
+@contextmanager
+def _llvmlite() -> Iterator[Any]:
+    """Import llvmlite's binding; turn whatever goes wrong in it into MachineCodeError."""
+    try:
+        import llvmlite.binding as llvm
+
+        yield llvm
+    except Exception as error:
+        raise MachineCodeError(f"{type(error).__name__}: {error}") from error
+
+
+def describe_target() -> str:
+    """Return one line for all that object code depends on besides its text: the compiler and the processor."""
+    with _llvmlite() as llvm:
+        import llvmlite
+
+        return f"{llvmlite.__version__} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+
+
+def emit_object(text: str) -> bytes:
+    """Compile a module to object code of this processor."""
+    with _llvmlite() as llvm:
+        module = llvm.parse_assembly(text)
+        module.verify()
+        return _target_machine().emit_object(module)
+
+
+def link(name: str, object_code: bytes) -> Any:
+    """Load object code into this process; return its symbols ``name`` and ``name_rows``, by name."""
+    with _llvmlite() as llvm:
+        builder = llvm.JITLibraryBuilder().add_object_img(object_code).add_current_process()
+        exported = builder.export_symbol(name).export_symbol(f"{name}_rows")
+        _LINKED.append(exported.link(_jit(), f"{name}{len(_LINKED)}"))
+        return _LINKED[-1]
+
+
+_LINKED: list[Any] = []
+"""Kept to the end of the process: functions may be running in threads, and LLVM cannot give one of them back alone."""
+
+
+@cache
+def _target_machine() -> Any:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features().flatten()
+    target = llvm.Target.from_default_triple()
+    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True)
+
+
+@cache
+def _jit() -> Any:
+    import llvmlite.binding as llvm
+
+    return llvm.create_lljit_compiler(_target_machine())

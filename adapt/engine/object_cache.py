@@ -1,0 +1,50 @@
+"""Object code is kept between runs, in the user's cache folder."""
+
+import hashlib
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import platformdirs
+
+from adapt.engine.machine_code import describe_target, emit_object
+from motions.errors import InputError
+from motions.files import atomic_write_bytes
+
+_DIGEST = hashlib.sha256
+
+_ROOT = Path(__file__).parents[2]
+
+_PACKAGES = ("motions", "models", "adapt")
+
+
+def object_code(name: str, text: Callable[[], str]) -> bytes:
+    """Return what was kept, or compile the text and keep it. A file that is not as it was written is not used."""
+    path = Path(platformdirs.user_cache_path("girdle")) / "machine" / f"{name}-{_key()}"
+    with suppress(OSError):
+        content = path.read_bytes()
+        digest, made = content[: _DIGEST().digest_size], content[_DIGEST().digest_size :]
+        if _DIGEST(made).digest() == digest:
+            return made
+    made = emit_object(text())
+    with suppress(OSError, InputError):  # a folder that cannot be written to costs the next run this compilation
+        path.parent.mkdir(parents=True, exist_ok=True)
+        atomic_write_bytes(path, _DIGEST(made).digest() + made)
+    return made
+
+
+@cache
+def _key() -> str:
+    """Return one word for all that the code depends on: the project's text, the compiler, the processor."""
+    return _DIGEST(describe_target().encode() + source_digest(_ROOT)).hexdigest()[:32]
+
+
+def source_digest(root: Path) -> bytes:
+    """Hash the names and the text of every Python file of the packages below a folder, at any depth."""
+    digest = _DIGEST()
+    for package in _PACKAGES:
+        for file in sorted((root / package).rglob("*.py")):
+            text = file.read_bytes()
+            digest.update(f"{file.relative_to(root).as_posix()} {len(text)}\n".encode() + text)
+    return digest.digest()

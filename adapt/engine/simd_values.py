@@ -1,0 +1,124 @@
+"""The values of the compiler: a number or a mask in every lane of a SIMD register, and a row of numbers in memory."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+if TYPE_CHECKING:
+    from adapt.engine.function_builder import FunctionBuilder
+
+REGISTER_BYTES = 64
+"""Of AVX-512: eight lanes of float64, sixteen of float32; LLVM uses several shorter registers where there is none."""
+
+
+def simd_width(dtype: DTypeLike) -> int:
+    """Return the number of lanes: how many problems a register holds one number each of."""
+    return REGISTER_BYTES // np.dtype(dtype).itemsize
+
+
+class SimdValue:
+    """A number, or a truth (a mask), of every problem of a block, as an operand of LLVM.
+
+    Its arithmetic computes nothing: it adds instructions to its ``FunctionBuilder``, which is also its namespace of
+    numpy's functions (``motions.arrays``).
+    """
+
+    __slots__ = ("builder", "is_mask", "operand")
+
+    def __init__(self, builder: "FunctionBuilder", operand: str, is_mask: bool = False):
+        self.builder, self.operand, self.is_mask = builder, operand, is_mask
+
+    def __array_namespace__(self, *, api_version: str | None = None) -> "FunctionBuilder":
+        return self.builder
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The type of all numbers of its function."""
+        return self.builder.dtype
+
+    def __add__(self, other):
+        return self.builder.add(self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other):
+        return self.builder.subtract(self, other)
+
+    def __rsub__(self, other):
+        return self.builder.subtract(other, self)
+
+    def __mul__(self, other):
+        return self.builder.multiply(self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other):
+        return self.builder.arithmetic("fdiv", self, other)
+
+    def __rtruediv__(self, other):
+        return self.builder.arithmetic("fdiv", other, self)
+
+    def __pow__(self, exponent: int):
+        return self if exponent == 1 else self * self ** (exponent - 1)
+
+    def __neg__(self):
+        return self.builder.subtract(0.0, self)
+
+    def __abs__(self):
+        return self.builder.call_intrinsic("fabs", self)
+
+    def __lt__(self, other):
+        return self.builder.compare("olt", self, other)
+
+    def __le__(self, other):
+        return self.builder.compare("ole", self, other)
+
+    def __gt__(self, other):
+        return self.builder.compare("ogt", self, other)
+
+    def __ge__(self, other):
+        return self.builder.compare("oge", self, other)
+
+    def __and__(self, other):
+        return self.builder.combine_masks("and", self, other)
+
+    def __or__(self, other):
+        return self.builder.combine_masks("or", self, other)
+
+    def __invert__(self):
+        return self.builder.combine_masks("xor", self, True)
+
+
+class MemoryRow:
+    """One number a problem and place of an axis (a posture, a thorax point) in memory: the caller's array, or scratch.
+
+    ``length`` is the number of places, ``offset_at`` gives the element at which a place begins. A mask of the caller
+    has ``one_byte`` a problem, one in scratch is a number.
+    """
+
+    def __init__(
+        self,
+        builder: "FunctionBuilder",
+        pointer: str,
+        length: str,
+        offset_at: Callable[[str], str],
+        is_mask: bool,
+        one_byte: bool,
+    ):
+        self.builder, self._pointer, self.length, self._offset_at = builder, pointer, length, offset_at
+        self.is_mask, self._one_byte = is_mask, one_byte
+
+    def load(self, index: str) -> SimdValue:
+        """Read the place of this index."""
+        return self.builder.load(self._address(index), self.is_mask, self._one_byte)
+
+    def store(self, index: str, value: Any) -> None:
+        """Write the place of this index."""
+        self.builder.store(self._address(index), self.builder.broadcast(value), self._one_byte)
+
+    def _address(self, index: str) -> str:
+        element = "i8" if self._one_byte else self.builder.element
+        instruction = f"getelementptr {element}, ptr {self._pointer}, i64 {self._offset_at(index)}"
+        return self.builder.instructions.compute(instruction)
