@@ -72,12 +72,12 @@ def source_files(root: Path = ROOT) -> dict[str, Path]:
 
 
 def imports(files: Mapping[str, Path]) -> Iterator[Import]:
-    """Yield every import statement of the files, those inside functions too.
+    """Yield every import statement of the files, those inside functions too, but for those under TYPE_CHECKING.
 
     ``from package import name`` imports the module ``package.name`` where the files have it, else ``package``.
     """
     for importer, path in files.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in _run_time(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 yield from (Import(importer, alias.name, node.lineno) for alias in node.names)
             elif isinstance(node, ast.ImportFrom):
@@ -85,6 +85,15 @@ def imports(files: Mapping[str, Path]) -> Iterator[Import]:
                 for alias in node.names:
                     full = f"{base}.{alias.name}"
                     yield Import(importer, full if full in files else base, node.lineno)
+
+
+def _run_time(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield every node below, but not those that only a type checker sees."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            continue
+        yield node
+        yield from _run_time(node)
 
 
 def _absolute(node: ast.ImportFrom, importer: str, path: Path) -> str:

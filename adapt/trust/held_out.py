@@ -13,13 +13,13 @@ from numpy.typing import DTypeLike
 from adapt.engine.batching import as_type
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.folds import hold_out_motions, hold_out_thirds
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
 from adapt.tables.held_out import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.tables.results import DIFFERENCES
+from adapt.trust.folds import hold_out_motions, hold_out_thirds
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
 from models.parameter_sets import ParameterSet
 from motions.rotations import DEG
