@@ -416,7 +416,7 @@ def simulate(
 def list_effects() -> None:
     """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions."""
     for one in EFFECTS.values():
-        scale = " / ".join(f"{value:g}" for value in one.scale[: len(one.directions)])
+        scale = " / ".join(f"{value:g}" for value in one.prior.scale[: len(one.directions)])
         along = " / ".join(one.directions)
         console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
 

@@ -19,7 +19,10 @@ OFF_THE_MODEL = 0.1
 """Of the size, beside what the data leave open: people are not quite as an effect says."""
 
 NAME, ONE, OTHER = "clavicle_length", "scapula_size", "thorax_asymmetry"
-LIST = tuple(replace(EFFECTS[name], channels=("size",), scale=(8.0,), details=0) for name in (NAME, ONE, OTHER))
+LIST = tuple(
+    replace(EFFECTS[name], channels=("size",), prior=replace(EFFECTS[name].prior, scale=(8.0,)), details=0)
+    for name in (NAME, ONE, OTHER)
+)
 """Effects of one constant channel each, in the order of the list."""
 
 
@@ -82,7 +85,7 @@ def test_each_counts_as_much_as_it_is_probable(less):
 def test_details_are_allowed_for_and_not_told():
     """A tilted thorax whose centre may have moved: of four amplitudes three are told, as all four give them."""
     tilt = EFFECTS["thorax_tilt"]
-    one = replace(linear_of(4, amplitudes=4), hypothesis=("thorax_tilt",), scale=np.asarray(tilt.scale))
+    one = replace(linear_of(4, amplitudes=4), hypothesis=("thorax_tilt",), scale=np.asarray(tilt.prior.scale))
     expected = posterior(one, shared_prior(one.scale))
     found = amplitudes(ranking(one), [tilt], observed(), ["thorax_tilt"], together=1)["thorax_tilt"]
     assert tuple(channel.channel for channel in found) == tilt.channels[:3]

@@ -47,7 +47,7 @@ def test_columns_are_those_of_the_first_term_times_the_departure():
             expected = (first * d[..., None]).reshape(SUBJECTS, -1)
             np.testing.assert_allclose(wide.A[..., column], expected, rtol=SAME, atol=SAME)
     np.testing.assert_array_equal(wide.A[..., :6], fitted.A)
-    np.testing.assert_array_equal(wide.scale, [*fitted.scale, *[GAP.scale[0]] * 4, *[GAP.scale[1]] * 4])
+    np.testing.assert_array_equal(wide.scale, [*fitted.scale, *[GAP.prior.scale[0]] * 4, *[GAP.prior.scale[1]] * 4])
 
 
 def test_an_effect_that_is_constant_has_none():

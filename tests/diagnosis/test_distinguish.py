@@ -168,7 +168,7 @@ def test_the_smallest_detectable_amplitude_is_the_first_of_its_steps_that_is_tol
         ]
         k = int(np.argmax(np.array(D) >= TOLD_APART))
         assert k > 0, "the slopes of this test are too large to be a test"
-        assert found[effect.name] == pytest.approx(sizes[k] * np.linalg.norm(effect.scale))
+        assert found[effect.name] == pytest.approx(sizes[k] * np.linalg.norm(effect.prior.scale))
 
 
 def test_what_nothing_shows_is_not_detectable(random_slopes):

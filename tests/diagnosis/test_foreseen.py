@@ -41,7 +41,7 @@ def test_amplitudes_are_as_long_as_the_scales_and_keep_the_signs_of_nature():
     effect = EFFECTS["skin_artefact"]
     drawn = typical_amplitudes(effect, DRAWS, 3, np.random.default_rng(0))
     channels = drawn.reshape(DRAWS, 3, 3, -1)[..., 0]
-    length = np.linalg.norm(channels, axis=2) / np.linalg.norm(effect.scale)
+    length = np.linalg.norm(channels, axis=2) / np.linalg.norm(effect.prior.scale)
     assert (channels[..., 0] >= 0.0).all()
     assert (channels[..., 2] >= 0.0).all()
     assert abs(np.sign(channels[:, 0, 1]).mean()) < SE
@@ -54,7 +54,7 @@ def test_the_direction_that_leads_is_as_large_as_the_scale_beside_the_others():
     effect = EFFECTS["scapulothoracic_gap"]
     drawn = typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0, ::3]
     ts, ai = drawn[(drawn != 0.0).all(axis=1)].T
-    ratio = ts / ai * effect.scale[1] / effect.scale[0]
+    ratio = ts / ai * effect.prior.scale[1] / effect.prior.scale[0]
     assert abs(ratio.mean()) < SE
     assert abs(ratio.std() - 1.0) < SE
 
@@ -62,8 +62,8 @@ def test_the_direction_that_leads_is_as_large_as_the_scale_beside_the_others():
 def test_details_make_an_effect_no_larger():
     effect = EFFECTS["clavicle_length"]
     length, detail, _ = np.moveaxis(typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0], -1, 0)
-    assert abs(np.abs(length).mean() / effect.scale[0] - 1.0) < SE
-    assert abs(detail.std() / effect.scale[1] - np.hypot(1.0, BETWEEN_SUBJECTS)) < 2.0 * SE
+    assert abs(np.abs(length).mean() / effect.prior.scale[0] - 1.0) < SE
+    assert abs(detail.std() / effect.prior.scale[1] - np.hypot(1.0, BETWEEN_SUBJECTS)) < 2.0 * SE
 
 
 def test_amplitudes_of_one_draw_have_one_direction_and_one_course():
@@ -77,7 +77,8 @@ def test_draws_have_the_mean_and_covariance_of_residuals_written_out(monkeypatch
     generator = np.random.default_rng(2)
     columns = generator.standard_normal((2, 20, 7)) / np.sqrt(20.0)
     gram = np.swapaxes(columns, 1, 2) @ columns
-    effect = replace(EFFECTS["conoid_strain"], over_elevation=False, scale=(1.0,))
+    strain = EFFECTS["conoid_strain"]
+    effect = replace(strain, over_elevation=False, prior=replace(strain.prior, scale=(1.0,)))
     coefficients = predicted_power.draw(gram, np.array([6]), effect, DRAWS, generator)
     seen = predicted_power.simulate_statistics(gram, predicted_power.root_of(gram), coefficients, generator)
     np.testing.assert_allclose(seen.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from adapt.diagnosis.fit.linear_evidence import AmplitudePrior, Statistics, common_amplitude, shared_prior
 from adapt.diagnosis.inference.one_course import OneCourse, one_course
 from models.effects import EFFECTS
-from models.effects.effect import COURSE_SD
+from models.effects.prior import COURSE_SD
 
 SAME = 1e-9
 """Relative: two ways through well-conditioned linear systems."""

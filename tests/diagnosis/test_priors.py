@@ -87,7 +87,10 @@ def test_signs_that_differ_cost_less_than_amplitudes_of_ones_own():
 
 def test_signs_that_differ_are_less_likely_of_an_effect_whose_nature_has_one():
     fitted = subjects(SIGNS[:, None] * WAY)
-    change = weighed(fitted, replace(EFFECT, sign=(1, 0, 0))).log_evidence - weighed(fitted).log_evidence
+    change = (
+        weighed(fitted, replace(EFFECT, prior=replace(EFFECT.prior, sign=(1, 0, 0)))).log_evidence
+        - weighed(fitted).log_evidence
+    )
     assert change == pytest.approx(np.log(priors._OPPOSED_SIGNED_SHARE / priors._OPPOSED_SHARE), abs=LITTLE)
 
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from adapt.diagnosis.design.predicted_power import SPREAD
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS
-from models.effects import EFFECTS
+from models.effects import EFFECTS, EffectPrior
 from scripts import study_limit
 from scripts.study_limit import Limit, limit_of, log_evidence, row_of
 
@@ -26,7 +26,7 @@ SE = 4.0 * 0.5 / sqrt(2 * DRAWS)
 HARDLY_THERE = 2e-3
 """Share of subjects, of SD 0.3 about 1, who have a fortieth of an effect or less, four standard errors more."""
 
-ONE_WAY = replace(EFFECTS["thorax_asymmetry"], scale=(1.0,), sign=(1,))
+ONE_WAY = replace(EFFECTS["thorax_asymmetry"], prior=EffectPrior((1.0,), "made up", sign=(1,)))
 """An effect of one number, which is 1 when all subjects have it alike."""
 
 

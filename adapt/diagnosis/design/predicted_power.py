@@ -27,7 +27,7 @@ from adapt.diagnosis.inference.priors import over_priors
 from adapt.diagnosis.inference.verdict import NONE_FROM, posterior_probabilities
 from adapt.engine.batching import in_threads
 from models.effects import Effect
-from models.effects.effect import COURSE_SD
+from models.effects.prior import COURSE_SD
 from models.girdle import ADAPTED, Girdle
 
 _DRAWS = 50
@@ -93,7 +93,7 @@ def typical_amplitudes(
 ) -> Float[np.ndarray, "draws subjects amplitudes"]:
     """Amplitudes of its typical size: all directions together as long as their scales, in a direction of its nature's
     signs, and alike in all subjects but for ``between``, the SD of their size; with details."""
-    scale, sign, main = np.asarray(effect.scale), np.asarray(effect.channel_signs), len(effect.directions)
+    scale, sign, main = np.asarray(effect.prior.scale), np.asarray(effect.channel_signs), len(effect.directions)
     way = generator.standard_normal((draws, len(scale)))
     if effect.leading is not None:
         way[:, effect.leading] = np.sign(way[:, effect.leading])

@@ -138,7 +138,7 @@ def smallest_detectable(
     for effect, column in zip(effects, columns, strict=True):
         sizes = (size for size in _SIZES if _divergence(column.at(size), nothing) >= TOLD_APART)
         size = next(sizes, None)
-        typical = np.linalg.norm(effect.scale[: len(effect.directions)])
+        typical = np.linalg.norm(effect.prior.scale[: len(effect.directions)])
         found[effect.name] = None if size is None else float(size * typical)
     return found
 

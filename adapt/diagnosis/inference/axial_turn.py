@@ -56,11 +56,11 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
     own, beside = [np.zeros(0)], [np.zeros(0)]
     for effect in effects:
         by_term, by_departure = np.zeros(effect.terms), np.zeros(of_each_channel(data))
-        if effect.axial:
+        if effect.prior.axial:
             course = effect.course(data.elevation_deg)
             by_term = (course * weight).sum(axis=(1, 2)) / subjects
             by_departure = np.einsum("ps,spd->d", course[0] * weight, departures_of(data, effect)) / subjects
-        axial = effect.axial or np.zeros(len(effect.channels))
+        axial = effect.prior.axial or np.zeros(len(effect.channels))
         own.append(np.outer(axial, by_term).ravel())
         if effect.over_elevation:
             beside.append(np.outer(axial, by_departure).ravel())

@@ -16,7 +16,8 @@ from adapt.diagnosis.fit.linear_evidence import LinearisedFit
 from adapt.diagnosis.fit.misfit import spans_of
 from adapt.diagnosis.fit.observations import Observed
 from models.effects import Effect
-from models.effects.effect import COURSE_SD, FULL_ELEVATION_DEG
+from models.effects.effect import FULL_ELEVATION_DEG
+from models.effects.prior import COURSE_SD
 
 _FINER_SD = (0.1, 0.1)
 """Prior SD of the next two terms of a course, as shares of the scale: a hinge at half the range, a late smooth step and
@@ -58,4 +59,4 @@ def departures_of(data: Observed, effect: Effect) -> Float[np.ndarray, "subjects
     motions = len(data.motions)
     apart = (data.motion.T[..., None] == np.arange(motions)) - 1.0 / motions
     among = apart if motions > 1 else apart[..., :0]
-    return np.concatenate([terms * np.asarray(_FINER_SD), among * effect.between_motions], axis=2)
+    return np.concatenate([terms * np.asarray(_FINER_SD), among * effect.prior.between_motions], axis=2)

@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.linear_evidence import AmplitudePrior, Statistics
 from adapt.diagnosis.fit.misfit import spans_of
 from models.effects import Effect
-from models.effects.effect import COURSE_SD
+from models.effects.prior import COURSE_SD
 
 _SIZE_SD = 0.25
 """SD of a subject's size about the common one, as a share of it."""

@@ -92,11 +92,11 @@ def over_priors(
     and the amplitudes' sizes, alike or not. ``scale`` and ``effects`` are the hypothesis's own, with so many columns
     for ``departures`` of each channel behind the amplitudes."""
     sign = agreeing_signs(of.at(), shared_prior(scale))
-    unsigned = [replace(effect, sign=()) for effect in effects]
+    unsigned = [replace(effect, prior=replace(effect.prior, sign=())) for effect in effects]
     priors = [shared_prior(scale) * size for size in _SIZES]
     at, shifted = (one.over(noise_shares, spreads) for one in (of, of.with_shift()))
     opposed = at.with_signs(sign)
-    signed = any(any(effect.sign) for effect in effects)
+    signed = any(any(effect.prior.sign) for effect in effects)
     opposed_share = _OPPOSED_SIGNED_SHARE if signed else _OPPOSED_SHARE
     own_share = _UNLIKE_SIGNED_SHARE if signed else _UNLIKE_SHARE
     alike_log = _mixed(

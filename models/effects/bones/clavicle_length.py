@@ -10,6 +10,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 
@@ -26,9 +27,11 @@ EFFECT = Effect(
     what="the subject's clavicle is not the cadaver's",
     unit="%",
     channels=("length", "conoid from AC, %", "thickness, %"),
-    scale=(8.0, 4.0, 4.0),
     details=2,
     over_elevation=False,
-    source="143-146 +- 11 mm between people",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(8.0, 4.0, 4.0),
+        source="143-146 +- 11 mm between people",
+    ),
 )
