@@ -38,7 +38,8 @@ from adapt.diagnosis.design.predicted_power import (
 )
 from adapt.diagnosis.design.separability import projected_onto_model
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, log_sum
-from adapt.diagnosis.fit.observations import Noise, observe
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import observe
 from adapt.engine.batching import in_threads
 from models import load_model
 from models.effects import EFFECTS, Effect

@@ -15,7 +15,7 @@ from adapt.assessment import assess_trust
 from adapt.cli.print_diagnosis import print_diagnosis
 from adapt.cli.print_tables import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.cli.print_trust import print_trust
-from adapt.diagnosis import diagnose
+from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST
 from adapt.diagnosis.json_form import as_json
 from adapt.engine.compilation_cache import keep_compiled
@@ -229,7 +229,9 @@ def adapt(
                 write_run(part, "adapt", record, options, files.rejected)
                 table = replace(table, rejected=tuple(files.rejected))
                 drawn = result.of(table.subjects)
-                wrong = write_report(part, table, models, drawn, failed, of=len(subjects), active_effects=known)
+                wrong = write_report(
+                    part, table, models, drawn, failed, sampled_from=len(subjects), active_effects=known
+                )
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
         _print_tables(result, len(subjects))
@@ -273,18 +275,17 @@ def diagnose_gap(
     table, models, record = _inputs(motions, model)
     with results_folder(out) as folder:
         with progress(errors) as report:
-            by_model = diagnose(table, models, noise_deg, progress=report)
+            diagnoses = Diagnoses(diagnose(table, models, noise_deg, progress=report))
             result = adapt_subjects(table, models, progress=report)
             report("figures")
-            found = as_json(by_model)
             with transaction(folder) as part:
-                write_figures(part, found)
-                write_json(found, part / "diagnosis.json")
+                write_figures(part, diagnoses.closest)
+                write_json(as_json(diagnoses), part / "diagnosis.json")
                 write_adaptations(part, result)
                 write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
-                failed = not_adapted(result) | found["left_out"]
-                wrong = write_report(part, table, models, result, failed, found)
-        print_diagnosis(console, found)
+                failed = not_adapted(result) | diagnoses.closest.left_out
+                wrong = write_report(part, table, models, result, failed, diagnoses)
+        print_diagnosis(console, diagnoses)
         raise_without_report(folder, wrong)
     _finish(table, failed)
 

@@ -24,7 +24,7 @@ from scripts.blind.runs import Line
 def observed(path: Path, subjects: Sequence[str]) -> Observed:
     """A motion file as the diagnosis sees it, some subjects only."""
     data = observe(read_motions(path))
-    return data.of_subjects(np.array([data.subjects.index(name) for name in subjects]))
+    return data.select_subjects(np.array([data.subjects.index(name) for name in subjects]))
 
 
 def single_ranking(found: Diagnosis, data: Observed) -> Ranking:

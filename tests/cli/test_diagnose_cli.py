@@ -32,7 +32,7 @@ from adapt import diagnose
 from adapt.cli import app as cli
 from adapt.cli.print_diagnosis import notes
 from adapt.diagnosis import Amplitude
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
 from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN
 from adapt.diagnosis.json_form import as_json
 from adapt.model_subjects import simulate_model_subjects

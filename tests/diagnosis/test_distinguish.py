@@ -18,7 +18,8 @@ from adapt.diagnosis.design.separability import (
 )
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, THETA_SD_MM
 from adapt.diagnosis.fit.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed, observe
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
+from adapt.diagnosis.fit.observations import Observed, observe
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
@@ -254,9 +255,9 @@ def test_more_subjects_and_less_noise_tell_more_apart(postures):
         D = separation(GIRDLE, SMALL_EFFECTS, hypotheses, data, noise)
         return D[~np.eye(len(D), dtype=bool)]
 
-    few = least(postures.of_subjects(np.arange(2)), NOISE)
+    few = least(postures.select_subjects(np.arange(2)), NOISE)
     assert (least(postures, NOISE) > few).all()
-    assert (least(postures.of_subjects(np.arange(2)), Noise(0.75)) > few).all()
+    assert (least(postures.select_subjects(np.arange(2)), Noise(0.75)) > few).all()
 
 
 # --- noise ----------------------------------------------------------------------------------------
@@ -276,14 +277,14 @@ def test_known_noise_is_estimated_with_an_effect_at_work(world, noise_deg):
 
 def test_a_noisy_subject_is_told_and_is_not_in_the_estimate(world):
     """6 degrees in one subject of five, 1 degree in the others; 2.5 degrees are no fault."""
-    data = world.of_subjects(np.arange(5))
+    data = world.select_subjects(np.arange(5))
     error = np.random.default_rng(5).standard_normal(data.values.shape) / DEG
 
     def estimated(noisy_deg: float) -> NoiseEstimate:
         each = np.sqrt(np.array([1.0, 1.0, 1.0, noisy_deg, 1.0]) ** 2 - 1.0)
         return estimate_noise(GIRDLE, SMALL_EFFECTS, replace(data, values=data.values + each * error))
 
-    found, others = estimated(6.0), data.of_subjects(np.array([0, 1, 2, 4]))
+    found, others = estimated(6.0), data.select_subjects(np.array([0, 1, 2, 4]))
     assert set(found.noisy_deg) == {3}
     assert found.noisy_deg[3] == pytest.approx(6.0, rel=0.4)
     expected = estimate_noise(GIRDLE, SMALL_EFFECTS, others).noise.angle_deg
@@ -293,7 +294,7 @@ def test_a_noisy_subject_is_told_and_is_not_in_the_estimate(world):
 
 
 def test_where_many_are_noisy_none_is_an_exception(world):
-    data = world.of_subjects(np.arange(5))
+    data = world.select_subjects(np.arange(5))
     error = np.random.default_rng(5).standard_normal(data.values.shape) / DEG
     more = data.values + np.array([0.0, 8.0, 0.0, 8.0, 0.0]) * error
     assert not estimate_noise(GIRDLE, SMALL_EFFECTS, replace(data, values=more)).noisy_deg
@@ -306,7 +307,7 @@ def test_given_noise_is_taken(world):
 
 def test_too_few_postures_leave_the_assumed_noise(world):
     """One subject with four postures: fewer numbers than a parabola and the adapted parameters take up."""
-    few = world.of_subjects(np.array([0]))
+    few = world.select_subjects(np.array([0]))
     few = replace(few, counted=few.counted & (np.arange(len(few.counted))[:, None] < 4))
     found = estimate_noise(GIRDLE, SMALL_EFFECTS, few)
     assert (found.noise.angle_deg, found.source, found.freedom) == (ASSUMED.angle_deg, "assumed", FEWEST_DEGREES)

@@ -9,7 +9,8 @@ from adapt.diagnosis.design import predicted_power as predicted_power
 from adapt.diagnosis.design.predicted_power import predict_power, typical_amplitudes
 from adapt.diagnosis.design.separability import projected_onto_model, slopes
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, LinearisedFit, inner_products
-from adapt.diagnosis.fit.observations import Noise, observe
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import observe
 from adapt.diagnosis.inference.priors import over_priors
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
@@ -126,5 +127,5 @@ def test_shares_add_up_and_are_the_same_again(data):
 
 
 def test_more_subjects_name_more(data):
-    few, many = (predict_power(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.of_subjects(np.array([0])), data))
+    few, many = (predict_power(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.select_subjects(np.array([0])), data))
     assert sum(one.named for one in many.values()) > sum(one.named for one in few.values())

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from adapt.diagnosis.fit.misfit import Misfit, columns_of, misfit, prior_z
-from adapt.diagnosis.fit.observations import Noise, Observed, observe
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import Observed, observe
 from adapt.solvers import status
 from adapt.solvers.posture_fits import Fitted, fit_batch
 from models import load_model
@@ -77,7 +78,7 @@ def look(data: Observed, z: np.ndarray, columns=ALL, noise: Noise = NOISE, proje
 
 def take_problems(data: Observed, count: int) -> Observed:
     """The first subject, many times."""
-    return data.of_subjects(np.zeros(count, int))
+    return data.select_subjects(np.zeros(count, int))
 
 
 def squares(found: Misfit) -> np.ndarray:
@@ -225,9 +226,9 @@ def test_padding_is_zero(data):
 def test_a_lane_does_not_depend_on_the_lanes_beside_it(data):
     """Alone, or in the second chunk among lanes with other parameters and another subject."""
     z = np.stack([z_near(k) for k in range(70)], axis=1)
-    many = look(data.of_subjects(np.arange(70) % 2), z, projections=4)
+    many = look(data.select_subjects(np.arange(70) % 2), z, projections=4)
     for lane in (0, 63, 66, 69):
-        alone = look(data.of_subjects(np.array([lane % 2])), z[:, lane], projections=4)
+        alone = look(data.select_subjects(np.array([lane % 2])), z[:, lane], projections=4)
         for name in ("y", "slopes", "root", "by_angle", "open_mm"):
             np.testing.assert_allclose(getattr(many, name)[lane], getattr(alone, name)[0], rtol=SAME, atol=SAME)
         np.testing.assert_allclose(many.nearest[..., lane], alone.nearest[..., 0], rtol=SAME, atol=SAME)
@@ -362,4 +363,4 @@ def test_noise_variance_adds_up_to_what_the_constraints_leave(data, with_landmar
     """In units of the noise: three of six angles, fifteen of eighteen quantities."""
     for of, count in ((data, 3.0), (with_landmarks, 15.0)):
         found = look(of, z_near(1))
-        np.testing.assert_allclose((found.noise_variance / of.noise(NOISE) ** 2).sum(axis=0), count, rtol=SAME)
+        np.testing.assert_allclose((found.noise_variance / of.standard_deviations(NOISE) ** 2).sum(axis=0), count, rtol=SAME)

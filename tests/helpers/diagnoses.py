@@ -9,7 +9,7 @@ from adapt.diagnosis import Amplitude, Changed, Diagnosis
 from adapt.diagnosis.design.next_measurement import Proposal
 from adapt.diagnosis.design.predicted_power import PredictedPower
 from adapt.diagnosis.fit.held_out_gaps import Gap, HeldOut
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
 from adapt.diagnosis.gap_location import Cell, ConstraintResidual, Level, Profile, Shares
 from adapt.diagnosis.inference.ranking import Ranking
 from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN, Verdict

@@ -11,7 +11,6 @@ Effects that these data hardly tell apart show as names taken for each other.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -20,11 +19,13 @@ from numpy.random import Generator, default_rng
 
 from adapt.diagnosis.design.separability import slopes
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, InnerProducts, single_hypotheses
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import prior_sd_of
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.axial_turn import mean_subject
 from adapt.diagnosis.inference.priors import over_priors
 from adapt.diagnosis.inference.verdict import NONE_FROM, posterior_probabilities
+from adapt.diagnosis.result import PredictedPower
 from adapt.engine.batching import in_threads
 from models.effects import Effect
 from models.effects.prior import COURSE_SD
@@ -42,18 +43,6 @@ weighed, as if the data had chosen them."""
 
 _NAMED_OFTEN = 0.05
 """A name that an effect is taken for less often than this is not told."""
-
-
-@dataclass(frozen=True)
-class PredictedPower:
-    """What would become of an effect of its typical size."""
-
-    named: float
-    """Share of draws in which it would be the first name."""
-    none: float
-    """Share in which nothing would be blamed."""
-    taken_for: dict[str, float]
-    """Shares in which another would be the first name, the largest first."""
 
 
 def predict_power(

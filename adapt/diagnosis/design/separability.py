@@ -15,13 +15,12 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.linear_evidence import THETA_SD_MM, Hypothesis, shared_prior, single_hypotheses
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import columns_of, free_columns, misfit, prior_sd_of, prior_z
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.observations import Observed
+from adapt.diagnosis.result import TOLD_APART, DetectableAmplitude
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
-
-TOLD_APART = 3.0
-"""Expected log evidence (odds of 20 to 1) from which two hypotheses are told apart."""
 
 _CLOSING_STEPS = 12
 """Projections until postures far from the model as it is have come to rest."""
@@ -129,17 +128,17 @@ def alike_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]
 
 def smallest_detectable(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
-) -> dict[str, float | None]:
+) -> dict[str, DetectableAmplitude | None]:
     """The amplitude of each effect (all directions together) from which these data would show it, in its unit; None
     where 16 times its typical size would not do."""
     hypotheses = single_hypotheses(effect.name for effect in effects)
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
-    found: dict[str, float | None] = {}
+    found: dict[str, DetectableAmplitude | None] = {}
     for effect, column in zip(effects, columns, strict=True):
         sizes = (size for size in _SIZES if _divergence(column.at(size), nothing) >= TOLD_APART)
         size = next(sizes, None)
         typical = np.linalg.norm(effect.prior.scale[: len(effect.directions)])
-        found[effect.name] = None if size is None else float(size * typical)
+        found[effect.name] = None if size is None else DetectableAmplitude(float(size * typical), effect.unit)
     return found
 
 
@@ -158,7 +157,7 @@ def slopes(
     at = misfit(
         girdle,
         effects,
-        data.of_subjects(np.tile(np.arange(subjects), len(hypotheses))),
+        data.select_subjects(np.tile(np.arange(subjects), len(hypotheses))),
         noise,
         _prior(girdle, effects, subjects * len(hypotheses)),
         np.repeat(chosen, subjects, axis=1),

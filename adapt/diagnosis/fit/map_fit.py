@@ -21,8 +21,9 @@ from adapt.diagnosis.fit.linear_evidence import (
     posterior,
     shared_prior,
 )
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import Misfit, columns_of, free_columns, misfit, prior_sd_of, prior_z
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.observations import Observed
 from models.effects import Effect
 from models.girdle import ADAPTED, Girdle
 
@@ -107,7 +108,7 @@ def fit_hypotheses(
     start = np.repeat(prior_z(girdle, effects)[:, None], columns.shape[1], axis=1)
 
     def look(z, nearest, projections, lanes):
-        seen = data.of_subjects(subject[lanes])
+        seen = data.select_subjects(subject[lanes])
         return misfit(girdle, effects, seen, noise, z, columns[:, lanes], nearest, projections)
 
     is_amplitude = np.arange(len(columns))[:, None] >= len(ADAPTED)

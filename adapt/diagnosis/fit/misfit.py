@@ -21,7 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import Observed
 from adapt.engine.batching import compiled, in_chunks
 from adapt.solvers.linalg import jacobian
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
@@ -105,7 +106,7 @@ def misfit(
     """
     if columns is None:
         columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
-    sd = data.noise(noise)
+    sd = data.standard_deviations(noise)
     x = data.values if nearest is None else nearest
     for _ in range(projections):
         g, G = _equations(effects, girdle, x, z, data.elevation_deg)

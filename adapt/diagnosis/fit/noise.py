@@ -15,7 +15,8 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.linear_evidence import LinearisedFit
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.discrepancy import SMOOTH, discrepancy_columns
 from models.effects import Effect
 from models.girdle import CONSTRAINTS, Girdle

@@ -24,7 +24,8 @@ from adapt.diagnosis.fit.linear_evidence import (
     log_sum,
     shared_prior,
 )
-from adapt.diagnosis.fit.observations import NoiseEstimate, Observed
+from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.priors import SHIFT
 from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
@@ -101,7 +102,7 @@ def discrepancy_gain(fitted: LinearisedFit, data: Observed, prior: AmplitudePrio
     positions, of a bone's angles or a landmark too. Or scatter from posture to posture in what holds the scapula or the
     clavicle; it passes for noise, so the noise may then be less than it was estimated to be.
     """
-    course = _gain(fitted, prior, _courses(fitted, data), noise.likely_shares)
+    course = _gain(fitted, prior, _courses(fitted, data), noise.likely_factors)
     scatter = _gain(fitted, prior, _scatters(fitted), _less_or_likely(noise))
     return max(course, scatter + math.log(_SCATTER_SHARE))
 
@@ -132,8 +133,8 @@ def _less_or_likely(noise: NoiseEstimate) -> list[tuple[float, float]]:
     """``_NOISES``, and the shares above them that an estimate from few degrees of freedom leaves likely: without them a
     noise estimated too low would pass for scatter."""
     if noise.known:
-        return noise.likely_shares
-    shares = [*_NOISES, *(share for share, _ in noise.likely_shares if share > max(_NOISES))]
+        return noise.likely_factors
+    shares = [*_NOISES, *(share for share, _ in noise.likely_factors if share > max(_NOISES))]
     return [(share, 1.0 / len(shares)) for share in shares]
 
 

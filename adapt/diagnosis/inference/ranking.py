@@ -14,8 +14,9 @@ from adapt.diagnosis.fit.linear_evidence import (
     inner_products,
     shared_prior,
 )
+from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
 from adapt.diagnosis.fit.misfit import spans_of
-from adapt.diagnosis.fit.observations import NoiseEstimate, Observed
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.axial_turn import mean_subject, with_mean_subject
 from adapt.diagnosis.inference.departures import of_each_channel, with_departures
 from adapt.diagnosis.inference.discrepancy import discrepancy_gain
@@ -100,7 +101,7 @@ def _weighed(
     of = inner_products(wider)
     spreads, log_share = likely_spreads(of, wider.a)
     of = with_mean_subject(of, mean_subject(effects, data))
-    found = over_priors(of, wider.scale, effects, noise.likely_shares, spreads, departures)
+    found = over_priors(of, wider.scale, effects, noise.likely_factors, spreads, departures)
     fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
     return _Weighed(fitted, wider, float(found.log_evidence) - log_share, float(found.independent_prior))
 

@@ -8,15 +8,13 @@ them is from these subjects.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.linear_evidence import Hypothesis
 from adapt.diagnosis.inference.ranking import Ranking
-
-NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN, Answer, Verdict
 
 _TEMPERATURE = 1.0
 """Divides log evidence: 1 takes it at its word, more allows for evidence that is too sure of itself."""
@@ -55,23 +53,6 @@ _PART_GAIN = 10.0
 
 _SET_PROBABILITY = 0.95
 """What the reported set holds of the probability of all effects, at least; mostly more, as a name comes in whole."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """The answer and the probabilities behind it."""
-
-    answer: str
-    effects: tuple[str, ...]
-    """Names that cannot be told apart, most probable first. Where two act together: the most probable two, then those
-    that may be there in place of one of them. If the answer is unknown: those that explain part of the gap, alone or
-    together, and leave something systematic."""
-    together: bool
-    """True where the first two of the effects act together."""
-    probability: dict[str, float]
-    """Of every effect, none and unknown; sums to 1. A pair gives half of its own to each of its two."""
-    pairs: dict[str, float]
-    """Of the pairs tried, as 'a+b'."""
 
 
 def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) -> Verdict:
@@ -140,7 +121,7 @@ def posterior_probabilities(
     return weight / weight.sum(axis=0)
 
 
-def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, ...], bool]:
+def _answer(ranking: Ranking, shares, unknown: float) -> tuple[Answer, tuple[str, ...], bool]:
     order = np.argsort(-shares, kind="stable")
     none = ranking.hypotheses.index(())
     best = next(ranking.hypotheses[k] for k in order if k != none)
