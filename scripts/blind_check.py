@@ -23,7 +23,7 @@ from typing import Annotated
 import typer
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.inference.verdict import EFFECT
+from adapt.diagnosis.result import EFFECT
 from models import load_model
 from models.effects import EFFECTS
 from motions import read_motions

@@ -12,7 +12,7 @@ from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.design.next_measurement import propose
 from adapt.diagnosis.design.predicted_power import predict_power
 from adapt.diagnosis.design.separability import alike_sets, projected_onto_model, separation, smallest_detectable
-from adapt.diagnosis.fit.held_out_gaps import held_out_gaps
+from adapt.diagnosis.fit.held_out_gaps import measure_gaps
 from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit, single_hypotheses
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
@@ -146,7 +146,7 @@ def _diagnose(
     explained = concluded.explained
     adapted = misfit(girdle, effects, data, noise, none.z)
     angle_gaps = AngleGaps(data, adapted.nearest[:6], adapted.noise_variance[:6] * float(DEG) ** 2)
-    held_out = held_out_gaps(girdle, effects, data, noise, [none, explained], progress)
+    gaps = measure_gaps(girdle, effects, data, noise, [none, explained], progress)
     progress("next measurement")
     return RankedDiagnosis(
         model=model.name,
@@ -161,7 +161,7 @@ def _diagnose(
         tests=UnknownTests(ranking.discrepancy_gain, ranking.excess, ranking.amplitude_excess),
         amplitude=concluded.amplitude,
         best=explained.hypothesis,
-        gaps=held_out,
+        gaps=gaps,
         parameters=_changes(none, explained),
         cells=cells(angle_gaps),
         profile=profile(angle_gaps),

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.diagnosis.inference import verdict
-from adapt.diagnosis.inference.verdict import NONE
+from adapt.diagnosis.result import NONE
 from models.effects import EFFECTS
 from scripts.blind.cases import kind
 from scripts.blind.report import rate

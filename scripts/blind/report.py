@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN
 from models.effects import EFFECTS
 from scripts.blind.cases import kind
 from scripts.blind.runs import Line, key

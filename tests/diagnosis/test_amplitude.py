@@ -8,8 +8,9 @@ from test_discrepancy import observed
 from test_evidence import linear_of
 
 from adapt.diagnosis.fit.linear_evidence import LinearisedFit, posterior, shared_prior
-from adapt.diagnosis.inference.amplitude import Amplitude, amplitudes
+from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.ranking import Ranking
+from adapt.diagnosis.result import ChannelAmplitude
 from models.effects import EFFECTS
 
 SAME = 1e-12
@@ -36,8 +37,8 @@ def ranking(*each: LinearisedFit, less: float = 0.0, independent_prior: float = 
     return Ranking(each, log, np.full(len(each), independent_prior), 0.0, 1.0, 1.0, 0.0, 0.0)
 
 
-def of(weighed: Ranking, together: int) -> Amplitude:
-    (found,) = amplitudes(weighed, LIST, observed(), [NAME], together)[NAME]
+def of(weighed: Ranking, together: int) -> ChannelAmplitude:
+    (found,) = amplitudes(weighed, LIST, observed(), [NAME], together)[NAME].channels
     return found
 
 
@@ -87,7 +88,7 @@ def test_details_are_allowed_for_and_not_told():
     tilt = EFFECTS["thorax_tilt"]
     one = replace(linear_of(4, amplitudes=4), hypothesis=("thorax_tilt",), scale=np.asarray(tilt.prior.scale))
     expected = posterior(one, shared_prior(one.scale))
-    found = amplitudes(ranking(one), [tilt], observed(), ["thorax_tilt"], together=1)["thorax_tilt"]
+    found = amplitudes(ranking(one), [tilt], observed(), ["thorax_tilt"], together=1)["thorax_tilt"].channels
     assert tuple(channel.channel for channel in found) == tilt.channels[:3]
     mean = expected.a[:, :3].mean(axis=0)
     np.testing.assert_allclose([channel.value for channel in found], mean, rtol=SAME)

@@ -10,16 +10,16 @@ from scipy.stats import chi2, multivariate_normal
 
 from adapt.diagnosis.design import separability as distinguish
 from adapt.diagnosis.design.separability import (
-    TOLD_APART,
     alike_sets,
     projected_onto_model,
     separation,
     smallest_detectable,
 )
 from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, THETA_SD_MM
-from adapt.diagnosis.fit.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
 from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
+from adapt.diagnosis.fit.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
 from adapt.diagnosis.fit.observations import Observed, observe
+from adapt.diagnosis.result import TOLD_APART, DetectableAmplitude
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
@@ -169,7 +169,8 @@ def test_the_smallest_detectable_amplitude_is_the_first_of_its_steps_that_is_tol
         ]
         k = int(np.argmax(np.array(D) >= TOLD_APART))
         assert k > 0, "the slopes of this test are too large to be a test"
-        assert found[effect.name] == pytest.approx(sizes[k] * np.linalg.norm(effect.prior.scale))
+        smallest = sizes[k] * float(np.linalg.norm(effect.prior.scale))
+        assert found[effect.name] == DetectableAmplitude(pytest.approx(smallest), effect.unit)
 
 
 def test_what_nothing_shows_is_not_detectable(random_slopes):
@@ -243,7 +244,7 @@ def test_closed_postures_stay_where_they_are_closed_again(postures, world):
 def test_less_noise_shows_smaller_amplitudes(postures):
     found = [smallest_detectable(GIRDLE, SMALL_EFFECTS, postures, Noise(deg)) for deg in (0.75, 1.5, 3.0, 30.0)]
     for name in NAMES:
-        sizes = [np.inf if one[name] is None else float(one[name] or 0.0) for one in found]
+        sizes = [smallest.value if (smallest := one[name]) else np.inf for one in found]
         assert sizes == sorted(sizes), name
         assert 0.0 < sizes[0] < sizes[2], name
 

@@ -122,10 +122,12 @@ def test_shares_add_up_and_are_the_same_again(data):
     found = predict_power(MODEL.girdle, CHOSEN, data, Noise(3.0))
     assert found == predict_power(MODEL.girdle, CHOSEN, data, Noise(3.0))
     for name, one in found.items():
-        assert name not in one.taken_for
-        assert one.named + one.none + sum(one.taken_for.values()) <= 1.0 + SAME
+        assert name not in one.confused_with
+        assert one.named + one.none + sum(one.confused_with.values()) <= 1.0 + SAME
 
 
 def test_more_subjects_name_more(data):
-    few, many = (predict_power(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.select_subjects(np.array([0])), data))
+    few, many = (
+        predict_power(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.select_subjects(np.array([0])), data)
+    )
     assert sum(one.named for one in many.values()) > sum(one.named for one in few.values())

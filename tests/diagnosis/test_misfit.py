@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from adapt.diagnosis.fit.misfit import Misfit, columns_of, misfit, prior_z
 from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.misfit import Misfit, columns_of, misfit, prior_z
 from adapt.diagnosis.fit.observations import Observed, observe
 from adapt.solvers import status
 from adapt.solvers.posture_fits import Fitted, fit_batch
@@ -363,4 +363,6 @@ def test_noise_variance_adds_up_to_what_the_constraints_leave(data, with_landmar
     """In units of the noise: three of six angles, fifteen of eighteen quantities."""
     for of, count in ((data, 3.0), (with_landmarks, 15.0)):
         found = look(of, z_near(1))
-        np.testing.assert_allclose((found.noise_variance / of.standard_deviations(NOISE) ** 2).sum(axis=0), count, rtol=SAME)
+        np.testing.assert_allclose(
+            (found.noise_variance / of.standard_deviations(NOISE) ** 2).sum(axis=0), count, rtol=SAME
+        )

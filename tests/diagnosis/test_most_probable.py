@@ -9,8 +9,8 @@ from made_effects import without_details
 from adapt.diagnosis.fit import map_fit as most_probable
 from adapt.diagnosis.fit.linear_evidence import THETA_SD_MM
 from adapt.diagnosis.fit.map_fit import _cost, _Found, _from_lower_valleys, _Prior, fit_hypotheses
-from adapt.diagnosis.fit.misfit import Misfit, misfit
 from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.misfit import Misfit, misfit
 from adapt.diagnosis.fit.observations import observe
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model

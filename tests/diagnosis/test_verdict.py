@@ -6,7 +6,8 @@ import pytest
 from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit
 from adapt.diagnosis.inference.ranking import Ranking
-from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge
+from adapt.diagnosis.inference.verdict import judge
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN, Verdict
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
 
@@ -192,7 +193,7 @@ def test_what_leaves_nothing_is_not_unknown():
     assert judged({("a",): 0.0}, **NOTHING_LEFT).probability[UNKNOWN] < 0.5
 
 
-@pytest.mark.parametrize("of", ["discrepancy_gain", "excess", "oversize"])
+@pytest.mark.parametrize("of", ["discrepancy_gain", "excess", "amplitude_excess"])
 def test_unknown_grows_with_each_test_up_to_a_limit(of):
     def probability(value: float) -> float:
         return judged({(): 0.0}, **{**NOTHING_LEFT, of: value}).probability[UNKNOWN]

@@ -38,7 +38,7 @@ Postures = Bool[np.ndarray, "postures subjects"]
 """Which are held out."""
 
 
-def held_out_gaps(
+def measure_gaps(
     girdle: Girdle,
     effects: tuple[Effect, ...],
     data: Observed,
