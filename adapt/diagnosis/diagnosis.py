@@ -11,9 +11,14 @@ from threadpoolctl import threadpool_limits
 from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.design.next_measurement import propose
 from adapt.diagnosis.design.predicted_power import predict_power
-from adapt.diagnosis.design.separability import alike_sets, projected_onto_model, separation, smallest_detectable
+from adapt.diagnosis.design.separability import (
+    indistinguishable_sets,
+    projected_onto_model,
+    separation,
+    smallest_detectable,
+)
 from adapt.diagnosis.fit.held_out_gaps import measure_gaps
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit, single_hypotheses
+from adapt.diagnosis.fit.linear_model import Hypothesis, LinearisedFit, single_hypotheses
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
 from adapt.diagnosis.fit.misfit import misfit
@@ -167,7 +172,7 @@ def _diagnose(
         profile=profile(angle_gaps),
         variance_fractions=variance_fractions(angle_gaps),
         constraints=constraint_residuals_mm(data, _at_measured(girdle, data, none)),
-        indistinguishable=alike_sets(hypotheses, apart),
+        indistinguishable=indistinguishable_sets(hypotheses, apart),
         smallest_detectable=smallest_detectable(girdle, effects, postures, noise),
         predicted_power=predicted_power,
         next_measurement=propose(girdle, effects, _candidates(ranking, concluded.verdict), data, noise),

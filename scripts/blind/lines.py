@@ -69,11 +69,11 @@ def tests_of(found: RankedDiagnosis) -> dict[str, Any]:
     """What the probability of unknown follows from, pairs and all."""
     ranking = found.ranking
     names = [name for name in found.verdict.probability if name not in (NONE, UNKNOWN)]
-    shares = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, found.declared_effects)
+    posterior = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, found.declared_effects)
     return {
         "discrepancy_gain": ranking.discrepancy_gain,
         "excess": ranking.excess,
-        "doubts": list(unknown_penalties(ranking, shares)),
+        "doubts": list(unknown_penalties(ranking, posterior)),
     }
 
 
@@ -95,9 +95,9 @@ def realised_gaps(found: RankedDiagnosis, model: ParameterSet, data: Observed) -
     return {"adapted": gap(fitted[()].z), "with_effect": gap(fitted[found.best].z)}
 
 
-def told(found: RankedDiagnosis, truth: dict[str, Any]) -> Line:
+def with_truth(found: RankedDiagnosis, truth: dict[str, Any]) -> Line:
     """What the truth adds to the line: the amplitudes behind those found, and what was lost on the way."""
-    means = {name: float(np.mean(list(of["amplitude"].values()))) for name, of in truth["effects"].items()}
+    means = {name: float(np.mean(list(effect["amplitude"].values()))) for name, effect in truth["effects"].items()}
     known = {
         name: true_channels(name, truth["effects"][name], found.subjects)
         for name in sorted(found.amplitude.keys() & means)
@@ -115,20 +115,22 @@ def _by_channel(channels: Sequence[ChannelAmplitude], values: np.ndarray) -> dic
     return {one.channel: float(value) for one, value in zip(channels, values, strict=True)}
 
 
-def true_channels(name: str, of: dict[str, Any], subjects: Sequence[str]) -> np.ndarray:
+def true_channels(name: str, effect: dict[str, Any], subjects: Sequence[str]) -> np.ndarray:
     """Mean over subjects and shown motions of an effect's channels, at full elevation, in the library's units.
 
     Empty where the world has no such numbers: the skin artefact's direction follows from each subject's motion.
     """
     if name == "skin_artefact":
         return np.zeros(0)
-    chosen = [list(of["amplitude"]).index(subject) for subject in subjects]
-    amplitude = np.array(list(of["amplitude"].values()))[chosen, None]
-    drawn = of["parameters"]
+    chosen = [list(effect["amplitude"]).index(subject) for subject in subjects]
+    amplitude = np.array(list(effect["amplitude"].values()))[chosen, None]
+    drawn = effect["parameters"]
     by_motion = drawn.get("factor_by_motion", {})
     over_motions = np.mean([by_motion.get(motion, 1.0) for motion in SHOWN_MOTIONS])
     if name == "scapulothoracic_gap":
-        shares = np.column_stack([np.array(drawn["ts_fraction_by_subject"])[chosen], np.ones(len(chosen))])
+        directions = np.column_stack([np.array(drawn["ts_fraction_by_subject"])[chosen], np.ones(len(chosen))])
     else:
-        shares = np.array(drawn["direction_by_subject"])[chosen] if "direction_by_subject" in drawn else np.ones((1, 1))
-    return (over_motions * amplitude * shares).mean(axis=0)
+        directions = (
+            np.array(drawn["direction_by_subject"])[chosen] if "direction_by_subject" in drawn else np.ones((1, 1))
+        )
+    return (over_motions * amplitude * directions).mean(axis=0)

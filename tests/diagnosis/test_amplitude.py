@@ -7,7 +7,8 @@ import pytest
 from test_discrepancy import observed
 from test_evidence import linear_of
 
-from adapt.diagnosis.fit.linear_evidence import LinearisedFit, posterior, shared_prior
+from adapt.diagnosis.fit.linear_evidence import posterior
+from adapt.diagnosis.fit.linear_model import LinearisedFit, shared_prior
 from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.ranking import Ranking
 from adapt.diagnosis.result import ChannelAmplitude
@@ -31,10 +32,10 @@ def fitted(seed: int, *hypothesis: str) -> LinearisedFit:
     return replace(linear_of(seed, amplitudes=len(hypothesis)), hypothesis=hypothesis)
 
 
-def ranking(*each: LinearisedFit, less: float = 0.0, independent_prior: float = -1.0) -> Ranking:
+def ranking(*each: LinearisedFit, less: float = 0.0, independent_log_odds: float = -1.0) -> Ranking:
     """The first is the best, the others are ``less`` nats less probable."""
     log = np.array([0.0] + [-less] * (len(each) - 1))
-    return Ranking(each, log, np.full(len(each), independent_prior), 0.0, 1.0, 1.0, 0.0, 0.0)
+    return Ranking(each, log, np.full(len(each), independent_log_odds), 0.0, 1.0, 1.0, 0.0, 0.0)
 
 
 def of(weighed: Ranking, together: int) -> ChannelAmplitude:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from test_discrepancy import KNOWN, POSTURES, SUBJECTS, observed, with_offsets
 
-from adapt.diagnosis.fit.linear_evidence import LinearisedFit, inner_products
+from adapt.diagnosis.fit.linear_evidence import inner_products
+from adapt.diagnosis.fit.linear_model import LinearisedFit
 from adapt.diagnosis.inference.departures import with_departures
 from adapt.diagnosis.inference.discrepancy import discrepancy_gain
 from adapt.diagnosis.inference.priors import likeliest_prior, likely_spreads, over_priors

@@ -10,16 +10,16 @@ from scipy.stats import chi2, multivariate_normal
 
 from adapt.diagnosis.design import separability as distinguish
 from adapt.diagnosis.design.separability import (
-    alike_sets,
+    indistinguishable_sets,
     projected_onto_model,
     separation,
     smallest_detectable,
 )
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, THETA_SD_MM
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS, THETA_SD_MM
 from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
 from adapt.diagnosis.fit.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
 from adapt.diagnosis.fit.observations import Observed, observe
-from adapt.diagnosis.result import TOLD_APART, DetectableAmplitude
+from adapt.diagnosis.result import TOLD_APART
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
@@ -169,8 +169,10 @@ def test_the_smallest_detectable_amplitude_is_the_first_of_its_steps_that_is_tol
         ]
         k = int(np.argmax(np.array(D) >= TOLD_APART))
         assert k > 0, "the slopes of this test are too large to be a test"
-        smallest = sizes[k] * float(np.linalg.norm(effect.prior.scale))
-        assert found[effect.name] == DetectableAmplitude(pytest.approx(smallest), effect.unit)
+        smallest = found[effect.name]
+        assert smallest is not None
+        assert smallest.value == pytest.approx(sizes[k] * np.linalg.norm(effect.prior.scale))
+        assert smallest.unit == effect.unit
 
 
 def test_what_nothing_shows_is_not_detectable(random_slopes):
@@ -206,16 +208,16 @@ def apart(n: int, near: list[tuple[int, int]]) -> np.ndarray:
 )
 def test_sets_are_linked_by_pairs_that_are_not_told_apart(near, sets):
     hypotheses = [(), ("a",), ("b",), ("c",), ("d",), ("a", "b")]
-    found = alike_sets(hypotheses, apart(len(hypotheses), near))
+    found = indistinguishable_sets(hypotheses, apart(len(hypotheses), near))
     assert [sorted(group) for group in found] == sets
 
 
 def test_told_apart_begins_at_the_limit():
     D = apart(2, [])
     D[0, 1] = TOLD_APART
-    assert alike_sets([("a",), ("b",)], D) == []
+    assert indistinguishable_sets([("a",), ("b",)], D) == []
     D[0, 1] = np.nextafter(TOLD_APART, 0.0)
-    assert alike_sets([("a",), ("b",)], D) == [["a", "b"]]
+    assert indistinguishable_sets([("a",), ("b",)], D) == [["a", "b"]]
 
 
 # --- on a girdle ----------------------------------------------------------------------------------

@@ -8,7 +8,8 @@ import pytest
 from adapt.diagnosis.design import predicted_power as predicted_power
 from adapt.diagnosis.design.predicted_power import predict_power, typical_amplitudes
 from adapt.diagnosis.design.separability import projected_onto_model, slopes
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, LinearisedFit, inner_products
+from adapt.diagnosis.fit.linear_evidence import inner_products
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS, LinearisedFit
 from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.observations import observe
 from adapt.diagnosis.inference.priors import over_priors
@@ -81,11 +82,11 @@ def test_draws_have_the_mean_and_covariance_of_residuals_written_out(monkeypatch
     strain = EFFECTS["conoid_strain"]
     effect = replace(strain, over_elevation=False, prior=replace(strain.prior, scale=(1.0,)))
     coefficients = predicted_power.draw(gram, np.array([6]), effect, DRAWS, generator)
-    seen = predicted_power.simulate_statistics(gram, predicted_power.root_of(gram), coefficients, generator)
-    np.testing.assert_allclose(seen.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)
+    with_data = predicted_power.simulate_statistics(gram, predicted_power.matrix_roots(gram), coefficients, generator)
+    np.testing.assert_allclose(with_data.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)
     expected = gram + BETWEEN_SUBJECTS**2 * gram[..., 6:] @ gram[:, 6:]
     for subject in (0, 1):
-        found = np.cov(seen[:, subject].T)
+        found = np.cov(with_data[:, subject].T)
         np.testing.assert_allclose(found, expected[subject], rtol=0.0, atol=4.0 * SE)
 
 
@@ -94,17 +95,17 @@ def test_draws_are_weighed_as_the_diagnosis_weighs_residuals(data):
     X, by_amplitudes = slopes(MODEL.girdle, CHOSEN, HYPOTHESES, data, noise)
     y = np.random.default_rng(3).standard_normal(X.shape[:2])
     columns = np.concatenate([X, *by_amplitudes], axis=2)
-    gram, seen = np.swapaxes(columns, 1, 2) @ columns, np.einsum("src,sr->sc", columns, y)
+    gram, with_data = np.swapaxes(columns, 1, 2) @ columns, np.einsum("src,sr->sc", columns, y)
     start, found, expected = 6, [], []
     for effect, A in zip([None, *CHOSEN], by_amplitudes, strict=True):
         own, start = np.arange(start, start + A.shape[2]), start + A.shape[2]
         alone = [effect] if effect else []
-        found.append(predicted_power._log_evidence(gram, seen[None], own, alone)[0])
+        found.append(predicted_power._log_evidence(gram, with_data[None], own, alone)[0])
         scale = np.asarray(effect.prior_sd) if effect else np.zeros(0)
         nothing = np.zeros(0)
         fitted = LinearisedFit(("a",), nothing, nothing, y, X, A, scale, nothing, nothing, y, nothing, nothing)
-        of = over_priors(inner_products(fitted), scale, alone, [(1.0, 1.0)], spreads=predicted_power._SPREADS)
-        expected.append(float(of.log_evidence))
+        weighed = over_priors(inner_products(fitted), scale, alone, [(1.0, 1.0)], spreads=predicted_power._SPREADS)
+        expected.append(float(weighed.log_evidence))
     np.testing.assert_allclose(np.subtract(found, found[0]), np.subtract(expected, expected[0]), rtol=SAME, atol=SAME)
 
 
@@ -128,6 +129,7 @@ def test_shares_add_up_and_are_the_same_again(data):
 
 def test_more_subjects_name_more(data):
     few, many = (
-        predict_power(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.select_subjects(np.array([0])), data)
+        predict_power(MODEL.girdle, CHOSEN, weighed, Noise(3.0))
+        for weighed in (data.select_subjects(np.array([0])), data)
     )
     assert sum(one.named for one in many.values()) > sum(one.named for one in few.values())

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 from made_effects import without_details
 
-from adapt.diagnosis.fit.linear_evidence import (
-    THETA_SD_MM,
-    LinearisedFit,
-    independent_prior,
-    inner_products,
-    log_evidence,
-)
+from adapt.diagnosis.fit.linear_evidence import inner_products, log_evidence
+from adapt.diagnosis.fit.linear_model import THETA_SD_MM, LinearisedFit, independent_prior
 from adapt.diagnosis.inference import priors
 from adapt.diagnosis.inference.priors import SPREADS_MM, OverPriors, likely_spreads, over_priors
 from models.effects import EFFECTS, Effect
@@ -61,7 +56,7 @@ SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
 
 def test_amplitudes_of_all_alike_are_found_alike():
     found = weighed(subjects(np.tile(WAY, (SUBJECTS, 1))))
-    assert found.independent_prior < -CLEAR
+    assert found.independent_log_odds < -CLEAR
 
 
 @pytest.mark.parametrize(
@@ -71,7 +66,7 @@ def test_amplitudes_of_all_alike_are_found_alike():
 )
 def test_amplitudes_that_differ_are_found_to_differ(amplitudes):
     fitted = subjects(amplitudes)
-    assert weighed(fitted).independent_prior > CLEAR
+    assert weighed(fitted).independent_log_odds > CLEAR
     assert weighed(fitted).log_evidence > plain(fitted) + CLEAR
 
 
@@ -91,7 +86,7 @@ def test_signs_that_differ_are_less_likely_of_an_effect_whose_nature_has_one():
         weighed(fitted, replace(EFFECT, prior=replace(EFFECT.prior, sign=(1, 0, 0)))).log_evidence
         - weighed(fitted).log_evidence
     )
-    assert change == pytest.approx(np.log(priors._OPPOSED_SIGNED_SHARE / priors._OPPOSED_SHARE), abs=LITTLE)
+    assert change == pytest.approx(np.log(priors._OPPOSED_SIGNED_PROBABILITY / priors._OPPOSED_PROBABILITY), abs=LITTLE)
 
 
 def test_parameters_off_by_the_same_in_all_need_no_effect():
@@ -132,7 +127,7 @@ def test_likely_spreads_are_those_of_the_evidence_without_the_amplitudes():
     fitted, amplitudes = wider_chests(), np.random.default_rng(4).standard_normal((SUBJECTS, 3))
     bare = replace(fitted, A=fitted.A[..., :0], linear=fitted.linear - np.einsum("srk,sk->sr", fitted.A, amplitudes))
     expected = [float(log_evidence(inner_products(bare).at(spread=s), independent_prior(np.zeros(0)))) for s in SPREADS]
-    found = inner_products(fitted).of_adapted(amplitudes).at(spread=SPREADS).log
+    found = inner_products(fitted).given_amplitudes(amplitudes).at(spread=SPREADS).log
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
@@ -147,7 +142,7 @@ def gained_by_one_course(amplitudes: np.ndarray, monkeypatch: pytest.MonkeyPatch
     """Log evidence that channels may go together, over that of free ones alone."""
     fitted = subjects(np.tile(amplitudes, (SUBJECTS, 1)), effect=GAP)
     logs = []
-    for share in (priors._TOGETHER_SHARE, 0.0):
+    for share in (priors._TOGETHER_PROBABILITY, 0.0):
         monkeypatch.setattr(priors, "_TOGETHER_SHARE", max(share, 1e-300))
         logs.append(float(over_priors(inner_products(fitted), fitted.scale, [GAP], [(1.0, 1.0)], SPREADS).log_evidence))
     return logs[0] - logs[1]
@@ -159,5 +154,5 @@ def test_channels_that_follow_one_course_say_more(monkeypatch):
 
 def test_channels_that_do_not_are_left_free(monkeypatch):
     """All that is lost is the prior probability of going together."""
-    expected = np.log(1.0 - priors._TOGETHER_SHARE)
+    expected = np.log(1.0 - priors._TOGETHER_PROBABILITY)
     assert gained_by_one_course(TWO_COURSES, monkeypatch) == pytest.approx(expected, abs=LITTLE)

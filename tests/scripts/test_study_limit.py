@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from typer.testing import CliRunner
 
 from adapt.diagnosis.design.predicted_power import SPREAD
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS
 from models.effects import EFFECTS, EffectPrior
 from scripts import study_limit
 from scripts.study_limit import Limit, limit_of, log_evidence, row_of
@@ -68,7 +68,7 @@ def test_two_effects_that_show_alone_are_taken_for_each_other_as_often_as_two_ga
     assert found.right == pytest.approx(expected, abs=SE)
     assert found.claimed == pytest.approx(expected, abs=SE)
     assert found.first < found.right
-    assert found.taken_for == Counter({("thorax_asymmetry", "other"): round(2 * DRAWS * (1.0 - found.right))})
+    assert found.confused_with == Counter({("thorax_asymmetry", "other"): round(2 * DRAWS * (1.0 - found.right))})
 
 
 def test_half_the_size_is_twice_the_noise():

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from adapt.diagnosis.design.separability import projected_onto_model, separation
-from adapt.diagnosis.fit.linear_evidence import Hypothesis
+from adapt.diagnosis.fit.linear_model import Hypothesis
 from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.result import Proposal

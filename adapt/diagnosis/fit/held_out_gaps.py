@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit
+from adapt.diagnosis.fit.linear_model import Hypothesis, LinearisedFit
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import Misfit, misfit

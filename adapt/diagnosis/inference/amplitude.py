@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Spread, independent_prior, posterior, shared_prior
+from adapt.diagnosis.fit.linear_evidence import posterior
+from adapt.diagnosis.fit.linear_model import Spread, independent_prior, shared_prior
 from adapt.diagnosis.fit.misfit import spans_of
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.departures import with_departures
@@ -58,7 +59,7 @@ def _strength(
     ranking: Ranking, k: int, by_name: dict[str, Effect], name: str, data: Observed, elevation_deg: float
 ) -> tuple[Float[np.ndarray, " channels"], Float[np.ndarray, " channels"]]:
     """Mean and variance of each channel of one effect in one hypothesis, at one elevation."""
-    spread: Spread = independent_prior if ranking.independent_prior[k] > 0.0 else shared_prior
+    spread: Spread = independent_prior if ranking.independent_log_odds[k] > 0.0 else shared_prior
     hypothesis = ranking.hypotheses[k]
     active_effects = [by_name[one] for one in hypothesis]
     fitted = with_departures(ranking.fitted[k], active_effects, data)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import LinearisedFit
+from adapt.diagnosis.fit.linear_model import LinearisedFit
 from adapt.diagnosis.fit.misfit import spans_of
 from adapt.diagnosis.fit.observations import Observed
 from models.effects import Effect
@@ -30,11 +30,11 @@ def with_departures(fitted: LinearisedFit, effects: Sequence[Effect], data: Obse
     columns, scales = [], []
     for effect, own in zip(effects, spans_of(effects), strict=True):
         if effect.over_elevation:
-            shares = departures_of(data, effect)
+            departures = departures_of(data, effect)
             first = own.start + len(COURSE_SD) * np.arange(len(effect.channels))
-            by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * shares[:, :, None, None]
+            by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * departures[:, :, None, None]
             columns.append(by_posture.reshape(subjects, postures * m, -1))
-            scales.append(np.repeat(fitted.scale[first], shares.shape[2]))
+            scales.append(np.repeat(fitted.scale[first], departures.shape[2]))
     if not columns:
         return fitted
     more = np.concatenate(columns, axis=2)
@@ -46,7 +46,7 @@ def with_departures(fitted: LinearisedFit, effects: Sequence[Effect], data: Obse
     )
 
 
-def of_each_channel(data: Observed) -> int:
+def departures_per_channel(data: Observed) -> int:
     """How many columns of departures a channel has; those of an effect stand together, channel by channel."""
     return len(_FINER_SD) + (len(data.motions) if len(data.motions) > 1 else 0)
 
