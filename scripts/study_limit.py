@@ -164,8 +164,8 @@ def row_of(condition: str, limits: Sequence[Limit]) -> list[str]:
     for one in limits:
         confused_with += one.confused_with
     pairs = "; ".join(" - ".join(pair) for pair, _ in confused_with.most_common(_PAIRS_NAMED))
-    shares = [f"{100.0 * means[name]:.0f} %" for name in ("right", "claimed", "first")]
-    return [condition, *shares, f"{means['set_size']:.2f}", pairs]
+    rates = [f"{100.0 * means[name]:.0f} %" for name in ("right", "claimed", "first")]
+    return [condition, *rates, f"{means['set_size']:.2f}", pairs]
 
 
 @app.command()

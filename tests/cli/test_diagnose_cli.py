@@ -89,7 +89,7 @@ def assert_contract(found: Mapping[str, Any]) -> None:
     assert shares == sorted(shares, reverse=True)
     assert set(found["parameters"]) == set(ADAPTED)
     assert all(numbers(value, {"adapted_mm", "with_effect_mm"}) for value in found["parameters"].values())
-    assert all(len(alike) > 1 and set(alike) <= set(EFFECTS) for alike in found["indistinguishable"])
+    assert all(len(group) > 1 and set(group) <= set(EFFECTS) for group in found["indistinguishable"])
     assert set(found["smallest_detectable"]) == set(EFFECTS)
     assert all(set(one) == {"value", "unit"} for one in found["smallest_detectable"].values() if one)
     proposal = {"what", "separation_now", "separation_then", "probability_then"}

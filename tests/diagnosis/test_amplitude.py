@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from test_discrepancy import observed
-from test_evidence import linear_of
+from test_linear_evidence import linear_of
 
 from adapt.diagnosis.fit.linear_evidence import posterior
 from adapt.diagnosis.fit.linear_model import LinearisedFit, shared_prior

@@ -143,7 +143,7 @@ def gained_by_one_course(amplitudes: np.ndarray, monkeypatch: pytest.MonkeyPatch
     fitted = subjects(np.tile(amplitudes, (SUBJECTS, 1)), effect=GAP)
     logs = []
     for share in (priors._TOGETHER_PROBABILITY, 0.0):
-        monkeypatch.setattr(priors, "_TOGETHER_SHARE", max(share, 1e-300))
+        monkeypatch.setattr(priors, "_TOGETHER_PROBABILITY", max(share, 1e-300))
         logs.append(float(over_priors(inner_products(fitted), fitted.scale, [GAP], [(1.0, 1.0)], SPREADS).log_evidence))
     return logs[0] - logs[1]
 

@@ -1,7 +1,7 @@
 """Which further measurement would best separate the candidates left, by how much: from the model, not from residuals.
 
 Each proposal changes the postures, quantities, subjects or noise; its gain is the expected log evidence between the two
-candidates that look most alike (see ``distinguish``), and the probability it would give to the right one of them.
+candidates that look most alike (see ``separability``), and the probability it would give to the right one of them.
 """
 
 import math

@@ -49,7 +49,7 @@ _NAMED_OFTEN = 0.05
 def predict_power(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> dict[str, PredictedPower]:
-    """By name of the effect. ``data`` are ``projected_onto_model`` ones (see ``distinguish``)."""
+    """By name of the effect. ``data`` are ``projected_onto_model`` ones (see ``separability``)."""
     names = [effect.name for effect in effects]
     hypotheses = single_hypotheses(names)
     gram, own = gram_matrices(girdle, effects, data, noise)

@@ -17,8 +17,8 @@ from models.girdle import Girdle
 def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rotations]:
     longer, farther, thicker = percent / 100.0
     ac_mm = girdle.ac_mm * (1.0 + longer)
-    shares = 1.0 + 0.5 * longer + jnp.stack([farther, thicker, thicker])
-    conoid_mm = ac_mm + (girdle.clavicle_conoid_mm - girdle.ac_mm) * shares
+    factors = 1.0 + 0.5 * longer + jnp.stack([farther, thicker, thicker])
+    conoid_mm = ac_mm + (girdle.clavicle_conoid_mm - girdle.ac_mm) * factors
     return replace(girdle, ac_mm=ac_mm, clavicle_conoid_mm=conoid_mm), rotations
 
 

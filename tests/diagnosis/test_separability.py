@@ -8,7 +8,7 @@ import pytest
 from made_effects import without_details
 from scipy.stats import chi2, multivariate_normal
 
-from adapt.diagnosis.design import separability as distinguish
+from adapt.diagnosis.design import separability as separability
 from adapt.diagnosis.design.separability import (
     indistinguishable_sets,
     projected_onto_model,
@@ -69,7 +69,7 @@ def observed(subjects: int = SUBJECTS) -> Observed:
 
 @dataclass(frozen=True)
 class _Slopes:
-    """All that ``distinguish`` looks at of a misfit."""
+    """All that ``separability`` looks at of a misfit."""
 
     slopes: np.ndarray
 
@@ -90,7 +90,7 @@ def random_slopes(monkeypatch):
         picked = np.take_along_axis(of, np.maximum(columns, 0).T[:, None, None], axis=3)
         return _Slopes(np.where(columns.T[:, None, None] >= 0, picked, 0.0) / noise.angle_deg)
 
-    monkeypatch.setattr(distinguish, "misfit", misfit)
+    monkeypatch.setattr(separability, "misfit", misfit)
     return every.reshape(SUBJECTS, -1, width) / NOISE.angle_deg
 
 
@@ -151,7 +151,7 @@ def test_many_subjects_are_represented_by_the_first_24(monkeypatch):
         subject = np.array([int(name) for name in data.subjects])
         return _Slopes(every[subject][..., : len(columns)])
 
-    monkeypatch.setattr(distinguish, "misfit", misfit)
+    monkeypatch.setattr(separability, "misfit", misfit)
     hypotheses = [(), ("thorax_asymmetry",)]
     found = [separation(GIRDLE, SMALL_EFFECTS, hypotheses, observed(n), NOISE) for n in (12, 24, 40)]
     np.testing.assert_array_equal(found[1], found[2])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_effects import without_details
 
-from adapt.diagnosis.fit import map_fit as most_probable
+from adapt.diagnosis.fit import map_fit as map_fit
 from adapt.diagnosis.fit.linear_model import THETA_SD_MM
 from adapt.diagnosis.fit.map_fit import _cost, _Estimate, _from_lower_valleys, _Prior, fit_hypotheses
 from adapt.diagnosis.fit.measurement_noise import Noise
@@ -91,7 +91,7 @@ def test_lanes_that_have_come_to_rest_are_not_looked_at_again(data, monkeypatch)
         problems.append(some.counted.shape[1])
         return misfit(girdle, effects, some, *others)
 
-    monkeypatch.setattr(most_probable, "misfit", counted)
+    monkeypatch.setattr(map_fit, "misfit", counted)
     fitted(data, HYPOTHESES)
     all_lanes = len(HYPOTHESES) * SUBJECTS
     assert max(problems) == all_lanes

@@ -184,7 +184,7 @@ def test_extra_columns_that_cannot_act_change_nothing():
 
 
 @each_prior
-@pytest.mark.parametrize("share", [0.5, 2.0])
+@pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_other_noise_is_that_of_the_dense_gaussian(prior, factor):
     """Whitened anew by the share: the density of what is seen changes its unit with it."""
     fitted = linear_of(8)
