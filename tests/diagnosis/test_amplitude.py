@@ -38,7 +38,7 @@ def ranking(*each: LinearisedFit, less: float = 0.0, independent_log_odds: float
     return Ranking(each, log, np.full(len(each), independent_log_odds), 0.0, 1.0, 1.0, 0.0, 0.0)
 
 
-def of(weighed: Ranking, together: int) -> ChannelAmplitude:
+def amplitude_of(weighed: Ranking, together: int) -> ChannelAmplitude:
     (found,) = amplitudes(weighed, LIST, observed(), [NAME], together)[NAME].channels
     return found
 
@@ -56,7 +56,7 @@ def test_alone_it_is_that_of_the_effect_alone_whatever_pairs_say():
     alone, pair = fitted(0, NAME), fitted(1, NAME, ONE)
     mean, variance = mean_and_variance(alone)
     half = half_interval(variance, mean)
-    found = of(ranking(pair, alone), together=1)
+    found = amplitude_of(ranking(pair, alone), together=1)
     np.testing.assert_allclose([found.value, found.low, found.high], [mean, mean - half, mean + half], rtol=SAME)
 
 
@@ -65,14 +65,14 @@ def test_two_pairs_alike_probable_give_the_mean_and_an_interval_over_both():
     (m1, v1), (m2, v2) = (mean_and_variance(one) for one in pairs)
     mean = (m1 + m2) / 2.0
     half = half_interval((v1 + v2) / 2.0 + (m1 - m2) ** 2 / 4.0, mean)
-    found = of(ranking(*pairs, fitted(3, ONE, OTHER)), together=2)
+    found = amplitude_of(ranking(*pairs, fitted(3, ONE, OTHER)), together=2)
     np.testing.assert_allclose([found.value, found.low, found.high], [mean, mean - half, mean + half], rtol=SAME)
 
 
 def test_more_data_do_not_lessen_what_the_model_is_wrong_by():
     """Residuals without noise but for a millionth: what is left of the interval is the model's share of the size."""
     sure = fitted(5, NAME).with_noise(1e-6)
-    found = of(ranking(sure), together=1)
+    found = amplitude_of(ranking(sure), together=1)
     assert (found.high - found.low) / 2.0 == pytest.approx(1.96 * OFF_THE_MODEL * abs(found.value), rel=1e-3)
 
 
@@ -81,7 +81,7 @@ def test_each_counts_as_much_as_it_is_probable(less):
     pairs = [fitted(1, NAME, ONE), fitted(2, NAME, OTHER)]
     (m1, _), (m2, _) = (mean_and_variance(one) for one in pairs)
     expected = m1 if less == 40.0 else 0.75 * m1 + 0.25 * m2
-    assert of(ranking(*pairs, less=less), together=2).value == pytest.approx(expected, rel=SAME)
+    assert amplitude_of(ranking(*pairs, less=less), together=2).value == pytest.approx(expected, rel=SAME)
 
 
 def test_details_are_allowed_for_and_not_told():

@@ -62,9 +62,9 @@ def test_one_motion_has_nothing_to_depart_from():
 
 
 def evidence_of(fitted: LinearisedFit) -> float:
-    of = inner_products(fitted)
-    spreads, log_share = likely_spreads(of, fitted.a)
-    return float(over_priors(of, fitted.scale, [GAP], [(1.0, 1.0)], spreads).log_evidence) - log_share
+    products = inner_products(fitted)
+    spreads, log_share = likely_spreads(products, fitted.a)
+    return float(over_priors(products, fitted.scale, [GAP], [(1.0, 1.0)], spreads).log_evidence) - log_share
 
 
 CORNER = 2.0 * np.maximum(0.0, 2.0 * F - 1.0)

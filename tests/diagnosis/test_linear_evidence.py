@@ -114,11 +114,11 @@ def dense(
         rows = slice(s * R, (s + 1) * R)
         H[rows, 6 * s : 6 * s + 6] = fitted.X[s]
         H[rows, n_u + K * s : n_u + K * (s + 1)] = fitted.A[s]
-    seen = fitted.linear.ravel()
+    y = fitted.linear.ravel()
     C = H @ P @ H.T + noise**2 * np.eye(S * R)
-    log = _NORMAL.logpdf(seen, H @ mean, C) + 0.5 * S * R * np.log(2.0 * np.pi)
+    log = _NORMAL.logpdf(y, H @ mean, C) + 0.5 * S * R * np.log(2.0 * np.pi)
     gain = P @ H.T @ np.linalg.inv(C)
-    after, left = mean + gain @ (seen - H @ mean), P - gain @ H @ P
+    after, left = mean + gain @ (y - H @ mean), P - gain @ H @ P
     average = np.zeros((K, len(P)))
     average[:, n_u : n_u + n_a] = np.tile(np.eye(K), S) / S
     return Dense(

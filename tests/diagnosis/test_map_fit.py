@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_effects import without_details
 
-from adapt.diagnosis.fit import map_fit as map_fit
+from adapt.diagnosis.fit import map_fit
 from adapt.diagnosis.fit.linear_model import THETA_SD_MM
 from adapt.diagnosis.fit.map_fit import _cost, _Estimate, _from_lower_valleys, _Prior, fit_hypotheses
 from adapt.diagnosis.fit.measurement_noise import Noise

@@ -110,16 +110,16 @@ def wider_chests() -> LinearisedFit:
     sd = np.array([least for least, *_ in SPREADS_MM]) / THETA_SD_MM
     u = sd * generator.choice([-1.0, 1.0], (SUBJECTS, 6))
     u[:, 2] *= 8.0 / SPREADS_MM[2][0]
-    seen = np.einsum("srk,sk->sr", fitted.X, u) + generator.standard_normal((SUBJECTS, RESIDUALS))
-    return replace(fitted, linear=seen)
+    y = np.einsum("srk,sk->sr", fitted.X, u) + generator.standard_normal((SUBJECTS, RESIDUALS))
+    return replace(fitted, linear=y)
 
 
 def test_each_parameter_has_a_spread_of_its_own():
     spreads, log_share = likely_spreads(inner_products(wider_chests()), np.zeros((SUBJECTS, 3)))
     assert np.log(0.2) < log_share <= 0.0
-    of = over_priors(inner_products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
+    weighed_spreads = over_priors(inner_products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
     least = np.array([least for least, *_ in SPREADS_MM]) / THETA_SD_MM
-    np.testing.assert_allclose(of.spread, np.where(np.arange(6) == 2, 8.0 / THETA_SD_MM, least))
+    np.testing.assert_allclose(weighed_spreads.spread, np.where(np.arange(6) == 2, 8.0 / THETA_SD_MM, least))
 
 
 def test_likely_spreads_are_those_of_the_evidence_without_the_amplitudes():

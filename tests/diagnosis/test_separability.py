@@ -8,7 +8,7 @@ import pytest
 from made_effects import without_details
 from scipy.stats import chi2, multivariate_normal
 
-from adapt.diagnosis.design import separability as separability
+from adapt.diagnosis.design import separability
 from adapt.diagnosis.design.separability import (
     indistinguishable_sets,
     projected_onto_model,
@@ -86,8 +86,8 @@ def random_slopes(monkeypatch):
     every[..., 6:] /= np.concatenate([np.asarray(effect.prior_sd) for effect in SMALL_EFFECTS])
 
     def misfit(girdle, effects, data, noise, z, columns):
-        of = every[np.arange(columns.shape[1]) % SUBJECTS]
-        picked = np.take_along_axis(of, np.maximum(columns, 0).T[:, None, None], axis=3)
+        chosen = every[np.arange(columns.shape[1]) % SUBJECTS]
+        picked = np.take_along_axis(chosen, np.maximum(columns, 0).T[:, None, None], axis=3)
         return _Slopes(np.where(columns.T[:, None, None] >= 0, picked, 0.0) / noise.angle_deg)
 
     monkeypatch.setattr(separability, "misfit", misfit)

@@ -193,10 +193,10 @@ def test_what_leaves_nothing_is_not_unknown():
     assert judged({("a",): 0.0}, **NOTHING_LEFT).probability[UNKNOWN] < 0.5
 
 
-@pytest.mark.parametrize("of", ["discrepancy_gain", "excess", "amplitude_excess"])
-def test_unknown_grows_with_each_test_up_to_a_limit(of):
+@pytest.mark.parametrize("test", ["discrepancy_gain", "excess", "amplitude_excess"])
+def test_unknown_grows_with_each_test_up_to_a_limit(test):
     def probability(value: float) -> float:
-        return judged({(): 0.0}, **{**NOTHING_LEFT, of: value}).probability[UNKNOWN]
+        return judged({(): 0.0}, **{**NOTHING_LEFT, test: value}).probability[UNKNOWN]
 
     found = [probability(value) for value in (-3.0, 0.0, 1.0, 3.0)]
     assert found == sorted(found)

@@ -43,7 +43,7 @@ SPREAD, _SPREADS = 0.5, np.outer((0.4, 0.7), np.ones(6))
 weighed, as if the data had chosen them."""
 
 _NAMED_OFTEN = 0.05
-"""A name that an effect is taken for less often than this is not told."""
+"""A name that an effect is taken for less often than this is not reported."""
 
 
 def predict_power(
