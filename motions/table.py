@@ -14,6 +14,9 @@ from motions.errors import InputError
 ANGLES = ("clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x")
 """Cardan angles Y-Z'-X'' of the clavicle and the scapula, the order of every array of six angles."""
 
+BONES = {"clavicle": slice(0, 3), "scapula": slice(3, 6)}
+"""The bones, and which of ANGLES are theirs."""
+
 ANGLE_NAMES = {
     "clavicle_y": "clavicle protraction",
     "clavicle_z": "clavicle elevation",

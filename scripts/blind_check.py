@@ -23,7 +23,7 @@ from typing import Annotated
 import typer
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.inference.verdict import EFFECT
+from adapt.diagnosis.result import EFFECT
 from models import load_model
 from models.effects import EFFECTS
 from motions import read_motions
@@ -43,7 +43,7 @@ from scripts.blind.cases import (
     written,
 )
 from scripts.blind.fits import Kept, keep, read_kept, weighed_anew
-from scripts.blind.lines import line_of, observed, realised_gaps, single_ranking, told
+from scripts.blind.lines import line_of, observed, realised_gaps, single_ranking, with_truth
 from scripts.blind.report import report as report_of
 from scripts.blind.runs import Line, read_lines, run_missing
 from scripts.reporting import check_known
@@ -63,14 +63,14 @@ def examine(case: Case, fits: Path | None) -> Line:
             recorded["realised_deg"] = realised_gaps(found, model, observed(unseen, found.subjects))
     if fits:
         keep(Kept(found, data, world.truth), _kept_in(fits, case))
-    return recorded | told(found, world.truth)
+    return recorded | with_truth(found, world.truth)
 
 
 def weigh(case: Case, fits: Path | None) -> Line:
     """The verdict of the code as it is now on the fits of a case that were kept."""
     kept = read_kept(_kept_in(fits or Path(), case))
     found = weighed_anew(kept)
-    return line_of(found, single_ranking(found, kept.data)) | told(found, kept.truth)
+    return line_of(found, single_ranking(found, kept.data)) | with_truth(found, kept.truth)
 
 
 def _kept_in(fits: Path, case: Case) -> Path:

@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.inference.verdict import NONE
+from adapt.diagnosis.result import NONE
 from models import load_model
 from motions import read_motions
 from scripts.blind.cases import Case

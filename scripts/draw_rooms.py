@@ -56,7 +56,7 @@ def arrows(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
     """Return the arrows to draw, importer first: those that no chain of others stands for."""
     below: dict[str, set[str]] = {}
     for importer, imported in pairs:
-        if (importer, imported) not in rooms.EXCEPTIONS and not HIDDEN & {importer, imported}:
+        if not HIDDEN & {importer, imported}:
             below.setdefault(importer, set()).add(imported)
 
     def reached(name: str) -> set[str]:

@@ -20,6 +20,7 @@ from jaxtyping import Float
 
 from adapt.cli import app as cli
 from adapt.diagnosis import Diagnosis, diagnose
+from adapt.diagnosis.diagnosis import RankedDiagnosis
 from adapt.diagnosis.fit.observations import observe
 from adapt.diagnosis.inference.axial_turn import turns_deg
 from models import load_model
@@ -96,11 +97,11 @@ def with_estimated_axial(motions: Motions) -> Motions:
 
 def _bias(found: Diagnosis) -> Float[np.ndarray, "3"] | None:
     """Rotation vector of the bias, rad, where it is in the answer."""
-    channels = found.amplitude.get(BIAS)
-    return None if channels is None else np.array([channel.value for channel in channels]) / float(DEG)
+    size = found.amplitude.get(BIAS)
+    return None if size is None else np.array([channel.value for channel in size.channels]) / float(DEG)
 
 
-def _row(what: str, found: Diagnosis, bias) -> str:
+def _row(what: str, found: RankedDiagnosis, bias) -> str:
     named = list(found.verdict.effects)
     if found.verdict.together:
         named[:2] = [f"{named[0]} and {named[1]}"]

@@ -45,7 +45,8 @@ TESTS_OF = {
     "adapt/solvers/objective.py": ["tests/solvers/test_objective.py"],
     "adapt/solvers/batched/elimination.py": ["tests/solvers/test_elimination.py"],
     "adapt/solvers/batched/backtracking.py": ["tests/solvers/test_backtracking.py"],
-    "adapt/diagnosis/fit/linear_evidence.py": ["tests/diagnosis/test_evidence.py"],
+    "adapt/diagnosis/fit/linear_evidence.py": ["tests/diagnosis/test_linear_evidence.py"],
+    "adapt/diagnosis/fit/linear_model.py": ["tests/diagnosis/test_linear_evidence.py"],
     "adapt/diagnosis/inference/one_course.py": ["tests/diagnosis/test_one_course.py"],
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
@@ -97,15 +98,18 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         "True -> False": _SAME_LENGTH,
     },
     "adapt/diagnosis/fit/linear_evidence.py": {
-        "return Block(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
-        "0.0 * scale -> 0.0 / scale": ("no effect has the scale 0"),
-        "return Block(nothing, nothing + share, nothing): nothing + share -> nothing - share": (
-            "an SD of the other sign: mu is as likely as -mu"
-        ),
         "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
         "again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)]): 1 -> 2": (
             "the products are a square"
         ),
+    },
+    "adapt/diagnosis/fit/linear_model.py": {
+        "return AmplitudePrior(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
+        "0.0 * scale -> 0.0 / scale": ("no effect has the scale 0"),
+        "return AmplitudePrior(nothing, nothing + fraction, nothing): nothing + fraction -> nothing - fraction": (
+            "an SD of the other sign: mu is as likely as -mu"
+        ),
+        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     },
     "adapt/diagnosis/inference/one_course.py": {
         "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,

@@ -38,18 +38,6 @@ WITHIN = (
 )
 """Folders inside a room, in the same sense."""
 
-EXCEPTIONS = {
-    (
-        "adapt.report",
-        "adapt.cli",
-    ): "the notes of a diagnosis stand in print_diagnosis.py: to go when they leave the terminal",
-    (
-        "adapt.diagnosis.fit",
-        "adapt.diagnosis.inference",
-    ): "noise.py takes columns of discrepancy.py: to go when these are in fit",
-}
-"""Imports against the order that are still there. An entry must go with its import: a test says so."""
-
 
 class Import(NamedTuple):
     """One module imports another; ``imported`` may be another project's."""

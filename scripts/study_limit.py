@@ -30,15 +30,17 @@ from adapt.cli import app as cli
 from adapt.diagnosis.design.predicted_power import (
     SPREAD,
     draw,
-    products_of,
+    gram_matrices,
+    matrix_roots,
     products_with,
-    root_of,
     simulate_statistics,
     typical_amplitudes,
 )
 from adapt.diagnosis.design.separability import projected_onto_model
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, log_sum
-from adapt.diagnosis.fit.observations import Noise, observe
+from adapt.diagnosis.fit.linear_evidence import log_sum
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import observe
 from adapt.engine.batching import in_threads
 from models import load_model
 from models.adapted_parameters import ADAPTED
@@ -84,7 +86,7 @@ class Limit:
     ``MISSED``: no sets of fewer names hold it as often."""
     claimed: float
     """Mean probability of the most probable effect: ``right``, if the evidence is that of these worlds."""
-    taken_for: Counter[tuple[str, str]]
+    confused_with: Counter[tuple[str, str]]
     """How often one of two effects was most probable when the other was at work."""
 
 
@@ -96,12 +98,12 @@ def limit_of(
     draws: int = _DRAWS,
     directions: int = _DIRECTIONS,
 ) -> Limit:
-    """Of the subjects with these inner products (``products_of``); the effects have ``size`` of their typical size."""
-    generator, root = default_rng(_SEED), root_of(gram)
+    """Find the limit for subjects with these ``gram_matrices``; the effects have ``size`` of their typical size."""
+    generator, root = default_rng(_SEED), matrix_roots(gram)
     drawn = (draw(gram, k, effect, draws, generator, size) for k, effect in zip(own, [None, *effects], strict=True))
-    seen = np.concatenate([simulate_statistics(gram, root, coefficients, generator) for coefficients in drawn])
+    with_data = np.concatenate([simulate_statistics(gram, root, coefficients, generator) for coefficients in drawn])
     ways = [size * typical_amplitudes(effect, directions, 1, generator, between=0.0)[:, 0] for effect in effects]
-    logs = np.array(in_threads(lambda k, d: log_evidence(gram, seen, k, d), own[1:], ways))
+    logs = np.array(in_threads(lambda k, d: log_evidence(gram, with_data, k, d), own[1:], ways))
     logs = logs.reshape(len(effects), 1 + len(effects), draws)
     any_effect = log_sum(logs)
     beyond = any_effect[1:] > np.quantile(any_effect[0], 1.0 - BLAMED)
@@ -109,19 +111,19 @@ def limit_of(
     best = logs[:, 1:].argmax(axis=0)
     probability = np.exp(logs[:, 1:] - any_effect[1:])
     names = [effect.name for effect in effects]
-    wrong = [(names[min(i, j)], names[max(i, j)]) for i, of in enumerate(best.tolist()) for j in of if i != j]
+    wrong = [(names[min(i, j)], names[max(i, j)]) for i, drawn in enumerate(best.tolist()) for j in drawn if i != j]
     return Limit(
         right=float((best == active_effects).mean()),
         first=float(((best == active_effects) & beyond).mean()),
         set_size=float((probability >= np.quantile(np.diagonal(probability), MISSED)).sum(axis=0).clip(1).mean()),
         claimed=float(probability.max(axis=0).mean()),
-        taken_for=Counter(wrong),
+        confused_with=Counter(wrong),
     )
 
 
 def log_evidence(
     gram: Float[np.ndarray, "subjects columns columns"],
-    seen: Float[np.ndarray, "draws subjects columns"],
+    with_data: Float[np.ndarray, "draws subjects columns"],
     own: Int[np.ndarray, " own"],
     ways: Float[np.ndarray, "ways own"],
 ) -> Float[np.ndarray, " draws"]:
@@ -131,12 +133,12 @@ def log_evidence(
 
         1/2 ((p + b^-2)^2 / (I + b^-2) - b^-2 - log(1 + b^2 I)).
     """
-    of = products_with(gram, seen, own).at(spread=np.full(len(ADAPTED), SPREAD))
+    statistics = products_with(gram, with_data, own).at(spread=np.full(len(ADAPTED), SPREAD))
     b2 = 1.0 / BETWEEN_SUBJECTS**2
-    information = np.einsum("wa,sab,wb->sw", ways, of.information[0], ways) + b2
+    information = np.einsum("wa,sab,wb->sw", ways, statistics.information[0], ways) + b2
     constant = -0.5 * (b2 + np.log(information / b2)).sum(axis=0)
     logs = []
-    for some in np.array_split(of.pull, -(-len(seen) // _AT_A_TIME)):
+    for some in np.array_split(statistics.gradient, -(-len(with_data) // _AT_A_TIME)):
         of_way = (some @ ways.T + b2) ** 2 / information
         logs.append(log_sum(0.5 * of_way.sum(axis=1) + constant, axis=1) - np.log(len(ways)))
     return np.concatenate(logs)
@@ -149,7 +151,7 @@ def limit_in(condition: str, model_name: str) -> Limit:
     with tempfile.TemporaryDirectory() as folder:
         data = observe(read_motions(written(world.table, SHOWN_MOTIONS, Path(folder) / "motions.csv")))
     noise = Noise(how.noise_deg)
-    gram, own = products_of(model.girdle, effects, projected_onto_model(model.girdle, effects, data, noise), noise)
+    gram, own = gram_matrices(model.girdle, effects, projected_onto_model(model.girdle, effects, data, noise), noise)
     return limit_of(gram, own, effects, how.size)
 
 
@@ -158,12 +160,12 @@ def row_of(condition: str, limits: Sequence[Limit]) -> list[str]:
     means = {
         name: np.mean([getattr(one, name) for one in limits]) for name in ("right", "claimed", "first", "set_size")
     }
-    taken_for: Counter[tuple[str, str]] = Counter()
+    confused_with: Counter[tuple[str, str]] = Counter()
     for one in limits:
-        taken_for += one.taken_for
-    pairs = "; ".join(" - ".join(pair) for pair, _ in taken_for.most_common(_PAIRS_NAMED))
-    shares = [f"{100.0 * means[name]:.0f} %" for name in ("right", "claimed", "first")]
-    return [condition, *shares, f"{means['set_size']:.2f}", pairs]
+        confused_with += one.confused_with
+    pairs = "; ".join(" - ".join(pair) for pair, _ in confused_with.most_common(_PAIRS_NAMED))
+    rates = [f"{100.0 * means[name]:.0f} %" for name in ("right", "claimed", "first")]
+    return [condition, *rates, f"{means['set_size']:.2f}", pairs]
 
 
 @app.command()

@@ -15,7 +15,7 @@ from adapt.assessment import assess_trust
 from adapt.cli.print_diagnosis import print_diagnosis
 from adapt.cli.print_tables import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.cli.print_trust import print_trust
-from adapt.diagnosis import diagnose
+from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST
 from adapt.diagnosis.json_form import as_json
 from adapt.engine.compilation_cache import keep_compiled
@@ -230,7 +230,7 @@ def adapt(
                 table = replace(table, rejected=tuple(files.rejected))
                 drawn = result.select(table.subjects)
                 wrong = write_report(
-                    part, table, models, drawn, failed, all_subjects=len(subjects), active_effects=known
+                    part, table, models, drawn, failed, sampled_from=len(subjects), active_effects=known
                 )
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
@@ -275,18 +275,17 @@ def diagnose_gap(
     table, models, record = _inputs(motions, model)
     with results_folder(out) as folder:
         with progress(errors) as report:
-            by_model = diagnose(table, models, noise_deg, progress=report)
+            diagnoses = Diagnoses(diagnose(table, models, noise_deg, progress=report))
             result = adapt_subjects(table, models, progress=report)
             report("figures")
-            found = as_json(by_model)
             with transaction(folder) as part:
-                write_figures(part, found)
-                write_json(found, part / "diagnosis.json")
+                write_figures(part, diagnoses.closest)
+                write_json(as_json(diagnoses), part / "diagnosis.json")
                 write_adaptations(part, result)
                 write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
-                failed = not_adapted(result) | found["left_out"]
-                wrong = write_report(part, table, models, result, failed, found)
-        print_diagnosis(console, found)
+                failed = not_adapted(result) | diagnoses.closest.left_out
+                wrong = write_report(part, table, models, result, failed, diagnoses)
+        print_diagnosis(console, diagnoses)
         raise_without_report(folder, wrong)
     _finish(table, failed)
 
@@ -418,7 +417,7 @@ def simulate(
 def list_effects() -> None:
     """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions."""
     for one in EFFECTS.values():
-        scale = " / ".join(f"{value:g}" for value in one.scale[: len(one.directions)])
+        scale = " / ".join(f"{value:g}" for value in one.prior.scale[: len(one.directions)])
         along = " / ".join(one.directions)
         console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
 

@@ -1,6 +1,6 @@
 """The gap between the adapted girdle and the measurement: where it lies, which effect causes it, how far it shrinks."""
 
-from adapt.diagnosis.diagnosis import Changed, Diagnosis, diagnose
-from adapt.diagnosis.inference.amplitude import Amplitude
+from adapt.diagnosis.diagnosis import diagnose
+from adapt.diagnosis.result import Diagnoses, Diagnosis
 
-__all__ = ["Amplitude", "Changed", "Diagnosis", "diagnose"]
+__all__ = ["Diagnoses", "Diagnosis", "diagnose"]

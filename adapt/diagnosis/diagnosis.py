@@ -8,27 +8,36 @@ import numpy as np
 from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
-from adapt.diagnosis import gap_location as where
 from adapt.diagnosis.declared_effects import declared_effects
-from adapt.diagnosis.design.next_measurement import Proposal, propose
-from adapt.diagnosis.design.predicted_power import PredictedPower, predict_power
-from adapt.diagnosis.design.separability import alike_sets, projected_onto_model, separation, smallest_detectable
-from adapt.diagnosis.fit.held_out_gaps import HeldOut, gaps
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit, single_hypotheses
+from adapt.diagnosis.design.next_measurement import propose
+from adapt.diagnosis.design.predicted_power import predict_power
+from adapt.diagnosis.design.separability import (
+    indistinguishable_sets,
+    projected_onto_model,
+    separation,
+    smallest_detectable,
+)
+from adapt.diagnosis.fit.held_out_gaps import measure_gaps
+from adapt.diagnosis.fit.linear_model import Hypothesis, LinearisedFit, single_hypotheses
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
+from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
 from adapt.diagnosis.fit.misfit import misfit
 from adapt.diagnosis.fit.noise import estimate_noise
-from adapt.diagnosis.fit.observations import NoiseEstimate, Observed, observe
-from adapt.diagnosis.inference.amplitude import Amplitude, amplitudes
+from adapt.diagnosis.fit.observations import Observed, observe
+from adapt.diagnosis.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
+from adapt.diagnosis.gap_rotations import variance_fractions
+from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.ranking import Ranking, rank
-from adapt.diagnosis.inference.verdict import NONE, UNKNOWN, Verdict, judge
+from adapt.diagnosis.inference.verdict import judge
+from adapt.diagnosis.result import NONE, UNKNOWN, Diagnosis, EffectAmplitude, ParameterMeans, UnknownTests, Verdict
+from adapt.solvers.posture_fits import FEWEST_ANGLES
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS, Effect
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions.errors import InputError
 from motions.rotations import DEG
-from motions.table import FEWEST_ANGLES, Motions
+from motions.table import Motions
 
 Progress = Callable[[str], None]
 
@@ -42,53 +51,16 @@ _MORE_THAN_NONE, _NOT_ENOUGH = 3.0, 0.2
 """Log evidence of an effect over none, or probability of unknown, from which pairs are tried."""
 
 _OTHER_NOISES = (0.67, 1.5)
-"""Shares of the noise at which the verdict is looked at again."""
+"""Factors of the noise at which the verdict is looked at again."""
 
 _CANDIDATES = 3
 """At most so many candidates are to be separated by the next measurement."""
 
 
 @dataclass(frozen=True)
-class Changed:
-    """An adapted parameter's mean over the subjects, mm, without and with the effect."""
+class RankedDiagnosis(Diagnosis):
+    """A diagnosis with the ranking of hypotheses that it follows from."""
 
-    adapted_mm: float
-    with_effect_mm: float
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """What one model says of the gap of all subjects given."""
-
-    model: str
-    subjects: tuple[str, ...]
-    left_out: dict[str, str]
-    """Subjects that say too little, each with its reason."""
-    postures: int
-    highest_deg: float
-    """Elevation of the highest posture, at which the amplitudes hold."""
-    noise: NoiseEstimate
-    expected: tuple[str, ...]
-    """Effects that the motions are marked with: as probable beforehand as all others together."""
-    verdict: Verdict
-    at_other_noise: dict[float, Verdict]
-    """The verdict had the noise been otherwise, by its SD in degrees."""
-    amplitude: dict[str, tuple[Amplitude, ...]]
-    """Of the effects in the verdict; where that is unknown, of the best there is."""
-    best: Hypothesis
-    """The most probable hypothesis of the list, enough or not."""
-    gap: HeldOut
-    parameters: dict[str, Changed]
-    cells: list[where.Cell]
-    profile: where.Profile
-    shares: where.Shares
-    constraints: list[where.ConstraintResidual]
-    indistinguishable: list[list[str]]
-    detectable: dict[str, float | None]
-    """Smallest amplitude of each effect that these data would show, in its unit."""
-    predicted_power: dict[str, PredictedPower]
-    """What a diagnosis of such data would make of each effect, if it were at work."""
-    next_measurement: list[Proposal]
     ranking: Ranking
 
 
@@ -98,15 +70,15 @@ def diagnose(
     noise_deg: float | None = None,
     effects: Sequence[Effect] = tuple(EFFECTS.values()),
     progress: Progress = lambda _: None,
-) -> dict[str, Diagnosis]:
-    """Diagnose the gap of all subjects together, with every model on its own: by name of the model.
+) -> dict[str, RankedDiagnosis]:
+    """Diagnose the gap of all subjects together, with every model on its own; by name of the model.
 
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. Raises InputError where no subject has
     enough postures.
     """
     models = [models] if isinstance(models, ParameterSet) else list(models)
     data, left_out = _usable(observe(motions))
-    expected = declared_effects(motions)
+    declared = declared_effects(motions)
     with threadpool_limits(1, "blas"):  # of a hundred columns, more threads wait for each other longer than they work
         return {
             model.name: _diagnose(
@@ -114,7 +86,7 @@ def diagnose(
                 tuple(effects),
                 data,
                 left_out,
-                expected,
+                declared,
                 noise_deg,
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
             )
@@ -137,7 +109,7 @@ def _usable(data: Observed) -> tuple[Observed, dict[str, str]]:
         raise InputError(
             "the motions", None, cause, "Give subjects with more postures, or more angles measured in each"
         )
-    return data.of_subjects(enough), left_out
+    return data.select_subjects(enough), left_out
 
 
 def _without_noisy(data: Observed, estimate: NoiseEstimate) -> tuple[Observed, dict[str, str]]:
@@ -146,7 +118,7 @@ def _without_noisy(data: Observed, estimate: NoiseEstimate) -> tuple[Observed, d
     noisy = estimate.noisy_deg.items()
     why = {data.subjects[s]: f"its postures scatter by {deg:.1f} deg, {others}" for s, deg in noisy}
     kept = [s for s in range(len(data.subjects)) if s not in estimate.noisy_deg]
-    return data.of_subjects(np.array(kept)), why
+    return data.select_subjects(np.array(kept)), why
 
 
 def _diagnose(
@@ -154,10 +126,10 @@ def _diagnose(
     effects: tuple[Effect, ...],
     data: Observed,
     left_out: dict[str, str],
-    expected: tuple[str, ...],
+    declared: tuple[str, ...],
     noise_deg: float | None,
     progress: Progress,
-) -> Diagnosis:
+) -> RankedDiagnosis:
     girdle = model.girdle
     names = [effect.name for effect in effects]
     progress("noise")
@@ -171,37 +143,38 @@ def _diagnose(
     predicted_power = predict_power(girdle, effects, postures, noise)
     progress("every effect")
     ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
-    verdict = judge(ranking, names, expected)
+    verdict = judge(ranking, names, declared)
     if len(effects) > 1 and _worth_pairs(ranking, verdict):
         progress("pairs of effects")
         ranking = _with_pairs(girdle, effects, data, estimate, ranking)
     none = next(one for one in ranking.fitted if not one.hypothesis)
-    concluded = conclude(ranking, effects, data, expected)
+    concluded = conclude(ranking, effects, data, declared)
     explained = concluded.explained
-    seen = misfit(girdle, effects, data, noise, none.z)
-    gap = where.Gap(data, seen.nearest[:6], seen.noise_variance[:6] * float(DEG) ** 2)
-    held_out = gaps(girdle, effects, data, noise, [none, explained], progress)
+    adapted = misfit(girdle, effects, data, noise, none.z)
+    angle_gaps = AngleGaps(data, adapted.nearest[:6], adapted.noise_variance[:6] * float(DEG) ** 2)
+    gaps = measure_gaps(girdle, effects, data, noise, [none, explained], progress)
     progress("next measurement")
-    return Diagnosis(
+    return RankedDiagnosis(
         model=model.name,
         subjects=data.subjects,
         left_out=left_out | noisy,
         postures=int(data.counted.sum()),
-        highest_deg=data.highest_deg,
+        highest_elevation_deg=data.highest_deg,
         noise=estimate,
-        expected=expected,
+        declared_effects=declared,
         verdict=concluded.verdict,
-        at_other_noise=_at_other_noise(ranking, effects, data, estimate, expected),
+        at_other_noise=_at_other_noise(ranking, effects, data, estimate, declared),
+        tests=UnknownTests(ranking.discrepancy_gain, ranking.excess, ranking.amplitude_excess),
         amplitude=concluded.amplitude,
         best=explained.hypothesis,
-        gap=held_out,
+        gaps=gaps,
         parameters=_changes(none, explained),
-        cells=where.cells(gap),
-        profile=where.profile(gap),
-        shares=where.shares(gap),
-        constraints=where.constraint_residuals_mm(data, _at_measured(girdle, data, none)),
-        indistinguishable=alike_sets(hypotheses, apart),
-        detectable=smallest_detectable(girdle, effects, postures, noise),
+        cells=cells(angle_gaps),
+        profile=profile(angle_gaps),
+        variance_fractions=variance_fractions(angle_gaps),
+        constraints=constraint_residuals_mm(data, _at_measured(girdle, data, none)),
+        indistinguishable=indistinguishable_sets(hypotheses, apart),
+        smallest_detectable=smallest_detectable(girdle, effects, postures, noise),
         predicted_power=predicted_power,
         next_measurement=propose(girdle, effects, _candidates(ranking, concluded.verdict), data, noise),
         ranking=ranking,
@@ -215,13 +188,13 @@ class Conclusion:
     verdict: Verdict
     explained: LinearisedFit
     """What the gap is compared with."""
-    amplitude: dict[str, tuple[Amplitude, ...]]
+    amplitude: dict[str, EffectAmplitude]
     """As in Diagnosis."""
 
 
-def conclude(ranking: Ranking, effects: tuple[Effect, ...], data: Observed, expected: tuple[str, ...]) -> Conclusion:
+def conclude(ranking: Ranking, effects: tuple[Effect, ...], data: Observed, declared: tuple[str, ...]) -> Conclusion:
     """The verdict on a ranking, and the sizes of the effects in it."""
-    verdict = judge(ranking, [effect.name for effect in effects], expected)
+    verdict = judge(ranking, [effect.name for effect in effects], declared)
     explained = _explanation(ranking, verdict)
     named = verdict.effects or (explained.hypothesis if verdict.answer == UNKNOWN else ())
     together = len(explained.hypothesis)
@@ -261,19 +234,19 @@ def _at_measured(girdle: Girdle, data: Observed, fitted: LinearisedFit) -> Float
 
 
 def _at_other_noise(
-    ranking: Ranking, effects, data: Observed, noise: NoiseEstimate, expected: tuple[str, ...]
+    ranking: Ranking, effects, data: Observed, noise: NoiseEstimate, declared: tuple[str, ...]
 ) -> dict[float, Verdict]:
     names = [effect.name for effect in effects]
     found = {}
-    for share in _OTHER_NOISES:
-        fitted = [one.with_noise(share) for one in ranking.fitted]
-        found[share * noise.noise.angle_deg] = judge(rank(fitted, effects, data, noise), names, expected)
+    for factor in _OTHER_NOISES:
+        fitted = [one.with_noise(factor) for one in ranking.fitted]
+        found[factor * noise.noise.angle_deg] = judge(rank(fitted, effects, data, noise), names, declared)
     return found
 
 
-def _changes(none: LinearisedFit, explained: LinearisedFit) -> dict[str, Changed]:
+def _changes(none: LinearisedFit, explained: LinearisedFit) -> dict[str, ParameterMeans]:
     values = zip(ADAPTED, none.z.mean(axis=1), explained.z.mean(axis=1), strict=False)
-    return {name: Changed(float(a), float(b)) for name, a, b in values}
+    return {name: ParameterMeans(float(a), float(b)) for name, a, b in values}
 
 
 def _candidates(ranking: Ranking, verdict: Verdict) -> list[Hypothesis]:

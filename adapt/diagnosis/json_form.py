@@ -1,115 +1,106 @@
-"""A diagnosis as plain JSON types: the contents of diagnosis.json."""
+"""A diagnosis as plain JSON types: the contents of diagnosis.json.
+
+Its keys are what scripts of users rely on; they stay where a field has another name.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis.diagnosis import Diagnosis
-from adapt.diagnosis.fit.held_out_gaps import HeldOut
-from adapt.diagnosis.inference.amplitude import Amplitude
-from adapt.diagnosis.inference.verdict import Verdict
-from adapt.diagnosis.wording import Object, sentence
-from models.effects import EFFECTS, Effect
-from models.effects.known import as_option
+from adapt.diagnosis.result import (
+    HELD_OUT,
+    Diagnoses,
+    Diagnosis,
+    EffectAmplitude,
+    HeldOutGaps,
+    PredictedPower,
+    Verdict,
+)
+from adapt.diagnosis.wording import sentence
+
+JsonObject = dict[str, Any]
+"""An object of plain JSON types."""
 
 
-def as_json(by_model: Mapping[str, Diagnosis], effects: Sequence[Effect] = tuple(EFFECTS.values())) -> Object:
-    """One object a model under ``by_model``; the top level is that of the smallest held-out adapted gap.
+def as_json(diagnoses: Diagnoses) -> JsonObject:
+    """Turn diagnoses into one object a model under ``by_model``, with that of the closest model at the top level too.
 
-    ``effects`` are those that the diagnosis was given. What is not a finite number is null.
+    What is not a finite number is null.
     """
-    by_name = {effect.name: effect for effect in effects}
-    objects = {name: _object(diagnosis, by_name) for name, diagnosis in by_model.items()}
-    return {**objects[min(objects, key=lambda name: _adapted_gap_deg(objects[name]))], "by_model": objects}
+    by_model = {name: _diagnosis(diagnosis) for name, diagnosis in diagnoses.by_model.items()}
+    return {**by_model[diagnoses.closest.model], "by_model": by_model}
 
 
-def _adapted_gap_deg(of: Object) -> float:
-    value = of["gap_deg"]["adapted"]["all"]["value"]
-    return math.inf if value is None else value
+def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
+    noise = diagnosis.noise
+    return plain(
+        {
+            "model": diagnosis.model,
+            "verdict": {**_verdict(diagnosis.verdict), "sentence": sentence(diagnosis)},
+            "probability": diagnosis.verdict.probability,
+            "pairs": diagnosis.verdict.pairs,
+            "tests": {
+                "discrepancy_gain": diagnosis.tests.discrepancy_gain,
+                "excess": diagnosis.tests.excess,
+                "oversize": diagnosis.tests.amplitude_excess,
+            },
+            "amplitude": {name: _amplitude(one) for name, one in diagnosis.amplitude.items()},
+            "gap_deg": gaps_as_json(diagnosis.gaps),
+            "where": diagnosis.cells,
+            "where_by": diagnosis.profile,
+            "shares": diagnosis.variance_fractions,
+            "constraints": diagnosis.constraints,
+            "parameters": diagnosis.parameters,
+            "indistinguishable": diagnosis.indistinguishable,
+            "smallest_detectable": diagnosis.smallest_detectable,
+            "foreseen": {name: _predicted_power(one) for name, one in diagnosis.predicted_power.items()},
+            "next_measurement": diagnosis.next_measurement,
+            "noise": {**asdict(noise.noise), "source": noise.source, "freedom": noise.freedom},
+            "at_other_noise": [
+                {"noise_deg": noise_deg, **_verdict(verdict)}
+                for noise_deg, verdict in sorted(diagnosis.at_other_noise.items())
+            ],
+            "expected": diagnosis.declared_effects,
+            "subjects": diagnosis.subjects,
+            "left_out": diagnosis.left_out,
+            "postures": diagnosis.postures,
+            "highest_elevation_deg": diagnosis.highest_elevation_deg,
+            "best": diagnosis.best,
+        }
+    )
 
 
-def _object(of: Diagnosis, effects: Mapping[str, Effect]) -> Object:
-    found = {
-        "model": of.model,
-        "verdict": _verdict(of.verdict),
-        "probability": of.verdict.probability,
-        "pairs": of.verdict.pairs,
-        "tests": {
-            "discrepancy_gain": of.ranking.discrepancy_gain,
-            "excess": of.ranking.excess,
-            "oversize": of.ranking.amplitude_excess,
-        },
-        "amplitude": {name: _amplitude(effects[name], size, of.highest_deg) for name, size in of.amplitude.items()},
-        "gap_deg": _gaps(of.gap),
-        "where": of.cells,
-        "where_by": of.profile,
-        "shares": of.shares,
-        "constraints": of.constraints,
-        "parameters": of.parameters,
-        "indistinguishable": of.indistinguishable,
-        "smallest_detectable": {
-            name: None if value is None else {"value": value, "unit": effects[name].unit}
-            for name, value in of.detectable.items()
-        },
-        "foreseen": of.predicted_power,
-        "next_measurement": of.next_measurement,
-        "noise": {**vars(of.noise.noise), "source": of.noise.source, "freedom": of.noise.freedom},
-        "at_other_noise": [{"noise_deg": deg, **_verdict(one)} for deg, one in sorted(of.at_other_noise.items())],
-        "expected": of.expected,
-        "subjects": of.subjects,
-        "left_out": of.left_out,
-        "postures": of.postures,
-        "highest_elevation_deg": of.highest_deg,
-        "best": of.best,
-    }
-    found = plain(found)
-    found["verdict"]["sentence"] = sentence(found)
-    return found
+def gaps_as_json(gaps: HeldOutGaps) -> JsonObject:
+    """Turn gaps into the object ``gap_deg``: those held out by kind, the others and how far they shrink."""
+    return plain(
+        {
+            **gaps.unseen,
+            "in_sample": gaps.in_sample,
+            "other_motion": gaps.other_motion,
+            "held_out": HELD_OUT,
+            "shrinkage": gaps.shrinkage,
+        }
+    )
 
 
-def _verdict(of: Verdict) -> Object:
-    return {"answer": of.answer, "effects": of.effects, "together": of.together}
+def _verdict(verdict: Verdict) -> JsonObject:
+    return {"answer": verdict.answer, "effects": verdict.effects, "together": verdict.together}
 
 
-def _amplitude(effect: Effect, channels: Sequence[Amplitude], highest_deg: float) -> Object:
-    value, half = _size(channels)
-    return {
-        "what": effect.what,
-        "unit": effect.unit,
-        "value": value,
-        "low": value - half if len(channels) == 1 else max(0.0, value - half),
-        "high": value + half,
-        "channels": {one.channel: {"value": one.value, "low": one.low, "high": one.high} for one in channels},
-        "option": as_option(effect, [one.value for one in channels], highest_deg),
-    }
+def _amplitude(amplitude: EffectAmplitude) -> JsonObject:
+    channels = {one.channel: {"value": one.value, "low": one.low, "high": one.high} for one in amplitude.channels}
+    return {**vars(amplitude), "channels": channels}
 
 
-def _size(channels: Sequence[Amplitude]) -> tuple[float, float]:
-    """The channel, or the length of several, and half its interval.
-
-    The length's interval is by the delta method: the errors of the channels, taken as independent, along the mean. A
-    mean of length 0 has no direction: then the widest channel's.
-    """
-    value = np.array([one.value for one in channels])
-    half = np.array([(one.high - one.low) / 2.0 for one in channels])
-    if len(channels) == 1:
-        return float(value[0]), float(half[0])
-    length = float(np.linalg.norm(value))
-    return length, float(np.linalg.norm(value * half)) / length if length else float(half.max())
-
-
-def _gaps(of: HeldOut) -> Object:
-    adapted, with_effect = (of.unseen[kind]["all"].value for kind in ("adapted", "with_effect"))
-    shrinkage = (adapted - with_effect) / adapted if adapted else 0.0
-    levels = {**of.unseen, "in_sample": of.in_sample, "other_motion": of.other_motion}
-    return {**levels, "held_out": "every third posture", "shrinkage": shrinkage}
+def _predicted_power(power: PredictedPower) -> JsonObject:
+    return {"named": power.named, "none": power.none, "taken_for": power.confused_with}
 
 
 def plain(value: Any) -> Any:
-    """The same in the types of JSON; what is not a finite number is None."""
+    """Turn a value into the types of JSON; what is not a finite number becomes None."""
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, Mapping):

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from adapt.api import Adaptations, PostureFits
-from adapt.diagnosis.wording import Object
+from adapt.diagnosis.result import Diagnoses, Diagnosis
 from adapt.output.run_files import write_table
 from adapt.tables.results import Tables
 from models import ParameterSet
@@ -27,11 +27,11 @@ def write_adaptations(folder: Path, result: Adaptations) -> None:
     write_table(result.heldout, folder / "heldout.csv")
 
 
-def write_figures(folder: Path, found: Object) -> None:
+def write_figures(folder: Path, diagnosis: Diagnosis) -> None:
     """The figures of a diagnosis, an SVG each."""
     from adapt.output.diagnosis_figures import figures  # matplotlib takes half a second to load: not for every command
 
-    for name, text in figures(found).items():
+    for name, text in figures(diagnosis).items():
         atomic_write(folder / name, text)
 
 
@@ -41,8 +41,8 @@ def write_report(
     models: Sequence[ParameterSet],
     result: Tables,
     failed: Mapping[str, str],
-    found: Object | None = None,
-    all_subjects: int = 0,
+    diagnoses: Diagnoses | None = None,
+    sampled_from: int = 0,
     active_effects: str = "",
 ) -> Exception | None:
     """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
@@ -50,7 +50,9 @@ def write_report(
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        atomic_write(folder / REPORT, report_html(motions, models, result, failed, found, all_subjects, active_effects))
+        atomic_write(
+            folder / REPORT, report_html(motions, models, result, failed, diagnoses, sampled_from, active_effects)
+        )
     except Exception as error:
         return error
     return None

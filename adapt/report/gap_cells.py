@@ -8,7 +8,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from adapt.diagnosis.fit.observations import observe
-from adapt.diagnosis.gap_location import BIN_DEG, Cell, Gap, cells
+from adapt.diagnosis.gap_location import BIN_DEG, AngleGaps, Cell, cells
 from adapt.report.fit_states import STATES, simulated_deg, state_rows
 from adapt.solvers import status
 from adapt.solvers.padded_batch import pack
@@ -27,9 +27,9 @@ def heat_maps(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any
     Mean absolute difference in degrees over postures whose fit is ok; NaN where there is none.
     """
     by_state = {state: _cells(motions, state_rows(fits, model, state)) for state in STATES}
-    found = [cell for of_state in by_state.values() for cell in of_state]
-    low_deg = sorted({cell.elevation_low_deg for cell in found})
-    names = dict.fromkeys(cell.motion for cell in found)
+    every = [cell for state_cells in by_state.values() for cell in state_cells]
+    low_deg = sorted({cell.elevation_low_deg for cell in every})
+    names = dict.fromkeys(cell.motion for cell in every)
     maps = [
         {"motion": name}
         | {state: _array([c for c in by_state[state] if c.motion == name], low_deg) for state in STATES}
@@ -51,13 +51,13 @@ def _cells(motions: Motions, fits: pd.DataFrame) -> list[Cell]:
     return [
         cell
         for part in (together, *one_by_one)
-        if (gap := Gap(part, simulated, noise_free)).used.any()
-        for cell in cells(gap)
+        if (gaps := AngleGaps(part, simulated, noise_free)).used.any()
+        for cell in cells(gaps)
     ]
 
 
-def _array(chosen: list[Cell], low_deg: list[float]) -> Float[np.ndarray, "6 bins"]:
+def _array(cells: list[Cell], low_deg: list[float]) -> Float[np.ndarray, "6 bins"]:
     values = np.full((len(ANGLES), len(low_deg)), np.nan)
-    for cell in chosen:
+    for cell in cells:
         values[ANGLES.index(cell.angle), low_deg.index(cell.elevation_low_deg)] = cell.mean_absolute_deg
     return values

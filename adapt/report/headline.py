@@ -8,9 +8,10 @@ import pandas as pd
 from adapt.report.fit_states import STATES, state_rows
 from adapt.tables.held_out import MOTION
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
-from motions.table import ANGLES
+from motions.table import ANGLES, BONES
 
-BONES = ("scapula", "clavicle")
+_IN_ORDER = tuple(reversed(BONES))
+"""The bones in the order in which the page names them."""
 
 
 def statistic(summary: pd.DataFrame, model: str, state: str, name: str = "mean") -> dict[str, float]:
@@ -38,7 +39,7 @@ def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
     before, after = (statistic(summary, best, state) for state in STATES)
     parts = [
         f"{bone} from {before[f'{bone}_deg']:.1f} to {after[f'{bone}_deg']:.1f}"
-        for bone in BONES
+        for bone in _IN_ORDER
         if np.isfinite(after[f"{bone}_deg"])
     ]
     if not parts:
@@ -52,7 +53,7 @@ def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
 
 def _unseen(after: Mapping[str, float], kinds: Collection[str]) -> str:
     """', and to 4.1 and 3.9 on motions that it has not seen', of the bones that have such a gap."""
-    gaps = [after[HELD_OUT[bone]] for bone in BONES]
+    gaps = [after[HELD_OUT[bone]] for bone in _IN_ORDER]
     known = [f"{gap:.1f}" for gap in gaps if np.isfinite(gap)]
     what = "motions" if set(kinds) == {MOTION} else "postures"
     return f", and to {' and '.join(known)} on {what} that it has not seen" if known else ""

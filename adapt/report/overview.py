@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from adapt.report.fit_states import STATES, state_rows
-from adapt.report.headline import BONES, statistic
+from adapt.report.headline import statistic
 from adapt.solvers import status
 from adapt.tables.results import HELD_OUT, Tables, parameter_statistics
 from models.adapted_parameters import ADAPTED
-from motions.table import ANGLES, Motions
+from motions.table import ANGLES, BONES, Motions
 
 _ORIGIN, _SIMULATED = "origin", "simulated"
 """The column, and its word, of simulated motions (``motions.rhythm_subjects``)."""

@@ -10,9 +10,10 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.cli.print_diagnosis import notes
-from adapt.diagnosis.inference.verdict import NONE, UNKNOWN
-from adapt.diagnosis.wording import Object, amplitude_text, listed, number
+from adapt.diagnosis.json_form import JsonObject, gaps_as_json
+from adapt.diagnosis.notes import notes
+from adapt.diagnosis.result import HELD_OUT, Diagnoses, Diagnosis
+from adapt.diagnosis.wording import amplitude_text, listed, number, probability_text, sentence
 from adapt.report.figure_data import CONSTRAINT_NAMES, figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
@@ -32,36 +33,36 @@ def report_html(
     models: Sequence[ParameterSet],
     result: Tables,
     not_handled: Mapping[str, str] | None = None,
-    diagnosis: Object | None = None,
-    of: int = 0,
+    diagnoses: Diagnoses | None = None,
+    sampled_from: int = 0,
     active_effects: str = "",
 ) -> str:
     """The page: no other file and no network is needed to read it. The same results give the same text.
 
-    ``not_handled`` names the subjects that could not be fitted, each with its reason; ``diagnosis`` is the object of
-    diagnosis.json (``adapt.diagnosis.json_form.as_json``), of the same motions and models. ``of`` is the number of
-    subjects of which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if
-    any.
+    ``not_handled`` names the subjects that could not be fitted, each with its reason; ``diagnoses`` are of the same
+    motions and models. ``sampled_from`` is the number of subjects of which these are a sample, if they are.
+    ``active_effects`` says with which effects they were fitted, if any.
     """
-    by_model: dict[str, Object] = diagnosis["by_model"] if diagnosis else {}
-    noise_deg = {name: of["noise"]["angle_deg"] for name, of in by_model.items()}
+    by_model = diagnoses.by_model if diagnoses else {}
+    noise_deg = {name: one.noise.noise.angle_deg for name, one in by_model.items()}
     data = figure_data(motions, models, result, noise_deg)
     who = people(len(motions.subjects), len(simulated_subjects(motions)))
+    first = diagnoses.closest.model if diagnoses else closest(result.summary)
     data |= {
-        "first_model": [one.name for one in models].index(diagnosis["model"] if diagnosis else closest(result.summary)),
-        "gap": {name: _levels(of) for name, of in by_model.items()},
+        "first_model": [one.name for one in models].index(first),
+        "gap": {name: _gaps(one) for name, one in by_model.items()},
     }
     adapted = headline(result.summary, who, set(result.heldout["kind"]))
     return (
         _environment()
         .get_template("report.html")
         .render(
-            sentence=diagnosis["verdict"]["sentence"] if diagnosis else adapted,
+            sentence=sentence(diagnoses.closest) if diagnoses else adapted,
             adaptation=adapted,
-            diagnosis=diagnosis,
+            diagnosed=diagnoses is not None,
             by_model=by_model,
             who=who,
-            of=of,
+            sampled_from=sampled_from,
             active_effects=active_effects,
             simulated=simulated_subjects(motions),
             subjects=motions.subjects,
@@ -81,9 +82,10 @@ def report_html(
     )
 
 
-def _levels(of: Object) -> Object:
+def _gaps(diagnosis: Diagnosis) -> JsonObject:
     """The gaps of one model; without an effect there is no gap with it."""
-    return {kind: level for kind, level in of["gap_deg"].items() if of["best"] or kind != "with_effect"}
+    gaps = gaps_as_json(diagnosis.gaps)
+    return {kind: level for kind, level in gaps.items() if diagnosis.best or kind != "with_effect"}
 
 
 def _environment() -> Environment:
@@ -97,17 +99,18 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "deg": _deg,
-        "probability": _probability,
+        "probability": probability_text,
         "size": amplitude_text,
         "listed": listed,
         "notes": notes,
-        "ranked": _ranked,
+        "sentence": sentence,
     }
     environment.globals |= {
         "angle_names": ANGLE_NAMES,
         "constraints": CONSTRAINT_NAMES,
         "effects": EFFECTS,
         "number": number,
+        "held_out_part": HELD_OUT,
     }
     return environment
 
@@ -123,13 +126,3 @@ def _json(data: Any) -> Markup:
 
 def _deg(value: float | None) -> str:
     return "-" if value is None or not math.isfinite(value) else f"{value:.1f}"
-
-
-def _probability(value: float) -> str:
-    return "<0.01" if 0.0 < value < 0.005 else f"{value:.2f}"
-
-
-def _ranked(probability: Mapping[str, float]) -> list[tuple[str, float]]:
-    """The effects, the most probable one first, then the answers that are none."""
-    effects = sorted((name for name in probability if name not in (NONE, UNKNOWN)), key=lambda n: -probability[n])
-    return [(name, probability[name]) for name in (*effects, NONE, UNKNOWN)]

@@ -4,18 +4,20 @@
 
 import pandas as pd
 
+from motions.table import ANGLES, BONES
+
 MOTION, POSTURES, OTHER = "motion", "postures", "only"
 """Kinds of folds: one motion held out, every third posture held out, one motion alone adapted to."""
 
 SEEN = {"before": 0, "in_sample": 1}
 """Gaps of the fits that are reported, by their word; and the column ``adapted`` of their table."""
 
-BONES = {"": slice(0, 6), "clavicle_": slice(0, 3), "scapula_": slice(3, 6)}
-"""Gaps of a table, by the beginning of the column."""
+BONE_PREFIXES = {"": slice(0, len(ANGLES)), **{f"{bone}_": angles for bone, angles in BONES.items()}}
+"""Which of ANGLES a gap of a table is of, by the beginning of its column."""
 
 COLUMNS = (
     *("model", "subject", "kind", "held_out", "postures", "adapted_to"),
-    *(f"{bone}gap_{word}_deg" for word in (*SEEN, "unseen") for bone in BONES),
+    *(f"{bone}gap_{word}_deg" for word in (*SEEN, "unseen") for bone in BONE_PREFIXES),
     "status",
 )
 """Of ``heldout.csv``, whether anything could be held out or not."""

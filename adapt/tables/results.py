@@ -19,7 +19,7 @@ from adapt.tables.held_out import MOTION, NOTHING, by_subject
 from models.adapted_parameters import ADAPTED
 from models.parameter_sets import ParameterSet
 from motions.rotations import DEG
-from motions.table import ANGLES, Motions
+from motions.table import ANGLES, BONES, Motions
 
 ALL_MOTIONS = "all"
 """Name, in the summary, of all motions of a subject together."""
@@ -29,7 +29,7 @@ STATISTICS = ("mean", "std", "max", "min")
 
 DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
 
-HELD_OUT = {bone: f"{bone}_held_out_deg" for bone in ("clavicle", "scapula")}
+HELD_OUT = {bone: f"{bone}_held_out_deg" for bone in BONES}
 """The last columns of the summary, by bone."""
 
 SubjectRows = Mapping[tuple[str, int], pd.DataFrame]

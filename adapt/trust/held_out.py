@@ -17,7 +17,7 @@ from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
-from adapt.tables.held_out import BONES, MOTION, NOTHING, OTHER, POSTURES, SEEN
+from adapt.tables.held_out import BONE_PREFIXES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.folds import hold_out_motions, hold_out_thirds
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
@@ -185,7 +185,7 @@ def heldout_table(
             of_subject = m * len(subjects) + part.subject
             gaps = {word: seen_deg[word][:, part.tested, of_subject] for word in SEEN if word in seen_deg}
             for word, gap in (gaps | {"unseen": found.unseen_deg[:, part.tested, problem]}).items():
-                for bone, angles in BONES.items():
+                for bone, angles in BONE_PREFIXES.items():
                     row[f"{bone}gap_{word}_deg"] = mean_of(gap[angles])
             row["status"] = found.adapted.status[problem]
             rows.append(row)

@@ -7,7 +7,9 @@ bone or the measurement. Nothing has to be registered.
 import importlib
 import pkgutil
 
-from models.effects.effect import NO_ACTIVE_EFFECTS, ActiveEffects, Effect, ExtendedGirdle
+from models.effects.effect import Effect
+from models.effects.extended_girdle import NO_ACTIVE_EFFECTS, ActiveEffects, ExtendedGirdle
+from models.effects.prior import EffectPrior
 
 _FOLDERS = [importlib.import_module(f"{__name__}.{one.name}") for one in pkgutil.iter_modules(__path__) if one.ispkg]
 
@@ -22,4 +24,4 @@ EFFECTS: dict[str, Effect] = {
 }
 """Every effect by its name, in alphabetical order."""
 
-__all__ = ["EFFECTS", "NO_ACTIVE_EFFECTS", "ActiveEffects", "Effect", "ExtendedGirdle"]
+__all__ = ["EFFECTS", "NO_ACTIVE_EFFECTS", "ActiveEffects", "Effect", "EffectPrior", "ExtendedGirdle"]

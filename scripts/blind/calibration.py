@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.diagnosis.inference import verdict
-from adapt.diagnosis.inference.verdict import NONE
+from adapt.diagnosis.result import NONE
 from models.effects import EFFECTS
 from scripts.blind.cases import kind
 from scripts.blind.report import rate
@@ -51,7 +51,7 @@ def calibration(lines: Sequence[Line]) -> str:
     truth = np.array([labels.index(line["label"]) for line in listed])
     log_prior = np.log([verdict._NONE_PRIOR, *[(1.0 - verdict._NONE_PRIOR) / len(EFFECTS)] * len(EFFECTS)])
     temperature = best_temperature(log, truth, log_prior)
-    shares = tempered(log, log_prior, temperature)
+    probabilities = tempered(log, log_prior, temperature)
     now = (*verdict._UNKNOWN_TERMS, *verdict._UNKNOWN_PENALTIES, verdict._TEMPERATURE)
     names = ("constant", "weight of the gain", "weight of the excess", "of pairs", "of the oversize", "temperature")
     fitted = [[n, f"{a:.3f}", f"{b:.3f}"] for n, a, b in zip(names, now, (*weights, temperature), strict=True)]
@@ -63,20 +63,21 @@ def calibration(lines: Sequence[Line]) -> str:
             markdown(["constant", "now", "fitted"], fitted),
             markdown(
                 ["answered unknown, with the fitted terms", "share"],
-                [[of, rate(answered[kinds == of].tolist())] for of in ("outside", "none", "effect", "pair")],
+                [[label, rate(answered[kinds == label].tolist())] for label in ("outside", "none", "effect", "pair")],
             ),
             markdown(
-                ["NONE_FROM", "no effect: one blamed", "effect: none"], none_rows(shares, truth, ~answered[single])
+                ["NONE_FROM", "no effect: one blamed", "effect: none"],
+                none_rows(probabilities, truth, ~answered[single]),
             ),
-            markdown(["_SET_PROBABILITY", "effect in the set", "mean size"], set_rows(shares, truth)),
+            markdown(["_SET_PROBABILITY", "effect in the set", "mean size"], set_rows(probabilities, truth)),
         ]
     )
 
 
 def tests_in(line: Line) -> tuple[float, ...]:
     """What the log odds of unknown are linear in, as the verdict takes it, beside their constant."""
-    of = line["tests"]
-    return *verdict.clipped_tests(of["discrepancy_gain"], of["excess"]), *of["doubts"]
+    tests = line["tests"]
+    return *verdict.clipped_tests(tests["discrepancy_gain"], tests["excess"]), *tests["doubts"]
 
 
 def weights_of_tests(x: Float[np.ndarray, "n k"], outside: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " k+1"]:
@@ -134,18 +135,18 @@ def best_temperature(log: Float[np.ndarray, "n k"], truth: np.ndarray, log_prior
     return float(max(TEMPERATURES, key=likelihood))
 
 
-def none_rows(shares: np.ndarray, truth: np.ndarray, known: np.ndarray) -> list[list[str]]:
+def none_rows(probabilities: np.ndarray, truth: np.ndarray, known: np.ndarray) -> list[list[str]]:
     """Blame on no effect and effects missed, for each threshold."""
     rows = []
     for kept in NONE_FROM:
-        blamed, missed = known & (shares[:, 0] < kept), known & (shares[:, 0] >= kept)
+        blamed, missed = known & (probabilities[:, 0] < kept), known & (probabilities[:, 0] >= kept)
         rows.append([f"{kept:g}", rate(blamed[truth == 0].tolist()), rate(missed[truth > 0].tolist())])
     return rows
 
 
-def set_rows(shares: np.ndarray, truth: np.ndarray) -> list[list[str]]:
+def set_rows(probabilities: np.ndarray, truth: np.ndarray) -> list[list[str]]:
     """Whether the set of effects holds the one at work, and its mean size, for each threshold."""
-    effects = shares[truth > 0, 1:] / shares[truth > 0, 1:].sum(axis=1, keepdims=True)
+    effects = probabilities[truth > 0, 1:] / probabilities[truth > 0, 1:].sum(axis=1, keepdims=True)
     order = np.argsort(-effects, axis=1, kind="stable")
     before = np.cumsum(np.take_along_axis(effects, order, axis=1), axis=1)
     before -= np.take_along_axis(effects, order, axis=1)

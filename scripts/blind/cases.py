@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from adapt.diagnosis.inference.verdict import NONE
+from adapt.diagnosis.result import NONE
 from scripts.blind_world import LABELS, World, make_world
 
 ROOT = Path(__file__).parents[2]

@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from adapt.diagnosis import Diagnosis
-from adapt.diagnosis.diagnosis import conclude
+from adapt.diagnosis.diagnosis import RankedDiagnosis, conclude
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.ranking import rank
 from models.effects import EFFECTS, Effect
@@ -16,7 +15,7 @@ from models.effects import EFFECTS, Effect
 class Kept:
     """A diagnosis, what it saw, and the truth."""
 
-    found: Diagnosis
+    found: RankedDiagnosis
     data: Observed
     truth: dict[str, Any]
 
@@ -34,17 +33,17 @@ def read_kept(path: Path) -> Kept:
     return pickle.loads(path.read_bytes())
 
 
-def tried(found: Diagnosis) -> tuple[Effect, ...]:
+def tried(found: RankedDiagnosis) -> tuple[Effect, ...]:
     """The effects that the diagnosis was given."""
     names = {name for hypothesis in found.ranking.hypotheses for name in hypothesis}
     return tuple(effect for effect in EFFECTS.values() if effect.name in names)
 
 
-def weighed_anew(kept: Kept) -> Diagnosis:
+def weighed_anew(kept: Kept) -> RankedDiagnosis:
     """The same fits, weighed by the code as it is now: pairs are those that were tried then, gaps those found then."""
     found, effects = kept.found, tried(kept.found)
     ranking = rank(found.ranking.fitted, effects, kept.data, found.noise)
-    concluded = conclude(ranking, effects, kept.data, found.expected)
+    concluded = conclude(ranking, effects, kept.data, found.declared_effects)
     return replace(
         found,
         ranking=ranking,

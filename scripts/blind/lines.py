@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis import Amplitude, Diagnosis
-from adapt.diagnosis.fit.held_out_gaps import Gaps
+from adapt.diagnosis.diagnosis import RankedDiagnosis
 from adapt.diagnosis.fit.misfit import misfit
 from adapt.diagnosis.fit.observations import Observed, observe
 from adapt.diagnosis.inference.ranking import Ranking, rank
-from adapt.diagnosis.inference.verdict import NONE, UNKNOWN, posterior_probabilities, unknown_penalties
+from adapt.diagnosis.inference.verdict import posterior_probabilities, unknown_penalties
+from adapt.diagnosis.result import NONE, UNKNOWN, ChannelAmplitude, GapLevels
 from models import ParameterSet
 from motions import read_motions
 from motions.rotations import DEG
@@ -24,10 +24,10 @@ from scripts.blind.runs import Line
 def observed(path: Path, subjects: Sequence[str]) -> Observed:
     """A motion file as the diagnosis sees it, some subjects only."""
     data = observe(read_motions(path))
-    return data.of_subjects(np.array([data.subjects.index(name) for name in subjects]))
+    return data.select_subjects(np.array([data.subjects.index(name) for name in subjects]))
 
 
-def single_ranking(found: Diagnosis, data: Observed) -> Ranking:
+def single_ranking(found: RankedDiagnosis, data: Observed) -> Ranking:
     """The ranking of none and single effects, as it was before pairs were tried."""
     single = [one for one in found.ranking.fitted if len(one.hypothesis) <= 1]
     if len(single) == len(found.ranking.fitted):
@@ -35,11 +35,11 @@ def single_ranking(found: Diagnosis, data: Observed) -> Ranking:
     return rank(single, tried(found), data, found.noise)
 
 
-def line_of(found: Diagnosis, single: Ranking) -> Line:
+def line_of(found: RankedDiagnosis, single: Ranking) -> Line:
     """What is kept of a diagnosis."""
     verdict, noise = found.verdict, found.noise
 
-    def gaps(levels: dict[str, Gaps] | None) -> dict[str, Any]:
+    def gaps(levels: GapLevels | None) -> dict[str, Any]:
         return {k: asdict(levels[k]["all"]) for k in ("noise_floor", "adapted", "with_effect")} if levels else {}
 
     return {
@@ -54,30 +54,30 @@ def line_of(found: Diagnosis, single: Ranking) -> Line:
         "excess": single.excess,
         "tests": tests_of(found),
         "noise": {**asdict(noise.noise), "freedom": noise.freedom, "source": noise.source},
-        "amplitude": {name: [asdict(one) for one in channels] for name, channels in found.amplitude.items()},
-        "gap_deg": gaps(found.gap.unseen),
-        "other_motion_deg": gaps(found.gap.other_motion),
+        "amplitude": {name: [asdict(one) for one in size.channels] for name, size in found.amplitude.items()},
+        "gap_deg": gaps(found.gaps.unseen),
+        "other_motion_deg": gaps(found.gaps.other_motion),
         "indistinguishable": found.indistinguishable,
-        "detectable": found.detectable,
+        "detectable": {name: one.value if one else None for name, one in found.smallest_detectable.items()},
         "foreseen": {name: one.named for name, one in found.predicted_power.items()},
         "subjects": list(found.subjects),
         "left_out": found.left_out,
     }
 
 
-def tests_of(found: Diagnosis) -> dict[str, Any]:
+def tests_of(found: RankedDiagnosis) -> dict[str, Any]:
     """What the probability of unknown follows from, pairs and all."""
     ranking = found.ranking
     names = [name for name in found.verdict.probability if name not in (NONE, UNKNOWN)]
-    shares = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, found.expected)
+    posterior = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, found.declared_effects)
     return {
         "discrepancy_gain": ranking.discrepancy_gain,
         "excess": ranking.excess,
-        "doubts": list(unknown_penalties(ranking, shares)),
+        "doubts": list(unknown_penalties(ranking, posterior)),
     }
 
 
-def realised_gaps(found: Diagnosis, model: ParameterSet, data: Observed) -> dict[str, float]:
+def realised_gaps(found: RankedDiagnosis, model: ParameterSet, data: Observed) -> dict[str, float]:
     """Mean absolute gap on the unseen motion, deg, of what was fitted to the others: none, and the best hypothesis.
 
     The data hold a motion already seen beside the unseen one, so that nothing is compiled anew for their shape.
@@ -95,38 +95,42 @@ def realised_gaps(found: Diagnosis, model: ParameterSet, data: Observed) -> dict
     return {"adapted": gap(fitted[()].z), "with_effect": gap(fitted[found.best].z)}
 
 
-def told(found: Diagnosis, truth: dict[str, Any]) -> Line:
+def with_truth(found: RankedDiagnosis, truth: dict[str, Any]) -> Line:
     """What the truth adds to the line: the amplitudes behind those found, and what was lost on the way."""
-    means = {name: float(np.mean(list(of["amplitude"].values()))) for name, of in truth["effects"].items()}
+    means = {name: float(np.mean(list(effect["amplitude"].values()))) for name, effect in truth["effects"].items()}
     known = {
         name: true_channels(name, truth["effects"][name], found.subjects)
         for name in sorted(found.amplitude.keys() & means)
     }
     return {
         "true_mean_amplitude": means,
-        "true_channels": {name: _named(found.amplitude[name], values) for name, values in known.items() if len(values)},
+        "true_channels": {
+            name: _by_channel(found.amplitude[name].channels, values) for name, values in known.items() if len(values)
+        },
         "open_postures": len(truth["dropped"]),
     }
 
 
-def _named(channels: Sequence[Amplitude], values: np.ndarray) -> dict[str, float]:
+def _by_channel(channels: Sequence[ChannelAmplitude], values: np.ndarray) -> dict[str, float]:
     return {one.channel: float(value) for one, value in zip(channels, values, strict=True)}
 
 
-def true_channels(name: str, of: dict[str, Any], subjects: Sequence[str]) -> np.ndarray:
+def true_channels(name: str, effect: dict[str, Any], subjects: Sequence[str]) -> np.ndarray:
     """Mean over subjects and shown motions of an effect's channels, at full elevation, in the library's units.
 
     Empty where the world has no such numbers: the skin artefact's direction follows from each subject's motion.
     """
     if name == "skin_artefact":
         return np.zeros(0)
-    chosen = [list(of["amplitude"]).index(subject) for subject in subjects]
-    amplitude = np.array(list(of["amplitude"].values()))[chosen, None]
-    drawn = of["parameters"]
+    chosen = [list(effect["amplitude"]).index(subject) for subject in subjects]
+    amplitude = np.array(list(effect["amplitude"].values()))[chosen, None]
+    drawn = effect["parameters"]
     by_motion = drawn.get("factor_by_motion", {})
     over_motions = np.mean([by_motion.get(motion, 1.0) for motion in SHOWN_MOTIONS])
     if name == "scapulothoracic_gap":
-        shares = np.column_stack([np.array(drawn["ts_fraction_by_subject"])[chosen], np.ones(len(chosen))])
+        directions = np.column_stack([np.array(drawn["ts_fraction_by_subject"])[chosen], np.ones(len(chosen))])
     else:
-        shares = np.array(drawn["direction_by_subject"])[chosen] if "direction_by_subject" in drawn else np.ones((1, 1))
-    return (over_motions * amplitude * shares).mean(axis=0)
+        directions = (
+            np.array(drawn["direction_by_subject"])[chosen] if "direction_by_subject" in drawn else np.ones((1, 1))
+        )
+    return (over_motions * amplitude * directions).mean(axis=0)

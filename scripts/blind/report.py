@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN
 from models.effects import EFFECTS
 from scripts.blind.cases import kind
 from scripts.blind.runs import Line, key
@@ -212,7 +212,7 @@ def _shrinkage_error(lines: Iterable[Line], predicted: str = "gap_deg") -> str:
     return f"{100 * np.median(np.abs(found[:, 0] - found[:, 1])):.1f} points ({len(found)})" if len(found) else "-"
 
 
-def _foreseen(lines: Iterable[Line]) -> str:
+def _predicted_power(lines: Iterable[Line]) -> str:
     """What the diagnoses themselves foresaw, before they saw a residual, of an effect of its typical size."""
     typical = [line for line in lines if POWER.get(line["condition"], 1.0) == 1.0 and line["condition"] != "mixed"]
     found = [line["foreseen"][line["label"]] for line in typical if line["label"] in line.get("foreseen", {})]
@@ -220,39 +220,39 @@ def _foreseen(lines: Iterable[Line]) -> str:
 
 
 MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
-    "true effect in the reported set": ("effect", lambda of: rate(map(covered, of))),
-    "the same, of answers 'effect'": ("effect", lambda of: rate(covered(line) for line in of if named(line))),
+    "true effect in the reported set": ("effect", lambda lines: rate(map(covered, lines))),
+    "the same, of answers 'effect'": ("effect", lambda lines: rate(covered(line) for line in lines if named(line))),
     "mean size of the reported set": ("effect", _mean_size),
-    "most probable effect = true": ("effect", lambda of: rate(most_probable_effect(x) == x["label"] for x in of)),
-    "effect at work: named first": ("effect", lambda of: rate(first(line) == line["label"] for line in of)),
-    "the same, foreseen": ("effect", _foreseen),
-    "effect at work: confident wrong name": ("effect", lambda of: rate(map(confidently_wrong, of))),
-    "effect at work: none": ("effect", lambda of: rate(line["answer"] == NONE for line in of)),
-    "effect at work: unknown": ("effect", lambda of: rate(line["answer"] == UNKNOWN for line in of)),
-    "no effect: one blamed": ("none", lambda of: rate(map(named, of))),
-    "no effect: unknown": ("none", lambda of: rate(line["answer"] == UNKNOWN for line in of)),
-    "outside: unknown": ("outside", lambda of: rate(line["answer"] == UNKNOWN for line in of)),
-    "outside: confident wrong name": ("outside", lambda of: rate(map(confidently_wrong, of))),
-    "outside: none": ("outside", lambda of: rate(line["answer"] == NONE for line in of)),
+    "most probable effect = true": ("effect", lambda lines: rate(most_probable_effect(x) == x["label"] for x in lines)),
+    "effect at work: named first": ("effect", lambda lines: rate(first(line) == line["label"] for line in lines)),
+    "the same, foreseen": ("effect", _predicted_power),
+    "effect at work: confident wrong name": ("effect", lambda lines: rate(map(confidently_wrong, lines))),
+    "effect at work: none": ("effect", lambda lines: rate(line["answer"] == NONE for line in lines)),
+    "effect at work: unknown": ("effect", lambda lines: rate(line["answer"] == UNKNOWN for line in lines)),
+    "no effect: one blamed": ("none", lambda lines: rate(map(named, lines))),
+    "no effect: unknown": ("none", lambda lines: rate(line["answer"] == UNKNOWN for line in lines)),
+    "outside: unknown": ("outside", lambda lines: rate(line["answer"] == UNKNOWN for line in lines)),
+    "outside: confident wrong name": ("outside", lambda lines: rate(map(confidently_wrong, lines))),
+    "outside: none": ("outside", lambda lines: rate(line["answer"] == NONE for line in lines)),
     "ECE of the probabilities": (
         "none effect outside",
-        lambda of: _of_the_surest(of, expected_calibration_error),
+        lambda lines: _of_the_surest(lines, expected_calibration_error),
     ),
     "the same, by chance alone": (
         "none effect outside",
-        lambda of: _of_the_surest(of, lambda confidence, _: error_by_chance(confidence)),
+        lambda lines: _of_the_surest(lines, lambda confidence, _: error_by_chance(confidence)),
     ),
     "mean log probability of the truth": ("none effect outside", log_score),
-    "amplitude intervals that cover": ("effect", lambda of: rate(intervals_that_cover(of))),
+    "amplitude intervals that cover": ("effect", lambda lines: rate(intervals_that_cover(lines))),
     "median error of the predicted shrinkage": ("effect", _shrinkage_error),
-    "the same, of a motion held out": ("effect", lambda of: _shrinkage_error(of, "other_motion_deg")),
+    "the same, of a motion held out": ("effect", lambda lines: _shrinkage_error(lines, "other_motion_deg")),
     "shrinkage within 10 points of the realised": (
         "effect",
-        lambda of: rate(abs(p - r) <= _SHRINKAGE for p, r in shrinkages(of)),
+        lambda lines: rate(abs(p - r) <= _SHRINKAGE for p, r in shrinkages(lines)),
     ),
     "shrinkage within 10 % of the realised": (
         "effect",
-        lambda of: rate(abs(p - r) <= _SHRINKAGE * abs(r) for p, r in shrinkages(of)),
+        lambda lines: rate(abs(p - r) <= _SHRINKAGE * abs(r) for p, r in shrinkages(lines)),
     ),
 }
 """Each with the kinds of labels it is of."""
@@ -262,13 +262,13 @@ def measure_table(by_condition: dict[str, list[Line]]) -> str:
     """The figures of all conditions but `loo` and the power curve."""
     chosen = {c: lines for c, lines in by_condition.items() if c != "loo" and not c.startswith("power_")}
     rows = [
-        [name, REACH.get(name, ""), *(measure(_of(lines, *kinds.split())) for lines in chosen.values())]
+        [name, REACH.get(name, ""), *(measure(_of_kind(lines, *kinds.split())) for lines in chosen.values())]
         for name, (kinds, measure) in MEASURES.items()
     ]
     return markdown(["measure", "reach, standard", *chosen], rows)
 
 
-def _of(lines: Iterable[Line], *kinds: str) -> list[Line]:
+def _of_kind(lines: Iterable[Line], *kinds: str) -> list[Line]:
     return [line for line in lines if kind(line["label"]) in kinds]
 
 
@@ -282,7 +282,7 @@ def confusion_matrix(lines: Sequence[Line]) -> str:
     """Rows the truth, columns the most probable name of the answer; listed effects by number."""
     columns = [*EFFECTS, NONE, UNKNOWN]
     counts = Counter((line["label"], first(line)) for line in lines)
-    outside = sorted({line["label"] for line in _of(lines, "outside")})
+    outside = sorted({line["label"] for line in _of_kind(lines, "outside")})
     numbers = {name: str(number) for number, name in enumerate(EFFECTS, 1)}
     present = [label for label in (*EFFECTS, NONE, *outside) if any(line["label"] == label for line in lines)]
     rows = [
@@ -316,14 +316,14 @@ POWER = {"power_0.25": 0.25, "half": 0.5, "standard": 1.0, "power_1.5": 1.5, "po
 
 def power_table(by_condition: dict[str, list[Line]]) -> str:
     """Share of cases in which the effect at work is the answer's most probable name, by its size."""
-    of = {size: _of(by_condition.get(condition, []), "effect") for condition, size in POWER.items()}
+    by_size = {size: _of_kind(by_condition.get(condition, []), "effect") for condition, size in POWER.items()}
 
     def row(name: str, labels: Sequence[str]) -> list[str]:
-        chosen = ([line for line in lines if line["label"] in labels] for lines in of.values())
+        chosen = ([line for line in lines if line["label"] in labels] for lines in by_size.values())
         return [name, *(rate(first(line) == line["label"] for line in lines) for lines in chosen)]
 
     rows = [row(name, [name]) for name in EFFECTS]
-    return markdown(["effect", *(f"size {size:g}" for size in of)], [*rows, row("all", list(EFFECTS))])
+    return markdown(["effect", *(f"size {size:g}" for size in by_size)], [*rows, row("all", list(EFFECTS))])
 
 
 def report(lines: Sequence[Line]) -> str:
@@ -336,7 +336,7 @@ def report(lines: Sequence[Line]) -> str:
         return "\n".join(["No finished case among those asked for.", *_failures(lines)])
     standard = by_condition.get("standard", [])
     parts = [_preamble(lines, good), "## By condition", OTHER_REACH, measure_table(by_condition)]
-    if pairs := _of(standard, "pair"):
+    if pairs := _of_kind(standard, "pair"):
         possible = ("both named", "one named", UNKNOWN, NONE, "wrong")
         parts += ["## Two effects at once", outcome_table([pair_outcome(x) for x in pairs], "pairs", possible)]
     if left_out := by_condition.get("loo"):

@@ -13,8 +13,8 @@ import pytest
 from command import Ended, girdle, refused, written
 from diagnoses import (
     ALIKE,
+    ALL_AND_BONES,
     ANSWERS,
-    BONES,
     BY_KIND,
     HEDGED,
     IN_PART,
@@ -22,19 +22,21 @@ from diagnoses import (
     OUTSIDE,
     PROPOSALS,
     SKIN,
+    alone,
     gap_of,
-    of,
+    json_of,
     verdict,
 )
 from handmade import adaptations
 
 from adapt import diagnose
 from adapt.cli import app as cli
-from adapt.cli.print_diagnosis import notes
-from adapt.diagnosis import Amplitude
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate
-from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN
+from adapt.diagnosis import Diagnoses
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
+from adapt.diagnosis.inference.amplitude import effect_amplitude
 from adapt.diagnosis.json_form import as_json
+from adapt.diagnosis.notes import notes
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN, ChannelAmplitude
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.diagnosis_figures import FIGURES, figures
 from models import load_model
@@ -82,12 +84,12 @@ def assert_contract(found: Mapping[str, Any]) -> None:
     assert set(gap) == {*KINDS, "in_sample", "other_motion", "held_out", "shrinkage"}
     assert isinstance(gap["held_out"], str)
     for kinds in filter(None, (gap, gap["in_sample"], gap["other_motion"])):
-        assert all(numbers(kinds[kind][bone], INTERVAL) for kind in KINDS for bone in BONES)
+        assert all(numbers(kinds[kind][bone], INTERVAL) for kind in KINDS for bone in ALL_AND_BONES)
     shares = [cell["share"] for cell in found["where"]]
     assert shares == sorted(shares, reverse=True)
     assert set(found["parameters"]) == set(ADAPTED)
     assert all(numbers(value, {"adapted_mm", "with_effect_mm"}) for value in found["parameters"].values())
-    assert all(len(alike) > 1 and set(alike) <= set(EFFECTS) for alike in found["indistinguishable"])
+    assert all(len(group) > 1 and set(group) <= set(EFFECTS) for group in found["indistinguishable"])
     assert set(found["smallest_detectable"]) == set(EFFECTS)
     assert all(set(one) == {"value", "unit"} for one in found["smallest_detectable"].values() if one)
     proposal = {"what", "separation_now", "separation_then", "probability_then"}
@@ -101,7 +103,7 @@ def assert_contract(found: Mapping[str, Any]) -> None:
 
 @pytest.mark.parametrize("diagnosis", BY_KIND.values(), ids=BY_KIND)
 def test_every_kind_of_answer_keeps_the_contract_in_strict_json(diagnosis):
-    found = of(diagnosis)
+    found = json_of(diagnosis)
     assert_contract(found)
     assert_contract(found["by_model"]["R2"])
     assert json.loads(json.dumps(found, allow_nan=False)) == found, "plain JSON types"
@@ -109,15 +111,15 @@ def test_every_kind_of_answer_keeps_the_contract_in_strict_json(diagnosis):
 
 def test_the_top_level_is_the_model_with_the_smallest_held_out_adapted_gap():
     """Not the one with the smallest gap in sample, nor with the effect; and one whose gap is not a number is not it."""
-    fits_best_in_sample = replace(SKIN, model="R6", gap=replace(gap_of(1.4, 0.5), in_sample=SKIN.gap.in_sample))
-    nothing = replace(SKIN, model="R4", gap=gap_of(math.nan, math.nan))
+    fits_best_in_sample = replace(SKIN, model="R6", gaps=replace(gap_of(1.4, 0.5), in_sample=SKIN.gaps.in_sample))
+    nothing = replace(SKIN, model="R4", gaps=gap_of(math.nan, math.nan))
     by_model = {"R4": nothing, "R6": fits_best_in_sample, "R2": SKIN}
-    found = as_json(by_model)
+    found = as_json(Diagnoses(by_model))
     assert list(found["by_model"]) == ["R4", "R6", "R2"]
     assert found["model"] == "R2"
     assert {key: value for key, value in found.items() if key != "by_model"} == found["by_model"]["R2"]
-    assert as_json({"R4": nothing, "R6": fits_best_in_sample})["model"] == "R6"
-    assert as_json({"R4": nothing})["gap_deg"]["adapted"]["all"] == {"value": None, "low": None, "high": None}
+    assert as_json(Diagnoses({"R4": nothing, "R6": fits_best_in_sample}))["model"] == "R6"
+    assert as_json(alone(nothing))["gap_deg"]["adapted"]["all"] == {"value": None, "low": None, "high": None}
 
 
 def test_what_is_not_finite_is_null_and_numpy_numbers_are_plain():
@@ -126,23 +128,24 @@ def test_what_is_not_finite_is_null_and_numpy_numbers_are_plain():
         SKIN,
         noise=NoiseEstimate(Noise(1.5), math.inf, "given"),
         verdict=replace(SKIN.verdict, probability=probability),
-        gap=gap_of(math.inf, 1.0),
+        gaps=gap_of(math.inf, 1.0),
     )
-    found = of(given)
+    found = json_of(given)
     assert found["noise"]["freedom"] is None
     assert found["gap_deg"]["shrinkage"] is None
     assert json.loads(json.dumps(found, allow_nan=False))["probability"]["skin_artefact"] == 0.98
 
 
 def test_shrinkage_is_that_of_the_held_out_gap():
-    assert of(SKIN)["gap_deg"]["shrinkage"] == pytest.approx((1.34 - 1.02) / 1.34)
-    assert of(NOTHING)["gap_deg"]["shrinkage"] == 0.0
+    assert json_of(SKIN)["gap_deg"]["shrinkage"] == pytest.approx((1.34 - 1.02) / 1.34)
+    assert json_of(NOTHING)["gap_deg"]["shrinkage"] == 0.0
 
 
 def amplitude(*channels: tuple[float, float]) -> dict[str, Any]:
     """Of channels with a value and half an interval."""
-    made = tuple(Amplitude(f"c{k}", v, v - half, v + half) for k, (v, half) in enumerate(channels))
-    found = of(replace(SKIN, amplitude={"skin_artefact": made}))["amplitude"]["skin_artefact"]
+    made = tuple(ChannelAmplitude(f"c{k}", v, v - half, v + half) for k, (v, half) in enumerate(channels))
+    size = effect_amplitude(EFFECTS["skin_artefact"], made, SKIN.highest_elevation_deg)
+    found = json_of(replace(SKIN, amplitude={"skin_artefact": size}))["amplitude"]["skin_artefact"]
     assert list(found["channels"]) == [one.channel for one in made]
     return {key: found[key] for key in ("value", "low", "high")}
 
@@ -199,26 +202,28 @@ SENTENCES = {
 
 @pytest.mark.parametrize("kind", BY_KIND)
 def test_the_sentence_says_the_answer(kind):
-    assert of(BY_KIND[kind])["verdict"]["sentence"] == SENTENCES[kind]
+    assert json_of(BY_KIND[kind])["verdict"]["sentence"] == SENTENCES[kind]
 
 
 def test_the_sentence_does_not_promise_more_than_the_next_measurement_gives():
-    found = of(replace(ALIKE, next_measurement=PROPOSALS[1:]))["verdict"]["sentence"]
+    found = json_of(replace(ALIKE, next_measurement=PROPOSALS[1:]))["verdict"]["sentence"]
     assert "; nothing that was tried surely would, twice as many subjects (20) comes closest." in found
 
 
 def test_the_sentence_does_not_say_that_a_gap_shrinks_which_grows():
-    found = of(replace(SKIN, gap=gap_of(1.0, 1.1)))["verdict"]["sentence"]
+    found = json_of(replace(SKIN, gaps=gap_of(1.0, 1.1)))["verdict"]["sentence"]
     assert "held out, it does not shrink, it goes from 1.00 to 1.10 deg" in found
 
 
 def test_the_sentence_says_when_none_is_not_sure():
     unsure = replace(NOTHING, verdict=verdict(NONE, none=0.42, scapula_size=0.3))
-    assert of(unsure)["verdict"]["sentence"].startswith("Nothing surely beyond noise (none 0.42, scapula_size 0.30): ")
+    assert json_of(unsure)["verdict"]["sentence"].startswith(
+        "Nothing surely beyond noise (none 0.42, scapula_size 0.30): "
+    )
 
 
 def test_an_effect_that_no_size_would_show_is_not_named():
-    blind = of(replace(NOTHING, detectable=dict.fromkeys(EFFECTS)))
+    blind = json_of(replace(NOTHING, smallest_detectable=dict.fromkeys(EFFECTS)))
     assert blind["verdict"]["sentence"].endswith("These data would not show any effect of the list.")
 
 
@@ -226,7 +231,7 @@ def test_an_effect_that_no_size_would_show_is_not_named():
 
 
 def test_the_notes_name_what_the_verdict_rests_on():
-    assert notes(of(replace(SKIN, left_out={"s11": "2 postures"}, expected=("skin_artefact",)))) == [
+    assert notes(replace(SKIN, left_out={"s11": "2 postures"}, declared_effects=("skin_artefact",))) == [
         "Parameter set R2.",
         "Noise: 1.40 deg an angle, estimated from 166 degrees of freedom (landmarks, where given: 2.0 mm).",
         "Were the noise 2.10 deg, the answer would be none.",
@@ -240,12 +245,12 @@ def test_the_notes_name_what_the_verdict_rests_on():
 
 @pytest.mark.parametrize("other", [NOTHING, OUTSIDE, IN_PART])
 def test_no_adaptation_is_proposed_where_no_effect_explains_the_gap(other):
-    assert not [note for note in notes(of(other)) if "girdle adapt" in note]
+    assert not [note for note in notes(other) if "girdle adapt" in note]
 
 
 def test_two_effects_go_together_into_an_adaptation():
     said = "--effect skin_artefact=8.75,0,-6.56 --effect clavicle_length=8"
-    assert notes(of(HEDGED))[-1].endswith(f" as found here: girdle adapt ... {said}")
+    assert notes(HEDGED)[-1].endswith(f" as found here: girdle adapt ... {said}")
 
 
 @pytest.mark.parametrize(
@@ -258,14 +263,14 @@ def test_two_effects_go_together_into_an_adaptation():
     ],
 )
 def test_the_notes_say_how_the_answer_changes_with_the_noise(other, said):
-    found = of(replace(SKIN, at_other_noise={1.0: other.verdict, 2.0: SKIN.verdict}))
+    found = replace(SKIN, at_other_noise={1.0: other.verdict, 2.0: SKIN.verdict})
     assert [note for note in notes(found) if "Were" in note] == [
         f"Were the noise 1.00 deg, the answer would be {said}."
     ]
 
 
 def test_the_notes_do_not_list_every_effect():
-    found = of(replace(SKIN, indistinguishable=[list(EFFECTS)]))
+    found = replace(SKIN, indistinguishable=[list(EFFECTS)])
     assert f"These postures and this noise cannot tell apart any of the {len(EFFECTS)} effects." in notes(found)
 
 
@@ -274,7 +279,7 @@ def test_the_notes_do_not_list_every_effect():
     [("given", "1.40 deg an angle, as given"), ("assumed", "too few to estimate it; give --noise-deg")],
 )
 def test_the_notes_say_where_the_noise_comes_from(source, said):
-    assert said in notes(of(replace(SKIN, noise=NoiseEstimate(Noise(1.4), math.inf, source))))[1]
+    assert said in notes(replace(SKIN, noise=NoiseEstimate(Noise(1.4), math.inf, source)))[1]
 
 
 def words(svg: str) -> list[str]:
@@ -283,24 +288,24 @@ def words(svg: str) -> list[str]:
 
 @pytest.mark.parametrize("diagnosis", BY_KIND.values(), ids=BY_KIND)
 def test_figures_are_the_same_bytes_on_a_second_draw_and_valid_xml(diagnosis):
-    drawn = figures(of(diagnosis))
+    drawn = figures(diagnosis)
     assert tuple(drawn) == FIGURES
-    assert drawn == figures(of(diagnosis))
+    assert drawn == figures(diagnosis)
     assert all(words(svg) for svg in drawn.values())
 
 
 def test_figures_say_their_numbers():
-    drawn = figures(of(SKIN))
+    drawn = figures(SKIN)
     assert {"1.8", "1.2", "0.5", "0-30", "30-60", "abduction"} <= set(words(drawn["gap_heatmap.svg"]))
     assert {*ANSWERS, "0.98"} <= set(words(drawn["probabilities.svg"]))
     assert {"noise alone", "model as it is", "adapted", "with skin_artefact"} <= set(words(drawn["gaps.svg"]))
-    assert not any("with" in word for word in words(figures(of(NOTHING))["gaps.svg"])), "there is no effect to add"
+    assert not any("with" in word for word in words(figures(NOTHING)["gaps.svg"])), "there is no effect to add"
 
 
 @pytest.mark.parametrize("name", ["$x^2$ & <b>", "horizontal_flexion"])
 def test_names_from_files_are_drawn_as_they_are(name):
     motions = [replace(one, motion=f"{name} {k}") for k, one in enumerate(5 * SKIN.cells)]
-    assert f"{name} 14" in words(figures(of(replace(SKIN, cells=motions)))["gap_heatmap.svg"])
+    assert f"{name} 14" in words(figures(replace(SKIN, cells=motions))["gap_heatmap.svg"])
 
 
 # --- the command, the diagnosis itself taken for granted ------------------------------------------------------------
@@ -317,7 +322,7 @@ def asked(monkeypatch) -> dict[str, Any]:
     def answer(motions, models, noise_deg, progress):
         progress("noise")
         asked.update(models=[one.name for one in models], noise_deg=noise_deg)
-        return {"R4": replace(NOTHING, model="R4", gap=gap_of(2.0, 2.0)), "R2": SKIN}
+        return {"R4": replace(NOTHING, model="R4", gaps=gap_of(2.0, 2.0)), "R2": SKIN}
 
     monkeypatch.setattr(cli, "diagnose", answer)
     monkeypatch.setattr(cli, "adapt_subjects", lambda motions, models, progress: adaptations(motions, models))
@@ -331,8 +336,9 @@ def test_the_command_writes_its_files_and_nothing_else(asked, tmp_path):
     assert asked == {"models": ["R4", "R2"], "noise_deg": None}
     assert sorted(path.name for path in out.iterdir()) == FILES
     found = json.loads((out / "diagnosis.json").read_text())
-    assert found == as_json({"R4": replace(NOTHING, model="R4", gap=gap_of(2.0, 2.0)), "R2": SKIN})
-    for name, svg in figures(found).items():
+    both = Diagnoses({"R4": replace(NOTHING, model="R4", gaps=gap_of(2.0, 2.0)), "R2": SKIN})
+    assert found == as_json(both)
+    for name, svg in figures(SKIN).items():
         assert (out / name).read_text() == svg
     record = json.loads((out / "run.json").read_text())
     assert (record["command"], record["options"]) == ("diagnose", {"noise_deg": None})

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.diagnosis.fit.linear_evidence import InnerProducts, log_evidence, shared_prior
+from adapt.diagnosis.fit.linear_evidence import InnerProducts, log_evidence
+from adapt.diagnosis.fit.linear_model import shared_prior
 from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference import axial_turn
 from adapt.diagnosis.inference.axial_turn import mean_subject, with_mean_subject
-from adapt.diagnosis.inference.departures import of_each_channel
+from adapt.diagnosis.inference.departures import departures_per_channel
 from models.effects import EFFECTS
 from motions.rotations import DEG
 
@@ -45,7 +46,7 @@ def test_what_was_measured_is_compared_with_what_is_published(turn_deg):
     found = mean_subject([], turning(turn_deg))
     assert found is not None
     assert found.columns.shape == (0,)
-    assert found.seen == pytest.approx((axial_turn._PUBLISHED_DEG - turn_deg) / sd_deg(), abs=SAME)
+    assert found.measured == pytest.approx((axial_turn._PUBLISHED_DEG - turn_deg) / sd_deg(), abs=SAME)
 
 
 def test_a_lag_adds_its_own_course_to_what_was_measured():
@@ -54,7 +55,7 @@ def test_a_lag_adds_its_own_course_to_what_was_measured():
     data = turning(20.0)
     found = mean_subject([STRAIN, LAG, TILT], data)
     assert found is not None
-    each = of_each_channel(data)
+    each = departures_per_channel(data)
     np.testing.assert_allclose(found.columns[:3], 0.0)
     np.testing.assert_allclose(found.columns[3:6] * sd_deg(), [1.0, 0.0, 0.0], atol=SAME)
     assert len(found.columns) == 6 + len(TILT.channels) + 2 * each
@@ -68,7 +69,7 @@ def test_a_lag_as_large_as_what_is_missing_leaves_nothing():
     """13 degrees missing at full elevation: a residual of zero."""
     found = mean_subject([LAG], turning(axial_turn._PUBLISHED_DEG - 13.0))
     assert found is not None
-    assert found.columns[0] * 13.0 - found.seen == pytest.approx(0.0, abs=SAME)
+    assert found.columns[0] * 13.0 - found.measured == pytest.approx(0.0, abs=SAME)
 
 
 def test_without_a_slope_there_is_nothing_to_compare():
@@ -84,7 +85,7 @@ def test_subjects_without_a_slope_do_not_count():
     data = replace(data, counted=data.counted & (np.arange(SUBJECTS) > 0))
     found = mean_subject([], data)
     assert found is not None
-    assert found.seen == pytest.approx((axial_turn._PUBLISHED_DEG - 40.0) / sd_deg(SUBJECTS - 1), abs=SAME)
+    assert found.measured == pytest.approx((axial_turn._PUBLISHED_DEG - 40.0) / sd_deg(SUBJECTS - 1), abs=SAME)
 
 
 def test_one_more_residual_is_that_of_the_dense_gaussian():
@@ -94,9 +95,9 @@ def test_one_more_residual_is_that_of_the_dense_gaussian():
     columns, prior = found.columns[:3], shared_prior(scale)
     nobody = InnerProducts(np.zeros((0, 9, 9)), np.zeros((0, 9)), np.zeros(()), residuals=0)
     variance = 1.0 + (columns**2 * (prior.common**2 + prior.between**2)).sum()
-    of = with_mean_subject(nobody, found._replace(columns=columns)).at()
-    expected = -0.5 * (found.seen**2 / variance + np.log(variance))
-    assert float(log_evidence(of, prior)) == pytest.approx(expected, abs=1e-10)
+    statistics = with_mean_subject(nobody, found._replace(columns=columns)).at()
+    expected = -0.5 * (found.measured**2 / variance + np.log(variance))
+    assert float(log_evidence(statistics, prior)) == pytest.approx(expected, abs=1e-10)
 
 
 def test_without_one_the_products_stay():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from test_discrepancy import KNOWN, POSTURES, SUBJECTS, observed, with_offsets
 
-from adapt.diagnosis.fit.linear_evidence import LinearisedFit, inner_products
+from adapt.diagnosis.fit.linear_evidence import inner_products
+from adapt.diagnosis.fit.linear_model import LinearisedFit
 from adapt.diagnosis.inference.departures import with_departures
 from adapt.diagnosis.inference.discrepancy import discrepancy_gain
 from adapt.diagnosis.inference.priors import likeliest_prior, likely_spreads, over_priors
@@ -47,7 +48,7 @@ def test_columns_are_those_of_the_first_term_times_the_departure():
             expected = (first * d[..., None]).reshape(SUBJECTS, -1)
             np.testing.assert_allclose(wide.A[..., column], expected, rtol=SAME, atol=SAME)
     np.testing.assert_array_equal(wide.A[..., :6], fitted.A)
-    np.testing.assert_array_equal(wide.scale, [*fitted.scale, *[GAP.scale[0]] * 4, *[GAP.scale[1]] * 4])
+    np.testing.assert_array_equal(wide.scale, [*fitted.scale, *[GAP.prior.scale[0]] * 4, *[GAP.prior.scale[1]] * 4])
 
 
 def test_an_effect_that_is_constant_has_none():
@@ -61,9 +62,9 @@ def test_one_motion_has_nothing_to_depart_from():
 
 
 def evidence_of(fitted: LinearisedFit) -> float:
-    of = inner_products(fitted)
-    spreads, log_share = likely_spreads(of, fitted.a)
-    return float(over_priors(of, fitted.scale, [GAP], [(1.0, 1.0)], spreads).log_evidence) - log_share
+    products = inner_products(fitted)
+    spreads, log_share = likely_spreads(products, fitted.a)
+    return float(over_priors(products, fitted.scale, [GAP], [(1.0, 1.0)], spreads).log_evidence) - log_share
 
 
 CORNER = 2.0 * np.maximum(0.0, 2.0 * F - 1.0)

@@ -8,10 +8,10 @@ from made_effects import without_details
 from threadpoolctl import threadpool_info
 
 from adapt.diagnosis import Diagnosis, diagnose
-from adapt.diagnosis.fit.held_out_gaps import gaps
+from adapt.diagnosis.fit.held_out_gaps import measure_gaps
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.observations import observe
-from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN
 from adapt.model_subjects import Simulated, simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
@@ -86,7 +86,7 @@ def test_its_amplitude_is_the_one_put_in(found, biased):
     """Each channel: the mean of the subjects', within its interval, which does not hold 0."""
     assert set(found.amplitude) == {"scapula_landmark_bias"}
     truth = biased.truth[["amplitude_1", "amplitude_2", "amplitude_3"]].mean()
-    for channel, expected in zip(found.amplitude["scapula_landmark_bias"], truth, strict=True):
+    for channel, expected in zip(found.amplitude["scapula_landmark_bias"].channels, truth, strict=True):
         deviation = (channel.high - channel.low) / (2.0 * 1.96)
         assert abs(channel.value - expected) <= DEVIATIONS * deviation
         assert channel.low * channel.high > 0.0
@@ -147,13 +147,13 @@ def test_the_verdict_is_looked_at_again_at_other_noise(found):
 
 
 def test_the_gap_shrinks_with_the_effect_on_postures_seen_and_unseen(found):
-    for levels in (found.gap.in_sample, found.gap.unseen, found.gap.other_motion):
+    for levels in (found.gaps.in_sample, found.gaps.unseen, found.gaps.other_motion):
         assert levels["with_effect"]["all"].value < levels["adapted"]["all"].value
         for of_bone in levels["adapted"].values():
             assert of_bone.low <= of_bone.value <= of_bone.high
-    assert found.gap.in_sample["adapted"]["all"].value < found.gap.in_sample["base"]["all"].value
+    assert found.gaps.in_sample["adapted"]["all"].value < found.gaps.in_sample["base"]["all"].value
     in_sample, unseen, other_motion = (
-        levels["adapted"]["all"].value for levels in (found.gap.in_sample, found.gap.unseen, found.gap.other_motion)
+        levels["adapted"]["all"].value for levels in (found.gaps.in_sample, found.gaps.unseen, found.gaps.other_motion)
     )
     assert in_sample < unseen < other_motion, "the less a model has seen, the less it knows"
 
@@ -162,21 +162,21 @@ def test_of_one_motion_postures_alone_are_held_out(biased, found):
     one = observe(taken(biased.motions, np.flatnonzero(biased.motions.motion == biased.motions.motion[0])))
     noise = found.noise.noise
     (none,) = fit_hypotheses(MODEL.girdle, SMALL_EFFECTS, [()], one, noise)
-    seen = gaps(MODEL.girdle, SMALL_EFFECTS, one, noise, [none, none])
-    assert seen.other_motion is None
-    assert seen.unseen["adapted"] == seen.unseen["with_effect"]
-    assert seen.in_sample["adapted"]["all"].value < seen.unseen["adapted"]["all"].value
+    levels = measure_gaps(MODEL.girdle, SMALL_EFFECTS, one, noise, [none, none])
+    assert levels.other_motion is None
+    assert levels.unseen["adapted"] == levels.unseen["with_effect"]
+    assert levels.in_sample["adapted"]["all"].value < levels.unseen["adapted"]["all"].value
 
 
 def test_without_an_effect_adapted_and_explained_are_one(nothing):
-    for levels in (nothing.gap.in_sample, nothing.gap.unseen, nothing.gap.other_motion):
+    for levels in (nothing.gaps.in_sample, nothing.gaps.unseen, nothing.gaps.other_motion):
         assert levels["with_effect"] == levels["adapted"]
     assert {changed.adapted_mm - changed.with_effect_mm for changed in nothing.parameters.values()} == {0.0}
 
 
 def test_the_gap_of_a_right_model_is_near_the_noise_floor(nothing):
     """Adapted to 14 postures, six parameters take a little of the noise with them."""
-    levels = nothing.gap.in_sample
+    levels = nothing.gaps.in_sample
     assert 0.7 < levels["adapted"]["all"].value / levels["noise_floor"]["all"].value < 1.1
 
 

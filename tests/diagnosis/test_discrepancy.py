@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adapt.diagnosis.fit.linear_evidence import LinearisedFit, shared_prior
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed
+from adapt.diagnosis.fit.linear_model import LinearisedFit, shared_prior
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.discrepancy import (
     FINE,
     SMOOTH,
@@ -197,14 +198,14 @@ def test_courses_are_offsets_of_one_motion_and_constraint(terms):
             np.testing.assert_allclose(fit(data.elevation_deg[at, 0], seen, terms - 1)(data.elevation_deg[at, 0]), seen)
 
 
-def test_shares_of_the_noise_have_the_spread_of_an_estimate_from_so_many_degrees():
-    shares, weights = np.array(replace(ESTIMATED, freedom=50.0).likely_shares).T
+def test_factors_of_the_noise_have_the_spread_of_an_estimate_from_so_many_degrees():
+    factors, weights = np.array(replace(ESTIMATED, freedom=50.0).likely_factors).T
     assert weights.sum() == pytest.approx(1.0)
-    assert weights @ np.log(shares) == pytest.approx(0.0, abs=1e-12)
-    assert weights @ np.log(shares) ** 2 == pytest.approx(1.0 / 100.0)
+    assert weights @ np.log(factors) == pytest.approx(0.0, abs=1e-12)
+    assert weights @ np.log(factors) ** 2 == pytest.approx(1.0 / 100.0)
 
 
 def test_a_noise_that_was_given_has_no_spread():
     assert KNOWN.known
     assert not ESTIMATED.known
-    assert KNOWN.likely_shares == [(1.0, 1.0)]
+    assert KNOWN.likely_factors == [(1.0, 1.0)]

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import Misfit, columns_of, misfit, prior_z
-from adapt.diagnosis.fit.observations import Noise, Observed, observe
+from adapt.diagnosis.fit.observations import Observed, observe
 from adapt.solvers import status
 from adapt.solvers.posture_fits import Fitted, fit_batch
 from models import load_model
@@ -66,18 +67,18 @@ def z_near(seed: int) -> np.ndarray:
     return prior_z(GIRDLE, SMALL_EFFECTS) + share * np.where(ALL < 6, 3.0, 0.3 * SIZES)
 
 
-def look(data: Observed, z: np.ndarray, columns=ALL, noise: Noise = NOISE, projections: int = SETTLED) -> Misfit:
+def misfit_at(data: Observed, z: np.ndarray, columns=ALL, noise: Noise = NOISE, projections: int = SETTLED) -> Misfit:
     """Every lane with the same columns, and with the same z unless it has one of its own."""
-    lanes = len(data.subjects)
-    z = np.repeat(z[:, None], lanes, axis=1) if z.ndim == 1 else z
+    problems = len(data.subjects)
+    z = np.repeat(z[:, None], problems, axis=1) if z.ndim == 1 else z
     return misfit(
-        GIRDLE, SMALL_EFFECTS, data, noise, z, np.repeat(columns[:, None], lanes, axis=1), projections=projections
+        GIRDLE, SMALL_EFFECTS, data, noise, z, np.repeat(columns[:, None], problems, axis=1), projections=projections
     )
 
 
 def take_problems(data: Observed, count: int) -> Observed:
     """The first subject, many times."""
-    return data.of_subjects(np.zeros(count, int))
+    return data.select_subjects(np.zeros(count, int))
 
 
 def squares(found: Misfit) -> np.ndarray:
@@ -143,7 +144,7 @@ def noisy(closed) -> tuple[Observed, Misfit, Misfit]:
     many = take_problems(closed, TRIALS)
     error = np.random.default_rng(8).standard_normal(many.values.shape) * noise.angle_deg / DEG
     many = replace(many, values=many.values + np.asarray(error))
-    return many, look(many, z_near(1), noise=noise, projections=8), look(closed, z_near(1), noise=noise)
+    return many, misfit_at(many, z_near(1), noise=noise, projections=8), misfit_at(closed, z_near(1), noise=noise)
 
 
 # --- slopes ---------------------------------------------------------------------------------------
@@ -154,8 +155,8 @@ def test_y_times_its_slopes_is_the_slope_of_half_its_square(data, seed):
     """By every adapted parameter and amplitude, by central differences: one lane each way."""
     z = z_near(seed)
     step = FD_STEP * np.eye(18)
-    lanes = np.concatenate([z[:, None], z[:, None] + step, z[:, None] - step], axis=1)
-    found = look(take_problems(data, 37), lanes)
+    problems = np.concatenate([z[:, None], z[:, None] + step, z[:, None] - step], axis=1)
+    found = misfit_at(take_problems(data, 37), problems)
     half = 0.5 * squares(found).sum(axis=1)
     expected = (half[1:19] - half[19:]) / (2.0 * FD_STEP)
     slopes = np.einsum("pm,pmk->k", found.y[0], found.slopes[0])
@@ -167,7 +168,7 @@ def test_y_times_its_slopes_is_the_slope_of_half_its_square(data, seed):
 
 def test_slopes_are_those_of_the_chosen_columns_in_their_order(data):
     columns = np.array([7, -1, 2, 14])
-    found, every = look(data, z_near(2), columns), look(data, z_near(2))
+    found, every = misfit_at(data, z_near(2), columns), misfit_at(data, z_near(2))
     np.testing.assert_array_equal(found.slopes[..., [0, 2, 3]], every.slopes[..., [7, 2, 14]])
     np.testing.assert_array_equal(found.slopes[..., 1], 0.0)
 
@@ -187,7 +188,7 @@ def test_columns_and_the_model_as_it_is():
 def test_the_square_is_j_of_the_posture_fit_in_units_of_the_noise(data):
     """|y|^2 = 6 J_p / noise^2, with both effects at work."""
     z = z_near(4)
-    found, fit = look(data, z), fitted(data, z)
+    found, fit = misfit_at(data, z), fitted(data, z)
     real = data.counted
     expected = 6.0 * fit.j_deg2.reshape(real.shape) / NOISE.angle_deg**2
     np.testing.assert_allclose(squares(found).T[real], expected[real], rtol=J_TOLERANCE)
@@ -198,7 +199,7 @@ def test_the_square_is_j_of_the_posture_fit_in_units_of_the_noise(data):
 
 
 def test_twice_the_noise_is_half_the_distance(data):
-    found, halved = look(data, z_near(2)), look(data, z_near(2), noise=Noise(2.0 * NOISE.angle_deg))
+    found, halved = misfit_at(data, z_near(2)), misfit_at(data, z_near(2), noise=Noise(2.0 * NOISE.angle_deg))
     np.testing.assert_allclose(halved.y, 0.5 * found.y, rtol=SAME, atol=SAME)
     np.testing.assert_allclose(halved.slopes, 0.5 * found.slopes, rtol=SAME, atol=SAME)
 
@@ -208,14 +209,14 @@ def test_a_chain_that_nothing_closes_gapes(data):
     z = z_near(2)
     z[5] = 500.0
     one = take_problems(data, 1)
-    assert look(one, z).open_mm[0][one.counted[:, 0]].min() > 1.0
+    assert misfit_at(one, z).open_mm[0][one.counted[:, 0]].min() > 1.0
 
 
 def test_padding_is_zero(data):
     """So that sums over postures need not know of it."""
     padding = ~data.counted.T
     assert padding.sum() == 2
-    found = look(data, z_near(2))
+    found = misfit_at(data, z_near(2))
     for name in ("y", "slopes", "root", "by_angle", "open_mm"):
         values = getattr(found, name)
         np.testing.assert_array_equal(values[padding], 0.0)
@@ -225,13 +226,13 @@ def test_padding_is_zero(data):
 def test_a_lane_does_not_depend_on_the_lanes_beside_it(data):
     """Alone, or in the second chunk among lanes with other parameters and another subject."""
     z = np.stack([z_near(k) for k in range(70)], axis=1)
-    many = look(data.of_subjects(np.arange(70) % 2), z, projections=4)
-    for lane in (0, 63, 66, 69):
-        alone = look(data.of_subjects(np.array([lane % 2])), z[:, lane], projections=4)
+    many = misfit_at(data.select_subjects(np.arange(70) % 2), z, projections=4)
+    for problem in (0, 63, 66, 69):
+        alone = misfit_at(data.select_subjects(np.array([problem % 2])), z[:, problem], projections=4)
         for name in ("y", "slopes", "root", "by_angle", "open_mm"):
-            np.testing.assert_allclose(getattr(many, name)[lane], getattr(alone, name)[0], rtol=SAME, atol=SAME)
-        np.testing.assert_allclose(many.nearest[..., lane], alone.nearest[..., 0], rtol=SAME, atol=SAME)
-        np.testing.assert_allclose(many.noise_variance[..., lane], alone.noise_variance[..., 0], rtol=SAME)
+            np.testing.assert_allclose(getattr(many, name)[problem], getattr(alone, name)[0], rtol=SAME, atol=SAME)
+        np.testing.assert_allclose(many.nearest[..., problem], alone.nearest[..., 0], rtol=SAME, atol=SAME)
+        np.testing.assert_allclose(many.noise_variance[..., problem], alone.noise_variance[..., 0], rtol=SAME)
 
 
 # --- quantities that were not measured ------------------------------------------------------------
@@ -251,7 +252,7 @@ def test_an_angle_that_was_not_measured_has_hardly_a_say(data, angle):
     z = z_near(2)
 
     def distance(values, measured):
-        return np.sqrt(squares(look(replace(one, values=values, measured=measured), z))[0, real])
+        return np.sqrt(squares(misfit_at(replace(one, values=values, measured=measured), z))[0, real])
 
     moved = np.abs(distance(values, measured) - distance(one.values, measured))
     assert moved.max() <= shift / (60.0 * NOISE.angle_deg) + SAME
@@ -271,7 +272,7 @@ def test_exact_postures_leave_nothing_where_one_angle_was_not_measured(both_clos
     """As read from a file: that of a girdle at rest stands in its place."""
     measured, values = both_closed.measured.copy(), both_closed.values.copy()
     measured[angle], values[angle] = False, REST_DEG[angle] / DEG
-    found = squares(look(replace(both_closed, values=values, measured=measured), z_near(1), projections=10)).T
+    found = squares(misfit_at(replace(both_closed, values=values, measured=measured), z_near(1), projections=10)).T
     assert (found <= NOTHING_LEFT)[both_closed.counted].all()
 
 
@@ -280,10 +281,10 @@ def test_exact_postures_leave_nothing_where_one_angle_was_not_measured(both_clos
 
 def test_exact_landmarks_of_closed_postures_leave_nothing(with_landmarks):
     """At the truth; at another z they do."""
-    found = look(with_landmarks, z_near(1))
+    found = misfit_at(with_landmarks, z_near(1))
     assert found.y.shape == (1, 8, 15)
     assert np.abs(found.y).max() <= CLOSED_Y
-    assert np.abs(look(with_landmarks, z_near(2)).y).max() > 1.0
+    assert np.abs(misfit_at(with_landmarks, z_near(2)).y).max() > 1.0
 
 
 def test_a_landmark_that_is_off_is_felt_and_by_no_more_than_its_noise_says(with_landmarks):
@@ -293,7 +294,7 @@ def test_a_landmark_that_is_off_is_felt_and_by_no_more_than_its_noise_says(with_
     values = many.values.copy()
     for k in range(12):
         values[6 + k, :, k] += off_mm
-    found = squares(look(replace(many, values=values), z_near(1)))[:, many.counted[:, 0]]
+    found = squares(misfit_at(replace(many, values=values), z_near(1)))[:, many.counted[:, 0]]
     most = (off_mm / NOISE.landmark_mm) ** 2
     assert found.max() <= most * (1.0 + SAME)
     assert found.min() > 0.01 * most
@@ -307,7 +308,7 @@ def test_root_is_what_one_unit_of_each_equation_adds_to_y(with_landmarks):
     values = many.values.copy()
     for k in range(12):
         values[6 + k, :, k] += off_mm
-    found = look(replace(many, values=values), z_near(1))
+    found = misfit_at(replace(many, values=values), z_near(1))
     for k in range(12):
         expected = off_mm * found.root[k, :, :, 3 + k]
         np.testing.assert_allclose(found.y[k], expected, rtol=0.0, atol=CURVED * np.abs(expected).max())
@@ -320,7 +321,7 @@ def test_by_angle_is_what_a_rad_of_each_measured_angle_adds_to_y(with_landmarks)
     values = many.values.copy()
     for k in range(6):
         values[k, :, k] += off
-    found = look(replace(many, values=values), z_near(1))
+    found = misfit_at(replace(many, values=values), z_near(1))
     for k in range(6):
         expected = off * found.by_angle[k, :, :, k]
         np.testing.assert_allclose(found.y[k], expected, rtol=0.0, atol=CURVED * np.abs(expected).max())
@@ -332,7 +333,7 @@ def test_a_landmark_that_was_not_measured_has_hardly_a_say(with_landmarks):
     measured[12:15] = False
     values = with_landmarks.values.copy()
     values[12] += 10.0
-    found = squares(look(replace(with_landmarks, values=values, measured=measured), z_near(1)))
+    found = squares(misfit_at(replace(with_landmarks, values=values, measured=measured), z_near(1)))
     assert np.sqrt(found.max()) <= 10.0 / (60.0 * NOISE.landmark_mm) + SAME
 
 
@@ -360,6 +361,8 @@ def test_noise_variance_is_that_of_trials(noisy):
 
 def test_noise_variance_adds_up_to_what_the_constraints_leave(data, with_landmarks):
     """In units of the noise: three of six angles, fifteen of eighteen quantities."""
-    for of, count in ((data, 3.0), (with_landmarks, 15.0)):
-        found = look(of, z_near(1))
-        np.testing.assert_allclose((found.noise_variance / of.noise(NOISE) ** 2).sum(axis=0), count, rtol=SAME)
+    for some, count in ((data, 3.0), (with_landmarks, 15.0)):
+        found = misfit_at(some, z_near(1))
+        np.testing.assert_allclose(
+            (found.noise_variance / some.standard_deviations(NOISE) ** 2).sum(axis=0), count, rtol=SAME
+        )

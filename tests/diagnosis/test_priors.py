@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 from made_effects import without_details
 
-from adapt.diagnosis.fit.linear_evidence import (
-    LinearisedFit,
-    independent_prior,
-    inner_products,
-    log_evidence,
-)
+from adapt.diagnosis.fit.linear_evidence import inner_products, log_evidence
+from adapt.diagnosis.fit.linear_model import LinearisedFit, independent_prior
 from adapt.diagnosis.inference import priors
 from adapt.diagnosis.inference.priors import OverPriors, likely_spreads, over_priors
 from models.adapted_parameters import PRIOR_SD_MM, SPREADS_MM
@@ -61,7 +57,7 @@ SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
 
 def test_amplitudes_of_all_alike_are_found_alike():
     found = weighed(subjects(np.tile(WAY, (SUBJECTS, 1))))
-    assert found.independent_prior < -CLEAR
+    assert found.independent_log_odds < -CLEAR
 
 
 @pytest.mark.parametrize(
@@ -71,7 +67,7 @@ def test_amplitudes_of_all_alike_are_found_alike():
 )
 def test_amplitudes_that_differ_are_found_to_differ(amplitudes):
     fitted = subjects(amplitudes)
-    assert weighed(fitted).independent_prior > CLEAR
+    assert weighed(fitted).independent_log_odds > CLEAR
     assert weighed(fitted).log_evidence > plain(fitted) + CLEAR
 
 
@@ -87,8 +83,11 @@ def test_signs_that_differ_cost_less_than_amplitudes_of_ones_own():
 
 def test_signs_that_differ_are_less_likely_of_an_effect_whose_nature_has_one():
     fitted = subjects(SIGNS[:, None] * WAY)
-    change = weighed(fitted, replace(EFFECT, sign=(1, 0, 0))).log_evidence - weighed(fitted).log_evidence
-    assert change == pytest.approx(np.log(priors._OPPOSED_SIGNED_SHARE / priors._OPPOSED_SHARE), abs=LITTLE)
+    change = (
+        weighed(fitted, replace(EFFECT, prior=replace(EFFECT.prior, sign=(1, 0, 0)))).log_evidence
+        - weighed(fitted).log_evidence
+    )
+    assert change == pytest.approx(np.log(priors._OPPOSED_SIGNED_PROBABILITY / priors._OPPOSED_PROBABILITY), abs=LITTLE)
 
 
 def test_parameters_off_by_the_same_in_all_need_no_effect():
@@ -112,16 +111,16 @@ def wider_chests() -> LinearisedFit:
     sd = np.array([least for least, *_ in SPREADS_MM]) / PRIOR_SD_MM
     u = sd * generator.choice([-1.0, 1.0], (SUBJECTS, 6))
     u[:, 2] *= 8.0 / SPREADS_MM[2][0]
-    seen = np.einsum("srk,sk->sr", fitted.X, u) + generator.standard_normal((SUBJECTS, RESIDUALS))
-    return replace(fitted, linear=seen)
+    y = np.einsum("srk,sk->sr", fitted.X, u) + generator.standard_normal((SUBJECTS, RESIDUALS))
+    return replace(fitted, linear=y)
 
 
 def test_each_parameter_has_a_spread_of_its_own():
     spreads, log_share = likely_spreads(inner_products(wider_chests()), np.zeros((SUBJECTS, 3)))
     assert np.log(0.2) < log_share <= 0.0
-    of = over_priors(inner_products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
+    weighed_spreads = over_priors(inner_products(wider_chests()), np.ones(3), [EFFECT], [(1.0, 1.0)], spreads)
     least = np.array([least for least, *_ in SPREADS_MM]) / PRIOR_SD_MM
-    np.testing.assert_allclose(of.spread, np.where(np.arange(6) == 2, 8.0 / PRIOR_SD_MM, least))
+    np.testing.assert_allclose(weighed_spreads.spread, np.where(np.arange(6) == 2, 8.0 / PRIOR_SD_MM, least))
 
 
 def test_likely_spreads_are_those_of_the_evidence_without_the_amplitudes():
@@ -129,7 +128,7 @@ def test_likely_spreads_are_those_of_the_evidence_without_the_amplitudes():
     fitted, amplitudes = wider_chests(), np.random.default_rng(4).standard_normal((SUBJECTS, 3))
     bare = replace(fitted, A=fitted.A[..., :0], linear=fitted.linear - np.einsum("srk,sk->sr", fitted.A, amplitudes))
     expected = [float(log_evidence(inner_products(bare).at(spread=s), independent_prior(np.zeros(0)))) for s in SPREADS]
-    found = inner_products(fitted).of_adapted(amplitudes).at(spread=SPREADS).log
+    found = inner_products(fitted).given_amplitudes(amplitudes).at(spread=SPREADS).log
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
@@ -144,8 +143,8 @@ def gained_by_one_course(amplitudes: np.ndarray, monkeypatch: pytest.MonkeyPatch
     """Log evidence that channels may go together, over that of free ones alone."""
     fitted = subjects(np.tile(amplitudes, (SUBJECTS, 1)), effect=GAP)
     logs = []
-    for share in (priors._TOGETHER_SHARE, 0.0):
-        monkeypatch.setattr(priors, "_TOGETHER_SHARE", max(share, 1e-300))
+    for share in (priors._TOGETHER_PROBABILITY, 0.0):
+        monkeypatch.setattr(priors, "_TOGETHER_PROBABILITY", max(share, 1e-300))
         logs.append(float(over_priors(inner_products(fitted), fitted.scale, [GAP], [(1.0, 1.0)], SPREADS).log_evidence))
     return logs[0] - logs[1]
 
@@ -156,5 +155,5 @@ def test_channels_that_follow_one_course_say_more(monkeypatch):
 
 def test_channels_that_do_not_are_left_free(monkeypatch):
     """All that is lost is the prior probability of going together."""
-    expected = np.log(1.0 - priors._TOGETHER_SHARE)
+    expected = np.log(1.0 - priors._TOGETHER_PROBABILITY)
     assert gained_by_one_course(TWO_COURSES, monkeypatch) == pytest.approx(expected, abs=LITTLE)

@@ -5,9 +5,9 @@ from math import log, sqrt
 
 import numpy as np
 import pytest
-from test_evidence import linear_of
+from test_linear_evidence import linear_of
 
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, LinearisedFit
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS, LinearisedFit
 from adapt.diagnosis.inference.ranking import amplitude_excess
 from models.effects import EFFECTS
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from adapt.diagnosis.declared_effects import declared_effects
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, LinearisedFit
+from adapt.diagnosis.fit.linear_model import Hypothesis, LinearisedFit
 from adapt.diagnosis.inference.ranking import Ranking
-from adapt.diagnosis.inference.verdict import EFFECT, NONE, UNKNOWN, Verdict, judge
+from adapt.diagnosis.inference.verdict import judge
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN, Verdict
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
 
@@ -54,7 +55,7 @@ def ranking(
     return Ranking(
         fitted=tuple(linear(hypothesis) for hypothesis in order),
         log_evidence=log - log.max(),
-        independent_prior=np.zeros(len(order)),
+        independent_log_odds=np.zeros(len(order)),
         discrepancy_gain=discrepancy_gain,
         chi_square=1.0,
         freedom=1.0,
@@ -119,7 +120,7 @@ def test_equal_evidence_gives_the_effects_equal_shares_and_none_a_third():
 
 
 def test_a_marked_effect_is_as_probable_beforehand_as_all_others():
-    verdict = judge(ranking({(): 0.0, **{(name,): 0.0 for name in NAMES}}), NAMES, expected=("b", "left out"))
+    verdict = judge(ranking({(): 0.0, **{(name,): 0.0 for name in NAMES}}), NAMES, declared=("b", "left out"))
     known = 1.0 - verdict.probability[UNKNOWN]
     assert verdict.probability["b"] == pytest.approx(0.325 * known, abs=SUM)
     assert verdict.probability["a"] == pytest.approx(0.325 * known / 3, abs=SUM)
@@ -127,7 +128,7 @@ def test_a_marked_effect_is_as_probable_beforehand_as_all_others():
 
 
 def test_a_mark_does_not_outweigh_the_angles():
-    assert judge(ranking({("a",): 0.0, ("b",): -SURE}), NAMES, expected=("b",)).effects == ("a",)
+    assert judge(ranking({("a",): 0.0, ("b",): -SURE}), NAMES, declared=("b",)).effects == ("a",)
 
 
 @pytest.mark.parametrize(
@@ -192,10 +193,10 @@ def test_what_leaves_nothing_is_not_unknown():
     assert judged({("a",): 0.0}, **NOTHING_LEFT).probability[UNKNOWN] < 0.5
 
 
-@pytest.mark.parametrize("of", ["discrepancy_gain", "excess", "oversize"])
-def test_unknown_grows_with_each_test_up_to_a_limit(of):
+@pytest.mark.parametrize("test", ["discrepancy_gain", "excess", "amplitude_excess"])
+def test_unknown_grows_with_each_test_up_to_a_limit(test):
     def probability(value: float) -> float:
-        return judged({(): 0.0}, **{**NOTHING_LEFT, of: value}).probability[UNKNOWN]
+        return judged({(): 0.0}, **{**NOTHING_LEFT, test: value}).probability[UNKNOWN]
 
     found = [probability(value) for value in (-3.0, 0.0, 1.0, 3.0)]
     assert found == sorted(found)

@@ -11,7 +11,7 @@ from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.posture_fits import Fitted
-from adapt.tables.held_out import BONES, COLUMNS, MOTION
+from adapt.tables.held_out import BONE_PREFIXES, COLUMNS, MOTION
 from adapt.tables.results import fits_table, parameters_table, rows_of_subjects, summary_table
 from adapt.trust.covariance import Uncertainty
 from adapt.trust.curvature import Curvature
@@ -91,7 +91,7 @@ def _heldout(motions: Motions, models: Sequence[ParameterSet]) -> pd.DataFrame:
     gaps = dict(zip(("before", "in_sample", "unseen"), (GAP_DEG[False], GAP_DEG[True], UNSEEN_DEG), strict=True))
     rows = [
         {"model": model.name, "subject": subject, "kind": MOTION, "held_out": motion, "postures": 1, "adapted_to": 1}
-        | {f"{bone}gap_{word}_deg": gap for word, gap in gaps.items() for bone in BONES}
+        | {f"{bone}gap_{word}_deg": gap for word, gap in gaps.items() for bone in BONE_PREFIXES}
         | {"status": status.OK}
         for model in models
         for subject, motion in dict.fromkeys(zip(motions.subject.tolist(), motions.motion.tolist(), strict=True))

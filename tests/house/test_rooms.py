@@ -64,11 +64,7 @@ def test_every_room_has_a_place_in_the_order():
 
 
 def backward(found, order) -> dict:
-    return {
-        ends: described(found[ends])
-        for ends in found
-        if order.index(ends[1]) > order.index(ends[0]) and ends not in rooms.EXCEPTIONS
-    }
+    return {ends: described(found[ends]) for ends in found if order.index(ends[1]) > order.index(ends[0])}
 
 
 def test_a_room_imports_only_those_before_it():
@@ -80,16 +76,8 @@ def test_a_folder_inside_a_room_imports_only_those_before_it(order):
     assert not backward(crossings_within(order), order)
 
 
-@pytest.mark.parametrize("ends", rooms.EXCEPTIONS, ids=" to ".join)
-def test_an_exception_is_still_needed(ends):
-    inside = (ends_found for order in rooms.WITHIN for ends_found in crossings_within(order))
-    assert ends in {*CROSSINGS, *inside}, (
-        "delete this entry of EXCEPTIONS in scripts/rooms.py: nothing imports so any more"
-    )
-
-
 def test_nothing_but_python_dash_m_imports_the_command_line():
-    importers = {ends[0] for ends in CROSSINGS if ends[1] == "adapt.cli" and ends not in rooms.EXCEPTIONS}
+    importers = {ends[0] for ends in CROSSINGS if ends[1] == "adapt.cli"}
     assert importers == {"adapt.__main__"}
 
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects, Effect, ExtendedGirdle
-from models.effects.effect import COURSE_SD
+from models.effects.prior import COURSE_SD
 from models.girdle import constraint_residuals_mm
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG, cardan_from_rotation
@@ -109,7 +109,7 @@ def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:
 
 def unequal(effect: Effect) -> np.ndarray:
     """A strength of the size of the scale with another value and sign in each channel."""
-    return np.asarray(effect.scale) * np.array([0.8, -0.6, 0.5, -0.7, 0.4, -0.3])[: len(effect.scale)]
+    return np.asarray(effect.prior.scale) * np.array([0.8, -0.6, 0.5, -0.7, 0.4, -0.3])[: len(effect.prior.scale)]
 
 
 def turn(deg: np.ndarray) -> np.ndarray:
@@ -177,7 +177,7 @@ def test_every_channel_changes_what_is_seen_in_its_own_way(effect):
         changed = chain((effect, strength))
         return [(residuals(changed) - base_residuals()).ravel(), (points(changed) - base_points()).ravel()]
 
-    by_channel = [changes(row) for row in np.diag(effect.scale)]
+    by_channel = [changes(row) for row in np.diag(effect.prior.scale)]
     of_constraints = [change for change, _ in by_channel[: len(effect.directions)]]
     for each in (of_constraints, [np.concatenate(both) for both in by_channel]):
         assert min(np.abs(change).max() for change in each) > FELT_MM
@@ -186,14 +186,14 @@ def test_every_channel_changes_what_is_seen_in_its_own_way(effect):
 
 @each_effect
 def test_derivative_by_each_channel_is_that_of_differences(effect):
-    for direction in np.diag(effect.scale):
+    for direction in np.diag(effect.prior.scale):
         assert_slope(effect, unequal(effect), direction)
 
 
 @each_effect
 def test_derivative_at_zero_is_that_of_differences(effect):
     """Where every fit begins; rotations by a vector have 0/0 there."""
-    assert_slope(effect, np.zeros(len(effect.scale)), unequal(effect))
+    assert_slope(effect, np.zeros(len(effect.prior.scale)), unequal(effect))
 
 
 def test_small_effects_add_up_and_their_order_does_not_matter():
@@ -224,12 +224,12 @@ def test_small_effects_add_up_and_their_order_does_not_matter():
 def test_what_describes_an_effect_fits_together(effect):
     terms = len(COURSE_SD) if effect.over_elevation else 1
     assert effect.amplitudes == len(effect.signs) == len(effect.prior_sd) == terms * len(effect.channels)
-    assert len(effect.scale) == len(effect.channels)
+    assert len(effect.prior.scale) == len(effect.channels)
     assert effect.channels[: len(effect.directions)] == effect.directions != ()
     assert effect.leading is None or effect.channels[effect.leading] in effect.directions
-    assert min(effect.scale) > 0.0
+    assert min(effect.prior.scale) > 0.0
     assert {sign for k, sign in enumerate(effect.signs) if k % terms} <= {0}
-    np.testing.assert_allclose(effect.prior_sd[::terms], effect.scale)
+    np.testing.assert_allclose(effect.prior_sd[::terms], effect.prior.scale)
 
 
 @each_effect

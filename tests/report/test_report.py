@@ -7,12 +7,12 @@ from html import unescape
 
 import numpy as np
 import pytest
-from diagnoses import BY_KIND, SKIN, gap_of, of
+from diagnoses import BY_KIND, SKIN, alone, gap_of
 from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, data_of, simulated
 
-from adapt.diagnosis.json_form import as_json
-from adapt.diagnosis.wording import amplitude_text
+from adapt.diagnosis import Diagnoses
+from adapt.diagnosis.wording import amplitude_text, sentence
 from adapt.report import drawn_postures as chosen
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS, bones_mm
@@ -325,35 +325,36 @@ def test_names_from_files_are_text():
 @pytest.mark.parametrize("kind", BY_KIND)
 def test_every_kind_of_answer_has_its_page(kind):
     """The verdict comes first; each answer stands once, with its probability."""
-    motions, found = motions_of(rising(10, 4)), of(BY_KIND[kind])
-    html = report_html(motions, R2, adaptations(motions, R2), {}, found)
-    assert [unescape(one) for one in re.findall(r"<h1>(.*?)</h1>", html, re.DOTALL)] == [found["verdict"]["sentence"]]
+    motions, diagnosis = motions_of(rising(10, 4)), BY_KIND[kind]
+    html = report_html(motions, R2, adaptations(motions, R2), {}, alone(diagnosis))
+    assert [unescape(one) for one in re.findall(r"<h1>(.*?)</h1>", html, re.DOTALL)] == [sentence(diagnosis)]
     words = words_of(html)
-    assert words.index(found["verdict"]["sentence"]) < words.index("Before and after adaptation")
+    assert words.index(sentence(diagnosis)) < words.index("Before and after adaptation")
     shown = re.findall(r'<span class="name">(\S+)\s.*?<span class="value">(.*?)</span>', html, re.DOTALL)
-    assert len(shown) == len(found["probability"])
+    probability = diagnosis.verdict.probability
+    assert len(shown) == len(probability)
     for name, value in shown:
-        assert unescape(value) in (f"{found['probability'][name]:.2f}", "<0.01")
-    for name, size in found["amplitude"].items():
+        assert unescape(value) in (f"{probability[name]:.2f}", "<0.01")
+    for name, size in diagnosis.amplitude.items():
         assert f"{name} {amplitude_text(size)}" in words
-    assert found["next_measurement"][0]["what"] in words
-    assert data_of(html)["models"][0]["noise_deg"] == found["noise"]["angle_deg"]
+    assert diagnosis.next_measurement[0].what in words
+    assert data_of(html)["models"][0]["noise_deg"] == diagnosis.noise.noise.angle_deg
 
 
 def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer():
     motions = motions_of(rising(10, 4))
-    found = as_json({"R2": SKIN, "R4": replace(SKIN, model="R4", gap=gap_of(1.2, 1.1))})
-    html = report_html(motions, MODELS, adaptations(motions, MODELS), {}, found)
+    diagnoses = Diagnoses({"R2": SKIN, "R4": replace(SKIN, model="R4", gaps=gap_of(1.2, 1.1))})
+    html = report_html(motions, MODELS, adaptations(motions, MODELS), {}, diagnoses)
     data = data_of(html)
-    assert found["model"] == data["models"][data["first_model"]]["name"] == "R4"
-    for of_model in found["by_model"].values():
-        assert of_model["verdict"]["sentence"] in words_of(html)
+    assert diagnoses.closest.model == data["models"][data["first_model"]]["name"] == "R4"
+    for diagnosis in diagnoses.by_model.values():
+        assert sentence(diagnosis) in words_of(html)
 
 
 def test_what_a_diagnosis_could_not_tell_is_a_dash():
-    unknown = replace(SKIN, gap=gap_of(math.nan, math.nan), next_measurement=[], indistinguishable=[])
+    unknown = replace(SKIN, gaps=gap_of(math.nan, math.nan), next_measurement=[], indistinguishable=[])
     motions = motions_of(rising(10, 4))
-    words = words_of(report_html(motions, R2, adaptations(motions, R2), {}, of(unknown)))
+    words = words_of(report_html(motions, R2, adaptations(motions, R2), {}, alone(unknown)))
     assert "adapted - [-, -]" in words
     assert "Every effect of the list could be told from every other one" in words
     assert "None was proposed" in words

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnoses import NOTHING, PAIR, SKIN, of
+from diagnoses import NOTHING, PAIR, SKIN, alone
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 
+from adapt.diagnosis.wording import sentence
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS
 from motions import InputError, Motions
@@ -265,14 +266,13 @@ def test_a_failed_subject_says_so_and_has_no_adapted_ellipsoid(look):
 @pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
 def test_a_diagnosis_is_in_the_page(look, window):
     motions = two_motions(10)
-    found = of(PAIR)
-    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, found), window)
+    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, alone(PAIR)), window)
     page = seen.page
-    assert page.inner_text("h1") == found["verdict"]["sentence"]
+    assert page.inner_text("h1") == sentence(PAIR)
     words = " ".join(page.inner_text("#why").split())
     assert "Two together: skin_artefact and clavicle_length 0.90" in words
     assert "conoid_strain and clavicle_axial_estimate" in words, "cannot be told apart"
-    assert found["next_measurement"][0]["what"] in words
+    assert PAIR.next_measurement[0].what in words
     assert "7.0 [5.3, 8.7] deg" in words
     named = [name.split("\n")[0] for name in page.locator(".answer.named .name").all_inner_texts()]
     assert sorted(named) == ["clavicle_length", "skin_artefact"]
@@ -293,7 +293,7 @@ def test_a_diagnosis_is_in_the_page(look, window):
 
 def test_without_an_effect_there_is_no_gap_with_it(look):
     motions = two_motions(1)
-    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, of(NOTHING)))
+    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, alone(NOTHING)))
     held_out, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
     assert held_out["x"] == [2.1, 0.93, 0.89]
     assert "with" not in seen.page.inner_text("#gap tbody")

@@ -363,8 +363,8 @@ def calibration_lines(temperature: float, n: int) -> list[Line]:
     rng, names = np.random.default_rng(1), ["none", *EFFECTS]
     log = rng.normal(0.0, 6.0, (n, len(names)))
     log_prior = np.log([verdict._NONE_PRIOR, *[(1.0 - verdict._NONE_PRIOR) / len(EFFECTS)] * len(EFFECTS)])
-    shares = calibration.tempered(log, log_prior, temperature)
-    truth = [names[rng.choice(len(names), p=p)] for p in shares]
+    probabilities = calibration.tempered(log, log_prior, temperature)
+    truth = [names[rng.choice(len(names), p=p)] for p in probabilities]
     low = [{"discrepancy_gain": g, "excess": 0.0} for g in rng.normal(-30.0, 1.0, n)]
     listed = [_ranked(a, dict(zip(names, b, strict=True)), c) for a, b, c in zip(truth, log, low, strict=True)]
     high = [{"discrepancy_gain": g, "excess": 2.0} for g in rng.normal(30.0, 1.0, n // 4)]
@@ -389,22 +389,22 @@ def test_calibration_recovers_the_temperature_and_prints_what_follows() -> None:
 
 
 def test_thresholds_by_hand() -> None:
-    shares = np.array([[0.3, 0.5, 0.2], [0.1, 0.6, 0.3], [0.04, 0.24, 0.72]])
+    probabilities = np.array([[0.3, 0.5, 0.2], [0.1, 0.6, 0.3], [0.04, 0.24, 0.72]])
     truth, known = np.array([0, 1, 1]), np.array([True, True, False])
-    rows = {row[0]: row[1:] for row in calibration.none_rows(shares, truth, known)}
+    rows = {row[0]: row[1:] for row in calibration.none_rows(probabilities, truth, known)}
     assert rows["0.4"] == [report.rate([True]), report.rate([False, False])]
     assert rows["0.25"] == [report.rate([False]), report.rate([False, False])]
     assert rows["0.05"] == [report.rate([False]), report.rate([True, False])]
-    sets = {row[0]: row[1:] for row in calibration.set_rows(shares, truth)}
+    sets = {row[0]: row[1:] for row in calibration.set_rows(probabilities, truth)}
     # without none: (2/3, 1/3) and (1/4, 3/4), the second effect first in the last
     assert sets["0.8"] == [report.rate([True, True]), "2.00"]
-    assert _sets_at(shares, truth, 0.7) == [report.rate([True, False]), "1.50"]
+    assert _sets_at(probabilities, truth, 0.7) == [report.rate([True, False]), "1.50"]
 
 
-def _sets_at(shares: np.ndarray, truth: np.ndarray, held: float) -> Sequence[str]:
+def _sets_at(probabilities: np.ndarray, truth: np.ndarray, held: float) -> Sequence[str]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibration, "SET_PROBABILITY", (held,))
-        return calibration.set_rows(shares, truth)[0][1:]
+        return calibration.set_rows(probabilities, truth)[0][1:]
 
 
 # One case -----------------------------------------------------------------------------------------------------------
@@ -427,9 +427,9 @@ def test_one_case_from_its_world_to_its_report(
     assert sum(found["probability"].values()) == pytest.approx(1.0)
     assert set(found["ranking"]) == {"none", TRUE, label}
     world = world_of(Case("standard", label, 1))
-    told = world.truth["effects"][label]
-    directions = np.array(told["parameters"]["direction_by_subject"])
-    true = (np.array(list(told["amplitude"].values()))[:, None] * directions).mean(axis=0)
+    truth = world.truth["effects"][label]
+    directions = np.array(truth["parameters"]["direction_by_subject"])
+    true = (np.array(list(truth["amplitude"].values()))[:, None] * directions).mean(axis=0)
     channels = found["amplitude"][label]
     assert list(found["true_channels"][label].values()) == pytest.approx(true)
     for channel, value in zip(channels, true, strict=True):

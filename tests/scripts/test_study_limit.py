@@ -11,8 +11,8 @@ from scipy.stats import multivariate_normal
 from typer.testing import CliRunner
 
 from adapt.diagnosis.design.predicted_power import SPREAD
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS
-from models.effects import EFFECTS
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS
+from models.effects import EFFECTS, EffectPrior
 from scripts import study_limit
 from scripts.study_limit import Limit, limit_of, log_evidence, row_of
 
@@ -26,7 +26,7 @@ SE = 4.0 * 0.5 / sqrt(2 * DRAWS)
 HARDLY_THERE = 2e-3
 """Share of subjects, of SD 0.3 about 1, who have a fortieth of an effect or less, four standard errors more."""
 
-ONE_WAY = replace(EFFECTS["thorax_asymmetry"], scale=(1.0,), sign=(1,))
+ONE_WAY = replace(EFFECTS["thorax_asymmetry"], prior=EffectPrior((1.0,), "made up", sign=(1,)))
 """An effect of one number, which is 1 when all subjects have it alike."""
 
 
@@ -68,7 +68,7 @@ def test_two_effects_that_show_alone_are_taken_for_each_other_as_often_as_two_ga
     assert found.right == pytest.approx(expected, abs=SE)
     assert found.claimed == pytest.approx(expected, abs=SE)
     assert found.first < found.right
-    assert found.taken_for == Counter({("thorax_asymmetry", "other"): round(2 * DRAWS * (1.0 - found.right))})
+    assert found.confused_with == Counter({("thorax_asymmetry", "other"): round(2 * DRAWS * (1.0 - found.right))})
 
 
 def test_half_the_size_is_twice_the_noise():

@@ -1,19 +1,21 @@
 """Which further measurement would best separate the candidates left, by how much: from the model, not from residuals.
 
 Each proposal changes the postures, quantities, subjects or noise; its gain is the expected log evidence between the two
-candidates that look most alike (see ``distinguish``), and the probability it would give to the right one of them.
+candidates that look most alike (see ``separability``), and the probability it would give to the right one of them.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 
 from adapt.diagnosis.design.separability import projected_onto_model, separation
-from adapt.diagnosis.fit.linear_evidence import Hypothesis
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.linear_model import Hypothesis
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import Observed
+from adapt.diagnosis.result import Proposal
 from models.effects import Effect
 from models.effects.effect import SHOWN
 from models.girdle import Girdle, landmarks
@@ -24,18 +26,6 @@ _ELEVATIONS_DEG = np.arange(0.0, 151.0, 25.0)
 """Of a further motion: seven postures."""
 
 _PLANES_DEG = {"scapular plane": 30.0, "forward flexion": 90.0, "abduction": 0.0}
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """A measurement and what it is expected to bring."""
-
-    what: str
-    separation_now: float
-    separation_then: float
-    """Expected log evidence, nats, of the right candidate over the other."""
-    probability_then: float
-    """Expected probability of the right one of the two."""
 
 
 def propose(
@@ -69,7 +59,7 @@ def _changes(girdle: Girdle, effects, data: Observed) -> dict[str, Change]:
             Noise(noise.angle_deg / 2.0, noise.landmark_mm / 2.0),
         ),
         f"twice as many subjects ({2 * subjects})": lambda data, noise: (
-            data.of_subjects(np.tile(np.arange(subjects), 2)),
+            data.select_subjects(np.tile(np.arange(subjects), 2)),
             noise,
         ),
     }

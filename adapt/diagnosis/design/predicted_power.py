@@ -11,7 +11,6 @@ Effects that these data hardly tell apart show as names taken for each other.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -19,16 +18,19 @@ from jaxtyping import Float, Int
 from numpy.random import Generator, default_rng
 
 from adapt.diagnosis.design.separability import slopes
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, InnerProducts, single_hypotheses
+from adapt.diagnosis.fit.linear_evidence import InnerProducts
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS, single_hypotheses
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import prior_sd_of
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.axial_turn import mean_subject
 from adapt.diagnosis.inference.priors import over_priors
 from adapt.diagnosis.inference.verdict import NONE_FROM, posterior_probabilities
+from adapt.diagnosis.result import PredictedPower
 from adapt.engine.batching import in_threads
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
-from models.effects.effect import COURSE_SD
+from models.effects.prior import COURSE_SD
 from models.girdle import Girdle
 
 _DRAWS = 50
@@ -42,38 +44,26 @@ SPREAD, _SPREADS = 0.5, np.outer((0.4, 0.7), np.ones(6))
 weighed, as if the data had chosen them."""
 
 _NAMED_OFTEN = 0.05
-"""A name that an effect is taken for less often than this is not told."""
-
-
-@dataclass(frozen=True)
-class PredictedPower:
-    """What would become of an effect of its typical size."""
-
-    named: float
-    """Share of draws in which it would be the first name."""
-    none: float
-    """Share in which nothing would be blamed."""
-    taken_for: dict[str, float]
-    """Shares in which another would be the first name, the largest first."""
+"""A name that an effect is taken for less often than this is not reported."""
 
 
 def predict_power(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> dict[str, PredictedPower]:
-    """By name of the effect. ``data`` are ``projected_onto_model`` ones (see ``distinguish``)."""
+    """By name of the effect. ``data`` are ``projected_onto_model`` ones (see ``separability``)."""
     names = [effect.name for effect in effects]
     hypotheses = single_hypotheses(names)
-    gram, own = products_of(girdle, effects, data, noise)
-    root, generator = root_of(gram), default_rng(_SEED)
+    gram, own = gram_matrices(girdle, effects, data, noise)
+    root, generator = matrix_roots(gram), default_rng(_SEED)
     drawn = (draw(gram, k, effect, _DRAWS, generator) for k, effect in zip(own[1:], effects, strict=True))
-    seen = np.concatenate([simulate_statistics(gram, root, coefficients, generator) for coefficients in drawn])
+    with_data = np.concatenate([simulate_statistics(gram, root, coefficients, generator) for coefficients in drawn])
     alone = [[], *([effect] for effect in effects)]
-    logs = np.array(in_threads(lambda k, active_effects: _log_evidence(gram, seen, k, active_effects), own, alone))
-    shares = posterior_probabilities(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
-    return {name: _outcomes(k, shares[:, k], names) for k, name in enumerate(names)}
+    logs = np.array(in_threads(lambda k, chosen: _log_evidence(gram, with_data, k, chosen), own, alone))
+    posterior = posterior_probabilities(hypotheses, logs, names).reshape(len(hypotheses), len(effects), _DRAWS)
+    return {name: _outcomes(k, posterior[:, k], names) for k, name in enumerate(names)}
 
 
-def products_of(
+def gram_matrices(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> tuple[Float[np.ndarray, "subjects columns columns"], list[Int[np.ndarray, " own"]]]:
     """G of each subject, the mean one of ``axial_turn`` last; and which of its columns are the amplitudes of none and
@@ -94,14 +84,14 @@ def typical_amplitudes(
 ) -> Float[np.ndarray, "draws subjects amplitudes"]:
     """Amplitudes of its typical size: all directions together as long as their scales, in a direction of its nature's
     signs, and alike in all subjects but for ``between``, the SD of their size; with details."""
-    scale, sign, main = np.asarray(effect.scale), np.asarray(effect.channel_signs), len(effect.directions)
-    way = generator.standard_normal((draws, len(scale)))
+    scale, sign, main = np.asarray(effect.prior.scale), np.asarray(effect.channel_signs), len(effect.directions)
+    direction = generator.standard_normal((draws, len(scale)))
     if effect.leading is not None:
-        way[:, effect.leading] = np.sign(way[:, effect.leading])
-    way = np.where(sign == 0, way, sign * np.abs(way)) * scale
-    way[:, :main] *= np.linalg.norm(scale[:main]) / np.linalg.norm(way[:, :main], axis=1, keepdims=True)
+        direction[:, effect.leading] = np.sign(direction[:, effect.leading])
+    direction = np.where(sign == 0, direction, sign * np.abs(direction)) * scale
+    direction[:, :main] *= np.linalg.norm(scale[:main]) / np.linalg.norm(direction[:, :main], axis=1, keepdims=True)
     size = np.maximum(1.0 + between * generator.standard_normal((draws, subjects)), 0.0)
-    amplitudes = size[..., None] * way[:, None]
+    amplitudes = size[..., None] * direction[:, None]
     if not effect.over_elevation:
         return amplitudes
     more = generator.standard_normal((draws, len(COURSE_SD) - 1)) * COURSE_SD[1:]
@@ -109,7 +99,7 @@ def typical_amplitudes(
     return (amplitudes[..., None] * course[:, None, None]).reshape(draws, subjects, -1)
 
 
-def root_of(gram: Float[np.ndarray, "subjects columns columns"]) -> Float[np.ndarray, "subjects columns columns"]:
+def matrix_roots(gram: Float[np.ndarray, "subjects columns columns"]) -> Float[np.ndarray, "subjects columns columns"]:
     """R with R R' = G, of matrices that may be singular."""
     values, vectors = np.linalg.eigh(gram)
     return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
@@ -145,27 +135,25 @@ def simulate_statistics(
 
 def products_with(
     gram: Float[np.ndarray, "subjects columns columns"],
-    seen: Float[np.ndarray, "draws subjects columns"],
+    with_data: Float[np.ndarray, "draws subjects columns"],
     own: Int[np.ndarray, " own"],
 ) -> InnerProducts:
     """Those of X and of the amplitudes ``own``; the square of what was seen is left out."""
     k = np.concatenate([np.arange(len(ADAPTED)), own])
-    return InnerProducts(gram[:, k[:, None], k], seen[..., k], np.zeros(len(seen)), residuals=0)
+    return InnerProducts(gram[:, k[:, None], k], with_data[..., k], np.zeros(len(with_data)), residuals=0)
 
 
-def _log_evidence(gram, seen, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:
+def _log_evidence(gram, with_data, own, effects: Sequence[Effect]) -> Float[np.ndarray, " draws"]:
     """But for the sum of squares of what was seen, which all hypotheses share."""
-    of = products_with(gram, seen, own)
-    return over_priors(of, prior_sd_of(effects), effects, [(1.0, 1.0)], spreads=_SPREADS).log_evidence
+    products = products_with(gram, with_data, own)
+    return over_priors(products, prior_sd_of(effects), effects, [(1.0, 1.0)], spreads=_SPREADS).log_evidence
 
 
-def _outcomes(
-    active_effects: int, shares: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]
-) -> PredictedPower:
-    nothing = shares[0] >= NONE_FROM
-    first = np.where(nothing, -1, shares[1:].argmax(axis=0))
+def _outcomes(at_work: int, posterior: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> PredictedPower:
+    nothing = posterior[0] >= NONE_FROM
+    first = np.where(nothing, -1, posterior[1:].argmax(axis=0))
     often = [float((first == k).mean()) for k in range(len(names))]
     others = sorted(
-        (-share, names[k]) for k, share in enumerate(often) if k != active_effects and share >= _NAMED_OFTEN
+        (-fraction, names[k]) for k, fraction in enumerate(often) if k != at_work and fraction >= _NAMED_OFTEN
     )
-    return PredictedPower(often[active_effects], float(nothing.mean()), {name: -share for share, name in others})
+    return PredictedPower(often[at_work], float(nothing.mean()), {name: -fraction for fraction, name in others})

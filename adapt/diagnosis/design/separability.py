@@ -14,15 +14,14 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Hypothesis, shared_prior, single_hypotheses
+from adapt.diagnosis.fit.linear_model import Hypothesis, shared_prior, single_hypotheses
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import columns_of, free_columns, misfit, prior_sd_of, prior_z
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.observations import Observed
+from adapt.diagnosis.result import TOLD_APART, DetectableAmplitude
 from models.adapted_parameters import ADAPTED, PRIOR_SD_MM
 from models.effects import Effect
 from models.girdle import Girdle
-
-TOLD_APART = 3.0
-"""Expected log evidence (odds of 20 to 1) from which two hypotheses are told apart."""
 
 _CLOSING_STEPS = 12
 """Projections until postures far from the model as it is have come to rest."""
@@ -35,7 +34,7 @@ _MOST_SUBJECTS = 24
 
 
 @dataclass(frozen=True)
-class Column:
+class ResidualCovariance:
     """What one hypothesis does to the residuals of each subject: C = blockdiag(1 + G G') + common common'.
 
     All that is needed of C are products with the few columns of G and of the common amplitude:
@@ -49,9 +48,9 @@ class Column:
     common: Float[np.ndarray, "subjects residuals amplitudes"]
     """Derivatives by the common amplitude, in prior standard deviations."""
 
-    def at(self, size: float) -> "Column":
+    def at(self, size: float) -> "ResidualCovariance":
         """The same effect at another size."""
-        return Column(self.X, size * self.between, size * self.common)
+        return ResidualCovariance(self.X, size * self.between, size * self.common)
 
     @cached_property
     def G(self) -> Float[np.ndarray, "subjects residuals columns"]:
@@ -113,7 +112,7 @@ def separation(
     return np.array([[_divergence(i, j) for j in columns] for i in columns])
 
 
-def alike_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]) -> list[list[str]]:
+def indistinguishable_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]) -> list[list[str]]:
     """Groups of single effects (two or more) linked by pairs that are not told apart, either way round."""
     left = [k for k, hypothesis in enumerate(hypotheses) if len(hypothesis) == 1]
     groups = []
@@ -130,22 +129,22 @@ def alike_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]
 
 def smallest_detectable(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
-) -> dict[str, float | None]:
+) -> dict[str, DetectableAmplitude | None]:
     """The amplitude of each effect (all directions together) from which these data would show it, in its unit; None
     where 16 times its typical size would not do."""
     hypotheses = single_hypotheses(effect.name for effect in effects)
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
-    found: dict[str, float | None] = {}
+    found: dict[str, DetectableAmplitude | None] = {}
     for effect, column in zip(effects, columns, strict=True):
         sizes = (size for size in _SIZES if _divergence(column.at(size), nothing) >= TOLD_APART)
         size = next(sizes, None)
-        typical = np.linalg.norm(effect.scale[: len(effect.directions)])
-        found[effect.name] = None if size is None else float(size * typical)
+        typical = np.linalg.norm(effect.prior.scale[: len(effect.directions)])
+        found[effect.name] = None if size is None else DetectableAmplitude(float(size * typical), effect.unit)
     return found
 
 
-def _prior(girdle: Girdle, effects, lanes: int):
-    return np.repeat(prior_z(girdle, effects)[:, None], lanes, axis=1)
+def _prior(girdle: Girdle, effects, problems: int):
+    return np.repeat(prior_z(girdle, effects)[:, None], problems, axis=1)
 
 
 def slopes(
@@ -159,28 +158,30 @@ def slopes(
     at = misfit(
         girdle,
         effects,
-        data.of_subjects(np.tile(np.arange(subjects), len(hypotheses))),
+        data.select_subjects(np.tile(np.arange(subjects), len(hypotheses))),
         noise,
         _prior(girdle, effects, subjects * len(hypotheses)),
         np.repeat(chosen, subjects, axis=1),
     ).slopes
     each = at.reshape(len(hypotheses), subjects, -1, len(chosen))
     amplitudes = [columns_of(effects, hypothesis) for hypothesis in hypotheses]
-    by_amplitudes = [of[..., len(ADAPTED) : len(ADAPTED) + len(k)] for of, k in zip(each, amplitudes, strict=True)]
+    by_amplitudes = [one[..., len(ADAPTED) : len(ADAPTED) + len(k)] for one, k in zip(each, amplitudes, strict=True)]
     return each[0, ..., : len(ADAPTED)] * PRIOR_SD_MM, by_amplitudes
 
 
-def _columns(girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise) -> list[Column]:
+def _columns(
+    girdle, effects, hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
+) -> list[ResidualCovariance]:
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     by_name = {effect.name: effect for effect in effects}
     found = []
     for hypothesis, A in zip(hypotheses, by_amplitudes, strict=True):
         prior = shared_prior(prior_sd_of(by_name[name] for name in hypothesis))
-        found.append(Column(X, A * prior.between, A * prior.common))
+        found.append(ResidualCovariance(X, A * prior.between, A * prior.common))
     return found
 
 
-def _divergence(i: Column, j: Column) -> float:
+def _divergence(i: ResidualCovariance, j: ResidualCovariance) -> float:
     """D_ij = (tr C_j^-1 C_i - residuals + log det C_j - log det C_i) / 2, by blocks of subjects."""
     W = j.solved_common
     beyond = np.trace(j.covariance - np.eye(j.G.shape[2]), axis1=1, axis2=2).sum()  # tr (1 + G G')^-1 - residuals

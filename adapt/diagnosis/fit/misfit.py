@@ -6,7 +6,7 @@ measured s (distances in units of the noise N), G = dg/dx N and V = G G' there,
 
     y = V^(-1/2) G N^-1 (s - x*),   |y| = the distance,   dy/dz = V^(-1/2) dg/dz
 
-up to the curvature of g; what was not measured follows x* and pulls at nothing. y is standard normal for the right z,
+up to the curvature of g; what was not measured follows x* and changes nothing. y is standard normal for the right z,
 and y' dy/dz is the exact derivative of |y|^2 / 2 (envelope theorem). Six angles leave three numbers a posture: y is the
 posture fit in units of the noise.
 """
@@ -21,7 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from adapt.diagnosis.fit.observations import Noise, Observed
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import Observed
 from adapt.engine.batching import compiled, in_chunks
 from adapt.solvers.linalg import jacobian
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
@@ -31,25 +32,25 @@ from models.girdle import Girdle
 from motions.table import ANGLES
 
 _POSTURES = 512
-"""Postures compiled together, of whatever lane: fewer are padded, more go in chunks."""
+"""Postures compiled together, of whatever problem: fewer are padded, more go in chunks."""
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """L lanes (a subject under a hypothesis), P postures with m informative numbers each; padding postures are 0."""
+    """L problems (a subject under a hypothesis), P postures with m informative numbers each; padding postures are 0."""
 
-    nearest: Float[np.ndarray, "quantities postures lanes"]
+    nearest: Float[np.ndarray, "quantities postures problems"]
     """x*."""
-    y: Float[np.ndarray, "lanes postures m"]
-    slopes: Float[np.ndarray, "lanes postures m columns"]
+    y: Float[np.ndarray, "problems postures m"]
+    slopes: Float[np.ndarray, "problems postures m columns"]
     """dy/dz of the chosen columns of z; a column of -1 gives zeros."""
-    root: Float[np.ndarray, "lanes postures m m"]
+    root: Float[np.ndarray, "problems postures m m"]
     """V^(-1/2), lower triangular: what one unit of each equation of g adds to y."""
-    by_angle: Float[np.ndarray, "lanes postures m 6"]
+    by_angle: Float[np.ndarray, "problems postures m 6"]
     """V^(-1/2) dg/dx of the six angles: what one rad of each measured angle adds to y."""
-    open_mm: Float[np.ndarray, "lanes postures"]
-    """How far the chain still gapes at x*: more than rounding where no posture closes it."""
-    noise_variance: Float[np.ndarray, "quantities postures lanes"]
+    open_mm: Float[np.ndarray, "problems postures"]
+    """How far the chain is from closing at x*: more than rounding where no posture closes it."""
+    noise_variance: Float[np.ndarray, "quantities postures problems"]
     """Variance of s - x* that noise alone leaves: N G' V^-1 G N, on the diagonal."""
 
 
@@ -95,39 +96,39 @@ def misfit(
     effects: tuple[Effect, ...],
     data: Observed,
     noise: Noise,
-    z: Float[np.ndarray, "parameters lanes"],
-    columns: Int[np.ndarray, "columns lanes"] | None = None,
-    nearest: Float[np.ndarray, "quantities postures lanes"] | None = None,
+    z: Float[np.ndarray, "parameters problems"],
+    columns: Int[np.ndarray, "columns problems"] | None = None,
+    nearest: Float[np.ndarray, "quantities postures problems"] | None = None,
     projections: int = 4,
 ) -> Misfit:
-    """The misfit of each lane at its z. ``data`` has one subject a lane; ``nearest`` is where to begin.
+    """The misfit of each problem at its z. ``data`` has one subject a problem; ``nearest`` is where to begin.
 
     ``columns`` of z are those of ``slopes``; by default the adapted parameters.
     """
     if columns is None:
         columns = np.repeat(np.arange(len(ADAPTED))[:, None], z.shape[1], axis=1)
-    sd = data.noise(noise)
+    sd = data.standard_deviations(noise)
     x = data.values if nearest is None else nearest
     for _ in range(projections):
         g, G = _equations(effects, girdle, x, z, data.elevation_deg)
         scaled = G * sd.T[:, :, None, :]
-        gape = g + np.einsum("lpmn,npl->lpm", G, np.where(data.measured, data.values - x, 0.0))
+        violation = g + np.einsum("lpmn,npl->lpm", G, np.where(data.measured, data.values - x, 0.0))
         V = scaled @ np.swapaxes(scaled, -1, -2)
-        multipliers = np.linalg.solve(V, gape[..., None])[..., 0]
+        multipliers = np.linalg.solve(V, violation[..., None])[..., 0]
         back = sd * np.einsum("lpmn,lpm->npl", scaled, multipliers)
         step = np.where(data.measured, data.values - x, 0.0) - back
         longest = np.abs(step[:6]).max(axis=0)
         x = x + step * np.minimum(1.0, STEP_LIMIT_RAD / np.maximum(longest, STEP_LIMIT_RAD))
     g, G = _equations(effects, girdle, x, z, data.elevation_deg)
     scaled = G * sd.T[:, :, None, :]
-    gape = g + np.einsum("lpmn,npl->lpm", G, np.where(data.measured, data.values - x, 0.0))
+    violation = g + np.einsum("lpmn,npl->lpm", G, np.where(data.measured, data.values - x, 0.0))
     T = _chosen(effects, _sensitivities(effects, girdle, x, z, data.elevation_deg), columns, data.elevation_deg)
     real = data.counted.T[..., None]
     root = np.linalg.inv(np.linalg.cholesky(scaled @ np.swapaxes(scaled, -1, -2)))
     whitened = root @ G
     return Misfit(
         nearest=x,
-        y=np.where(real, (root @ gape[..., None])[..., 0], 0.0),
+        y=np.where(real, (root @ violation[..., None])[..., 0], 0.0),
         slopes=np.where(real[..., None], root @ T, 0.0),
         root=np.where(real[..., None], root, 0.0),
         by_angle=np.where(real[..., None], whitened[..., : len(ANGLES)], 0.0),
@@ -137,22 +138,22 @@ def misfit(
 
 
 def _at_postures(function, girdle: Girdle, angles, z, elevation_deg) -> tuple[np.ndarray, ...]:
-    """The function at every posture of every lane; results with the lanes and postures first.
+    """The function at every posture of every problem; results with the problems and postures first.
 
     A posture needs nothing of the others: all are one batch, whose size alone is compiled for."""
-    postures, lanes = elevation_deg.shape
+    postures, problems = elevation_deg.shape
     flat = (angles.reshape(len(angles), -1), np.tile(z, postures), elevation_deg.ravel())
     results = in_chunks(partial(function, girdle), _POSTURES, *flat)
-    return tuple(np.moveaxis(x.reshape(*x.shape[:-1], postures, lanes), (-1, -2), (0, 1)) for x in results)
+    return tuple(np.moveaxis(x.reshape(*x.shape[:-1], postures, problems), (-1, -2), (0, 1)) for x in results)
 
 
 def _chosen(
     effects,
-    slopes: Float[np.ndarray, "lanes postures m inputs"],
-    columns: Int[np.ndarray, "columns lanes"],
+    slopes: Float[np.ndarray, "problems postures m inputs"],
+    columns: Int[np.ndarray, "columns problems"],
     elevation_deg,
-) -> Float[np.ndarray, "lanes postures m columns"]:
-    """dg/dz of each lane's columns: dg by the adapted parameters and the strengths, times the term of the course."""
+) -> Float[np.ndarray, "problems postures m columns"]:
+    """dg/dz of each problem's columns: dg by the adapted parameters and the strengths, times the term of the course."""
     inputs, first = [np.arange(len(ADAPTED))], len(ADAPTED)
     over = [np.ones((len(ADAPTED), *elevation_deg.shape))]
     for effect in effects:
@@ -160,10 +161,10 @@ def _chosen(
         inputs.append(np.repeat(first + np.arange(channels), len(course)))
         over.append(np.tile(course, (channels, 1, 1)))
         first += channels
-    lanes = np.arange(columns.shape[1])
-    at = np.concatenate(over)[columns, :, lanes].transpose(0, 2, 1)
+    problems = np.arange(columns.shape[1])
+    at = np.concatenate(over)[columns, :, problems].transpose(0, 2, 1)
     factor = np.where(columns[:, None] >= 0, at, 0.0)
-    picked = slopes[lanes[:, None], :, :, np.concatenate(inputs)[columns].T]
+    picked = slopes[problems[:, None], :, :, np.concatenate(inputs)[columns].T]
     return picked.transpose(0, 2, 3, 1) * factor.transpose(2, 1, 0)[:, :, None]
 
 
@@ -192,7 +193,7 @@ def _positions(chain: ExtendedGirdle, angles):
 
 
 def _equations(effects, girdle: Girdle, x, z, elevation_deg) -> tuple[np.ndarray, np.ndarray]:
-    """g (lanes, postures, m) and dg/dx (lanes, postures, m, quantities)."""
+    """g (problems, postures, m) and dg/dx (problems, postures, m, quantities)."""
     g, G = _at_postures(partial(_by_angles, _closure, effects), girdle, x[:6], z, elevation_deg)
     if len(x) == len(ANGLES):
         return g, G
@@ -204,7 +205,7 @@ def _equations(effects, girdle: Girdle, x, z, elevation_deg) -> tuple[np.ndarray
     return np.concatenate([g, landmarks - predicted], axis=2), G
 
 
-def _sensitivities(effects, girdle: Girdle, x, z, elevation_deg) -> Float[np.ndarray, "lanes postures m inputs"]:
+def _sensitivities(effects, girdle: Girdle, x, z, elevation_deg) -> Float[np.ndarray, "problems postures m inputs"]:
     """dg by the adapted parameters and all strengths."""
     (slopes,) = _at_postures(partial(_by_inputs, _closure, effects), girdle, x[:6], z, elevation_deg)
     if len(x) == len(ANGLES):
@@ -226,11 +227,11 @@ def _by_angles(function, effects, girdle: Girdle, angles: Array, z: Array, eleva
 @partial(compiled, static_argnums=(0, 1))
 def _by_inputs(function, effects, girdle: Girdle, angles: Array, z: Array, elevation_deg: Array) -> tuple[Array]:
     """Its derivatives by the adapted parameters and all strengths: one reverse pass a component."""
-    value, pull = jax.vjp(
+    value, backward = jax.vjp(
         lambda inputs: function(_chain(effects, girdle, inputs), angles), _inputs(effects, z, elevation_deg)
     )
 
     def row(k):
-        return pull(jnp.zeros_like(value).at[k].set(1.0))[0]
+        return backward(jnp.zeros_like(value).at[k].set(1.0))[0]
 
     return (jax.vmap(row)(jnp.arange(len(value))),)

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import LinearisedFit
+from adapt.diagnosis.fit.discrepancy_columns import SMOOTH, discrepancy_columns
+from adapt.diagnosis.fit.linear_model import LinearisedFit
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed
-from adapt.diagnosis.inference.discrepancy import SMOOTH, discrepancy_columns
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
+from adapt.diagnosis.fit.observations import Observed
 from models.effects import Effect
 from models.girdle import CONSTRAINTS, Girdle
 
@@ -43,7 +44,7 @@ _BIN_DEG = 15.0
 _SC_TERMS = 3
 """Of the smooth course that SC may have over elevation: a parabola."""
 
-_RANK_SHARE = 1e-6
+_RANK = 1e-6
 """Singular values below this share of the largest are columns that say nothing new."""
 
 _ANGLES = 6
@@ -59,7 +60,7 @@ def estimate_noise(
         return NoiseEstimate(Noise(given_deg, landmark_mm), np.inf, "given")
     angles_only = replace(data, values=data.values[:_ANGLES], measured=data.measured[:_ANGLES])
     fitted = fit_hypotheses(girdle, effects, [()], angles_only, ASSUMED)[0]
-    everyone = _beyond_their_own(fitted, angles_only)
+    everyone = _outside_own_columns(fitted, angles_only)
     noisy_deg = _noisy_deg(everyone)
     squares, freedom = _unexplained([one for s, one in enumerate(everyone) if s not in noisy_deg])
     if freedom < FEWEST_DEGREES:
@@ -68,7 +69,7 @@ def estimate_noise(
     return NoiseEstimate(Noise(angle_deg, landmark_mm), float(freedom), "estimated", noisy_deg)
 
 
-class _Beyond(NamedTuple):
+class _OutsideOwnColumns(NamedTuple):
     """One subject along the directions that its own columns do not span, orthonormal ones."""
 
     left: Float[np.ndarray, " directions"]
@@ -77,7 +78,7 @@ class _Beyond(NamedTuple):
     """Of the columns that subjects have in common."""
 
 
-def _noisy_deg(everyone: Sequence[_Beyond]) -> dict[int, float]:
+def _noisy_deg(everyone: Sequence[_OutsideOwnColumns]) -> dict[int, float]:
     """The subjects that scatter far more than the others, and their SD; none where they are too many to be exceptions.
 
     A mean square of n degrees of freedom is distributed as the cube of a normal variable (Wilson and Hilferty 1931).
@@ -95,19 +96,19 @@ def _noisy_deg(everyone: Sequence[_Beyond]) -> dict[int, float]:
     return {int(s): ASSUMED.angle_deg * float(np.sqrt(variance[s])) for s in noisy}
 
 
-def _beyond_their_own(fitted: LinearisedFit, data: Observed) -> list[_Beyond]:
+def _outside_own_columns(fitted: LinearisedFit, data: Observed) -> list[_OutsideOwnColumns]:
     """Of every subject; its postures that have all their angles."""
     own = np.concatenate([fitted.X, discrepancy_columns(fitted, data, SMOOTH)], axis=2)
     common = _posture_columns(fitted, data)
     complete = np.repeat(data.counted & data.measured.all(axis=0), len(CONSTRAINTS), axis=0).T
     bases = [_complement(columns[real]).T for columns, real in zip(own, complete, strict=True)]
     return [
-        _Beyond(basis @ y[real], basis @ shared[real])
+        _OutsideOwnColumns(basis @ y[real], basis @ shared[real])
         for basis, y, shared, real in zip(bases, fitted.y, common, complete, strict=True)
     ]
 
 
-def _unexplained(subjects: Sequence[_Beyond]) -> tuple[float, int]:
+def _unexplained(subjects: Sequence[_OutsideOwnColumns]) -> tuple[float, int]:
     """The sum of squares of what these subjects have not in common either, and its degrees of freedom; one subject has
     nothing in common with others."""
     left = np.concatenate([one.left for one in subjects])
@@ -128,7 +129,7 @@ def _posture_columns(fitted: LinearisedFit, data: Observed) -> Float[np.ndarray,
 def _complement(columns: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n free"]:
     """Orthonormal basis of what the columns do not span."""
     U, S, _ = np.linalg.svd(columns, full_matrices=True)
-    return U[:, int((_RANK_SHARE * S.max(initial=0.0) < S).sum()) :]
+    return U[:, int((_RANK * S.max(initial=0.0) < S).sum()) :]
 
 
 def _landmark_noise_mm(data: Observed) -> float:

@@ -1,66 +1,19 @@
-"""What the diagnosis sees of the subjects: angles and landmark positions, with their noise, as padded arrays."""
+"""The measurements of all subjects: angles and landmark positions as padded arrays."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.solvers.padded_batch import Batch, pack
 from models.effects.effect import SHOWN
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 from motions.table import Motions
 
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of one measurement."""
-
-    angle_deg: float
-    landmark_mm: float = 2.0
-
-    def of(self, quantities: int) -> Float[np.ndarray, " quantities"]:
-        """Of six angles in rad, then of landmark coordinates in mm."""
-        return np.array([self.angle_deg / DEG] * 6 + [self.landmark_mm] * (quantities - 6))
-
-
 _UNMEASURED = Noise(angle_deg=60.0, landmark_mm=300.0)
 """Noise of what was not measured: any value it could have."""
-
-
-_NODES = 3
-"""Of the quadrature over the noise: nine change log evidence by 0.2 nats at most, mostly by less than 0.05."""
-
-
-@dataclass(frozen=True)
-class NoiseEstimate:
-    """The noise, and the residual degrees of freedom it rests on: infinite where it was given."""
-
-    noise: Noise
-    freedom: float
-    source: str
-    """'estimated', 'given' or 'assumed', of the angles."""
-    noisy_deg: Mapping[int, float] = field(default_factory=dict)
-    """SD of the subjects, by number, that scatter far more than the others: it is not in the estimate."""
-
-    @property
-    def known(self) -> bool:
-        """Whether the noise was given."""
-        return not np.isfinite(self.freedom)
-
-    @cached_property
-    def likely_shares(self) -> list[tuple[float, float]]:
-        """Shares of the estimate that the noise may be, each with its probability (Gauss-Hermite).
-
-        The logarithm of an SD estimated from n degrees of freedom has an SD of its own of 1 / sqrt(2 n).
-        """
-        if self.known:
-            return [(1.0, 1.0)]
-        nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
-        shares = np.exp(nodes / np.sqrt(2.0 * self.freedom))
-        return list(zip(shares.tolist(), (weights / weights.sum()).tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -90,8 +43,8 @@ class Observed:
         lost = np.minimum((~self.measured).sum(axis=0), each)
         return int(np.where(self.counted, lost, each).sum())
 
-    def of_subjects(self, index: Int[np.ndarray, " chosen"]) -> "Observed":
-        """Some of the subjects, one perhaps more than once."""
+    def select_subjects(self, index: Int[np.ndarray, " chosen"]) -> "Observed":
+        """Take some of the subjects, one perhaps more than once."""
         arrays = {k: v[..., index] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **arrays, subjects=tuple(self.subjects[i] for i in index))
 
@@ -99,9 +52,9 @@ class Observed:
         """The same with some postures not counted."""
         return replace(self, counted=self.counted & ~left_out)
 
-    def noise(self, noise: Noise) -> Float[np.ndarray, "quantities postures subjects"]:
-        """SD of each quantity."""
-        each, any_value = (kind.of(len(self.values))[:, None, None] for kind in (noise, _UNMEASURED))
+    def standard_deviations(self, noise: Noise) -> Float[np.ndarray, "quantities postures subjects"]:
+        """Give each quantity its SD: that of any value there could be, where it was not measured."""
+        each, any_value = (kind.standard_deviations(len(self.values))[:, None, None] for kind in (noise, _UNMEASURED))
         return np.where(self.measured, each, any_value)
 
 

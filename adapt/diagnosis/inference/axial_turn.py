@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.linear_evidence import InnerProducts
 from adapt.diagnosis.fit.observations import Observed
-from adapt.diagnosis.inference.departures import departures_of, of_each_channel
+from adapt.diagnosis.inference.departures import departures_of, departures_per_channel
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import FULL_ELEVATION_DEG
@@ -39,10 +39,10 @@ from which they have a slope: two postures 42 degrees apart."""
 
 
 class MeanSubject(NamedTuple):
-    """The one residual, R a - seen, in standard deviations."""
+    """The one residual, R a - measured, in standard deviations."""
 
     columns: Float[np.ndarray, " amplitudes"]
-    seen: float
+    measured: float
 
 
 def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | None:
@@ -55,12 +55,12 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
     sd = np.hypot(_STUDIES_DEG, _PEOPLE_DEG / np.sqrt(subjects))
     own, beside = [np.zeros(0)], [np.zeros(0)]
     for effect in effects:
-        by_term, by_departure = np.zeros(effect.terms), np.zeros(of_each_channel(data))
-        if effect.axial:
+        by_term, by_departure = np.zeros(effect.terms), np.zeros(departures_per_channel(data))
+        if effect.prior.axial:
             course = effect.course(data.elevation_deg)
             by_term = (course * weight).sum(axis=(1, 2)) / subjects
             by_departure = np.einsum("ps,spd->d", course[0] * weight, departures_of(data, effect)) / subjects
-        axial = effect.axial or np.zeros(len(effect.channels))
+        axial = effect.prior.axial or np.zeros(len(effect.channels))
         own.append(np.outer(axial, by_term).ravel())
         if effect.over_elevation:
             beside.append(np.outer(axial, by_departure).ravel())
@@ -79,27 +79,27 @@ def _turns_deg(data: Observed, weight: Float[np.ndarray, "postures subjects"]) -
     return (data.values[_AXIAL] * weight).sum(axis=0) * float(DEG)
 
 
-def with_mean_subject(of: InnerProducts, mean: MeanSubject | None) -> InnerProducts:
+def with_mean_subject(products: InnerProducts, one: MeanSubject | None) -> InnerProducts:
     """The products with those of one more subject."""
-    if mean is None:
-        return of
-    row = np.concatenate([np.zeros(len(ADAPTED)), mean.columns])
+    if one is None:
+        return products
+    row = np.concatenate([np.zeros(len(ADAPTED)), one.columns])
     return replace(
-        of,
-        columns=np.concatenate([of.columns, np.outer(row, row)[None]]),
-        seen=np.concatenate([of.seen, (row * mean.seen)[None]]),
-        square=of.square + mean.seen**2,
+        products,
+        columns=np.concatenate([products.columns, np.outer(row, row)[None]]),
+        with_data=np.concatenate([products.with_data, (row * one.measured)[None]]),
+        square=products.square + one.measured**2,
     )
 
 
 def _slope_weights(data: Observed) -> Float[np.ndarray, "postures subjects"]:
     """What each posture adds to its subject's slope over elevation, its motions each about their own mean."""
     f = data.elevation_deg / FULL_ELEVATION_DEG
-    seen = data.counted & data.measured[_AXIAL]
+    measured = data.counted & data.measured[_AXIAL]
     apart = np.zeros_like(f)
     for motion in range(len(data.motions)):
-        of_it = seen & (data.motion == motion)
-        mean = (f * of_it).sum(axis=0) / np.maximum(of_it.sum(axis=0), 1)
-        apart += np.where(of_it, f - mean, 0.0)
+        in_motion = measured & (data.motion == motion)
+        mean = (f * in_motion).sum(axis=0) / np.maximum(in_motion.sum(axis=0), 1)
+        apart += np.where(in_motion, f - mean, 0.0)
     square = (apart**2).sum(axis=0)
     return np.where(square >= _LEAST_RANGE, apart / np.maximum(square, _LEAST_RANGE), 0.0)

@@ -12,11 +12,12 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import LinearisedFit
+from adapt.diagnosis.fit.linear_model import LinearisedFit
 from adapt.diagnosis.fit.misfit import spans_of
 from adapt.diagnosis.fit.observations import Observed
 from models.effects import Effect
-from models.effects.effect import COURSE_SD, FULL_ELEVATION_DEG
+from models.effects.effect import FULL_ELEVATION_DEG
+from models.effects.prior import COURSE_SD
 
 _FINER_SD = (0.1, 0.1)
 """Prior SD of the next two terms of a course, as shares of the scale: a hinge at half the range, a late smooth step and
@@ -29,11 +30,11 @@ def with_departures(fitted: LinearisedFit, effects: Sequence[Effect], data: Obse
     columns, scales = [], []
     for effect, own in zip(effects, spans_of(effects), strict=True):
         if effect.over_elevation:
-            shares = departures_of(data, effect)
+            departures = departures_of(data, effect)
             first = own.start + len(COURSE_SD) * np.arange(len(effect.channels))
-            by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * shares[:, :, None, None]
+            by_posture = fitted.A[..., first].reshape(subjects, postures, m, -1, 1) * departures[:, :, None, None]
             columns.append(by_posture.reshape(subjects, postures * m, -1))
-            scales.append(np.repeat(fitted.scale[first], shares.shape[2]))
+            scales.append(np.repeat(fitted.scale[first], departures.shape[2]))
     if not columns:
         return fitted
     more = np.concatenate(columns, axis=2)
@@ -45,7 +46,7 @@ def with_departures(fitted: LinearisedFit, effects: Sequence[Effect], data: Obse
     )
 
 
-def of_each_channel(data: Observed) -> int:
+def departures_per_channel(data: Observed) -> int:
     """How many columns of departures a channel has; those of an effect stand together, channel by channel."""
     return len(_FINER_SD) + (len(data.motions) if len(data.motions) > 1 else 0)
 
@@ -58,4 +59,4 @@ def departures_of(data: Observed, effect: Effect) -> Float[np.ndarray, "subjects
     motions = len(data.motions)
     apart = (data.motion.T[..., None] == np.arange(motions)) - 1.0 / motions
     among = apart if motions > 1 else apart[..., :0]
-    return np.concatenate([terms * np.asarray(_FINER_SD), among * effect.between_motions], axis=2)
+    return np.concatenate([terms * np.asarray(_FINER_SD), among * effect.prior.between_motions], axis=2)

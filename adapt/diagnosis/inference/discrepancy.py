@@ -13,28 +13,21 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import (
+from adapt.diagnosis.fit.discrepancy_columns import FINE, SMOOTH, Columns, discrepancy_columns, over_elevation
+from adapt.diagnosis.fit.linear_evidence import inner_products, log_evidence, log_sum
+from adapt.diagnosis.fit.linear_model import (
     AmplitudePrior,
     LinearisedFit,
     Spread,
     common_shift,
     independent_prior,
-    inner_products,
-    log_evidence,
-    log_sum,
     shared_prior,
 )
-from adapt.diagnosis.fit.observations import NoiseEstimate, Observed
+from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.priors import SHIFT
-from models.effects.effect import FULL_ELEVATION_DEG
 from models.girdle import CONSTRAINTS
 from motions.rotations import DEG
-
-Columns = Float[np.ndarray, "subjects residuals more"]
-"""Derivatives of y by some numbers each."""
-
-SMOOTH, FINE = 3, 6
-"""Terms over elevation in each motion: a constant, a slope and a bend; or nearly any course of seven postures."""
 
 _SCALES_MM = (1.0, 3.0)
 """Prior SD of each term: bone pins left 3-5 mm of TS and AI, 2-4 mm of the conoid; a third of that for a small one."""
@@ -52,15 +45,10 @@ _HELD_BY = ((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """What may scatter: the thorax under TS and AI, or the conoid."""
 
 _NOISES = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1)
-"""Shares of an estimated noise that may be all of it."""
+"""Factors that may take an estimated noise to all of it."""
 
-_SCATTER_SHARE = 0.01
+_SCATTER_PROBABILITY = 0.01
 """Prior probability of scatter: the noise of six angles is not quite alike, which is not to pass for it."""
-
-
-def discrepancy_columns(fitted: LinearisedFit, data: Observed, terms: int) -> Columns:
-    """Derivatives of y by the terms (Legendre polynomials of elevation), for each constraint and motion."""
-    return _over_elevation(fitted.root[..., : len(CONSTRAINTS)], data, terms)
 
 
 def landmark_columns(fitted: LinearisedFit, data: Observed) -> list[tuple[Columns, tuple[float, ...]]]:
@@ -71,19 +59,11 @@ def landmark_columns(fitted: LinearisedFit, data: Observed) -> list[tuple[Column
         return []
     units = [(angle, _SCALES_DEG) for angle in _by_three(fitted.by_angle / DEG)]
     units += [(landmark, _SCALES_LANDMARK_MM) for landmark in _by_three(by_coordinate)]
-    return [(_over_elevation(unit, data, SMOOTH), scales) for unit, scales in units]
+    return [(over_elevation(unit, data, SMOOTH), scales) for unit, scales in units]
 
 
 def _by_three(units: Float[np.ndarray, "subjects postures m units"]) -> list[np.ndarray]:
     return np.split(units, units.shape[-1] // _XYZ, axis=-1)
-
-
-def _over_elevation(unit: Float[np.ndarray, "subjects postures m units"], data: Observed, terms: int) -> Columns:
-    x = np.clip(2.0 * data.elevation_deg / FULL_ELEVATION_DEG - 1.0, -1.0, 1.3).T
-    over = np.polynomial.legendre.legvander(x, terms - 1)
-    in_motion = data.motion.T[..., None] == np.arange(len(data.motions))
-    columns = unit[..., None, None] * (over[..., None] * in_motion[..., None, :])[:, :, None, None]
-    return columns.reshape(len(unit), unit.shape[1] * unit.shape[2], -1)
 
 
 def scatter_columns(fitted: LinearisedFit, held_by: Sequence[float]) -> Columns:
@@ -101,9 +81,9 @@ def discrepancy_gain(fitted: LinearisedFit, data: Observed, prior: AmplitudePrio
     positions, of a bone's angles or a landmark too. Or scatter from posture to posture in what holds the scapula or the
     clavicle; it passes for noise, so the noise may then be less than it was estimated to be.
     """
-    course = _gain(fitted, prior, _courses(fitted, data), noise.likely_shares)
+    course = _gain(fitted, prior, _courses(fitted, data), noise.likely_factors)
     scatter = _gain(fitted, prior, _scatters(fitted), _less_or_likely(noise))
-    return max(course, scatter + math.log(_SCATTER_SHARE))
+    return max(course, scatter + math.log(_SCATTER_PROBABILITY))
 
 
 Kind = tuple[Columns, Spread, tuple[float, ...]]
@@ -129,12 +109,12 @@ def _scatters(fitted: LinearisedFit) -> list[Kind]:
 
 
 def _less_or_likely(noise: NoiseEstimate) -> list[tuple[float, float]]:
-    """``_NOISES``, and the shares above them that an estimate from few degrees of freedom leaves likely: without them a
-    noise estimated too low would pass for scatter."""
+    """Give ``_NOISES``, and the factors above them that an estimate from few degrees of freedom leaves likely: without
+    them a noise estimated too low would pass for scatter."""
     if noise.known:
-        return noise.likely_shares
-    shares = [*_NOISES, *(share for share, _ in noise.likely_shares if share > max(_NOISES))]
-    return [(share, 1.0 / len(shares)) for share in shares]
+        return noise.likely_factors
+    factors = [*_NOISES, *(factor for factor, _ in noise.likely_factors if factor > max(_NOISES))]
+    return [(factor, 1.0 / len(factors)) for factor in factors]
 
 
 def _gain(

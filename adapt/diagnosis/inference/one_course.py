@@ -16,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.diagnosis.fit.linear_evidence import AmplitudePrior, Statistics
+from adapt.diagnosis.fit.linear_evidence import AmplitudeStatistics
+from adapt.diagnosis.fit.linear_model import AmplitudePrior
 from adapt.diagnosis.fit.misfit import spans_of
 from models.effects import Effect
-from models.effects.effect import COURSE_SD
+from models.effects.prior import COURSE_SD
 
 _SIZE_SD = 0.25
 """SD of a subject's size about the common one, as a share of it."""
@@ -30,9 +31,9 @@ _BESIDE = 1.0 / 3.0
 
 @dataclass(frozen=True)
 class OneCourse:
-    """The evidence's ingredients (see ``evidence.common_amplitude``) for amplitudes that go together."""
+    """The evidence's ingredients (see ``linear_evidence.common_amplitude``) for amplitudes that go together."""
 
-    of: Statistics
+    statistics: AmplitudeStatistics
     prior: AmplitudePrior
     along: Float[np.ndarray, "*draws amplitudes effects"]
     kept: Int[np.ndarray, " kept"]
@@ -40,7 +41,7 @@ class OneCourse:
 
 
 def one_course(
-    of: Statistics,
+    statistics: AmplitudeStatistics,
     prior: AmplitudePrior,
     free: Float[np.ndarray, "*draws amplitudes"],
     effects: Sequence[Effect],
@@ -63,7 +64,7 @@ def one_course(
         common=np.concatenate([prior.common[kept], sd]),
         between=np.concatenate([_BESIDE * prior.between[kept], none]),
     )
-    return OneCourse(of.project(T), together, along, kept)
+    return OneCourse(statistics.project(T), together, along, kept)
 
 
 class _Group(NamedTuple):

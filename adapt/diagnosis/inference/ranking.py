@@ -7,17 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import (
-    Hypothesis,
-    LinearisedFit,
-    independent_prior,
-    inner_products,
-    shared_prior,
-)
+from adapt.diagnosis.fit.linear_evidence import inner_products
+from adapt.diagnosis.fit.linear_model import Hypothesis, LinearisedFit, independent_prior, shared_prior
+from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
 from adapt.diagnosis.fit.misfit import spans_of
-from adapt.diagnosis.fit.observations import NoiseEstimate, Observed
+from adapt.diagnosis.fit.observations import Observed
 from adapt.diagnosis.inference.axial_turn import mean_subject, with_mean_subject
-from adapt.diagnosis.inference.departures import of_each_channel, with_departures
+from adapt.diagnosis.inference.departures import departures_per_channel, with_departures
 from adapt.diagnosis.inference.discrepancy import discrepancy_gain
 from adapt.diagnosis.inference.priors import likeliest_prior, likely_spreads, over_priors
 from adapt.engine.batching import in_threads
@@ -34,7 +30,7 @@ class Ranking:
     fitted: tuple[LinearisedFit, ...]
     log_evidence: Float[np.ndarray, " hypotheses"]
     """Less that of the best."""
-    independent_prior: Float[np.ndarray, " hypotheses"]
+    independent_log_odds: Float[np.ndarray, " hypotheses"]
     """Log evidence that amplitudes differ between subjects, less that they are alike."""
     discrepancy_gain: float
     """log evidence of the best hypothesis with an unlisted discrepancy, less that of the best without."""
@@ -64,13 +60,13 @@ class _Weighed:
     wider: LinearisedFit
     """The same with what its amplitudes may depart by."""
     log_evidence: float
-    independent_prior: float
+    independent_log_odds: float
 
 
 def rank(fitted: Sequence[LinearisedFit], effects: Sequence[Effect], data: Observed, noise: NoiseEstimate) -> Ranking:
     """Weigh fitted hypotheses; examine the best for what they leave."""
     by_name = {effect.name: effect for effect in effects}
-    departures = of_each_channel(data)
+    departures = departures_per_channel(data)
     weighed = in_threads(
         lambda one: _weighed(one, [by_name[name] for name in one.hypothesis], data, noise, departures), fitted
     )
@@ -84,7 +80,7 @@ def rank(fitted: Sequence[LinearisedFit], effects: Sequence[Effect], data: Obser
     return Ranking(
         fitted=tuple(one.fitted for one in weighed),
         log_evidence=np.array([one.log_evidence - best for one in weighed]),
-        independent_prior=np.array([one.independent_prior for one in weighed]),
+        independent_log_odds=np.array([one.independent_log_odds for one in weighed]),
         discrepancy_gain=gain,
         chi_square=chi_square,
         freedom=freedom,
@@ -97,12 +93,12 @@ def _weighed(
     fitted: LinearisedFit, effects: Sequence[Effect], data: Observed, noise: NoiseEstimate, departures: int
 ) -> _Weighed:
     wider = with_departures(fitted, effects, data)
-    of = inner_products(wider)
-    spreads, log_share = likely_spreads(of, wider.a)
-    of = with_mean_subject(of, mean_subject(effects, data))
-    found = over_priors(of, wider.scale, effects, noise.likely_shares, spreads, departures)
+    products = inner_products(wider)
+    spreads, log_fraction = likely_spreads(products, wider.a)
+    products = with_mean_subject(products, mean_subject(effects, data))
+    found = over_priors(products, wider.scale, effects, noise.likely_factors, spreads, departures)
     fitted, wider = (one.with_spread(found.spread) for one in (fitted, wider))
-    return _Weighed(fitted, wider, float(found.log_evidence) - log_share, float(found.independent_prior))
+    return _Weighed(fitted, wider, float(found.log_evidence) - log_fraction, float(found.independent_log_odds))
 
 
 def amplitude_excess(fitted: LinearisedFit, effects: Sequence[Effect]) -> float:

@@ -8,15 +8,13 @@ them is from these subjects.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import Hypothesis
+from adapt.diagnosis.fit.linear_model import Hypothesis
 from adapt.diagnosis.inference.ranking import Ranking
-
-NONE, EFFECT, UNKNOWN = "none", "effect", "unknown"
+from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN, Answer, Verdict
 
 _TEMPERATURE = 1.0
 """Divides log evidence: 1 takes it at its word, more allows for evidence that is too sure of itself."""
@@ -24,7 +22,7 @@ _TEMPERATURE = 1.0
 _NONE_PRIOR = 0.35
 """Prior probability of no effect; single effects share the rest."""
 
-_EXPECTED_SHARE = 0.5
+_DECLARED_SHARE = 0.5
 """Of what the single effects share, for those that the motion file says of itself: as much as for all others."""
 
 _PAIR_PRIOR = 0.02
@@ -40,7 +38,7 @@ each standard deviation that an effect of the best hypothesis is larger than suc
 The five are between the fit to our own calibration worlds and that to these and two other authors' together, whose
 outside effects show less: as likely as the former in our own worlds, nearly as likely as the latter in all."""
 
-_MOST_GAIN, _MOST_EXCESS, _MOST_OVERSIZE = 10.0, 5.0, 5.0
+_MOST_GAIN, _MOST_EXCESS, _MOST_AMPLITUDE_EXCESS = 10.0, 5.0, 5.0
 """Beyond these a test is no surer."""
 
 UNKNOWN_FROM = 0.33
@@ -57,46 +55,31 @@ _SET_PROBABILITY = 0.95
 """What the reported set holds of the probability of all effects, at least; mostly more, as a name comes in whole."""
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """The answer and the probabilities behind it."""
-
-    answer: str
-    effects: tuple[str, ...]
-    """Names that cannot be told apart, most probable first. Where two act together: the most probable two, then those
-    that may be there in place of one of them. If the answer is unknown: those that explain part of the gap, alone or
-    together, and leave something systematic."""
-    together: bool
-    """True where the first two of the effects act together."""
-    probability: dict[str, float]
-    """Of every effect, none and unknown; sums to 1. A pair gives half of its own to each of its two."""
-    pairs: dict[str, float]
-    """Of the pairs tried, as 'a+b'."""
-
-
-def judge(ranking: Ranking, names: Sequence[str], expected: Sequence[str] = ()) -> Verdict:
+def judge(ranking: Ranking, names: Sequence[str], declared: Sequence[str] = ()) -> Verdict:
     """The verdict on a ranking of none, every effect of ``names`` and perhaps pairs of them.
 
-    ``expected`` are those of the names that the motions are marked with.
+    ``declared`` are those of the names that the motions are marked with.
     """
-    shares = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, expected)
-    unknown = _unknown(ranking, shares)
+    posterior = posterior_probabilities(ranking.hypotheses, ranking.log_evidence, names, declared)
+    unknown = _unknown(ranking, posterior)
     probability = dict.fromkeys([*names, NONE], 0.0)
     pairs: dict[str, float] = {}
-    for hypothesis, share in zip(ranking.hypotheses, shares, strict=True):
+    for hypothesis, p in zip(ranking.hypotheses, posterior, strict=True):
         for name in hypothesis or (NONE,):
-            probability[name] += float((1.0 - unknown) * share / max(len(hypothesis), 1))
+            probability[name] += float((1.0 - unknown) * p / max(len(hypothesis), 1))
         if len(hypothesis) > 1:
-            pairs["+".join(hypothesis)] = float((1.0 - unknown) * share)
-    answer, effects, together = _answer(ranking, shares, unknown)
+            pairs["+".join(hypothesis)] = float((1.0 - unknown) * p)
+    answer, effects, together = _answer(ranking, posterior, unknown)
     return Verdict(answer, effects, together, {**probability, UNKNOWN: unknown}, pairs)
 
 
-def _unknown(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> float:
+def _unknown(ranking: Ranking, posterior: Float[np.ndarray, " hypotheses"]) -> float:
     """Logistic in the two tests and in ``unknown_penalties``."""
     constant, *weights = _UNKNOWN_TERMS
     tests = clipped_tests(ranking.discrepancy_gain, ranking.excess)
-    log_odds = constant + float(np.dot(weights, tests) + np.dot(_UNKNOWN_PENALTIES, unknown_penalties(ranking, shares)))
+    log_odds = constant + float(
+        np.dot(weights, tests) + np.dot(_UNKNOWN_PENALTIES, unknown_penalties(ranking, posterior))
+    )
     return 1.0 / (1.0 + math.exp(-log_odds))
 
 
@@ -108,20 +91,20 @@ def clipped_tests(discrepancy_gain: float, excess: float) -> tuple[float, float]
     )
 
 
-def unknown_penalties(ranking: Ranking, shares: Float[np.ndarray, " hypotheses"]) -> tuple[float, float]:
-    """How much of the answer is pairs, and the oversize: with both, the best hypothesis has to leave less."""
-    of_pairs = sum(float(s) for h, s in zip(ranking.hypotheses, shares, strict=True) if len(h) > 1)
-    return of_pairs, min(ranking.amplitude_excess, _MOST_OVERSIZE)
+def unknown_penalties(ranking: Ranking, posterior: Float[np.ndarray, " hypotheses"]) -> tuple[float, float]:
+    """How much of the answer is pairs, and the amplitude excess: with both, the best hypothesis has to leave less."""
+    of_pairs = sum(float(p) for hypothesis, p in zip(ranking.hypotheses, posterior, strict=True) if len(hypothesis) > 1)
+    return of_pairs, min(ranking.amplitude_excess, _MOST_AMPLITUDE_EXCESS)
 
 
-def _single_priors(names: Sequence[str], expected: Sequence[str]) -> dict[Hypothesis, float]:
+def _single_priors(names: Sequence[str], declared: Sequence[str]) -> dict[Hypothesis, float]:
     """Of none and of every effect alone."""
-    some = [name for name in expected if name in names]
+    some = [name for name in declared if name in names]
     whole = 1.0 - _NONE_PRIOR
     priors: dict[Hypothesis, float] = {(name,): whole / len(names) for name in names}
     if 0 < len(some) < len(names):
-        rest = whole * (1.0 - _EXPECTED_SHARE) / (len(names) - len(some))
-        priors = {(name,): whole * _EXPECTED_SHARE / len(some) if name in some else rest for name in names}
+        rest = whole * (1.0 - _DECLARED_SHARE) / (len(names) - len(some))
+        priors = {(name,): whole * _DECLARED_SHARE / len(some) if name in some else rest for name in names}
     return {(): _NONE_PRIOR, **priors}
 
 
@@ -129,10 +112,10 @@ def posterior_probabilities(
     hypotheses: Sequence[Hypothesis],
     log_evidence: Float[np.ndarray, " hypotheses *draws"],
     names: Sequence[str],
-    expected: Sequence[str] = (),
+    declared: Sequence[str] = (),
 ) -> Float[np.ndarray, " hypotheses *draws"]:
     """Tempered posterior probabilities of none, effects and pairs among each other; of one data set or many draws."""
-    single = _single_priors(names, expected)
+    single = _single_priors(names, declared)
     pairs = sum(len(hypothesis) == 2 for hypothesis in hypotheses)
     priors = np.array([single.get(hypothesis, _PAIR_PRIOR / max(pairs, 1)) for hypothesis in hypotheses])
     log = log_evidence / _TEMPERATURE + np.log(priors).reshape(-1, *(1,) * (log_evidence.ndim - 1))
@@ -140,27 +123,27 @@ def posterior_probabilities(
     return weight / weight.sum(axis=0)
 
 
-def _answer(ranking: Ranking, shares, unknown: float) -> tuple[str, tuple[str, ...], bool]:
-    order = np.argsort(-shares, kind="stable")
+def _answer(ranking: Ranking, posterior, unknown: float) -> tuple[Answer, tuple[str, ...], bool]:
+    order = np.argsort(-posterior, kind="stable")
     none = ranking.hypotheses.index(())
     best = next(ranking.hypotheses[k] for k in order if k != none)
     if unknown >= UNKNOWN_FROM:
         gain = ranking.log_evidence[ranking.hypotheses.index(best)] - ranking.log_evidence[none]
         partly = best if gain > _PART_GAIN else ()
         return UNKNOWN, partly, len(partly) > 1
-    if shares[none] >= NONE_FROM:
+    if posterior[none] >= NONE_FROM:
         return NONE, (), False
-    alike = [(ranking.hypotheses[k], shares[k]) for k in order if len(ranking.hypotheses[k]) == len(best)]
-    names = dict.fromkeys(name for hypothesis in _credible(alike) for name in hypothesis)
+    as_many = [(ranking.hypotheses[k], posterior[k]) for k in order if len(ranking.hypotheses[k]) == len(best)]
+    names = dict.fromkeys(name for hypothesis in _credible(as_many) for name in hypothesis)
     return EFFECT, tuple(names), len(best) > 1
 
 
-def _credible(shares: Sequence[tuple[Hypothesis, float]]) -> list[Hypothesis]:
+def _credible(probabilities: Sequence[tuple[Hypothesis, float]]) -> list[Hypothesis]:
     """The fewest of these hypotheses, most probable first, that hold ``_SET_PROBABILITY`` of what all hold."""
-    total, chosen, held = sum(share for _, share in shares), [], 0.0
-    for hypothesis, share in shares:
+    total, chosen, held = sum(probability for _, probability in probabilities), [], 0.0
+    for hypothesis, probability in probabilities:
         chosen.append(hypothesis)
-        held += share
+        held += probability
         if held >= _SET_PROBABILITY * total:
             break
     return chosen

@@ -10,14 +10,15 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rotations]:
     longer, farther, thicker = percent / 100.0
     ac_mm = girdle.ac_mm * (1.0 + longer)
-    shares = 1.0 + 0.5 * longer + jnp.stack([farther, thicker, thicker])
-    conoid_mm = ac_mm + (girdle.clavicle_conoid_mm - girdle.ac_mm) * shares
+    factors = 1.0 + 0.5 * longer + jnp.stack([farther, thicker, thicker])
+    conoid_mm = ac_mm + (girdle.clavicle_conoid_mm - girdle.ac_mm) * factors
     return replace(girdle, ac_mm=ac_mm, clavicle_conoid_mm=conoid_mm), rotations
 
 
@@ -26,9 +27,11 @@ EFFECT = Effect(
     what="the subject's clavicle is not the cadaver's",
     unit="%",
     channels=("length", "conoid from AC, %", "thickness, %"),
-    scale=(8.0, 4.0, 4.0),
     details=2,
     over_elevation=False,
-    source="143-146 +- 11 mm between people",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(8.0, 4.0, 4.0),
+        source="143-146 +- 11 mm between people",
+    ),
 )

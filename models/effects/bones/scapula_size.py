@@ -8,6 +8,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 _CORACOID_SHARE = 0.75
@@ -31,9 +32,11 @@ EFFECT = Effect(
     what="the subject's scapula is not the cadaver's",
     unit="%",
     channels=("size", "height, %", "coracoid, %"),
-    scale=(8.0, 1.5, 2.0),
     details=2,
     over_elevation=False,
-    source="assumed: as the clavicle's",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(8.0, 1.5, 2.0),
+        source="assumed: as the clavicle's",
+    ),
 )

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 
@@ -15,9 +16,11 @@ EFFECT = Effect(
     what="AC centre moves in the clavicle with elevation",
     unit="mm",
     channels=("along", "up", "back"),
-    scale=(1.5, 1.5, 4.5),
-    leads="back",
     over_elevation=True,
-    source="Sahara 2006: antero-posterior -1.9 to +1.6 mm; bone pins 2.7-6.5 mm",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(1.5, 1.5, 4.5),
+        leads="back",
+        source="Sahara 2006: antero-posterior -1.9 to +1.6 mm; bone pins 2.7-6.5 mm",
+    ),
 )

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 
@@ -15,10 +16,12 @@ EFFECT = Effect(
     what="conoid length changes with elevation",
     unit="mm",
     channels=("length",),
-    scale=(3.0,),
     over_elevation=True,
     late=True,
-    source="stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi 10.1109/TBME.2014.2309727); in vivo strain not found",
     adjust=_adjust,
-    sign=(1,),
+    prior=EffectPrior(
+        scale=(3.0,),
+        sign=(1,),
+        source="stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi 10.1109/TBME.2014.2309727); in vivo strain not found",
+    ),
 )

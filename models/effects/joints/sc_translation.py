@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 
@@ -15,8 +16,10 @@ EFFECT = Effect(
     what="SC centre moves in the thorax with elevation",
     unit="mm",
     channels=("lateral", "up", "back"),
-    scale=(3.3, 3.3, 3.3),
     over_elevation=True,
-    source="bone pins 5.9-12.8 mm (two shoulders)",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(3.3, 3.3, 3.3),
+        source="bone pins 5.9-12.8 mm (two shoulders)",
+    ),
 )

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 
@@ -16,9 +17,11 @@ EFFECT = Effect(
     what="TS and AI distance to the thorax change with elevation",
     unit="mm",
     channels=("TS", "AI"),
-    scale=(5.0, 7.0),
-    leads="AI",
     over_elevation=True,
-    source="no healthy figure found; 3-5 mm SD computed on bone-pin data",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(5.0, 7.0),
+        leads="AI",
+        source="no healthy figure found; 3-5 mm SD computed on bone-pin data",
+    ),
 )

@@ -8,6 +8,7 @@ f has 0, f^2 has -0.25.
 import jax.numpy as jnp
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotation_from_cardan
 
@@ -25,11 +26,13 @@ EFFECT = Effect(
     what="the clavicle's axial rotation as measured is an estimate that lags",
     unit="deg",
     channels=("axial",),
-    scale=(15.0,),
     over_elevation=True,
     late=True,
-    source="true 17-35 deg over elevation (Ludewig, Matsuki, Sahara)",
     adjust=_adjust,
-    sign=(1,),
-    axial=(1.0,),
+    prior=EffectPrior(
+        scale=(15.0,),
+        sign=(1,),
+        axial=(1.0,),
+        source="true 17-35 deg over elevation (Ludewig, Matsuki, Sahara)",
+    ),
 )

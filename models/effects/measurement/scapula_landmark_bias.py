@@ -5,7 +5,8 @@ Where TS and AI themselves are palpated wrong, they are also seen in a wrong pla
 
 import jax.numpy as jnp
 
-from models.effects.effect import Effect, Points, Rotations, turned
+from models.effects.effect import Effect, Points, Rotations, rotate_points
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotation_from_vector
 
@@ -23,7 +24,7 @@ def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
     palpated = compose(R_thorax_measured, rotation_from_vector(deg[3:] / DEG))
     turn = compose(palpated, jnp.swapaxes(R_thorax_measured, 0, 1))
     seen_there, AC, TS_AI = points[:, :2], points[:, 1:2], points[:, 2:]
-    return jnp.concatenate([seen_there, AC + turned(turn, TS_AI - AC)], axis=1)
+    return jnp.concatenate([seen_there, AC + rotate_points(turn, TS_AI - AC)], axis=1)
 
 
 EFFECT = Effect(
@@ -34,10 +35,12 @@ EFFECT = Effect(
         *("about x", "about y", "about z"),
         *("TS and AI about x, deg", "TS and AI about y, deg", "TS and AI about z, deg"),
     ),
-    scale=(7.0,) * 6,
     details=3,
     over_elevation=False,
-    source="Ludewig 2010: 12.4 / 6.1 / 11.6 deg between AC and AA frames",
     adjust=_adjust,
     show=_show,
+    prior=EffectPrior(
+        scale=(7.0,) * 6,
+        source="Ludewig 2010: 12.4 / 6.1 / 11.6 deg between AC and AA frames",
+    ),
 )

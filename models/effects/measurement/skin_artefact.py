@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 
 from models.effects.effect import Effect, Points, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotate, rotation_from_vector
 
@@ -26,11 +27,13 @@ EFFECT = Effect(
     what="a skin marker lags the scapula, more above 90 deg",
     unit="deg",
     channels=("about x", "about y", "about z"),
-    scale=(5.0, 3.0, 7.0),
     over_elevation=True,
     late=True,
-    source="Meskers 2007, van Andel 2009, Warner 2012: 6-13 deg",
     adjust=_adjust,
     show=_show,
-    sign=(1, 0, 1),
+    prior=EffectPrior(
+        scale=(5.0, 3.0, 7.0),
+        sign=(1, 0, 1),
+        source="Meskers 2007, van Andel 2009, Warner 2012: 6-13 deg",
+    ),
 )

@@ -2,7 +2,8 @@
 
 import jax.numpy as jnp
 
-from models.effects.effect import Effect, Points, Rotations, turned
+from models.effects.effect import Effect, Points, Rotations, rotate_points
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotation_from_vector
 
@@ -16,7 +17,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
 
 def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
     """Seen from the turned frame, landmarks turn with the bones, about IJ."""
-    return turned(rotation_from_vector(deg / DEG), points)
+    return rotate_points(rotation_from_vector(deg / DEG), points)
 
 
 EFFECT = Effect(
@@ -24,12 +25,14 @@ EFFECT = Effect(
     what="the thorax frame turns with elevation, both bones alike",
     unit="deg",
     channels=("about x", "about y", "about z"),
-    scale=(8.0, 3.0, 3.0),
-    leads="about x",
-    sign=(1, 0, 0),
     over_elevation=True,
-    between_motions=0.4,  # assumed: an arm raised sideways makes the trunk lean aside, one raised forwards does not
-    source="bilateral 12.8 +- 7.6 deg, unilateral up to 6 deg",
     adjust=_adjust,
     show=_show,
+    prior=EffectPrior(
+        scale=(8.0, 3.0, 3.0),
+        leads="about x",
+        sign=(1, 0, 0),
+        between_motions=0.4,  # assumed: an arm raised sideways makes the trunk lean aside, one raised forwards does not
+        source="bilateral 12.8 +- 7.6 deg, unilateral up to 6 deg",
+    ),
 )

@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
 
@@ -18,8 +19,10 @@ EFFECT = Effect(
     what="M_x is not 0",
     unit="mm",
     channels=("M_x",),
-    scale=(7.0,),
     over_elevation=False,
-    source="assumed: 5-10 mm, no figure found",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(7.0,),
+        source="assumed: 5-10 mm, no figure found",
+    ),
 )

@@ -17,6 +17,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 
 from models.effects.effect import Effect, Rotations
+from models.effects.prior import EffectPrior
 from models.ellipsoid import closest_point
 from models.girdle import Girdle, chain_landmarks
 
@@ -47,9 +48,11 @@ EFFECT = Effect(
     what="the surface is not an ellipsoid (superquadric exponent - 2)",
     unit="1",
     channels=("exponent", "around less along, 1"),
-    scale=(0.3, 0.12),
     details=1,
     over_elevation=False,
-    source="sphere misfit 8-10 mm (Paquet 2019)",
     adjust=_adjust,
+    prior=EffectPrior(
+        scale=(0.3, 0.12),
+        source="sphere misfit 8-10 mm (Paquet 2019)",
+    ),
 )

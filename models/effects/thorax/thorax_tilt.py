@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 
-from models.effects.effect import Effect, Points, Rotations, turned
+from models.effects.effect import Effect, Points, Rotations, rotate_points
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotate, rotation_from_vector
 
@@ -31,7 +32,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, tilt) -> tuple[Girdle, Rotatio
 def _show(points: Points, girdle: Girdle, rotations: Rotations, tilt) -> Points:
     """Back into the thorax frame."""
     centre = _centre_mm(girdle, tilt)[:, None]
-    return centre + turned(rotation_from_vector(tilt[:3] / DEG), points - centre)
+    return centre + rotate_points(rotation_from_vector(tilt[:3] / DEG), points - centre)
 
 
 _SCALE_DEG = (6.0, 3.5, 3.5)
@@ -45,10 +46,12 @@ EFFECT = Effect(
     what="ellipsoid axes rotated from the thorax frame",
     unit="deg",
     channels=("about x", "about y", "about z", "centre back, mm"),
-    scale=(*_SCALE_DEG, _PIVOT_APART_MM * _SCALE_DEG[0] / float(DEG)),
     details=1,
     over_elevation=False,
-    source="assumed: 5-10 deg, no figure found",
     adjust=_adjust,
     show=_show,
+    prior=EffectPrior(
+        scale=(*_SCALE_DEG, _PIVOT_APART_MM * _SCALE_DEG[0] / float(DEG)),
+        source="assumed: 5-10 deg, no figure found",
+    ),
 )

@@ -8,8 +8,10 @@ import pytest
 from adapt.diagnosis.design import predicted_power as predicted_power
 from adapt.diagnosis.design.predicted_power import predict_power, typical_amplitudes
 from adapt.diagnosis.design.separability import projected_onto_model, slopes
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS, LinearisedFit, inner_products
-from adapt.diagnosis.fit.observations import Noise, observe
+from adapt.diagnosis.fit.linear_evidence import inner_products
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS, LinearisedFit
+from adapt.diagnosis.fit.measurement_noise import Noise
+from adapt.diagnosis.fit.observations import observe
 from adapt.diagnosis.inference.priors import over_priors
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
@@ -41,7 +43,7 @@ def test_amplitudes_are_as_long_as_the_scales_and_keep_the_signs_of_nature():
     effect = EFFECTS["skin_artefact"]
     drawn = typical_amplitudes(effect, DRAWS, 3, np.random.default_rng(0))
     channels = drawn.reshape(DRAWS, 3, 3, -1)[..., 0]
-    length = np.linalg.norm(channels, axis=2) / np.linalg.norm(effect.scale)
+    length = np.linalg.norm(channels, axis=2) / np.linalg.norm(effect.prior.scale)
     assert (channels[..., 0] >= 0.0).all()
     assert (channels[..., 2] >= 0.0).all()
     assert abs(np.sign(channels[:, 0, 1]).mean()) < SE
@@ -54,7 +56,7 @@ def test_the_direction_that_leads_is_as_large_as_the_scale_beside_the_others():
     effect = EFFECTS["scapulothoracic_gap"]
     drawn = typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0, ::3]
     ts, ai = drawn[(drawn != 0.0).all(axis=1)].T
-    ratio = ts / ai * effect.scale[1] / effect.scale[0]
+    ratio = ts / ai * effect.prior.scale[1] / effect.prior.scale[0]
     assert abs(ratio.mean()) < SE
     assert abs(ratio.std() - 1.0) < SE
 
@@ -62,8 +64,8 @@ def test_the_direction_that_leads_is_as_large_as_the_scale_beside_the_others():
 def test_details_make_an_effect_no_larger():
     effect = EFFECTS["clavicle_length"]
     length, detail, _ = np.moveaxis(typical_amplitudes(effect, DRAWS, 1, np.random.default_rng(0))[:, 0], -1, 0)
-    assert abs(np.abs(length).mean() / effect.scale[0] - 1.0) < SE
-    assert abs(detail.std() / effect.scale[1] - np.hypot(1.0, BETWEEN_SUBJECTS)) < 2.0 * SE
+    assert abs(np.abs(length).mean() / effect.prior.scale[0] - 1.0) < SE
+    assert abs(detail.std() / effect.prior.scale[1] - np.hypot(1.0, BETWEEN_SUBJECTS)) < 2.0 * SE
 
 
 def test_amplitudes_of_one_draw_have_one_direction_and_one_course():
@@ -77,13 +79,14 @@ def test_draws_have_the_mean_and_covariance_of_residuals_written_out(monkeypatch
     generator = np.random.default_rng(2)
     columns = generator.standard_normal((2, 20, 7)) / np.sqrt(20.0)
     gram = np.swapaxes(columns, 1, 2) @ columns
-    effect = replace(EFFECTS["conoid_strain"], over_elevation=False, scale=(1.0,))
+    strain = EFFECTS["conoid_strain"]
+    effect = replace(strain, over_elevation=False, prior=replace(strain.prior, scale=(1.0,)))
     coefficients = predicted_power.draw(gram, np.array([6]), effect, DRAWS, generator)
-    seen = predicted_power.simulate_statistics(gram, predicted_power.root_of(gram), coefficients, generator)
-    np.testing.assert_allclose(seen.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)
+    with_data = predicted_power.simulate_statistics(gram, predicted_power.matrix_roots(gram), coefficients, generator)
+    np.testing.assert_allclose(with_data.mean(axis=0), gram[..., 6], rtol=0.0, atol=2.0 * SE)
     expected = gram + BETWEEN_SUBJECTS**2 * gram[..., 6:] @ gram[:, 6:]
     for subject in (0, 1):
-        found = np.cov(seen[:, subject].T)
+        found = np.cov(with_data[:, subject].T)
         np.testing.assert_allclose(found, expected[subject], rtol=0.0, atol=4.0 * SE)
 
 
@@ -92,17 +95,17 @@ def test_draws_are_weighed_as_the_diagnosis_weighs_residuals(data):
     X, by_amplitudes = slopes(MODEL.girdle, CHOSEN, HYPOTHESES, data, noise)
     y = np.random.default_rng(3).standard_normal(X.shape[:2])
     columns = np.concatenate([X, *by_amplitudes], axis=2)
-    gram, seen = np.swapaxes(columns, 1, 2) @ columns, np.einsum("src,sr->sc", columns, y)
+    gram, with_data = np.swapaxes(columns, 1, 2) @ columns, np.einsum("src,sr->sc", columns, y)
     start, found, expected = 6, [], []
     for effect, A in zip([None, *CHOSEN], by_amplitudes, strict=True):
         own, start = np.arange(start, start + A.shape[2]), start + A.shape[2]
         alone = [effect] if effect else []
-        found.append(predicted_power._log_evidence(gram, seen[None], own, alone)[0])
+        found.append(predicted_power._log_evidence(gram, with_data[None], own, alone)[0])
         scale = np.asarray(effect.prior_sd) if effect else np.zeros(0)
         nothing = np.zeros(0)
         fitted = LinearisedFit(("a",), nothing, nothing, y, X, A, scale, nothing, nothing, y, nothing, nothing)
-        of = over_priors(inner_products(fitted), scale, alone, [(1.0, 1.0)], spreads=predicted_power._SPREADS)
-        expected.append(float(of.log_evidence))
+        weighed = over_priors(inner_products(fitted), scale, alone, [(1.0, 1.0)], spreads=predicted_power._SPREADS)
+        expected.append(float(weighed.log_evidence))
     np.testing.assert_allclose(np.subtract(found, found[0]), np.subtract(expected, expected[0]), rtol=SAME, atol=SAME)
 
 
@@ -120,10 +123,13 @@ def test_shares_add_up_and_are_the_same_again(data):
     found = predict_power(MODEL.girdle, CHOSEN, data, Noise(3.0))
     assert found == predict_power(MODEL.girdle, CHOSEN, data, Noise(3.0))
     for name, one in found.items():
-        assert name not in one.taken_for
-        assert one.named + one.none + sum(one.taken_for.values()) <= 1.0 + SAME
+        assert name not in one.confused_with
+        assert one.named + one.none + sum(one.confused_with.values()) <= 1.0 + SAME
 
 
 def test_more_subjects_name_more(data):
-    few, many = (predict_power(MODEL.girdle, CHOSEN, of, Noise(3.0)) for of in (data.of_subjects(np.array([0])), data))
+    few, many = (
+        predict_power(MODEL.girdle, CHOSEN, weighed, Noise(3.0))
+        for weighed in (data.select_subjects(np.array([0])), data)
+    )
     assert sum(one.named for one in many.values()) > sum(one.named for one in few.values())

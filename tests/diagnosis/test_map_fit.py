@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from made_effects import without_details
 
-from adapt.diagnosis.fit import map_fit as most_probable
-from adapt.diagnosis.fit.linear_evidence import PRIOR_SD_MM
-from adapt.diagnosis.fit.map_fit import _cost, _Found, _from_lower_valleys, _Prior, fit_hypotheses
+from adapt.diagnosis.fit import map_fit
+from adapt.diagnosis.fit.map_fit import _cost, _Estimate, _from_lower_valleys, _Prior, fit_hypotheses
+from adapt.diagnosis.fit.measurement_noise import Noise
 from adapt.diagnosis.fit.misfit import Misfit, misfit
-from adapt.diagnosis.fit.observations import Noise, observe
+from adapt.diagnosis.fit.observations import observe
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
+from models.adapted_parameters import PRIOR_SD_MM
 from models.effects import EFFECTS
 
 SAME_SD = 1e-9
@@ -53,7 +54,7 @@ def test_a_subject_left_in_another_valley_is_fetched_from_it():
     sd = np.repeat(PRIOR_SD_MM[:, None], 2, axis=1)
     prior = _Prior(np.repeat(np.arange(6)[:, None], 2, axis=1), np.zeros((6, 2)), sd)
 
-    def look(z, nearest, projections, lanes) -> Misfit:
+    def evaluate(z, nearest, projections, problems) -> Misfit:
         w, nothing = z[0] / PRIOR_SD_MM[0], np.zeros((z.shape[1], 1))
         slopes = np.zeros((len(w), 1, 2, 6))
         slopes[:, 0, :, 0] = np.stack([10.0 * w, 4.0 + 0.0 * w], axis=1) / PRIOR_SD_MM[0]
@@ -68,32 +69,32 @@ def test_a_subject_left_in_another_valley_is_fetched_from_it():
             noise_variance=np.zeros((6, 1, len(w))),
         )
 
-    def at(*w: float) -> _Found:
+    def at(*w: float) -> _Estimate:
         z = np.zeros((6, 2))
         z[0] = PRIOR_SD_MM[0] * np.array(w)
-        seen = look(z, None, 0, np.arange(2))
-        return _Found(z, seen.nearest, (seen.y**2).sum(axis=(1, 2)) + np.square(w))
+        some = evaluate(z, None, 0, np.arange(2))
+        return _Estimate(z, some.nearest, (some.y**2).sum(axis=(1, 2)) + np.square(w))
 
-    fetched = _from_lower_valleys(look, prior, at(-1.0, 1.0), subjects=1)
+    fetched = _from_lower_valleys(evaluate, prior, at(-1.0, 1.0), subjects=1)
     assert fetched.z[0] / PRIOR_SD_MM[0] == pytest.approx([-1.0, -1.0], abs=0.05)
     assert fetched.z[0, 0] == -PRIOR_SD_MM[0]
     assert fetched.cost[1] < 2.0
     shared_prior = at(-1.0, -1.0)
-    assert _from_lower_valleys(look, prior, shared_prior, subjects=1) is shared_prior
+    assert _from_lower_valleys(evaluate, prior, shared_prior, subjects=1) is shared_prior
 
 
 def test_lanes_that_have_come_to_rest_are_not_looked_at_again(data, monkeypatch):
     """Descents look at ever fewer of the lanes; each of the three rounds begins with all."""
-    lanes = []
+    problems = []
 
-    def counted(girdle, effects, seen, *others):
-        lanes.append(seen.counted.shape[1])
-        return misfit(girdle, effects, seen, *others)
+    def counted(girdle, effects, some, *others):
+        problems.append(some.counted.shape[1])
+        return misfit(girdle, effects, some, *others)
 
-    monkeypatch.setattr(most_probable, "misfit", counted)
+    monkeypatch.setattr(map_fit, "misfit", counted)
     fitted(data, HYPOTHESES)
     all_lanes = len(HYPOTHESES) * SUBJECTS
-    assert max(lanes) == all_lanes
-    fewer = [now for before, now in pairwise(lanes) if now < before]
+    assert max(problems) == all_lanes
+    fewer = [now for before, now in pairwise(problems) if now < before]
     assert len(fewer) >= 3
-    assert sum(lanes) < 0.8 * all_lanes * len(lanes)
+    assert sum(problems) < 0.8 * all_lanes * len(problems)

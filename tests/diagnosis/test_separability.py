@@ -8,17 +8,18 @@ import pytest
 from made_effects import without_details
 from scipy.stats import chi2, multivariate_normal
 
-from adapt.diagnosis.design import separability as distinguish
+from adapt.diagnosis.design import separability
 from adapt.diagnosis.design.separability import (
-    TOLD_APART,
-    alike_sets,
+    indistinguishable_sets,
     projected_onto_model,
     separation,
     smallest_detectable,
 )
-from adapt.diagnosis.fit.linear_evidence import BETWEEN_SUBJECTS
+from adapt.diagnosis.fit.linear_model import BETWEEN_SUBJECTS
+from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
 from adapt.diagnosis.fit.noise import ASSUMED, FEWEST_DEGREES, estimate_noise
-from adapt.diagnosis.fit.observations import Noise, NoiseEstimate, Observed, observe
+from adapt.diagnosis.fit.observations import Observed, observe
+from adapt.diagnosis.result import TOLD_APART
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
 from models.adapted_parameters import PRIOR_SD_MM
@@ -69,7 +70,7 @@ def observed(subjects: int = SUBJECTS) -> Observed:
 
 @dataclass(frozen=True)
 class _Slopes:
-    """All that ``distinguish`` looks at of a misfit."""
+    """All that ``separability`` looks at of a misfit."""
 
     slopes: np.ndarray
 
@@ -86,11 +87,11 @@ def random_slopes(monkeypatch):
     every[..., 6:] /= np.concatenate([np.asarray(effect.prior_sd) for effect in SMALL_EFFECTS])
 
     def misfit(girdle, effects, data, noise, z, columns):
-        of = every[np.arange(columns.shape[1]) % SUBJECTS]
-        picked = np.take_along_axis(of, np.maximum(columns, 0).T[:, None, None], axis=3)
+        chosen = every[np.arange(columns.shape[1]) % SUBJECTS]
+        picked = np.take_along_axis(chosen, np.maximum(columns, 0).T[:, None, None], axis=3)
         return _Slopes(np.where(columns.T[:, None, None] >= 0, picked, 0.0) / noise.angle_deg)
 
-    monkeypatch.setattr(distinguish, "misfit", misfit)
+    monkeypatch.setattr(separability, "misfit", misfit)
     return every.reshape(SUBJECTS, -1, width) / NOISE.angle_deg
 
 
@@ -151,7 +152,7 @@ def test_many_subjects_are_represented_by_the_first_24(monkeypatch):
         subject = np.array([int(name) for name in data.subjects])
         return _Slopes(every[subject][..., : len(columns)])
 
-    monkeypatch.setattr(distinguish, "misfit", misfit)
+    monkeypatch.setattr(separability, "misfit", misfit)
     hypotheses = [(), ("thorax_asymmetry",)]
     found = [separation(GIRDLE, SMALL_EFFECTS, hypotheses, observed(n), NOISE) for n in (12, 24, 40)]
     np.testing.assert_array_equal(found[1], found[2])
@@ -169,7 +170,10 @@ def test_the_smallest_detectable_amplitude_is_the_first_of_its_steps_that_is_tol
         ]
         k = int(np.argmax(np.array(D) >= TOLD_APART))
         assert k > 0, "the slopes of this test are too large to be a test"
-        assert found[effect.name] == pytest.approx(sizes[k] * np.linalg.norm(effect.scale))
+        smallest = found[effect.name]
+        assert smallest is not None
+        assert smallest.value == pytest.approx(sizes[k] * np.linalg.norm(effect.prior.scale))
+        assert smallest.unit == effect.unit
 
 
 def test_what_nothing_shows_is_not_detectable(random_slopes):
@@ -205,16 +209,16 @@ def apart(n: int, near: list[tuple[int, int]]) -> np.ndarray:
 )
 def test_sets_are_linked_by_pairs_that_are_not_told_apart(near, sets):
     hypotheses = [(), ("a",), ("b",), ("c",), ("d",), ("a", "b")]
-    found = alike_sets(hypotheses, apart(len(hypotheses), near))
+    found = indistinguishable_sets(hypotheses, apart(len(hypotheses), near))
     assert [sorted(group) for group in found] == sets
 
 
 def test_told_apart_begins_at_the_limit():
     D = apart(2, [])
     D[0, 1] = TOLD_APART
-    assert alike_sets([("a",), ("b",)], D) == []
+    assert indistinguishable_sets([("a",), ("b",)], D) == []
     D[0, 1] = np.nextafter(TOLD_APART, 0.0)
-    assert alike_sets([("a",), ("b",)], D) == [["a", "b"]]
+    assert indistinguishable_sets([("a",), ("b",)], D) == [["a", "b"]]
 
 
 # --- on a girdle ----------------------------------------------------------------------------------
@@ -243,7 +247,7 @@ def test_closed_postures_stay_where_they_are_closed_again(postures, world):
 def test_less_noise_shows_smaller_amplitudes(postures):
     found = [smallest_detectable(GIRDLE, SMALL_EFFECTS, postures, Noise(deg)) for deg in (0.75, 1.5, 3.0, 30.0)]
     for name in NAMES:
-        sizes = [np.inf if one[name] is None else float(one[name] or 0.0) for one in found]
+        sizes = [smallest.value if (smallest := one[name]) else np.inf for one in found]
         assert sizes == sorted(sizes), name
         assert 0.0 < sizes[0] < sizes[2], name
 
@@ -255,9 +259,9 @@ def test_more_subjects_and_less_noise_tell_more_apart(postures):
         D = separation(GIRDLE, SMALL_EFFECTS, hypotheses, data, noise)
         return D[~np.eye(len(D), dtype=bool)]
 
-    few = least(postures.of_subjects(np.arange(2)), NOISE)
+    few = least(postures.select_subjects(np.arange(2)), NOISE)
     assert (least(postures, NOISE) > few).all()
-    assert (least(postures.of_subjects(np.arange(2)), Noise(0.75)) > few).all()
+    assert (least(postures.select_subjects(np.arange(2)), Noise(0.75)) > few).all()
 
 
 # --- noise ----------------------------------------------------------------------------------------
@@ -277,14 +281,14 @@ def test_known_noise_is_estimated_with_an_effect_at_work(world, noise_deg):
 
 def test_a_noisy_subject_is_told_and_is_not_in_the_estimate(world):
     """6 degrees in one subject of five, 1 degree in the others; 2.5 degrees are no fault."""
-    data = world.of_subjects(np.arange(5))
+    data = world.select_subjects(np.arange(5))
     error = np.random.default_rng(5).standard_normal(data.values.shape) / DEG
 
     def estimated(noisy_deg: float) -> NoiseEstimate:
         each = np.sqrt(np.array([1.0, 1.0, 1.0, noisy_deg, 1.0]) ** 2 - 1.0)
         return estimate_noise(GIRDLE, SMALL_EFFECTS, replace(data, values=data.values + each * error))
 
-    found, others = estimated(6.0), data.of_subjects(np.array([0, 1, 2, 4]))
+    found, others = estimated(6.0), data.select_subjects(np.array([0, 1, 2, 4]))
     assert set(found.noisy_deg) == {3}
     assert found.noisy_deg[3] == pytest.approx(6.0, rel=0.4)
     expected = estimate_noise(GIRDLE, SMALL_EFFECTS, others).noise.angle_deg
@@ -294,7 +298,7 @@ def test_a_noisy_subject_is_told_and_is_not_in_the_estimate(world):
 
 
 def test_where_many_are_noisy_none_is_an_exception(world):
-    data = world.of_subjects(np.arange(5))
+    data = world.select_subjects(np.arange(5))
     error = np.random.default_rng(5).standard_normal(data.values.shape) / DEG
     more = data.values + np.array([0.0, 8.0, 0.0, 8.0, 0.0]) * error
     assert not estimate_noise(GIRDLE, SMALL_EFFECTS, replace(data, values=more)).noisy_deg
@@ -307,7 +311,7 @@ def test_given_noise_is_taken(world):
 
 def test_too_few_postures_leave_the_assumed_noise(world):
     """One subject with four postures: fewer numbers than a parabola and the adapted parameters take up."""
-    few = world.of_subjects(np.array([0]))
+    few = world.select_subjects(np.array([0]))
     few = replace(few, counted=few.counted & (np.arange(len(few.counted))[:, None] < 4))
     found = estimate_noise(GIRDLE, SMALL_EFFECTS, few)
     assert (found.noise.angle_deg, found.source, found.freedom) == (ASSUMED.angle_deg, "assumed", FEWEST_DEGREES)

@@ -1,0 +1,64 @@
+"""A girdle with effects at work: constraints and landmarks where the effects adjust the girdle and the rotations."""
+
+from dataclasses import dataclass, field, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from models.effects.effect import Effect, Points, Rotations
+from models.girdle import Girdle, bone_rotations, chain_landmarks, chain_residuals_mm
+from motions.arrays import Array
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class ActiveEffects:
+    """Effects at work with their strengths, of postures that are laid out as the last axes say."""
+
+    strengths: tuple[Float[Array, " channels *batch"], ...] = ()
+    """Of each effect at each posture, in its unit (:meth:`Effect.at`)."""
+    effects: tuple[Effect, ...] = field(default=(), metadata={"static": True})
+
+    def on(self, girdle: Girdle) -> "Girdle | ExtendedGirdle":
+        """The girdle with these effects; without any, the girdle itself."""
+        return ExtendedGirdle(girdle, self) if self.effects else girdle
+
+    def at(self, *index: Int[np.ndarray, " chosen"]) -> "ActiveEffects":
+        """Those of some postures, by their place along each of the last axes."""
+        return replace(self, strengths=tuple(np.asarray(one)[:, *index] for one in self.strengths))
+
+
+NO_ACTIVE_EFFECTS = ActiveEffects()
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class ExtendedGirdle:
+    """A girdle with effects at work, usable where a :class:`Girdle` is: arrays have the same trailing batch."""
+
+    girdle: Girdle
+    active_effects: ActiveEffects
+
+    def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
+        """A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
+        *_, (girdle, rotations) = self._adjusted(angles)
+        return chain_residuals_mm(girdle, *rotations)
+
+    def landmarks_mm(self, angles: Float[Array, " 6 *batch"]) -> Points:
+        """Where SHOWN would be seen at angles as they would be measured."""
+        effects, strengths = self.active_effects.effects, self.active_effects.strengths
+        *before, (girdle, rotations) = self._adjusted(angles)
+        at = chain_landmarks(girdle, *rotations)
+        points = jnp.stack(jnp.broadcast_arrays(girdle.sc_mm, at.AC, at.TS, at.AI), axis=1)
+        for effect, strength, adjusted in reversed(list(zip(effects, strengths, before, strict=True))):
+            points = effect.show(points, *adjusted, strength)
+        return points
+
+    def _adjusted(self, angles: Float[Array, " 6 *batch"]) -> list[tuple[Girdle, Rotations]]:
+        """The girdle and the bones' rotations before the first effect, after it, ..., after the last."""
+        steps = [(self.girdle, bone_rotations(angles))]
+        for effect, strength in zip(self.active_effects.effects, self.active_effects.strengths, strict=True):
+            steps.append(effect.adjust(*steps[-1], strength))
+        return steps
