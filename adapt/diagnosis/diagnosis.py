@@ -17,7 +17,6 @@ from adapt.diagnosis.design.separability import (
     separation,
     smallest_detectable,
 )
-from adapt.diagnosis.fit.held_out_gaps import measure_gaps
 from adapt.diagnosis.fit.linear_model import Hypothesis, LinearisedFit, single_hypotheses
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
@@ -27,6 +26,7 @@ from adapt.diagnosis.fit.observations import Observed, observe
 from adapt.diagnosis.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
 from adapt.diagnosis.gap_rotations import variance_fractions
 from adapt.diagnosis.inference.amplitude import amplitudes
+from adapt.diagnosis.inference.held_out_gaps import measure_gaps
 from adapt.diagnosis.inference.ranking import Ranking, rank
 from adapt.diagnosis.inference.verdict import judge
 from adapt.diagnosis.result import NONE, UNKNOWN, Diagnosis, EffectAmplitude, ParameterMeans, UnknownTests, Verdict

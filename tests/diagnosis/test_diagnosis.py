@@ -8,9 +8,9 @@ from made_effects import without_details
 from threadpoolctl import threadpool_info
 
 from adapt.diagnosis import Diagnosis, diagnose
-from adapt.diagnosis.fit.held_out_gaps import measure_gaps
 from adapt.diagnosis.fit.map_fit import fit_hypotheses
 from adapt.diagnosis.fit.observations import observe
+from adapt.diagnosis.inference.held_out_gaps import measure_gaps
 from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN
 from adapt.model_subjects import Simulated, simulate_model_subjects
 from models import load_model

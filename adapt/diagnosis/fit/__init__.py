@@ -1,1 +1,1 @@
-"""Hypotheses fitted to what was observed: misfit, most probable parameters, noise, held-out gaps."""
+"""Hypotheses fitted to what was observed: misfit, most probable parameters, linear model, evidence, noise."""

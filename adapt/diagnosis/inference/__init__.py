@@ -1,1 +1,1 @@
-"""From fitted hypotheses to an answer: evidence over priors, discrepancy, ranking, verdict."""
+"""From fitted hypotheses to an answer: evidence over priors, discrepancy, ranking, verdict, held-out gaps."""
