@@ -1,13 +1,48 @@
-"""Double precision for every test, and the measured motions, which are not part of the project."""
+"""Double precision for every test, compiled programs shared between them, the order of the files, the marker ``slow``,
+and the measured motions, which are not part of the project."""
 
+import os
 from pathlib import Path
 
-import pytest
+COMPILED = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
+"""What XLA has compiled: for the other test process, for processes that tests start, and for the next run. Its names
+hash the program, the compiler and its options, so that nothing stale can be taken from it."""
 
-import motions  # noqa: F401  (switches JAX to double precision before any test makes an array)
+# JAX reads them when it is imported.
+os.environ["JAX_COMPILATION_CACHE_DIR"] = str(COMPILED)
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"  # what is compiled faster is hardly faster to read
+
+import pytest  # noqa: E402
+
+import motions  # noqa: E402, F401  (switches JAX to double precision before any test makes an array)
+
+TESTS = Path(__file__).parent
 
 MEASURED_FOLDER = Path(__file__).parents[2] / "shared" / "motions"
 """Bone-pin shoulders and published means in this project's form; under GPL-3.0, so not shipped."""
+
+SLOW = (TESTS / "slow.txt").read_text().split()
+"""Files, and single tests of other files, that take longer than about two seconds; the longest first."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is ``slow``, and put the files that take longest first: the processes then end together.
+
+    Needs ``--no-loadscope-reorder``, or xdist would begin with the files that have the most tests.
+    """
+    place = {name: number for number, name in enumerate(SLOW)}
+
+    def known(item: pytest.Item) -> list[str]:
+        """The item's names in ``SLOW``: its file, or itself without its parameters."""
+        file = item.path.relative_to(TESTS).as_posix()
+        return [name for name in (file, f"{file}::{item.originalname}") if name in place]  # type: ignore[attr-defined]
+
+    first: dict[Path, int] = {}
+    for item in items:
+        for name in known(item):
+            item.add_marker("slow")
+            first[item.path] = min(place[name], first.get(item.path, len(SLOW)))
+    items.sort(key=lambda item: first.get(item.path, len(SLOW)))
 
 
 @pytest.fixture(scope="session")
