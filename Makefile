@@ -3,12 +3,15 @@ PYTHON ?= python3
 BIN := .venv/bin
 MOTIONS ?= ../shared/motions/*.csv
 
-.PHONY: adapt test lint types units lock blind recovery heldout sets readings speed fuzz mutants rooms clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets readings speed fuzz mutants rooms clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
 
 test: lint types units ## everything that must hold: style, types, tests
+
+quick: lint ## after every change, in under a minute: style, and the tests that are not marked slow
+	$(BIN)/pytest -m "not slow"
 
 lint: .venv/dev
 	$(BIN)/ruff check .

@@ -1,6 +1,7 @@
 """Double precision for every test, compiled programs shared between them, the order of the files, the marker ``slow``,
 and the measured motions, which are not part of the project."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -43,6 +44,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("slow")
             first[item.path] = min(place[name], first.get(item.path, len(SLOW)))
     items.sort(key=lambda item: first.get(item.path, len(SLOW)))
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector from what the imports made: tracing a program sets it off again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from programs import few_runs
 
 from models import load_model, model_names
 from models.derivatives import (
@@ -49,23 +50,30 @@ def lower(rows, size: int) -> np.ndarray:
     return full
 
 
+def _distance(ellipsoid, point):
+    centre = jnp.concatenate([CENTRE[:1], ellipsoid[:2]])
+    return signed_distance_mm(point, centre, ellipsoid[2:])
+
+
+@few_runs
+def distance_differentiated(*at):
+    """The distance of a point, its slope and its curvature."""
+    return _distance(*at), jax.grad(_distance)(*at), jax.hessian(_distance)(*at)
+
+
 @pytest.mark.parametrize("k", range(3))
 def test_distance_with_slopes_and_curvatures(k):
     point = POINTS[:, k]
-
-    def d(ellipsoid):
-        centre = jnp.concatenate([CENTRE[:1], ellipsoid[:2]])
-        return signed_distance_mm(point, centre, ellipsoid[2:])
-
     ellipsoid = jnp.concatenate([CENTRE[1:], AXES])
     p, a = tuple(point - CENTRE), tuple(AXES)
     t = jnp.zeros(())
     for _ in range(SETTLED):
         t = closest_point_multiplier_near(p, a, t)
     at = distance(p, a, t)
-    assert_same(at.d, d(ellipsoid))
-    assert_same(ellipsoid_slope(at), jax.grad(d)(ellipsoid))
-    assert_same(lower(ellipsoid_curvature(at), 5), jax.hessian(d)(ellipsoid))
+    value, slope, curvature = distance_differentiated(ellipsoid, point)
+    assert_same(at.d, value)
+    assert_same(ellipsoid_slope(at), slope)
+    assert_same(lower(ellipsoid_curvature(at), 5), curvature)
 
 
 def settled(girdle, q, theta) -> ConstraintDerivatives:
@@ -76,19 +84,25 @@ def settled(girdle, q, theta) -> ConstraintDerivatives:
     return chain(girdle, list(q), list(theta), list(MULTIPLIERS), start)
 
 
+def _residuals(z, girdle):
+    return constraint_residuals_mm(girdle.with_adapted(z[6:]), z[:6])
+
+
+@few_runs
+def chain_differentiated(*at):
+    """The constraints, their slopes, and the curvature of their sum with MULTIPLIERS."""
+    return _residuals(*at), jax.jacfwd(_residuals)(*at), jax.hessian(lambda *at: MULTIPLIERS @ _residuals(*at))(*at)
+
+
 @pytest.mark.parametrize("name", model_names())
 def test_chain_with_slopes_and_curvatures(name):
     girdle = load_model(name).girdle
     theta = girdle.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
     q = jnp.asarray(simulate_subjects(1, seed=5).angles_deg[4] / DEG)
     z = jnp.concatenate([q, theta])
-
-    def g(z):
-        return constraint_residuals_mm(girdle.with_adapted(z[6:]), z[:6])
-
-    slopes, curvature = jax.jacfwd(g)(z), jax.hessian(lambda z: MULTIPLIERS @ g(z))(z)
+    g, slopes, curvature = chain_differentiated(z, girdle)
     at = settled(girdle, q, theta)
-    assert_same(at.g, g(z))
+    assert_same(at.g, g)
     assert_same(at.G, slopes[:, :6])
     assert_same(at.T, slopes[:2, 6:11])
     assert_same(slopes[:, 11], [0.0, 0.0, -1.0])

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import Bones, bones, constraints, ellipsoid_distance
+from programs import few_runs
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -77,7 +78,7 @@ def chain(*acting: tuple[Effect, np.ndarray]) -> ExtendedGirdle:
     return ExtendedGirdle(GIRDLE.over_axes(1), ActiveEffects(strengths, tuple(effect for effect, _ in acting)))
 
 
-@jax.jit
+@few_runs
 def looked_at(of: ExtendedGirdle, angles):
     """Residuals and landmarks: compiled once for each tuple of effects."""
     return of.residuals_mm(angles), of.landmarks_mm(angles)
@@ -91,7 +92,7 @@ def points(of: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
     return np.asarray(looked_at(of, angles)[1])
 
 
-@jax.jit
+@few_runs
 def slope(of: ExtendedGirdle, direction: ExtendedGirdle):
     """Derivative of the residuals at ANGLES along the strengths of ``direction``."""
 

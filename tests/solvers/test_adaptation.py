@@ -7,12 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from nested import values_and_slopes
 from oracles import bones, ipopt, whole_objective
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import STARTS_MM, Adapted, adapt_batch, adapted_from, fitted_angles
-from adapt.solvers.differentiable import nested_objective
-from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
 from models import ParameterSet, load_model, model_names
@@ -183,13 +182,6 @@ def test_e_closed_chains_and_bounds_by_the_other_engine(simulated):
 # --- the nested objective -------------------------------------------------------------------------
 
 
-def _nested(theta, girdle, points, angles):
-    return nested_objective(theta, girdle, points, angles, jnp.ones(angles.shape, bool), WEIGHT)
-
-
-nested_and_slope = jax.jit(jax.value_and_grad(_nested))
-
-
 def nested_arguments(run: Run, m: int, s: int):
     girdle = jax.tree.map(lambda x: x[..., run.problem(m, s)], run.data.girdle)
     return girdle, jnp.asarray(run.models[m].points_mm), jnp.asarray(run.target_deg(s) / DEG)
@@ -197,10 +189,13 @@ def nested_arguments(run: Run, m: int, s: int):
 
 def test_the_nested_objective_has_the_same_value_and_no_slope(simulated):
     worst_e, worst_slope = 0.0, 0.0
-    for m, s in simulated.pairs(left_out=(TWO_VALLEYS,)):
+    pairs = simulated.pairs(left_out=(TWO_VALLEYS,))
+    every_theta = jnp.stack([simulated.adapted.theta_mm[:, simulated.problem(m, s)] for m, s in pairs])
+    arguments = jax.tree.map(lambda *x: jnp.stack(x), *(nested_arguments(simulated, m, s) for m, s in pairs))
+    values, slopes = values_and_slopes(every_theta, *arguments)
+    for (m, s), value, slope in zip(pairs, values, slopes, strict=True):
         problem = simulated.problem(m, s)
         theta = simulated.adapted.theta_mm[:, problem]
-        value, slope = nested_and_slope(jnp.asarray(theta), *nested_arguments(simulated, m, s))
         lower, upper = simulated.models[m].bounds_mm
         # E falls beyond a bound where the slope points outward: there it is held.
         held = ((theta <= lower + BOUND_MM) & (slope > 0.0)) | ((theta >= upper - BOUND_MM) & (slope < 0.0))
@@ -218,10 +213,10 @@ def test_jaxopt_finds_no_lower_e(simulated, m, s):
         warnings.simplefilter("ignore", DeprecationWarning)
         import jaxopt
 
-    girdle, points, angles = nested_arguments(simulated, m, s)
+    girdle, *_ = arguments = nested_arguments(simulated, m, s)
 
     def fun(theta):
-        value, slope = nested_and_slope(theta, girdle, points, angles)
+        (value,), (slope,) = values_and_slopes(*jax.tree.map(lambda x: jnp.asarray(x)[None], (theta, *arguments)))
         return value, slope
 
     solver = jaxopt.ScipyBoundedMinimize(

@@ -6,9 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from nested import values_and_slopes
 from oracles import bones, constraints
+from programs import few_runs
 
 from adapt.solvers.differentiable import nested_objective, posture_fit
+from adapt.solvers.objective import WEIGHT
 from models import load_model
 from models.girdle import Girdle, constraint_residuals_mm
 from motions.rhythm_subjects import simulate_subjects
@@ -39,13 +42,22 @@ def quantities(girdle: Girdle, angles, known=ALL):
     return jnp.concatenate([fit.angles, fit.multipliers, fit.j_deg2[None]])
 
 
-value = jax.jit(quantities)
-_forward = jax.jit(jax.jacfwd(quantities, argnums=(0, 1)))
-_reverse = jax.jit(jax.jacrev(quantities, argnums=(0, 1)))
+def _twice(*arguments):
+    found = quantities(*arguments)
+    return found, found
+
+
+_forward = few_runs(jax.jacfwd(_twice, argnums=(0, 1), has_aux=True))
+"""Slopes and values, one program."""
+_reverse = few_runs(jax.jacrev(quantities, argnums=(0, 1)))
+
+
+def value(girdle, angles, known=ALL):
+    return _forward(girdle, angles, known)[1]
 
 
 def forward(girdle, angles, known=ALL):
-    return _forward(girdle, angles, known)
+    return _forward(girdle, angles, known)[0]
 
 
 def reverse(girdle, angles, known=ALL):
@@ -113,11 +125,8 @@ THETA = GIRDLE.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
 
 
 def E(theta, angles=SUBJECT):
-    return nested_objective(theta, GIRDLE, POINTS, angles, jnp.ones(angles.shape, bool), 10.0)
+    return nested_objective(theta, GIRDLE, POINTS, angles, jnp.ones(angles.shape, bool), WEIGHT)
 
-
-values_and_slopes = jax.jit(jax.vmap(jax.value_and_grad(E)))
-"""jit of vmap of grad, over several theta."""
 
 STEPS = 1e-3 * jnp.concatenate([jnp.zeros((1, 6)), jnp.eye(6), -jnp.eye(6)])
 """No step, then one forward and one backward along each parameter, mm."""
@@ -130,14 +139,17 @@ def differences(of_steps) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def stepped():
-    values, slopes = values_and_slopes(THETA + STEPS)
+    """E and its slope at STEPS: jit of vmap of grad."""
+    count = len(STEPS)
+    same = jax.tree.map(lambda x: jnp.repeat(x[None], count, axis=0), (GIRDLE, POINTS, SUBJECT))
+    values, slopes = values_and_slopes(THETA + STEPS, *same)
     return np.asarray(values), np.asarray(slopes)
 
 
 @pytest.fixture(scope="module")
 def in_forward_mode():
     """dE/dtheta in forward mode, and d2E/dtheta2 forward over reverse, in one program."""
-    slope, hessian = jax.jit(jax.jacfwd(jax.value_and_grad(E)))(THETA)
+    slope, hessian = few_runs(jax.jacfwd(jax.value_and_grad(E)))(THETA)
     return np.asarray(slope), np.asarray(hessian)
 
 
@@ -156,7 +168,7 @@ def test_nested_hessian_by_differences_and_symmetric(stepped, in_forward_mode):
 def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
     """Two subjects, the second with the postures in another order: twice the slope of one."""
     angles = jnp.stack([SUBJECT, SUBJECT[:, ::-1]])
-    of_sum = jax.jit(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0))(t, angles))))
+    of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0))(t, angles))))
     assert_close(of_sum(THETA), 2.0 * stepped[1][0], EXACT)
 
 
@@ -170,7 +182,7 @@ def test_a_posture_that_fails_is_nan_alone():
         fit = posture_fit(short, s)
         return jnp.nansum(fit.j_deg2), fit.angles
 
-    (j, angles), slope = jax.jit(jax.value_and_grad(total, has_aux=True))(pair)
+    (j, angles), slope = few_runs(jax.value_and_grad(total, has_aux=True))(pair)
     expected = value(GIRDLE, ONE)
     assert_close(angles[:, 0], expected[:6], EXACT)
     assert np.isnan(np.asarray(angles)[:, 1]).all()
