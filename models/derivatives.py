@@ -32,12 +32,12 @@ Matrix = tuple[Vector, Vector, Vector]
 
 
 def dot(u: Vector, v: Vector) -> Array:
-    """u . v."""
+    """Compute u . v."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 def cross(u: Vector, v: Vector) -> Vector:
-    """u x v."""
+    """Compute u x v."""
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
@@ -66,11 +66,11 @@ class Bone(NamedTuple):
     cos_a: Array
 
     def rotate(self, v: Vector) -> Vector:
-        """R v."""
+        """Rotate v: R v."""
         return _sum(_times(v[0], self.x), _times(v[1], self.y), _times(v[2], self.z))
 
     def spin(self, r: Vector) -> Matrix:
-        """e_a x r, e_b x r and e_c x r."""
+        """Compute e_a x r, e_b x r and e_c x r."""
         s, c = self.sin_a, self.cos_a
         return (
             (r[2], xp.zeros_like(r[0]), -r[0]),
@@ -79,7 +79,7 @@ class Bone(NamedTuple):
         )
 
     def curvature(self, N: Matrix) -> dict[tuple[int, int], Array]:
-        """e_i' (N - tr N) e_j for i <= j."""
+        """Compute e_i' (N - tr N) e_j for i <= j."""
         s, c = self.sin_a, self.cos_a
         turn = N[0][0] + N[1][1] + N[2][2]
         Q = tuple(tuple(N[i][j] - turn if i == j else N[i][j] for j in range(3)) for i in range(3))
@@ -96,7 +96,7 @@ class Bone(NamedTuple):
 
 
 def bone(angles: Vector) -> Bone:
-    """R = Ry(a) Rz(b) Rx(c) (``motions.rotations.rotation_from_cardan``)."""
+    """Compute R = Ry(a) Rz(b) Rx(c) (``motions.rotations.rotation_from_cardan``)."""
     (ca, cb, cc), (sa, sb, sc) = (tuple(f(x) for x in angles) for f in (xp.cos, xp.sin))
     return Bone(
         (ca * cb, sb, -sa * cb),
@@ -129,7 +129,7 @@ FOOT_STEPS = 3
 
 
 def closest_point_multiplier_near(p: Vector, a: Vector, t: Array) -> Array:
-    """t where S(t) = sum (a_i p_i / (t + a_i^2))^2 = 1: Newton on the nearly linear 1 - S^(-1/2)."""
+    """Find t where S(t) = sum (a_i p_i / (t + a_i^2))^2 = 1: Newton on the nearly linear 1 - S^(-1/2)."""
     for _ in range(FOOT_STEPS):
         D = tuple(1.0 / (t + x * x) for x in a)
         terms = tuple((x * y * z) ** 2 for x, y, z in zip(a, p, D, strict=True))
@@ -139,7 +139,7 @@ def closest_point_multiplier_near(p: Vector, a: Vector, t: Array) -> Array:
 
 
 def distance(p: Vector, a: Vector, t: Array) -> Distance:
-    """d and its derivatives at the foot with multiplier t, exact where S(t) = 1."""
+    """Compute d and its derivatives at the foot with multiplier t, exact where S(t) = 1."""
     D: Vector = tuple(1.0 / (t + x * x) for x in a)  # type: ignore[assignment]
     m: Vector = p[0] * D[0], p[1] * D[1], p[2] * D[2]
     w: Vector = m[0] * D[0], m[1] * D[1], m[2] * D[2]
@@ -197,12 +197,12 @@ def _by_parameter(centre: Callable[[int], Array], semi_axis: Callable[[int], Arr
 
 
 def ellipsoid_slope(at: Distance) -> list[Array]:
-    """dd/du: the centre moves against the point."""
+    """Compute dd/du: the centre moves against the point."""
     return _by_parameter(lambda k: -at.n[k], lambda k: at.e[k])
 
 
 def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
-    """d2d/du2, entries j <= i."""
+    """Compute d2d/du2, entries j <= i."""
 
     def entry(one: AdaptedParameter, other: AdaptedParameter) -> Array:
         i, j = one.component, other.component
@@ -216,7 +216,7 @@ def ellipsoid_curvature(at: Distance) -> list[list[Array]]:
 
 
 def closest_point_multipliers(girdle, q: Sequence[Array], theta: Sequence[Array]) -> list[Array]:
-    """t of the foot points of TS and AI on the ellipsoid, mm^2, from however far: where :func:`chain` starts."""
+    """Find t of the foot points of TS and AI on the ellipsoid, mm^2, from however far: where :func:`chain` starts."""
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))
     centre, semi_axes = ellipsoid_components(girdle, theta)
     ac_from_centre = _minus(_sum(tuple(girdle.sc_mm), clavicle.rotate(tuple(girdle.ac_mm))), centre)
@@ -227,9 +227,9 @@ def closest_point_multipliers(girdle, q: Sequence[Array], theta: Sequence[Array]
 def chain(
     girdle, q: list[Array], theta: list[Array], multipliers: list[Array], closest_point_multipliers: list[Array]
 ) -> ConstraintDerivatives:
-    """The constraints at angles q and adapted parameters theta, from the feet t of TS and AI at a point nearby.
+    """Evaluate the constraints, with derivatives, at angles q and adapted parameters theta.
 
-    The feet take ``FOOT_STEPS`` Newton steps.
+    It starts from the feet t of TS and AI at a point nearby. The feet take ``FOOT_STEPS`` Newton steps.
     ``girdle`` is a ``models.girdle.Girdle``, whose adapted parameters are not looked at.
     """
     clavicle, scapula = bone((q[0], q[1], q[2])), bone((q[3], q[4], q[5]))

@@ -42,7 +42,7 @@ def signed_distance_mm(
     centre_mm: Float[Array, " 3 *#batch"],
     semi_axes_mm: Float[Array, " 3 *#batch"],
 ) -> Float[Array, " *batch"]:
-    """Distance from a point to the ellipsoid's surface in mm, outside positive (thesis Eq. 6.2, A1 and A2)."""
+    """Measure how far a point is from the ellipsoid's surface in mm, outside positive (thesis Eq. 6.2, A1 and A2)."""
     point = point_mm - centre_mm
     point, axes = xp.broadcast_arrays(point, semi_axes_mm)
     return _signed_distance(point, axes) if is_jax([point, axes]) else _from_surface(point, axes)
@@ -66,14 +66,14 @@ def _signed_distance_jvp(primals, tangents):
 
 
 def closest_point(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " 3 *batch"]:
-    """The point of the surface nearest to p, both relative to the centre and along the axes, in mm."""
+    """Find the point of the surface nearest to p, both relative to the centre and along the axes, in mm."""
     p = p + xp.where(p < 0.0, -_OFF_PLANE, _OFF_PLANE) * a
     root = _secular_root if is_jax([p, a]) else _largest_root
     return a * a * p / (root(p, a)[None] + xp.stack(_beyond_shortest(a)))
 
 
 def closest_point_multiplier(p: Vector, a: Vector) -> Array:
-    """t of p - x = t (x_i / a_i^2), mm^2, x the closest point. Of components, as everything below."""
+    """Find t of p - x = t (x_i / a_i^2), mm^2, x the closest point. Of components, as everything below."""
     off_plane = tuple(
         xp.where(abs(x) > _OFF_PLANE * y, x, xp.where(x < 0.0, -_OFF_PLANE * y, _OFF_PLANE * y))
         for x, y in zip(p, a, strict=True)

@@ -49,7 +49,7 @@ class Girdle:
     """const3 of A3."""
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-        """A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`."""
+        """Compute A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`."""
         return constraint_residuals_mm(self, angles)
 
     @property
@@ -58,7 +58,7 @@ class Girdle:
         return xp.stack(adapted_components(self))
 
     def with_adapted(self, adapted_mm: Float[Array, " adapted *#batch"]) -> "Girdle":
-        """This girdle with other adapted parameters; what is not adapted (M_x, A4 of the thesis) stays what it is."""
+        """Copy this girdle with other adapted parameters; the rest (M_x, A4 of the thesis) stays what it is."""
         centre, semi_axes = ellipsoid_components(self, adapted_mm)
         return replace(
             self,
@@ -68,11 +68,11 @@ class Girdle:
         )
 
     def over_axes(self, count: int) -> "Girdle":
-        """This girdle with ``count`` more batch axes at the end, of length 1: the same for all along them."""
+        """Return this girdle with ``count`` more batch axes at the end, of length 1: the same for all along them."""
         return jax.tree.map(lambda value: value.reshape(*value.shape, *[1] * count), self)
 
     def over_postures(self) -> "Girdle":
-        """This girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
+        """Return this girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
         lengths = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
         return Girdle(**{k: v[None] if k in lengths else v[:, None] for k, v in vars(self).items()})
 
@@ -91,7 +91,7 @@ class Landmarks:
 def chain_landmarks(
     girdle: Girdle, R_thorax_clavicle: Float[Array, " 3 3 *batch"], R_thorax_scapula: Float[Array, " 3 3 *batch"]
 ) -> Landmarks:
-    """Where the bones are: AC = SC + R_C ac, and TS, AI and the conoid ride on the bones."""
+    """Compute where the bones are: AC = SC + R_C ac, and TS, AI and the conoid ride on the bones."""
     AC = girdle.sc_mm + rotate(R_thorax_clavicle, girdle.ac_mm)
     return Landmarks(
         AC=AC,
@@ -105,14 +105,14 @@ def chain_landmarks(
 def bone_rotations(
     angles: Float[Array, " 6 *batch"],
 ) -> tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]:
-    """R_thorax_clavicle and R_thorax_scapula of clavicle (y, z, x) and scapula (y, z, x) in radians."""
+    """Compute R_thorax_clavicle and R_thorax_scapula of clavicle (y, z, x) and scapula (y, z, x) in radians."""
     return rotation_from_cardan(angles[:3]), rotation_from_cardan(angles[3:])
 
 
 def chain_residuals_mm(
     girdle: Girdle, R_thorax_clavicle: Float[Array, " 3 3 *batch"], R_thorax_scapula: Float[Array, " 3 3 *batch"]
 ) -> Float[Array, " 3 *batch"]:
-    """A1, A2, A3 in mm, zero where the chain is closed (thesis Eq. 6.2)."""
+    """Compute A1, A2, A3 in mm, zero where the chain is closed (thesis Eq. 6.2)."""
     at = chain_landmarks(girdle, R_thorax_clavicle, R_thorax_scapula)
     ts = signed_distance_mm(at.TS, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ts_distance_mm
     ai = signed_distance_mm(at.AI, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ai_distance_mm
@@ -121,12 +121,12 @@ def chain_residuals_mm(
 
 
 def landmarks(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Landmarks:
-    """Where the bones are at six angles in radians."""
+    """Compute where the bones are at six angles in radians."""
     return chain_landmarks(girdle, *bone_rotations(angles))
 
 
 def constraint_residuals_mm(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-    """A1, A2, A3 in mm of six angles in radians: clavicle (y, z, x), scapula (y, z, x) (thesis, Appendix A)."""
+    """Compute A1, A2, A3 in mm of six angles in radians: clavicle (y, z, x), scapula (y, z, x) (thesis, Appendix A)."""
     return chain_residuals_mm(girdle, *bone_rotations(angles))
 
 

@@ -85,12 +85,12 @@ class ParameterSet:
 
 
 def model_names() -> tuple[str, ...]:
-    """The shipped sets, sorted by name."""
+    """List the names of the shipped sets, sorted."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
 def load_model(name_or_path: str | os.PathLike[str]) -> ParameterSet:
-    """A shipped set by its name, or a file of the user's own (anything with a folder or that ends in .toml).
+    """Load a shipped set by its name, or a file of the user's own (anything with a folder or that ends in .toml).
 
     InputError where there is no such set or file, or where the file is not a complete girdle in mm.
     """
@@ -99,12 +99,12 @@ def load_model(name_or_path: str | os.PathLike[str]) -> ParameterSet:
 
 
 def model_file(name_or_path: str | os.PathLike[str]) -> Path:
-    """The file that ``load_model`` reads. InputError where there is no shipped set of this name."""
+    """Find the file that ``load_model`` reads. InputError where there is no shipped set of this name."""
     return Path(name_or_path) if _is_path(name_or_path) else _shipped(os.fspath(name_or_path))
 
 
 def shortest_conoid_mm(girdle: Girdle) -> float:
-    """||u| - |v||, the shortest distance between the attachments in any posture, mm.
+    """Compute ||u| - |v||, the shortest distance between the attachments in any posture, mm.
 
     u: from the clavicular attachment to AC; v: from AC to the scapular attachment. A conoid shorter than
     this, or longer than |u| + |v|, closes in no posture (A3).
@@ -115,7 +115,7 @@ def shortest_conoid_mm(girdle: Girdle) -> float:
 
 
 def parameter_set(document: dict[str, Any], file: str) -> ParameterSet:
-    """The parameter set of a TOML document that was read from the file. InputError as in ``load_model``."""
+    """Build the parameter set of a TOML document that was read from the file. InputError as in ``load_model``."""
     _check_keys(document, file)
     numbers = {key: _array(file, key, _value(document, key), kind) for key, kind in _NUMBERS.items()}
     widths = _half_widths_mm(document, file)

@@ -14,7 +14,7 @@ _LONGEST_NAME = 120
 
 
 def read_text(path: Path, remedy: str) -> str:
-    """The content of a text file, without a byte order mark.
+    """Read the content of a text file, without a byte order mark.
 
     InputError if it cannot be read, or is not text: the remedy says how to save or export it.
     """
@@ -69,22 +69,22 @@ def atomic_write_pieces(path: str | os.PathLike[str], pieces: Iterable[bytes]) -
 
 
 def printable(text: str) -> str:
-    """The text without control characters, which in a name would be commands to the terminal; line ends stay."""
+    """Replace control characters by ?: in a name they would be commands to the terminal; line ends stay."""
     return "".join(c if c == "\n" or c.isprintable() else "?" for c in text)
 
 
 def part_name() -> str:
-    """A name, hidden and not yet taken, for what is not whole yet."""
+    """Make a name, hidden and not yet taken, for what is not whole yet."""
     return f".{uuid4().hex}.part"
 
 
 def is_part(path: Path) -> bool:
-    """Whether this is what ``part_name`` called so, and a process that was killed left behind."""
+    """Tell whether ``part_name`` named this file, which a process that was killed left behind."""
     return re.fullmatch(r"\.[0-9a-f]{32}\.part", path.name) is not None
 
 
 def file_names(names: Sequence[str]) -> list[str]:
-    """A file name for each of the names, all different on every file system; a plain name is its own.
+    """Make a file name for each of the names, all different on every file system; a plain name is its own.
 
     What is not a letter, a digit or one of `_-.~+ ` is written as %XX; long names, and names equal but for case, are
     numbered.

@@ -38,7 +38,7 @@ def girdle_angles_deg(
     elevation_deg: Float[np.ndarray, " *batch"],
     coefficients: Float[np.ndarray, " 5 4 *batch"],
 ) -> Float[np.ndarray, " 6 *batch"]:
-    """ANGLES in degrees of a girdle whose angles with the arm hanging are `rest_deg`.
+    """Predict ANGLES in degrees of a girdle whose angles with the arm hanging are `rest_deg`.
 
     angle = k0 + k1 plane + k2 elevation + k3 angle_rest for the five PREDICTED angles; the clavicle's axial
     rotation is the one that turns the SC and AC joints least from their posture at rest.
@@ -65,7 +65,7 @@ def clavicle_axial_rotation(
     R_thorax_clavicle_rest: Float[Array, " 3 3 *batch"],
     R_thorax_scapula_rest: Float[Array, " 3 3 *batch"],
 ) -> Float[Array, " *batch"]:
-    """The clavicle's third angle c, radians, that turns the SC and AC joints least from rest (thesis, section 6.3).
+    """Compute the clavicle's third angle c that turns the SC and AC joints least from rest (thesis, section 6.3).
 
     A joint turned from D0 to D is turned by an angle t with tr(D0^T D) = 1 + 2 cos t. With R_C = R_yz Rx(c) and
     Q = R_clavicle_scapula_rest, the sum of the two traces, of the SC joint (D = R_C) and of the AC joint

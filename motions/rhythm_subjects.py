@@ -38,13 +38,13 @@ DATA_SUBJECTS, DATA_SEED, DATA_DECIMALS = 10, 1999, 2
 
 
 def simulate_subjects(n: int, seed: int, noise_deg: float = NOISE_DEG) -> Motions:
-    """n subjects, two motions each, with measurement noise; the same seed gives the same subjects."""
+    """Simulate n subjects, two motions each, with measurement noise; the same seed gives the same subjects."""
     generator = Generator(PCG64(seed))
     return add_noise(noise_free_subjects(n, generator), noise_deg, generator)
 
 
 def noise_free_subjects(n: int, generator: Generator) -> Motions:
-    """n subjects `simulated01`, ... with the angles that their girdles have, in degrees."""
+    """Simulate n subjects `simulated01`, ... with the angles that their girdles have, in degrees."""
     plane_deg = np.repeat(list(MOTION_PLANES_DEG.values()), len(ELEVATIONS_DEG))
     elevation_deg = np.tile(ELEVATIONS_DEG, len(MOTION_PLANES_DEG))
     rest_deg, coefficients = draw_subjects(n, generator)
@@ -64,7 +64,7 @@ def noise_free_subjects(n: int, generator: Generator) -> Motions:
 def draw_subjects(
     n: int, generator: Generator
 ) -> tuple[Float[np.ndarray, "6 subjects"], Float[np.ndarray, "5 4 subjects"]]:
-    """The posture at rest in degrees and the coefficients of the rhythm of n individuals.
+    """Draw the posture at rest in degrees and the coefficients of the rhythm of n individuals.
 
     rest = REST_DEG + REST_SD_DEG N(0, 1) for each angle; both slopes of an angle (plane, elevation) are the
     published ones times 1 + SLOPE_SD N(0, 1), one factor for each slope.
@@ -81,7 +81,7 @@ def subject_angles_deg(
     plane_deg: Float[np.ndarray, " postures"],
     elevation_deg: Float[np.ndarray, " postures"],
 ) -> Float[np.ndarray, "6 subjects postures"]:
-    """ANGLES in degrees of every subject in every posture without noise: see girdle_angles_deg."""
+    """Predict ANGLES in degrees of every subject in every posture without noise: see girdle_angles_deg."""
     shape = (rest_deg.shape[1], len(elevation_deg))
     return girdle_angles_deg(
         np.broadcast_to(rest_deg[..., None], (6, *shape)),
@@ -92,13 +92,13 @@ def subject_angles_deg(
 
 
 def add_noise(motions: Motions, noise_deg: float, generator: Generator) -> Motions:
-    """The motions with an independent Gaussian error of SD `noise_deg` degrees on every angle."""
+    """Add to every angle of the motions an independent Gaussian error of SD `noise_deg` degrees."""
     noise = generator.standard_normal(motions.angles_deg.shape)
     return replace(motions, angles_deg=motions.angles_deg + noise_deg * noise)
 
 
 def shipped_subjects() -> Motions:
-    """The subjects of the motion file that the project ships."""
+    """Simulate the subjects of the motion file that the project ships."""
     motions = simulate_subjects(DATA_SUBJECTS, DATA_SEED)
     return replace(motions, angles_deg=np.round(motions.angles_deg, DATA_DECIMALS))
 

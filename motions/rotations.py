@@ -15,7 +15,7 @@ DEG = 180.0 / jnp.pi
 
 
 def rotation_from_cardan(angles: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
-    """R = Ry(a) Rz(b) Rx(c), bone to thorax, from angles (a, b, c) in radians (thesis, Appendix A).
+    """Compute R = Ry(a) Rz(b) Rx(c), bone to thorax, from angles (a, b, c) in radians (thesis, Appendix A).
 
     a > 0 protraction, b > 0 elevation / lateral rotation, c > 0 backward axial rotation / tipping.
     """
@@ -30,7 +30,7 @@ def rotation_from_cardan(angles: Float[Array, " 3 *batch"]) -> Float[Array, " 3 
 
 
 def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
-    """The angles (a, b, c) in radians of R = Ry(a) Rz(b) Rx(c), with |b| <= pi/2.
+    """Compute the angles (a, b, c) in radians of R = Ry(a) Rz(b) Rx(c), with |b| <= pi/2.
 
     At |b| = pi/2 only a + c or a - c is determined (gimbal lock); no measured clavicle or scapula comes near.
     """
@@ -41,17 +41,17 @@ def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *ba
 
 
 def rotate(R: Float[Array, " 3 3 *batch"], v: Float[Array, " 3 *#batch"]) -> Float[Array, " 3 *batch"]:
-    """R v, elementwise over the batch (no call of a matrix library for each 3 x 3)."""
+    """Compute R v, elementwise over the batch (no call of a matrix library for each 3 x 3)."""
     return R[:, 0] * v[0][None] + R[:, 1] * v[1][None] + R[:, 2] * v[2][None]
 
 
 def compose(R_a_b: Float[Array, " 3 3 *batch"], R_b_c: Float[Array, " 3 3 *#batch"]) -> Float[Array, " 3 3 *batch"]:
-    """R_a_c = R_a_b R_b_c, elementwise over the batch."""
+    """Compute R_a_c = R_a_b R_b_c, elementwise over the batch."""
     return jnp.stack([rotate(R_a_b, R_b_c[:, k]) for k in range(3)], axis=1)
 
 
 def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
-    """exp([v]x): the rotation by |v| radians about v (Rodrigues), smooth through v = 0."""
+    """Compute exp([v]x): the rotation by |v| radians about v (Rodrigues), smooth through v = 0."""
     squared = jnp.sum(v * v, axis=0)
     small = squared < _SMALL_ANGLE_SQUARED
     safe = jnp.where(small, 1.0, squared)
@@ -71,7 +71,7 @@ _SMALL_ANGLE_SQUARED = 1e-3
 
 
 def mean_angle(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " *batch"]:
-    """The angle in radians of the rotation R, in [0, pi], accurate near 0 and near pi."""
+    """Compute the angle in radians of the rotation R, in [0, pi], accurate near 0 and near pi."""
     axis = jnp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine2 = jnp.sqrt(jnp.sum(axis * axis, axis=0))
     cosine2 = R[0, 0] + R[1, 1] + R[2, 2] - 1.0

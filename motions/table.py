@@ -70,7 +70,7 @@ class Motions:
         return previous
 
     def select(self, mask: Bool[np.ndarray, " postures"]) -> Motions:
-        """The postures where the mask is true, in the same order."""
+        """Select the postures where the mask is true, in the same order."""
         return replace(
             self,
             subject=self.subject[mask],
@@ -84,7 +84,7 @@ class Motions:
 
     @staticmethod
     def concatenate(parts: Sequence[Motions]) -> Motions:
-        """All postures of the parts, one part after the other.
+        """Concatenate all postures of the parts, one part after the other.
 
         A landmark that only some parts have is NaN in the others; an extra column is empty text there.
         """

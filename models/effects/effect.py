@@ -34,7 +34,8 @@ measured, and the amplitude there."""
 
 
 def where_they_are(points: Points, girdle: Girdle, rotations: Rotations, amplitude) -> Points:
-    """Most effects move the bones or misjudge their frames: landmarks are then seen where they are."""
+    """Return the points unchanged: most effects move the bones or misjudge their frames, and landmarks are then seen
+    where they are."""
     return points
 
 
@@ -112,12 +113,12 @@ class Effect:
     def at(
         self, amplitude: Float[Array, " amplitudes *batch"], elevation_deg: Float[Array, " *batch"]
     ) -> Float[Array, " channels *batch"]:
-        """The amplitude of each channel at the given elevations, in ``unit``."""
+        """Compute the amplitude of each channel at the given elevations, in ``unit``."""
         terms = amplitude.reshape(len(self.channels), -1, *amplitude.shape[1:])
         return jnp.sum(terms * self.course(elevation_deg)[None], axis=1)
 
     def course(self, elevation_deg: Float[Array, " *batch"]) -> Float[Array, " terms *batch"]:
-        """What each term of a channel's amplitude is times at these elevations: 1 for an effect that has no course.
+        """Compute the factor of each term of a channel's amplitude at these elevations: 1 for an effect without course.
 
         Else f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) of f = elevation / 150 deg: a straight line, how much it bends,
         and where; f^2 in place of f for one that comes ``late``. All are zero with the arm hanging; the first alone is

@@ -22,11 +22,11 @@ class ActiveEffects:
     effects: tuple[Effect, ...] = field(default=(), metadata={"static": True})
 
     def on(self, girdle: Girdle) -> "Girdle | ExtendedGirdle":
-        """The girdle with these effects; without any, the girdle itself."""
+        """Put these effects on the girdle; without any, return the girdle itself."""
         return ExtendedGirdle(girdle, self) if self.effects else girdle
 
     def at(self, *index: Int[np.ndarray, " chosen"]) -> "ActiveEffects":
-        """Those of some postures, by their place along each of the last axes."""
+        """Select the effects of some postures, by their place along each of the last axes."""
         return replace(self, strengths=tuple(np.asarray(one)[:, *index] for one in self.strengths))
 
 
@@ -42,12 +42,12 @@ class ExtendedGirdle:
     active_effects: ActiveEffects
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-        """A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
+        """Compute A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
         *_, (girdle, rotations) = self._adjusted(angles)
         return chain_residuals_mm(girdle, *rotations)
 
     def landmarks_mm(self, angles: Float[Array, " 6 *batch"]) -> Points:
-        """Where SHOWN would be seen at angles as they would be measured."""
+        """Predict where SHOWN would be seen at angles as they would be measured."""
         effects, strengths = self.active_effects.effects, self.active_effects.strengths
         *before, (girdle, rotations) = self._adjusted(angles)
         at = chain_landmarks(girdle, *rotations)

@@ -20,7 +20,7 @@ OPTION = "--effect"
 
 
 def active_effects(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*postures"]) -> ActiveEffects:
-    """The effects at these elevations; InputError where there is no such effect or its numbers do not fit it."""
+    """Return the effects at these elevations; InputError where there is no such effect or its numbers do not fit it."""
     effects = [effect_named(name, "effects") for name in amplitudes]
     for effect in effects:
         _check(effect, amplitudes[effect.name], "effects")
@@ -33,7 +33,7 @@ def active_effects(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*po
 
 
 def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """The amplitudes that a command line gives, each word as ``NAME=A,B,C``; InputError where one is not that."""
+    """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``; InputError where one is not that."""
     found: dict[str, tuple[float, ...]] = {}
     for word in words:
         name, _, numbers = word.partition("=")
@@ -50,14 +50,14 @@ def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
 
 
 def as_option(effect: Effect, size: Sequence[float], elevation_deg: float) -> str:
-    """``NAME=A,B,C`` for the size of each direction at this elevation, to three digits: the reverse of
+    """Write ``NAME=A,B,C`` for the size of each direction at this elevation, to three digits: the reverse of
     ``read_amplitudes``, as if the first term of ``Effect.course`` were all of it."""
     height = effect.course(np.asarray(elevation_deg))[0]
     return f"{effect.name}={','.join(f'{value:.3g}' for value in np.asarray(size) / height)}"
 
 
 def described(amplitudes: Amplitudes) -> str:
-    """As 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
+    """Describe the amplitudes as 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
     return ", ".join(f"{name} of {_vector(size)} {EFFECTS[name].unit}" for name, size in amplitudes.items())
 
 
@@ -67,7 +67,10 @@ def _vector(size: Sequence[float]) -> str:
 
 
 def effect_named(name: str, place: str, *others: str) -> Effect:
-    """The effect; InputError that names the place where there is none, and what else than an effect would do there."""
+    """Find the effect of this name.
+
+    InputError that names the place where there is none, and what else than an effect would do there.
+    """
     if name not in EFFECTS:
         raise InputError(place, None, f"there is no effect '{name}'", f"Use one of {', '.join([*others, *EFFECTS])}")
     return EFFECTS[name]

@@ -41,7 +41,7 @@ _AXES = {"y": "0 1 0", "z": "-1 0 0", "x": "0 0 1"}
 
 
 def opensim_model(parameters: ParameterSet) -> str:
-    """The .osim file of a parameter set, at rest (de Groot's mean posture)."""
+    """Write the text of the .osim file of a parameter set, at rest (de Groot's mean posture)."""
     girdle = parameters.girdle
     document = ET.Element("OpenSimDocument", Version="40000")
     model = ET.SubElement(document, "Model", name=re.sub(r"[\\/*+\s]", "_", parameters.name))  # not in OpenSim's names
@@ -79,7 +79,7 @@ def opensim_model(parameters: ParameterSet) -> str:
 
 
 def contact(girdle: Girdle) -> tuple[Float[np.ndarray, "2"], Vector, Matrix]:
-    """The joint at rest: its first two coordinates (rad), and origin (mm) and axes of its frame in the scapula.
+    """Place the joint at rest: its first two coordinates (rad), and origin (mm) and axes of its frame in the scapula.
 
     In OpenSim's axes, with radii (r_x, r_y, r_z), the joint's origin in the thorax is
 
@@ -99,7 +99,7 @@ def contact(girdle: Girdle) -> tuple[Float[np.ndarray, "2"], Vector, Matrix]:
 
 
 def radii_mm(girdle: Girdle) -> Vector:
-    """The semi-axes along OpenSim's axes."""
+    """Return the semi-axes along OpenSim's axes."""
     return np.abs(Q) @ np.asarray(girdle.semi_axes_mm)
 
 
@@ -160,7 +160,7 @@ def _scapulothoracic(joints: ET.Element, girdle: Girdle) -> None:
 
 
 def body_fixed_xyz(R: Matrix) -> Vector:
-    """(a, b, c), radians, of R = Rx(a) Ry(b) Rz(c): OpenSim's orientation of an offset frame."""
+    """Compute (a, b, c), radians, of R = Rx(a) Ry(b) Rz(c): OpenSim's orientation of an offset frame."""
     return np.array([np.arctan2(-R[1, 2], R[2, 2]), np.arcsin(R[0, 2]), np.arctan2(-R[0, 1], R[0, 0])])
 
 

@@ -17,7 +17,9 @@ def parameters_toml(
     source: Mapping[str, str],
     bounds_mm: Mapping[str, float] | None = None,
 ) -> str:
-    """The file of a girdle, every number with all its digits and its source; loading it gives the same girdle.
+    """Write the text of a girdle's file, every number with all its digits and its source.
+
+    Loading it gives the same girdle.
 
     comment: the lines above it. bounds_mm: half widths for `bounds`, by key, where they are not the default ones.
     """

@@ -35,7 +35,7 @@ class _Said:
 
 
 def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> Motions:
-    """The postures in the rows of a file, or at `labels.at_deg`. A left shoulder is mirrored.
+    """Take the postures from the rows of a file, or at `labels.at_deg`. A left shoulder is mirrored.
 
     The columns are ANGLES or, in ISB's sequence, ISB_ANGLES, and humerus_elevation, or what the mapping calls them.
     ISB's scapula goes through AA, if the header does not say AC. InputError if no bone is there or AA stays AA.
@@ -95,9 +95,10 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
 
 
 def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
-    """The postures of one motion of one subject as columns, degrees; time is the number of the posture.
+    """Lay out the postures of one motion of one subject as columns, degrees; time is the number of the posture.
 
-    Elevation and the six ANGLES, or ISB_ANGLES: the same rotations under ISB's names, the scapula still through AC.
+    The columns are elevation and the six ANGLES, or ISB_ANGLES: the same rotations under ISB's names, the
+    scapula still through AC.
     """
     subject, motion = str(motions.subject[0]), str(motions.motion[0])
     for name in (subject, motion):
@@ -139,7 +140,7 @@ def _numbers(table: AngleTable) -> np.ndarray:
 
 
 def split(motions: Motions) -> list[Motions]:
-    """One table for each motion of each subject, in the order of the postures' first appearance."""
+    """Split the postures into one table for each motion of each subject, in the order of their first postures."""
     pairs = list(zip(motions.subject.tolist(), motions.motion.tolist(), strict=True))
     return [
         replace(motions.select(np.array([pair == one for pair in pairs])), rejected=()) for one in dict.fromkeys(pairs)

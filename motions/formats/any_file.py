@@ -26,7 +26,7 @@ _OF_ANGLES = (".mot", ".sto")
 
 
 def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
-    """The postures in a file of any kind, or in a Spartacus checkout. InputError if it is of no known kind.
+    """Read the postures in a file of any kind, or in a Spartacus checkout. InputError if it is of no known kind.
 
     labels.subject and labels.motion may be empty: then the file's own words for them, else its name, stand for them.
     """

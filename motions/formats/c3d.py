@@ -24,7 +24,7 @@ _MANY_FRAMES = 65535
 
 
 def read_c3d(path: Path) -> Markers:
-    """All markers of a .c3d file; a marker with a negative residual or at exactly (0, 0, 0) has a gap.
+    """Read all markers of a .c3d file; a marker with a negative residual or at exactly (0, 0, 0) has a gap.
 
     InputError if the file is none, or if it has fewer frames than it says.
     """

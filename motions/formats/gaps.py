@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 
 def zeros_as_gaps(positions: Float[np.ndarray, "markers 3 frames"]) -> Float[np.ndarray, "markers 3 frames"]:
-    """NaN for a marker at exactly (0, 0, 0), which is how capture software writes a gap, unless it is always there:
+    """Put NaN for a marker at exactly (0, 0, 0), which is how capture software writes a gap, unless it is always there:
     then it is the origin of the frame, such as IJ in a file in the thorax frame."""
     zero = (positions == 0.0).all(axis=1)
     gap = zero & ~zero.all(axis=1, keepdims=True)

@@ -19,10 +19,10 @@ _SIGNS = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 
 
 def thesis_from_isb(isb: Float[np.ndarray, "*postures 6"]) -> Float[np.ndarray, "*postures 6"]:
-    """The six ANGLES of ISB_ANGLES, in the same unit."""
+    """Convert ISB_ANGLES to the six ANGLES, in the same unit."""
     return isb * _SIGNS
 
 
 def isb_from_thesis(angles: Float[np.ndarray, "*postures 6"]) -> Float[np.ndarray, "*postures 6"]:
-    """ISB_ANGLES of the six ANGLES, in the same unit."""
+    """Convert the six ANGLES to ISB_ANGLES, in the same unit."""
     return angles * _SIGNS

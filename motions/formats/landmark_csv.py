@@ -17,13 +17,15 @@ _COORDINATE = re.compile(r"(?P<name>.+)_(?P<axis>[xyz])_(?P<unit>mm|cm|m)")
 
 
 def holds_positions(columns: list[str]) -> bool:
-    """Whether a CSV file with these columns is one of positions: a motion file has the clavicle's angles too."""
+    """Tell whether a CSV file with these columns is one of positions: a motion file has the clavicle's angles too."""
     return "clavicle_y_deg" not in columns and any(_COORDINATE.fullmatch(column) for column in columns)
 
 
 def read_landmark_csv(path: Path) -> Markers:
-    """All markers of the file; an empty cell or nan is a gap. InputError if a marker has only some of its coordinates,
-    columns stand there twice or units differ."""
+    """Read all markers of the file; an empty cell or nan is a gap.
+
+    InputError if a marker has only some of its coordinates, columns stand there twice or units differ.
+    """
     file = str(path)
     table = read_table(path)
     found = {column: match for column in table.columns if (match := _COORDINATE.fullmatch(column))}

@@ -32,7 +32,7 @@ class AngleTable:
 
 
 def read_mot(path: Path) -> AngleTable:
-    """The file with all columns but time in degrees, as its header's inDegrees says.
+    """Read the file with all columns but time in degrees, as its header's inDegrees says.
 
     InputError if the file is none, does not say inDegrees, or has not the rows and columns that its header says.
     """

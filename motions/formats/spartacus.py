@@ -85,12 +85,14 @@ class _Curve:
 
 
 def is_spartacus(folder: Path) -> bool:
-    """Whether the folder is a checkout of the collection."""
+    """Tell whether the folder is a checkout of the collection."""
     return (folder / _STUDIES).is_file() and (folder / _JOINTS).is_file()
 
 
 def read_spartacus(folder: Path, labels: Labels) -> Motions:
-    """All shoulders of the collection whose clavicle and scapula this project's frames can express, as right shoulders.
+    """Read all shoulders of the collection whose clavicle and scapula this project's frames can express.
+
+    All become right shoulders.
 
     Scapulae through AA need `labels.aa_to_ac`. What cannot be used is named in `rejected`. InputError if nothing can.
     """

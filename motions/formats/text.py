@@ -11,7 +11,7 @@ _GAPS = ("", "nan")
 
 
 def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarray, "rows columns"]:
-    """The cells as numbers, NaN where one is empty or says nan. InputError at the first that is none.
+    """Read the cells as numbers, NaN where one is empty or says nan. InputError at the first that is none.
 
     rows: the line of the file in which each row of the cells stands.
     """

@@ -21,7 +21,7 @@ _NAMES_LINE, _FIRST_DATA_LINE = 4, 6
 
 
 def read_trc(path: Path) -> Markers:
-    """All markers of a .trc file; an empty cell, nan or a marker at exactly (0, 0, 0) is a gap.
+    """Read all markers of a .trc file; an empty cell, nan or a marker at exactly (0, 0, 0) is a gap.
 
     InputError if the file is none, or if it has not the frames and markers that its header says.
     """

@@ -60,7 +60,7 @@ ROTATIONS = {"kolz2020": KOLZ}
 
 
 def acromion_rotation(name: str) -> AcromionRotation:
-    """The rotation of this name. InputError if there is none."""
+    """Find the rotation of this name. InputError if there is none."""
     if name not in ROTATIONS:
         raise InputError("--aa-to-ac", None, f"there is no rotation '{name}'", f"Use one of {', '.join(ROTATIONS)}")
     return ROTATIONS[name]
@@ -69,14 +69,14 @@ def acromion_rotation(name: str) -> AcromionRotation:
 def ac_from_aa_deg(
     scapula_aa_deg: Float[np.ndarray, "postures 3"], rotation: AcromionRotation
 ) -> Float[np.ndarray, "postures 3"]:
-    """Cardan angles of the AC frame, R_thorax_AC = R_thorax_AA R_AC_AA', of those of the AA frame, degrees."""
+    """Convert Cardan angles of the AA frame to those of the AC frame, R_thorax_AC = R_thorax_AA R_AC_AA', degrees."""
     return _turned_deg(scapula_aa_deg, rotation.R_ac_aa.T)
 
 
 def aa_from_ac_deg(
     scapula_ac_deg: Float[np.ndarray, "postures 3"], rotation: AcromionRotation
 ) -> Float[np.ndarray, "postures 3"]:
-    """Cardan angles of the AA frame, R_thorax_AA = R_thorax_AC R_AC_AA, of those of the AC frame, degrees."""
+    """Convert Cardan angles of the AC frame to those of the AA frame, R_thorax_AA = R_thorax_AC R_AC_AA, degrees."""
     return _turned_deg(scapula_ac_deg, rotation.R_ac_aa)
 
 

@@ -12,16 +12,20 @@ Rotations = Float[np.ndarray, " 3 3 *batch"]
 
 
 def thorax_frame(IJ: Points, PX: Points, C7: Points, T8: Points) -> Rotations:
-    """R_lab_thorax: y from halfway PX-T8 to halfway IJ-C7, x normal to the plane of IJ, C7 and halfway PX-T8, to the
-    right, z = x cross y, backward. Its origin is IJ."""
+    """Compute R_lab_thorax, the frame of the thorax, whose origin is IJ.
+
+    y from halfway PX-T8 to halfway IJ-C7, x normal to the plane of IJ, C7 and halfway PX-T8, to the right,
+    z = x cross y, backward.
+    """
     y = unit((IJ + C7) / 2.0 - (PX + T8) / 2.0)
     x = unit(cross(y, C7 - IJ))
     return frame(x, y)
 
 
 def clavicle_frame(SC: Points, AC: Points, y_thorax: Points) -> Rotations:
-    """Frame of the clavicle without axial rotation: x from SC to AC, z normal to x and the thorax's y, backward.
+    """Compute the frame of the clavicle without axial rotation.
 
+    x from SC to AC, z normal to x and the thorax's y, backward.
     Two landmarks do not give the axial rotation (Appendix A, note 1).
     """
     x = unit(AC - SC)
@@ -30,7 +34,7 @@ def clavicle_frame(SC: Points, AC: Points, y_thorax: Points) -> Rotations:
 
 
 def scapula_frame(acromion: Points, TS: Points, AI: Points) -> Rotations:
-    """Frame of the scapula: x from TS to the acromial landmark, z normal to it and AI, backward.
+    """Compute the frame of the scapula: x from TS to the acromial landmark, z normal to it and AI, backward.
 
     acromion: AC in the thesis, AA in ISB's recommendation (Wu 2005): frames some 18 degrees apart.
     """
@@ -40,15 +44,16 @@ def scapula_frame(acromion: Points, TS: Points, AI: Points) -> Rotations:
 
 
 def humerus_frame(GH: Points, EM: Points, EL: Points) -> Rotations:
-    """Frame of the humerus: y from halfway EM-EL to GH, z normal to y and EM-EL, backward."""
+    """Compute the frame of the humerus: y from halfway EM-EL to GH, z normal to y and EM-EL, backward."""
     y = unit(GH - (EM + EL) / 2.0)
     z = unit(cross(EL - EM, y))
     return frame(cross(y, z), y)
 
 
 def humerus_angles(R_thorax_humerus: Rotations) -> Points:
-    """Plane of elevation, elevation and axial rotation (p, e, q), radians, of R = Ry(p) Rz(e) Ry(q), 0 <= e <= pi.
+    """Compute plane of elevation, elevation and axial rotation (p, e, q), radians, of the humerus.
 
+    R = Ry(p) Rz(e) Ry(q), 0 <= e <= pi.
     p = 0 is abduction, p = pi/2 forward flexion. With the arm hanging, e = 0, only p + q is determined.
     """
     R = R_thorax_humerus
@@ -62,7 +67,7 @@ def humerus_angles(R_thorax_humerus: Rotations) -> Points:
 
 
 def humerus_rotation(angles: Points) -> Rotations:
-    """R_thorax_humerus = Ry(p) Rz(e) Ry(q) of (p, e, q), the inverse of `humerus_angles`."""
+    """Compute R_thorax_humerus = Ry(p) Rz(e) Ry(q) of (p, e, q), the inverse of `humerus_angles`."""
     (cp, ce, cq), (sp, se, sq) = np.cos(angles), np.sin(angles)
     return np.stack(
         [
@@ -74,31 +79,31 @@ def humerus_rotation(angles: Points) -> Rotations:
 
 
 def frame(x: Points, y: Points) -> Rotations:
-    """The right-handed frame with these orthogonal unit axes."""
+    """Build the right-handed frame with these orthogonal unit axes."""
     return np.stack([x, y, cross(x, y)], axis=1)
 
 
 def cross(a: Points, b: Points) -> Points:
-    """a x b along the first axis."""
+    """Compute a x b along the first axis."""
     return np.cross(a, b, axis=0)
 
 
 def unit(v: Points) -> Points:
-    """v / |v|; NaN where v is 0, that is where two landmarks that span an axis coincide."""
+    """Compute v / |v|; NaN where v is 0, that is where two landmarks that span an axis coincide."""
     length = np.sqrt(np.sum(v * v, axis=0))
     return v / np.where(length > 0.0, length, np.nan)
 
 
 def transposed(R: Rotations) -> Rotations:
-    """R_b_a of R_a_b."""
+    """Transpose R_a_b to R_b_a."""
     return np.swapaxes(R, 0, 1)
 
 
 def rotated(R: Rotations, v: Points) -> Points:
-    """R v, elementwise over the batch."""
+    """Compute R v, elementwise over the batch."""
     return np.einsum("ij...,j...->i...", R, v)
 
 
 def composed(R_a_b: Rotations, R_b_c: Rotations) -> Rotations:
-    """R_a_c = R_a_b R_b_c, elementwise over the batch."""
+    """Compute R_a_c = R_a_b R_b_c, elementwise over the batch."""
     return np.einsum("ij...,jk...->ik...", R_a_b, R_b_c)

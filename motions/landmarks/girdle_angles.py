@@ -43,8 +43,9 @@ class FrameAngles:
 def frame_angles(
     lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side, file: str, aa_to_ac: AcromionRotation | None = None
 ) -> FrameAngles:
-    """The angles of every frame (thesis, Appendix A). A left shoulder is mirrored in the sagittal plane of its thorax.
+    """Compute the angles of every frame (thesis, Appendix A).
 
+    A left shoulder is mirrored in the sagittal plane of its thorax.
     lab_mm: landmarks in any right-handed frame. aa_to_ac: what brings a scapula through AA to the thesis's frame, where
     AC was not measured. InputError if that is wanting, or if the landmarks are those of the other shoulder.
     """
@@ -66,11 +67,11 @@ def frame_angles(
 def estimated_axial_deg(
     angles_deg: Float[np.ndarray, "postures 6"], rest_deg: Float[np.ndarray, "6"]
 ) -> Float[np.ndarray, " postures"]:
-    """The clavicle's axial rotation that turns SC and AC joint least from rest, where it is 0.
+    """Estimate the clavicle's axial rotation: the one that turns SC and AC joint least from rest, where it is 0.
 
-    Section 6.3 of the thesis minimises the rotation in both joints, note 1 of its Appendix A (Pronk) in the AC joint
-    alone. On six bone-pin shoulders the former is 1-5 degrees (rms) off the measured rotation, the latter 5-11: here it
-    is the former, `clavicle_axial_rotation`.
+    Angles in degrees. Section 6.3 of the thesis minimises the rotation in both joints, note 1 of its Appendix A (Pronk)
+    in the AC joint alone. On six bone-pin shoulders the former is 1-5 degrees (rms) off the measured rotation, the
+    latter 5-11: here it is the former, `clavicle_axial_rotation`.
     """
     rest = np.where(np.arange(6) == CLAVICLE_X, 0.0, rest_deg) / float(DEG)
     postures = jnp.asarray(angles_deg.T / float(DEG))

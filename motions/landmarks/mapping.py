@@ -38,11 +38,11 @@ class Mapping:
     """The laboratory's name of an angle."""
 
     def marker(self, landmark: str) -> str:
-        """The name of a landmark in the file."""
+        """Return the name of a landmark in the file."""
         return self.markers.get(landmark, landmark)
 
     def column(self, angle: str) -> str:
-        """The name of an angle in the file."""
+        """Return the name of an angle in the file."""
         return self.columns.get(angle, angle)
 
     @property
@@ -56,7 +56,7 @@ class Mapping:
 
 
 def read_mapping(path: Path | None) -> Mapping:
-    """The mapping in a TOML file, or that of this project's own names. InputError if the file is wrong."""
+    """Read the mapping in a TOML file, or that of this project's own names. InputError if the file is wrong."""
     if path is None:
         return Mapping()
     file = str(path)

@@ -36,7 +36,7 @@ class Markers:
 
 
 def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarray, "3 frames"]]:
-    """The landmarks of the file by their names here, mm, in the file's own (right-handed) frame.
+    """Find the landmarks of the file by their names here, mm, in the file's own (right-handed) frame.
 
     InputError if a needed one is not there, nowhere measured or there twice, if no unit is known, or if the size of
     the neck shows that it is not the right one.

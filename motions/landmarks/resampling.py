@@ -30,7 +30,7 @@ def resample(
     values: Float[np.ndarray, "frames columns"],
     at_deg: Float[np.ndarray, " chosen"],
 ) -> Sampled:
-    """The values on the least-squares line through the frames within WINDOW_DEG of each chosen elevation.
+    """Compute the values on the least-squares line through the frames within WINDOW_DEG of each chosen elevation.
 
     Frames with a gap in a column do not count there; raising and lowering count alike. Chosen elevations that the
     trial did not reach, or at which no column has FEWEST_FRAMES, are left out.

@@ -27,7 +27,7 @@ FRAMES = "frames"
 
 
 def spread_column(angle: str) -> str:
-    """The extra column with the SD of an angle about a posture of a trial, degrees."""
+    """Name the extra column with the SD of an angle about a posture of a trial, degrees."""
     return f"{angle}_spread_deg"
 
 
@@ -47,7 +47,7 @@ class Labels:
 def postures_from_landmarks(
     lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str
 ) -> Motions:
-    """The postures of one subject, numbered from 1 in the order of the frames.
+    """Compute the postures of one subject, numbered from 1 in the order of the frames.
 
     lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the posture with the
     arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures with too few

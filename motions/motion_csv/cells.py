@@ -24,7 +24,7 @@ LARGEST_POSTURE = 2**53
 
 
 def name_in(row: Row, column: str) -> str:
-    """The text of a cell that must not be empty."""
+    """Read the text of a cell that must not be empty."""
     text = row.cells[column]
     if not text:
         raise row.error(f"the cell of {column} is empty", f"Write the {column}'s name in every row")
@@ -32,7 +32,7 @@ def name_in(row: Row, column: str) -> str:
 
 
 def whole_number_in(row: Row, column: str) -> int:
-    """The whole number in a cell; "3.0" is 3."""
+    """Read the whole number in a cell; "3.0" is 3."""
     value = measured_in(row, column)
     if math.isnan(value):
         raise row.error(f"the cell of {column} is empty", "Number the postures of a motion 1, 2, 3, ...")
@@ -43,7 +43,7 @@ def whole_number_in(row: Row, column: str) -> int:
 
 
 def measured_in(row: Row, column: str) -> float:
-    """The finite number in a cell; NaN (not measured) if the cell is empty or says nan."""
+    """Read the finite number in a cell; NaN (not measured) if the cell is empty or says nan."""
     text = row.cells[column]
     value = float(text) if _NUMBER.fullmatch(text) else None
     if value is not None and math.isfinite(value):
@@ -57,7 +57,7 @@ def measured_in(row: Row, column: str) -> float:
 
 
 def angle_in(row: Row, column: str) -> float:
-    """The angle in degrees in a cell, at most half a turn; NaN if not measured."""
+    """Read the angle in degrees in a cell, at most half a turn; NaN if not measured."""
     value_deg = measured_in(row, column)
     if abs(value_deg) > LARGEST_ANGLE_DEG:
         cause = f"{column} is {_quoted(row.cells[column])}, more than {LARGEST_ANGLE_DEG:.0f} degrees"
@@ -66,7 +66,7 @@ def angle_in(row: Row, column: str) -> float:
 
 
 def side_in(row: Row) -> Side:
-    """The shoulder that was measured: right unless the cell says left."""
+    """Read which shoulder was measured: right unless the cell says left."""
     text = row.cells.get(SIDE, "")
     if text.lower() not in SIDES:
         raise row.error(f"{SIDE} is {_quoted(text)}", "Write left or right")

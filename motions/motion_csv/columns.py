@@ -13,7 +13,7 @@ SIDE_MEASURED = "side_measured"
 
 
 def landmark_columns(name: str) -> tuple[str, str, str]:
-    """The three columns of a landmark's position in the thorax frame, mm."""
+    """Name the three columns of a landmark's position in the thorax frame, mm."""
     return f"{name}_x_mm", f"{name}_y_mm", f"{name}_z_mm"
 
 

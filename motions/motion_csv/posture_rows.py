@@ -44,7 +44,7 @@ class Posture:
 
 
 def posture_from_row(row: Row) -> Posture:
-    """The posture in one row. InputError if a cell cannot be read or too few angles were measured."""
+    """Read the posture in one row. InputError if a cell cannot be read or too few angles were measured."""
     side = side_in(row)
     left = side == "left"
     angles_deg = _angles_deg(row)

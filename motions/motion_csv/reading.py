@@ -16,7 +16,7 @@ from motions.table import LANDMARKS, Motions
 
 
 def read_motions(*paths: str | os.PathLike[str]) -> Motions:
-    """The postures of all subjects in the CSV files, as right shoulders, in the order of the files.
+    """Read the postures of all subjects in the CSV files, as right shoulders, in the order of the files.
 
     A file or a subject with an error is left out and named in `rejected`. A subject whose motions are in
     several files is one subject. InputError if a path does not exist or if no subject is left.
@@ -69,7 +69,7 @@ class MotionStream:
         return self._once[path] if path in self._once else iterate_rows(path)
 
     def in_chunks(self, subjects: int | None) -> Iterator[Motions]:
-        """The motions of so many subjects at a time (None: of all), as their last rows are reached."""
+        """Yield the motions of so many subjects at a time (None: of all), as their last rows are reached."""
         waiting: dict[str, list[tuple[int, Row]]] = {}
         ended: list[str] = []
         named, found = tuple(self.rejected), False

@@ -22,7 +22,7 @@ class Row:
     cells: dict[str, str]
 
     def error(self, cause: str, remedy: str) -> InputError:
-        """The error of this line; it names the subject, which is what will be left out."""
+        """Make the error of this line; it names the subject, which is what will be left out."""
         return InputError(self.file, self.line, f"subject {self.cells['subject']!r}: {cause}", remedy)
 
 
@@ -35,13 +35,18 @@ class CsvTable:
 
 
 def iterate_rows(path: Path) -> Iterator[Row]:
-    """The rows of a motion file that are not blank, one at a time. InputError where the file as a whole cannot be
-    used; what came before it is then not to be used either."""
+    """Yield the rows of a motion file that are not blank, one at a time.
+
+    InputError where the file as a whole cannot be used; what came before it is then not to be used either.
+    """
     yield from _table_rows(path, _check_header)[1]
 
 
 def read_table(path: Path, check_header: Callable[[list[str], str, int], None] | None = None) -> CsvTable:
-    """Any CSV file. InputError if it as a whole cannot be used; check_header raises it for headers of its own kind."""
+    """Read any CSV file.
+
+    InputError if it as a whole cannot be used; check_header raises it for headers of its own kind.
+    """
     columns, rows = _table_rows(path, check_header or _check_names)
     return CsvTable(tuple(name for name in columns if name), list(rows))
 

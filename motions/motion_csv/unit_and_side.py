@@ -35,7 +35,7 @@ class Finding(NamedTuple):
 
 
 def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
-    """Every measured angle is at most pi, although scapular protraction is 20-60 degrees."""
+    """Find angles in radians: every measured one is at most pi, although scapular protraction is 20-60 degrees."""
     angles = np.stack([posture.angles_deg for posture in postures])
     protraction_measured = not np.isnan(angles[:, ANGLES.index("scapula_y")]).all()
     if len(postures) < LEAST_VALUES or not protraction_measured or np.nanmax(np.abs(angles)) > np.pi:
@@ -45,7 +45,7 @@ def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
 
 def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
-    """In one motion the arm is in three places or more, and none is above pi."""
+    """Find elevations in radians: in one motion the arm is in three places or more, and none is above pi."""
     for motion in dict.fromkeys(posture.motion for posture in postures):
         values = {posture.humerus_elevation_deg for posture in postures if posture.motion == motion}
         elevations = [value for value in values if not np.isnan(value)]
@@ -56,7 +56,8 @@ def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
 
 def landmarks_not_in_mm(postures: Sequence[Posture]) -> Finding | None:
-    """All coordinates are below 2 (metres), or those of AC, TS or AI are below 40 (centimetres)."""
+    """Find landmarks that are not in mm: all coordinates are below 2 (metres), or those of AC, TS or AI are below 40
+    (centimetres)."""
     reach = _reach_mm(postures)
     if reach and 0.0 < max(reach.values()) < LARGEST_METRES:
         return Finding("the landmark positions look like metres", "Give landmark positions in mm")
@@ -78,7 +79,7 @@ def _reach_mm(postures: Sequence[Posture]) -> dict[str, float]:
 
 
 def wrong_side(postures: Sequence[Posture]) -> Finding | None:
-    """The angles, which should be those of a right shoulder by now, are those of its mirror image."""
+    """Find angles of the wrong side: they should be a right shoulder's by now, and are those of its mirror image."""
     clavicle_y = _mean_deg(postures, "clavicle_y")
     scapula_y = _mean_deg(postures, "scapula_y")
     if not (clavicle_y > LEFT_CLAVICLE_DEG and scapula_y < LEFT_SCAPULA_DEG):
