@@ -85,14 +85,14 @@ def assess_trust(
 
 
 def joined(parts: Sequence[Adapted]) -> Adapted:
-    """The problems of all parts, one part after the other."""
+    """Join the problems of all parts, one part after the other."""
     return Adapted(**{k: np.concatenate([getattr(part, k) for part in parts], axis=-1) for k in vars(parts[0])})
 
 
 def intervals(
     data: ProblemBatch, adapted: Adapted, found: Uncertainty
 ) -> tuple[Float[np.ndarray, "2 6 problems"], np.ndarray]:
-    """95 % intervals, mm, within the bounds, and where each comes from."""
+    """Compute the 95 % intervals, mm, within the bounds, and name where each comes from."""
     bounds = np.asarray(data.bounds_mm)
     half = NORMAL_95 * found.sd_mm
     ends = np.clip(np.stack([adapted.theta_mm - half, adapted.theta_mm + half]), bounds[:1], bounds[1:])
@@ -108,13 +108,14 @@ def uncertainty_table(
     found: Uncertainty,
     profile: Profile,
 ) -> pd.DataFrame:
-    """``uncertainty.csv``: mm; ``low_mm`` and ``high_mm`` are the 95 % interval, ``interval`` where it comes from.
+    """Tabulate ``uncertainty.csv``, mm, one row per model, subject and adapted parameter.
 
-    ``sd_mm`` is all parts together, as far as the bounds leave room for them, ``sd_noise_mm`` what repeated measurement
-    of the same person would scatter by, ``sd_person_mm`` what comes from the thorax points being another person's.
-    ``profile_low_mm`` and ``profile_high_mm``, where SD > ``FLAT_MM``: how far E itself would let the parameter go, a
-    check of the parabola (simulated, the interval holds the truth as often as it should, the profile less often).
-    ``points_share``: of what holds the parameter, the share that is the thorax points'.
+    ``low_mm`` and ``high_mm`` are the 95 % interval, ``interval`` where it comes from. ``sd_mm`` is all parts together,
+    as far as the bounds leave room for them, ``sd_noise_mm`` what repeated measurement of the same person would scatter
+    by, ``sd_person_mm`` what comes from the thorax points being another person's. ``profile_low_mm`` and
+    ``profile_high_mm``, where SD > ``FLAT_MM``: how far E itself would let the parameter go, a check of the parabola
+    (simulated, the interval holds the truth as often as it should, the profile less often). ``points_share``: of what
+    holds the parameter, the share that is the thorax points'.
     """
     ends, origin = intervals(data, adapted, found)
     good = adapted.status == status.OK
@@ -140,7 +141,10 @@ def uncertainty_table(
 
 
 def plausibility_table(subjects: Sequence[str], models: Sequence[ParameterSet], adapted: Adapted) -> pd.DataFrame:
-    """``plausibility.csv``: value, limits, their reason, and ``pass`` or ``warning``; own_value is the set's own."""
+    """Tabulate ``plausibility.csv``: value, limits, their reason, and ``pass`` or ``warning``.
+
+    One row per model, subject and check; ``own_value`` is the value of the parameter set itself.
+    """
     rows = []
     for problem in range(adapted.theta_mm.shape[-1]):
         model = models[problem // len(subjects)]
@@ -153,7 +157,10 @@ def plausibility_table(subjects: Sequence[str], models: Sequence[ParameterSet], 
 
 
 def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
-    """By subject, the share of steps along its motions after adaptation that stay on one branch of solutions."""
+    """Compute by subject the share of steps along its motions that stay on one branch of solutions.
+
+    ``fits`` are those after adaptation. NaN for a subject without steps.
+    """
     step = motions.previous_rows() >= 0
     jump = fits["jump"].to_numpy() == 1
     shares = {}
@@ -199,9 +206,10 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
 
 
 def improvement_blocked_by_points(before_deg2: float, adapted_deg2: float, without_deg2: float) -> float:
-    """Of the fall of mean J from before adaptation to an adaptation without thorax points, what there is not with them.
+    """Compute the share of the possible fall of mean J that the thorax points block.
 
-    NaN where the one without them failed, or ended in another valley, above the one with them.
+    Of the fall of mean J from before adaptation to an adaptation without thorax points, it is the part that does not
+    come about with them. NaN where the one without them failed, or ended in another valley, above the one with them.
     """
     if not without_deg2 < before_deg2 or not without_deg2 <= adapted_deg2:
         return float("nan")

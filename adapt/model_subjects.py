@@ -43,7 +43,7 @@ def simulate_model_subjects(
     size: float = 1.0,
     spread: float = 1.0,
 ) -> Simulated:
-    """Subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
+    """Simulate subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
 
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
     effect is ``size`` times its scale in each of its directions, without details, with signs common to all subjects

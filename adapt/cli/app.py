@@ -469,7 +469,7 @@ def _finish(motions: Motions, failed: dict[str, str]) -> None:
 
 
 def main(application: typer.Typer = app) -> None:
-    """Entry point: compiled code is kept between runs; bad input is one message and exit status 2."""
+    """Run the command line: keep compiled code between runs; bad input is one message and exit status 2."""
     keep_compiled()
     gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     try:

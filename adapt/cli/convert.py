@@ -85,9 +85,10 @@ def write_parquet(source: Path, target: Path) -> None:
 
 
 def simulated_motions(fits: Path) -> Motions:
-    """The simulated angles of a ``fits.csv``, after adaptation where it has them, of the postures whose fit is ``ok``.
+    """Read the simulated angles of a ``fits.csv``, of the postures whose fit is ``ok``.
 
-    The subjects are called MODEL_SUBJECT. InputError if there is no such posture.
+    They are those after adaptation where the file has them. The subjects are called MODEL_SUBJECT. InputError if there
+    is no such posture.
     """
     table = _table(fits)
     table = table[(table["adapted"] == table["adapted"].max()) & (table["status"] == status.OK)]

@@ -33,14 +33,14 @@ class PlainConsole(Console):
         super().__init__(stderr=stderr, markup=False, highlight=False)
 
     def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
-        """Every piece of text that is printed comes through here, and the control codes of rich itself apart."""
+        """Pass every printed text through ``printable``, all but the control codes of rich itself."""
         for segment in super().render(*arguments, **options):
             yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
 @contextmanager
 def progress(errors: Console) -> Iterator[Callable[[str], None]]:
-    """A line on stderr, if that is a terminal, that says what is being done and for how long."""
+    """Show a line on stderr, if that is a terminal, that says what is being done and for how long."""
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
     with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
@@ -48,7 +48,7 @@ def progress(errors: Console) -> Iterator[Callable[[str], None]]:
 
 
 def print_summary(console: Console, summary: pd.DataFrame) -> None:
-    """Tables 6.1-6.4: mean absolute differences of all motions of a subject, a table a model and state."""
+    """Print Tables 6.1-6.4: mean absolute differences, degrees, of all motions of a subject, by model and state."""
     everything = summary[summary["motion"] == ALL_MOTIONS]
     for (model, adapted), rows in everything.groupby(["model", "adapted"], sort=False):
         state = "after adaptation" if adapted else "before adaptation"
@@ -76,7 +76,7 @@ def _print_missing(console: Console, rows: pd.DataFrame) -> None:
 
 
 def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
-    """Tables 6.5 and 6.6: adapted parameters, mean and standard deviation over subjects, beside the model's own."""
+    """Print Tables 6.5 and 6.6: adapted parameters, mean and SD over subjects, mm, beside the model's own."""
     statistics = parameter_statistics(parameters)
     table = Table(title="Adapted parameters over subjects, mm", title_justify="left", box=SIMPLE_HEAD)
     table.add_column("model", no_wrap=True)
@@ -93,7 +93,7 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
 
 
 def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> None:
-    """The gap on what an adaptation has not seen beside that on the same postures before it and in sample."""
+    """Print the gap on what an adaptation has not seen beside that on the same postures before it and in sample."""
     known = heldout["subject"].nunique()
     if known < subjects:
         why = "a sample of many, or who has a single posture" if known else "every subject has a single posture"

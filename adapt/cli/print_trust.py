@@ -15,7 +15,7 @@ from models.adapted_parameters import ADAPTED
 
 
 def print_trust(console: Console, found: Trust) -> None:
-    """Parameters with their intervals, gaps seen and unseen, and in words what to be careful with."""
+    """Print parameters with their intervals, gaps seen and unseen, and in words what to be careful with."""
     for model, mine in found.uncertainty.groupby("model", sort=False):
         _print_parameters(console, str(model), mine)
     _print_gaps(console, found.subjects)
@@ -72,7 +72,7 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 
 def print_weights(console: Console, weights: pd.DataFrame) -> None:
-    """The trade-off curve of w, and whether it has a least gap at all."""
+    """Print the trade-off curve of w, and whether it has a least gap at all."""
     title = "w of E = D + w mean(J), by motions held out (* smallest gap unseen)"
     headers = ("model", "w", "points rms, mm", "J rms, deg", "gap seen", "gap unseen", "at bound")
     table = _table(title, headers, 1)

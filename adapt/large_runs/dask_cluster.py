@@ -14,7 +14,7 @@ _WAITING = 2
 
 
 def on_cluster(address: str) -> Maker:
-    """A maker of parts on the scheduler at this address. InputError if it cannot be reached.
+    """Build a maker of parts on the scheduler at this address; InputError without Dask or if it cannot be reached.
 
     A part whose worker is lost is made again by another: parts depend on nothing but their chunk, and the process that
     asked for them writes each once.

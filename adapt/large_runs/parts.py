@@ -55,7 +55,7 @@ class Work:
     """A dict, which can be sent to a worker."""
 
     def part(self, motions: Motions) -> bytes:
-        """The part of these subjects; the same wherever it is made."""
+        """Compute the part of these subjects; it is the same wherever it is made."""
         dtype = np.float32 if self.float32 else np.float64
         result = adapt_subjects(
             motions,
@@ -89,7 +89,7 @@ Maker = Callable[[Work, Chunks], Iterable[tuple[int, bytes]]]
 
 
 def one_after_another(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
-    """In this process, on every device that JAX sees."""
+    """Make the parts one after another in this process, on every device that JAX sees."""
     for number, motions in chunks:
         yield number, work.part(motions)
 
@@ -106,7 +106,7 @@ class Parts:
         self._home.mkdir(parents=True, exist_ok=True)
 
     def make(self, work: Work, chunks: Iterable[Motions], maker: Maker, progress: Callable[[str], None]) -> Motions:
-        """Every part that is not there yet; the motions that the report shows."""
+        """Make every part that is not there yet, and return the motions that the report shows."""
         shown: list[Motions] = []
         done = 0
 
@@ -146,7 +146,7 @@ class Parts:
         return tables, failed
 
     def remove(self) -> None:
-        """When all files are there."""
+        """Remove the parts of the run, to be called when all files are there."""
         shutil.rmtree(self._home.parent)
 
     def _path(self, number: int) -> Path:
@@ -154,7 +154,7 @@ class Parts:
 
 
 def not_adapted(result: Tables) -> dict[str, str]:
-    """By subject, what failed of it."""
+    """Say by subject what failed of its adaptation or of the posture fits after it."""
     failed = failed_subjects(result.fits[result.fits["adapted"] == 1])
     for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
         if word != status.OK:
@@ -163,7 +163,7 @@ def not_adapted(result: Tables) -> dict[str, str]:
 
 
 def failed_subjects(fits: pd.DataFrame) -> dict[str, str]:
-    """By subject, how many of its posture fits failed, and how."""
+    """Say by subject how many of its posture fits failed, and how; subjects without a failure are left out."""
     bad = fits[fits["status"] != status.OK]
     return {
         subject: f"{len(rows)} posture fits {', '.join(sorted(set(rows['status'])))}"

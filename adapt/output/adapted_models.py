@@ -57,7 +57,7 @@ def write_adapted_models(
 
 
 def remove_models_of_failed(folder: Path, parameters: pd.DataFrame) -> None:
-    """Those of an earlier run would pass for this one's."""
+    """Remove the model files of subjects whose adaptation failed: an earlier run's would pass for this one's."""
     for _, _, word, path in _files(folder, parameters):
         if word != status.OK:
             path.unlink(missing_ok=True)
@@ -74,7 +74,10 @@ def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, s
 def adapted_toml(
     model: ParameterSet, subject: str, theta_mm: Float[np.ndarray, " adapted"], at_bound: Mapping[str, bool], how: str
 ) -> str:
-    """The parameter set of one subject. Numbers that were not adapted keep the source that they have in the model."""
+    """Format the parameter set of one subject as the text of a TOML file.
+
+    Numbers that were not adapted keep the source that they have in the model.
+    """
     own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of jax would take longer than the adaptation did
     girdle = own.with_adapted(theta_mm)
     source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}

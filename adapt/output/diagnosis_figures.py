@@ -43,7 +43,7 @@ def figures(diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def gap_heatmap(diagnosis: Diagnosis) -> Figure:
-    """Mean absolute gap of the adapted model by angle and elevation, a panel a motion."""
+    """Draw the mean absolute gap of the adapted model by angle and elevation, one panel per motion."""
     cells = diagnosis.cells
     motions = sorted({cell.motion for cell in cells})
     lows = sorted({cell.elevation_low_deg for cell in cells})
@@ -95,7 +95,7 @@ def _values(cells: Sequence[Cell], lows: Sequence[float]) -> Float[np.ndarray, "
 
 
 def probabilities(diagnosis: Diagnosis) -> Figure:
-    """Every effect, most probable first, then none and unknown; the answer is dark."""
+    """Draw the probability of every effect, most probable first, then none and unknown; the answer is dark."""
     verdict, probability = diagnosis.verdict, diagnosis.verdict.probability
     names = verdict.ranked
     rows = np.arange(len(names))
@@ -118,7 +118,7 @@ def probabilities(diagnosis: Diagnosis) -> Figure:
 
 
 def gaps(diagnosis: Diagnosis) -> Figure:
-    """The noise floor and the gap of the base, the adapted and the extended model, a panel a bone."""
+    """Draw the noise floor and the gap of the base, the adapted and the extended model, one panel per bone."""
     kinds: dict[GapKind, str] = {"base": "model as it is", "adapted": "adapted"}
     if diagnosis.best:
         kinds["with_effect"] = "with " + "\n+ ".join(diagnosis.best)

@@ -18,10 +18,10 @@ Record = dict[str, Any]
 
 
 def recorded_arguments(record: Record, path: Path, command: str, options: Collection[str]) -> dict[str, Any]:
-    """The arguments of the command by the names of its parameters, from the record that the file at ``path`` holds.
+    """Restore the arguments of the command, by parameter name, from the record that the file at ``path`` holds.
 
-    options: those that the command records; --out is none of them, so that no record says where to write. InputError
-    if it is no record of this command, or if an input is not, byte for byte, what it was.
+    options: those that the command records; --out is none of them, so that no record says where to write. InputError if
+    it is no record of this command, or if an input is not, byte for byte, what it was.
     """
     if record["command"] != command:
         cause = f"this is the record of 'girdle {record['command']}', not of 'girdle {command}'"
@@ -38,7 +38,7 @@ def recorded_arguments(record: Record, path: Path, command: str, options: Collec
 
 
 def other_versions(record: Record) -> list[str]:
-    """What has another version now than in the record, as 'numpy 2.1.0, now 2.2.0': the last digits may differ."""
+    """List what has another version now than in the record ('numpy 2.1.0, now 2.2.0'): last digits may differ."""
     now, then = versions(), record["versions"]
     return [f"{name} {then.get(name, 'unknown')}, now {now[name]}" for name in now if then.get(name) != now[name]]
 
@@ -53,7 +53,7 @@ def _check_unchanged(file: Path, recorded_sha256: str | None, record: Path) -> N
 
 
 def read_record(path: Path) -> Record:
-    """InputError if the file is not what ``write_run`` writes."""
+    """Read the record of a run; InputError if the file is not what ``write_run`` writes."""
     try:
         record = json.loads(read_text(path, _WRITE_AGAIN))
     except (ValueError, RecursionError) as error:

@@ -15,20 +15,20 @@ REPORT = "report.html"
 
 
 def write_fits(folder: Path, result: PostureFits) -> None:
-    """fits.csv and summary.csv."""
+    """Write ``fits.csv`` and ``summary.csv``."""
     write_table(result.fits, folder / "fits.csv")
     write_table(result.summary, folder / "summary.csv")
 
 
 def write_adaptations(folder: Path, result: Adaptations) -> None:
-    """These, parameters.csv and heldout.csv."""
+    """Write ``fits.csv``, ``summary.csv``, ``parameters.csv`` and ``heldout.csv``."""
     write_fits(folder, result)
     write_table(result.parameters, folder / "parameters.csv")
     write_table(result.heldout, folder / "heldout.csv")
 
 
 def write_figures(folder: Path, diagnosis: Diagnosis) -> None:
-    """The figures of a diagnosis, an SVG each."""
+    """Write the figures of a diagnosis, one SVG file each."""
     from adapt.output.diagnosis_figures import figures  # matplotlib takes half a second to load: not for every command
 
     for name, text in figures(diagnosis).items():
@@ -45,8 +45,10 @@ def write_report(
     sampled_from: int = 0,
     active_effects: str = "",
 ) -> Exception | None:
-    """The page, to take its place with the tables; or what went wrong with it (5 MB may have no room where the tables
-    had), which must not keep them from theirs."""
+    """Write the report page, to take its place with the tables; return what went wrong with it, or None.
+
+    5 MB may have no room where the tables had: that must not keep the tables from their places.
+    """
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
@@ -59,7 +61,10 @@ def write_report(
 
 
 def raise_without_report(folder: Path, wrong: Exception | None) -> None:
-    """No page of an earlier run stands beside the tables of this one."""
+    """Raise what went wrong with the report page, if anything did, and remove the page first.
+
+    So no page of an earlier run stands beside the tables of this one.
+    """
     if wrong is not None:
         page = folder / REPORT
         page.unlink(missing_ok=True)

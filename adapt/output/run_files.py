@@ -34,7 +34,7 @@ _VERSIONS_OF = ("girdle", "jax", "jaxlib", "llvmlite", "numpy", "optimistix", "p
 
 
 def prepare_folder(path: str | os.PathLike[str]) -> Path:
-    """The folder, made if it is not there; InputError before any work is done if it cannot be written to."""
+    """Make the folder if it is not there; InputError before any work is done if it cannot be written to."""
     folder = Path(path)
     probe = folder / part_name()
     try:
@@ -51,7 +51,7 @@ def prepare_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """The folder, prepared, for this run alone. InputError if another run is at work in it.
+    """Prepare the folder and hold it for this run alone; InputError if another run is at work in it.
 
     What a run that was killed left half written is removed.
     """
@@ -69,7 +69,7 @@ def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def transaction(folder: Path) -> Iterator[Path]:
-    """A folder to write files to, which take their places in ``folder`` together when the block has ended well.
+    """Yield a folder for files that take their places in ``folder`` together when the block has ended well.
 
     If it has not (the disk is full), or is killed, all files of ``folder`` stay as they were.
     """
@@ -121,19 +121,20 @@ def _lock(folder: Path) -> int | None:
 
 
 def write_table(table: pd.DataFrame, path: Path) -> None:
-    """As CSV: see ``adapt.tables.results.as_csv``."""
+    """Write a table as CSV (``adapt.tables.results.as_csv``)."""
     atomic_write(path, as_csv(table))
 
 
 def write_json(record: dict[str, object], path: Path) -> None:
-    """Strict JSON: what is not a finite number must be null by now."""
+    """Write strict JSON: what is not a finite number must be null by now."""
     atomic_write(path, json.dumps(record, indent=2, allow_nan=False) + "\n")
 
 
 def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
-    """The files of a run with their SHA-256, to be taken before they are read: files can change while it runs.
+    """Record the files of a run with their SHA-256.
 
-    Paths are absolute, so that the run can be repeated from another folder.
+    Take the record before the files are read: they can change while the run is at work. Paths are absolute, so that the
+    run can be repeated from another folder.
     """
     files = [model_file(name) for name in models]
     return {
@@ -146,7 +147,10 @@ def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
 
 
 def run_key(inputs: Files, options: dict[str, object]) -> str:
-    """One word for all that the results of a run depend on. A pipe has no hash: its run has a word of its own."""
+    """Hash all that the results of a run depend on to one word of 16 hexadecimal digits.
+
+    A pipe has no hash: its run has a word of its own.
+    """
     record = inputs | {"options": options, "versions": versions()}
     if any(file["sha256"] is None for files in inputs.values() for file in files):
         record["once"] = uuid4().hex
@@ -160,7 +164,7 @@ def write_run(
     options: dict[str, object],
     left_out: Sequence[InputError] = (),
 ) -> None:
-    """``run.json``: inputs (of ``inputs_record``), what was left out of them and why, options, seeds, versions.
+    """Write ``run.json``: inputs (of ``inputs_record``), what was left out of them and why, options, seeds, versions.
 
     The options have the names of the command's parameters: ``adapt.output.repeat`` hands them back to it.
     """
@@ -176,7 +180,7 @@ def write_run(
 
 
 def versions() -> dict[str, str]:
-    """Of everything that the last digits of a result depend on, but for the machine."""
+    """List the versions of everything that the last digits of a result depend on, but for the machine."""
     return {"python": sys.version.split()[0]} | {name: _version(name) for name in _VERSIONS_OF}
 
 
@@ -188,7 +192,10 @@ def _version(library: str) -> str:
 
 
 def sha256(path: Path) -> str | None:
-    """None for what cannot be read, which then is among what was left out, and for a pipe, which is read only once."""
+    """Hash a file with SHA-256, in hexadecimal; None for a file that cannot be read, and for a pipe.
+
+    What cannot be read is then among what was left out; a pipe is read only once.
+    """
     try:
         if not path.is_file():
             return None

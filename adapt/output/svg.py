@@ -30,7 +30,7 @@ ORANGE, BLUE = "#e69f00", "#0072b2"
 
 
 def svg(draw: Callable[[], Figure]) -> str:
-    """The figure that ``draw`` makes, in this style."""
+    """Draw the figure that ``draw`` makes as SVG text, in the style ``STYLE``."""
     with mpl.rc_context(STYLE):
         text = io.StringIO()
         draw().savefig(text, format="svg", metadata={"Date": None})

@@ -14,9 +14,10 @@ POINTS = ("AC", "TS", "AI", "clavicle_conoid", "scapula_conoid")
 def bones_mm(
     girdle: Girdle, theta_mm: Float[np.ndarray, "6 rows"], angles_deg: Float[np.ndarray, "6 rows"]
 ) -> tuple[Float[np.ndarray, "5 3 rows"], Float[np.ndarray, "3 rows"]]:
-    """POINTS in the thorax frame and A1-A3, mm, of the girdle with each row's adapted parameters at its angles.
+    """Locate POINTS in the thorax frame and compute the constraint residuals A1-A3, all in mm.
 
-    NaN where an angle that it takes is.
+    They are of the girdle with each row's adapted parameters (mm) at its angles (degrees). NaN where an angle that it
+    takes is.
     """
     with np.errstate(invalid="ignore"):
         adapted = jax.tree.map(np.asarray, girdle).over_axes(1).with_adapted(theta_mm)

@@ -15,9 +15,10 @@ MOST_OF_A_SUBJECT = 300
 
 
 def chosen_subjects(motions: Motions, models: int, gap_deg: Mapping[str, float]) -> tuple[str, ...]:
-    """All of them, or as many as fit: evenly from the smallest to the largest gap, in the order of the motions.
+    """Choose the subjects to draw: all of them, or as many as fit, in the order of the motions.
 
-    ``gap_deg`` is what the adapted model leaves; subjects without one come after the largest.
+    As many as fit are taken evenly from the smallest to the largest gap. ``gap_deg`` is what the adapted model leaves;
+    subjects without one come after the largest.
     """
     subjects = motions.subjects
     longest = max(int((motions.subject == name).sum()) for name in subjects)
@@ -30,7 +31,7 @@ def chosen_subjects(motions: Motions, models: int, gap_deg: Mapping[str, float])
 
 
 def chosen_rows(motions: Motions, models: int, subjects: tuple[str, ...]) -> Int[np.ndarray, " rows"]:
-    """Rows of the motions: subject by subject, motion by motion, in the order of the postures.
+    """Choose the rows of the motions to draw: by subject, then motion, in the order of the postures.
 
     Of a subject with very many postures, evenly chosen ones.
     """
@@ -54,7 +55,7 @@ def _evenly(count: int, most: int) -> Int[np.ndarray, " chosen"]:
 
 
 def gaps_deg(all_angles: Float[np.ndarray, "subjects 6"]) -> Float[np.ndarray, " subjects"]:
-    """Mean over the angles that were measured; NaN where none was."""
+    """Average the gap of each subject, degrees, over the angles that were measured; NaN where none was."""
     measured = np.isfinite(all_angles)
     return np.where(measured, all_angles, 0.0).sum(axis=1) / np.where(
         measured.any(axis=1), measured.sum(axis=1), np.nan

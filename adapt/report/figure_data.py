@@ -37,9 +37,10 @@ _ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
 def figure_data(
     motions: Motions, models: Sequence[ParameterSet], result: Tables, noise_deg: Mapping[str, float]
 ) -> dict[str, Any]:
-    """By name: see the keys. Arrays of rows hold the chosen postures, one subject and motion after the other.
+    """Gather the data of the report's figures by name: see the keys.
 
-    ``noise_deg`` is the SD of one measured angle by model, where it is known. Null is 'not measured' or 'not fitted'.
+    Arrays of rows hold the chosen postures, one subject and motion after the other. ``noise_deg`` is the SD of one
+    measured angle by model, where it is known. Null is 'not measured' or 'not fitted'.
     """
     first = models[[model.name for model in models].index(closest(result.summary))]
     left = _gaps(result.summary, first.name, "after", motions.subjects)

@@ -13,10 +13,10 @@ STATES = {"before": 0, "after": 1}
 
 
 def state_rows(table: pd.DataFrame, model: str, state: str) -> pd.DataFrame:
-    """The rows of this model and state; of the fits, in the order of the motions' rows."""
+    """Select the rows of this model and state; of the fits, in the order of the motions' rows."""
     return table[(table["model"] == model) & (table["adapted"] == STATES[state])]
 
 
 def simulated_deg(fits: pd.DataFrame) -> Float[np.ndarray, "6 rows"]:
-    """Simulated angles, degrees."""
+    """Extract the simulated angles from the fits, degrees, (6, rows)."""
     return fits[[f"{angle}_simulated_deg" for angle in ANGLES]].to_numpy().T

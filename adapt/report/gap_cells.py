@@ -22,9 +22,10 @@ MOST_MOTIONS = 12
 
 
 def heat_maps(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any]:
-    """``low_deg``: lower ends of the bins; ``maps``: one a motion, each with an array angles x bins a state.
+    """Compute the heat maps of one model's gaps by angle and bin of humerus elevation.
 
-    Mean absolute difference in degrees over postures whose fit is ok; NaN where there is none.
+    ``low_deg``: lower ends of the bins; ``maps``: one per motion, each with an array angles x bins per state. Mean
+    absolute difference in degrees over postures whose fit is ok; NaN where there is none.
     """
     by_state = {state: _cells(motions, state_rows(fits, model, state)) for state in STATES}
     every = [cell for state_cells in by_state.values() for cell in state_cells]

@@ -15,14 +15,14 @@ _IN_ORDER = tuple(reversed(BONES))
 
 
 def statistic(summary: pd.DataFrame, model: str, state: str, name: str = "mean") -> dict[str, float]:
-    """A row over all subjects and motions of the summary: mean absolute differences in degrees, by column."""
+    """Look up the row ``name`` over all subjects and motions: mean absolute differences in degrees, by column."""
     rows = state_rows(summary, model, state)
     row = rows[(rows["motion"] == ALL_MOTIONS) & (rows["subject"] == name)].iloc[0]
     return {column: float(row[column]) for column in summary.columns if column.endswith("_deg")}
 
 
 def closest(summary: pd.DataFrame) -> str:
-    """The model that leaves the smallest mean difference over the angles after adaptation."""
+    """Find the model that leaves the smallest mean difference over the angles after adaptation."""
 
     def gap_deg(model: str) -> float:
         row = statistic(summary, model, "after")
@@ -33,7 +33,10 @@ def closest(summary: pd.DataFrame) -> str:
 
 
 def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
-    """``people`` says who they are: '10 simulated subjects'; ``kinds``, what was held out of them."""
+    """Say in one sentence how the mean gaps of the bones, degrees, fall with adaptation of the closest model.
+
+    ``people`` says who they are: '10 simulated subjects'; ``kinds``, what was held out of them.
+    """
     models = list(dict.fromkeys(summary["model"]))
     best = closest(summary)
     before, after = (statistic(summary, best, state) for state in STATES)

@@ -35,7 +35,7 @@ class Row:
 
 
 def overview(result: Tables) -> list[Row]:
-    """One row a parameter set."""
+    """Summarise the results in one row per parameter set."""
     return [_row(result, model) for model in dict.fromkeys(result.parameters["model"])]
 
 
@@ -66,13 +66,13 @@ def _largest(row: dict[str, float]) -> float:
 
 
 def adapted_parameters(result: Tables) -> dict[str, list[dict[str, Any]]]:
-    """Mean and SD of the adapted parameters by model: Table 6.5 beside the model's own of Table 6.6."""
+    """Tabulate mean and SD of the adapted parameters by model: Table 6.5 beside the model's own of Table 6.6."""
     rows = parameter_statistics(result.parameters)
     return {str(model): part.to_dict("records") for model, part in rows.groupby("model", sort=False)}
 
 
 def simulated_subjects(motions: Motions) -> tuple[str, ...]:
-    """The subjects whose rows say that they are simulated."""
+    """List the subjects whose rows say that they are simulated."""
     if _ORIGIN not in motions.extra:
         return ()
     rows = (motions.extra[_ORIGIN] == _SIMULATED).to_numpy()
@@ -80,7 +80,7 @@ def simulated_subjects(motions: Motions) -> tuple[str, ...]:
 
 
 def people(subjects: int, simulated: int) -> str:
-    """'10 simulated subjects'; '10 subjects (3 of them simulated)'."""
+    """Say who the subjects are: '10 simulated subjects'; '10 subjects (3 of them simulated)'."""
     word = f"subject{'s' if subjects != 1 else ''}"
     if simulated == subjects:
         return f"{subjects} simulated {word}"

@@ -37,11 +37,11 @@ def report_html(
     sampled_from: int = 0,
     active_effects: str = "",
 ) -> str:
-    """The page: no other file and no network is needed to read it. The same results give the same text.
+    """Build the report page; the same results give the same text.
 
-    ``not_handled`` names the subjects that could not be fitted, each with its reason; ``diagnoses`` are of the same
-    motions and models. ``sampled_from`` is the number of subjects of which these are a sample, if they are.
-    ``active_effects`` says with which effects they were fitted, if any.
+    No other file and no network is needed to read it. ``not_handled`` names the subjects that could not be fitted, each
+    with its reason; ``diagnoses`` are of the same motions and models. ``sampled_from`` is the number of subjects of
+    which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if any.
     """
     by_model = diagnoses.by_model if diagnoses else {}
     noise_deg = {name: one.noise.noise.angle_deg for name, one in by_model.items()}

@@ -27,7 +27,10 @@ NOTHING = pd.DataFrame(columns=list(COLUMNS))
 
 
 def by_subject(table: pd.DataFrame) -> pd.DataFrame:
-    """Gaps of each model, subject and kind: mean over its parts, each counting as many times as it has postures."""
+    """Average the gaps of each model, subject and kind over its parts.
+
+    Each part counts as many times as it has postures.
+    """
     columns = [c for c in table.columns if c.endswith("_deg")]
     weighed = table[columns].mul(table["postures"], axis=0).where(table[columns].notna())
     counts = table[columns].notna().mul(table["postures"], axis=0)
@@ -38,5 +41,5 @@ def by_subject(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_model(table: pd.DataFrame) -> pd.DataFrame:
-    """Gaps of each model: mean over the subjects, whatever was held out of each."""
+    """Average the gaps of each model over the subjects, whatever was held out of each."""
     return pd.DataFrame(by_subject(table).drop(columns=["subject", "kind"]).groupby("model", sort=False).mean())

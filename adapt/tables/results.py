@@ -50,7 +50,7 @@ class Tables:
     """One row a model, subject and part held out: the columns of ``heldout.csv``; none of whom none was asked for."""
 
     def select(self, subjects: Sequence[str]) -> "Tables":
-        """The tables of these subjects alone; these tables if that is all."""
+        """Select the tables of these subjects alone; these tables themselves if that is all."""
         mine = self.parameters["subject"].isin(subjects)
         if mine.all():
             return self
@@ -60,8 +60,10 @@ class Tables:
 
 
 def as_csv(table: pd.DataFrame) -> str:
-    """Every digit that the numbers have; an empty cell is 'no value'. pandas would write the same, in half as much time
-    again."""
+    """Format a table as CSV with every digit that the numbers have; an empty cell is 'no value'.
+
+    pandas would write the same, in half as much time again.
+    """
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(table.columns)
@@ -70,7 +72,10 @@ def as_csv(table: pd.DataFrame) -> str:
 
 
 def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:
-    """``fits.csv``: one row a posture, angles in degrees, constraint residuals in mm, lambda in deg^2 a mm."""
+    """Tabulate ``fits.csv``: one row per posture.
+
+    Angles are in degrees, constraint residuals in mm, lambda in deg^2 per mm.
+    """
     simulated = fitted.angles.T * DEG
     columns: dict[str, object] = {
         "model": model,
@@ -95,19 +100,20 @@ def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> p
 
 
 def summary_table(fits: pd.DataFrame, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
-    """``summary.csv``: mean absolute difference in degrees by subject and angle, with mean, std, max and min rows.
+    """Tabulate ``summary.csv``: mean absolute difference in degrees by subject and angle.
 
-    The layout of Tables 6.1-6.4, one block a model, motion (each, and all together) and state (before, after).
-    Only postures whose fit is ``ok`` count; ``postures`` and ``postures_ok`` say how many there were and counted.
-    ``clavicle`` and ``scapula`` are the means of their three angles. After adaptation HELD_OUT says the same of each
-    bone where the row's postures were held out from it: a motion, each in turn for all motions together, thirds of the
-    postures of who has a single motion. Empty for who was not held out (``heldout.csv``).
+    The rows mean, std, max and min come with the subjects. The layout is that of Tables 6.1-6.4, one block per model,
+    motion (each, and all together) and state (before, after). Only postures whose fit is ``ok`` count; ``postures`` and
+    ``postures_ok`` say how many there were and counted. ``clavicle`` and ``scapula`` are the means of their three
+    angles. After adaptation HELD_OUT says the same of each bone where the row's postures were held out from it: a
+    motion, each in turn for all motions together, thirds of the postures of who has a single motion. Empty for who was
+    not held out (``heldout.csv``).
     """
     return summary_of(rows_of_subjects(fits), heldout)
 
 
 def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
-    """What a summary is made of: the rows of subjects, of all motions and of each, by model and state."""
+    """Collect what a summary is made of: the rows of subjects, of all motions and of each, by model and state."""
     return {key: _subject_rows(rows) for key, rows in fits.groupby(["model", "adapted"], sort=False)}
 
 
@@ -121,7 +127,7 @@ def _subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
 
 
 def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
-    """:func:`summary_table` of these rows of subjects, by model and state."""
+    """Build the :func:`summary_table` of these rows of subjects, by model and state."""
     blocks = []
     for (model, adapted), rows in subjects.items():
         rows = _with_held_out(rows, heldout[heldout["model"] == model] if adapted else NOTHING)
@@ -179,9 +185,10 @@ def parameters_table(
     sd_mm: Float[np.ndarray, "adapted problems"],
     fits: pd.DataFrame,
 ) -> pd.DataFrame:
-    """``parameters.csv``: one row a model and subject; lengths in mm, J in deg^2, E in the units of its reading.
+    """Tabulate ``parameters.csv``: one row per model and subject.
 
-    ``sd_mm``: of ``adapt.trust.covariance``, problem = model * subjects + subject; none of who was not adapted.
+    Lengths are in mm, J in deg^2, E in the units of its reading. ``sd_mm``: of ``adapt.trust.covariance``, problem =
+    model * subjects + subject; none of who was not adapted.
     """
     each = np.split(sd_mm, len(models), axis=1)
     return pd.concat(
@@ -213,7 +220,7 @@ def _model_parameters(subjects, model: ParameterSet, adapted: Adapted, sd_mm, fi
 
 
 def parameter_statistics(parameters: pd.DataFrame) -> pd.DataFrame:
-    """Mean and standard deviation over subjects of each adapted parameter, by model: Table 6.5 beside Table 6.6."""
+    """Compute mean and SD over subjects of each adapted parameter, mm, by model: Table 6.5 beside Table 6.6."""
     good = parameters[parameters["status"] == status.OK]
     rows = []
     for model, part in good.groupby("model", sort=False):

@@ -16,7 +16,7 @@ def bootstrap_mm(
     replicates: int,
     seed: int,
 ) -> Float[np.ndarray, "adapted replicates problems"]:
-    """Adapted parameters (ADAPTED, mm) of simulated repetitions; NaN where one did not converge.
+    """Compute the adapted parameters (ADAPTED, mm) of simulated repetitions; NaN where one did not converge.
 
     Each repetition has the fitted, closed postures as truth, with independent Gaussian errors of SD ``noise_deg`` on
     every angle, and is adapted anew from the subject's own optimum, with the same thorax points and bounds.

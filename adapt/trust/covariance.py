@@ -73,7 +73,7 @@ class Uncertainty:
 
 
 def sd(covariance: Float[np.ndarray, "n n problems"]) -> Float[np.ndarray, "n problems"]:
-    """Square roots of the diagonals."""
+    """Take the square roots of the diagonals of covariances: standard deviations, (n, problems)."""
     return np.sqrt(np.einsum("kkl->kl", covariance))
 
 
@@ -110,7 +110,10 @@ def _points_share(inverse, of_points, free) -> Float[np.ndarray, "adapted proble
 
 
 def within_bounds(covariance, width_mm) -> Float[np.ndarray, "adapted adapted problems"]:
-    """cov - cov (cov + diag(W^2 / 6))^-1 cov; of parameters without a spread it stays 0."""
+    """Reduce a covariance as far as bounds of width W leave room: cov - cov (cov + diag(W^2 / 6))^-1 cov.
+
+    Of parameters without a spread it stays 0.
+    """
     C = np.moveaxis(covariance, -1, 0)
     room = np.eye(len(width_mm)) * np.maximum(width_mm.T[:, None], _NARROWEST_MM) ** 2 / 6.0
     return np.moveaxis(C - C @ np.linalg.solve(C + room, C), 0, -1)
@@ -130,7 +133,7 @@ def _sandwich(inverse, middle) -> Float[np.ndarray, "adapted adapted problems"]:
 def reduced_inverse(
     matrix: Float[np.ndarray, "adapted adapted problems"], free: Bool[np.ndarray, "adapted problems"]
 ) -> Float[np.ndarray, "adapted adapted problems"]:
-    """Inverse over the free parameters, 0 for the others; NaN where it is not positive definite."""
+    """Invert a matrix over the free parameters, 0 for the others; NaN where it is not positive definite."""
     both = free[:, None] & free[None]
     unit = np.eye(len(free))[..., None]
     reduced = np.where(both, matrix, np.where(free[:, None], 0.0, unit))

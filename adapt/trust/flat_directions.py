@@ -14,7 +14,7 @@ _PART = 0.3
 
 
 def flat_directions(covariance_mm2: Float[np.ndarray, "6 6"]) -> list[str]:
-    """The principal directions of a covariance with SD above ``FLAT_MM``, the flattest first, one sentence each.
+    """Describe the principal directions of a covariance with SD above ``FLAT_MM``, flattest first, a sentence each.
 
     'M_y and A_y only together: 14 mm against 11 mm': one SD along the direction moves the one by 14 mm one way and the
     other by 11 mm the other way ('with': the same way), which neither the motion nor the points tell from what it is.

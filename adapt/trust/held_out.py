@@ -41,7 +41,7 @@ class Fold:
 
 
 def folds(motions: Motions, batch: Batch) -> list[Fold]:
-    """Every motion of every subject that has several, and every third posture of every subject."""
+    """Hold out every motion of every subject that has several, and every third posture of every subject."""
     found = []
     for subject, (names, counted) in enumerate(_named(motions, batch)):
         motions_of_subject = hold_out_motions(counted, names)
@@ -56,7 +56,7 @@ def folds(motions: Motions, batch: Batch) -> list[Fold]:
 
 
 def fewest_folds(motions: Motions, batch: Batch) -> list[Fold]:
-    """Every motion of a subject that has several; every third posture of one that has not."""
+    """Hold out every motion of a subject that has several, and every third posture of one that has not."""
     every = folds(motions, batch)
     several = {part.subject for part in every if part.kind == MOTION}
     return [part for part in every if part.kind == MOTION or part.subject not in several]
@@ -78,7 +78,7 @@ def _named(motions: Motions, batch: Batch):
 
 
 def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]:
-    """At most so many, one in so many in the order of the files."""
+    """Sample at most ``most`` subjects, one in so many in the order of the files."""
     return frozenset(subjects[:: -(-len(subjects) // most)])
 
 
@@ -123,7 +123,7 @@ def held_out_gaps(
     dtype: DTypeLike = np.float64,
     effects: Amplitudes = NO_EFFECTS,
 ) -> pd.DataFrame:
-    """``heldout.csv`` of these motions and the table of their fits before and after adaptation."""
+    """Compute ``heldout.csv`` of these motions and the table of their fits before and after adaptation."""
     batch, names = pack(motions), [model.name for model in models]
     parts = choose(motions, batch)
     if not parts:
@@ -135,8 +135,10 @@ def held_out_gaps(
 
 
 def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -> dict[str, np.ndarray]:
-    """|simulated - measured| of all postures before and after (in sample), (6, postures, problems), from their
-    table."""
+    """Look up |simulated - measured|, degrees, of all postures in the table of their fits.
+
+    By state, before and after adaptation (in sample), (6, postures, problems); NaN where the fit is not ``ok``.
+    """
     gaps = {}
     for word, state in SEEN.items():
         parts = []
@@ -170,10 +172,11 @@ def heldout_table(
     found: HeldOut,
     seen_deg: Mapping[str, Float[np.ndarray, "6 postures problems"]],
 ) -> pd.DataFrame:
-    """``heldout.csv``: one row a model, subject and part held out; gaps are mean |simulated - measured|, degrees.
+    """Tabulate ``heldout.csv``: one row per model, subject and part held out.
 
-    All are of the postures held out: before adaptation, adapted to everything (in_sample) and without them (unseen).
-    ``seen_deg``: the first two, by problem model * subjects + subject.
+    Gaps are mean |simulated - measured|, degrees. All are of the postures held out: before adaptation, adapted to
+    everything (in_sample) and without them (unseen). ``seen_deg``: the first two, by problem model * subjects +
+    subject.
     """
     rows = []
     for m, model in enumerate(models):
@@ -193,6 +196,6 @@ def heldout_table(
 
 
 def mean_of(gaps_deg: Float[np.ndarray, "..."]) -> float:
-    """Mean over what there is; NaN where there is nothing."""
+    """Average the gaps that are there, degrees; NaN where there is none."""
     known = gaps_deg[np.isfinite(gaps_deg)]
     return float(known.mean()) if known.size else float("nan")

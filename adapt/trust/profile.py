@@ -37,7 +37,7 @@ def profile_intervals(
     found: Uncertainty,
     chosen: Bool[np.ndarray, "adapted problems"],
 ) -> Profile:
-    """The intervals of the parameters ``chosen`` that are free, of every problem, all at once; NaN for the others."""
+    """Find the intervals of the ``chosen`` parameters that are free, of all problems at once; NaN for the others."""
     count = adapted.theta_mm.shape[-1]
     H = found.curvature.of_points + found.curvature.of_motion
     inverse = reduced_inverse(H, found.free)

@@ -73,7 +73,7 @@ class Check:
 
 
 def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list[Check]:
-    """All checks of one adaptation; ``theta_mm`` in the order of ``ADAPTED_PARAMETERS``."""
+    """Run all plausibility checks of one adaptation; ``theta_mm`` in the order of ``ADAPTED_PARAMETERS``."""
     adapted = model.girdle.with_adapted(theta_mm)
     A_x, A_y, A_z = (float(x) for x in adapted.semi_axes_mm)
     conoid = float(adapted.conoid_length_mm)
@@ -95,7 +95,7 @@ def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list
 
 
 def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> dict[str, float]:
-    """Root mean square distance of the thorax points of each region to the adapted ellipsoid, mm.
+    """Compute the RMS distance of the thorax points of each region to the adapted ellipsoid, mm.
 
     A point on the left counts as its mirror image, as the ellipsoid is symmetric. Regions without points are left out.
     """

@@ -26,7 +26,7 @@ def weight_table(
     weights: Sequence[float] = WEIGHTS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
-    """``weights.csv``: one row a model and weight, means over subjects.
+    """Tabulate ``weights.csv``: one row per model and weight, means over subjects.
 
     ``thorax_points_rms_mm`` = sqrt(mean D) and ``j_rms_deg`` = sqrt(mean J), of the adaptation to all postures, are the
     trade-off curve; ``gap_unseen_deg`` is on motions held out, and ``best`` = 1 where it is smallest. Subjects with a
