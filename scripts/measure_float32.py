@@ -52,11 +52,12 @@ app = typer.Typer(add_completion=False)
 def errors(motions: Motions, models: Sequence[ParameterSet]) -> dict[str, Any]:
     """What ``dtype=float32`` changes, lane by lane: of those that ended in the same optimum the largest change; how
     many ended in another one, of lower or of higher E or J; and of how many the status differs."""
-    one, other = (_joined(adapt_subjects(motions, models, dtype=dtype).adapted) for dtype in (np.float64, np.float32))
+    results = [adapt_subjects(motions, models, dtype=dtype) for dtype in (np.float64, np.float32)]
+    one, other = (_joined(result.adapted) for result in results)
     angle_deg = np.abs(other["angles"] - one["angles"]).max(axis=(0, 1)) * DEG
     same, E = _compared(one, other, other["E"] / one["E"] - 1.0, SAME_E, angle_deg)
     apart_mm = np.abs(other["theta_mm"] - one["theta_mm"])[:, same]
-    sd_mm = np.where(np.isfinite(one["sd_mm"]), one["sd_mm"], np.inf)[:, same]  # at a bound there is none
+    sd_mm = results[0].uncertainty.sd_mm[:, same]
     adaptations = {
         "parameter_mm": _spread(apart_mm.max(axis=0)),
         "parameter_in_sd": _spread((apart_mm / sd_mm).max(axis=0)),

@@ -18,7 +18,7 @@ from adapt.report.bone_positions import POINTS
 from adapt.solvers import status
 from adapt.tables.results import STATISTICS
 from models import load_model, model_names
-from models.adapted_parameters import ADAPTED
+from models.adapted_parameters import ADAPTED, HALF_WIDTHS_MM
 from models.effects import EFFECTS
 from models.ellipsoid import signed_distance_mm
 from models.parameter_sets import FOLDER
@@ -213,8 +213,16 @@ def test_priors_are_the_models_own(adapted):
     own = (-296.0, 78.0, 153.0, 404.0, 130.0, 18.3)
     for name, value in zip(ADAPTED, own, strict=True):
         assert parameters[f"{name}_mm_model"].tolist() == [value, value]
-        held = parameters[f"{name}_mm_at_bound"] == 1
-        np.testing.assert_array_equal(np.isnan(parameters[f"{name}_mm_sd"]), held)
+        assert np.all(parameters[f"{name}_mm_sd"] > 0.0)
+
+
+def test_a_parameter_at_its_bound_may_be_anywhere_between_its_bounds(adapted):
+    """Its SD is that of a uniform deviation from one end: the distance of the bounds over the root of 3."""
+    parameters = adapted.table("parameters")
+    held = parameters["A_y_mm_at_bound"] == 1
+    width_mm = 2.0 * HALF_WIDTHS_MM["A_y_mm"]
+    np.testing.assert_allclose(parameters["A_y_mm_sd"][held], width_mm / np.sqrt(3.0), rtol=1e-9)
+    assert held.any()
 
 
 def test_the_summary_is_the_thesis_table(adapted):

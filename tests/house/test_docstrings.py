@@ -13,10 +13,44 @@ PROPERTIES = {"property", "cached_property"}
 MIRRORED = {"function_builder.py"}
 """Its methods are numpy's functions under numpy's names."""
 
-NO_VERBS = set(
-    "A All An As At By Each Every For From How If In It Its No None Of On One Only Some That The These They This Those "
-    "To What When Where Whether Which Who With".split()
-)
+NO_VERBS = {
+    "A",
+    "All",
+    "An",
+    "As",
+    "At",
+    "By",
+    "Each",
+    "Every",
+    "For",
+    "From",
+    "How",
+    "If",
+    "In",
+    "It",
+    "Its",
+    "No",
+    "None",
+    "Of",
+    "On",
+    "One",
+    "Only",
+    "Some",
+    "That",
+    "The",
+    "These",
+    "They",
+    "This",
+    "Those",
+    "To",
+    "What",
+    "When",
+    "Where",
+    "Whether",
+    "Which",
+    "Who",
+    "With",
+}
 """How a sentence begins that says what something is, not what a function does."""
 
 

@@ -16,6 +16,7 @@ from quick_girdle import quick_adaptations
 from adapt.large_runs import parts
 from adapt.output import run_files as output
 from models import load_model
+from models.parameter_sets import model_file
 from motions.files import part_name
 
 QUICK_GIRDLE = Path(__file__).parents[1] / "helpers" / "quick_girdle.py"
@@ -291,7 +292,7 @@ def test_names_are_no_paths_no_commands_and_no_control_of_the_terminal(quick, tm
     lines = [header] + [row.replace("simulated01", f'"{name}"', 1) for name in NAMES for row in rows]
     home = tmp_path / "some" / "where"
     home.mkdir(parents=True)
-    model = (Path(load_model.__code__.co_filename).parent / "R2.toml").read_text()
+    model = model_file("R2").read_text()
     (home / "own.toml").write_text(model.replace('name = "R2"', 'name = "../../\\u001b[31mR2"'))
     result = girdle("adapt", written(home, lines), "--model", home / "own.toml", "--out", home / "out")
     assert result.status == 0, result.err

@@ -183,7 +183,7 @@ def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypa
             if len(written) == 1:
                 os.kill(pids[0], signal.SIGKILL)
 
-        monkeypatch.setattr(parts_module, "write_bytes_whole", write_and_kill)
+        monkeypatch.setattr(parts_module, "atomic_write_bytes", write_and_kill)
         address = cluster.scheduler_address
         ended = girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--dask", address, "--out", tmp_path)
     assert ended.status == 0, ended.err
