@@ -11,7 +11,7 @@ _MADE_SO = (
 
 
 def declared_effects(motions: Motions) -> tuple[str, ...]:
-    """The effects that most postures are marked with."""
+    """Name the effects that most postures are marked with."""
     return tuple(
         effect
         for column, mark, effect in _MADE_SO

@@ -193,7 +193,7 @@ class Conclusion:
 
 
 def conclude(ranking: Ranking, effects: tuple[Effect, ...], data: Observed, declared: tuple[str, ...]) -> Conclusion:
-    """The verdict on a ranking, and the sizes of the effects in it."""
+    """Judge a ranking, and estimate the sizes of the effects in the verdict."""
     verdict = judge(ranking, [effect.name for effect in effects], declared)
     explained = _explanation(ranking, verdict)
     named = verdict.effects or (explained.hypothesis if verdict.answer == UNKNOWN else ())
@@ -250,7 +250,7 @@ def _changes(none: LinearisedFit, explained: LinearisedFit) -> dict[str, Paramet
 
 
 def _candidates(ranking: Ranking, verdict: Verdict) -> list[Hypothesis]:
-    """The hypotheses still to be told from each other: those of the verdict, and the next ones of the ranking."""
+    """The hypotheses still to be distinguished: those of the verdict, and the next ones of the ranking."""
     if verdict.together:
         return [h for h in ranking.hypotheses if len(h) > 1][:2]
     named: list[Hypothesis] = [(name,) for name in verdict.effects]

@@ -94,7 +94,7 @@ class ConstraintResidual:
 
 
 def cells(gaps: AngleGaps) -> list[Cell]:
-    """Every angle x motion x elevation bin that was measured, the largest share of the explainable gap first."""
+    """List every angle x motion x elevation bin that was measured, the largest share of the explainable gap first."""
     angle, motion, low_deg, _, difference, noise = _values(gaps)
     keys, group = np.unique(np.stack([angle, motion, low_deg]), axis=1, return_inverse=True)
     excess = np.bincount(group, difference**2 - noise).clip(0.0)
@@ -110,7 +110,7 @@ def cells(gaps: AngleGaps) -> list[Cell]:
 
 
 def profile(gaps: AngleGaps) -> Profile:
-    """The mean absolute difference by angle, bone, motion, elevation bin and subject."""
+    """Average the absolute difference by angle, bone, motion, elevation bin and subject."""
     angle, motion, low_deg, subject, difference, noise = _values(gaps)
     absolute, alone = np.abs(difference), np.sqrt(2.0 / np.pi * noise)
     lows, bins = np.unique(low_deg, return_inverse=True)
@@ -141,7 +141,7 @@ def _values(gaps: AngleGaps) -> tuple[np.ndarray, ...]:
 def groups_of_postures(
     subject: Int[np.ndarray, " n"], motion: Int[np.ndarray, " n"]
 ) -> list[Int[np.ndarray, " group"]]:
-    """The postures of each motion of each subject."""
+    """Group the postures by subject and motion: one array of indices for each motion of each subject."""
     _, group = np.unique(np.stack([subject, motion]), axis=1, return_inverse=True)
     return [np.flatnonzero(group == k) for k in np.unique(group)]
 
@@ -149,7 +149,8 @@ def groups_of_postures(
 def constraint_residuals_mm(
     data: Observed, residuals_mm: Float[np.ndarray, "3 postures subjects"]
 ) -> list[ConstraintResidual]:
-    """A1-A3 over the counted postures with all six angles measured: of each, all motions first, then one by one."""
+    """Summarise A1-A3 (mm) over the counted postures with all six angles measured: of each, all motions first, then one
+    by one."""
     used = data.measured[:6].all(axis=0) & data.counted
     motion, subject = data.motion[used], np.nonzero(used)[1]
     elevation_deg = data.elevation_deg[used]

@@ -1,4 +1,4 @@
-"""What the numbers of a diagnosis rest on, a sentence each: noise, marks of the motions, what cannot be told apart."""
+"""What the numbers of a diagnosis rest on, a sentence each: noise, marks of the motions, effects not distinguished."""
 
 from collections.abc import Collection, Mapping, Sequence
 

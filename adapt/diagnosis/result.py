@@ -18,7 +18,7 @@ EFFECT: Answer = "effect"
 UNKNOWN: Answer = "unknown"
 
 TOLD_APART = 3.0
-"""Expected log evidence (odds of 20 to 1) from which two hypotheses are told apart."""
+"""Expected log evidence (odds of 20 to 1) from which two hypotheses are distinguished."""
 
 ALL = "all"
 """Both bones together, where gaps go by bone."""
@@ -33,9 +33,9 @@ class Verdict:
 
     answer: Answer
     effects: tuple[str, ...]
-    """Names that cannot be told apart, most probable first. Where two act together: the most probable two, then those
-    that may be there in place of one of them. If the answer is unknown: those that explain part of the gap, alone or
-    together, and leave something systematic."""
+    """Names that cannot be distinguished, most probable first. Where two act together: the most probable two, then
+    those that may be there in place of one of them. If the answer is unknown: those that explain part of the gap, alone
+    or together, and leave something systematic."""
     together: bool
     """True where the first two of the effects act together."""
     probability: dict[str, float]

@@ -58,7 +58,7 @@ def gap_text(value: float) -> str:
 
 
 def interval_text(gap: MeanGap) -> str:
-    """'1.34 [1.24, 1.44]'."""
+    """Write a gap in degrees with its interval: '1.34 [1.24, 1.44]'."""
     return f"{gap_text(gap.value)} [{gap_text(gap.low)}, {gap_text(gap.high)}]"
 
 
@@ -68,24 +68,24 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def amplitude_text(amplitude: EffectAmplitude) -> str:
-    """'9.3 [7.8, 10.8] deg'."""
+    """Write an amplitude with its interval and unit: '9.3 [7.8, 10.8] deg'."""
     value, low, high = (number(one, amplitude.value) for one in (amplitude.value, amplitude.low, amplitude.high))
     return with_unit(f"{value} [{low}, {high}]", amplitude.unit)
 
 
 def listed(names: Sequence[str], last: str) -> str:
-    """'a', 'a and b', 'a, b and c', with ``last`` for 'and'."""
+    """Join names as 'a', 'a and b', 'a, b and c', with ``last`` for 'and'."""
     return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def together(names: Sequence[str]) -> str:
-    """'a and b together': of effects where two act together, those two, then what may be there in place of one."""
+    """Join the effects where two act together, 'a and b together': those two, then what may be in place of one."""
     others = f", or {listed(names[2:], 'or')} in place of one of them" if names[2:] else ""
     return f"{listed(names[:2], 'and')} together{others}"
 
 
 def answer_text(verdict: Verdict) -> str:
-    """'a or b', 'a and b together', 'none', 'unknown (in part a)'."""
+    """Write the answer of a verdict: 'a or b', 'a and b together', 'none', 'unknown (in part a)'."""
     if not verdict.effects:
         return verdict.answer
     names = together(verdict.effects) if verdict.together else listed(verdict.effects, "or")
@@ -93,7 +93,7 @@ def answer_text(verdict: Verdict) -> str:
 
 
 def subjects_text(diagnosis: Diagnosis) -> str:
-    """'1 subject', '10 subjects'."""
+    """Write the number of subjects: '1 subject', '10 subjects'."""
     count = len(diagnosis.subjects)
     return f"{count} subject{'s' if count != 1 else ''}"
 

@@ -1,7 +1,7 @@
 """Which further measurement would best separate the candidates left, by how much: from the model, not from residuals.
 
 Each proposal changes the postures, quantities, subjects or noise; its gain is the expected log evidence between the two
-candidates that look most alike (see ``separability``), and the probability it would give to the right one of them.
+candidates that look most similar (see ``separability``), and the probability it would give to the right one of them.
 """
 
 import math
@@ -31,7 +31,7 @@ _PLANES_DEG = {"scapular plane": 30.0, "forward flexion": 90.0, "abduction": 0.0
 def propose(
     girdle: Girdle, effects: tuple[Effect, ...], candidates: Sequence[Hypothesis], data: Observed, noise: Noise
 ) -> list[Proposal]:
-    """Proposals for at least two candidates, the most separating first."""
+    """Propose measurements for at least two candidates, the most separating first."""
     postures = projected_onto_model(girdle, effects, data, noise)
 
     def least(data: Observed, noise: Noise) -> float:

@@ -50,7 +50,10 @@ _NAMED_OFTEN = 0.05
 def predict_power(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> dict[str, PredictedPower]:
-    """By name of the effect. ``data`` are ``projected_onto_model`` ones (see ``separability``)."""
+    """Predict, by name of the effect, how often a diagnosis of such data would name it if it were at work.
+
+    ``data`` are ``projected_onto_model`` ones (see ``separability``).
+    """
     names = [effect.name for effect in effects]
     hypotheses = single_hypotheses(names)
     gram, own = gram_matrices(girdle, effects, data, noise)
@@ -66,8 +69,8 @@ def predict_power(
 def gram_matrices(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> tuple[Float[np.ndarray, "subjects columns columns"], list[Int[np.ndarray, " own"]]]:
-    """G of each subject, the mean one of ``axial_turn`` last; and which of its columns are the amplitudes of none and
-    of every effect, those of X being the first."""
+    """Compute the Gram matrix G of each subject, the mean one of ``axial_turn`` last; and which of its columns are the
+    amplitudes of none and of every effect, those of X being the first."""
     hypotheses = single_hypotheses(effect.name for effect in effects)
     X, by_amplitudes = slopes(girdle, effects, hypotheses, data, noise)
     columns = np.concatenate([X, *by_amplitudes], axis=2)
@@ -82,8 +85,8 @@ def gram_matrices(
 def typical_amplitudes(
     effect: Effect, draws: int, subjects: int, generator: Generator, between: float = BETWEEN_SUBJECTS
 ) -> Float[np.ndarray, "draws subjects amplitudes"]:
-    """Amplitudes of its typical size: all directions together as long as their scales, in a direction of its nature's
-    signs, and alike in all subjects but for ``between``, the SD of their size; with details."""
+    """Draw amplitudes of the effect's typical size: all directions together as long as their scales, in a direction of
+    its nature's signs, and the same in all subjects but for ``between``, the SD of their size; with details."""
     scale, sign, main = np.asarray(effect.prior.scale), np.asarray(effect.channel_signs), len(effect.directions)
     direction = generator.standard_normal((draws, len(scale)))
     if effect.leading is not None:
@@ -100,7 +103,7 @@ def typical_amplitudes(
 
 
 def matrix_roots(gram: Float[np.ndarray, "subjects columns columns"]) -> Float[np.ndarray, "subjects columns columns"]:
-    """R with R R' = G, of matrices that may be singular."""
+    """Factorise G into R with R R' = G, for matrices that may be singular."""
     values, vectors = np.linalg.eigh(gram)
     return vectors * np.sqrt(np.maximum(values, 0.0))[:, None]
 
@@ -113,7 +116,7 @@ def draw(
     generator: Generator,
     size: float = 1.0,
 ) -> Float[np.ndarray, "draws subjects columns"]:
-    """Coefficients of people who differ by ``SPREAD`` and have the effect, ``size`` of its typical size."""
+    """Draw coefficients of people who differ by ``SPREAD`` and have the effect, ``size`` of its typical size."""
     subjects, columns, _ = gram.shape
     coefficients = np.zeros((draws, subjects, columns))
     coefficients[..., : len(ADAPTED)] = SPREAD * generator.standard_normal((draws, subjects, len(ADAPTED)))
@@ -128,7 +131,7 @@ def simulate_statistics(
     coefficients: Float[np.ndarray, "draws subjects columns"],
     generator: Generator,
 ) -> Float[np.ndarray, "draws subjects columns"]:
-    """Inner products of the columns with what subjects with these coefficients show: N(G c, G)."""
+    """Simulate the inner products of the columns with what subjects with these coefficients show: N(G c, G)."""
     noise = generator.standard_normal(coefficients.shape)
     return np.einsum("sij,dsj->dsi", gram, coefficients) + np.einsum("sij,dsj->dsi", root, noise)
 
@@ -138,7 +141,7 @@ def products_with(
     with_data: Float[np.ndarray, "draws subjects columns"],
     own: Int[np.ndarray, " own"],
 ) -> InnerProducts:
-    """Those of X and of the amplitudes ``own``; the square of what was seen is left out."""
+    """Select the inner products of X and of the amplitudes ``own``; the square of what was seen is left out."""
     k = np.concatenate([np.arange(len(ADAPTED)), own])
     return InnerProducts(gram[:, k[:, None], k], with_data[..., k], np.zeros(len(with_data)), residuals=0)
 

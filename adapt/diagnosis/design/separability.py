@@ -30,7 +30,7 @@ _SIZES = 2.0 ** np.arange(-4.0, 4.5, 0.5)
 """Shares of an effect's scale tried for the smallest detectable amplitude."""
 
 _MOST_SUBJECTS = 24
-"""More subjects are represented by so many: which effects look alike does not change, the size of D does."""
+"""More subjects are represented by so many: which effects look similar does not change, the size of D does."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ResidualCovariance:
     """Derivatives by the common amplitude, in prior standard deviations."""
 
     def at(self, size: float) -> "ResidualCovariance":
-        """The same effect at another size."""
+        """Scale the effect to ``size`` times its own size."""
         return ResidualCovariance(self.X, size * self.between, size * self.common)
 
     @cached_property
@@ -83,11 +83,11 @@ class ResidualCovariance:
         return float(np.linalg.slogdet(self.information)[1].sum() + np.linalg.slogdet(self.core)[1])
 
     def solved(self, right: Float[np.ndarray, "subjects residuals n"]) -> Float[np.ndarray, "subjects residuals n"]:
-        """(1 + G G')^-1 right."""
+        """Compute (1 + G G')^-1 right."""
         return right - self.G @ (self.covariance @ (np.swapaxes(self.G, 1, 2) @ right))
 
     def times(self, right: Float[np.ndarray, "subjects residuals n"]) -> Float[np.ndarray, "subjects residuals n"]:
-        """(1 + G G') right."""
+        """Compute (1 + G G') right."""
         return right + self.G @ (np.swapaxes(self.G, 1, 2) @ right)
 
 
@@ -97,7 +97,7 @@ def _pairs(left, right):
 
 
 def projected_onto_model(girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise) -> Observed:
-    """The same postures as the model as it is would take them: nothing of the residuals is left in them."""
+    """Project the postures to what the model as it is would take: nothing of the residuals is left in them."""
     z = _prior(girdle, effects, data.counted.shape[1])
     nearest = misfit(girdle, effects, data, noise, z, projections=_CLOSING_STEPS).nearest
     return replace(data, values=nearest)
@@ -106,14 +106,14 @@ def projected_onto_model(girdle: Girdle, effects: tuple[Effect, ...], data: Obse
 def separation(
     girdle: Girdle, effects: tuple[Effect, ...], hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
 ) -> Float[np.ndarray, "hypotheses hypotheses"]:
-    """D_ij in nats: how clearly these data would show i and not j if i is at work. ``data`` are
+    """Compute D_ij in nats: how clearly these data would show i and not j if i is at work. ``data`` are
     ``projected_onto_model`` ones."""
     columns = _columns(girdle, effects, hypotheses, data, noise)
     return np.array([[_divergence(i, j) for j in columns] for i in columns])
 
 
 def indistinguishable_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.ndarray, "n n"]) -> list[list[str]]:
-    """Groups of single effects (two or more) linked by pairs that are not told apart, either way round."""
+    """Group single effects (two or more) linked by pairs that are not distinguished, either way round."""
     left = [k for k, hypothesis in enumerate(hypotheses) if len(hypothesis) == 1]
     groups = []
     while left:
@@ -130,8 +130,8 @@ def indistinguishable_sets(hypotheses: Sequence[Hypothesis], apart: Float[np.nda
 def smallest_detectable(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, noise: Noise
 ) -> dict[str, DetectableAmplitude | None]:
-    """The amplitude of each effect (all directions together) from which these data would show it, in its unit; None
-    where 16 times its typical size would not do."""
+    """Find the amplitude of each effect (all directions together) from which these data would show it, in its unit;
+    None where 16 times its typical size would not do."""
     hypotheses = single_hypotheses(effect.name for effect in effects)
     nothing, *columns = _columns(girdle, effects, hypotheses, data, noise)
     found: dict[str, DetectableAmplitude | None] = {}
@@ -150,7 +150,7 @@ def _prior(girdle: Girdle, effects, problems: int):
 def slopes(
     girdle: Girdle, effects: tuple[Effect, ...], hypotheses: Sequence[Hypothesis], data: Observed, noise: Noise
 ) -> tuple[Float[np.ndarray, "subjects residuals 6"], list[Float[np.ndarray, "subjects residuals amplitudes"]]]:
-    """Derivatives of the whitened residuals at the model as it is: by the adapted parameters, in prior standard
+    """Differentiate the whitened residuals at the model as it is: by the adapted parameters, in prior standard
     deviations, and by the amplitudes of each hypothesis, in units of its effects. ``data`` are ``projected_onto_model``
     ones; of many subjects, the first ones."""
     subjects = min(data.counted.shape[1], _MOST_SUBJECTS)

@@ -16,7 +16,7 @@ SMOOTH, FINE = 3, 6
 
 
 def discrepancy_columns(fitted: LinearisedFit, data: Observed, terms: int) -> Columns:
-    """Derivatives of y by the terms (Legendre polynomials of elevation), for each constraint and motion."""
+    """Differentiate y by the terms (Legendre polynomials of elevation), for each constraint and motion."""
     return over_elevation(fitted.root[..., : len(CONSTRAINTS)], data, terms)
 
 

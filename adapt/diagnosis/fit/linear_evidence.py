@@ -85,7 +85,7 @@ class InnerProducts:
         noise_factor: float | Float[np.ndarray, "*first"] = 1.0,
         spread: Float[np.ndarray, "*first 6"] | None = None,
     ) -> AmplitudeStatistics:
-        """What is left once the adapted parameters are integrated out; of several noises and spreads along first axes.
+        """Integrate the adapted parameters out, for one noise and spread or several along first axes.
 
         From (1 + X X')^-1 = 1 - X (1 + X'X)^-1 X' and det(1 + X X') = det(1 + X'X): 6x6 in place of residuals squared.
         """
@@ -112,7 +112,7 @@ class InnerProducts:
         )
 
     def given_amplitudes(self, amplitudes: Float[np.ndarray, "subjects amplitudes"]) -> "InnerProducts":
-        """Those of X alone, had these amplitudes been known."""
+        """Reduce to the inner products of X alone, as if these amplitudes had been known."""
         by_amplitudes, with_data = self.columns[:, _ADAPTED:], self.with_data[:, _ADAPTED:]
         both = np.einsum("skl,sk->sl", by_amplitudes, amplitudes)
         explained = (amplitudes * (2.0 * with_data - both[:, _ADAPTED:])).sum()
@@ -121,8 +121,8 @@ class InnerProducts:
         return replace(self, columns=self.columns[:, own, own], with_data=with_data, square=self.square - explained)
 
     def with_shift(self) -> "InnerProducts":
-        """The same with X once more behind all columns, in units of ``PRIOR_SD_MM``: what a shift of the adapted
-        parameters does that all subjects have in common."""
+        """Add X once more behind all columns, in units of ``PRIOR_SD_MM``: what a shift of the adapted parameters does
+        that all subjects have in common."""
         again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)])
         unit = np.ones(len(again))
         unit[-_ADAPTED:] /= self.spread
@@ -132,8 +132,8 @@ class InnerProducts:
     def over(
         self, noise_factors: Sequence[tuple[float, float]], spreads: Float[np.ndarray, "spreads 6"] | None = None
     ) -> AmplitudeStatistics:
-        """The same, along a first axis, for each of ``spreads``, where given; then for each factor of the noise, its
-        probability included: the evidences add up."""
+        """Integrate the adapted parameters out, along a first axis, for each of ``spreads``, where given; then for each
+        factor of the noise, its probability included: the evidences add up."""
         factor, probability = np.transpose(noise_factors)
         statistics = self.at(factor, None if spreads is None else spreads[:, None])
         more = np.log(probability) - self.residuals * np.log(factor)
@@ -143,7 +143,7 @@ class InnerProducts:
 def inner_products(
     fitted: LinearisedFit, extra: Float[np.ndarray, "subjects residuals more"] | None = None
 ) -> InnerProducts:
-    """Inner products of a fitted hypothesis; ``extra`` are further columns beside its own."""
+    """Compute the inner products of a fitted hypothesis; ``extra`` are further columns beside its own."""
     more = () if extra is None else (extra,)
     columns = np.concatenate([fitted.X, fitted.A, *more], axis=2)
     return InnerProducts(
@@ -156,12 +156,12 @@ def inner_products(
 
 
 def amplitude_statistics(fitted: LinearisedFit) -> AmplitudeStatistics:
-    """Sufficient statistics of the amplitudes."""
+    """Compute the sufficient statistics of the amplitudes, at the noise and the spread of the fit."""
     return inner_products(fitted).at()
 
 
 def log_evidence(statistics: AmplitudeStatistics, prior: AmplitudePrior) -> Float[np.ndarray, "*draws"]:
-    """log p(y | hypothesis) but for a constant that all hypotheses on the same data share."""
+    """Compute log p(y | hypothesis) but for a constant that all hypotheses on the same data share."""
     return _combined(statistics, prior)[0]
 
 
@@ -174,7 +174,7 @@ def common_amplitude(
     Float[np.ndarray, "*draws amplitudes"],
     Float[np.ndarray, "*draws amplitudes amplitudes"],
 ]:
-    """Log evidence, and mean and covariance of the common amplitude.
+    """Compute the log evidence, and the mean and covariance of the common amplitude.
 
     ``along``: ways that each subject's amplitudes may differ beside the prior's deviations, in standard deviations.
     """
@@ -182,7 +182,7 @@ def common_amplitude(
 
 
 def agreeing_signs(statistics: AmplitudeStatistics, prior: AmplitudePrior) -> Float[np.ndarray, "*draws subjects"]:
-    """Signs of the subjects' amplitudes with which all agree best on a common one.
+    """Find the signs of the subjects' amplitudes with which all agree best on a common one.
 
     The evidence grows with s'Qs, Q = p C p' from each subject's gradient p by the common amplitude and the covariance
     C of that: the signs s start as those of Q's largest eigenvector; each is then turned as long as that adds.
@@ -199,7 +199,7 @@ def agreeing_signs(statistics: AmplitudeStatistics, prior: AmplitudePrior) -> Fl
 
 
 def log_sum(logs: Sequence[np.ndarray] | Sequence[float] | np.ndarray, axis: int = 0) -> Float[np.ndarray, "*draws"]:
-    """log of the sum of the exponentials, over an axis."""
+    """Compute the log of the sum of the exponentials, over an axis."""
     return np.logaddexp.reduce(np.asarray(logs), axis=axis)
 
 
@@ -251,7 +251,7 @@ def _combined(statistics: AmplitudeStatistics, prior: AmplitudePrior, along=None
 
 
 def posterior(fitted: LinearisedFit, prior: AmplitudePrior) -> Posterior:
-    """Evidence and means of everything under one prior of the amplitudes."""
+    """Compute the evidence and the means of everything under one prior of the amplitudes."""
     statistics = amplitude_statistics(fitted)
     log, common, covariance, own = _combined(statistics, prior)
     left = statistics.gradient - np.einsum("sij,j->si", statistics.information, common)

@@ -20,7 +20,7 @@ Hypothesis = tuple[str, ...]
 
 
 def single_hypotheses(names: Iterable[str]) -> list[Hypothesis]:
-    """That nothing is at work, and each effect alone."""
+    """List the hypotheses that nothing is at work, and each effect alone."""
     return [(), *((name,) for name in names)]
 
 
@@ -48,19 +48,19 @@ class AmplitudePrior:
 
 
 def shared_prior(scale: Float[np.ndarray, " amplitudes"]) -> AmplitudePrior:
-    """Amplitudes that vary little between subjects."""
+    """Build the prior of amplitudes that vary little between subjects."""
     return AmplitudePrior(0.0 * scale, scale, BETWEEN_SUBJECTS * scale)
 
 
 def independent_prior(scale: Float[np.ndarray, " amplitudes"]) -> AmplitudePrior:
-    """Amplitudes that every subject has for itself, of either sign."""
+    """Build the prior of amplitudes that every subject has for itself, of either sign."""
     return AmplitudePrior(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale)
 
 
 def common_shift(fraction: float) -> AmplitudePrior:
-    """Adapted parameters that are off by the same in all subjects (see ``InnerProducts.with_shift``): the people
-    measured are not on average the person whose girdle the parameter set is. ``fraction`` is that of their SD between
-    people."""
+    """Build the prior of adapted parameters that are off by the same in all subjects (see
+    ``InnerProducts.with_shift``): the people measured are not on average the person whose girdle the parameter set is.
+    ``fraction`` is that of their SD between people."""
     nothing = np.zeros(_ADAPTED)
     return AmplitudePrior(nothing, nothing + fraction, nothing)
 
@@ -101,6 +101,6 @@ class LinearisedFit:
         return replace(self, **changed)
 
     def with_spread(self, spread: Float[np.ndarray, " 6"]) -> "LinearisedFit":
-        """The same with other spreads of the adapted parameters."""
+        """Rescale u and X to other spreads of the adapted parameters, as shares of ``PRIOR_SD_MM``."""
         ratio = spread / self.spread
         return replace(self, X=ratio * self.X, u=self.u / ratio, spread=spread)

@@ -96,7 +96,7 @@ def fit_hypotheses(
     data: Observed,
     noise: Noise,
 ) -> list[LinearisedFit]:
-    """Every hypothesis fitted to all subjects, in the given order."""
+    """Fit every hypothesis to all subjects, in the given order."""
     subjects = data.counted.shape[1]
     subject = np.tile(np.arange(subjects), len(hypotheses))
     columns, scales = (np.repeat(x, subjects, axis=1) for x in _layout(effects, hypotheses))

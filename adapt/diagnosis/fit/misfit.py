@@ -55,7 +55,7 @@ class Misfit:
 
 
 def columns_of(effects: tuple[Effect, ...], active: tuple[str, ...]) -> Int[np.ndarray, " amplitudes"]:
-    """Columns of z that hold the amplitudes of the active effects."""
+    """Find the columns of z that hold the amplitudes of the active effects."""
     ends = _ends(effects)
     spans = [range(a, b) for effect, (a, b) in zip(effects, itertools.pairwise(ends), strict=True)
              if effect.name in active]  # fmt: skip
@@ -63,12 +63,12 @@ def columns_of(effects: tuple[Effect, ...], active: tuple[str, ...]) -> Int[np.n
 
 
 def prior_sd_of(effects: Iterable[Effect]) -> Float[np.ndarray, " amplitudes"]:
-    """Prior SD of the amplitudes of these effects, one after the other; of none, none."""
+    """Concatenate the prior SD of the amplitudes of these effects, one after the other; of none, none."""
     return np.concatenate([np.zeros(0), *(effect.prior_sd for effect in effects)])
 
 
 def spans_of(effects: Iterable[Effect]) -> list[slice]:
-    """Where the amplitudes of each of these effects are among those of all, one after the other."""
+    """Locate the amplitudes of each of these effects among those of all, one after the other."""
     ends = np.cumsum([0, *(effect.amplitudes for effect in effects)]).tolist()
     return list(itertools.starmap(slice, itertools.pairwise(ends)))
 
@@ -76,7 +76,7 @@ def spans_of(effects: Iterable[Effect]) -> list[slice]:
 def free_columns(
     effects: tuple[Effect, ...], hypotheses: Sequence[tuple[str, ...]]
 ) -> Int[np.ndarray, "free hypotheses"]:
-    """Columns of z that each hypothesis frees: the adapted parameters, then its amplitudes, padded with -1."""
+    """List the columns of z that each hypothesis frees: the adapted parameters, then its amplitudes, padded with -1."""
     free = [np.concatenate([np.arange(len(ADAPTED)), columns_of(effects, hypothesis)]) for hypothesis in hypotheses]
     width = max(map(len, free))
     return np.stack([np.pad(f, (0, width - len(f)), constant_values=-1) for f in free], axis=1)
@@ -87,7 +87,7 @@ def _ends(effects: tuple[Effect, ...]) -> list[int]:
 
 
 def prior_z(girdle: Girdle, effects: tuple[Effect, ...]) -> Float[np.ndarray, " parameters"]:
-    """z of the model as it is: its own adapted parameters, every amplitude 0."""
+    """Build z of the model as it is: its own adapted parameters, every amplitude 0."""
     return np.concatenate([np.asarray(girdle.adapted_mm), np.zeros(_ends(effects)[-1] - len(ADAPTED))])
 
 
@@ -101,7 +101,7 @@ def misfit(
     nearest: Float[np.ndarray, "quantities postures problems"] | None = None,
     projections: int = 4,
 ) -> Misfit:
-    """The misfit of each problem at its z. ``data`` has one subject a problem; ``nearest`` is where to begin.
+    """Compute the misfit of each problem at its z. ``data`` has one subject a problem; ``nearest`` is where to begin.
 
     ``columns`` of z are those of ``slopes``; by default the adapted parameters.
     """

@@ -53,8 +53,8 @@ _ANGLES = 6
 def estimate_noise(
     girdle: Girdle, effects: tuple[Effect, ...], data: Observed, given_deg: float | None = None
 ) -> NoiseEstimate:
-    """The SD of the angles, given, estimated (without noisy subjects) or assumed, and that of the landmarks, estimated
-    or assumed."""
+    """Estimate the noise: the SD of the angles, given, estimated (without noisy subjects) or assumed, and that of the
+    landmarks, estimated or assumed."""
     landmark_mm = _landmark_noise_mm(data)
     if given_deg is not None:
         return NoiseEstimate(Noise(given_deg, landmark_mm), np.inf, "given")

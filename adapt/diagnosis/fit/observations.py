@@ -49,7 +49,7 @@ class Observed:
         return replace(self, **arrays, subjects=tuple(self.subjects[i] for i in index))
 
     def without(self, left_out: Bool[np.ndarray, "postures subjects"]) -> "Observed":
-        """The same with some postures not counted."""
+        """Leave some postures out: they stay, but are not counted."""
         return replace(self, counted=self.counted & ~left_out)
 
     def standard_deviations(self, noise: Noise) -> Float[np.ndarray, "quantities postures subjects"]:
@@ -59,7 +59,7 @@ class Observed:
 
 
 def observe(motions: Motions, batch: Batch | None = None) -> Observed:
-    """The subjects of the motions. A missing elevation counts as the arm hanging."""
+    """Arrange the motions by subject, as padded arrays. A missing elevation counts as the arm hanging."""
     batch = pack(motions) if batch is None else batch
     rows = batch.rows
     values = motions.angles_deg / DEG

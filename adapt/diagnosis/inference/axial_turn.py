@@ -46,8 +46,8 @@ class MeanSubject(NamedTuple):
 
 
 def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | None:
-    """Of a hypothesis of these effects, its amplitudes followed by their departures (see ``departures``); None where
-    no elevations have a slope."""
+    """Compute the residual of the mean subject under a hypothesis of these effects: its columns are the amplitudes,
+    followed by their departures (see ``departures``). None where no elevations have a slope."""
     weight = _slope_weights(data)
     subjects = int(weight.any(axis=0).sum())
     if not subjects:
@@ -71,7 +71,8 @@ def mean_subject(effects: Sequence[Effect], data: Observed) -> MeanSubject | Non
 
 
 def turns_deg(data: Observed) -> Float[np.ndarray, " subjects"]:
-    """How far each subject's clavicle turned as measured, deg by full elevation: 0 where no elevations have a slope."""
+    """Compute how far each subject's clavicle turned as measured, deg by full elevation: 0 where no elevations have a
+    slope."""
     return _turns_deg(data, _slope_weights(data))
 
 
@@ -80,7 +81,7 @@ def _turns_deg(data: Observed, weight: Float[np.ndarray, "postures subjects"]) -
 
 
 def with_mean_subject(products: InnerProducts, one: MeanSubject | None) -> InnerProducts:
-    """The products with those of one more subject."""
+    """Add the inner products of one more subject, the mean one; without it, change nothing."""
     if one is None:
         return products
     row = np.concatenate([np.zeros(len(ADAPTED)), one.columns])

@@ -25,7 +25,7 @@ a sigmoid have up to 0.15 and 0.08."""
 
 
 def with_departures(fitted: LinearisedFit, effects: Sequence[Effect], data: Observed) -> LinearisedFit:
-    """The hypothesis with columns for what else ``effects``, its own, may do, behind those of the amplitudes."""
+    """Add columns for what else ``effects``, the hypothesis's own, may do, behind those of the amplitudes."""
     subjects, postures, m, _ = fitted.root.shape
     columns, scales = [], []
     for effect, own in zip(effects, spans_of(effects), strict=True):
@@ -47,13 +47,13 @@ def with_departures(fitted: LinearisedFit, effects: Sequence[Effect], data: Obse
 
 
 def departures_per_channel(data: Observed) -> int:
-    """How many columns of departures a channel has; those of an effect stand together, channel by channel."""
+    """Count the columns of departures that a channel has; those of an effect stand together, channel by channel."""
     return len(_FINER_SD) + (len(data.motions) if len(data.motions) > 1 else 0)
 
 
 def departures_of(data: Observed, effect: Effect) -> Float[np.ndarray, "subjects postures departures"]:
-    """d at each posture, of one prior SD: 8 (1 - f) T_k(1 - 2 f) for the Chebyshev polynomials after the course's own,
-    and what sets one motion apart from the others."""
+    """Compute d at each posture, of one prior SD: 8 (1 - f) T_k(1 - 2 f) for the Chebyshev polynomials after the
+    course's own, and what sets one motion apart from the others."""
     f = data.elevation_deg.T / FULL_ELEVATION_DEG
     terms = np.polynomial.chebyshev.chebvander(1.0 - 2.0 * f, len(COURSE_SD))[..., 2:] * 8.0 * (1.0 - f[..., None])
     motions = len(data.motions)

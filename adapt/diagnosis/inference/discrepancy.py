@@ -48,12 +48,12 @@ _NOISES = (0.6, 0.7, 0.8, 0.9, 1.0, 1.1)
 """Factors that may take an estimated noise to all of it."""
 
 _SCATTER_PROBABILITY = 0.01
-"""Prior probability of scatter: the noise of six angles is not quite alike, which is not to pass for it."""
+"""Prior probability of scatter: the noise of six angles is not quite equal, which is not to pass for it."""
 
 
 def landmark_columns(fitted: LinearisedFit, data: Observed) -> list[tuple[Columns, tuple[float, ...]]]:
-    """The same, smooth over elevation, for a degree of each angle of either bone, and a mm of each coordinate of every
-    landmark, with their scales; of data without landmarks, none."""
+    """Differentiate y by terms smooth over elevation, for a degree of each angle of either bone, and a mm of each
+    coordinate of every landmark, with their scales; of data without landmarks, none."""
     by_coordinate = fitted.root[..., len(CONSTRAINTS) :]
     if not by_coordinate.shape[-1]:
         return []
@@ -67,7 +67,7 @@ def _by_three(units: Float[np.ndarray, "subjects postures m units"]) -> list[np.
 
 
 def scatter_columns(fitted: LinearisedFit, held_by: Sequence[float]) -> Columns:
-    """Derivatives of y by a number of mm for each posture, added to A1-A3 in the shares of ``held_by``."""
+    """Differentiate y by a number of mm for each posture, added to A1-A3 in the shares of ``held_by``."""
     subjects, postures, m, _ = fitted.root.shape
     at_posture = fitted.root[..., : len(CONSTRAINTS)] @ np.asarray(held_by)
     columns = at_posture[..., None] * np.eye(postures)[:, None]
@@ -75,7 +75,7 @@ def scatter_columns(fitted: LinearisedFit, held_by: Sequence[float]) -> Columns:
 
 
 def discrepancy_gain(fitted: LinearisedFit, data: Observed, prior: AmplitudePrior, noise: NoiseEstimate) -> float:
-    """log evidence of the hypothesis with a discrepancy beside it, less that without: the most over its kinds.
+    """Compute the log evidence of the hypothesis with a discrepancy beside it, less that without: the most over kinds.
 
     A course over elevation: smooth or fine, of either size, common to the subjects or each subject's own; with landmark
     positions, of a bone's angles or a landmark too. Or scatter from posture to posture in what holds the scapula or the

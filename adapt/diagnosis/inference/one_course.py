@@ -47,7 +47,9 @@ def one_course(
     effects: Sequence[Effect],
     departures: int,
 ) -> OneCourse:
-    """Of ``effects`` with their amplitudes as columns, so many ``departures`` of each channel, and what else there is;
+    """Restrict the amplitudes of each effect to one course for all its channels, and in each subject one size.
+
+    The columns are the amplitudes of ``effects``, so many ``departures`` of each channel, and what else there is;
     ``free`` is the common amplitude that they have without this prior."""
     firsts, groups = _groups(effects, departures)
     kept = np.setdiff1d(np.arange(len(prior.common)), [k for group in groups for k in group.members])

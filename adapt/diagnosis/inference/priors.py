@@ -45,14 +45,14 @@ _SHIFT_PROBABILITY, SHIFT = 0.1, 0.5
 which share of ``PRIOR_SD_MM``."""
 
 _OPPOSED_PROBABILITY, _OPPOSED_SIGNED_PROBABILITY = 0.05, 0.015
-"""Prior probability that an effect's sign differs from subject to subject, all else being alike; and that of an effect
+"""Prior probability that an effect's sign differs from subject to subject, all else being shared; and that of an effect
 whose nature has a sign: of 0.05, 0.025, 0.015 and 0.005 the best log score on calibration seeds."""
 
 _INDEPENDENT_PROBABILITY, _INDEPENDENT_SIGNED_PROBABILITY = 0.02, 0.002
 """The same for amplitudes that each subject has for itself, of either sign."""
 
 _TOGETHER_PROBABILITY = 0.8
-"""Prior probability, all subjects being alike, that the channels of an effect follow one course."""
+"""Prior probability, amplitudes being shared by all subjects, that the channels of an effect follow one course."""
 
 _AGAINST_PROBABILITY = 0.01
 """Prior probability that an effect goes against the sign of its nature."""
@@ -119,7 +119,7 @@ def over_priors(
 def likely_spreads(
     products: InnerProducts, amplitudes: Float[np.ndarray, "subjects amplitudes"]
 ) -> tuple[Float[np.ndarray, "likeliest 6"], float]:
-    """The spreads with the most evidence for these amplitudes, and the log of their share of the evidence of all."""
+    """Find the spreads with most evidence for these amplitudes, and the log of their share of the evidence of all."""
     log = products.given_amplitudes(amplitudes).at(spread=_SPREADS).log
     chosen = np.sort(np.argsort(-log, kind="stable")[:_LIKELIEST])
     return _SPREADS[chosen], float(log_sum(log[chosen]) - log_sum(log))
@@ -132,15 +132,15 @@ def _mixed(*parts: tuple[float, list]) -> Float[np.ndarray, " spreads *draws"]:
 
 
 def likeliest_prior(fitted: LinearisedFit) -> AmplitudePrior:
-    """Of the priors of the amplitudes, the one with the most evidence."""
+    """Choose, of the priors of the amplitudes, the one with the most evidence."""
     statistics = amplitude_statistics(fitted)
     priors = [spread(fitted.scale) * size for spread in (shared_prior, independent_prior) for size in _SIZES]
     return max(priors, key=lambda prior: float(log_evidence(statistics, prior)))
 
 
 def _log_shared(statistics: AmplitudeStatistics, prior: AmplitudePrior, effects: Sequence[Effect], departures: int):
-    """Log evidence if the amplitudes of all subjects are alike and of one size, most of it with the expected signs, and
-    the channels of each effect go together or not."""
+    """Log evidence if all subjects share the amplitudes, of one size, most of it with the expected signs, and the
+    channels of each effect go together or not."""
     if len(effects) == 1 and (leading := effects[0].leading) is not None:
         return _log_about_size(statistics, prior, effects[0], leading * effects[0].terms, departures)
     expected = [sign for effect in effects for sign in effect.signs]

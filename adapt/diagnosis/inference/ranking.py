@@ -31,7 +31,7 @@ class Ranking:
     log_evidence: Float[np.ndarray, " hypotheses"]
     """Less that of the best."""
     independent_log_odds: Float[np.ndarray, " hypotheses"]
-    """Log evidence that amplitudes differ between subjects, less that they are alike."""
+    """Log evidence that amplitudes differ between subjects, less that they are shared."""
     discrepancy_gain: float
     """log evidence of the best hypothesis with an unlisted discrepancy, less that of the best without."""
     chi_square: float
@@ -102,7 +102,11 @@ def _weighed(
 
 
 def amplitude_excess(fitted: LinearisedFit, effects: Sequence[Effect]) -> float:
-    """Of ``effects``, its own, that most beyond: (2 / amplitudes)^1/2 is about the SD of the log of a mean square."""
+    """Measure how much larger an effect is than such effects are: the most of ``effects``, the hypothesis's own.
+
+    It is the log of the mean square of its amplitudes, in prior SDs (at least 1), over
+    (2 / amplitudes)^1/2: about the SD of the log of a mean square.
+    """
     square = ((fitted.a / independent_prior(fitted.scale).between) ** 2).mean(axis=0)
     each = (square[own] for own in spans_of(effects))
     return max((math.log(max(float(one.mean()), 1.0)) / math.sqrt(2.0 / len(one)) for one in each), default=0.0)

@@ -1,4 +1,4 @@
-"""From evidence to an answer: none, an effect (or a set that cannot be told apart), or unknown.
+"""From evidence to an answer: none, an effect (or a set that cannot be distinguished), or unknown.
 
 Probabilities are those of the evidence, tempered, among none and the effects; and of 'unknown', a logistic function of
 two absolute tests of what the best hypothesis leaves, and of what makes it hard to believe. The constants were fitted
@@ -26,7 +26,7 @@ _DECLARED_SHARE = 0.5
 """Of what the single effects share, for those that the motion file says of itself: as much as for all others."""
 
 _PAIR_PRIOR = 0.02
-"""Prior probability, beside those, that two effects act together, shared alike by the pairs tried."""
+"""Prior probability, beside those, that two effects act together, shared equally by the pairs tried."""
 
 _UNKNOWN_TERMS = (-0.7, 0.4, 0.85)
 """Constant, weight of the discrepancy gain (nats) and of the excess (standard deviations) in its log odds."""
@@ -56,7 +56,7 @@ _SET_PROBABILITY = 0.95
 
 
 def judge(ranking: Ranking, names: Sequence[str], declared: Sequence[str] = ()) -> Verdict:
-    """The verdict on a ranking of none, every effect of ``names`` and perhaps pairs of them.
+    """Judge a ranking of none, every effect of ``names`` and perhaps pairs of them.
 
     ``declared`` are those of the names that the motions are marked with.
     """
@@ -84,7 +84,7 @@ def _unknown(ranking: Ranking, posterior: Float[np.ndarray, " hypotheses"]) -> f
 
 
 def clipped_tests(discrepancy_gain: float, excess: float) -> tuple[float, float]:
-    """Discrepancy gain and excess of chi square, as far as they count."""
+    """Clip the discrepancy gain (nats) and the excess of chi square (standard deviations) to where they count."""
     return (
         float(np.clip(discrepancy_gain, -_MOST_GAIN, _MOST_GAIN)),
         float(np.clip(excess, -_MOST_EXCESS, _MOST_EXCESS)),
@@ -92,7 +92,8 @@ def clipped_tests(discrepancy_gain: float, excess: float) -> tuple[float, float]
 
 
 def unknown_penalties(ranking: Ranking, posterior: Float[np.ndarray, " hypotheses"]) -> tuple[float, float]:
-    """How much of the answer is pairs, and the amplitude excess: with both, the best hypothesis has to leave less."""
+    """Measure the share of pairs in the answer, and the amplitude excess: with both, the best hypothesis has to leave
+    less."""
     of_pairs = sum(float(p) for hypothesis, p in zip(ranking.hypotheses, posterior, strict=True) if len(hypothesis) > 1)
     return of_pairs, min(ranking.amplitude_excess, _MOST_AMPLITUDE_EXCESS)
 
@@ -114,7 +115,7 @@ def posterior_probabilities(
     names: Sequence[str],
     declared: Sequence[str] = (),
 ) -> Float[np.ndarray, " hypotheses *draws"]:
-    """Tempered posterior probabilities of none, effects and pairs among each other; of one data set or many draws."""
+    """Compute tempered posterior probabilities among none, effects and pairs; of one data set or many draws."""
     single = _single_priors(names, declared)
     pairs = sum(len(hypothesis) == 2 for hypothesis in hypotheses)
     priors = np.array([single.get(hypothesis, _PAIR_PRIOR / max(pairs, 1)) for hypothesis in hypotheses])
