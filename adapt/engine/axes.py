@@ -33,7 +33,10 @@ class WholeAxis:
         return total, jax.tree.map(lambda x: xp.max(self._of_counted(x), axis=0, initial=0.0), worst), kept
 
     def advanced(self, taken: Array, function: Callable[..., tuple[Any, Any, Any]], old: Any, *trees: Any):
-        """Do the same; in the ``taken`` problems what is kept takes the place of ``old``, the function's first tree."""
+        """Apply and reduce the function as ``reduced`` does; in the ``taken`` problems what is kept replaces ``old``.
+
+        ``old`` is the function's first tree.
+        """
         sums, worst, kept = self.reduced(function, old, *trees)
         return sums, worst, jax.tree.map(lambda new, before: xp.where(taken, new, before), kept, old)
 

@@ -113,13 +113,13 @@ def take_problems(tree: Any, index: Any) -> Any:
 
 
 def put_problems(tree: Any, index: Any, values: Any) -> None:
-    """Overwrite some problems of every array of a tree with those of ``values``."""
+    """Replace some problems of every array of a tree by those of ``values``, in place."""
     for whole, some in zip(jax.tree.leaves(tree), jax.tree.leaves(values), strict=True):
         whole[..., index] = some
 
 
 def with_problems(tree: Any, index: Any, values: Any) -> Any:
-    """Do the same in a copy of the tree, as numpy."""
+    """Replace some problems of every array by those of ``values``, in a copy of the tree, as numpy."""
     result = jax.tree.map(np.array, tree)
     put_problems(result, index, values)
     return result

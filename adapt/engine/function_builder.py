@@ -1,6 +1,6 @@
 """Write LLVM instructions from a kernel's text: called with ``SimdValue``s, a function of components leaves them here.
 
-Every problem (ISPC's program instance) has one lane of a register, and a block of problems (ISPC's gang) fills it.
+Every problem (ISPC's program instance) has one place in a register, and a block of problems (ISPC's gang) fills it.
 Values stay in registers or in the first cache, however many there are. Loops (over postures, thorax points, iterations)
 are written around such pieces; none of their lengths is in the code. No result depends on the other problems of a
 block.
@@ -46,7 +46,7 @@ class FunctionBuilder:
     # --- values
 
     def broadcast(self, x: Any) -> SimdValue:
-        """Give x as a SIMD value: a Python number is the same in every lane (uniform)."""
+        """Give x as a SIMD value: a Python number is the same in every problem (uniform)."""
         if isinstance(x, SimdValue):
             return x
         if isinstance(x, bool):
@@ -60,12 +60,14 @@ class FunctionBuilder:
         return self._number(f"{operation} contract {self.vector} {a.operand}, {b.operand}")
 
     def add(self, a: Any, b: Any) -> SimdValue:
+        """Add a and b; adding what is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
         if self.is_constant(a, 0.0):
             return b
         return a if self.is_constant(b, 0.0) else self.arithmetic("fadd", a, b)
 
     def subtract(self, a: Any, b: Any) -> SimdValue:
+        """Subtract b from a; subtracting what is 0 by construction takes no instruction."""
         a, b = self.broadcast(a), self.broadcast(b)
         if self.is_constant(b, 0.0):
             return a
@@ -74,7 +76,7 @@ class FunctionBuilder:
         return self.arithmetic("fsub", a, b)
 
     def multiply(self, a: Any, b: Any) -> SimdValue:
-        """What is 0 by construction stays so, whatever it is multiplied by."""
+        """Multiply a by b. What is 0 by construction stays so, whatever it is multiplied by."""
         a, b = self.broadcast(a), self.broadcast(b)
         if self.is_constant(a, 0.0) or self.is_constant(b, 1.0):
             return a
@@ -91,10 +93,12 @@ class FunctionBuilder:
         return self._number(f"call {flags}{self.vector} @llvm.{function}.{kind}({operands})")
 
     def compare(self, how: str, a: Any, b: Any) -> SimdValue:
+        """Compare a with b, a mask; ``how`` is LLVM's word for it (``olt``: less, false for NaN)."""
         a, b = self.broadcast(a), self.broadcast(b)
         return self._mask(f"fcmp {how} {self.vector} {a.operand}, {b.operand}")
 
     def combine_masks(self, operation: str, a: Any, b: Any) -> SimdValue:
+        """Combine two masks by LLVM's ``and``, ``or`` or ``xor``."""
         a, b = self.broadcast(a), self.broadcast(b)
         return self._mask(f"{operation} {self.mask} {a.operand}, {b.operand}")
 
@@ -124,7 +128,7 @@ class FunctionBuilder:
         return self.call_intrinsic("sqrt", x)
 
     def maximum(self, a: Any, b: Any) -> SimdValue:
-        """NaN if one of them is."""
+        """Take the larger one; NaN if one of them is."""
         return self.call_intrinsic("maximum", a, b, flags="nsz ")
 
     def minimum(self, a: Any, b: Any) -> SimdValue:
@@ -146,6 +150,7 @@ class FunctionBuilder:
     # --- memory
 
     def load(self, address: str, is_mask: bool, one_byte: bool = False) -> SimdValue:
+        """Load one number a problem; a mask is 1 or 0 there, in ``one_byte`` or in a number."""
         name = self.instructions.new_name()
         if not one_byte:
             self.instructions.append(f"{name} = load {self.vector}, ptr {address}, align {self.dtype.itemsize}")
@@ -155,6 +160,7 @@ class FunctionBuilder:
         return self._mask(f"icmp ne <{self.simd_width} x i8> {name}, splat (i8 0)")
 
     def store(self, address: str, value: SimdValue, one_byte: bool = False) -> None:
+        """Store one number a problem; a mask as 1 or 0, in ``one_byte`` or in a number."""
         if one_byte:
             widened = f"zext {self.mask} {value.operand} to <{self.simd_width} x i8>"
             as_bytes = self.instructions.compute(widened)

@@ -75,7 +75,7 @@ class InstructionList:
         self._available.pop()
 
     def enter_if(self, condition: str, labels: tuple[str, str]) -> None:
-        """Go on with another round of the loop with these labels, or leave it."""
+        """Start another round of the loop with these labels if the condition holds, or leave the loop."""
         inside, outside = labels
         self.append(f"br i1 {condition}, label %{inside}, label %{outside}", f"{inside}:")
         self._lines.append(_LoopStart(self._loops[-1]))

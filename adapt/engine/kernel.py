@@ -80,7 +80,7 @@ class Kernel:
         return self.by_jax(*trees) if by_xla else self.by_machine(*trees)
 
     def by_jax(self, *trees: Any) -> Any:
-        """Do it by XLA, on every device that JAX sees."""
+        """Run the text by XLA, on every device that JAX sees."""
         number = _number(trees)
         arrays = [
             np.asarray(x, spec.dtype(number)) for x, spec in zip(jax.tree.leaves(trees), self._inputs, strict=True)
@@ -88,7 +88,7 @@ class Kernel:
         return in_chunks(self._program, self.chunk, *jax.tree.unflatten(jax.tree.structure(trees), arrays))
 
     def by_machine(self, *trees: Any) -> Any:
-        """Do it by machine code, on the cores of this processor. Raises MachineCodeError."""
+        """Run the text by machine code, on the cores of this processor. Raises MachineCodeError."""
         number = _number(trees)
         arrays = [
             np.ascontiguousarray(x, spec.dtype(number))

@@ -1,4 +1,4 @@
-"""The values of the compiler: a number or a mask in every lane of a SIMD register, and a row of numbers in memory."""
+"""The values of the compiler: a number or a mask a problem in a SIMD register, and a row of numbers in memory."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from adapt.engine.function_builder import FunctionBuilder
 
 REGISTER_BYTES = 64
-"""Of AVX-512: eight lanes of float64, sixteen of float32; LLVM uses several shorter registers where there is none."""
+"""Of AVX-512: eight problems in float64, sixteen in float32; LLVM uses several shorter registers if there is none."""
 
 
 def simd_width(dtype: DTypeLike) -> int:
-    """Return the number of lanes: how many problems a register holds one number each of."""
+    """Count the problems that a register holds one number each of."""
     return REGISTER_BYTES // np.dtype(dtype).itemsize
 
 

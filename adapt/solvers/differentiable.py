@@ -38,7 +38,7 @@ class PostureFit(NamedTuple):
 def posture_fit(
     girdle: Girdle, angles: Float[Array, " 6 *batch"], measured: Bool[Array, " 6 *batch"] | None = None
 ) -> PostureFit:
-    """q, lambda and J_p of the posture fit (Eq. 6.1-6.2), differentiable in the girdle and the measured angles.
+    """Fit postures: q, lambda and J_p (Eq. 6.1-6.2), differentiable in the girdle and the measured angles.
 
     ``angles`` in rad, finite; ``measured`` False leaves an angle out of J_p. ``girdle`` has the same batch axes, or
     none. A posture that does not converge is NaN, never a wrong number.
@@ -98,9 +98,9 @@ def nested_objective(
     measured: Bool[Array, " 6 postures"],
     weight: float,
 ) -> Float[Array, ""]:
-    """E(theta) = D + w mean(J_p) [mm^2 + w deg^2] of one subject with every posture fitted anew: the definition.
+    """Compute E(theta) = D + w mean(J_p) [mm^2 + w deg^2] of one subject, as defined: with every posture fitted anew.
 
-    The reference that the whole-subject solver is tested against, and what a general optimiser can minimise.
+    The whole-subject solver is tested against it, and a general optimiser can minimise it.
     """
     adapted = girdle.with_adapted(theta_mm)
     point_weights = jnp.full(points_mm.shape[1], 1.0 / points_mm.shape[1])

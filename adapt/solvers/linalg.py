@@ -17,32 +17,32 @@ ElementwiseFunction = Callable[[Float[Array, " n *batch"]], Array]
 
 
 def matvec(A: Float[Array, " m n *batch"], x: Float[Array, " n *batch"]) -> Float[Array, " m *batch"]:
-    """A x."""
+    """Multiply A x."""
     return xp.sum(A * x[None], axis=1)
 
 
 def matmul(A: Float[Array, " m n *batch"], B: Float[Array, " n k *batch"]) -> Float[Array, " m k *batch"]:
-    """A B."""
+    """Multiply A B."""
     return xp.sum(A[:, :, None] * B[None], axis=1)
 
 
 def transpose(A: Float[Array, " m n *batch"]) -> Float[Array, " n m *batch"]:
-    """A', the batch untouched."""
+    """Transpose A; the batch stays untouched."""
     return xp.swapaxes(A, 0, 1)
 
 
 def diagonal(d: Float[Array, " n *batch"]) -> Float[Array, " n n *batch"]:
-    """diag(d)."""
+    """Build the diagonal matrix diag(d)."""
     return xp.eye(d.shape[0]).reshape(d.shape[0], d.shape[0], *[1] * (d.ndim - 1)) * d[None]
 
 
 def trace(A: Float[Array, " n n *batch"]) -> Float[Array, " *batch"]:
-    """Sum of the diagonal."""
+    """Sum the diagonal."""
     return xp.trace(A, axis1=0, axis2=1)
 
 
 def largest(x: Float[Array, " n *batch"]) -> Float[Array, " *batch"]:
-    """max |x_i|."""
+    """Find max |x_i|."""
     return xp.max(abs(x), axis=0)
 
 
@@ -51,7 +51,10 @@ Rows = list[list[Array]]
 
 
 def factorised(rows: Rows, floor: Array) -> tuple[Rows, list[Array], Array]:
-    """L below its diagonal, 1 / D and where no pivot was below ``floor``, of A = L D L' given by its lower triangle."""
+    """Factorise A = L D L', given by its lower triangle; a pivot below ``floor`` is raised to it.
+
+    The result is L below its diagonal, 1 / D and where no pivot was below ``floor``.
+    """
     n = len(rows)
     lower: Rows = [list(row[:-1]) for row in rows]
     pivots, inverse, positive = [], [], floor <= floor
@@ -68,7 +71,7 @@ def factorised(rows: Rows, floor: Array) -> tuple[Rows, list[Array], Array]:
 
 
 def forward(lower: Rows, b: list[Array]) -> list[Array]:
-    """L^-1 b, b a list of components."""
+    """Solve L x = b: x = L^-1 b, b a list of components."""
     x = list(b)
     for i in range(len(x)):
         for j in range(i):
@@ -77,7 +80,7 @@ def forward(lower: Rows, b: list[Array]) -> list[Array]:
 
 
 def backward(lower: Rows, b: list[Array]) -> list[Array]:
-    """L'^-1 b."""
+    """Solve L' x = b: x = L'^-1 b, b a list of components."""
     x = list(b)
     for i in reversed(range(len(x))):
         for j in range(i + 1, len(x)):
@@ -98,7 +101,7 @@ class Factor:
         self.lower, self.inverse_pivots, self.positive = factorised(rows, floor)
 
     def solve(self, B: Float[Array, " n k *batch"]) -> Float[Array, " n k *batch"]:
-        """A^-1 B."""
+        """Solve A X = B: X = A^-1 B."""
         n = len(self.inverse_pivots)
         x = [B[i] for i in range(n)]
         for i in range(n):
@@ -111,11 +114,11 @@ class Factor:
         return xp.stack(x)
 
     def solve_vector(self, b: Float[Array, " n *batch"]) -> Float[Array, " n *batch"]:
-        """A^-1 b."""
+        """Solve A x = b: x = A^-1 b."""
         return self.solve(b[:, None])[:, 0]
 
     def whiten(self, b: Float[Array, " n *batch"]) -> Float[Array, " n *batch"]:
-        """D^-1/2 L^-1 b: of unit covariance if b has covariance A."""
+        """Whiten b: D^-1/2 L^-1 b has unit covariance if b has covariance A."""
         x = [b[i] for i in range(len(self.inverse_pivots))]
         for i in range(len(x)):
             for j in range(i):
@@ -123,7 +126,7 @@ class Factor:
         return xp.stack([value * xp.sqrt(inverse) for value, inverse in zip(x, self.inverse_pivots, strict=True)])
 
     def otherwise(self, other: "Factor") -> "Factor":
-        """This factor where it is positive, the other one elsewhere."""
+        """Take this factor where it is positive, the other one elsewhere."""
 
         def pick(mine, others):
             return xp.where(self.positive, mine, others)
@@ -138,7 +141,7 @@ class Factor:
 
 
 def jacobian(f: ElementwiseFunction, x: Float[Array, " n *batch"]) -> Float[Array, " m n *batch"]:
-    """df/dx of an elementwise function: n forward passes, batched."""
+    """Differentiate an elementwise function, df/dx: n forward passes, batched."""
     n = x.shape[0]
     basis = xp.eye(n).reshape(n, n, *[1] * (x.ndim - 1))
 
@@ -149,10 +152,10 @@ def jacobian(f: ElementwiseFunction, x: Float[Array, " n *batch"]) -> Float[Arra
 
 
 def gradient(f: ElementwiseFunction, x: Float[Array, " n *batch"]) -> Float[Array, " n *batch"]:
-    """df/dx of a scalar elementwise function: one reverse pass."""
+    """Differentiate a scalar elementwise function, df/dx: one reverse pass."""
     return jax.grad(lambda x: xp.sum(f(x)))(x)
 
 
 def hessian(f: ElementwiseFunction, x: Float[Array, " n *batch"]) -> Float[Array, " n n *batch"]:
-    """Second derivatives of a scalar elementwise function, forward over reverse."""
+    """Compute the second derivatives of a scalar elementwise function, forward over reverse."""
     return jacobian(lambda y: gradient(f, y), x)

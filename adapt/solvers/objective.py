@@ -30,7 +30,7 @@ class Reading:
     root: bool = False
 
     def weight(self, w: float, D_mm2, J_deg2):
-        """W of the equivalent E = D [mm^2] + W mean(J) [deg^2]; with roots it depends on D and J themselves.
+        """Compute W of the equivalent E = D [mm^2] + W mean(J) [deg^2]; with roots it depends on D and J themselves.
 
         d(sqrt D + w sqrt J) = (dD + w sqrt(D / J) dJ) / (2 sqrt D).
         """
@@ -40,7 +40,7 @@ class Reading:
         return w * unit * np.sqrt(np.maximum(D_mm2, 1e-12) / np.maximum(J_deg2, 1e-12))
 
     def value(self, w: float, D_mm2, J_deg2):
-        """E in the units of the reading."""
+        """Compute E in the units of the reading."""
         D, J = D_mm2 * self.distance_per_mm**2, J_deg2 * self.angle_per_deg**2
         return np.sqrt(D) + w * np.sqrt(J) if self.root else D + w * J
 
@@ -62,7 +62,7 @@ def thorax_distance_mm2(
     points_mm: Float[Array, " 3 points *batch"],
     point_weights: Float[Array, " points *batch"],
 ) -> Float[Array, " *batch"]:
-    """D = mean squared distance of the thorax points to the ellipsoid, mm^2.
+    """Compute D, the mean squared distance of the thorax points to the ellipsoid, mm^2.
 
     ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding.
     """
@@ -81,18 +81,21 @@ class ThoraxPoints:
         self.girdle, self.points_mm, self.point_weights = girdle, points_mm, point_weights
 
     def value(self, theta):
+        """Compute D, mm^2."""
         return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.point_weights)
 
     def distances(self, theta) -> tuple[Distance, list[Array]]:
-        """Of every point, and its slopes in the parameters, the conoid's last."""
+        """Compute the distance of every point, and its slopes in the parameters, the conoid's last."""
         at = self._at(theta)
         return at, [*ellipsoid_slope(at), 0.0 * at.d]
 
     def slope(self, theta):
+        """Compute dD/dtheta, mm^2 a mm."""
         at, slope = self.distances(theta)
         return xp.stack([xp.sum(2.0 * self.point_weights * at.d * x, axis=0) for x in slope])
 
     def curvature(self, theta):
+        """Compute d2D/dtheta2, mm^2 per mm^2."""
         at, slope = self.distances(theta)
         bent = ellipsoid_curvature(at)
 
@@ -113,7 +116,7 @@ _ON_THE_POINTS_MM2 = 1e-18
 
 
 def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> Girdle:
-    """:func:`geometric_fit` as numpy; a girdle whose ellipsoid lies on its points stays as it is."""
+    """Fit a girdle by :func:`geometric_fit`, as numpy; one whose ellipsoid lies on its points stays as it is."""
     point_weights = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
     if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, point_weights) <= _ON_THE_POINTS_MM2:
         return girdle
@@ -121,7 +124,7 @@ def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> G
 
 
 def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdle:
-    """The girdle with the ellipsoid that is closest to its thorax points, min D (thesis 6.2.6, Table 6.6).
+    """Fit the girdle's ellipsoid to its thorax points, the closest one, min D (thesis 6.2.6, Table 6.6).
 
     Levenberg-Marquardt from the girdle's own ellipsoid over its adapted parameters. The thesis found it the best start
     of an adaptation. For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.

@@ -30,14 +30,14 @@ class Batch:
     """Their names, along the last axis."""
 
     def unpack(self, values: Float[np.ndarray, " *k postures subjects"]) -> Float[np.ndarray, " *k rows"]:
-        """Values of the counted postures in the order of the motions' rows; axes before the postures stay."""
+        """Put the values of the counted postures in the order of the motions' rows; axes before the postures stay."""
         result = np.empty((*values.shape[:-2], int(self.counted.sum())), values.dtype)
         result[..., self.rows[self.counted]] = values[..., self.counted]
         return result
 
 
 def pack(motions: Motions) -> Batch:
-    """The motions of one or many subjects as one batch."""
+    """Pack the motions of one or many subjects into one batch."""
     subjects = motions.subjects
     number = {name: k for k, name in enumerate(subjects)}
     of_row = np.array([number[name] for name in motions.subject])

@@ -74,12 +74,12 @@ def fit_batch(
     start: Float[np.ndarray, "6 problems"] | None = None,
     around: bool = False,
 ) -> Fitted:
-    """The closest closed posture of each problem to its measured angles (rad), with multipliers and status.
+    """Find the closed posture of each problem closest to its measured angles (rad), with multipliers and status.
 
     Every problem starts from ``start``, else from its measured angles and from where its chain closes nearest to them,
     and the lower J wins; if asked for also from where it closes next to two places ``around``, for valleys farther off.
     One that does not converge starts again where it closes from nine other places. A problem whose chain closes from
-    nowhere is ``unreachable`` and keeps the angles where it gapes least; one with fewer than three angles, or with a
+    nowhere is ``unreachable`` and keeps the angles where it is least open; one with fewer than three angles, or with a
     girdle that has no numbers (its adaptation failed), is ``invalid``.
 
     Angles in float32 are fitted in float32, and in float64 where that does not converge.
@@ -119,20 +119,21 @@ _WORDS = np.array([status.NOT_CONVERGED, status.OK], "U16")
 
 
 def as_fitted(solved: SweptPostures) -> Fitted:
+    """Convert swept postures to fits with a status: ``ok`` if converged with a finite J, else ``not_converged``."""
     words = _WORDS[(solved.converged & np.isfinite(solved.j_deg2)).astype(int)]
     angles, multipliers, residual_mm, stationarity, j_deg2 = (np.require(x, requirements="W") for x in solved[:5])
     return Fitted(angles, multipliers, residual_mm, stationarity, j_deg2, words, np.zeros(len(words), bool))
 
 
 def _unsolved(closed, residual, target, weights) -> Fitted:
-    """Angles where the chain closes, or gapes least, as a fit that did not converge."""
+    """Angles where the chain closes, or is least open, as a fit that did not converge."""
     j = np.asarray(mean_square_deg2(closed, target, weights))
     words = np.full(len(j), status.NOT_CONVERGED, "U16")
     return Fitted(closed, np.zeros_like(residual), residual, np.full_like(j, np.nan), j, words, np.zeros(len(j), bool))
 
 
 def _solved(girdle: AnyGirdle, target, weights, start, around: bool) -> SweptPostures:
-    """The fast path, and for the problems that need it the careful one; after float32 first the fast one in float64."""
+    """Take the fast path, then the reference solver where needed; after float32 first the fast path in float64."""
     if not isinstance(girdle, Girdle):
         return reference_fit(girdle, target, weights, start)
     problem = girdle, target, weights
@@ -179,16 +180,16 @@ def _as_swept(solved: Postures, target, weights) -> SweptPostures:
 
 
 def _in_small_chunks(function, girdle: AnyGirdle, *arrays) -> Any:
-    """The careful path. With effects there are no derivatives by hand, which numpy needs."""
+    """Run the reference solver. With effects there are no derivatives by hand, which numpy needs."""
     at_once = _SMALL_AT_ONCE if isinstance(girdle, Girdle) else 0
     return in_chunks(function, _SMALL_CHUNK, girdle, *arrays, at_once=at_once)
 
 
 _SMALL_CHUNK = 64
-"""Postures in a chunk of the careful path, which is long to compile."""
+"""Postures in a chunk of the reference solver, which is long to compile."""
 
 _SMALL_AT_ONCE = 512
-"""Postures up to which numpy does the careful path: 2 ms each, a tenth of that compiled, which takes 12 s once."""
+"""Postures up to which numpy runs the reference solver: 2 ms each, a tenth of that compiled, which takes 12 s once."""
 
 _PLACES_DEG = np.stack([np.zeros(6), *OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""

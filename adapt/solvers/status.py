@@ -2,7 +2,7 @@
 
 OK = "ok"
 UNREACHABLE = "unreachable"
-"""The chain cannot be closed near this posture: the constraint residuals say how far it gapes."""
+"""The chain cannot be closed near this posture: the constraint residuals say how far it is open."""
 NOT_CONVERGED = "not_converged"
 """The solver stopped before its tolerances: the result is not an optimum."""
 INVALID = "invalid"

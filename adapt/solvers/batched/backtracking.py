@@ -40,7 +40,7 @@ State = TypeVar("State", bound=Tried)
 
 
 def good_enough(state: Tried, merit: Float[Array, " problems"]) -> Bool[Array, " problems"]:
-    """Whether the point tried may be gone on from. NaN may not.
+    """Decide whether to go on from the point tried. From NaN never.
 
     A step that is still refused when hardly anything is left of it goes uphill, as one may where a posture or theta is
     not at a minimum: the point is taken, and the next step is another one, with the new multipliers and a small radius.
@@ -50,13 +50,13 @@ def good_enough(state: Tried, merit: Float[Array, " problems"]) -> Bool[Array, "
 
 
 def accepted_or_shorter(good: Bool[Array, " problems"], accepted: State, state: State) -> State:
-    """The next state: the accepted one, or a shorter step from where the last one was."""
+    """Choose the next state: the accepted one, or a shorter step from where the last one was."""
     refused = state._replace(length=_SHORTER * state.length, iterations=accepted.iterations)
     return jax.tree.map(lambda yes, no: xp.where(good, yes, no), accepted, refused)
 
 
 def until_converged(advance: Callable[[Any], Any], first: Any, iterations: Float[Array, " problems"]) -> Any:
-    """``advance`` of (state, what goes with it) at most so many times.
+    """Repeat ``advance`` of (state, what goes with it) at most ``iterations`` times.
 
     A problem that has converged stays where it is; what goes with the state is left alone there by ``advance`` itself.
     """

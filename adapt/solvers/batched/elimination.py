@@ -37,7 +37,7 @@ Components = list[Array]
 
 
 def largest(components: Components) -> Array:
-    """max |x_i|."""
+    """Find max |x_i|."""
     result = abs(components[0])
     for x in components[1:]:
         result = xp.maximum(result, abs(x))
@@ -45,22 +45,22 @@ def largest(components: Components) -> Array:
 
 
 def product(a: Components, b: Components) -> Array:
-    """sum a_i b_i."""
+    """Compute the inner product sum a_i b_i."""
     return sum((x * y for x, y in zip(a[1:], b[1:], strict=True)), a[0] * b[0])
 
 
 def column(rows: list[Components], k: int) -> Components:
-    """The k-th entry of each row."""
+    """Take the k-th entry of each row."""
     return [row[k] for row in rows]
 
 
 def augmented(target: Components, range_space_penalty: Components, g: Components) -> Array:
-    """lambda'g + 1/2 g' s g: what the merit adds to the objective."""
+    """Compute lambda'g + 1/2 g' s g, which the merit adds to the objective."""
     return product([m + 0.5 * s * x for m, s, x in zip(target, range_space_penalty, g, strict=True)], g)
 
 
 def stationarity(at: ConstraintDerivatives, objective_gradient: Components, multipliers: Components) -> Array:
-    """max |W (q - s) + G' lambda|."""
+    """Compute max |W (q - s) + G' lambda|."""
     return largest([x + product(column(at.G, k), multipliers) for k, x in enumerate(objective_gradient)])
 
 
@@ -89,7 +89,7 @@ class Steps(NamedTuple):
     g: Components
 
     def moved(self, d: Components) -> tuple[Components, Components]:
-        """dq and the new lambda for the parameters' steps d."""
+        """Compute dq and the new lambda for the parameters' steps d."""
         mu, open_chain = self.constant, self.g
         if d:
             mu = [c + product(column(self.linear, i), d) for i, c in enumerate(mu)]
@@ -178,13 +178,13 @@ class Elimination:
         return backward(self._S, [x * d for x, d in zip(forward(self._S, b), self._S_inverse, strict=True)])
 
     def slope(self, i: int) -> Array:
-        """What the postures add to the right-hand side of parameter i, after their own steps."""
+        """Compute what the postures add to the right-hand side of parameter i, after their own steps."""
         b = product(self._tau[i], self.steps.constant)
         b = b - sum(s * row[i] * g for s, row, g in zip(self.steps.used, self._T, self._at.g, strict=True))
         return b - self._gram(3 + i, -1) if i < self._coupled else b
 
     def curvature(self, i: int, j: int) -> Array:
-        """What they add to the matrix, U - C' K^-1 C + tau' S^-1 tau - T' s T."""
+        """Compute what the postures add to entry i, j of the matrix, U - C' K^-1 C + tau' S^-1 tau - T' s T."""
         entry = product(self._tau[i], self.steps.linear[j])
         entry = entry - sum(s * row[i] * row[j] for s, row in zip(self.steps.used, self._T, strict=True))
         if i >= self._coupled:

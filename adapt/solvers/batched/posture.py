@@ -66,8 +66,8 @@ class PostureStart(NamedTuple):
 
 
 class SweptPostures(NamedTuple):
-    """Where it ended, with the conditions of ``adapt.solvers.reference.posture.Postures`` there, the feet computed
-    anew."""
+    """Where it ended, with the conditions of ``adapt.solvers.reference.posture.Postures`` there, the closest points
+    computed anew."""
 
     angles: Float[Array, " 6 problems"]
     multipliers: Float[Array, " 3 problems"]
@@ -135,7 +135,7 @@ def sweep_postures(
     start: PostureStart,
     iterations: Float[Array, " problems"],
 ) -> SweptPostures:
-    """At most ``iterations`` iterations on from ``start``; a problem that has converged there stays where it is."""
+    """Iterate at most ``iterations`` times from ``start``; a problem that has converged there stays where it is."""
     problem = _Problem(girdle, list(measured), list(weights))
     angles, nowhere = list(start.angles), [xp.full_like(x, xp.inf) for x in start.angles]
     first = _first(angles, list(start.multipliers), problem.closest_point_multipliers(angles))._replace(
@@ -153,7 +153,7 @@ def sweep_from_two_starts(
     closing_steps: tuple[Float[Array, " problems"], Float[Array, " problems"]],
     iterations: Float[Array, " problems"],
 ) -> Lowest:
-    """The chain is closed by so many steps from each of the starts, and fitted from there by at most ``iterations``.
+    """Close the chain by ``closing_steps`` from each start, and fit it from there by at most ``iterations``.
 
     What from the second start leads to where the first one ended is not followed to its end.
     """
@@ -221,7 +221,7 @@ def _last_step(end: _State, last: Array) -> tuple[Components, Components]:
 
 
 def _judged(problem: _Problem, q: Components, multipliers: Components, iterations: Array) -> SweptPostures:
-    """The conditions of ``adapt.solvers.reference.posture`` there, with the feet computed anew."""
+    """The conditions of ``adapt.solvers.reference.posture`` there, with the closest points computed anew."""
     at = problem.chain(q, multipliers, problem.closest_point_multipliers(q))
     rest = stationarity(at, problem.objective_gradient(q), multipliers) / DEG
     converged = (largest(at.g) <= CLOSED_MM.for_dtype_of(rest)) & (rest <= STATIONARY.for_dtype_of(rest))

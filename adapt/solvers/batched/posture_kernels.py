@@ -48,8 +48,8 @@ _TRACKING_ROUNDS = (10, 40)
 
 
 def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
-    """The lowest of the optima reached from the measured angles, from where the chain closes next to them and, if
-    asked for or needed, from where it closes next to two places ``around``.
+    """Find the lowest of the optima reached from the measured angles, from where the chain closes next to them and,
+    if asked for or needed, from where it closes next to two places ``around``.
 
     They are needed where the first two starts do not lead to one optimum, or to one far from the measured angles. In
     float32 a problem has converged only if every start has led to an optimum: one not found there may be the lowest.
@@ -71,7 +71,7 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
 
 
 def put_lower(found: SweptPostures, problems: Int[np.ndarray, " again"], other: SweptPostures) -> None:
-    """The other fits of these problems take their places where they converged and are lower."""
+    """Put the other fits of these problems in their places where they converged and are lower."""
     lower = other.converged & ~(found.converged[problems] & (found.j_deg2[problems] <= other.j_deg2))
     put_problems(found, problems[lower], take_problems(other, lower))
 
@@ -95,13 +95,13 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
 
 
 def fitted_from(problem: Problem, start: Float[np.ndarray, "6 problems"]) -> SweptPostures:
-    """The optimum reached from one start alone."""
+    """Find the optimum reached from one start alone."""
     rounds = _ROUNDS.for_dtype_of(problem[1])
     return in_rounds(postures_kernel, rounds, _contiguous(problem), _start(start, np.zeros_like(start[:3])))
 
 
 def tracked(steps: int, girdle: Girdle, target, weights, target_before, start) -> SweptPostures:
-    """Continuation: followed from ``start`` while the measured angles go straight from one posture to the next."""
+    """Follow the optimum from ``start`` while the measured angles go straight to the next posture (continuation)."""
     girdle, target, weights = _contiguous((girdle, target, weights))
     here: Any = _start(start, np.zeros_like(start[:3]))
     arrived = np.ones(start.shape[1], bool)

@@ -84,8 +84,8 @@ class Start(NamedTuple):
 
 
 class Swept(NamedTuple):
-    """Where it ended, with the conditions of ``adapt.solvers.reference.subject.Subject`` there, the feet computed
-    anew."""
+    """Where it ended, with the conditions of ``adapt.solvers.reference.subject.Subject`` there, the closest points
+    computed anew."""
 
     theta: Float[Array, " adapted problems"]
     angles: Float[Array, " 6 postures problems"]
@@ -140,7 +140,7 @@ class _Sums(NamedTuple):
 
 
 def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> Swept:
-    """At most ``iterations`` iterations on from ``start``; a problem that has converged there stays where it is."""
+    """Iterate at most ``iterations`` times from ``start``; a problem that has converged there stays where it is."""
     girdle, points_mm, point_weights, problem = fixed
     over_postures, over_points = along(problem.counted, problem.counted), along(point_weights)
     theta = list(start.theta)
@@ -228,7 +228,7 @@ def _exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
 
 
 def _thorax(girdle: Girdle, theta: Components, point, point_weight, t) -> tuple[_Sums, Array]:
-    """A point's part of D = sum share_i d_i^2 with its derivatives, and the t of its foot."""
+    """A point's part of D = sum share_i d_i^2 with its derivatives, and the t of its closest point."""
     p, axes = _from_centre(girdle, theta, point)
     at = distance(p, axes, closest_point_multiplier_near(p, axes, t))
     slope, curvature = ellipsoid_slope(at), ellipsoid_curvature(at)

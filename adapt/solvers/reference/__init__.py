@@ -1,1 +1,1 @@
-"""The careful solvers: exact steps, implicit derivatives, effects; what the batched ones are held against."""
+"""The reference solvers: exact steps, implicit derivatives, effects; what the batched ones are held against."""

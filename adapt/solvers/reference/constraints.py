@@ -1,4 +1,4 @@
-"""The constraints of a posture with their derivatives, as the careful solvers need them.
+"""The constraints of a posture with their derivatives, as the reference solvers need them.
 
 z = (q, theta): six angles and, where they are free, the adapted parameters; elementwise over the batch.
 """
@@ -34,15 +34,19 @@ class Differentiated:
         self._function = function
 
     def residual(self, z):
+        """Compute g(z), mm, three rows."""
         return self._function(z)
 
     def slopes(self, z):
+        """Compute dg/dz, mm per unit of z, three rows."""
         return jacobian(self._function, z)
 
     def multiplier_gradient(self, z, multipliers):
+        """Compute d(multipliers . g)/dz."""
         return gradient(lambda z: xp.sum(multipliers * self.residual(z), axis=0), z)
 
     def linearised(self, z, multipliers):
+        """Linearise g at z: g, G = dg/dq, T = dg/dtheta and d2(multipliers . g)/dz2."""
         slopes = self.slopes(z)
         curvature = hessian(lambda z: xp.sum(multipliers * self.residual(z), axis=0), z)
         return Linearised(self.residual(z), slopes[:, :6], slopes[:, 6:], curvature)
@@ -51,24 +55,28 @@ class Differentiated:
 class ByHand:
     """A girdle's own, by the formulas of ``models.derivatives``: quick to trace, and for numpy too.
 
-    g and the foot points come from ``models.girdle`` and ``models.ellipsoid``, exact from far away.
+    g and the closest points come from ``models.girdle`` and ``models.ellipsoid``, exact from far away.
     """
 
     def __init__(self, girdle: Girdle):
         self.girdle = girdle
 
     def residual(self, z):
+        """Compute g(z), mm, three rows."""
         return self._at(z).residuals_mm(z[:6])
 
     def slopes(self, z):
+        """Compute dg/dz, mm per unit of z, three rows."""
         c = self._chain(z, xp.zeros_like(z[:3]))
         G = xp.stack([_stacked(row, z) for row in c.G])
         return G if len(z) == 6 else xp.concatenate([G, _parameter_slopes(c, z)], axis=1)
 
     def multiplier_gradient(self, z, multipliers):
+        """Compute d(multipliers . g)/dz."""
         return xp.sum(multipliers[:, None] * self.slopes(z), axis=0)
 
     def linearised(self, z, multipliers):
+        """Linearise g at z: g, G = dg/dq, T = dg/dtheta and d2(multipliers . g)/dz2."""
         c, n = self._chain(z, multipliers), len(z)
         zero = 0.0 * z[0]
         rows = [list(row) + [zero] * (n - len(row)) for row in c.qq]

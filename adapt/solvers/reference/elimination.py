@@ -131,11 +131,11 @@ def _convexified(
 
 
 def back_to_surface(G: Float[Array, " 3 6 *batch"], residual: Float[Array, " 3 *batch"]) -> Float[Array, " 6 *batch"]:
-    """The shortest step -G'(GG')^-1 g that closes the linearised chain."""
+    """Find the shortest step -G'(GG')^-1 g that closes the linearised chain."""
     return -matvec(transpose(G), _range_space(G).solve_vector(residual))
 
 
 def limited(step: Float[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
-    """The step, shortened so that no angle moves by more than ``STEP_LIMIT_RAD``."""
+    """Shorten the step so that no angle moves by more than ``STEP_LIMIT_RAD``."""
     longest = largest(step)
     return step * xp.minimum(1.0, STEP_LIMIT_RAD / xp.maximum(longest, STEP_LIMIT_RAD))

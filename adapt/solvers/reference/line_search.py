@@ -34,7 +34,7 @@ def longest(
     predicted: Float[Array, " *batch"],
     tiny: Bool[Array, " *batch"],
 ) -> tuple[Any, Int[Array, " *batch"]]:
-    """What ``attempt`` makes of the step lengths, and which one each element of the batch takes (``choose``).
+    """Try the step lengths: what ``attempt`` makes of them, and which one each element of the batch takes (``choose``).
 
     ``attempt`` gives candidates and merits. At once, the shorter lengths are tried only if one needs them.
     """
@@ -58,18 +58,18 @@ def choose(
     merits: Float[Array, " trials *batch"],
     tiny: Bool[Array, " *batch"],
 ) -> Float[Array, " *batch"]:
-    """Index of the first trial with sufficient decrease, else of the lowest merit; 0 for a tiny step."""
+    """Choose the index of the first trial with sufficient decrease, else of the lowest merit; 0 for a tiny step."""
     good = _good(merit_before, predicted, merits)
     lowest = xp.argmin(xp.where(xp.isnan(merits), xp.inf, merits), axis=0)
     return xp.where(tiny, 0, xp.where(xp.any(good, axis=0), xp.argmax(good, axis=0), lowest))
 
 
 def pick(candidates: Float[Array, " trials n *batch"], index: Float[Array, " *batch"]) -> Float[Array, " n *batch"]:
-    """The chosen trial of each element of the batch."""
+    """Pick the trial of this index for each element of the batch."""
     return xp.take_along_axis(candidates, index[None, None], axis=0)[0]
 
 
 def grown_penalty(penalty: Float[Array, " *batch"], multipliers: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
-    """A penalty above the multipliers, as exactness of the l1 merit needs, that forgets old ones by halves."""
+    """Raise the penalty above the multipliers, as exactness of the l1 merit needs; it forgets old ones by halves."""
     needed = 1.5 * largest(multipliers)
     return xp.maximum(needed, 0.5 * (penalty + needed))

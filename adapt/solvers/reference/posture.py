@@ -68,7 +68,7 @@ class Postures(NamedTuple):
 
 
 def objective_weights(measured: Bool[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
-    """W of J = 1/2 sum W_i (q_i - s_i)^2 in deg^2 with q in rad. An angle that was not measured has no weight."""
+    """Compute W of J = 1/2 sum W_i (q_i - s_i)^2 in deg^2 with q in rad; 0 for an angle that was not measured."""
     count = xp.maximum(xp.sum(measured, axis=0), 1)
     return xp.where(measured, 2.0 * DEG**2 / count[None], 0.0)
 
@@ -76,7 +76,7 @@ def objective_weights(measured: Bool[Array, " 6 *batch"]) -> Float[Array, " 6 *b
 def mean_square_deg2(
     angles: Float[Array, " 6 *batch"], measured: Float[Array, " 6 *batch"], weights: Float[Array, " 6 *batch"]
 ) -> Float[Array, " *batch"]:
-    """J_p in deg^2 (Eq. 6.1)."""
+    """Compute J_p in deg^2 (Eq. 6.1) of angles and measured angles in rad."""
     return 0.5 * xp.sum(weights * (angles - measured) ** 2, axis=0)
 
 
@@ -86,7 +86,7 @@ def solve_postures(
     weights: Float[Array, " 6 *batch"],
     start: Float[Array, " 6 *batch"],
 ) -> Postures:
-    """The local optimum of each posture reached from ``start``.
+    """Find the local optimum of each posture reached from ``start``.
 
     ``constraints`` are those of the six angles alone; ``measured`` is finite everywhere (any number where its weight is
     0). Look at ``converged``: a posture that did not converge is returned as it stands.
@@ -165,7 +165,7 @@ _SETTLED_RAD = 1e-10
 
 
 def close_chain(constraints: Constraints, start: Float[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
-    """Angles near ``start`` where the chain closes or, if it cannot, where it gapes least (local minimum of |g|^2).
+    """Find angles near ``start`` where the chain closes or, if it cannot, is least open (local minimum of |g|^2).
 
     Levenberg-Marquardt with steps in the range of G'. A posture whose chain is still open here is unreachable.
     """

@@ -56,12 +56,12 @@ class Problem(NamedTuple):
     upper: Float[Array, " m *batch"]
 
     def total(self, of_postures: Float[Array, " ..."]) -> Float[Array, " ..."]:
-        """Sum over the postures that count; axes before the postures stay."""
+        """Sum the values of the postures that count; axes before the postures stay."""
         axis = of_postures.ndim - self.counted.ndim
         return xp.sum(xp.where(self.counted, of_postures, 0.0), axis=axis)
 
     def worst(self, of_postures: Float[Array, " postures *batch"]) -> Float[Array, " *batch"]:
-        """Maximum over the postures that count."""
+        """Find the maximum over the postures that count."""
         return xp.max(xp.where(self.counted, of_postures, 0.0), axis=0)
 
 
@@ -99,7 +99,7 @@ def solve_subjects(
     theta: Float[Array, " m *batch"],
     angles: Float[Array, " 6 postures *batch"],
 ) -> Subject:
-    """The local optimum of each subject reached from ``theta`` (within the bounds) and ``angles``.
+    """Find the local optimum of each subject reached from ``theta`` (within the bounds) and ``angles``.
 
     Subjects that did not converge are returned as they stand: look at ``converged``.
     """
@@ -123,7 +123,7 @@ def solve_subjects(
 
 
 def joint(angles, theta):
-    """z = (q, theta) with theta repeated over the postures."""
+    """Join angles and parameters to z = (q, theta), theta repeated over the postures."""
     postures = xp.broadcast_to(theta[:, None], (theta.shape[0], *angles.shape[1:]))
     return xp.concatenate([angles, postures])
 
@@ -136,7 +136,7 @@ def _held(problem: Problem, theta, slope) -> Bool[Array, " m *batch"]:
 
 
 def conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, multiplier_gradient) -> Subject:
-    """Those of an optimum at this point, with g and d(multipliers . g)/dz there; not iterated yet."""
+    """Compute the conditions of an optimum at this point from g and d(multipliers . g)/dz there; not iterated yet."""
     stationarity = largest(problem.weights * (angles - problem.measured) + multiplier_gradient[:6]) / DEG
     slope = thorax.slope(theta) + problem.total(multiplier_gradient[6:])
     slope = xp.where(_held(problem, theta, slope), 0.0, slope)
@@ -164,7 +164,7 @@ def conditions(thorax: Thorax, problem: Problem, theta, angles, multipliers, g, 
 def theta_system(
     thorax: Thorax, problem: Problem, theta: Float[Array, " m *batch"], eliminated: Eliminated
 ) -> tuple[Float[Array, " m m *batch"], Float[Array, " m *batch"]]:
-    """Hessian of E in theta with the postures eliminated, and the slope after their own steps."""
+    """Compute the Hessian of E in theta with the postures eliminated, and the slope after their own steps."""
     matrix = thorax.curvature(theta) + problem.total(eliminated.hessian)
     return matrix, thorax.slope(theta) + problem.total(eliminated.slope)
 
