@@ -232,8 +232,8 @@ def _changes(node: ast.expr) -> Iterator[ast.expr]:
             yield ast.Constant(value + 1)
         case ast.Constant(float(value)):
             yield ast.Constant(value * 1.5 if value else 1.0)
-        case ast.Call(ast.Attribute(of, str(name), context), arguments, keywords) if name in _CALLED:
-            yield ast.Call(ast.Attribute(of, _CALLED[name], context), arguments, keywords)
+        case ast.Call(ast.Attribute(value, str(name), context), arguments, keywords) if name in _CALLED:
+            yield ast.Call(ast.Attribute(value, _CALLED[name], context), arguments, keywords)
 
 
 @dataclass(frozen=True)

@@ -39,9 +39,9 @@ class Bones:
     conoid_length_mm: float
 
 
-def bones(girdle, lane: int | None = None) -> Bones:
+def bones(girdle, problem: int | None = None) -> Bones:
     """The numbers of an unbatched girdle, or of one lane of a batch."""
-    values: dict[str, Any] = {k: np.asarray(v if lane is None else v[..., lane]) for k, v in vars(girdle).items()}
+    values: dict[str, Any] = {k: np.asarray(v if problem is None else v[..., problem]) for k, v in vars(girdle).items()}
     for k in _LENGTHS:
         values[k] = float(values[k])
     return Bones(**values)

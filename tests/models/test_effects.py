@@ -79,27 +79,27 @@ def chain(*acting: tuple[Effect, np.ndarray]) -> ExtendedGirdle:
 
 
 @few_runs
-def looked_at(of: ExtendedGirdle, angles):
+def looked_at(extended: ExtendedGirdle, angles):
     """Residuals and landmarks: compiled once for each tuple of effects."""
-    return of.residuals_mm(angles), of.landmarks_mm(angles)
+    return extended.residuals_mm(angles), extended.landmarks_mm(angles)
 
 
-def residuals(of: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
-    return np.asarray(looked_at(of, angles)[0])
+def residuals(extended: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
+    return np.asarray(looked_at(extended, angles)[0])
 
 
-def points(of: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
-    return np.asarray(looked_at(of, angles)[1])
+def points(extended: ExtendedGirdle, angles=ANGLES) -> np.ndarray:
+    return np.asarray(looked_at(extended, angles)[1])
 
 
 @few_runs
-def slope(of: ExtendedGirdle, direction: ExtendedGirdle):
+def slope(extended: ExtendedGirdle, direction: ExtendedGirdle):
     """Derivative of the residuals at ANGLES along the strengths of ``direction``."""
 
     def residuals_at(active_effects):
-        return replace(of, active_effects=active_effects).residuals_mm(ANGLES)
+        return replace(extended, active_effects=active_effects).residuals_mm(ANGLES)
 
-    return jax.jvp(residuals_at, (of.active_effects,), (direction.active_effects,))[1]
+    return jax.jvp(residuals_at, (extended.active_effects,), (direction.active_effects,))[1]
 
 
 def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:

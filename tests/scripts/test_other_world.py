@@ -30,9 +30,9 @@ def residuals_mm(folder: Path) -> np.ndarray:
     motions, girdle = read_motions(folder / "motions.csv"), load_model(truth["model"]).girdle
     found = []
     for subject in truth["subjects"]:
-        of = motions.subject == subject["subject"]
+        mine = motions.subject == subject["subject"]
         theta = jnp.array([[subject[f"{name}_mm"]] for name in ADAPTED])
-        angles = jnp.asarray(motions.angles_deg[of].T / DEG)
+        angles = jnp.asarray(motions.angles_deg[mine].T / DEG)
         found.append(np.asarray(girdle.over_axes(1).with_adapted(theta).residuals_mm(angles)))
     return np.concatenate(found, axis=1)
 

@@ -82,10 +82,10 @@ def test_reported_gaps_are_those_of_the_table_of_fits():
     gaps = reported_gaps_deg(pack(motions), ["R2", "R4"], made.fits)
     for word, gap_deg in (("before", 6.0), ("in_sample", 2.0)):
         assert gaps[word].shape == (6, 4, 4)
-        for lane in (0, 2):  # s1 with both models
-            missing = np.isnan(gaps[word][..., lane])
+        for problem in (0, 2):  # s1 with both models
+            missing = np.isnan(gaps[word][..., problem])
             assert np.argwhere(missing).tolist() == [[3, 1]]
-            np.testing.assert_allclose(gaps[word][..., lane][~missing], gap_deg)
+            np.testing.assert_allclose(gaps[word][..., problem][~missing], gap_deg)
         assert np.isnan(gaps[word][..., 1]).all() == (word == "in_sample")
 
 

@@ -152,11 +152,11 @@ def _log_evidence(gram, with_data, own, effects: Sequence[Effect]) -> Float[np.n
     return over_priors(products, prior_sd_of(effects), effects, [(1.0, 1.0)], spreads=_SPREADS).log_evidence
 
 
-def _outcomes(at_work: int, posterior: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> PredictedPower:
+def _outcomes(acting: int, posterior: Float[np.ndarray, "hypotheses draws"], names: Sequence[str]) -> PredictedPower:
     nothing = posterior[0] >= NONE_FROM
     first = np.where(nothing, -1, posterior[1:].argmax(axis=0))
     often = [float((first == k).mean()) for k in range(len(names))]
     others = sorted(
-        (-fraction, names[k]) for k, fraction in enumerate(often) if k != at_work and fraction >= _NAMED_OFTEN
+        (-fraction, names[k]) for k, fraction in enumerate(often) if k != acting and fraction >= _NAMED_OFTEN
     )
-    return PredictedPower(often[at_work], float(nothing.mean()), {name: -fraction for fraction, name in others})
+    return PredictedPower(often[acting], float(nothing.mean()), {name: -fraction for fraction, name in others})
