@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motions.errors import InputError
-from motions.landmarks.frames import composed
-from motions.rotations import DEG, cardan_from_rotation, rotation_from_cardan
+from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan
 
 
 @dataclass(frozen=True)
@@ -82,4 +81,4 @@ def aa_from_ac_deg(
 
 def _turned_deg(angles_deg, R) -> Float[np.ndarray, "postures 3"]:
     R_thorax_scapula = np.asarray(rotation_from_cardan(angles_deg.T / DEG))
-    return np.asarray(cardan_from_rotation(jnp.asarray(composed(R_thorax_scapula, R[:, :, None])))).T * float(DEG)
+    return np.asarray(cardan_from_rotation(compose(jnp.asarray(R_thorax_scapula), R[:, :, None]))).T * float(DEG)

@@ -97,13 +97,3 @@ def unit(v: Points) -> Points:
 def transposed(R: Rotations) -> Rotations:
     """Transpose R_a_b to R_b_a."""
     return np.swapaxes(R, 0, 1)
-
-
-def rotated(R: Rotations, v: Points) -> Points:
-    """Compute R v, elementwise over the batch."""
-    return np.einsum("ij...,j...->i...", R, v)
-
-
-def composed(R_a_b: Rotations, R_b_c: Rotations) -> Rotations:
-    """Compute R_a_c = R_a_b R_b_c, elementwise over the batch."""
-    return np.einsum("ij...,jk...->ik...", R_a_b, R_b_c)

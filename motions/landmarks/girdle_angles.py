@@ -12,7 +12,6 @@ from motions.landmarks.frames import (
     clavicle_frame,
     humerus_angles,
     humerus_frame,
-    rotated,
     scapula_frame,
     thorax_frame,
     transposed,
@@ -20,7 +19,7 @@ from motions.landmarks.frames import (
 from motions.motion_csv.cells import Side
 from motions.motion_csv.posture_rows import MIRROR_POSITION
 from motions.rhythm import clavicle_axial_rotation
-from motions.rotations import DEG, cardan_from_rotation, rotation_from_cardan
+from motions.rotations import DEG, cardan_from_rotation, rotate, rotation_from_cardan
 from motions.table import LANDMARKS
 
 CLAVICLE_X = 2
@@ -87,7 +86,7 @@ def _in_thorax(lab_mm: dict[str, np.ndarray], side: Side) -> dict[str, Float[np.
     R_lab_thorax = thorax_frame(*(lab_mm[name] for name in ("IJ", "PX", "C7", "T8")))
     mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
     return {
-        name: mirror * rotated(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
+        name: mirror * rotate(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
     }
 
 
