@@ -155,11 +155,11 @@ def reference_fit(girdle: AnyGirdle, target, weights, start) -> SweptPostures:
     """Find the optimum reached from one start; without one the lower of two (``lower_of_two_starts``)."""
     if start is not None:
         return _as_swept(_in_small_chunks(_solve, girdle, target, weights, start), target, weights)
-    twice = take_problems(girdle, np.repeat(np.arange(target.shape[1]), 2))
 
     def solve(*arrays) -> Postures:
-        flat = (x.reshape(len(x), -1) for x in arrays)
-        return jax.tree.map(lambda x: x.reshape(*x.shape[:-1], -1, 2), _in_small_chunks(_solve, twice, *flat))
+        """One start after the other: problems side by side share Newton steps to the closest points, and rounding."""
+        of_starts = (_in_small_chunks(_solve, girdle, *take_problems(arrays, start)) for start in range(2))
+        return jax.tree.map(lambda *x: np.stack(x, axis=-1), *of_starts)
 
     def close(angles):
         return _in_small_chunks(_close, girdle, angles)[0]
