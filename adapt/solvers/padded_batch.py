@@ -42,9 +42,9 @@ def pack(motions: Motions) -> Batch:
     number = {name: k for k, name in enumerate(subjects)}
     of_row = np.array([number[name] for name in motions.subject])
     counts = np.bincount(of_row, minlength=len(subjects))
-    rows = np.split(np.argsort(of_row, kind="stable"), np.cumsum(counts)[:-1])
-    postures = -(-max(map(len, rows)) // _POSTURE_STEP) * _POSTURE_STEP
-    index = np.stack([np.pad(r, (0, postures - len(r)), mode="edge") for r in rows], axis=1)
+    postures = -(-counts.max(initial=0) // _POSTURE_STEP) * _POSTURE_STEP
+    place = np.minimum(np.arange(postures)[:, None], counts - 1)
+    index = np.argsort(of_row, kind="stable")[np.cumsum(counts) - counts + place]
     angles = np.moveaxis(motions.angles_deg[index], -1, 0)
     measured = np.isfinite(angles)
     return Batch(

@@ -119,7 +119,7 @@ def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
 
 def _subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
     blocks = []
-    for motion in [ALL_MOTIONS, *dict.fromkeys(fits["motion"])]:
+    for motion in [ALL_MOTIONS, *fits["motion"].unique()]:
         block = _means_by_subject(fits if motion == ALL_MOTIONS else fits[fits["motion"] == motion])
         block.insert(0, "motion", motion)
         blocks.append(block)
@@ -131,7 +131,7 @@ def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.Dat
     blocks = []
     for (model, adapted), rows in subjects.items():
         rows = _with_held_out(rows, heldout[heldout["model"] == model] if adapted else NOTHING)
-        motions = list(dict.fromkeys(rows["motion"]))
+        motions = rows["motion"].unique()
         # With one motion alone, all motions say the same.
         for motion in motions if len(motions) > 2 else [ALL_MOTIONS]:
             block = rows[rows["motion"] == motion].drop(columns="motion")
@@ -145,6 +145,8 @@ def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.Dat
 
 def _with_held_out(rows: pd.DataFrame, heldout: pd.DataFrame) -> pd.DataFrame:
     """The rows of subjects of one model with HELD_OUT, where there is a gap in sample to stand beside."""
+    if heldout.empty:
+        return rows.assign(**dict.fromkeys(HELD_OUT.values(), np.nan))
     motions, whole = heldout[heldout["kind"] == MOTION], by_subject(heldout)
     several = set(motions["subject"])
     whole = whole[(whole["kind"] == MOTION) | ~whole["subject"].isin(several)].assign(held_out=ALL_MOTIONS)
