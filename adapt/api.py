@@ -120,7 +120,7 @@ def adapt_subjects(
     dtype = _type_of(dtype, effects)
     _, before = _before(motions, models, progress, dtype, effects)
     batch = pack(motions)
-    known = active_effects(effects, motions.humerus_elevation_deg[batch.rows])
+    known = active_effects(effects, motions).at(batch.rows)
     data = as_type(problem_batch(batch, models, known), dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     parts = _parts(len(models), len(batch.subjects))

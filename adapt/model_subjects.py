@@ -46,9 +46,9 @@ def simulate_model_subjects(
     """Simulate subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
 
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
-    effect is ``size`` times its scale in each of its directions, without details, with signs common to all subjects
-    (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters differ by ``spread`` times
-    PERSON_SD_MM. A posture that its chain cannot take is left out.
+    effect is ``size`` times its scale (or its mean, where that is not 0) in each of its directions, without bends, with
+    signs common to all subjects (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters
+    differ by ``spread`` times PERSON_SD_MM. A posture that its chain cannot take is left out.
     """
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(subjects, generator)
@@ -57,7 +57,7 @@ def simulate_model_subjects(
     theta = np.clip(theta, *(bound[:, None] for bound in model.bounds_mm))
     amplitude = _amplitudes(effect, subjects, size, generator)
     row = np.repeat(np.arange(subjects), len(wanted.posture) // subjects)
-    chain = _chain(model.girdle, theta[:, row], effect, amplitude[:, row], wanted.humerus_elevation_deg)
+    chain = _chain(model.girdle, theta[:, row], effect, amplitude[:, row], wanted)
     fitted = fit_batch(chain, wanted.angles_deg.T / DEG, np.ones((6, len(row)), bool))
     closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(fitted.status == status.OK)
     truth = pd.DataFrame({"subject": wanted.subjects, "effect": effect.name if effect else "none"})
@@ -71,16 +71,18 @@ def simulate_model_subjects(
 def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) -> Float[np.ndarray, "n subjects"]:
     if effect is None:
         return np.zeros((0, subjects))
-    signs = np.where(effect.signs, effect.signs, generator.choice([-1.0, 1.0], effect.amplitudes))
-    common = np.zeros(effect.amplitudes)
-    common[effect.firsts] = (size * effect.prior_sd * signs)[effect.firsts]
+    signs = np.repeat(effect.prior.sign or (0,) * len(effect.directions), len(effect.course.sd))
+    signs = np.where(signs, signs, generator.choice([-1.0, 1.0], effect.amplitudes))
+    common = size * np.where(effect.prior_mean > 0, effect.prior_mean, effect.prior_sd * signs)
+    common[np.arange(effect.amplitudes) % len(effect.course.sd) > 0] = 0.0
     return common[:, None] * (1.0 + AMPLITUDE_SPREAD * generator.standard_normal((1, subjects)))
 
 
-def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, elevation_deg) -> Girdle | ExtendedGirdle:
-    count = len(elevation_deg)
+def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, wanted: Motions) -> Girdle | ExtendedGirdle:
+    count = len(wanted.posture)
     repeated = jax.tree.map(lambda x: jnp.repeat(x[..., None], count, axis=-1), girdle)
     repeated = repeated.with_adapted(jnp.asarray(theta))
     if effect is None:
         return repeated
-    return ActiveEffects((effect.at(jnp.asarray(amplitude), jnp.asarray(elevation_deg)),), (effect,)).on(repeated)
+    strengths = np.einsum("ap,acp->cp", amplitude, effect.columns(wanted))
+    return ActiveEffects((strengths,), (effect,)).on(repeated)

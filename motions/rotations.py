@@ -66,6 +66,13 @@ def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *ba
     return identity * (1.0 - versinc * squared) + sinc * cross + versinc * outer
 
 
+def vector_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
+    """Compute log R: the axis times the angle in radians, 0 for no rotation; of half a turn the axis is not unique."""
+    axis = 0.5 * jnp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine = jnp.sqrt(jnp.sum(axis * axis, axis=0))
+    return axis * jnp.where(sine > 0.0, mean_angle(R) / jnp.where(sine > 0.0, sine, 1.0), 1.0)
+
+
 _SMALL_ANGLE_SQUARED = 1e-3
 """rad^2. Below it the series, cut after the 4th power, is exact to 1e-12 and its derivatives stay finite."""
 

@@ -20,7 +20,7 @@ from adapt.diagnosis.result import NONE
 from models import load_model
 from motions import read_motions
 from scripts.blind.cases import Case
-from scripts.blind.lines import line_of, observed, single_ranking
+from scripts.blind.lines import line_of
 from scripts.blind.report import confusion_matrix, report
 from scripts.blind.runs import Line, read_lines, run_missing
 
@@ -53,13 +53,11 @@ def worlds(folder: Path) -> list[Elsewhere]:
     return found
 
 
-def examine(case: Elsewhere, _: Path | None) -> Line:
+def examine(case: Elsewhere) -> Line:
     """The verdict on a world; what its effects' sizes mean, others know."""
-    motions = Path(case.folder) / MOTIONS
     model = load_model(case.model)
-    found = diagnose(read_motions(motions), model)[model.name]
-    single = single_ranking(found, observed(motions, found.subjects))
-    return line_of(found, single) | {"true_channels": {}}
+    found = diagnose(read_motions(Path(case.folder) / MOTIONS), model)[model.name]
+    return line_of(found) | {"true_directions": {}}
 
 
 def main(

@@ -19,14 +19,12 @@ import typer
 from jaxtyping import Float
 
 from adapt.cli import app as cli
-from adapt.diagnosis import Diagnosis, diagnose
-from adapt.diagnosis.diagnosis import RankedDiagnosis
-from adapt.diagnosis.fit.observations import observe
-from adapt.diagnosis.inference.axial_turn import turns_deg
+from adapt.diagnosis import diagnose
+from adapt.diagnosis.result import Diagnosis
 from models import load_model
 from motions import Motions, read_motions
 from motions.rhythm import clavicle_axial_rotation
-from motions.rotations import DEG, compose, rotation_from_cardan, rotation_from_vector
+from motions.rotations import DEG, compose, rotation_from_cardan, rotation_from_vector, vector_from_rotation
 
 BIAS = "scapula_landmark_bias"
 
@@ -45,9 +43,7 @@ def known_truth(
     as_is, in_aa = (read_motions(*sorted(folder.glob(pattern))) for folder in (ac, aa))
     truth = constant_rotation(as_is, in_aa)
     print(f"Known rotation from AC to AA frame: {_degrees(truth)}\n")
-    turns = [turns_deg(observe(motions)).mean() for motions in (as_is, with_estimated_axial(as_is))]
-    print("Axial rotation of the clavicle by 150 deg of elevation: {:.1f} deg, estimated {:.1f} deg\n".format(*turns))
-    print("| model | motions | answer | effects | log evidence over the next | amplitude of the bias, deg |")
+    print("| model | motions | answer | causes | share of the gap left over | amplitude of the bias, deg |")
     print("|---|---|---|---|---|---|")
     for name in model:
         bias = {}
@@ -57,7 +53,7 @@ def known_truth(
             print(_row(what, found, bias[what]), flush=True)
         if bias["AC"] is not None and bias["AA"] is not None:
             difference = _difference(bias["AC"], bias["AA"])
-            apart = np.linalg.norm(_vector(compose(_transposed(_rotation(truth)), _rotation(difference))))
+            apart = np.linalg.norm(vector_from_rotation(compose(_transposed(_rotation(truth)), _rotation(difference))))
             print(
                 f"\n{name}: the biases differ by {_degrees(difference)}; {apart * DEG:.1f} deg off the known rotation\n"
             )
@@ -78,7 +74,7 @@ def constant_rotation(one: Motions, other: Motions) -> Float[np.ndarray, "3"]:
     )
     mean = np.nanmean(np.einsum("jin,jkn->ikn", R_one, R_other), axis=2)
     U, _, Vt = np.linalg.svd(mean)
-    return _vector(U @ Vt)
+    return np.asarray(vector_from_rotation(jnp.asarray(U @ Vt)))
 
 
 def with_estimated_axial(motions: Motions) -> Motions:
@@ -98,21 +94,18 @@ def with_estimated_axial(motions: Motions) -> Motions:
 def _bias(found: Diagnosis) -> Float[np.ndarray, "3"] | None:
     """Rotation vector of the bias, rad, where it is in the answer."""
     size = found.amplitude.get(BIAS)
-    return None if size is None else np.array([channel.value for channel in size.channels]) / float(DEG)
+    return None if size is None else np.array([one.value for one in size.directions.values()]) / float(DEG)
 
 
-def _row(what: str, found: RankedDiagnosis, bias) -> str:
-    named = list(found.verdict.effects)
-    if found.verdict.together:
-        named[:2] = [f"{named[0]} and {named[1]}"]
-    lead = -found.ranking.log_evidence[1]
+def _row(what: str, found: Diagnosis, bias) -> str:
+    causes = ", ".join(" or ".join(cause.names) for cause in found.verdict.causes)
     amplitude = "" if bias is None else _degrees(bias)
-    return f"| {found.model} | {what} | {found.verdict.answer} | {', '.join(named)} | {lead:.1f} | {amplitude} |"
+    return f"| {found.model} | {what} | {found.verdict.answer} | {causes} | {found.left_over_share:.2f} | {amplitude} |"
 
 
 def _difference(ac, aa) -> Float[np.ndarray, "3"]:
     """B_AC' B_AA: what the frame of AA adds to the bias of AC."""
-    return _vector(compose(_transposed(_rotation(ac)), _rotation(aa)))
+    return vector_from_rotation(compose(_transposed(_rotation(ac)), _rotation(aa)))
 
 
 def _rotation(vector):
@@ -121,14 +114,6 @@ def _rotation(vector):
 
 def _transposed(R):
     return jnp.swapaxes(R, 0, 1)
-
-
-def _vector(R) -> Float[np.ndarray, "3"]:
-    """Rotation vector of R, for angles well below 180 degrees."""
-    R = np.asarray(R)
-    skew = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = np.linalg.norm(skew)
-    return skew * (np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)) / max(sine, 1e-300))
 
 
 def _degrees(vector) -> str:

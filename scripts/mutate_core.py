@@ -39,15 +39,13 @@ TESTS_OF = {
     "adapt/engine/instructions.py": ["tests/engine/test_machine.py"],
     "adapt/engine/trigonometry.py": ["tests/engine/test_machine.py"],
     "adapt/engine/axes.py": ["tests/engine/test_machine.py"],
+    "adapt/engine/jax_program.py": ["tests/engine/test_jax_program.py"],
     "models/ellipsoid.py": ["tests/models/test_ellipsoid.py"],
     "models/girdle.py": ["tests/models/test_girdle.py"],
     "models/derivatives.py": ["tests/models/test_derivatives.py"],
     "adapt/solvers/objective.py": ["tests/solvers/test_objective.py"],
     "adapt/solvers/batched/elimination.py": ["tests/solvers/test_elimination.py"],
     "adapt/solvers/batched/backtracking.py": ["tests/solvers/test_backtracking.py"],
-    "adapt/diagnosis/fit/linear_evidence.py": ["tests/diagnosis/test_linear_evidence.py"],
-    "adapt/diagnosis/fit/linear_model.py": ["tests/diagnosis/test_linear_evidence.py"],
-    "adapt/diagnosis/inference/one_course.py": ["tests/diagnosis/test_one_course.py"],
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
 
@@ -96,23 +94,6 @@ EQUIVALENT: dict[str, dict[str, str]] = {
     "adapt/engine/axes.py": {
         "return [self._builder.where(taken, a, b) for a, b in zip(new, before, strict=True)]: "
         "True -> False": _SAME_LENGTH,
-    },
-    "adapt/diagnosis/fit/linear_evidence.py": {
-        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
-        "again = np.concatenate([np.arange(self.columns.shape[1]), np.arange(_ADAPTED)]): 1 -> 2": (
-            "the products are a square"
-        ),
-    },
-    "adapt/diagnosis/fit/linear_model.py": {
-        "return AmplitudePrior(0.0 * scale, 0.0 * scale, np.sqrt(1.0 + BETWEEN_SUBJECTS**2) * scale): "
-        "0.0 * scale -> 0.0 / scale": ("no effect has the scale 0"),
-        "return AmplitudePrior(nothing, nothing + fraction, nothing): nothing + fraction -> nothing - fraction": (
-            "an SD of the other sign: mu is as likely as -mu"
-        ),
-        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
-    },
-    "adapt/diagnosis/inference/one_course.py": {
-        "@dataclass(frozen=True): True -> False": _NOT_ASSIGNED,
     },
     "adapt/solvers/objective.py": {
         "solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (

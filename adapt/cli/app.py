@@ -16,7 +16,6 @@ from adapt.cli.print_diagnosis import print_diagnosis
 from adapt.cli.print_tables import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.cli.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
-from adapt.diagnosis.fit.noise import LEAST
 from adapt.diagnosis.json_form import as_json
 from adapt.engine.compilation_cache import keep_compiled
 from adapt.large_runs.dask_cluster import on_cluster
@@ -48,7 +47,7 @@ from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
 from models import ParameterSet, load_model, model_names
 from models.effects import EFFECTS
-from models.effects.effect import FULL_ELEVATION_DEG
+from models.effects.course import FULL_ELEVATION_DEG
 from models.effects.known import OPTION, described, effect_named, read_amplitudes
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.landmarks.acromion import ROTATIONS, acromion_rotation
@@ -62,8 +61,8 @@ EXIT_INTERRUPTED = 130
 
 NO_EFFECT = "none"
 
-MOST_NOISE_DEG = 20.0
-"""More noise than this is a slip of the pen: every posture would be within it."""
+LEAST_NOISE_DEG, MOST_NOISE_DEG = 0.1, 20.0
+"""Noise beyond these is a slip of the pen: no posture would be within it, or every one."""
 
 MANY_FRAMES = 50
 """More postures than a palpator records: this is a trial, which is better sampled."""
@@ -257,20 +256,22 @@ def diagnose_gap(
 ) -> None:
     """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
 
-    All subjects together are held against every effect of `girdle effects`, alone and, where one is not enough, in
-    pairs. The answer is **none** (nothing beyond noise), **effect** (one, a pair, or a set that these data cannot tell
-    apart) or **unknown** (no effect of the list explains the gap), with the probability of each, the size of the
-    effect, the gap on motions held out from the fit, and the measurement that would tell most.
+    Looks for the causes of `girdle effects`, several at once, that predict motions and persons that were not fitted.
+    The answer is **none** (nothing beyond noise), **effect** (one cause or more, each with the names that these data
+    cannot tell apart) or **unknown** (no candidate predicts better). With it come the probability of each candidate of
+    being at work, the gap budget (what adaptation, each cause and noise take of the gap on unseen motions), the size of
+    each cause, and the measurement that would tell most.
 
-    More subjects help most: the same cause is sought in all of them. A subject with fewer than four postures is left
-    out.
+    More subjects and more kinds of motion help most: the same causes are sought in all of them. A subject with fewer
+    than four postures is left out.
 
-    Writes diagnosis.json (everything), gap_heatmap.svg (where the gap is), probabilities.svg (of each answer),
-    gaps.svg (how far the gap shrinks), the tables of `girdle adapt`, run.json and report.html (the page to look at).
+    Writes diagnosis.json (everything), budget.svg (what takes the gap away), inclusion.svg (how probably each candidate
+    is at work), gap_heatmap.svg (where the gap is), gaps.svg (how far it shrinks), the tables of `girdle adapt`,
+    run.json and report.html (the page to look at).
     With several models the figures are those of the model with the smallest gap after adaptation.
     """
-    if noise_deg is not None and not LEAST.angle_deg <= noise_deg <= MOST_NOISE_DEG:
-        cause = f"{noise_deg:g} is not between {LEAST.angle_deg:g} and {MOST_NOISE_DEG:g} degrees"
+    if noise_deg is not None and not LEAST_NOISE_DEG <= noise_deg <= MOST_NOISE_DEG:
+        cause = f"{noise_deg:g} is not between {LEAST_NOISE_DEG:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
     table, models, record = _inputs(motions, model)
     with results_folder(out) as folder:
@@ -417,9 +418,9 @@ def simulate(
 def list_effects() -> None:
     """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions."""
     for one in EFFECTS.values():
-        scale = " / ".join(f"{value:g}" for value in one.prior.scale[: len(one.directions)])
+        scale = " / ".join(f"{value:g}" for value in one.prior.scale)
         along = " / ".join(one.directions)
-        console.print(f"{one.name:24} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
+        console.print(f"{one.name:28} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
 
 
 def _elevations(at: str) -> tuple[float, ...]:

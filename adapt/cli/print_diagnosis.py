@@ -1,5 +1,6 @@
-"""The diagnosis on the terminal: the verdict in a sentence, then small tables."""
+"""The diagnosis on the terminal: the verdict in a sentence, then small tables, the gap budget first."""
 
+import math
 from collections.abc import Sequence
 
 from rich.box import SIMPLE_HEAD
@@ -7,15 +8,27 @@ from rich.console import Console
 from rich.table import Table
 
 from adapt.diagnosis.notes import notes
-from adapt.diagnosis.result import ALL, HELD_OUT, NONE, UNKNOWN, Diagnoses, Diagnosis, GapKind, GapLevels
-from adapt.diagnosis.wording import answer_text, interval_text, probability_text, sentence
+from adapt.diagnosis.result import ALL, Diagnoses, Diagnosis, GapKind, GapLevels
+from adapt.diagnosis.wording import (
+    amplitude_text,
+    answer_text,
+    gap_text,
+    interval_text,
+    number,
+    percent_text,
+    probability_text,
+    sentence,
+    step_text,
+    unseen_text,
+    with_unit,
+)
 from motions.table import BONES
 
-_EFFECTS, _CELLS, _PROPOSALS = 5, 5, 3
+_CELLS, _PROPOSALS = 5, 3
 """Rows of the tables; diagnosis.json has them all."""
 
-_BAR = 20
-"""Characters of probability 1."""
+_BAR = 30
+"""Characters of the longest bar."""
 
 _COLUMNS = (*BONES, ALL)
 """Of the table of gaps."""
@@ -35,17 +48,19 @@ def print_diagnosis(console: Console, diagnoses: Diagnoses) -> None:
 def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
     """By title."""
     closest = diagnoses.closest
-    what = f"held out: {HELD_OUT}"
-    if closest.best:
-        what += f"; the effect: {' + '.join(closest.best)}"
-    tables = {
-        "Probability of each answer": _probabilities(closest),
-        f"Mean absolute gap, degrees, with 95 % intervals; {what}": _gaps(closest),
+    unseen = unseen_text(closest.gaps)
+    left = f"; left over beyond noise: {percent_text(closest.left_over_share)}"
+    tables = {f"The gap on {unseen}, degrees{left if math.isfinite(closest.left_over_share) else ''}": _budget(closest)}
+    if closest.verdict.causes:
+        tables[f"Causes: probability of being at work, share of the gap on {unseen}, size"] = _causes(closest)
+    tables |= {
+        "Mean absolute gap, degrees, with 95 % intervals": _gaps(closest),
         "Where: the largest shares of the gap that noise does not explain": _where(closest),
-        "What to measure next: log odds of the right candidate, now and then": _next_measurement(closest),
     }
+    if closest.next_measurement:
+        tables["What to measure next: log odds of the right name, now and then"] = _next_measurement(closest)
     if len(diagnoses.by_model) > 1:
-        tables["Every parameter set: gap after adaptation, held out, degrees"] = _models(diagnoses)
+        tables[f"Every parameter set: gap on {unseen} after adaptation, degrees"] = _models(diagnoses)
     return tables
 
 
@@ -58,26 +73,42 @@ def _table(words: Sequence[str], numbers: Sequence[str]) -> Table:
     return table
 
 
-def _probabilities(diagnosis: Diagnosis) -> Table:
-    table = _table(["answer"], ["probability"])
+def _budget(diagnosis: Diagnosis) -> Table:
+    table = _table([""], ["gap", "95 %"])
     table.add_column("", no_wrap=True)
-    by_answer = diagnosis.verdict.probability
-    effects = sorted((-p, name) for name, p in by_answer.items() if name not in (NONE, UNKNOWN))
-    largest = [name for _, name in effects[:_EFFECTS]]
-    for name in (*largest, NONE, UNKNOWN):
-        bar = "#" * round(_BAR * by_answer[name])
-        table.add_row(name, probability_text(by_answer[name]), bar, end_section=name in largest[-1:])
+    largest = max((step.gap_deg.value for step in diagnosis.budget if math.isfinite(step.gap_deg.value)), default=0.0)
+    for step in diagnosis.budget:
+        value, low, high = step.gap_deg
+        bar = "#" * round(_BAR * value / largest) if largest and math.isfinite(value) else ""
+        table.add_row(step_text(step.step), gap_text(value), f"{gap_text(low)}-{gap_text(high)}", bar)
+    return table
+
+
+def _causes(diagnosis: Diagnosis) -> Table:
+    """The names that a cause may have under one another. Its option, too long for a column, stands in the last note."""
+    table = _table(["cause"], ["at work", "takes", "size", "typical"])
+    inclusion = diagnosis.verdict.inclusion
+    for cause in diagnosis.verdict.causes:
+        one = diagnosis.amplitude[cause.names[0]]
+        table.add_row(
+            "\nor ".join(cause.names),
+            "\n".join(probability_text(inclusion[name]) for name in cause.names),
+            percent_text(cause.gain),
+            amplitude_text(one) + (" (!)" if one.too_large else ""),
+            with_unit(number(one.typical), one.unit),
+        )
     return table
 
 
 def _gaps(diagnosis: Diagnosis) -> Table:
     gaps, table = diagnosis.gaps, _table([""], _COLUMNS)
     kinds: dict[GapKind, str] = {"noise_floor": "noise alone", "base": "model as it is", "adapted": "adapted"}
-    if diagnosis.best:
-        kinds["with_effect"] = "with effect"
+    if diagnosis.verdict.causes:
+        kinds["with_effect"] = "with the causes"
     parts: dict[str, GapLevels | None] = {
-        "held out": gaps.unseen,
-        "motion held out": gaps.other_motion,
+        "other person": gaps.other_person,
+        "other motion": gaps.other_motion,
+        "other postures": gaps.unseen,
         "in sample": gaps.in_sample,
     }
     for part, levels in parts.items():
@@ -95,15 +126,15 @@ def _where(diagnosis: Diagnosis) -> Table:
     for cell in diagnosis.cells[:_CELLS]:
         elevation = f"{cell.elevation_low_deg:.0f}-{cell.elevation_high_deg:.0f} deg"
         gap, noise = f"{cell.mean_absolute_deg:.1f}", f"{cell.noise_deg:.1f}"
-        table.add_row(cell.motion, cell.angle, elevation, gap, noise, f"{cell.share:.0%}")
+        table.add_row(cell.motion, cell.angle, elevation, gap, noise, percent_text(cell.share))
     return table
 
 
 def _next_measurement(diagnosis: Diagnosis) -> Table:
-    table = _table(["measurement"], ["now", "then", "probability then"])
+    table = _table(["measurement", "between"], ["now", "then"])
     for one in diagnosis.next_measurement[:_PROPOSALS]:
-        now, then = f"{one.separation_now:.1f}", f"{one.separation_then:.1f}"
-        table.add_row(one.what, now, then, probability_text(one.probability_then))
+        between = " and ".join(one.between)
+        table.add_row(one.what, between, f"{one.separation_now:.1f}", f"{one.separation_then:.1f}")
     return table
 
 
@@ -111,5 +142,5 @@ def _models(diagnoses: Diagnoses) -> Table:
     table = _table(["model"], ["adapted"])
     table.add_column("answer")
     for name, one in diagnoses.by_model.items():
-        table.add_row(name, interval_text(one.gaps.unseen["adapted"][ALL]), answer_text(one.verdict))
+        table.add_row(name, interval_text(one.gaps.hardest["adapted"][ALL]), answer_text(one.verdict))
     return table

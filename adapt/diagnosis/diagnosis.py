@@ -1,258 +1,235 @@
-"""The diagnosis: where the gap lies, which unmodelled effect causes it, how far it shrinks, what to measure next."""
+"""The diagnosis: where the gap lies, which causes predict what was not fitted, how far they take it down."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
+from adapt.diagnosis.adapted_gaps import AdaptedGaps, adapted_gaps
 from adapt.diagnosis.declared_effects import declared_effects
-from adapt.diagnosis.design.next_measurement import propose
-from adapt.diagnosis.design.predicted_power import predict_power
-from adapt.diagnosis.design.separability import (
-    indistinguishable_sets,
-    projected_onto_model,
-    separation,
-    smallest_detectable,
+from adapt.diagnosis.design.next_measurement import indistinguishable, propose
+from adapt.diagnosis.fit.candidates import candidate_effects, lay_out
+from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
+from adapt.diagnosis.fit.noise import estimate_noise, floor_deg
+from adapt.diagnosis.fit.shoulders import Shoulders, usable
+from adapt.diagnosis.fit.unseen_folds import MOTION, PERSON, folds_of
+from adapt.diagnosis.inference.alternatives import CredibleSet, credible_sets
+from adapt.diagnosis.inference.amplitude import amplitudes, unseen_amplitude
+from adapt.diagnosis.inference.budget import Rung, ladder
+from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
+from adapt.diagnosis.inference.intervals import by_bone, interval
+from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
+from adapt.diagnosis.inference.naming import Named, name_causes
+from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.weights import Weights, weigh
+from adapt.diagnosis.location.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
+from adapt.diagnosis.location.gap_rotations import variance_fractions
+from adapt.diagnosis.location.observations import Observed, observe
+from adapt.diagnosis.result import (
+    ADAPTED_STEP,
+    ALL,
+    BASE,
+    EFFECT,
+    NOISE,
+    NONE,
+    UNKNOWN,
+    BoneGaps,
+    Cause,
+    CauseAmplitude,
+    Diagnosis,
+    GapLevels,
+    Gaps,
+    Noise,
+    ParameterMeans,
+    Step,
+    Verdict,
 )
-from adapt.diagnosis.fit.linear_model import Hypothesis, LinearisedFit, single_hypotheses
-from adapt.diagnosis.fit.map_fit import fit_hypotheses
-from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
-from adapt.diagnosis.fit.misfit import misfit
-from adapt.diagnosis.fit.noise import estimate_noise
-from adapt.diagnosis.fit.observations import Observed, observe
-from adapt.diagnosis.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
-from adapt.diagnosis.gap_rotations import variance_fractions
-from adapt.diagnosis.inference.amplitude import amplitudes
-from adapt.diagnosis.inference.held_out_gaps import measure_gaps
-from adapt.diagnosis.inference.ranking import Ranking, rank
-from adapt.diagnosis.inference.verdict import judge
-from adapt.diagnosis.result import NONE, UNKNOWN, Diagnosis, EffectAmplitude, ParameterMeans, UnknownTests, Verdict
-from adapt.solvers.posture_fits import FEWEST_ANGLES
+from adapt.tables import held_out as tables
 from models.adapted_parameters import ADAPTED
-from models.effects import EFFECTS, Effect
-from models.girdle import Girdle
+from models.effects import Effect
+from models.effects.known import read_amplitudes
 from models.parameter_sets import ParameterSet
-from motions.errors import InputError
-from motions.rotations import DEG
 from motions.table import Motions
 
 Progress = Callable[[str], None]
-
-FEWEST_POSTURES = 4
-"""A subject with fewer says less than its six adapted parameters take up."""
-
-_PAIRED = 3
-"""So many of the best effects are tried together with every other one."""
-
-_MORE_THAN_NONE, _NOT_ENOUGH = 3.0, 0.2
-"""Log evidence of an effect over none, or probability of unknown, from which pairs are tried."""
-
-_OTHER_NOISES = (0.67, 1.5)
-"""Factors of the noise at which the verdict is looked at again."""
-
-_CANDIDATES = 3
-"""At most so many candidates are to be separated by the next measurement."""
-
-
-@dataclass(frozen=True)
-class RankedDiagnosis(Diagnosis):
-    """A diagnosis with the ranking of hypotheses that it follows from."""
-
-    ranking: Ranking
 
 
 def diagnose(
     motions: Motions,
     models: ParameterSet | Sequence[ParameterSet],
     noise_deg: float | None = None,
-    effects: Sequence[Effect] = tuple(EFFECTS.values()),
+    effects: Sequence[Effect] | None = None,
     progress: Progress = lambda _: None,
-) -> dict[str, RankedDiagnosis]:
+) -> dict[str, Diagnosis]:
     """Diagnose the gap of all subjects together, with every model on its own; by name of the model.
 
-    ``noise_deg`` is the SD of one measured angle; without it, it is estimated. Raises InputError where no subject has
-    enough postures.
+    ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
+    all that are listed and the doubtful numbers of each model. Raises InputError where no subject has enough postures.
     """
     models = [models] if isinstance(models, ParameterSet) else list(models)
-    data, left_out = _usable(observe(motions))
+    shoulders, left_out = usable(motions)
     declared = declared_effects(motions)
-    with threadpool_limits(1, "blas"):  # of a hundred columns, more threads wait for each other longer than they work
+    computed = axial_is_computed(shoulders)
+    with threadpool_limits(1, "blas"):  # of small matrices, more threads wait for each other longer than they work
         return {
-            model.name: _diagnose(
+            model.name: _Study(
                 model,
-                tuple(effects),
-                data,
-                left_out,
-                declared,
-                noise_deg,
+                shoulders,
+                candidate_effects(model) if effects is None else tuple(effects),
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
-            )
+            ).diagnose(left_out, declared, computed, noise_deg)
             for model in models
         }
 
 
-def _usable(data: Observed) -> tuple[Observed, dict[str, str]]:
-    """The postures that say something of the model, of the subjects that have enough of them."""
-    data = replace(data, counted=data.counted & (data.measured[:6].sum(axis=0) > FEWEST_ANGLES))
-    count = data.counted.sum(axis=0)
-    left_out = {
-        name: f"{n} postures with more than {FEWEST_ANGLES} angles, fewer than {FEWEST_POSTURES}"
-        for name, n in zip(data.subjects, count, strict=True)
-        if n < FEWEST_POSTURES
-    }
-    enough = np.flatnonzero(count >= FEWEST_POSTURES)
-    if not len(enough):
-        cause = f"no subject has {FEWEST_POSTURES} postures with more than {FEWEST_ANGLES} measured angles"
-        raise InputError(
-            "the motions", None, cause, "Give subjects with more postures, or more angles measured in each"
+class _Study:
+    """One model and the subjects: the steps of its diagnosis share the search."""
+
+    def __init__(self, model: ParameterSet, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
+        self.model, self.shoulders, self.progress = model, shoulders, progress
+        candidates = lay_out(effects, shoulders)
+        joint = JointFit(Model.of(model, effects), shoulders, candidates, everybody(shoulders))
+        self.search = Search(joint, folds_of(shoulders), progress)
+        self.person = {name: int(p) for name, p in zip(shoulders.subjects, shoulders.person, strict=True)}
+
+    def diagnose(
+        self, left_out: dict[str, str], declared: tuple[str, ...], computed: bool, noise_deg: float | None
+    ) -> Diagnosis:
+        """Search, weigh, name, and measure what the names are worth."""
+        search, shoulders = self.search.run(), self.shoulders
+        none, best = search.nodes[()], max(search.usable, key=lambda node: node.value)
+        noise = estimate_noise(shoulders, best.linearised.y, noise_deg)
+        floor = floor_deg(noise, shoulders, none.linearised.B)
+        named = name_causes(search, float(np.nanmean(floor)))
+        sets = credible_sets(search, named.node)
+        weights = weigh(search)  # of all that was fitted on the way
+        node = named.node
+        rungs = ladder(search, node)
+        sizes = amplitudes(search, node)
+        order = [rung.added for rung in rungs[1:]]
+        sizes = {name: sizes[name] for name in order}
+        known = read_amplitudes([one.option for one in sizes.values()])
+        self.progress("gaps of girdle adapt")
+        base = adapted_gaps(shoulders.motions, self.model, {}, self.person)
+        with_causes = adapted_gaps(shoulders.motions, self.model, known, self.person) if known else base
+        gaps = self._gaps(base, with_causes, rungs, floor)
+        levels = gaps.hardest
+        over = left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
+        verdict = self._verdict(named, {name: sets[name] for name in order}, weights, over, computed, noise)
+        data = observe(shoulders.motions, base.batch)
+        angle_gaps = _angle_gaps(data, base, floor)
+        return Diagnosis(
+            model=self.model.name,
+            subjects=shoulders.subjects,
+            left_out=left_out,
+            persons=shoulders.persons,
+            kinds=shoulders.kinds,
+            postures=len(shoulders.subject),
+            highest_elevation_deg=float(np.nan_to_num(shoulders.motions.humerus_elevation_deg).max()),
+            noise=noise,
+            declared_effects=declared,
+            axial_is_computed=computed,
+            verdict=verdict,
+            amplitude=self._amplitude(verdict, sizes),
+            budget=self._budget(gaps, rungs),
+            left_over_share=over,
+            gaps=gaps,
+            parameters=_changes(base, with_causes),
+            cells=cells(angle_gaps),
+            profile=profile(angle_gaps),
+            variance_fractions=variance_fractions(angle_gaps),
+            constraints=constraint_residuals_mm(data, self._at_measured(data, base)),
+            indistinguishable=indistinguishable(none.linearised),
+            next_measurement=propose(search, node, [cause.names for cause in verdict.causes]),
         )
-    return data.select_subjects(enough), left_out
+
+    def _amplitude(self, verdict: Verdict, sizes: dict[str, CauseAmplitude]) -> dict[str, CauseAmplitude]:
+        """Sizes by the first name of each cause; one that no gap shows has none."""
+        found = {cause.names[0]: one for cause, one in zip(verdict.causes, sizes.values(), strict=False)}
+        for cause in verdict.causes[len(sizes) :]:
+            effect = self.search.joint.candidates.effect(cause.names[0])
+            found[effect.name] = unseen_amplitude(effect)
+        return found
+
+    def _verdict(
+        self, named: Named, sets: dict[str, CredibleSet], weights: Weights, over: float, computed: bool, noise: Noise
+    ) -> Verdict:
+        search = self.search
+        causes = [Cause(*one, named.gains[name].share, named.gains[name].t) for name, one in sets.items()]
+        inclusion = dict(weights.inclusion)
+        if computed and ESTIMATE in inclusion:
+            inclusion = {ESTIMATE: 1.0} | {name: p for name, p in inclusion.items() if name != ESTIMATE}
+            if not any(cause.names[0] == ESTIMATE for cause in causes):
+                causes.append(Cause((ESTIMATE,), (1.0,), 0.0, np.nan))
+        none = search.nodes[()]
+        noisy = not more_than_noise(none.linearised.y, search.folds, noise)
+        answer = EFFECT if causes else NONE if noisy else UNKNOWN
+        return Verdict(answer, tuple(causes), inclusion, _probability(weights, inclusion, answer, over))
+
+    def _gaps(self, base: AdaptedGaps, with_causes: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:
+        """The four levels of each kind of gap."""
+        folds, person = self.search.folds, self.shoulders.person
+        of_subject = np.array([np.nanmean(floor[self.shoulders.rows_of(s)], axis=0) for s in range(len(person))])
+        noise_floor = by_bone(of_subject, person)
+
+        def levels(kind: str) -> GapLevels | None:
+            if kind not in base.unseen:
+                return None
+            return _levels(noise_floor, base.before[kind], base.unseen[kind], with_causes.unseen[kind])
+
+        other_motion = levels(tables.MOTION)
+        other_person = None
+        if PERSON in folds.kinds and other_motion:
+            chosen = folds.of_kind(PERSON)
+            unseen = by_bone(rungs[-1].gaps_deg[chosen], person[folds.subject])
+            adapted = other_motion["adapted"]
+            other_person = _levels(noise_floor, other_motion["base"], adapted, unseen if len(rungs) > 1 else adapted)
+        in_sample = _levels(noise_floor, base.before[""], base.in_sample, with_causes.in_sample)
+        return Gaps(in_sample, levels(tables.POSTURES) or in_sample, other_motion, other_person)
+
+    def _budget(self, gaps: Gaps, rungs: list[Rung]) -> tuple[Step, ...]:
+        folds, person = self.search.folds, self.shoulders.person
+        seen = gaps.other_motion or gaps.unseen
+        steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
+        chosen = folds.of_kind(MOTION)
+        for rung in rungs[1:]:
+            gap = interval(rung.gaps_deg[chosen].mean(axis=1), person[folds.subject])
+            steps.append(Step(rung.added.partition(":")[0], gap))
+        return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
+
+    def _at_measured(self, data: Observed, base: AdaptedGaps):
+        """A1-A3 of each subject's adapted girdle at the measured angles, mm."""
+        girdle = self.search.joint.model.of_parts(len(data.subjects)).with_adapted(base.adapted.theta_mm)
+        return np.asarray(girdle.over_postures().residuals_mm(data.values[:6]))
 
 
-def _without_noisy(data: Observed, estimate: NoiseEstimate) -> tuple[Observed, dict[str, str]]:
-    """The subjects but for the noisy ones, which would be explained before all others."""
-    others = f"those of the others by {estimate.noise.angle_deg:.1f}"
-    noisy = estimate.noisy_deg.items()
-    why = {data.subjects[s]: f"its postures scatter by {deg:.1f} deg, {others}" for s, deg in noisy}
-    kept = [s for s in range(len(data.subjects)) if s not in estimate.noisy_deg]
-    return data.select_subjects(np.array(kept)), why
+def _levels(noise_floor: BoneGaps, base: BoneGaps, adapted: BoneGaps, with_effect: BoneGaps) -> GapLevels:
+    return {"noise_floor": noise_floor, "base": base, "adapted": adapted, "with_effect": with_effect}
 
 
-def _diagnose(
-    model: ParameterSet,
-    effects: tuple[Effect, ...],
-    data: Observed,
-    left_out: dict[str, str],
-    declared: tuple[str, ...],
-    noise_deg: float | None,
-    progress: Progress,
-) -> RankedDiagnosis:
-    girdle = model.girdle
-    names = [effect.name for effect in effects]
-    progress("noise")
-    estimate = estimate_noise(girdle, effects, data, noise_deg)
-    noise = estimate.noise
-    data, noisy = _without_noisy(data, estimate)
-    progress("what can be told apart")
-    hypotheses = single_hypotheses(names)
-    postures = projected_onto_model(girdle, effects, data, noise)
-    apart = separation(girdle, effects, hypotheses, postures, noise)
-    predicted_power = predict_power(girdle, effects, postures, noise)
-    progress("every effect")
-    ranking = rank(fit_hypotheses(girdle, effects, hypotheses, data, noise), effects, data, estimate)
-    verdict = judge(ranking, names, declared)
-    if len(effects) > 1 and _worth_pairs(ranking, verdict):
-        progress("pairs of effects")
-        ranking = _with_pairs(girdle, effects, data, estimate, ranking)
-    none = next(one for one in ranking.fitted if not one.hypothesis)
-    concluded = conclude(ranking, effects, data, declared)
-    explained = concluded.explained
-    adapted = misfit(girdle, effects, data, noise, none.z)
-    angle_gaps = AngleGaps(data, adapted.nearest[:6], adapted.noise_variance[:6] * float(DEG) ** 2)
-    gaps = measure_gaps(girdle, effects, data, noise, [none, explained], progress)
-    progress("next measurement")
-    return RankedDiagnosis(
-        model=model.name,
-        subjects=data.subjects,
-        left_out=left_out | noisy,
-        postures=int(data.counted.sum()),
-        highest_elevation_deg=data.highest_deg,
-        noise=estimate,
-        declared_effects=declared,
-        verdict=concluded.verdict,
-        at_other_noise=_at_other_noise(ranking, effects, data, estimate, declared),
-        tests=UnknownTests(ranking.discrepancy_gain, ranking.excess, ranking.amplitude_excess),
-        amplitude=concluded.amplitude,
-        best=explained.hypothesis,
-        gaps=gaps,
-        parameters=_changes(none, explained),
-        cells=cells(angle_gaps),
-        profile=profile(angle_gaps),
-        variance_fractions=variance_fractions(angle_gaps),
-        constraints=constraint_residuals_mm(data, _at_measured(girdle, data, none)),
-        indistinguishable=indistinguishable_sets(hypotheses, apart),
-        smallest_detectable=smallest_detectable(girdle, effects, postures, noise),
-        predicted_power=predicted_power,
-        next_measurement=propose(girdle, effects, _candidates(ranking, concluded.verdict), data, noise),
-        ranking=ranking,
-    )
+def _probability(weights: Weights, inclusion: dict[str, float], answer: str, over: float) -> dict[str, float]:
+    """Share the probability of each set of causes between its causes; what is left over goes to unknown."""
+    found = dict.fromkeys(inclusion, 0.0)
+    none = 0.0
+    for hypothesis, p in weights.probability.items():
+        names = {weights.cause[name] for name in hypothesis}
+        none += 0.0 if names else p
+        for name in names:
+            found[name] += p / len(names)
+    unknown = 1.0 if answer == UNKNOWN else 0.0 if answer == NONE or not np.isfinite(over) else over
+    if answer == NONE:
+        none = max(none, 0.5)
+    total = sum(found.values()) + none
+    found = {name: p * (1.0 - unknown) / total for name, p in found.items()}
+    return found | {NONE: none * (1.0 - unknown) / total, UNKNOWN: unknown}
 
 
-@dataclass(frozen=True)
-class Conclusion:
-    """What follows from a ranking."""
-
-    verdict: Verdict
-    explained: LinearisedFit
-    """What the gap is compared with."""
-    amplitude: dict[str, EffectAmplitude]
-    """As in Diagnosis."""
+def _angle_gaps(data: Observed, base: AdaptedGaps, floor) -> AngleGaps:
+    """Gaps of the adapted model, with what noise would leave; ``floor`` is its mean absolute value by row."""
+    noise_deg2 = np.nan_to_num(np.moveaxis(floor, 1, 0)[:, base.batch.rows]) ** 2 * (np.pi / 2.0)
+    return AngleGaps(data, base.adapted.angles, noise_deg2)
 
 
-def conclude(ranking: Ranking, effects: tuple[Effect, ...], data: Observed, declared: tuple[str, ...]) -> Conclusion:
-    """Judge a ranking, and estimate the sizes of the effects in the verdict."""
-    verdict = judge(ranking, [effect.name for effect in effects], declared)
-    explained = _explanation(ranking, verdict)
-    named = verdict.effects or (explained.hypothesis if verdict.answer == UNKNOWN else ())
-    together = len(explained.hypothesis)
-    return Conclusion(verdict, explained, amplitudes(ranking, effects, data, named, together))
-
-
-def _worth_pairs(ranking: Ranking, verdict: Verdict) -> bool:
-    """Whether any effect says more than none, or something is left that none explains."""
-    over_none = -ranking.log_evidence[ranking.hypotheses.index(())]
-    return over_none > _MORE_THAN_NONE or verdict.probability[UNKNOWN] >= _NOT_ENOUGH
-
-
-def _with_pairs(girdle: Girdle, effects, data: Observed, noise: NoiseEstimate, ranking: Ranking) -> Ranking:
-    """The ranking with pairs of the best effects and all others."""
-    best = [h[0] for h in ranking.hypotheses if h][:_PAIRED]
-    order = [effect.name for effect in effects]
-    pairs = {tuple(sorted((one, other), key=order.index)) for one in best for other in order if other != one}
-    fitted = fit_hypotheses(girdle, effects, sorted(pairs), data, noise.noise)
-    return rank([*ranking.fitted, *fitted], effects, data, noise)
-
-
-def _explanation(ranking: Ranking, verdict: Verdict) -> LinearisedFit:
-    """What the gap is compared with: nothing if nothing is blamed, else the most probable effect or pair."""
-    by_hypothesis = {one.hypothesis: one for one in ranking.fitted}
-    if verdict.answer == NONE:
-        return by_hypothesis[()]
-    if verdict.effects:
-        return by_hypothesis[verdict.effects[: 2 if verdict.together else 1]]
-    return next(one for one in ranking.fitted if one.hypothesis)
-
-
-def _at_measured(girdle: Girdle, data: Observed, fitted: LinearisedFit) -> Float[np.ndarray, "3 postures subjects"]:
-    """A1-A3 of each subject's adapted girdle at the measured angles, mm."""
-    theta = jnp.asarray(fitted.z[: len(ADAPTED), None])
-    adapted = girdle.over_axes(2).with_adapted(theta)
-    return np.asarray(adapted.residuals_mm(jnp.asarray(data.values[:6])))
-
-
-def _at_other_noise(
-    ranking: Ranking, effects, data: Observed, noise: NoiseEstimate, declared: tuple[str, ...]
-) -> dict[float, Verdict]:
-    names = [effect.name for effect in effects]
-    found = {}
-    for factor in _OTHER_NOISES:
-        fitted = [one.with_noise(factor) for one in ranking.fitted]
-        found[factor * noise.noise.angle_deg] = judge(rank(fitted, effects, data, noise), names, declared)
-    return found
-
-
-def _changes(none: LinearisedFit, explained: LinearisedFit) -> dict[str, ParameterMeans]:
-    values = zip(ADAPTED, none.z.mean(axis=1), explained.z.mean(axis=1), strict=False)
-    return {name: ParameterMeans(float(a), float(b)) for name, a, b in values}
-
-
-def _candidates(ranking: Ranking, verdict: Verdict) -> list[Hypothesis]:
-    """The hypotheses still to be distinguished: those of the verdict, and the next ones of the ranking."""
-    if verdict.together:
-        return [h for h in ranking.hypotheses if len(h) > 1][:2]
-    named: list[Hypothesis] = [(name,) for name in verdict.effects]
-    rest = [h for h in ranking.hypotheses if h not in named and len(h) <= 1]
-    return [*named, *rest][: max(2, min(_CANDIDATES, len(named)))]
+def _changes(base: AdaptedGaps, with_causes: AdaptedGaps) -> dict[str, ParameterMeans]:
+    pairs = zip(ADAPTED, base.adapted.theta_mm.mean(axis=1), with_causes.adapted.theta_mm.mean(axis=1), strict=True)
+    return {name: ParameterMeans(float(a), float(b)) for name, a, b in pairs}

@@ -10,19 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis.result import (
-    HELD_OUT,
-    Diagnoses,
-    Diagnosis,
-    EffectAmplitude,
-    HeldOutGaps,
-    PredictedPower,
-    Verdict,
-)
+from adapt.diagnosis.result import CauseAmplitude, Diagnoses, Diagnosis, GapLevels, Gaps, Interval, Step
 from adapt.diagnosis.wording import sentence
 
 JsonObject = dict[str, Any]
 """An object of plain JSON types."""
+
+_POSTURES = "every third posture in turn, after the others"
+"""What is held out for the gaps at the top level of ``gap_deg``."""
 
 
 def as_json(diagnoses: Diagnoses) -> JsonObject:
@@ -35,68 +30,91 @@ def as_json(diagnoses: Diagnoses) -> JsonObject:
 
 
 def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
-    noise = diagnosis.noise
     return plain(
         {
             "model": diagnosis.model,
-            "verdict": {**_verdict(diagnosis.verdict), "sentence": sentence(diagnosis)},
+            "verdict": _verdict(diagnosis),
+            "inclusion": diagnosis.verdict.inclusion,
             "probability": diagnosis.verdict.probability,
-            "pairs": diagnosis.verdict.pairs,
-            "tests": {
-                "discrepancy_gain": diagnosis.tests.discrepancy_gain,
-                "excess": diagnosis.tests.excess,
-                "oversize": diagnosis.tests.amplitude_excess,
-            },
             "amplitude": {name: _amplitude(one) for name, one in diagnosis.amplitude.items()},
-            "gap_deg": gaps_as_json(diagnosis.gaps),
+            "budget": [_step(one) for one in diagnosis.budget],
+            "left_over_share": diagnosis.left_over_share,
+            "gap_deg": _gaps(diagnosis.gaps),
             "where": diagnosis.cells,
             "where_by": diagnosis.profile,
             "shares": diagnosis.variance_fractions,
             "constraints": diagnosis.constraints,
             "parameters": diagnosis.parameters,
             "indistinguishable": diagnosis.indistinguishable,
-            "smallest_detectable": diagnosis.smallest_detectable,
-            "foreseen": {name: _predicted_power(one) for name, one in diagnosis.predicted_power.items()},
             "next_measurement": diagnosis.next_measurement,
-            "noise": {**asdict(noise.noise), "source": noise.source, "freedom": noise.freedom},
-            "at_other_noise": [
-                {"noise_deg": noise_deg, **_verdict(verdict)}
-                for noise_deg, verdict in sorted(diagnosis.at_other_noise.items())
-            ],
+            "noise": diagnosis.noise,
             "expected": diagnosis.declared_effects,
+            "axial_is_computed": diagnosis.axial_is_computed,
             "subjects": diagnosis.subjects,
             "left_out": diagnosis.left_out,
+            "persons": diagnosis.persons,
+            "kinds": diagnosis.kinds,
             "postures": diagnosis.postures,
             "highest_elevation_deg": diagnosis.highest_elevation_deg,
-            "best": diagnosis.best,
+            "options": diagnosis.options,
         }
     )
 
 
-def gaps_as_json(gaps: HeldOutGaps) -> JsonObject:
-    """Turn gaps into the object ``gap_deg``: those held out by kind, the others and how far they shrink."""
-    return plain(
-        {
-            **gaps.unseen,
-            "in_sample": gaps.in_sample,
-            "other_motion": gaps.other_motion,
-            "held_out": HELD_OUT,
-            "shrinkage": gaps.shrinkage,
-        }
-    )
+def levels_as_json(levels: GapLevels | None) -> JsonObject | None:
+    """Turn gaps into objects of ``value``, ``low`` and ``high`` by kind and bone."""
+    if levels is None:
+        return None
+    return plain({kind: {bone: _interval(one) for bone, one in bones.items()} for kind, bones in levels.items()})
 
 
-def _verdict(verdict: Verdict) -> JsonObject:
-    return {"answer": verdict.answer, "effects": verdict.effects, "together": verdict.together}
+def _verdict(diagnosis: Diagnosis) -> JsonObject:
+    """With ``effects``, the most probable name of each cause; the last three go with ``causes``, one by one."""
+    verdict = diagnosis.verdict
+    return {
+        "answer": verdict.answer,
+        "causes": [one.names for one in verdict.causes],
+        "effects": verdict.names,
+        "sentence": sentence(diagnosis),
+        "shares": [one.shares for one in verdict.causes],
+        "gain": [one.gain for one in verdict.causes],
+        "t": [one.t for one in verdict.causes],
+    }
 
 
-def _amplitude(amplitude: EffectAmplitude) -> JsonObject:
-    channels = {one.channel: {"value": one.value, "low": one.low, "high": one.high} for one in amplitude.channels}
-    return {**vars(amplitude), "channels": channels}
+def _amplitude(amplitude: CauseAmplitude) -> JsonObject:
+    return {
+        "what": amplitude.what,
+        "course": amplitude.course,
+        "unit": amplitude.unit,
+        **_interval(amplitude.size),
+        "typical": amplitude.typical,
+        "too_large": amplitude.too_large,
+        "directions": {name: _interval(one) for name, one in amplitude.directions.items()},
+        "option": amplitude.option,
+    }
 
 
-def _predicted_power(power: PredictedPower) -> JsonObject:
-    return {"named": power.named, "none": power.none, "taken_for": power.confused_with}
+def _step(step: Step) -> JsonObject:
+    return {"step": step.step, "gap_deg": step.gap_deg.value, "low": step.gap_deg.low, "high": step.gap_deg.high}
+
+
+def _gaps(gaps: Gaps) -> JsonObject:
+    """The gaps by what was held out, those of postures at the top level too; how far the most unseen ones shrink."""
+    postures = levels_as_json(gaps.unseen) or {}
+    return {
+        **postures,
+        "in_sample": levels_as_json(gaps.in_sample),
+        "postures": postures,
+        "other_motion": levels_as_json(gaps.other_motion),
+        "other_person": levels_as_json(gaps.other_person),
+        "held_out": _POSTURES,
+        "shrinkage": gaps.shrinkage,
+    }
+
+
+def _interval(interval: Interval) -> dict[str, float]:
+    return interval._asdict()
 
 
 def plain(value: Any) -> Any:

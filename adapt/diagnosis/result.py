@@ -6,25 +6,46 @@ Numbers that are not known are NaN or None, as each field says; JSON has null fo
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from adapt.diagnosis.fit.measurement_noise import NoiseEstimate
-from adapt.diagnosis.gap_location import Cell, ConstraintResidual, Profile
-from adapt.diagnosis.gap_rotations import VarianceFractions
+from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, Profile
+from adapt.diagnosis.location.gap_rotations import VarianceFractions
 
 Answer = Literal["none", "effect", "unknown"]
 NONE: Answer = "none"
 EFFECT: Answer = "effect"
 UNKNOWN: Answer = "unknown"
 
-TOLD_APART = 3.0
-"""Expected log evidence (odds of 20 to 1) from which two hypotheses are distinguished."""
-
 ALL = "all"
 """Both bones together, where gaps go by bone."""
 
-HELD_OUT = "every third posture"
-"""What ``HeldOutGaps.unseen`` holds out."""
+BASE, ADAPTED_STEP, NOISE = "base", "adapted", "noise"
+"""Steps of the gap budget beside the causes."""
+
+TOLD_APART = 3.0
+"""Expected log evidence (odds of 20 to 1) from which two causes are distinguished."""
+
+
+class Interval(NamedTuple):
+    """A value with its 95 % interval; NaN where unknown."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One cause at work: the names it may have."""
+
+    names: tuple[str, ...]
+    """Names that these data cannot tell apart, most probable first: a credible set."""
+    shares: tuple[float, ...]
+    """Probability of each name in this place."""
+    gain: float
+    """Share of the gap on unseen motions that it takes away beside the other causes."""
+    t: float
+    """That difference, paired by motion and person, in its standard errors."""
 
 
 @dataclass(frozen=True)
@@ -32,128 +53,102 @@ class Verdict:
     """The answer and the probabilities behind it."""
 
     answer: Answer
-    effects: tuple[str, ...]
-    """Names that cannot be distinguished, most probable first. Where two act together: the most probable two, then
-    those that may be there in place of one of them. If the answer is unknown: those that explain part of the gap, alone
-    or together, and leave something systematic."""
-    together: bool
-    """True where the first two of the effects act together."""
+    causes: tuple[Cause, ...]
+    """Those that predict motions and persons that were not fitted, the one that takes most of the gap first."""
+    inclusion: dict[str, float]
+    """Probability of every candidate of being at work, alone or with others; the most probable first."""
     probability: dict[str, float]
-    """Of every effect, none and unknown; sums to 1. A pair gives half of its own to each of its two."""
-    pairs: dict[str, float]
-    """Of the pairs tried, as 'a+b'."""
+    """Of every candidate, none, and unknown, the share of the gap that is left over; sums to 1. Causes at work together
+    have equal parts."""
 
     @property
-    def named(self) -> tuple[str, ...]:
-        """The answers that the verdict names, among those that have a probability."""
-        return self.effects if self.answer == EFFECT else (self.answer,)
-
-    @property
-    def ranked(self) -> tuple[str, ...]:
-        """The effects, the most probable one first, then the answers that are none."""
-        effects = [name for name in self.probability if name not in (NONE, UNKNOWN)]
-        return (*sorted(effects, key=lambda name: -self.probability[name]), NONE, UNKNOWN)
+    def names(self) -> tuple[str, ...]:
+        """The most probable name of every cause."""
+        return tuple(cause.names[0] for cause in self.causes)
 
 
 @dataclass(frozen=True)
-class UnknownTests:
-    """What the probability of 'unknown' follows from."""
-
-    discrepancy_gain: float
-    """Log evidence of the best hypothesis with an unlisted discrepancy, less that of the best without."""
-    excess: float
-    """log(chi square / degrees of freedom) of the best hypothesis, in standard deviations."""
-    amplitude_excess: float
-    """How far the amplitudes of an effect of the best hypothesis lie beyond their prior, in standard deviations."""
-
-
-@dataclass(frozen=True)
-class ChannelAmplitude:
-    """One channel of an effect: its mean over the subjects, with a 95 % interval; with elevation, at the highest."""
-
-    channel: str
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class EffectAmplitude:
-    """How large an effect is: its channel, or the length of several, with a 95 % interval, in its unit."""
+class CauseAmplitude:
+    """How large a cause is: the largest that it is at any posture, all directions together."""
 
     what: str
-    """What the effect changes, one line."""
+    """What it changes, one line."""
+    course: str
+    """What its strength goes with: 'elevation of the arm', 'posture of the bones'; empty for a constant."""
     unit: str
-    value: float
-    low: float
-    high: float
-    channels: tuple[ChannelAmplitude, ...]
+    size: Interval
+    typical: float
+    """How large such an effect typically is, by the same measure: its prior."""
+    directions: dict[str, Interval]
+    """Its amplitudes, in the unit of the option."""
     option: str
-    """The effect as ``girdle adapt --effect`` takes it."""
+    """The cause as ``girdle adapt --effect`` takes it."""
+
+    @property
+    def too_large(self) -> bool:
+        """Whether it is larger than such an effect is: something that acts like it."""
+        return self.size.value > 2.0 * self.typical
 
 
 @dataclass(frozen=True)
-class DetectableAmplitude:
-    """The smallest amplitude of an effect, all directions together, that these data would show."""
+class Step:
+    """One step of the gap budget: the mean absolute gap on motions not seen, degrees."""
 
-    value: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class MeanGap:
-    """Mean absolute difference of the angles, degrees, with its 95 % interval over subjects; NaN where unknown."""
-
-    value: float
-    low: float
-    high: float
+    step: str
+    """BASE, ADAPTED_STEP, the name of a cause that is added, or NOISE."""
+    gap_deg: Interval
 
 
-BoneGaps = Mapping[str, MeanGap]
-"""By bone: ALL, then those of ``motions.table.BONES``."""
+BoneGaps = Mapping[str, Interval]
+"""By bone: ALL, then those of ``motions.table.BONES``; degrees, with 95 % intervals over persons."""
 
 GapKind = Literal["noise_floor", "base", "adapted", "with_effect"]
-"""What noise alone leaves, and what the model leaves as it is, adapted, and adapted with the effects."""
+"""What noise alone leaves, and what the model leaves as it is, adapted, and adapted with the causes."""
 
 GapLevels = Mapping[GapKind, BoneGaps]
 
 
 @dataclass(frozen=True)
-class HeldOutGaps:
-    """Gaps on what a model was fitted to, and on what it has not seen."""
+class Gaps:
+    """Gaps of `girdle adapt`, and with the causes of `girdle adapt --effect`, on what was fitted and what was not."""
 
     in_sample: GapLevels
     unseen: GapLevels
-    """Of every third posture in turn, after the others. Of simulated subjects it tells better than a motion held out,
-    which leaves half of the data to fit to, how far the gap shrinks on a new motion after all of these."""
+    """Every third posture in turn, after the others."""
     other_motion: GapLevels | None
-    """Of each motion in turn, after the others; None where there is but one."""
+    """Each motion in turn, after the others; None where there is but one."""
+    other_person: GapLevels | None
+    """The same, and the amplitudes of the causes fitted to other persons; None where there is but one person."""
+
+    @property
+    def hardest(self) -> GapLevels:
+        """The most unseen gaps that there are."""
+        return self.other_person or self.other_motion or self.unseen
 
     @property
     def shrinkage(self) -> float:
-        """How much of the adapted gap the effects take away, held out: a fraction; NaN where unknown."""
-        adapted, with_effect = self.unseen["adapted"][ALL].value, self.unseen["with_effect"][ALL].value
+        """How much of the adapted gap the causes take away, unseen: a fraction; NaN where unknown."""
+        adapted, with_effect = self.hardest["adapted"][ALL].value, self.hardest["with_effect"][ALL].value
         return (adapted - with_effect) / adapted if adapted else 0.0
 
 
 @dataclass(frozen=True)
-class ParameterMeans:
-    """An adapted parameter's mean over the subjects, mm, without and with the effect."""
+class Noise:
+    """SD of one measured angle, and what it rests on."""
 
-    adapted_mm: float
-    with_effect_mm: float
+    angle_deg: float
+    source: str
+    """'estimated', 'given' or 'assumed'."""
+    freedom: float
+    """Degrees of freedom of the estimate."""
 
 
 @dataclass(frozen=True)
-class PredictedPower:
-    """What a diagnosis of such data would make of an effect of its typical size: fractions of simulated cases."""
+class ParameterMeans:
+    """An adapted parameter's mean over the subjects, mm, without and with the causes."""
 
-    named: float
-    """The effect would be the first name."""
-    none: float
-    """Nothing would be blamed."""
-    confused_with: dict[str, float]
-    """Another effect would be the first name, the most frequent first."""
+    adapted_mm: float
+    with_effect_mm: float
 
 
 @dataclass(frozen=True)
@@ -161,15 +156,15 @@ class Proposal:
     """A measurement and what it is expected to bring."""
 
     what: str
+    between: tuple[str, str]
+    """The two names that it is to tell apart."""
     separation_now: float
     separation_then: float
-    """Expected log evidence, nats, of the right candidate over the other."""
-    probability_then: float
-    """Expected probability of the right one of the two."""
+    """Expected log evidence, nats, of the first name over the second."""
 
     @property
     def separates(self) -> bool:
-        """Whether it would tell the two candidates apart."""
+        """Whether it would tell the two apart."""
         return self.separation_then >= TOLD_APART
 
 
@@ -181,32 +176,38 @@ class Diagnosis:
     subjects: tuple[str, ...]
     left_out: dict[str, str]
     """Subjects that say too little, each with its reason."""
+    persons: int
+    """Left and right shoulders of one person count once."""
+    kinds: tuple[str, ...]
+    """Kinds of motion."""
     postures: int
     highest_elevation_deg: float
-    """Elevation of the highest posture, at which the amplitudes hold."""
-    noise: NoiseEstimate
+    noise: Noise
     declared_effects: tuple[str, ...]
-    """Effects that the motions are marked with: as probable beforehand as all others together."""
+    """Effects that the motions are marked with."""
+    axial_is_computed: bool
+    """Whether the clavicle's axial rotation is a function of the other angles: an estimate, no measurement."""
     verdict: Verdict
-    at_other_noise: dict[float, Verdict]
-    """The verdict had the noise been otherwise, by its SD in degrees."""
-    tests: UnknownTests
-    amplitude: dict[str, EffectAmplitude]
-    """Of the effects in the verdict; where that is unknown, of the best there is."""
-    best: tuple[str, ...]
-    """The effects of the most probable hypothesis of the list, enough or not; empty for none."""
-    gaps: HeldOutGaps
+    amplitude: dict[str, CauseAmplitude]
+    """By the most probable name of each cause."""
+    budget: tuple[Step, ...]
+    """The gap on motions not seen: as it is, adapted, with one cause after the other, from noise alone."""
+    left_over_share: float
+    """Share of the adapted gap beyond noise that the causes leave over; NaN where there is none."""
+    gaps: Gaps
     parameters: dict[str, ParameterMeans]
     cells: list[Cell]
     profile: Profile
     variance_fractions: VarianceFractions
     constraints: list[ConstraintResidual]
     indistinguishable: list[list[str]]
-    smallest_detectable: dict[str, DetectableAmplitude | None]
-    """Of each effect; None where no size tried would show."""
-    predicted_power: dict[str, PredictedPower]
-    """Of each effect, before any residual is seen."""
+    """Candidates that do the same to these data, whatever is at work."""
     next_measurement: list[Proposal]
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """All causes as ``girdle adapt --effect`` takes them."""
+        return tuple(one.option for one in self.amplitude.values())
 
 
 @dataclass(frozen=True)
@@ -222,5 +223,5 @@ class Diagnoses:
 
 
 def _adapted_gap_deg(diagnosis: Diagnosis) -> float:
-    value = diagnosis.gaps.unseen["adapted"][ALL].value
+    value = diagnosis.gaps.hardest["adapted"][ALL].value
     return value if math.isfinite(value) else math.inf

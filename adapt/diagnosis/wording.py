@@ -1,27 +1,25 @@
-"""A diagnosis in words: the verdict in one or two sentences of plain English, and how its numbers are written."""
+"""A diagnosis in words: the verdict in one sentence of plain English, and how its numbers are written."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from adapt.diagnosis.result import (
+    ADAPTED_STEP,
     ALL,
+    BASE,
     EFFECT,
+    NOISE,
     NONE,
-    UNKNOWN,
+    Cause,
+    CauseAmplitude,
     Diagnosis,
-    EffectAmplitude,
-    MeanGap,
+    Gaps,
+    Interval,
     Verdict,
 )
 
-_TYPICAL = 3
-"""So many effects say what would not have shown: the most probable ones, which came nearest to showing."""
-
-_LIKELY = 0.5
-"""Probability of none from which it is more likely than all else together."""
-
-_TOO_LARGE = 1.0
-"""Standard deviations that an effect is larger than such effects are, from which it is said."""
+MOST_WORDS = 30
+"""Of the sentence."""
 
 _FINE = 1.0
 """Numbers below it are written with two digits after the point, others with one."""
@@ -29,15 +27,24 @@ _FINE = 1.0
 _LEAST_PROBABILITY = 0.005
 """Less than it would be written as 0.00, which says that there is none."""
 
+_MOST_NAMES = 3
+"""Causes that are named where not all of them have room."""
+
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """Say the verdict as a biomechanist reads it first."""
-    answer = diagnosis.verdict.answer
-    if answer == NONE:
-        return _nothing(diagnosis)
-    if answer == UNKNOWN:
-        return _unexplained(diagnosis)
-    return _explained(diagnosis)
+    """Say the verdict as a biomechanist reads it first, in at most MOST_WORDS words."""
+    verdict, subjects = diagnosis.verdict, subjects_text(diagnosis)
+    adapted, with_effect, floor = _levels(diagnosis)
+    stays = f"the gap of {subjects} stays at {adapted} deg; noise alone leaves {floor}."
+    if verdict.answer == NONE:
+        return f"Nothing beyond noise: on {unseen_text(diagnosis.gaps)} {stays}"
+    if verdict.answer != EFFECT:
+        return f"No candidate predicts {unseen_text(diagnosis.gaps)} better: {stays}"
+    verb = "shrinks" if diagnosis.gaps.shrinkage > 0.0 else "goes"
+    start = f"On {unseen_text(diagnosis.gaps)} the gap of {subjects} {verb} from {adapted} to {with_effect} deg with"
+    sentences = (f"{start} {names}; noise alone leaves {floor}." for names in _ever_shorter(verdict))
+    *_, shortest = said = list(sentences)
+    return next((one for one in said if len(one.split()) <= MOST_WORDS), shortest)
 
 
 def number(value: float | None, coarse: float | None = None) -> str:
@@ -52,12 +59,17 @@ def probability_text(value: float) -> str:
     return "<0.01" if 0.0 < value < _LEAST_PROBABILITY else f"{value:.2f}"
 
 
-def gap_text(value: float) -> str:
-    """Write a gap in degrees with two digits; '-' where it is unknown."""
-    return f"{value:.2f}" if math.isfinite(value) else "-"
+def percent_text(value: float) -> str:
+    """Write a fraction as '27 %'; '-' where it is unknown."""
+    return f"{value:.0%}".replace("%", " %") if math.isfinite(value) else "-"
 
 
-def interval_text(gap: MeanGap) -> str:
+def gap_text(value: float, digits: int = 2) -> str:
+    """Write a gap in degrees; '-' where it is unknown."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
+
+
+def interval_text(gap: Interval) -> str:
     """Write a gap in degrees with its interval: '1.34 [1.24, 1.44]'."""
     return f"{gap_text(gap.value)} [{gap_text(gap.low)}, {gap_text(gap.high)}]"
 
@@ -67,9 +79,9 @@ def with_unit(text: str, unit: str) -> str:
     return text if unit == "1" else f"{text} {unit}"
 
 
-def amplitude_text(amplitude: EffectAmplitude) -> str:
+def amplitude_text(amplitude: CauseAmplitude) -> str:
     """Write an amplitude with its interval and unit: '9.3 [7.8, 10.8] deg'."""
-    value, low, high = (number(one, amplitude.value) for one in (amplitude.value, amplitude.low, amplitude.high))
+    value, low, high = (number(one, amplitude.size.value) for one in amplitude.size)
     return with_unit(f"{value} [{low}, {high}]", amplitude.unit)
 
 
@@ -78,109 +90,59 @@ def listed(names: Sequence[str], last: str) -> str:
     return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
-def together(names: Sequence[str]) -> str:
-    """Join the effects where two act together, 'a and b together': those two, then what may be in place of one."""
-    others = f", or {listed(names[2:], 'or')} in place of one of them" if names[2:] else ""
-    return f"{listed(names[:2], 'and')} together{others}"
+def cause_names(cause: Cause) -> tuple[str, ...]:
+    """Name a cause without what its course goes with, once each."""
+    return tuple(dict.fromkeys(name.partition(":")[0] for name in cause.names))
 
 
 def answer_text(verdict: Verdict) -> str:
-    """Write the answer of a verdict: 'a or b', 'a and b together', 'none', 'unknown (in part a)'."""
-    if not verdict.effects:
-        return verdict.answer
-    names = together(verdict.effects) if verdict.together else listed(verdict.effects, "or")
-    return names if verdict.answer == EFFECT else f"{verdict.answer} (in part {names})"
+    """Write the answer of a verdict: 'a (or b) and c', 'none', 'unknown'."""
+    return next(_ever_shorter(verdict)) if verdict.causes else verdict.answer
+
+
+def step_text(step: str) -> str:
+    """Write a step of the gap budget: 'model as it is', '+ ac_translation', 'noise alone'."""
+    return {BASE: "model as it is", ADAPTED_STEP: "adapted", NOISE: "noise alone"}.get(step, f"+ {step}")
 
 
 def subjects_text(diagnosis: Diagnosis) -> str:
-    """Write the number of subjects: '1 subject', '10 subjects'."""
+    """Write the number of shoulders: '1 shoulder', '10 shoulders'."""
     count = len(diagnosis.subjects)
-    return f"{count} subject{'s' if count != 1 else ''}"
+    return f"{count} shoulder{'s' if count != 1 else ''}"
 
 
-def _explained(diagnosis: Diagnosis) -> str:
-    names, best = diagnosis.verdict.effects, diagnosis.best
-    gap, start = _gap(diagnosis), f"The gap of {subjects_text(diagnosis)} is explained by "
-    if diagnosis.verdict.together:
-        each = "; ".join(f"{name}: {_described(diagnosis, name)}" for name in names)
-        unknown = diagnosis.verdict.probability[UNKNOWN]
-        doubt = f"can also mimic a cause that is not in the list (probability {unknown:.2f})"
-        return f"{start}{together(names)} ({each}): held out, it {gap}. Two effects {doubt}."
-    if len(names) == 1:
-        return f"{start}{names[0]} ({_described(diagnosis, names[0])}): held out, it {gap}."
-    return (
-        f"{start}one of {', '.join(names)}: these data cannot tell them apart; {_next(diagnosis)}. "
-        f"With {listed(best, 'and')} ({_described(diagnosis, best[0])}), held out, it {gap}."
-    )
+def unseen_text(gaps: Gaps) -> str:
+    """Write what the unseen gaps are of: 'unseen motions' where there are several kinds, else persons or postures."""
+    return f"unseen {'motions' if gaps.other_motion else 'persons' if gaps.other_person else 'postures'}"
 
 
-def _described(diagnosis: Diagnosis, name: str) -> str:
-    amplitude = diagnosis.amplitude[name]
-    return f"{amplitude.what}; {amplitude_text(amplitude)}"
+def held_out_text(gaps: Gaps) -> str:
+    """Write what was held out for the most unseen gaps that there are."""
+    part = "each motion in turn" if gaps.other_motion else "every third posture in turn"
+    return f"{part}, with causes found in other persons" if gaps.other_person else part
 
 
-def _gap(diagnosis: Diagnosis) -> str:
-    before, after, floor = _levels(diagnosis)
-    verb = "shrinks" if diagnosis.gaps.shrinkage > 0.0 else "does not shrink, it goes"
-    return f"{verb} from {before} to {after} deg, noise alone leaves {floor}"
+def _ever_shorter(verdict: Verdict) -> Iterator[str]:
+    """The causes in ever fewer words: with all names that each may have, with two, with one, the first few of them."""
+    each = [cause_names(cause) for cause in verdict.causes]
+    ways: Sequence[Callable[[tuple[str, ...]], str]] = (_all_names, _two_names, lambda names: names[0])
+    yield from (listed([way(names) for names in each], "and") for way in ways)
+    first = [names[0] for names in each[:_MOST_NAMES]]
+    yield listed([*first, f"{len(each) - len(first)} more"] if len(each) > len(first) else first, "and")
+
+
+def _all_names(names: tuple[str, ...]) -> str:
+    return f"{names[0]} (or {listed(names[1:], 'or')})" if names[1:] else names[0]
+
+
+def _two_names(names: tuple[str, ...]) -> str:
+    return f"{names[0]} (or {names[1]}{', ...' if names[2:] else ''})" if names[1:] else names[0]
 
 
 def _levels(diagnosis: Diagnosis) -> tuple[str, str, str]:
-    """Held out, degrees: adapted, with the effect, from noise alone."""
-    unseen = diagnosis.gaps.unseen
-    adapted, with_effect, floor = unseen["adapted"], unseen["with_effect"], unseen["noise_floor"]
-    return gap_text(adapted[ALL].value), gap_text(with_effect[ALL].value), gap_text(floor[ALL].value)
-
-
-def _next(diagnosis: Diagnosis) -> str:
-    if not diagnosis.next_measurement:
-        return "nothing that was tried would"
-    best = diagnosis.next_measurement[0]
-    if best.separates:
-        return f"{best.what} would"
-    return f"nothing that was tried surely would, {best.what} comes closest"
-
-
-def _nothing(diagnosis: Diagnosis) -> str:
-    before, _, floor = _levels(diagnosis)
-    return (
-        f"Nothing {_how_surely(diagnosis.verdict)}: held out, the gap of {subjects_text(diagnosis)} is {before} deg, "
-        f"noise alone leaves {floor}. {_would_not_show(diagnosis)}"
-    )
-
-
-def _how_surely(verdict: Verdict) -> str:
-    """An effect is blamed only where none is improbable, so that none is the answer also where nothing is sure."""
-    none = verdict.probability[NONE]
-    if none >= _LIKELY:
-        return "beyond noise"
-    likeliest = max((p, name) for name, p in verdict.probability.items() if name not in (NONE, UNKNOWN))
-    return f"surely beyond noise (none {none:.2f}, {likeliest[1]} {likeliest[0]:.2f})"
-
-
-def _would_not_show(diagnosis: Diagnosis) -> str:
-    smallest = {name: found for name, found in diagnosis.smallest_detectable.items() if found}
-    typical = sorted(smallest, key=lambda name: -diagnosis.verdict.probability[name])[:_TYPICAL]
-    if not typical:
-        return "These data would not show any effect of the list."
-    sizes = [f"{with_unit(number(smallest[name].value), smallest[name].unit)} ({name})" for name in typical]
-    return f"An effect below {listed(sizes, 'or')} would not show."
-
-
-def _unexplained(diagnosis: Diagnosis) -> str:
-    before, after, floor = _levels(diagnosis)
-    start = f"No effect of the list, alone or in pairs, explains the gap of {subjects_text(diagnosis)}"
-    takes = f"from {before} to {after} deg held out"
-    part = diagnosis.verdict.effects
-    if not part:
-        closest = listed(diagnosis.best, "and")
-        return f"{start} (closest: {closest}, which takes it {takes}, noise alone leaves {floor})."
-    each = "; ".join(f"{name}: {_described(diagnosis, name)}" for name in part)
-    one = len(part) == 1
-    why = f"leave{'s' * one} something systematic"
-    if diagnosis.tests.amplitude_excess >= _TOO_LARGE:
-        why = f"{'' if one else 'one of them '}is larger than such an effect is"
-    return (
-        f"{start}: {listed(part, 'and')} explain{'s' * one} a part of it, {takes}, and {why}; "
-        f"noise alone leaves {floor} ({each})."
-    )
+    """The most unseen gap, degrees: adapted, with the causes, from noise; two digits where one shows no change."""
+    levels = diagnosis.gaps.hardest
+    adapted, with_effect, floor = (levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor"))
+    coarse = gap_text(adapted, 1), gap_text(with_effect, 1), gap_text(floor, 1)
+    fine = gap_text(adapted), gap_text(with_effect), gap_text(floor)
+    return coarse if len(set(coarse)) == len(set(fine)) else fine

@@ -314,4 +314,4 @@ class FunctionBuilder:
 
 
 def _arity(function: str) -> int:
-    return 2 if "imum" in function else 1
+    return 2 if "imum" in function or "atan2" in function else 1

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: where the gap is, which answer is how probable, how far it shrinks.
+"""Figures of a diagnosis: what takes the gap away, what is at work, where the gap is, how far it shrinks.
 
 Lightness carries what colour does, so that all of them can be read in grey.
 """
@@ -13,13 +13,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from adapt.diagnosis.gap_location import Cell
-from adapt.diagnosis.result import ALL, HELD_OUT, NONE, UNKNOWN, Diagnosis, GapKind, HeldOutGaps
-from adapt.diagnosis.wording import probability_text, subjects_text
+from adapt.diagnosis.location.gap_location import Cell
+from adapt.diagnosis.result import ADAPTED_STEP, ALL, BASE, NOISE, Diagnosis, GapKind, Gaps
+from adapt.diagnosis.wording import (
+    gap_text,
+    held_out_text,
+    probability_text,
+    step_text,
+    subjects_text,
+    unseen_text,
+)
 from adapt.output.svg import BLUE, NOTE, svg
 from motions.table import ANGLE_NAMES, ANGLES, BONES
 
-FIGURES = ("gap_heatmap.svg", "probabilities.svg", "gaps.svg")
+FIGURES = ("budget.svg", "inclusion.svg", "gap_heatmap.svg", "gaps.svg")
 
 _OUTLINED = 5
 """Cells with the largest share of the gap that noise does not explain."""
@@ -29,16 +36,18 @@ _MOTIONS_A_ROW = 3
 _DARK = 0.7
 """Share of the colour scale from which text on it is white."""
 
+_LIGHT_BLUE = "#b9cfe0"
+
 _PANELS = (ALL, *BONES)
-_HELD_OUT = {"color": BLUE, "marker": "o", "markersize": 5.0, "linestyle": "none"}
-_IN_SAMPLE = {**_HELD_OUT, "color": "0.45", "markerfacecolor": "white", "markersize": 4.5}
+_UNSEEN = {"color": BLUE, "marker": "o", "markersize": 5.0, "linestyle": "none"}
+_IN_SAMPLE = {**_UNSEEN, "color": "0.45", "markerfacecolor": "white", "markersize": 4.5}
 _APART = 0.16
-"""Of a row: held-out values stand above its middle, in-sample ones below it."""
+"""Of a row: unseen values stand above its middle, in-sample ones below it."""
 
 
 def figures(diagnosis: Diagnosis) -> dict[str, str]:
     """Draw the figures of one model's diagnosis: SVG text by file name."""
-    drawings = (gap_heatmap, probabilities, gaps)
+    drawings = (budget, inclusion, gap_heatmap, gaps)
     return {name: svg(partial(draw, diagnosis)) for name, draw in zip(FIGURES, drawings, strict=True)}
 
 
@@ -94,34 +103,55 @@ def _values(cells: Sequence[Cell], lows: Sequence[float]) -> Float[np.ndarray, "
     return values
 
 
-def probabilities(diagnosis: Diagnosis) -> Figure:
-    """Draw the probability of every effect, most probable first, then none and unknown; the answer is dark."""
-    verdict, probability = diagnosis.verdict, diagnosis.verdict.probability
-    names = verdict.ranked
-    rows = np.arange(len(names))
-    at = rows + 0.6 * (rows >= len(names) - len((NONE, UNKNOWN)))
-    figure = Figure(figsize=(6.0, 0.8 + 0.21 * len(names)), layout="constrained")
+def budget(diagnosis: Diagnosis) -> Figure:
+    """Draw the ladder of the gap on motions not seen: as it is, adapted, with one cause after the other, from noise."""
+    steps = diagnosis.budget
+    rows, values = np.arange(len(steps)), np.array([step.gap_deg for step in steps], float).reshape(-1, 3)
+    largest = float(np.nanmax(values, initial=0.0)) or 1.0
+    figure = Figure(figsize=(6.0, 1.1 + 0.27 * len(steps)), layout="constrained")
     axes = figure.subplots()
-    colours = [BLUE if name in verdict.named else "#b9cfe0" for name in names]
-    axes.barh(at, [probability[name] for name in names], color=colours, height=0.72)
-    for y, name in zip(at, names, strict=True):
+    shades = {BASE: "0.8", ADAPTED_STEP: _LIGHT_BLUE, NOISE: "0.6"}
+    axes.barh(rows, values[:, 0], color=[shades.get(step.step, BLUE) for step in steps], height=0.68)
+    axes.hlines(rows, values[:, 1], values[:, 2], color="black", linewidth=1.0)
+    for y, (value, _, high) in enumerate(values.tolist()):
+        at = max((one for one in (value, high) if math.isfinite(one)), default=0.0)
+        axes.text(at + 0.015 * largest, y, gap_text(value), va="center", **NOTE)
+    axes.set_yticks(rows, [step_text(step.step) for step in steps])
+    axes.tick_params(axis="y", length=0.0)
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.1 * largest)
+    axes.set_xlabel(f"mean |gap| on {unseen_text(diagnosis.gaps)}, degrees")
+    _title(figure, diagnosis, "What takes the gap away", "lines: 95 % intervals; +: a cause added to all above it")
+    return figure
+
+
+def inclusion(diagnosis: Diagnosis) -> Figure:
+    """Draw the probability of every candidate of being at work, most probable first; those that are named are dark."""
+    probability = diagnosis.verdict.inclusion
+    named = {name for cause in diagnosis.verdict.causes for name in cause.names}
+    names = sorted(probability, key=lambda name: -probability[name])
+    rows = np.arange(len(names))
+    figure = Figure(figsize=(6.0, 1.0 + 0.21 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    colours = [BLUE if name in named else _LIGHT_BLUE for name in names]
+    axes.barh(rows, [probability[name] for name in names], color=colours, height=0.72)
+    for y, name in enumerate(names):
         axes.text(probability[name] + 0.01, y, probability_text(probability[name]), va="center", **NOTE)
-    axes.set_yticks(at, names)
+    axes.set_yticks(rows, names)
     axes.tick_params(axis="y", length=0.0)
     axes.invert_yaxis()
     axes.set_xlim(0.0, 1.08)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
-    axes.set_xlabel("probability")
-    note = "dark: the answer; each of a pair has half of the pair's" if verdict.pairs else "dark: the answer"
-    _title(figure, diagnosis, "Which effect explains the gap", note)
+    axes.set_xlabel("probability of being at work, alone or with others")
+    _title(figure, diagnosis, "What is at work", "dark: named" if named else "none is named")
     return figure
 
 
 def gaps(diagnosis: Diagnosis) -> Figure:
-    """Draw the noise floor and the gap of the base, the adapted and the extended model, one panel per bone."""
+    """Draw the noise floor and the gap of the model as it is, adapted, and with the causes, one panel per bone."""
     kinds: dict[GapKind, str] = {"base": "model as it is", "adapted": "adapted"}
-    if diagnosis.best:
-        kinds["with_effect"] = "with " + "\n+ ".join(diagnosis.best)
+    if diagnosis.verdict.causes:
+        kinds["with_effect"] = "with the causes"
     kinds["noise_floor"] = "noise alone"
     figure = Figure(figsize=(8.0, 1.1 + 0.34 * len(kinds)), layout="constrained")
     panels = figure.subplots(1, len(_PANELS), sharex=True, sharey=True)
@@ -136,20 +166,19 @@ def gaps(diagnosis: Diagnosis) -> Figure:
     handles, labels = panels[0].get_legend_handles_labels()
     below_title = (1.0, 1.0 - 0.15 / figure.get_figheight())
     figure.legend(handles, labels, loc="upper right", bbox_to_anchor=below_title, ncols=2, frameon=False)
-    _title(figure, diagnosis, "How far the gap shrinks", f"held out: {HELD_OUT}")
+    _title(figure, diagnosis, "How far the gap shrinks", f"unseen: {held_out_text(diagnosis.gaps)}")
     return figure
 
 
-def _draw_gaps(axes: Axes, gaps: HeldOutGaps, kinds: Sequence[GapKind], bone: str) -> None:
-    floor = gaps.unseen["noise_floor"][bone].value
+def _draw_gaps(axes: Axes, gaps: Gaps, kinds: Sequence[GapKind], bone: str) -> None:
+    floor = gaps.hardest["noise_floor"][bone].value
     if math.isfinite(floor):
         axes.axvline(floor, color="0.6", linewidth=0.8, linestyle=(0, (4, 2)), zorder=0)
     for levels, shift, style, label in (
-        (gaps.unseen, -_APART, _HELD_OUT, "held out, 95 % interval"),
+        (gaps.hardest, -_APART, _UNSEEN, f"{unseen_text(gaps)}, 95 % interval"),
         (gaps.in_sample, _APART, _IN_SAMPLE, "in sample, 95 % interval"),
     ):
-        each = [levels[kind][bone] for kind in kinds]
-        values = np.array([[gap.value, gap.low, gap.high] for gap in each]).T
+        values = np.array([levels[kind][bone] for kind in kinds]).T
         at = np.arange(len(kinds)) + shift
         axes.hlines(at, values[1], values[2], color=style["color"], linewidth=1.4)
         axes.plot(values[0], at, label=label, **style)

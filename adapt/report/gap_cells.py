@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
-from adapt.diagnosis.fit.observations import observe
-from adapt.diagnosis.gap_location import BIN_DEG, AngleGaps, Cell, cells
+from adapt.diagnosis.location.gap_location import BIN_DEG, AngleGaps, Cell, cells
+from adapt.diagnosis.location.observations import observe
 from adapt.report.fit_states import STATES, simulated_deg, state_rows
 from adapt.solvers import status
 from adapt.solvers.padded_batch import pack

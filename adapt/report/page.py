@@ -10,10 +10,21 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.diagnosis.json_form import JsonObject, gaps_as_json
+from adapt.diagnosis.json_form import JsonObject, levels_as_json
 from adapt.diagnosis.notes import notes
-from adapt.diagnosis.result import HELD_OUT, Diagnoses, Diagnosis
-from adapt.diagnosis.wording import amplitude_text, listed, number, probability_text, sentence
+from adapt.diagnosis.result import Diagnoses, Diagnosis, GapLevels, Step
+from adapt.diagnosis.wording import (
+    amplitude_text,
+    held_out_text,
+    listed,
+    number,
+    percent_text,
+    probability_text,
+    sentence,
+    step_text,
+    unseen_text,
+    with_unit,
+)
 from adapt.report.figure_data import CONSTRAINT_NAMES, figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
@@ -44,7 +55,7 @@ def report_html(
     which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if any.
     """
     by_model = diagnoses.by_model if diagnoses else {}
-    noise_deg = {name: one.noise.noise.angle_deg for name, one in by_model.items()}
+    noise_deg = {name: one.noise.angle_deg for name, one in by_model.items()}
     data = figure_data(motions, models, result, noise_deg)
     who = people(len(motions.subjects), len(simulated_subjects(motions)))
     first = diagnoses.closest.model if diagnoses else closest(result.summary)
@@ -83,9 +94,19 @@ def report_html(
 
 
 def _gaps(diagnosis: Diagnosis) -> JsonObject:
-    """The gaps of one model; without an effect there is no gap with it."""
-    gaps = gaps_as_json(diagnosis.gaps)
-    return {kind: level for kind, level in gaps.items() if diagnosis.best or kind != "with_effect"}
+    """The most unseen gaps of one model, and those in sample; without a cause there is no gap with it."""
+
+    def shown(levels: GapLevels) -> JsonObject:
+        known = levels_as_json(levels) or {}
+        return {kind: one for kind, one in known.items() if diagnosis.verdict.causes or kind != "with_effect"}
+
+    gaps = diagnosis.gaps
+    return {"unseen": shown(gaps.hardest), "in_sample": shown(gaps.in_sample), "what": unseen_text(gaps)}
+
+
+def _largest(budget: Sequence[Step]) -> float:
+    """The gap that the longest bar stands for."""
+    return max((step.gap_deg.value for step in budget if step.gap_deg.value > 0.0), default=1.0)
 
 
 def _environment() -> Environment:
@@ -99,18 +120,23 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "deg": _deg,
-        "probability": probability_text,
-        "size": amplitude_text,
+        "held_out": held_out_text,
+        "largest": _largest,
         "listed": listed,
         "notes": notes,
+        "percent": percent_text,
+        "probability": probability_text,
         "sentence": sentence,
+        "size": amplitude_text,
+        "step": step_text,
+        "unseen": unseen_text,
     }
     environment.globals |= {
         "angle_names": ANGLE_NAMES,
         "constraints": CONSTRAINT_NAMES,
         "effects": EFFECTS,
         "number": number,
-        "held_out_part": HELD_OUT,
+        "with_unit": with_unit,
     }
     return environment
 

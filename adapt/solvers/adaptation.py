@@ -11,6 +11,7 @@ from adapt.engine.batching import as_type, in_chunks, take_problems, with_proble
 from adapt.solvers import status
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.batched.subject_kernels import sweep_from
+from adapt.solvers.extended.whole_subjects import solve_extended
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, Reading, ThoraxPoints, thorax_distance_mm2
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_with_weight
@@ -153,7 +154,10 @@ def _from_theta(data: ProblemBatch, weight, reading: Reading, equivalent, theta,
     problem = problem_with_weight(data, equivalent)
     fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem)
     progress("round 1")
-    result = _solved(fixed, data.active_effects, theta, fitted_angles(data, theta))
+    start = (
+        data.angles if data.active_effects.effects else fitted_angles(data, theta)
+    )  # theirs closes the chains itself
+    result = _solved(fixed, data.active_effects, theta, start)
     left = np.arange(theta.shape[-1])
     for number in range(2, _ROUNDS + 1):
         angles, lower = _lower_postures(take_problems(data, left), take_problems(result, left))
@@ -170,10 +174,16 @@ def _from_theta(data: ProblemBatch, weight, reading: Reading, equivalent, theta,
 
 
 def _solved(fixed: Fixed, active_effects: ActiveEffects, theta, angles) -> Subject:
-    """The optima reached from here; with active effects, which have no fast path, by the reference solver."""
+    """The optima reached from here; with active effects by their own fast path, then by the reference solver."""
     if not active_effects.effects:
         return solved_from(fixed, theta, angles)
-    return in_chunks(_solve, _SMALL_CHUNK, *fixed, theta, angles, active_effects)
+    result = solve_extended(fixed, active_effects, theta, angles)
+    left = np.flatnonzero(~result.converged)
+    if len(left):
+        further = take_problems((fixed, result.theta, result.angles, active_effects), left)
+        solved = in_chunks(_solve, _SMALL_CHUNK, *further[0], *further[1:])
+        result = with_problems(result, left, solved)
+    return result
 
 
 def solved_from(fixed: Fixed, theta, angles) -> Subject:

@@ -11,6 +11,7 @@ from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.batched.posture import SweptPostures
 from adapt.solvers.batched.posture_kernels import tracked
+from adapt.solvers.extended.postures import fit_extended
 from adapt.solvers.posture_fits import AnyGirdle, Fitted, as_fitted, reference_fit
 from adapt.solvers.reference.posture import objective_weights
 from models.girdle import Girdle
@@ -85,10 +86,10 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
 
 
 def _trackers(girdle: AnyGirdle) -> list[Callable[..., SweptPostures]]:
-    """The fast path, in shorter steps for what it did not follow; with effects the reference solver."""
+    """The fast path, in shorter steps for what it did not follow; with effects theirs, then the reference solver."""
     if isinstance(girdle, Girdle):
         return [partial(tracked, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
-    return [_track_by_reference]
+    return [partial(_track_straight, fit) for fit in (fit_extended, reference_fit)]
 
 
 def _breaks(fitted: Fitted, problem, previous, same_rad: float) -> Bool[np.ndarray, " problems"]:
@@ -124,8 +125,8 @@ def _motions_of(previous: Int[np.ndarray, " problems"]) -> list[Int[np.ndarray, 
     return chains
 
 
-def _track_by_reference(girdle: AnyGirdle, target, weights, target_before, start) -> SweptPostures:
+def _track_straight(fit: Callable[..., SweptPostures], girdle, target, weights, target_before, start) -> SweptPostures:
     """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
     for fraction in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
-        start = reference_fit(girdle, target_before + fraction * (target - target_before), weights, start).angles
-    return reference_fit(girdle, target, weights, start)
+        start = fit(girdle, target_before + fraction * (target - target_before), weights, start).angles
+    return fit(girdle, target, weights, start)

@@ -38,7 +38,7 @@ class MotionRows:
         angles = np.tile(motions.angles_deg.T / DEG, models).astype(dtype, copy=False)
         before, rows = motions.previous_rows(), len(motions.posture)
         previous = np.concatenate([np.where(before < 0, -1, before + k * rows) for k in range(models)])
-        known = active_effects(effects, np.tile(motions.humerus_elevation_deg, models))
+        known = active_effects(effects, motions).at(np.tile(np.arange(rows), models))
         return MotionRows(angles, np.isfinite(angles), previous, known)
 
 

@@ -14,6 +14,7 @@ from adapt.engine.batching import as_type, in_chunks, take_problems
 from adapt.solvers import status
 from adapt.solvers.batched.posture import SweptPostures
 from adapt.solvers.batched.posture_kernels import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower
+from adapt.solvers.extended.postures import fit_extended
 from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
 from adapt.solvers.reference.posture import (
     Postures,
@@ -135,7 +136,7 @@ def _unsolved(closed, residual, target, weights) -> Fitted:
 def _solved(girdle: AnyGirdle, target, weights, start, around: bool) -> SweptPostures:
     """Take the fast path, then the reference solver where needed; after float32 first the fast path in float64."""
     if not isinstance(girdle, Girdle):
-        return reference_fit(girdle, target, weights, start)
+        return _solved_with_effects(girdle, target, weights, start)
     problem = girdle, target, weights
     quick = as_type(fitted_from_places(problem, around) if start is None else fitted_from(problem, start), float)
     left = np.flatnonzero(~quick.converged)
@@ -149,6 +150,25 @@ def _solved(girdle: AnyGirdle, target, weights, start, around: bool) -> SweptPos
             further = reference_fit(girdle, target, weights, start)
         put_lower(quick, left, further)
     return quick
+
+
+def _solved_with_effects(girdle: ExtendedGirdle, target, weights, start) -> SweptPostures:
+    """Take the fast path of effects, from where the chain closes too, then the reference solver where needed."""
+    quick = fit_extended(girdle, target, weights, start)
+    for number, offset in enumerate(OFFSETS_DEG if start is None else ()):
+        again = np.arange(target.shape[1]) if number < _MORE_STARTS else np.flatnonzero(~quick.converged)
+        if len(again):
+            chain, s, W = take_problems((girdle, target, weights), again)
+            put_lower(quick, again, fit_extended(chain, s, W, s + offset[:, None] / DEG))
+    left = np.flatnonzero(~quick.converged)
+    if len(left):
+        chain, s, W = take_problems((girdle, target, weights), left)
+        put_lower(quick, left, reference_fit(chain, s, W, None if start is None else start[:, left]))
+    return quick
+
+
+_MORE_STARTS = 2
+"""Places around the measured angles that a fit with effects starts from too: the nearest valley may be a higher one."""
 
 
 def reference_fit(girdle: AnyGirdle, target, weights, start) -> SweptPostures:

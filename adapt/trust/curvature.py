@@ -22,9 +22,12 @@ from jaxtyping import Float
 
 from adapt.engine.batching import compiled, in_chunks, take_problems
 from adapt.solvers.adaptation import Adapted, subject_conditions
-from adapt.solvers.linalg import Factor, matmul, matvec, transpose
+from adapt.solvers.batched.subject import Fixed
+from adapt.solvers.extended.second_derivatives import motion_curvature
+from adapt.solvers.objective import ThoraxPoints
 from adapt.solvers.problem_batch import ProblemBatch, problem_with_weight
 from adapt.solvers.reference.elimination import eliminate
+from adapt.solvers.reference.linalg import Factor, matmul, matvec, transpose
 from adapt.solvers.reference.subject import Problem, joint
 from models.effects import ActiveEffects
 from models.girdle import Girdle
@@ -56,6 +59,8 @@ class Curvature:
 def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
     """Differentiate E = D + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, problem by problem."""
     problem = problem_with_weight(data, adapted.weight)
+    if data.active_effects.effects and np.asarray(data.measured | ~data.counted).all():
+        return _with_effects(data, problem, adapted)
     given = data.girdle, data.points_mm, data.point_weights, problem, adapted.theta_mm, adapted.angles
     at_once = 0 if data.active_effects.effects else _AT_ONCE  # effects have no derivatives by hand, which numpy needs
     count = adapted.theta_mm.shape[-1]
@@ -64,6 +69,23 @@ def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
         for part in np.split(np.arange(count), range(_AT_ONCE, count, _AT_ONCE))
     ]
     return Curvature(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
+
+
+def _with_effects(data: ProblemBatch, problem: Problem, adapted: Adapted) -> Curvature:
+    """The same with effects at work, the motion's part by differences of its exact slope."""
+    fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem)
+    of_motion, moved = motion_curvature(fixed, data.active_effects, adapted.theta_mm)
+    thorax = ThoraxPoints(data.girdle, data.points_mm, data.point_weights)
+    B = -np.einsum("apkl,apl->kapl", moved, np.where(data.counted, problem.weights, 0.0))
+    inverse_weights = np.where(problem.weights > 0.0, 1.0 / np.where(problem.weights > 0.0, problem.weights, 1.0), 0.0)
+    slope = np.stack([np.broadcast_to(x, data.point_weights.shape) for x in thorax.distances(adapted.theta_mm)[1]])
+    return Curvature(
+        thorax.curvature(adapted.theta_mm),
+        of_motion,
+        B,
+        2.0 * np.einsum("inl,nl,jnl->ijl", slope, data.point_weights, slope),
+        np.einsum("iapl,apl,japl->ijl", B, inverse_weights, B),
+    )
 
 
 @compiled

@@ -128,7 +128,7 @@ def held_out_gaps(
     parts = choose(motions, batch)
     if not parts:
         return NOTHING
-    known = active_effects(effects, motions.humerus_elevation_deg[batch.rows])
+    known = active_effects(effects, motions).at(batch.rows)
     data = as_type(problem_batch(batch, list(models), known), dtype)
     found = held_out(data, len(batch.subjects), parts, weight, reading, progress)
     return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))

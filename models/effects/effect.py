@@ -7,20 +7,21 @@ rotations as they would be measured, so that every fit that takes constraints ta
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from models.effects.prior import COURSE_SD, EffectPrior
+from models.effects.course import CONSTANT, Course
+from models.effects.prior import EffectPrior
 from models.girdle import Girdle
-from motions.arrays import Array, xp
+from motions.arrays import Array
 from motions.rotations import rotate
+from motions.table import Motions
 
 Rotations = tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]
 """R_thorax_clavicle, R_thorax_scapula."""
 
 Adjust = Callable[[Girdle, Rotations, Float[Array, " channels *batch"]], tuple[Girdle, Rotations]]
-"""The girdle and the true rotations, from the base girdle, the rotations as measured, and the amplitude there."""
+"""The girdle and the true rotations, from the base girdle, the rotations as measured, and the strength there."""
 
 SHOWN = ("SC", "AC", "TS", "AI")
 """The landmarks whose positions the model predicts."""
@@ -30,105 +31,64 @@ Points = Float[Array, " 3 shown *batch"]
 
 Show = Callable[[Points, Girdle, Rotations, Float[Array, " channels *batch"]], Points]
 """Where the landmarks are seen, from where they are in the adjusted chain, the base girdle and the rotations as
-measured, and the amplitude there."""
+measured, and the strength there."""
 
 
-def where_they_are(points: Points, girdle: Girdle, rotations: Rotations, amplitude) -> Points:
+def where_they_are(points: Points, girdle: Girdle, rotations: Rotations, strength) -> Points:
     """Return the points unchanged: most effects move the bones or misjudge their frames, and landmarks are then seen
     where they are."""
     return points
 
 
-FULL_ELEVATION_DEG = 150.0
-"""Elevation at which the first term of a course is at its height."""
-
-
 @dataclass(frozen=True)
 class Effect:
-    """One candidate. ``channels`` are its independent directions, each with an amplitude in ``unit``.
-
-    With ``over_elevation`` each channel follows a smooth course over humeral elevation that is zero with the arm
-    hanging (:meth:`course`), and that is slow at first if ``late``; else it is one number a subject. ``adjust`` takes
-    the amplitude at the posture, in ``unit``.
-    """
+    """One candidate: ``directions``, each with an amplitude in ``unit`` for each term of its course."""
 
     name: str
+    """Of the cause; after a colon what its course goes with, where it has another course than the first."""
     what: str
     """What it changes, one line."""
     unit: str
-    channels: tuple[str, ...]
-    over_elevation: bool
+    directions: tuple[str, ...]
     adjust: Adjust
     prior: EffectPrior
     """What is believed about its amplitudes before any data."""
+    course: Course = CONSTANT
+    """How the strength follows from the amplitudes at each posture."""
     show: Show = where_they_are
-    late: bool = False
-    details: int = 0
-    """So many of the last channels say how the effect acts, not how large it is; the name of each says its unit. None
-    of them is reported."""
+    may_follow: tuple[str, ...] = ()
+    """Bone angles that it may follow in place of the elevation of the arm: then it has a second course
+    (:func:`models.effects.by_posture.by_posture`)."""
 
     @property
-    def directions(self) -> tuple[str, ...]:
-        """The channels without the details."""
-        return self.channels[: len(self.channels) - self.details]
-
-    @property
-    def leading(self) -> int | None:
-        """The channel that leads, or None."""
-        if len(self.directions) == 1:
-            return 0
-        return self.channels.index(self.prior.leads) if self.prior.leads else None
-
-    @property
-    def terms(self) -> int:
-        """How many numbers describe the course of a channel."""
-        return len(COURSE_SD) if self.over_elevation else 1
+    def cause(self) -> str:
+        """What is at work, whatever its course: the name up to the colon."""
+        return self.name.partition(":")[0]
 
     @property
     def amplitudes(self) -> int:
-        """How many numbers describe this effect in one subject."""
-        return len(self.channels) * self.terms
-
-    @property
-    def channel_signs(self) -> tuple[int, ...]:
-        """The expected sign of each channel: +1, -1, or 0 for either."""
-        return self.prior.sign or (0,) * len(self.channels)
-
-    @property
-    def signs(self) -> tuple[int, ...]:
-        """The expected sign of each amplitude; the later terms of a course have none."""
-        more = (0,) * (self.terms - 1)
-        return tuple(value for channel in self.channel_signs for value in (channel, *more))
+        """How many numbers describe this effect."""
+        return len(self.directions) * len(self.course.sd)
 
     @property
     def prior_sd(self) -> Float[np.ndarray, " amplitudes"]:
-        """Prior SD of each amplitude: the channel's scale, smaller for the later terms of a course."""
-        return np.outer(self.prior.scale, COURSE_SD if self.over_elevation else (1.0,)).ravel()
+        """Prior SD of each amplitude: the direction's scale, smaller for the later terms of a course."""
+        return np.outer(self.prior.scale, self.course.sd).ravel()
 
     @property
-    def firsts(self) -> Int[np.ndarray, " directions"]:
-        """Which of the amplitudes are the first term of a direction: what is left without bends and details."""
-        return self.terms * np.arange(len(self.directions))
+    def prior_mean(self) -> Float[np.ndarray, " amplitudes"]:
+        """Prior mean of each amplitude."""
+        return np.full(self.amplitudes, self.prior.mean)
 
-    def at(
-        self, amplitude: Float[Array, " amplitudes *batch"], elevation_deg: Float[Array, " *batch"]
-    ) -> Float[Array, " channels *batch"]:
-        """Compute the amplitude of each channel at the given elevations, in ``unit``."""
-        terms = amplitude.reshape(len(self.channels), -1, *amplitude.shape[1:])
-        return jnp.sum(terms * self.course(elevation_deg)[None], axis=1)
+    def columns(self, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
+        """Give the strength in each channel that each amplitude of 1 has at every posture of the motions."""
+        return self.course.columns(len(self.directions), motions)
 
-    def course(self, elevation_deg: Float[Array, " *batch"]) -> Float[Array, " terms *batch"]:
-        """Compute the factor of each term of a channel's amplitude at these elevations: 1 for an effect without course.
-
-        Else f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) of f = elevation / 150 deg: a straight line, how much it bends,
-        and where; f^2 in place of f for one that comes ``late``. All are zero with the arm hanging; the first alone is
-        not with the arm up.
-        """
-        if not self.over_elevation:
-            return xp.ones_like(elevation_deg)[None]
-        f = elevation_deg / FULL_ELEVATION_DEG
-        bend = 4.0 * f * (1.0 - f)
-        return xp.stack([f**2 if self.late else f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
+    def strengths(
+        self, amplitude: Float[np.ndarray, " amplitudes"], motions: Motions
+    ) -> Float[np.ndarray, "channels postures"]:
+        """Compute the strength in each channel at every posture of the motions."""
+        return np.einsum("a,acp->cp", np.asarray(amplitude, float), self.columns(motions))
 
 
 def rotate_points(R: Float[Array, " 3 3 *batch"], points: Points) -> Points:

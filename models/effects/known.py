@@ -8,10 +8,12 @@ from jaxtyping import Float
 
 from models.effects import EFFECTS, ActiveEffects, Effect
 from motions.errors import InputError
+from motions.table import Motions
 
 Amplitudes = Mapping[str, Sequence[float]]
-"""By name of the effect, the amplitude of each of its directions in its unit (``girdle effects``); no details. That of
-one that goes with elevation holds at ``FULL_ELEVATION_DEG``: it follows the first term of ``Effect.course``."""
+"""By name of the effect, the amplitude of each of its directions in its unit (``girdle effects``). That of one that
+goes with elevation holds at ``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each
+direction in turn."""
 
 NO_EFFECTS: Amplitudes = MappingProxyType({})
 
@@ -19,17 +21,14 @@ OPTION = "--effect"
 """Of the command line, where an error names it."""
 
 
-def active_effects(amplitudes: Amplitudes, elevation_deg: Float[np.ndarray, "*postures"]) -> ActiveEffects:
-    """Return the effects at these elevations; InputError where there is no such effect or its numbers do not fit it."""
-    effects = [effect_named(name, "effects") for name in amplitudes]
+def active_effects(amplitudes: Amplitudes, motions: Motions) -> ActiveEffects:
+    """Return the effects at every posture of the motions, in the order in which they act; InputError where there is no
+    such effect or its numbers do not fit it."""
+    effects = sorted((effect_named(name, "effects") for name in amplitudes), key=list(EFFECTS.values()).index)
     for effect in effects:
         _check(effect, amplitudes[effect.name], "effects")
-    strengths = (
-        effect.at(_amplitude(effect, amplitudes[effect.name]).reshape(-1, *(1,) * elevation_deg.ndim), elevation_deg)
-        for effect in effects
-    )
-    shape = elevation_deg.shape
-    return ActiveEffects(tuple(np.broadcast_to(one, (len(one), *shape)) for one in strengths), tuple(effects))
+    strengths = (effect.strengths(_amplitude(effect, amplitudes[effect.name]), motions) for effect in effects)
+    return ActiveEffects(tuple(strengths), tuple(effects))
 
 
 def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
@@ -49,11 +48,13 @@ def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
     return found
 
 
-def as_option(effect: Effect, size: Sequence[float], elevation_deg: float) -> str:
-    """Write ``NAME=A,B,C`` for the size of each direction at this elevation, to three digits: the reverse of
-    ``read_amplitudes``, as if the first term of ``Effect.course`` were all of it."""
-    height = effect.course(np.asarray(elevation_deg))[0]
-    return f"{effect.name}={','.join(f'{value:.3g}' for value in np.asarray(size) / height)}"
+_DIGITS = 4
+"""Of a number in an option: to 0.01 % of what is at work."""
+
+
+def as_option(effect: Effect, amplitude: Sequence[float]) -> str:
+    """Write ``NAME=A,B,C`` with all amplitudes of the effect, rounded: the reverse of ``read_amplitudes``."""
+    return f"{effect.name}={','.join(f'{value:.{_DIGITS}g}' for value in amplitude)}"
 
 
 def described(amplitudes: Amplitudes) -> str:
@@ -78,13 +79,16 @@ def effect_named(name: str, place: str, *others: str) -> Effect:
 
 def _check(effect: Effect, given: Sequence[float], place: str) -> None:
     values = np.asarray(given, float)
-    if values.shape != (len(effect.directions),) or not np.isfinite(values).all():
+    if values.shape not in {(len(effect.directions),), (effect.amplitudes,)} or not np.isfinite(values).all():
         cause = f"{effect.name} has {list(given)}"
         remedy = f"Give {len(effect.directions)}, in {effect.unit}: {', '.join(effect.directions)}"
         raise InputError(place, None, cause, remedy)
 
 
 def _amplitude(effect: Effect, given: Sequence[float]) -> Float[np.ndarray, " amplitudes"]:
-    amplitude = np.zeros(effect.amplitudes)
-    amplitude[effect.firsts] = given
-    return amplitude
+    """All amplitudes; where only one a direction is given, the later terms of its course are zero."""
+    if len(given) == effect.amplitudes:
+        return np.asarray(given, float)
+    amplitude = np.zeros((len(effect.directions), len(effect.course.sd)))
+    amplitude[:, 0] = given
+    return amplitude.ravel()

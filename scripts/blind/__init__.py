@@ -1,1 +1,1 @@
-"""What `scripts/blind_check.py` does: its cases, their runs and lines, kept fits, figures and fitted constants."""
+"""What `scripts/blind_check.py` does: its cases, their runs and lines, and the figures."""

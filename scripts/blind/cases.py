@@ -19,11 +19,10 @@ MODELS = ("R2", "R4", "R6", "breteler_dissection")
 """Which of them makes a world and is given to the diagnosis goes by the seed."""
 
 CALIBRATION_SEEDS = range(100_000)
-"""Of worlds that the thresholds of adapt/diagnosis/inference/verdict.py were fitted on, and everything was tried out
-on."""
+"""Of worlds that everything was tried out on."""
 
 REPORTED_SEEDS = range(200_000, 200_012)
-"""No threshold was ever fitted on these or on any after them. docs/blind_check.md names those of its figures."""
+"""Nothing was ever tried out on these or on any after them. docs/blind_check.md names those of its figures."""
 
 NONE_WORLDS = 8
 """Worlds without an effect a seed: all that says how often an effect is blamed on nothing."""

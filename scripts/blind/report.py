@@ -1,7 +1,7 @@
 """The figures of the withheld-effect check, from the lines of its cases: rates with intervals, as Markdown.
 
-Effects of a pair that acts together count as named each. A confident wrong name is an answer 'effect' that hedges
-nothing, one name or a pair acting together, without the effect at work; where that is outside the list, any such.
+An answer names causes, each by one name or several that the data cannot tell apart. A confident wrong name is an answer
+that hedges nothing, each cause by one name, without the effect at work; where that is outside the list, any such.
 """
 
 import math
@@ -12,9 +12,12 @@ import numpy as np
 
 from adapt.diagnosis.result import EFFECT, NONE, UNKNOWN
 from models.effects import EFFECTS
-from scripts.blind.cases import kind
+from scripts.blind.cases import LISTED, kind
 from scripts.blind.runs import Line, key
 from scripts.reporting import markdown, wilson
+
+CAUSES = tuple(dict.fromkeys(effect.cause for effect in EFFECTS.values()))
+"""What can be named, whatever its course."""
 
 _BINS = 10
 _DRAWS = 1000
@@ -29,7 +32,7 @@ _MOST_FAILURES = 10
 
 REACH = {
     "true effect in the reported set": ">= 97 %",
-    "mean size of the reported set": "<= 1.3",
+    "mean number of names of a cause": "<= 1.3",
     "most probable effect = true": ">= 95 %",
     "effect at work: confident wrong name": "<= 3 %",
     "no effect: one blamed": "<= 3 %",
@@ -78,25 +81,45 @@ def named(line: Line) -> bool:
     return line["answer"] == EFFECT
 
 
+def names_of(line: Line) -> list[str]:
+    """Every name of every cause, whatever the answer."""
+    return [name for names in line["causes"] for name in names]
+
+
+def best(line: Line) -> list[str]:
+    """The most probable name of every cause."""
+    return [names[0] for names in line["causes"]]
+
+
+def at_work(line: Line) -> set[str]:
+    """The effects at work, or that outside the list."""
+    return set(line["label"].split("+"))
+
+
 def covered(line: Line) -> bool:
-    """The effect at work is in the reported set."""
-    return named(line) and line["label"] in line["effects"]
+    """The effect at work is among the names of a cause."""
+    return named(line) and line["label"] in names_of(line)
 
 
 def first(line: Line) -> str:
-    """The answer's most probable name, 'none' or 'unknown'."""
-    return line["effects"][0] if named(line) else line["answer"]
+    """The most probable name of the first cause, 'none' or 'unknown'."""
+    return best(line)[0] if named(line) else line["answer"]
 
 
 def confidently_wrong(line: Line) -> bool:
     """An answer that hedges nothing, and is wrong."""
-    sure = named(line) and (len(line["effects"]) == 1 + line["together"])
-    return sure and not set(line["effects"]) & set(line["label"].split("+"))
+    sure = named(line) and all(len(names) == 1 for names in line["causes"])
+    return sure and not set(names_of(line)) & at_work(line)
+
+
+def one_too_many(line: Line) -> bool:
+    """A cause is named that is not at work, beside or instead of what is."""
+    return named(line) and any(not set(names) & at_work(line) for names in line["causes"])
 
 
 def most_probable_effect(line: Line) -> str:
     """Of the listed effects, whatever the answer."""
-    return max(EFFECTS, key=lambda name: line["probability"].get(name, 0.0))
+    return max(CAUSES, key=lambda name: line["probability"].get(name, 0.0))
 
 
 def surest(line: Line) -> tuple[float, bool]:
@@ -117,22 +140,23 @@ def log_score(lines: Iterable[Line]) -> str:
 
 
 def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
-    """Of every channel of a rightly named effect whose true mean the world knows."""
+    """Of every direction of a rightly named effect whose true mean the world knows."""
     return [
-        channel["low"] <= line["true_channels"][line["label"]][channel["channel"]] <= channel["high"]
+        interval["low"] <= line["true_directions"][line["label"]][direction] <= interval["high"]
         for line in lines
-        if covered(line) and line["label"] in line["true_channels"]
-        for channel in line["amplitude"][line["label"]]
+        if covered(line) and line["label"] in line["true_directions"]
+        for direction, interval in line["amplitude"][line["label"]].items()
+        if direction in line["true_directions"][line["label"]]
     ]
 
 
-def shrinkages(lines: Iterable[Line], predicted: str = "gap_deg") -> list[tuple[float, float]]:
+def shrinkages(lines: Iterable[Line], predicted: str = "unseen_deg") -> list[tuple[float, float]]:
     """Predicted and realised, shares of the adapted gap."""
 
     def shrinkage(adapted: float, with_effect: float) -> float:
         return (adapted - with_effect) / adapted
 
-    found = [(line[predicted], line["realised_deg"]) for line in lines if "realised_deg" in line]
+    found = [(line[predicted], line["realised_deg"]) for line in lines if "realised_deg" in line and line[predicted]]
     return [
         (shrinkage(p["adapted"]["value"], p["with_effect"]["value"]), shrinkage(r["adapted"], r["with_effect"]))
         for p, r in found
@@ -157,7 +181,7 @@ def left_out_outcome(line: Line, like: dict[tuple[str, int], set[str]]) -> str:
     known = like.get((line["label"], line["seed"]))
     if known is None:
         return "a name; not judged, `standard` not run"
-    if known & set(line["effects"]):
+    if known & set(names_of(line)):
         return "honest mimic"
     return "confident wrong name" if confidently_wrong(line) else "wrong set"
 
@@ -171,7 +195,7 @@ def mimicry(left_out: Iterable[Line], whole: Iterable[Line]) -> np.ndarray:
     def realised(lines: Iterable[Line]) -> dict[tuple[str, int], dict[str, float]]:
         return {(line["label"], line["seed"]): line["realised_deg"] for line in lines if "realised_deg" in line}
 
-    right, wrong = realised(line for line in whole if line["label"] in line["best"]), realised(left_out)
+    right, wrong = realised(line for line in whole if line["label"] in best(line)), realised(left_out)
     both = [(right[world], wrong[world]) for world in wrong if world in right]
     return np.array([(a["adapted"], a["with_effect"], b["with_effect"]) for a, b in both]).reshape(-1, 3)
 
@@ -180,7 +204,9 @@ def pair_outcome(line: Line) -> str:
     """What became of two effects at once."""
     if not named(line):
         return line["answer"]
-    return ("wrong", "one named", "both named")[len(set(line["effects"]) & set(line["label"].split("+")))]
+    found = at_work(line) & set(names_of(line))
+    apart = sum(bool(set(names) & found) for names in line["causes"])
+    return ("wrong", "one named", "both named")[min(len(found), apart)]
 
 
 def confusions(lines: Iterable[Line]) -> list[tuple[str, str, int, int]]:
@@ -189,7 +215,7 @@ def confusions(lines: Iterable[Line]) -> list[tuple[str, str, int, int]]:
     for line in lines:
         if kind(line["label"]) == "effect" and named(line):
             which = beside if covered(line) else instead
-            which.update((line["label"], name) for name in line["effects"] if name != line["label"])
+            which.update((line["label"], name) for name in names_of(line) if name != line["label"])
     order = sorted(beside | instead, key=lambda pair: (-beside[pair] - instead[pair], pair))
     return [(*pair, beside[pair], instead[pair]) for pair in order]
 
@@ -203,32 +229,25 @@ def _of_the_surest(lines: Iterable[Line], error: Callable[[Sequence[float], Sequ
 
 
 def _mean_size(lines: Iterable[Line]) -> str:
-    sizes = [len(line["effects"]) for line in lines if named(line)]
+    sizes = [len(names) for line in lines if named(line) for names in line["causes"]]
     return f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-"
 
 
-def _shrinkage_error(lines: Iterable[Line], predicted: str = "gap_deg") -> str:
+def _shrinkage_error(lines: Iterable[Line], predicted: str = "unseen_deg") -> str:
     found = np.array(shrinkages(lines, predicted))
     return f"{100 * np.median(np.abs(found[:, 0] - found[:, 1])):.1f} points ({len(found)})" if len(found) else "-"
-
-
-def _predicted_power(lines: Iterable[Line]) -> str:
-    """What the diagnoses themselves foresaw, before they saw a residual, of an effect of its typical size."""
-    typical = [line for line in lines if POWER.get(line["condition"], 1.0) == 1.0 and line["condition"] != "mixed"]
-    found = [line["foreseen"][line["label"]] for line in typical if line["label"] in line.get("foreseen", {})]
-    return f"{100 * np.mean(found):.1f} % ({len(found)})" if found else "-"
 
 
 MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
     "true effect in the reported set": ("effect", lambda lines: rate(map(covered, lines))),
     "the same, of answers 'effect'": ("effect", lambda lines: rate(covered(line) for line in lines if named(line))),
-    "mean size of the reported set": ("effect", _mean_size),
+    "mean number of names of a cause": ("effect", _mean_size),
     "most probable effect = true": ("effect", lambda lines: rate(most_probable_effect(x) == x["label"] for x in lines)),
     "effect at work: named first": ("effect", lambda lines: rate(first(line) == line["label"] for line in lines)),
-    "the same, foreseen": ("effect", _predicted_power),
     "effect at work: confident wrong name": ("effect", lambda lines: rate(map(confidently_wrong, lines))),
     "effect at work: none": ("effect", lambda lines: rate(line["answer"] == NONE for line in lines)),
     "effect at work: unknown": ("effect", lambda lines: rate(line["answer"] == UNKNOWN for line in lines)),
+    "effect at work: a cause that is not": ("effect", lambda lines: rate(map(one_too_many, lines))),
     "no effect: one blamed": ("none", lambda lines: rate(map(named, lines))),
     "no effect: unknown": ("none", lambda lines: rate(line["answer"] == UNKNOWN for line in lines)),
     "outside: unknown": ("outside", lambda lines: rate(line["answer"] == UNKNOWN for line in lines)),
@@ -280,11 +299,11 @@ def outcome_table(outcomes: Sequence[str], head: str, possible: Sequence[str]) -
 
 def confusion_matrix(lines: Sequence[Line]) -> str:
     """Rows the truth, columns the most probable name of the answer; listed effects by number."""
-    columns = [*EFFECTS, NONE, UNKNOWN]
+    columns = [*CAUSES, NONE, UNKNOWN]
     counts = Counter((line["label"], first(line)) for line in lines)
     outside = sorted({line["label"] for line in _of_kind(lines, "outside")})
-    numbers = {name: str(number) for number, name in enumerate(EFFECTS, 1)}
-    present = [label for label in (*EFFECTS, NONE, *outside) if any(line["label"] == label for line in lines)]
+    numbers = {name: str(number) for number, name in enumerate(CAUSES, 1)}
+    present = [label for label in (*CAUSES, NONE, *outside) if any(line["label"] == label for line in lines)]
     rows = [
         [f"{numbers.get(row, '')} {row}".strip(), *(str(counts[row, column] or "") for column in columns)]
         for row in present
@@ -322,8 +341,8 @@ def power_table(by_condition: dict[str, list[Line]]) -> str:
         chosen = ([line for line in lines if line["label"] in labels] for lines in by_size.values())
         return [name, *(rate(first(line) == line["label"] for line in lines) for lines in chosen)]
 
-    rows = [row(name, [name]) for name in EFFECTS]
-    return markdown(["effect", *(f"size {size:g}" for size in by_size)], [*rows, row("all", list(EFFECTS))])
+    rows = [row(name, [name]) for name in LISTED]
+    return markdown(["effect", *(f"size {size:g}" for size in by_size)], [*rows, row("all", LISTED)])
 
 
 def report(lines: Sequence[Line]) -> str:

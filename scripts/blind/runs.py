@@ -25,15 +25,15 @@ Line = dict[str, Any]
 AnyCase = TypeVar("AnyCase", bound=Case)
 """A case, or one with more to it."""
 
-Examine = Callable[[AnyCase, Path | None], Line]
+Examine = Callable[[AnyCase], Line]
 
 
-def run_case(case: AnyCase, how: Examine[AnyCase], fits: Path | None) -> Line:
+def run_case(case: AnyCase, how: Examine[AnyCase]) -> Line:
     """A case to its line; what goes wrong becomes its line."""
     line = {"origin": "simulated", **asdict(case), "model": case.model, "code": code_state()}
     start = time.monotonic()
     try:
-        return finite(line | how(case, fits) | {"seconds": time.monotonic() - start})
+        return finite(line | how(case) | {"seconds": time.monotonic() - start})
     except Exception as error:  # any failure is one case's: the others go on
         return line | {"failed": f"{type(error).__name__}: {error}"}
 
@@ -87,25 +87,23 @@ def append_lines(path: Path, lines: Iterator[Line], progress: Callable[[Line], N
             progress(line)
 
 
-def run(cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase], fits: Path | None) -> Iterator[Line]:
+def run(cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase]) -> Iterator[Line]:
     """The lines of the cases as they are done."""
     if jobs == 1:
         keep_compiled()
-        yield from (run_case(case, how, fits) for case in cases)
+        yield from (run_case(case, how) for case in cases)
         return
     for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(threads, "1")  # the processes started below are as many as the cores
     pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), keep_compiled)
     try:
-        for done in as_completed([pool.submit(run_case, case, how, fits) for case in cases]):
+        for done in as_completed([pool.submit(run_case, case, how) for case in cases]):
             yield done.result()
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def run_missing(
-    path: Path, cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase], fits: Path | None = None
-) -> None:
+def run_missing(path: Path, cases: Sequence[AnyCase], jobs: int, how: Examine[AnyCase]) -> None:
     """All cases that are not yet in the file, with a bar on stderr."""
     left = missing(cases, read_lines(path))
     columns = (
@@ -123,4 +121,4 @@ def run_missing(
             if "failed" in line:
                 bar.console.print(f"failed: {key(line)}: {line['failed']}", markup=False, highlight=False)
 
-        append_lines(path, run(left, jobs, how, fits), show)
+        append_lines(path, run(left, jobs, how), show)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapt.diagnosis.fit.observations import Observed
-from adapt.diagnosis.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
-from adapt.diagnosis.gap_rotations import GapFractions, variance_fractions
+from adapt.diagnosis.location.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
+from adapt.diagnosis.location.gap_rotations import GapFractions, variance_fractions
+from adapt.diagnosis.location.observations import Observed
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan, rotation_from_vector
 from motions.table import ANGLES
 

@@ -1,65 +1,92 @@
 """Diagnoses that no data made: every kind of answer, with numbers that are known."""
 
+import math
 from dataclasses import replace
 
-from adapt.diagnosis.fit.measurement_noise import Noise, NoiseEstimate
-from adapt.diagnosis.gap_location import Cell, ConstraintResidual, GapLevel, Profile
-from adapt.diagnosis.gap_rotations import VarianceFractions
-from adapt.diagnosis.inference.amplitude import effect_amplitude
 from adapt.diagnosis.json_form import JsonObject, as_json
+from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, GapLevel, Profile
+from adapt.diagnosis.location.gap_rotations import VarianceFractions
 from adapt.diagnosis.result import (
+    ADAPTED_STEP,
     ALL,
+    BASE,
     EFFECT,
+    NOISE,
     NONE,
     UNKNOWN,
     Answer,
-    ChannelAmplitude,
-    DetectableAmplitude,
+    Cause,
+    CauseAmplitude,
     Diagnoses,
     Diagnosis,
-    EffectAmplitude,
     GapKind,
-    HeldOutGaps,
-    MeanGap,
+    Gaps,
+    Interval,
+    Noise,
     ParameterMeans,
-    PredictedPower,
     Proposal,
-    UnknownTests,
+    Step,
     Verdict,
 )
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
 from motions.table import BONES
 
-ANSWERS = {*EFFECTS, NONE, UNKNOWN}
+CAUSES = tuple(dict.fromkeys(effect.cause for effect in EFFECTS.values()))
+ANSWERS = {*CAUSES, NONE, UNKNOWN}
 ALL_AND_BONES = (ALL, *BONES)
-HIGHEST_DEG = 120.0
 
 
-def levels(noise_floor: float, base: float, adapted: float, with_effect: float) -> dict[GapKind, dict[str, MeanGap]]:
-    """The same gap in both bones, each with an interval of 0.1 to either side."""
+def around(value: float) -> Interval:
+    """The value with an interval of 0.1 to either side."""
+    return Interval(value, value - 0.1, value + 0.1)
+
+
+def levels(noise_floor: float, base: float, adapted: float, with_effect: float) -> dict[GapKind, dict[str, Interval]]:
+    """The same gap in both bones."""
     values: dict[GapKind, float] = {
         "noise_floor": noise_floor,
         "base": base,
         "adapted": adapted,
         "with_effect": with_effect,
     }
-    return {kind: dict.fromkeys(ALL_AND_BONES, MeanGap(v, v - 0.1, v + 0.1)) for kind, v in values.items()}
+    return {kind: dict.fromkeys(ALL_AND_BONES, around(value)) for kind, value in values.items()}
 
 
-def gap_of(adapted: float, with_effect: float) -> HeldOutGaps:
-    return HeldOutGaps(
-        in_sample=levels(noise_floor=0.8, base=2.0, adapted=adapted - 0.2, with_effect=with_effect - 0.2),
-        unseen=levels(noise_floor=0.89, base=2.1, adapted=adapted, with_effect=with_effect),
-        other_motion=levels(noise_floor=0.89, base=2.1, adapted=adapted + 0.1, with_effect=with_effect + 0.05),
+def gap_of(adapted: float, with_effect: float) -> Gaps:
+    """The gaps given are those of other motions of other persons, the most unseen ones."""
+    return Gaps(
+        in_sample=levels(0.2, 4.0, adapted - 0.4, with_effect - 0.4),
+        unseen=levels(0.3, 4.1, adapted - 0.2, with_effect - 0.2),
+        other_motion=levels(0.3, 4.1, adapted - 0.1, with_effect - 0.1),
+        other_person=levels(0.3, 4.1, adapted, with_effect),
     )
 
 
-def verdict(answer: Answer, *effects: str, together: bool = False, **probability: float) -> Verdict:
-    """The probabilities given; the other answers share the rest."""
-    others = ANSWERS - set(probability)
-    rest = (1.0 - sum(probability.values())) / len(others)
-    return Verdict(answer, effects, together, {**dict.fromkeys(sorted(others), rest), **probability}, {})
+def ladder(**steps: float) -> tuple[Step, ...]:
+    return tuple(Step(name, around(gap_deg)) for name, gap_deg in steps.items())
+
+
+def verdict(answer: Answer, *causes: Cause, **inclusion: float) -> Verdict:
+    """The probabilities of being at work given; that of every other candidate is 0.02."""
+    every = dict.fromkeys(CAUSES, 0.02) | inclusion
+    ordered = dict(sorted(every.items(), key=lambda one: -one[1]))
+    answers = {name: 0.9 / len(causes) for name in (cause.names[0] for cause in causes)} or {answer: 0.9}
+    rest = (1.0 - sum(answers.values())) / len(ANSWERS - set(answers))
+    return Verdict(answer, causes, ordered, dict.fromkeys(sorted(ANSWERS), rest) | answers)
+
+
+def cause(*names: str, gain: float = 0.5) -> Cause:
+    return Cause(names, tuple(1.0 / len(names) for _ in names), gain, 6.0)
+
+
+def amplitude(name: str, size: float, typical: float, course: str = "", suffix: str = "") -> CauseAmplitude:
+    """Of a cause that acts in its first direction alone."""
+    effect = EFFECTS[name + suffix]
+    first, *others = effect.directions
+    directions = {first: around(size)} | dict.fromkeys(others, Interval(0.0, -0.1, 0.1))
+    option = f"{effect.name}={','.join([f'{size:g}', *('0' for _ in others)])}"
+    return CauseAmplitude(effect.what, course, EFFECTS[name].unit, around(size), typical, directions, option)
 
 
 def cell(angle: str, low: float, mean_absolute: float, share: float) -> Cell:
@@ -67,96 +94,116 @@ def cell(angle: str, low: float, mean_absolute: float, share: float) -> Cell:
     return Cell(angle, bone, "abduction", low, low + 30.0, 10, -mean_absolute, mean_absolute, 0.9, share)
 
 
-def amplitude(name: str, *channels: tuple[float, float, float]) -> EffectAmplitude:
-    """Of an effect whose directions have these values, lows and highs."""
-    directions = EFFECTS[name].directions
-    made = tuple(ChannelAmplitude(one, *values) for one, values in zip(directions, channels, strict=True))
-    return effect_amplitude(EFFECTS[name], made, HIGHEST_DEG)
-
-
-ARTEFACT = amplitude("skin_artefact", (5.6, 3.6, 7.6), (0.0, -9.0, 9.0), (-4.2, -5.0, -3.4))
-"""7.0 deg long, half interval sqrt((5.6 * 2)^2 + (4.2 * 0.8)^2) / 7.0 = 1.67."""
-
 PROPOSALS = [
-    Proposal("positions of AC beside the angles", 0.5, 12.0, 0.99),
-    Proposal("twice as many subjects (20)", 0.5, 1.2, 0.77),
+    Proposal("positions of AC beside the angles", ("ac_translation", "conoid_strain"), 0.5, 12.0),
+    Proposal("twice as many subjects (12)", ("ac_translation", "conoid_strain"), 0.5, 1.2),
 ]
 
-SELDOM = PredictedPower(0.25, 0.45, {"skin_artefact": 0.3})
-
-SKIN = Diagnosis(
+ONE = Diagnosis(
     model="R2",
-    subjects=tuple(f"s{k}" for k in range(10)),
+    subjects=tuple(f"s{k}" for k in range(6)),
     left_out={},
-    postures=140,
-    highest_elevation_deg=HIGHEST_DEG,
-    noise=NoiseEstimate(Noise(1.4, 2.0), 166.0, "estimated"),
+    persons=5,
+    kinds=("abduction", "flexion"),
+    postures=84,
+    highest_elevation_deg=120.0,
+    noise=Noise(1.4, "estimated", 166.0),
     declared_effects=(),
-    verdict=verdict(EFFECT, "skin_artefact", skin_artefact=0.98),
-    at_other_noise={2.1: verdict(NONE, none=0.9), 0.94: verdict(EFFECT, "skin_artefact", skin_artefact=0.99)},
-    tests=UnknownTests(discrepancy_gain=-5.0, excess=0.3, amplitude_excess=0.0),
-    amplitude={"skin_artefact": ARTEFACT},
-    best=("skin_artefact",),
-    gaps=gap_of(1.34, 1.02),
+    axial_is_computed=False,
+    verdict=verdict(EFFECT, cause("scapula_landmark_bias", gain=0.6), scapula_landmark_bias=0.97),
+    amplitude={"scapula_landmark_bias": amplitude("scapula_landmark_bias", 7.0, 5.0)},
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
+    left_over_share=0.24,
+    gaps=gap_of(2.8, 0.9),
     parameters={name: ParameterMeans(100.0, 101.0) for name in ADAPTED},
     cells=[cell("scapula_y", 0.0, 1.8, 0.7), cell("clavicle_x", 30.0, 1.2, 0.3), cell("clavicle_z", 0.0, 0.5, 0.0)],
     profile=Profile({}, {"scapula": GapLevel(1.8, 0.9)}, {}, {}, {}),
     variance_fractions=VarianceFractions(None, {}, {}, None),
-    constraints=[ConstraintResidual("A1", None, 140, 0.1, None, -2.0, 2.0, None)],
+    constraints=[ConstraintResidual("A1", None, 84, 0.1, None, -2.0, 2.0, None)],
     indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
-    smallest_detectable={name: DetectableAmplitude(1.5, effect.unit) for name, effect in EFFECTS.items()}
-    | {"thorax_asymmetry": None, "thorax_shape": DetectableAmplitude(0.15, "1")},
-    predicted_power=dict.fromkeys(EFFECTS, PredictedPower(0.9, 0.1, {})) | {"sc_translation": SELDOM},
     next_measurement=PROPOSALS,
 )
-"""Ten subjects, one effect."""
+"""Six shoulders of five persons, two kinds of motion, one cause."""
 
-ALIKE = replace(
-    SKIN,
-    verdict=verdict(EFFECT, "clavicle_length", "scapula_size", clavicle_length=0.6, scapula_size=0.35),
-    amplitude={name: amplitude(name, (-8.06, -9.0, -7.12)) for name in ("clavicle_length", "scapula_size")},
-    best=("clavicle_length",),
-)
-"""Two effects that cannot be told apart."""
-
-PAIR = replace(
-    SKIN,
-    verdict=replace(
-        verdict(EFFECT, "skin_artefact", "clavicle_length", together=True, skin_artefact=0.45, clavicle_length=0.45),
-        pairs={"skin_artefact+clavicle_length": 0.9},
+TWO = replace(
+    ONE,
+    verdict=verdict(
+        EFFECT,
+        cause("ac_translation", "conoid_strain", gain=0.5),
+        cause("scapulothoracic_gap", gain=0.3),
+        ac_translation=0.62,
+        conoid_strain=0.31,
+        scapulothoracic_gap=0.88,
     ),
-    amplitude={"skin_artefact": ARTEFACT, "clavicle_length": amplitude("clavicle_length", (8.0, 7.0, 9.0))},
-    best=("skin_artefact", "clavicle_length"),
+    amplitude={
+        "ac_translation": amplitude("ac_translation", 4.0, 3.0, "posture of the bones", ":posture"),
+        "scapulothoracic_gap": amplitude("scapulothoracic_gap", 12.0, 5.0, "elevation of the arm"),
+    },
+    budget=ladder(
+        **{BASE: 4.1, ADAPTED_STEP: 2.8, "ac_translation": 1.4, "scapulothoracic_gap": 0.9, NOISE: 0.3},
+    ),
 )
-HEDGED = replace(
-    PAIR,
-    verdict=replace(PAIR.verdict, effects=("skin_artefact", "clavicle_length", "scapula_size")),
-    amplitude=PAIR.amplitude | {"scapula_size": amplitude("scapula_size", (0.5, 0.25, 0.75))},
+"""Two causes: one that has two names, and one that is larger than such an effect is."""
+
+_MANY = (
+    cause("ac_translation", "conoid_strain", "sc_translation", "thorax_tilt"),
+    cause("scapulothoracic_gap", "ts_distance_offset", "ai_distance_offset"),
+    cause("clavicle_length", "thorax_asymmetry", "sc_offset"),
+    cause("scapula_size", "scapula_conoid_offset"),
+    cause("clavicle_frame_bias"),
 )
-"""A pair, and an effect that may be there in place of one of the two."""
+MANY = replace(
+    ONE,
+    verdict=verdict(EFFECT, *_MANY, **{one.names[0]: 0.9 for one in _MANY}),
+    amplitude={one.names[0]: amplitude(one.names[0], 4.0, 3.0) for one in _MANY},
+    budget=ladder(
+        **{BASE: 4.1, ADAPTED_STEP: 2.8} | {one.names[0]: 2.5 - 0.4 * k for k, one in enumerate(_MANY)} | {NOISE: 0.3},
+    ),
+)
+"""More causes and names than a sentence has room for."""
 
 NOTHING = replace(
-    SKIN,
+    ONE,
     subjects=("s1",),
-    verdict=verdict(NONE, none=0.8, thorax_asymmetry=0.06, thorax_shape=0.05, conoid_strain=0.04, skin_artefact=0.03),
+    persons=1,
+    verdict=verdict(NONE, thorax_asymmetry=0.1),
     amplitude={},
-    best=(),
-    gaps=gap_of(0.93, 0.93),
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 0.5, NOISE: 0.3}),
+    left_over_share=math.nan,
+    gaps=replace(gap_of(0.6, 0.6), other_person=None),
 )
-OUTSIDE = replace(SKIN, verdict=verdict(UNKNOWN, unknown=0.99))
-IN_PART = replace(SKIN, verdict=verdict(UNKNOWN, "skin_artefact", unknown=0.99))
-TOO_LARGE = replace(IN_PART, tests=replace(IN_PART.tests, amplitude_excess=1.9))
-"""Explained in part by an effect that is larger than such effects are."""
+"""One person, nothing beyond noise."""
+
+OUTSIDE = replace(
+    ONE,
+    verdict=verdict(UNKNOWN, skin_artefact=0.4),
+    amplitude={},
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, NOISE: 0.3}),
+    left_over_share=1.0,
+    gaps=gap_of(2.8, 2.8),
+)
+"""A gap that no candidate takes away."""
+
+LONE = replace(ONE, kinds=("abduction",), persons=1, gaps=replace(ONE.gaps, other_motion=None, other_person=None))
+"""One kind of motion of one person."""
+
+BLIND = replace(
+    NOTHING,
+    budget=ladder(**{BASE: math.nan, ADAPTED_STEP: math.nan, NOISE: math.nan}),
+    gaps=gap_of(math.nan, math.nan),
+    indistinguishable=[],
+    next_measurement=[],
+)
+"""Nothing could be told."""
 
 BY_KIND = {
-    "skin": SKIN,
-    "alike": ALIKE,
-    "pair": PAIR,
-    "hedged": HEDGED,
+    "one": ONE,
+    "two": TWO,
+    "many": MANY,
     "nothing": NOTHING,
     "outside": OUTSIDE,
-    "in part": IN_PART,
-    "too large": TOO_LARGE,
+    "lone": LONE,
+    "blind": BLIND,
 }
 
 

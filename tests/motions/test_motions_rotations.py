@@ -15,6 +15,7 @@ from motions.rotations import (
     rotate,
     rotation_from_cardan,
     rotation_from_vector,
+    vector_from_rotation,
 )
 
 TOLERANCE = 1e-14
@@ -93,3 +94,39 @@ def test_a_batch_is_its_members():
         np.testing.assert_allclose(R[at], Rotation.from_euler("YZX", angles[at]).as_matrix(), rtol=0.0, atol=TOLERANCE)
         np.testing.assert_allclose(rotated[at], R[at] @ vectors[at], rtol=0.0, atol=TOLERANCE)
         np.testing.assert_allclose(squared[at], R[at] @ R[at], rtol=0.0, atol=TOLERANCE)
+
+
+AXIS = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
+
+
+@settings(max_examples=50, deadline=None)
+@given(axis=AXIS, angle=st.one_of(st.floats(0.0, 3.1), st.floats(0.0, 1e-6)))
+def test_the_vector_of_a_rotation_is_that_which_made_it(axis, angle):
+    v = angle * np.array(axis) / np.linalg.norm(axis)
+    found = np.asarray(vector_from_rotation(rotation_from_vector(jnp.array(v))))
+    np.testing.assert_allclose(found, v, rtol=0.0, atol=LOG_TOLERANCE)
+    np.testing.assert_allclose(found, Rotation.from_rotvec(v).as_rotvec(), rtol=0.0, atol=LOG_TOLERANCE)
+
+
+LOG_TOLERANCE = 1e-12
+"""Up to 2.4 degrees from half a turn, where the axis is that of a sine of 0.04."""
+
+
+def test_no_rotation_has_no_vector_and_a_batch_is_elementwise():
+    vectors = np.array([[0.0, 0.0, 0.0], [0.3, -0.2, 1.0], [1e-9, 0.0, 0.0]]).T
+    found = np.asarray(vector_from_rotation(rotation_from_vector(jnp.array(vectors))))
+    np.testing.assert_allclose(found, vectors, rtol=0.0, atol=TOLERANCE)
+    np.testing.assert_array_equal(found[:, 0], 0.0)
+
+
+@pytest.mark.parametrize("short", [1e-3, 1e-6, 1e-8])
+def test_near_half_a_turn_the_axis_is_as_sure_as_its_sine_and_the_angle_is_exact(short):
+    axis = np.array([0.6, 0.0, -0.8])
+    found = np.asarray(vector_from_rotation(jnp.array(Rotation.from_rotvec((np.pi - short) * axis).as_matrix())))
+    np.testing.assert_allclose(np.linalg.norm(found), np.pi - short, rtol=1e-12)
+    np.testing.assert_allclose(found, (np.pi - short) * axis, rtol=0.0, atol=1e-14 / short)
+
+
+def test_the_axis_of_half_a_turn_is_not_found():
+    """Of no vector the length is still finite: a caller sees zero, not NaN."""
+    assert np.isfinite(vector_from_rotation(jnp.diag(jnp.array([1.0, -1.0, -1.0])))).all()

@@ -1,18 +1,17 @@
 """The report as text: what is in it, that names cannot break it, that it stays small, that its numbers are right."""
 
-import math
 import re
 from dataclasses import replace
 from html import unescape
 
 import numpy as np
 import pytest
-from diagnoses import BY_KIND, SKIN, alone, gap_of
+from diagnoses import BLIND, BY_KIND, ONE, TWO, alone, gap_of
 from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, data_of, simulated
 
-from adapt.diagnosis import Diagnoses
-from adapt.diagnosis.wording import amplitude_text, sentence
+from adapt.diagnosis.result import Diagnoses
+from adapt.diagnosis.wording import amplitude_text, sentence, step_text
 from adapt.report import drawn_postures as chosen
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS, bones_mm
@@ -322,28 +321,47 @@ def test_names_from_files_are_text():
 # --- with a diagnosis ----------------------------------------------------------------------------------------------
 
 
+def bars_of(html: str) -> dict[str, str]:
+    """Name and number of every bar of the page."""
+    shown = re.findall(r'<span class="name">(.*?)\n.*?<span class="value">(.*?)</span></div>', html, re.DOTALL)
+    return {unescape(name).strip(): " ".join(re.sub(r"<[^>]*>", " ", value).split()) for name, value in shown}
+
+
 @pytest.mark.parametrize("kind", BY_KIND)
 def test_every_kind_of_answer_has_its_page(kind):
-    """The verdict comes first; each answer stands once, with its probability."""
+    """The verdict comes first, then the gap budget; each candidate stands once, with its probability."""
     motions, diagnosis = motions_of(rising(10, 4)), BY_KIND[kind]
     html = report_html(motions, R2, adaptations(motions, R2), {}, alone(diagnosis))
     assert [unescape(one) for one in re.findall(r"<h1>(.*?)</h1>", html, re.DOTALL)] == [sentence(diagnosis)]
     words = words_of(html)
-    assert words.index(sentence(diagnosis)) < words.index("Before and after adaptation")
-    shown = re.findall(r'<span class="name">(\S+)\s.*?<span class="value">(.*?)</span>', html, re.DOTALL)
-    probability = diagnosis.verdict.probability
-    assert len(shown) == len(probability)
-    for name, value in shown:
-        assert unescape(value) in (f"{probability[name]:.2f}", "<0.01")
+    first = [sentence(diagnosis), "Where the gap goes:", "model as it is", "noise alone", "Before and after adaptation"]
+    assert re.search(".*".join(map(re.escape, first)), words)
+    bars, inclusion = bars_of(html), diagnosis.verdict.inclusion
+    assert set(bars) == {*inclusion, *(step_text(one.step) for one in diagnosis.budget)}
+    assert all(bars[name] in (f"{probability:.2f}", "<0.01") for name, probability in inclusion.items())
     for name, size in diagnosis.amplitude.items():
-        assert f"{name} {amplitude_text(size)}" in words
-    assert diagnosis.next_measurement[0].what in words
-    assert data_of(html)["models"][0]["noise_deg"] == diagnosis.noise.noise.angle_deg
+        assert amplitude_text(size) in words
+        assert f"--effect {size.option}" in words
+        assert name in words
+    assert all(one.what in words for one in diagnosis.next_measurement)
+    assert data_of(html)["models"][0]["noise_deg"] == diagnosis.noise.angle_deg
+
+
+def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them():
+    motions = motions_of(rising(10, 4))
+    html = report_html(motions, R2, adaptations(motions, R2), {}, alone(TWO))
+    words, bars = words_of(html), bars_of(html)
+    assert "ac_translation or conoid_strain 0.62 0.31 50 % 4.0 [3.9, 4.1] mm 3.0 mm --effect ac_translation" in words
+    assert "scapulothoracic_gap 0.88 30 % 12.0 [11.9, 12.1] mm (!) 5.0 mm --effect scapulothoracic_gap=12,0" in words
+    assert "(!): larger than such an effect is: something that acts like it." in words
+    assert "Left over beyond noise: 24 %" in words
+    assert bars["+ ac_translation"] == "1.40 [1.30, 1.50]"
+    assert html.count('<div class="answer named">') == 5, "two steps of the ladder, three names"
 
 
 def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer():
     motions = motions_of(rising(10, 4))
-    diagnoses = Diagnoses({"R2": SKIN, "R4": replace(SKIN, model="R4", gaps=gap_of(1.2, 1.1))})
+    diagnoses = Diagnoses({"R2": ONE, "R4": replace(ONE, model="R4", gaps=gap_of(1.2, 1.1))})
     html = report_html(motions, MODELS, adaptations(motions, MODELS), {}, diagnoses)
     data = data_of(html)
     assert diagnoses.closest.model == data["models"][data["first_model"]]["name"] == "R4"
@@ -352,9 +370,9 @@ def test_the_page_opens_with_the_model_of_the_verdict_and_has_every_ones_answer(
 
 
 def test_what_a_diagnosis_could_not_tell_is_a_dash():
-    unknown = replace(SKIN, gaps=gap_of(math.nan, math.nan), next_measurement=[], indistinguishable=[])
     motions = motions_of(rising(10, 4))
-    words = words_of(report_html(motions, R2, adaptations(motions, R2), {}, alone(unknown)))
+    words = words_of(report_html(motions, R2, adaptations(motions, R2), {}, alone(BLIND)))
     assert "adapted - [-, -]" in words
-    assert "Every effect of the list could be told from every other one" in words
+    assert "Left over" not in words
+    assert "Every candidate could be told from every other one" in words
     assert "None was proposed" in words

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnoses import NOTHING, PAIR, SKIN, alone
+from diagnoses import NOTHING, TWO, alone
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
@@ -266,36 +266,40 @@ def test_a_failed_subject_says_so_and_has_no_adapted_ellipsoid(look):
 @pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
 def test_a_diagnosis_is_in_the_page(look, window):
     motions = two_motions(10)
-    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, alone(PAIR)), window)
+    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, alone(TWO)), window)
     page = seen.page
-    assert page.inner_text("h1") == sentence(PAIR)
+    assert page.inner_text("h1") == sentence(TWO)
+    steps = [name.split("\n")[0] for name in page.locator("#ladder .name").all_inner_texts()]
+    assert steps == ["model as it is", "adapted", "+ ac_translation", "+ scapulothoracic_gap", "noise alone"]
+    widths = [box["width"] for one in page.locator("#ladder .bar").all() if (box := one.bounding_box())]
+    np.testing.assert_allclose(np.divide(widths, widths[0]), np.divide([4.1, 2.8, 1.4, 0.9, 0.3], 4.1), atol=0.01)
     words = " ".join(page.inner_text("#why").split())
-    assert "Two together: skin_artefact and clavicle_length 0.90" in words
     assert "conoid_strain and clavicle_axial_estimate" in words, "cannot be told apart"
-    assert PAIR.next_measurement[0].what in words
-    assert "7.0 [5.3, 8.7] deg" in words
-    named = [name.split("\n")[0] for name in page.locator(".answer.named .name").all_inner_texts()]
-    assert sorted(named) == ["clavicle_length", "skin_artefact"]
-    assert "1.34 [1.24, 1.44]" in " ".join(page.inner_text("#gap").split())
+    assert TWO.next_measurement[0].what in words
+    assert "4.0 [3.9, 4.1] mm" in words
+    named = [name.split("\n")[0] for name in page.locator("#why .answer.named .name").all_inner_texts()]
+    assert named == ["scapulothoracic_gap", "ac_translation", "conoid_strain"]
+    assert "2.80 [2.70, 2.90]" in " ".join(page.inner_text("#gap").split())
     (both, *_) = page.locator("#gaps .figure").all()
-    held_out, in_sample = json.loads(both.evaluate("one => JSON.stringify(one.data)"))
-    assert held_out["x"] == [2.1, 1.34, 1.02, 0.89]
-    assert in_sample["x"] == pytest.approx([2.0, 1.14, 0.82, 0.8])
+    unseen, in_sample = json.loads(both.evaluate("one => JSON.stringify(one.data)"))
+    assert (unseen["name"], in_sample["name"]) == ("unseen motions", "in sample")
+    assert unseen["x"] == [4.1, 2.8, 0.9, 0.3]
+    assert in_sample["x"] == pytest.approx([4.0, 2.4, 0.5, 0.2])
     (band,) = [
         one
         for one in json.loads(page.evaluate("JSON.stringify(document.querySelector('#angles .figure').data)"))
         if one.get("fill")
     ]
     measured = seen.data()["measured_deg"][0][:5]
-    np.testing.assert_allclose(np.subtract(band["y"], measured), 1.96 * SKIN.noise.noise.angle_deg, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(np.subtract(band["y"], measured), 1.96 * TWO.noise.angle_deg, rtol=0.0, atol=1e-9)
     seen.assert_quiet()
 
 
 def test_without_an_effect_there_is_no_gap_with_it(look):
     motions = two_motions(1)
     seen = look(report_html(motions, R2, adaptations(motions, R2), {}, alone(NOTHING)))
-    held_out, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
-    assert held_out["x"] == [2.1, 0.93, 0.89]
+    unseen, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
+    assert unseen["x"] == [4.1, 0.5, 0.3]
     assert "with" not in seen.page.inner_text("#gap tbody")
     seen.assert_quiet()
 

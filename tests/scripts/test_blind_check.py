@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,16 @@ import pandas as pd
 import pytest
 import typer
 
-from adapt.diagnosis.inference import verdict
-from models.effects import EFFECTS
+from adapt.diagnosis.result import ALL, Cause, Interval, Noise, Verdict
+from models import ParameterSet
+from models.effects import EFFECTS, Effect
+from motions import Motions
 from scripts import blind_check
-from scripts.blind import calibration, report
+from scripts.blind import report
 from scripts.blind.cases import (
     CALIBRATION_SEEDS,
     CONDITIONS,
+    LISTED,
     MODELS,
     MOST_SEEDS,
     NONE_WORLDS,
@@ -27,30 +31,28 @@ from scripts.blind.cases import (
     plan,
     world_of,
 )
-from scripts.blind.lines import true_channels
+from scripts.blind.lines import line_of, true_directions
 from scripts.blind.runs import Line, append_lines, key, missing, read_lines, run_missing
 
 TRUE, OTHER, THIRD = "conoid_strain", "ac_translation", "thorax_tilt"
 
 
 GAPS = {
-    "gap_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
+    "unseen_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.5}},
     "other_motion_deg": {"adapted": {"value": 2.0}, "with_effect": {"value": 1.0}},
 }
 """Predicted, from postures and from a motion held out."""
 
 
-def line(label: str, answer: str, *effects: str, **more: Any) -> Line:
-    """A finished case by hand; sure of its answer unless told otherwise."""
-    sure = effects[0] if effects else answer
+def line(label: str, answer: str, *names: str, **more: Any) -> Line:
+    """A finished case by hand: one cause of these names. Sure of its answer unless told otherwise."""
+    sure = names[0] if names else answer
     return {
         **asdict(Case("standard", label, 0)),
         "model": "R2",
         "code": "0",
         "answer": answer,
-        "effects": list(effects),
-        "together": False,
-        "best": list(effects[:1]),
+        "causes": [list(names)] if names else [],
         "probability": {**dict.fromkeys([*EFFECTS, "none", "unknown"], 0.0), sure: 1.0},
         "indistinguishable": [],
         "seconds": 1.0,
@@ -96,13 +98,14 @@ def test_log_score_by_hand() -> None:
 def test_an_answer_covers_with_any_name_and_is_confidently_wrong_with_one() -> None:
     right, hedged = line(TRUE, "effect", TRUE), line(TRUE, "effect", OTHER, TRUE)
     wrong, wrong_set = line(TRUE, "effect", OTHER), line(TRUE, "effect", OTHER, THIRD)
-    wrong_pair, half_pair = (line(TRUE, "effect", OTHER, x, together=True) for x in (THIRD, TRUE))
+    wrong_pair, half_pair = (line(TRUE, "effect", OTHER, causes=[[OTHER], [x]]) for x in (THIRD, TRUE))
     silent = line(TRUE, "none"), line(TRUE, "unknown")
     cases = [right, hedged, wrong, wrong_set, wrong_pair, half_pair, *silent]
     assert [report.covered(x) for x in cases] == [True, True, False, False, False, True, False, False]
     assert [report.confidently_wrong(x) for x in cases] == [False, False, True, False, True, False, False, False]
     names = [TRUE, OTHER, OTHER, OTHER, OTHER, OTHER, "none", "unknown"]
     assert [report.first(x) for x in cases] == names
+    assert [report.one_too_many(x) for x in cases] == [False, False, True, True, True, True, False, False]
 
 
 def test_outside_effects_are_right_as_unknown_and_any_single_name_is_wrong() -> None:
@@ -124,9 +127,9 @@ def test_the_most_probable_effect_counts_whatever_the_answer() -> None:
 
 
 def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None:
-    channels = [{"channel": "TS", "low": 0.0, "high": 2.0}, {"channel": "AI", "low": 0.0, "high": 2.0}]
-    both = {"amplitude": {TRUE: channels}, "true_channels": {TRUE: {"TS": 1.0, "AI": 3.0}}}
-    unknown = {"amplitude": {TRUE: channels}, "true_channels": {}}
+    directions = {"TS": {"low": 0.0, "high": 2.0}, "AI": {"low": 0.0, "high": 2.0}, "AI, bend": {}}
+    both = {"amplitude": {TRUE: directions}, "true_directions": {TRUE: {"TS": 1.0, "AI": 3.0}}}
+    unknown = {"amplitude": {TRUE: directions}, "true_directions": {}}
     lines = [line(TRUE, "effect", TRUE, **both), line(TRUE, "effect", OTHER, **both), line(TRUE, "unknown", **both)]
     assert report.intervals_that_cover([*lines, line(TRUE, "effect", TRUE, **unknown)]) == [True, False]
 
@@ -134,7 +137,7 @@ def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None
 def test_shrinkage_predicted_and_realised() -> None:
     seen = line(TRUE, "effect", TRUE, **GAPS, realised_deg={"adapted": 1.0, "with_effect": 0.7})
     assert report.shrinkages([seen, line(TRUE, "none")]) == [pytest.approx((0.25, 0.3))]
-    table = report.measure_table({"standard": [seen | {"amplitude": {TRUE: []}, "true_channels": {}}]})
+    table = report.measure_table({"standard": [seen | {"amplitude": {TRUE: {}}, "true_directions": {}}]})
     assert "| median error of the predicted shrinkage |  | 5.0 points (1) |" in table
     assert "| the same, of a motion held out |  | 20.0 points (1) |" in table
     assert "| shrinkage within 10 points of the realised |  | 100.0 % (21-100; 1) |" in table
@@ -174,7 +177,7 @@ def test_a_wrong_name_is_held_against_the_right_one_on_the_motion_that_nobody_sa
     found = report.mimicry(left_out, whole)
     np.testing.assert_array_equal(found, [[2.0, 1.5, 1.4], [2.0, 1.2, 1.8]])
     assert report.mimicry(left_out, []).shape == (0, 3)
-    table = report.mimicry_table([*left_out[:1], left_out[1] | {"effects": [OTHER, THIRD]}], whole)
+    table = report.mimicry_table([*left_out[:1], left_out[1] | {"causes": [[OTHER, THIRD]]}], whole)
     assert "| gap on a motion that nobody saw, deg | a wrong name (2) | a confident one (1) |" in table
     assert "| with the effect at work, mean | 1.350 | 1.500 |" in table
     assert "| with what was named in its place, mean | 1.600 | 1.400 |" in table
@@ -184,9 +187,9 @@ def test_a_wrong_name_is_held_against_the_right_one_on_the_motion_that_nobody_sa
 
 def test_pairs_are_named_in_part_or_whole() -> None:
     label = f"{TRUE}+{OTHER}"
-    answers = [(TRUE, OTHER), (OTHER, THIRD), (OTHER,), (THIRD,)]
-    expected = ["both named", "one named", "one named", "wrong"]
-    assert [report.pair_outcome(line(label, "effect", *x)) for x in answers] == expected
+    answers = [[[TRUE], [THIRD, OTHER]], [[TRUE, OTHER]], [[OTHER], [THIRD]], [[OTHER]], [[THIRD]]]
+    expected = ["both named", "one named", "one named", "one named", "wrong"]
+    assert [report.pair_outcome(line(label, "effect", TRUE, causes=x)) for x in answers] == expected
     assert report.pair_outcome(line(label, "unknown")) == "unknown"
 
 
@@ -202,14 +205,14 @@ def test_confusions_tell_beside_from_instead() -> None:
 
 
 def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
-    more = {"amplitude": {}, "true_channels": {}}
-    names = list(EFFECTS)
+    more = {"amplitude": {}, "true_directions": {}}
+    names = list(report.CAUSES)
     lines = [
         line(TRUE, "effect", TRUE, **more),
         line(TRUE, "effect", OTHER, seed=1, code="1", **more),
         line("none", "none"),
         line("outside_drift", "unknown"),
-        line(f"{TRUE}+{OTHER}", "effect", TRUE, OTHER, together=True),
+        line(f"{TRUE}+{OTHER}", "effect", TRUE, causes=[[TRUE], [OTHER]]),
         line(TRUE, "unknown", condition="loo"),
         line(TRUE, "effect", TRUE, condition="power_2", **more),
         {**asdict(Case("half", THIRD, 0)), "model": "R2", "code": "0", "failed": "ValueError: no"},
@@ -232,7 +235,7 @@ def test_the_report_has_every_part_and_says_that_it_is_simulated() -> None:
 
 
 def test_the_report_has_the_mimics_where_there_are_any() -> None:
-    seen = {"amplitude": {TRUE: []}, "true_channels": {}, **GAPS}
+    seen = {"amplitude": {TRUE: {}}, "true_directions": {}, **GAPS}
     lines = [
         line(TRUE, "effect", TRUE, realised_deg={"adapted": 2.0, "with_effect": 0.9}, **seen),
         line(TRUE, "effect", OTHER, condition="loo", realised_deg={"adapted": 2.0, "with_effect": 1.0}),
@@ -290,7 +293,7 @@ def test_a_rerun_skips_what_is_done_and_forgets_a_broken_last_line(tmp_path: Pat
 
 
 def test_a_case_that_raises_is_recorded_and_stops_no_other(tmp_path: Path) -> None:
-    def examined(case: Case, fits: Path | None) -> Line:
+    def examined(case: Case) -> Line:
         if case.label == OTHER:
             raise ValueError("no such shoulder")
         return {"answer": "none", "excess": math.inf}
@@ -310,7 +313,6 @@ def test_a_case_that_raises_is_recorded_and_stops_no_other(tmp_path: Path) -> No
         ({"seeds": "5:5"}, "'5:5' is no range of seeds"),
         ({"condition": ["fog"]}, "no condition is called 'fog'"),
         ({"labels": ["flat_feet"]}, "no case has such a label"),
-        ({"calibrate": True, "seeds": "100000:100012"}, "thresholds are fitted on seeds below 100000 alone"),
     ],
 )
 def test_wrong_requests_say_what_is_wrong(tmp_path: Path, wrong: dict[str, Any], cause: str) -> None:
@@ -325,127 +327,102 @@ def test_power_means_its_three_sizes() -> None:
 # The truth ----------------------------------------------------------------------------------------------------------
 
 
-def test_true_channels_are_means_at_full_elevation() -> None:
+def test_true_directions_are_means_at_full_elevation() -> None:
     drawn = {"factor_by_motion": {"abduction": 1.0, "forward_flexion": 1.1, "scapular_plane": 9.0}}
     amplitude = {"a": 2.0, "b": 4.0, "c": 100.0}
-    conoid = true_channels(TRUE, {"amplitude": amplitude, "parameters": drawn}, ("a", "b"))
-    assert conoid == pytest.approx([3.0 * 1.05])
+    conoid = true_directions(TRUE, {"amplitude": amplitude, "parameters": drawn}, ("a", "b"))
+    assert conoid == pytest.approx({"length": 3.0 * 1.05})
     turns = {"direction_by_subject": [[1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [1.0, 0.0, 0.0]]}
-    tilt = true_channels(THIRD, {"amplitude": amplitude, "parameters": turns}, ("a", "b"))
-    assert tilt == pytest.approx([1.0, 1.2, 1.6])
+    tilt = true_directions(THIRD, {"amplitude": amplitude, "parameters": turns}, ("a", "b"))
+    assert tilt == pytest.approx({"about x": 1.0, "about y": 1.2, "about z": 1.6})
     gap = {"ts_fraction_by_subject": [0.5, -0.5, 0.0]}
-    both = true_channels("scapulothoracic_gap", {"amplitude": amplitude, "parameters": gap}, ("a", "b"))
-    assert both == pytest.approx([-0.5, 3.0])
-    assert not len(true_channels("skin_artefact", {"amplitude": amplitude, "parameters": {}}, ("a",)))
+    both = true_directions("scapulothoracic_gap", {"amplitude": amplitude, "parameters": gap}, ("a", "b"))
+    assert both == pytest.approx({"TS": -0.5, "AI": 3.0})
+    assert true_directions("skin_artefact", {"amplitude": amplitude, "parameters": {}}, ("a",)) == {}
 
 
-# Calibration --------------------------------------------------------------------------------------------------------
-
-
-def test_logistic_regression_recovers_its_coefficients() -> None:
-    rng = np.random.default_rng(0)
-    terms = (-1.0, 0.4, 0.8)
-    x = np.column_stack([rng.uniform(-10.0, 10.0, 40_000), rng.uniform(-5.0, 5.0, 40_000)])
-    hit = rng.random(40_000) < 1.0 / (1.0 + np.exp(-terms[0] - x @ np.array(terms[1:])))
-    # SDs of the estimates are below 0.02
-    assert calibration.weights_of_tests(x, hit) == pytest.approx(terms, abs=0.08)
-
-
-def test_separated_classes_have_finite_terms() -> None:
-    x = np.array([[-9.0, -1.0], [-8.0, 0.0], [7.0, 2.0], [9.0, 4.0]])
-    weights = calibration.weights_of_tests(x, np.array([False, False, True, True]))
-    assert np.isfinite(weights).all()
-    assert calibration.unknown(x, weights).tolist() == [False, False, True, True]
-
-
-def calibration_lines(temperature: float, n: int) -> list[Line]:
-    """Cases whose truth is drawn from the tempered evidence; outside ones lie at large gains."""
-    rng, names = np.random.default_rng(1), ["none", *EFFECTS]
-    log = rng.normal(0.0, 6.0, (n, len(names)))
-    log_prior = np.log([verdict._NONE_PRIOR, *[(1.0 - verdict._NONE_PRIOR) / len(EFFECTS)] * len(EFFECTS)])
-    probabilities = calibration.tempered(log, log_prior, temperature)
-    truth = [names[rng.choice(len(names), p=p)] for p in probabilities]
-    low = [{"discrepancy_gain": g, "excess": 0.0} for g in rng.normal(-30.0, 1.0, n)]
-    listed = [_ranked(a, dict(zip(names, b, strict=True)), c) for a, b, c in zip(truth, log, low, strict=True)]
-    high = [{"discrepancy_gain": g, "excess": 2.0} for g in rng.normal(30.0, 1.0, n // 4)]
-    return [*listed, *(_ranked("outside_drift", dict.fromkeys(names, 0.0), x) for x in high)]
-
-
-def _ranked(label: str, ranking: dict[str, float], tests: dict[str, float]) -> Line:
-    return line(label, "none", ranking=ranking, **tests, tests={**tests, "doubts": [0.0, 0.0]})
-
-
-def test_calibration_recovers_the_temperature_and_prints_what_follows() -> None:
-    lines = calibration_lines(2.5, 3000)
-    text = calibration.calibration([*lines, *(x | {"condition": "loo"} for x in lines[:100])])
-    assert "From 3750 simulated cases, seeds 0 to 0, of which 750 outside" in text
-    fitted = next(row for row in text.splitlines() if row.startswith("| temperature"))
-    assert float(fitted.split("|")[3]) == pytest.approx(2.5, rel=0.06)
-    assert "| outside | 100.0 % (99-100; 750) |" in text
-    nones = sum(x["label"] == "none" for x in lines)
-    kept = next(row for row in text.splitlines() if row.startswith("| 0.5 |"))
-    assert f"; {nones}) |" in kept
-    assert calibration.calibration(lines[:3000]).startswith("No calibration")
-
-
-def test_thresholds_by_hand() -> None:
-    probabilities = np.array([[0.3, 0.5, 0.2], [0.1, 0.6, 0.3], [0.04, 0.24, 0.72]])
-    truth, known = np.array([0, 1, 1]), np.array([True, True, False])
-    rows = {row[0]: row[1:] for row in calibration.none_rows(probabilities, truth, known)}
-    assert rows["0.4"] == [report.rate([True]), report.rate([False, False])]
-    assert rows["0.25"] == [report.rate([False]), report.rate([False, False])]
-    assert rows["0.05"] == [report.rate([False]), report.rate([True, False])]
-    sets = {row[0]: row[1:] for row in calibration.set_rows(probabilities, truth)}
-    # without none: (2/3, 1/3) and (1/4, 3/4), the second effect first in the last
-    assert sets["0.8"] == [report.rate([True, True]), "2.00"]
-    assert _sets_at(probabilities, truth, 0.7) == [report.rate([True, False]), "1.50"]
-
-
-def _sets_at(probabilities: np.ndarray, truth: np.ndarray, held: float) -> Sequence[str]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibration, "SET_PROBABILITY", (held,))
-        return calibration.set_rows(probabilities, truth)[0][1:]
+@pytest.mark.parametrize("label", LISTED)
+def test_every_world_with_a_listed_effect_has_its_directions(label: str) -> None:
+    world = world_of(Case("three", label, 0))
+    found = true_directions(label, world.truth["effects"][label], tuple(world.table["subject"].unique()))
+    assert tuple(found) == (() if label == "skin_artefact" else EFFECTS[label].directions)
 
 
 # One case -----------------------------------------------------------------------------------------------------------
 
 
+def diagnosed(*causes: Cause, **more: Any) -> Any:
+    """What the lines read of a diagnosis."""
+    level = {ALL: Interval(1.0, 0.9, 1.1)}
+    levels = dict.fromkeys(("noise_floor", "base", "adapted", "with_effect"), level)
+    gaps = SimpleNamespace(unseen=levels, other_motion=None, hardest=levels)
+    names = [name for cause in causes for name in cause.names]
+    share = dict.fromkeys(names, 0.9 / max(1, len(names)))
+    verdict = Verdict("effect" if causes else "none", causes, dict.fromkeys(names, 0.8), {**share, "unknown": 0.1})
+    fields = {"subjects": ("S01", "S02", "S03"), "left_out": {}, "options": (), "amplitude": {}}
+    return SimpleNamespace(
+        verdict=verdict,
+        noise=Noise(1.5, "estimated", 100.0),
+        gaps=gaps,
+        left_over_share=0.2,
+        indistinguishable=[[f"{TRUE}:posture", OTHER]],
+        **fields | more,
+    )
+
+
+def test_a_cause_has_one_name_whatever_its_course() -> None:
+    found = line_of(diagnosed(Cause((f"{TRUE}:posture", TRUE, OTHER), (0.5, 0.3, 0.2), 0.4, 5.0)))
+    assert found["causes"] == [[TRUE, OTHER]]
+    assert found["courses"] == [f"{TRUE}:posture"]
+    assert found["probability"] == pytest.approx({TRUE: 0.6, OTHER: 0.3, "unknown": 0.1})
+    assert found["inclusion"] == {TRUE: 0.8, OTHER: 0.8}
+    assert found["indistinguishable"] == [[TRUE, OTHER]]
+    assert found["unseen_deg"]["adapted"] == {"value": 1.0, "low": 0.9, "high": 1.1}
+    assert found["other_motion_deg"] == {}
+
+
 def test_one_case_from_its_world_to_its_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    label = "scapula_landmark_bias"
-    # two effects: the whole library would compile for a minute
-    monkeypatch.setattr(blind_check, "EFFECTS", {name: EFFECTS[name] for name in (TRUE, label)})
+    """The diagnosis is shown two of three motions, and names what is there."""
+    label, seen = "scapula_landmark_bias", []
+    sizes = {"about x": Interval(1.0, -50.0, 50.0), "about y": Interval(0.0, 90.0, 95.0)}
+
+    def diagnose(motions: Motions, model: ParameterSet, effects: Sequence[Effect]) -> dict[str, Any]:
+        seen.append((set(motions.motion.tolist()), model.name, len(effects)))
+        cause = Cause((label,), (1.0,), 0.5, 9.0)
+        return {model.name: diagnosed(cause, amplitude={label: size}, subjects=motions.subjects)}
+
+    size = SimpleNamespace(directions=sizes)
+    monkeypatch.setattr(blind_check, "diagnose", diagnose)
     monkeypatch.setitem(CONDITIONS, "standard", replace(CONDITIONS["standard"], subjects=3))
     asked: dict[str, Any] = {"condition": ["standard"], "seeds": "1:2", "labels": [label], "jobs": 1}
-    blind_check.main(tmp_path, **asked, keep_fits=True)
+    blind_check.main(tmp_path, **asked)
     printed = capsys.readouterr().out
+    assert seen == [({"abduction", "forward_flexion"}, "R4", len(EFFECTS))]
     (found,) = read_lines(tmp_path / "cases.jsonl")
-    assert "failed" not in found
-    assert (found["model"], found["origin"], len(found["subjects"])) == ("R4", "simulated", 3)
-    assert found["effects"] == [label]
-    assert sum(found["probability"].values()) == pytest.approx(1.0)
-    assert set(found["ranking"]) == {"none", TRUE, label}
-    world = world_of(Case("standard", label, 1))
-    truth = world.truth["effects"][label]
-    directions = np.array(truth["parameters"]["direction_by_subject"])
-    true = (np.array(list(truth["amplitude"].values()))[:, None] * directions).mean(axis=0)
-    channels = found["amplitude"][label]
-    assert list(found["true_channels"][label].values()) == pytest.approx(true)
-    for channel, value in zip(channels, true, strict=True):
-        assert channel["value"] == pytest.approx(value, abs=4.0)
+    assert found.get("failed") is None
+    assert (found["model"], found["origin"], found["causes"]) == ("R4", "simulated", [[label]])
+    assert set(found["true_directions"][label]) == {"about x", "about y", "about z"}
+    assert report.intervals_that_cover([found]) == [True, False]
     realised = found["realised_deg"]
-    assert realised["with_effect"] < realised["adapted"]
+    assert 0.0 < realised["with_effect"] == realised["adapted"] < 5.0  # no option was given
     assert "Simulated cases: 1, seeds 1 to 1 (1)" in printed
+    assert "| true effect in the reported set | >= 97 % | 100.0 % (21-100; 1) |" in printed
     # done is done: nothing is diagnosed again
-    monkeypatch.setattr(blind_check, "examine", lambda case, fits: pytest.fail("ran again"))
+    monkeypatch.setattr(blind_check, "examine", lambda case: pytest.fail("ran again"))
     blind_check.main(tmp_path, **asked)
     assert capsys.readouterr().out == printed
-    # the fits that were kept are weighed alike, and otherwise by other code
-    blind_check.main(tmp_path, **asked, weigh_kept=True)
-    (weighed,) = read_lines(tmp_path / "weighed.jsonl")
-    assert (weighed["answer"], weighed["effects"]) == (found["answer"], found["effects"])
-    assert weighed["probability"] == pytest.approx(found["probability"], abs=1e-9)  # the spread chosen rounds a digit
-    monkeypatch.setattr(verdict, "UNKNOWN_FROM", 0.0)
-    blind_check.main(tmp_path, **asked, weigh_kept=True)
-    assert read_lines(tmp_path / "weighed.jsonl")[0]["answer"] == "unknown"
+
+
+def test_the_left_out_effect_is_taken_from_the_library_with_all_its_courses(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[str] = []
+
+    def diagnose(motions: Motions, model: ParameterSet, effects: Sequence[Effect]) -> dict[str, Any]:
+        given.extend(effect.name for effect in effects)
+        subjects = motions.subjects
+        return {model.name: diagnosed(subjects=subjects)}
+
+    monkeypatch.setattr(blind_check, "diagnose", diagnose)
+    assert blind_check.examine(Case("loo", TRUE, 1))["answer"] == "none"
+    assert set(given) == set(EFFECTS) - {TRUE, f"{TRUE}:posture"}

@@ -1,19 +1,20 @@
 """Worlds made elsewhere: what is found in a folder, and one of them from its files to its report."""
 
 import json
-from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from adapt.diagnosis import diagnose
-from models.effects import EFFECTS
+from adapt.diagnosis.result import ALL, Cause, Interval, Noise, Verdict
+from models import ParameterSet
+from motions import Motions
 from scripts import check_elsewhere
 from scripts.blind.runs import read_lines
 from scripts.blind_world import make_world
 
-BIAS, OTHER = "scapula_landmark_bias", "conoid_strain"
+BIAS = "scapula_landmark_bias"
 MODEL = Path(__file__).parents[2] / "models" / "sets" / "R4.toml"
 
 
@@ -39,18 +40,36 @@ def test_worlds_are_folders_with_motions_and_a_truth(tmp_path: Path) -> None:
 def test_one_world_from_its_files_to_its_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # two effects: the whole library would compile for a minute
-    few = {name: EFFECTS[name] for name in (OTHER, BIAS)}
-    monkeypatch.setattr(check_elsewhere, "diagnose", partial(diagnose, effects=tuple(few.values())))
+    """The diagnosis is told the motions and the parameter set, nothing else."""
+
+    def diagnosed(motions: Motions, model: ParameterSet) -> dict[str, Any]:
+        assert (len(motions.subjects), model.name) == (3, "R4")
+        verdict = Verdict("effect", (Cause((BIAS,), (1.0,), 0.5, 9.0),), {BIAS: 1.0}, {BIAS: 0.9, "unknown": 0.1})
+        levels = {key: {ALL: Interval(1.0, 0.9, 1.1)} for key in ("noise_floor", "adapted", "with_effect")}
+        found = SimpleNamespace(
+            verdict=verdict,
+            noise=Noise(1.5, "estimated", 100.0),
+            gaps=SimpleNamespace(unseen=levels, other_motion=None, hardest=levels),
+            left_over_share=0.2,
+            indistinguishable=[],
+            subjects=motions.subjects,
+            left_out={},
+            options=(),
+            amplitude={},
+        )
+        return {model.name: found}
+
+    monkeypatch.setattr(check_elsewhere, "diagnose", diagnosed)
     world = make_world(BIAS, MODEL, subjects=3, seed=1)
     world.table.to_csv(told(tmp_path / "in" / "theirs", label=BIAS, model="R4"), index=False)
     check_elsewhere.main(tmp_path / "in", tmp_path / "out", jobs=1)
     printed = capsys.readouterr().out
     (found,) = read_lines(tmp_path / "out" / "cases.jsonl")
-    assert (found["label"], found["model"], found["effects"]) == (BIAS, "R4", [BIAS])
+    assert "failed" not in found
+    assert (found["label"], found["model"], found["causes"]) == (BIAS, "R4", [[BIAS]])
     assert "| true effect in the reported set | >= 97 % | 100.0 %" in printed
     # done is done
-    monkeypatch.setattr(check_elsewhere, "examine", lambda case, fits: pytest.fail("ran again"))
+    monkeypatch.setattr(check_elsewhere, "examine", lambda case: pytest.fail("ran again"))
     check_elsewhere.main(tmp_path / "in", tmp_path / "out", jobs=1)
     assert capsys.readouterr().out == printed
 

@@ -1,1 +1,1 @@
-"""What data can tell before a residual is seen: separability, predicted power, the next measurement."""
+"""What these data can tell apart, and what to measure next."""

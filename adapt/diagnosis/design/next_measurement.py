@@ -1,116 +1,63 @@
-"""Which further measurement would best separate the candidates left, by how much: from the model, not from residuals.
+"""Which candidates do the same to these data, and which measurement would tell the names of a cause apart."""
 
-Each proposal changes the postures, quantities, subjects or noise; its gain is the expected log evidence between the two
-candidates that look most similar (see ``separability``), and the probability it would give to the right one of them.
-"""
+from collections.abc import Sequence
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-
-import jax.numpy as jnp
 import numpy as np
 
-from adapt.diagnosis.design.separability import projected_onto_model, separation
-from adapt.diagnosis.fit.linear_model import Hypothesis
-from adapt.diagnosis.fit.measurement_noise import Noise
-from adapt.diagnosis.fit.observations import Observed
+from adapt.diagnosis.fit.prediction import Linearised
+from adapt.diagnosis.inference.alternatives import similarity
+from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import Proposal
-from models.effects import Effect
-from models.effects.effect import SHOWN
-from models.girdle import Girdle, landmarks
-from motions.rhythm import COEFFICIENTS, REST_DEG, girdle_angles_deg
-from motions.rotations import DEG
+from models.girdle import CONSTRAINTS
 
-_ELEVATIONS_DEG = np.arange(0.0, 151.0, 25.0)
-"""Of a further motion: seven postures."""
+_SAME = 0.95
+"""Canonical correlation squared from which two candidates do the same to the data."""
 
-_PLANES_DEG = {"scapular plane": 30.0, "forward flexion": 90.0, "abduction": 0.0}
+_TWICE = 2.0
 
 
-def propose(
-    girdle: Girdle, effects: tuple[Effect, ...], candidates: Sequence[Hypothesis], data: Observed, noise: Noise
-) -> list[Proposal]:
-    """Propose measurements for at least two candidates, the most separating first."""
-    postures = projected_onto_model(girdle, effects, data, noise)
+def indistinguishable(at: Linearised) -> list[list[str]]:
+    """Group the candidates that do the same to these data, after the adapted parameters."""
+    names = [effect.name for effect in at.joint.candidates.effects]
+    groups: list[list[str]] = []
+    for name in names:
+        group = next((one for one in groups if all(similarity(at, name, other) >= _SAME for other in one)), None)
+        if group is None:
+            groups.append([name])
+        else:
+            group.append(name)
+    return [group for group in groups if len(group) > 1]
 
-    def least(data: Observed, noise: Noise) -> float:
-        apart = separation(girdle, effects, candidates, data, noise)
-        pairs = np.minimum(apart, apart.T)[np.triu_indices(len(candidates), 1)]
-        return float(max(pairs.min(), 0.0))
 
-    now = least(postures, noise)
+def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> list[Proposal]:
+    """Say what would tell the first two names of each cause apart: more persons, or more of the motion that tells most.
+
+    The expected log evidence grows in proportion to the folds that are measured.
+    """
     found = []
-    for what, change in _changes(girdle, effects, postures).items():
-        then = least(*change(postures, noise))
-        found.append(Proposal(what, now, then, 1.0 / (1.0 + math.exp(-min(then, 50.0)))))
-    return sorted(found, key=lambda proposal: -proposal.separation_then)
+    for names in causes:
+        if len(names) < 2:
+            continue
+        other = _with(search, named, names[0], names[1])
+        if other is None:
+            continue
+        own = search.folds.by_fold(named.predicted.squares)
+        difference = search.folds.by_fold(other.predicted.squares) - own
+        evidence = 0.5 * len(CONSTRAINTS) * difference / own.mean()
+        now = float(evidence.sum())
+        found.append(Proposal("twice as many persons", (names[0], names[1]), now, _TWICE * now))
+        kinds = np.array([test.motion for test in search.folds.tests if test.kind == search.folds.kinds[0]])
+        by_kind = {int(k): float(evidence[kinds == k].sum()) for k in np.unique(kinds)}
+        best = max(by_kind, key=by_kind.__getitem__)
+        if len(search.joint.shoulders.kinds) > 1 and by_kind[best] > 0:
+            what = f"{search.joint.shoulders.kinds[best]} of twice as many persons"
+            found.append(Proposal(what, (names[0], names[1]), now, now + by_kind[best]))
+    return sorted(found, key=lambda one: -one.separation_then)
 
 
-Change = Callable[[Observed, Noise], tuple[Observed, Noise]]
-
-
-def _changes(girdle: Girdle, effects, data: Observed) -> dict[str, Change]:
-    """What could be measured beside what was."""
-    subjects = len(data.subjects)
-    changes: dict[str, Change] = {
-        "every posture measured four times": lambda data, noise: (
-            data,
-            Noise(noise.angle_deg / 2.0, noise.landmark_mm / 2.0),
-        ),
-        f"twice as many subjects ({2 * subjects})": lambda data, noise: (
-            data.select_subjects(np.tile(np.arange(subjects), 2)),
-            noise,
-        ),
-    }
-    for name, plane_deg in _PLANES_DEG.items():
-        changes[f"a further motion in all subjects: {name}, 0-150 degrees"] = _with_motion(
-            girdle, effects, name, plane_deg
-        )
-    if len(data.values) == 6:
-        changes[f"positions of {', '.join(SHOWN)} beside the angles"] = lambda data, noise: (
-            _with_landmarks(girdle, data),
-            noise,
-        )
-    return changes
-
-
-def _with_motion(girdle: Girdle, effects, name: str, plane_deg: float) -> Change:
-    def change(data: Observed, noise: Noise) -> tuple[Observed, Noise]:
-        count, subjects = len(_ELEVATIONS_DEG), len(data.subjects)
-        rest = np.repeat(REST_DEG[:, None], count, axis=1)
-        coefficients = np.repeat(COEFFICIENTS[:, :, None], count, axis=2)
-        angles = np.asarray(girdle_angles_deg(rest, np.full(count, plane_deg), _ELEVATIONS_DEG, coefficients)) / DEG
-        more = Observed(
-            values=np.repeat(angles[:, :, None], subjects, axis=2),
-            measured=np.ones((6, count, subjects), bool),
-            elevation_deg=np.repeat(_ELEVATIONS_DEG[:, None], subjects, axis=1),
-            counted=np.ones((count, subjects), bool),
-            motion=np.full((count, subjects), len(data.motions)),
-            subjects=data.subjects,
-            motions=(f"further {name}",),
-        )
-        more = projected_onto_model(girdle, effects, more, noise)
-        if len(data.values) > 6:
-            more = _with_landmarks(girdle, more)
-        arrays = {
-            key: np.concatenate([value, getattr(more, key)], axis=-2)
-            for key, value in vars(data).items()
-            if isinstance(value, np.ndarray)
-        }
-        return replace(data, **arrays, motions=(*data.motions, *more.motions)), noise
-
-    return change
-
-
-def _with_landmarks(girdle: Girdle, data: Observed) -> Observed:
-    """The same postures with the positions that the model as it is predicts."""
-    at = landmarks(girdle.over_axes(2), jnp.asarray(data.values[:6]))
-    SC = jnp.broadcast_to(girdle.sc_mm[:, None, None], at.AC.shape)
-    positions = np.concatenate([np.asarray(x) for x in (SC, at.AC, at.TS, at.AI)])
-    everywhere = np.broadcast_to(data.counted, positions.shape)
-    return replace(
-        data,
-        values=np.concatenate([data.values[:6], positions]),
-        measured=np.concatenate([data.measured[:6], everywhere]),
-    )
+def _with(search: Search, named: Node, own: str, other: str) -> Node | None:
+    """The best fitted set that has the other cause in the place of its own."""
+    cause = {effect.name: effect.cause for effect in search.joint.candidates.effects}
+    wanted = {cause[name] for name in named.hypothesis} - {own} | {other}
+    nodes = [node for node in search.usable if {cause[name] for name in node.hypothesis} == wanted]
+    return max(nodes, key=lambda node: node.value, default=None)

@@ -1,1 +1,1 @@
-"""From fitted hypotheses to an answer: evidence over priors, discrepancy, ranking, verdict, held-out gaps."""
+"""From fits to names: which causes predict, which replace one another, what is left over."""

@@ -1,100 +1,117 @@
-"""How large the effects of a verdict are: their mean over the subjects, whatever acts beside them."""
+"""How large the named causes are, with intervals, beside how large such effects are."""
 
-from collections.abc import Sequence
-
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.linear_evidence import posterior
-from adapt.diagnosis.fit.linear_model import Spread, independent_prior, shared_prior
-from adapt.diagnosis.fit.misfit import spans_of
-from adapt.diagnosis.fit.observations import Observed
-from adapt.diagnosis.inference.departures import with_departures
-from adapt.diagnosis.inference.ranking import Ranking
-from adapt.diagnosis.result import ChannelAmplitude, EffectAmplitude
+from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.diagnosis.inference.search import Node, Search
+from adapt.diagnosis.result import CauseAmplitude, Interval
+from adapt.solvers.objective import WEIGHT
+from models.adapted_parameters import ADAPTED
 from models.effects import Effect
+from models.effects.by_posture import UNIT_DEG, ByPosture
 from models.effects.known import as_option
+from models.girdle import CONSTRAINTS
+from motions.rhythm import REST_DEG
+from motions.table import ANGLES
 
-_INTERVAL = 1.96
-"""Standard deviations of a 95 % interval."""
+_N = len(ADAPTED)
 
-_OFF_THE_MODEL = 0.1
-"""SD of what is wrong with an amplitude because people are not quite as the effect says (courses, joints between which
-the bones give way), as a share of the effect's size: more data do not lessen it. Fitted on simulated subjects of other
-seeds than those reported."""
+_DRAWS, _SEED = 400, 5
+
+_REACHED = 95.0
+"""Percentile of the postures at which the size of an effect is stated: the largest that it is but for outliers."""
 
 
-def amplitudes(
-    ranking: Ranking, effects: Sequence[Effect], data: Observed, named: Sequence[str], together: int
-) -> dict[str, EffectAmplitude]:
-    """Estimate each effect named, over the hypotheses of ``together`` effects that have it, as probable as they are.
+def covariance(search: Search, node: Node) -> Float[np.ndarray, "own own"]:
+    """Compute the covariance of the amplitudes of a fit, the adapted parameters of every subject taken out.
 
-    With weights w_k, means m_k and variances v_k of these: m = sum w_k m_k and v = sum w_k (v_k + (m_k - m)^2). Where
-    it is not known what acts beside an effect, its interval says so; to v comes (``_OFF_THE_MODEL`` |m|)^2, |m| the
-    length of the vector of its directions. The departures of its course (nothing at 150 degrees) and its details are
-    allowed for, and not reported.
+    E is read as -2 log of a posterior in which each motion of a person tells one number of each constraint, with the
+    variance that the unseen folds show.
     """
-    elevation_deg = data.highest_deg
-    by_name = {effect.name: effect for effect in effects}
-    found = {}
-    for name in named:
-        chosen = [k for k, h in enumerate(ranking.hypotheses) if len(h) == together and name in h]
-        weight = np.exp(ranking.log_evidence[chosen] - ranking.log_evidence[chosen].max())
-        each = [_strength(ranking, k, by_name, name, data, elevation_deg) for k in chosen]
-        means, variances = (np.array(part) for part in zip(*each, strict=True))
-        directions = by_name[name].directions
-        mean = np.average(means, axis=0, weights=weight)
-        variance = np.average(variances + (means - mean) ** 2, axis=0, weights=weight)
-        half = _INTERVAL * np.sqrt(variance + (_OFF_THE_MODEL * np.linalg.norm(mean[: len(directions)])) ** 2)
-        channels = (
-            ChannelAmplitude(channel, float(v), float(v - h), float(v + h))
-            for channel, v, h in zip(directions, mean, half, strict=False)
-        )
-        found[name] = effect_amplitude(by_name[name], tuple(channels), elevation_deg)
+    linearised = node.linearised
+    where = _N + search.joint.candidates.where(node.hypothesis)
+    total = np.diag(2.0 / search.joint.candidates.scale[where - _N] ** 2)
+    lower, upper = search.joint.model.bounds_mm
+    for k in range(len(search.joint.shoulders.subjects)):
+        matrix = linearised.matrix[k]
+        theta = node.fitted.theta_mm[k]
+        free = np.flatnonzero((theta > lower) & (theta < upper))
+        own, cross, shared = matrix[np.ix_(free, free)], matrix[np.ix_(free, where)], matrix[np.ix_(where, where)]
+        total = total + shared - cross.T @ np.linalg.solve(own, cross)
+    count = len(CONSTRAINTS)
+    variance = float(search.folds.by_fold(node.predicted.squares).mean()) / count
+    motions = len(search.folds.subject) / len(search.joint.shoulders.subjects)
+    return 2.0 * np.linalg.inv(total) * WEIGHT * variance / (2.0 * count * motions)
+
+
+def amplitudes(search: Search, node: Node) -> dict[str, CauseAmplitude]:
+    """Describe each effect of a fit, by name."""
+    if not node.hypothesis:
+        return {}
+    spread = covariance(search, node)
+    draws = np.random.default_rng(_SEED).multivariate_normal(node.fitted.amplitude[0], spread, _DRAWS)
+    candidates, shoulders = search.joint.candidates, search.joint.shoulders
+    found, start = {}, 0
+    for name in node.hypothesis:
+        effect = candidates.effect(name)
+        own = slice(start, start + effect.amplitudes)
+        start += effect.amplitudes
+        found[name] = _described(effect, node.fitted.amplitude[0][own], draws[:, own], candidates, shoulders)
     return found
 
 
-def _strength(
-    ranking: Ranking, k: int, by_name: dict[str, Effect], name: str, data: Observed, elevation_deg: float
-) -> tuple[Float[np.ndarray, " channels"], Float[np.ndarray, " channels"]]:
-    """Mean and variance of each channel of one effect in one hypothesis, at one elevation."""
-    spread: Spread = independent_prior if ranking.independent_log_odds[k] > 0.0 else shared_prior
-    hypothesis = ranking.hypotheses[k]
-    active_effects = [by_name[one] for one in hypothesis]
-    fitted = with_departures(ranking.fitted[k], active_effects, data)
-    mean = posterior(fitted, spread(fitted.scale))
-    effect, part = by_name[name], spans_of(active_effects)[hypothesis.index(name)]
-    # The strengths at one elevation are linear in the amplitudes.
-    L = np.asarray(effect.at(jnp.eye(effect.amplitudes), jnp.full(effect.amplitudes, elevation_deg)))
-    return L @ mean.a[:, part].mean(axis=0), np.diagonal(L @ mean.mean_covariance[part, part] @ L.T)
-
-
-def effect_amplitude(
-    effect: Effect, channels: tuple[ChannelAmplitude, ...], highest_elevation_deg: float
-) -> EffectAmplitude:
-    """Say how large the effect is by its channels at the highest elevation: the only one, or the length of several."""
-    value, half = _size(channels)
-    return EffectAmplitude(
-        what=effect.what,
-        unit=effect.unit,
-        value=value,
-        low=value - half if len(channels) == 1 else max(0.0, value - half),
-        high=value + half,
-        channels=channels,
-        option=as_option(effect, [one.value for one in channels], highest_elevation_deg),
+def unseen_amplitude(effect: Effect) -> CauseAmplitude:
+    """Describe an effect that is at work without showing in any gap: its option leaves everything as it is."""
+    unknown, zero = Interval(np.nan, np.nan, np.nan), np.zeros(effect.amplitudes)
+    typical = float(np.linalg.norm(effect.prior.scale))
+    directions = dict.fromkeys(effect.directions, unknown)
+    return CauseAmplitude(
+        effect.what, effect.course.word, _unit(effect), unknown, typical, directions, as_option(effect, zero.tolist())
     )
 
 
-def _size(channels: Sequence[ChannelAmplitude]) -> tuple[float, float]:
-    """The channel, or the length of several, and half its interval.
+def _described(effect: Effect, value, draws, candidates: Candidates, shoulders: Shoulders) -> CauseAmplitude:
+    columns = _strengths(effect, shoulders)
+    terms = len(effect.course.sd)
+    scale = candidates.scale[candidates.places[effect.name]]
+    mean = candidates.mean[candidates.places[effect.name]]
+    typical = np.sqrt(np.einsum("a,acp->p", scale**2 + mean**2, columns**2))
+    sizes = _sizes(draws, columns)
+    low, high = np.percentile(sizes, [2.5, 97.5])
+    spread = np.percentile(draws, [2.5, 97.5], axis=0)
+    numbers = {
+        direction: Interval(float(value[k * terms]), float(spread[0, k * terms]), float(spread[1, k * terms]))
+        for k, direction in enumerate(effect.directions)
+    }
+    return CauseAmplitude(
+        what=effect.what,
+        course=effect.course.word,
+        unit=effect.unit.partition(" a ")[0] if isinstance(effect.course, ByPosture) else _unit(effect),
+        size=Interval(float(_sizes(value[None], columns)[0]), float(low), float(high)),
+        typical=float(np.percentile(typical, _REACHED)),
+        directions=numbers,
+        option=as_option(effect, value),
+    )
 
-    The length's interval is by the delta method: the errors of the channels, taken as independent, along the mean. A
-    mean of length 0 has no direction: then the widest channel's.
-    """
-    value = np.array([one.value for one in channels])
-    half = np.array([(one.high - one.low) / 2.0 for one in channels])
-    if len(channels) == 1:
-        return float(value[0]), float(half[0])
-    length = float(np.linalg.norm(value))
-    return length, float(np.linalg.norm(value * half)) / length if length else float(half.max())
+
+def _unit(effect: Effect) -> str:
+    """The unit of the strength, which a share of something measured does not have itself."""
+    return "deg" if effect.prior.mean else effect.unit
+
+
+def _sizes(amplitude: Float[np.ndarray, "draws own"], columns) -> Float[np.ndarray, " draws"]:
+    strength = np.einsum("da,acp->dcp", amplitude, columns)
+    return np.percentile(np.sqrt((strength**2).sum(axis=1)), _REACHED, axis=1)
+
+
+def _strengths(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, "own channels rows"]:
+    """Strength at each posture of amplitudes of 1; of a course by posture at the measured angles."""
+    if not isinstance(effect.course, ByPosture):
+        return effect.columns(shoulders.motions)
+    away = (shoulders.measured_deg - REST_DEG[:, None]) / UNIT_DEG
+    followed = np.stack([away[ANGLES.index(angle)] for angle in effect.course.angles])
+    directions = len(effect.directions) // len(followed)
+    columns = np.einsum("kc,jp->kjcp", np.eye(directions), followed)
+    return columns.reshape(directions * len(followed), directions, -1)

@@ -1,4 +1,4 @@
-// The charts: angles, constraints, heat maps, held-out gaps.
+// The charts: angles, constraints, heat maps, unseen gaps.
 
 function draw(place, traces, layout) {
   const base = {
@@ -189,8 +189,8 @@ function drawHeat() {
 function drawGaps() {
   const gap = data.gap[model().name];
   if (!gap) return;
-  const names = { base: "as it is", adapted: "adapted", with_effect: "with effect", noise_floor: "noise alone" };
-  const kinds = Object.keys(names).filter((kind) => kind in gap);
+  const names = { base: "as it is", adapted: "adapted", with_effect: "with causes", noise_floor: "noise alone" };
+  const kinds = Object.keys(names).filter((kind) => kind in gap.unseen);
   const bones = { all: "both bones", clavicle: "clavicle", scapula: "scapula" };
   panels("gaps", 3).forEach((place, k) => {
     const bone = Object.keys(bones)[k];
@@ -218,7 +218,7 @@ function drawGaps() {
       };
     };
     const traces = [
-      dots(gap, "held out", { color: COLOUR.after, size: 9 }, -0.12),
+      dots(gap.unseen, gap.what, { color: COLOUR.after, size: 9 }, -0.12),
       dots(gap.in_sample, "in sample", { color: "white", size: 8, line: { color: "#777777", width: 1.5 } }, 0.16),
     ];
     const layout = {

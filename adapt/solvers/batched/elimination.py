@@ -13,8 +13,8 @@ C and s (Gauss-Newton).
 
 from typing import NamedTuple
 
-from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
+from adapt.solvers.reference.linalg import backward, factorised, forward
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.adapted_parameters import ELLIPSOID
 from models.derivatives import ConstraintDerivatives

@@ -22,8 +22,8 @@ from adapt.solvers.batched.elimination import (
     product,
     stationarity,
 )
-from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
+from adapt.solvers.reference.linalg import backward, factorised, forward
 from models.adapted_parameters import adapted_components
 from models.derivatives import ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle

@@ -27,8 +27,8 @@ from adapt.solvers.batched.elimination import (
     product,
     stationarity,
 )
-from adapt.solvers.linalg import backward, factorised, forward
 from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
+from adapt.solvers.reference.linalg import backward, factorised, forward
 from adapt.solvers.reference.subject import THETA_TOLERANCE, Problem
 from models.adapted_parameters import ADAPTED, ELLIPSOID, ellipsoid_components
 from models.derivatives import (

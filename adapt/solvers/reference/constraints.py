@@ -7,8 +7,8 @@ from typing import Protocol
 
 from jaxtyping import Float
 
-from adapt.solvers.linalg import ElementwiseFunction, gradient, hessian, jacobian
 from adapt.solvers.reference.elimination import Linearised
+from adapt.solvers.reference.linalg import ElementwiseFunction, gradient, hessian, jacobian
 from models.adapted_parameters import ADAPTED, ELLIPSOID, adapted_components
 from models.derivatives import ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from jaxtyping import Float
 
-from adapt.solvers.linalg import (
+from adapt.solvers.reference.linalg import (
     Factor,
     diagonal,
     largest,

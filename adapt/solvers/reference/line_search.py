@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.solvers.linalg import largest
+from adapt.solvers.reference.linalg import largest
 from motions.arrays import Array, is_jax, xp
 
 LENGTHS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.005)

@@ -13,7 +13,9 @@ from typing import NamedTuple
 import jax
 from jaxtyping import Bool, Float, Int
 
-from adapt.solvers.linalg import (
+from adapt.solvers.reference.constraints import Constraints
+from adapt.solvers.reference.elimination import Linearised, back_to_surface, eliminate, limited
+from adapt.solvers.reference.linalg import (
     Factor,
     diagonal,
     largest,
@@ -22,8 +24,6 @@ from adapt.solvers.linalg import (
     trace,
     transpose,
 )
-from adapt.solvers.reference.constraints import Constraints
-from adapt.solvers.reference.elimination import Linearised, back_to_surface, eliminate, limited
 from adapt.solvers.reference.line_search import TINY_RAD, grown_penalty, longest, pick
 from motions.arrays import Array, for_each, repeat_while, xp
 from motions.rotations import DEG

@@ -18,9 +18,9 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.solvers.linalg import Factor, diagonal, largest, matvec
 from adapt.solvers.reference.constraints import Constraints
 from adapt.solvers.reference.elimination import Eliminated, Linearised, back_to_surface, eliminate, limited
+from adapt.solvers.reference.linalg import Factor, diagonal, largest, matvec
 from adapt.solvers.reference.line_search import LENGTHS, TINY_RAD, grown_penalty, longest, pick
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from motions.arrays import Array, for_each, repeat_while, xp

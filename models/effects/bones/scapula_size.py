@@ -1,11 +1,9 @@
 """The subject's scapula is larger or smaller than the cadaver's, seen from AC.
 
-Its height may differ from its width, and the coracoid, where the conoid is attached, goes along for the most part.
+The coracoid, where the conoid is attached, goes along for the most part.
 """
 
 from dataclasses import replace
-
-import jax.numpy as jnp
 
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
@@ -16,13 +14,12 @@ _CORACOID_SHARE = 0.75
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rotations]:
-    larger, higher, coracoid = percent / 100.0
-    blade = 1.0 + jnp.stack([larger, larger + higher, larger])
+    larger = percent[0] / 100.0
     scaled = replace(
         girdle,
-        ts_mm=girdle.ts_mm * blade,
-        ai_mm=girdle.ai_mm * blade,
-        scapula_conoid_mm=girdle.scapula_conoid_mm * (1.0 + _CORACOID_SHARE * larger + coracoid),
+        ts_mm=girdle.ts_mm * (1.0 + larger),
+        ai_mm=girdle.ai_mm * (1.0 + larger),
+        scapula_conoid_mm=girdle.scapula_conoid_mm * (1.0 + _CORACOID_SHARE * larger),
     )
     return scaled, rotations
 
@@ -31,12 +28,10 @@ EFFECT = Effect(
     name="scapula_size",
     what="the subject's scapula is not the cadaver's",
     unit="%",
-    channels=("size", "height, %", "coracoid, %"),
-    details=2,
-    over_elevation=False,
+    directions=("size",),
     adjust=_adjust,
     prior=EffectPrior(
-        scale=(8.0, 1.5, 2.0),
+        scale=(8.0,),
         source="assumed: as the clavicle's",
     ),
 )

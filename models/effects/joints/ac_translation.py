@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from models.effects.course import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -15,12 +16,12 @@ EFFECT = Effect(
     name="ac_translation",
     what="AC centre moves in the clavicle with elevation",
     unit="mm",
-    channels=("along", "up", "back"),
-    over_elevation=True,
+    directions=("along", "up", "back"),
+    course=ELEVATION,
+    may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(
         scale=(1.5, 1.5, 4.5),
-        leads="back",
         source="Sahara 2006: antero-posterior -1.9 to +1.6 mm; bone pins 2.7-6.5 mm",
     ),
 )

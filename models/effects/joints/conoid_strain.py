@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from models.effects.course import LATE
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -15,9 +16,9 @@ EFFECT = Effect(
     name="conoid_strain",
     what="conoid length changes with elevation",
     unit="mm",
-    channels=("length",),
-    over_elevation=True,
-    late=True,
+    directions=("length",),
+    course=LATE,
+    may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(
         scale=(3.0,),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from models.effects.course import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -15,8 +16,9 @@ EFFECT = Effect(
     name="sc_translation",
     what="SC centre moves in the thorax with elevation",
     unit="mm",
-    channels=("lateral", "up", "back"),
-    over_elevation=True,
+    directions=("lateral", "up", "back"),
+    course=ELEVATION,
+    may_follow=("clavicle_y", "clavicle_z"),
     adjust=_adjust,
     prior=EffectPrior(
         scale=(3.3, 3.3, 3.3),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from models.effects.course import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -16,12 +17,12 @@ EFFECT = Effect(
     name="scapulothoracic_gap",
     what="TS and AI distance to the thorax change with elevation",
     unit="mm",
-    channels=("TS", "AI"),
-    over_elevation=True,
+    directions=("TS", "AI"),
+    course=ELEVATION,
+    may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(
         scale=(5.0, 7.0),
-        leads="AI",
         source="no healthy figure found; 3-5 mm SD computed on bone-pin data",
     ),
 )

@@ -7,6 +7,7 @@ f has 0, f^2 has -0.25.
 
 import jax.numpy as jnp
 
+from models.effects.course import LATE
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -25,14 +26,12 @@ EFFECT = Effect(
     name="clavicle_axial_estimate",
     what="the clavicle's axial rotation as measured is an estimate that lags",
     unit="deg",
-    channels=("axial",),
-    over_elevation=True,
-    late=True,
+    directions=("axial",),
+    course=LATE,
     adjust=_adjust,
     prior=EffectPrior(
         scale=(15.0,),
         sign=(1,),
-        axial=(1.0,),
         source="true 17-35 deg over elevation (Ludewig, Matsuki, Sahara)",
     ),
 )

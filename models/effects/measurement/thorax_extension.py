@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 
+from models.effects.course import ELEVATION
 from models.effects.effect import Effect, Points, Rotations, rotate_points
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -24,15 +25,14 @@ EFFECT = Effect(
     name="thorax_extension",
     what="the thorax frame turns with elevation, both bones alike",
     unit="deg",
-    channels=("about x", "about y", "about z"),
-    over_elevation=True,
+    directions=("about x", "about y", "about z"),
+    course=ELEVATION,
+    may_follow=("scapula_z",),
     adjust=_adjust,
     show=_show,
     prior=EffectPrior(
         scale=(8.0, 3.0, 3.0),
-        leads="about x",
         sign=(1, 0, 0),
-        between_motions=0.4,  # assumed: an arm raised sideways makes the trunk lean aside, one raised forwards does not
         source="bilateral 12.8 +- 7.6 deg, unilateral up to 6 deg",
     ),
 )

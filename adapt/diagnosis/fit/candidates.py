@@ -1,0 +1,106 @@
+"""The candidates: every effect with its strength in each channel at each posture, and what is believed about it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.solvers.extended.nearest_posture import strengths_of
+from models.effects import EFFECTS, Effect
+from models.effects.by_posture import UNIT_DEG, ByPosture
+from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers
+from models.parameter_sets import ParameterSet
+from motions.table import ANGLES
+
+Hypothesis = tuple[str, ...]
+"""Names of the effects that are at work together, in the order of the candidates."""
+
+_RANGE_PERCENT = (5.0, 95.0)
+"""Of a bone angle, over which a course by posture does what the effect's scale says."""
+
+_LEAST_RANGE_DEG = 5.0
+"""A bone angle that moves by less is no course."""
+
+_SHARE_OF_MEAN = 1.0 / 3.0
+"""An effect whose size has been measured is not at work with less than this share of it."""
+
+
+def candidate_effects(model: ParameterSet) -> tuple[Effect, ...]:
+    """Give the effects to try with this set: all that are listed, and the set's own doubtful numbers with their
+    ranges."""
+    doubtful = doubtful_numbers(model)
+    numbers = {effect.name for effect in NUMBER_EFFECTS.values()}
+    return tuple(
+        doubtful.get(name, effect) for name, effect in EFFECTS.items() if name in doubtful or name not in numbers
+    )
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """All candidates side by side: amplitudes of all in one vector, channels of all in another."""
+
+    effects: tuple[Effect, ...]
+    columns: Float[np.ndarray, "amplitudes channels rows"]
+    scale: Float[np.ndarray, " amplitudes"]
+    mean: Float[np.ndarray, " amplitudes"]
+
+    @cached_property
+    def places(self) -> dict[str, Int[np.ndarray, " own"]]:
+        """By name, where the amplitudes of an effect are."""
+        ends = np.cumsum([one.amplitudes for one in self.effects])
+        return {one.name: np.arange(end - one.amplitudes, end) for one, end in zip(self.effects, ends, strict=True)}
+
+    def where(self, hypothesis: Sequence[str]) -> Int[np.ndarray, " amplitudes"]:
+        """Find the amplitudes of a hypothesis, effect by effect."""
+        return np.concatenate([np.zeros(0, int), *(self.places[name] for name in hypothesis)]).astype(int)
+
+    def effect(self, name: str) -> Effect:
+        """Find the effect of this name."""
+        return next(one for one in self.effects if one.name == name)
+
+    def ordered(self, names: Sequence[str]) -> Hypothesis:
+        """Put names in the order of the candidates."""
+        return tuple(one.name for one in self.effects if one.name in names)
+
+    def has_the_sign(self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"]) -> bool:
+        """Tell whether every effect acts the way that its nature or its measurement says."""
+        start = 0
+        for name in hypothesis:
+            effect = self.effect(name)
+            own = amplitude[start : start + effect.amplitudes]
+            start += effect.amplitudes
+            firsts = own[:: len(effect.course.sd)]
+            signs = np.array(effect.prior.sign or (0,) * len(firsts))
+            if (firsts * signs < _SHARE_OF_MEAN * effect.prior.mean * np.abs(signs)).any():
+                return False
+        return True
+
+    def log_prior(self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"]) -> float:
+        """Compute -1/2 sum ((a - mean) / scale)^2."""
+        where = self.where(hypothesis)
+        return -0.5 * float((((amplitude - self.mean[where]) / self.scale[where]) ** 2).sum())
+
+
+def lay_out(effects: Sequence[Effect], shoulders: Shoulders) -> Candidates:
+    """Lay the effects out for these postures."""
+    columns = [effect.columns(shoulders.motions) for effect in effects]
+    scale = [_scale(effect, shoulders) for effect in effects]
+    mean = [effect.prior_mean for effect in effects]
+    return Candidates(tuple(effects), strengths_of(columns), np.concatenate(scale), np.concatenate(mean))
+
+
+def _scale(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, " amplitudes"]:
+    """The prior SD; a course by posture does over the range of its angle what the effect typically does."""
+    if not isinstance(effect.course, ByPosture):
+        return effect.prior_sd
+    ranges = [_range_deg(ANGLES.index(angle), shoulders) for angle in effect.course.angles]
+    return effect.prior_sd * np.tile(UNIT_DEG / np.array(ranges), len(effect.directions) // len(ranges))
+
+
+def _range_deg(angle: int, shoulders: Shoulders) -> float:
+    """Mean over the subjects of the range of an angle."""
+    of_subjects = (shoulders.measured_deg[angle, shoulders.rows_of(s)] for s in range(len(shoulders.subjects)))
+    return max(_LEAST_RANGE_DEG, float(np.mean([np.ptp(np.percentile(one, _RANGE_PERCENT)) for one in of_subjects])))

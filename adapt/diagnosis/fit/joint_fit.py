@@ -1,0 +1,169 @@
+"""Joint fits of the diagnosis: adaptations of all subjects with amplitudes of effects that all of them share.
+
+The E of each subject is that of `girdle adapt` (thesis Eq. 6.5); see ``adapt.solvers.extended.gauss_newton``. Several
+groups are fitted side by side: all postures, or all but those held out. A part is one subject in one group.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.solvers.extended.gauss_newton import End, Parts, Shared, minimise, thorax_terms
+from adapt.solvers.extended.nearest_posture import Nearest
+from adapt.solvers.objective import WEIGHT, ThoraxPoints, fitted_girdle
+from models.adapted_parameters import STARTS_MM
+from models.effects import Effect
+from models.girdle import Girdle
+from models.parameter_sets import ParameterSet
+
+_MOST_STEPS = 60
+"""Gauss-Newton steps; the fits of measured motions take 5 to 30."""
+
+SETTLED = 1e-4
+"""Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""
+
+
+class Part(NamedTuple):
+    """One subject in one group, with the rows that it is adapted to."""
+
+    subject: int
+    group: int
+    rows: Int[np.ndarray, " chosen"]
+    importance: float = 1.0
+    """Of its E for the amplitudes: next to nothing where its person is held out from them."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Where a joint fit ended."""
+
+    theta_mm: Float[np.ndarray, "parts adapted"]
+    amplitude: Float[np.ndarray, "groups own"]
+    E: Float[np.ndarray, " parts"]
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Model:
+    """A parameter set after its geometric fit, with the effects that may be at work."""
+
+    girdle: Girdle
+    effects: tuple[Effect, ...]
+    points_mm: Float[np.ndarray, "3 points"]
+    bounds_mm: Float[np.ndarray, "2 adapted"]
+
+    @staticmethod
+    def of(parameters: ParameterSet, effects: tuple[Effect, ...]) -> "Model":
+        """Fit the set's ellipsoid to its thorax points, where every adaptation starts."""
+        girdle = jax.tree.map(np.asarray, fitted_girdle(parameters.girdle, parameters.points_mm))
+        return Model(girdle, effects, parameters.points_mm, np.asarray(parameters.bounds_mm))
+
+    @property
+    def theta_mm(self) -> Float[np.ndarray, " adapted"]:
+        """The set's own adapted parameters."""
+        return np.asarray(self.girdle.adapted_mm)
+
+    def of_parts(self, count: int) -> Girdle:
+        """Repeat the girdle for so many parts."""
+        return jax.tree.map(lambda x: np.broadcast_to(x[..., None], (*x.shape, count)), self.girdle)
+
+    @cached_property
+    def _thorax(self) -> ThoraxPoints:
+        count = self.points_mm.shape[1]
+        weights = np.full((count, 1), 1.0 / count)
+        return ThoraxPoints(self.girdle.over_axes(1), self.points_mm[..., None], weights)
+
+    def thorax(self, theta_mm: Float[np.ndarray, "parts adapted"]):
+        """Compute D of every part, with its gradient and Gauss-Newton matrix."""
+        return thorax_terms(self._thorax, theta_mm)
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The problem: a model, subjects, candidates, and the parts."""
+
+    model: Model
+    shoulders: Shoulders
+    candidates: Candidates
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def rows(self) -> Int[np.ndarray, " every"]:
+        """Rows of all parts, one after the other."""
+        return np.concatenate([part.rows for part in self.parts])
+
+    @property
+    def groups(self) -> int:
+        """How many groups there are."""
+        return self.parts[-1].group + 1
+
+    @cached_property
+    def _parts(self) -> Parts:
+        counts = np.array([len(part.rows) for part in self.parts])
+        of_row = np.repeat(np.arange(len(counts)), counts)
+        return Parts(
+            girdle=self.model.of_parts(len(counts)),
+            thorax=self.model.thorax,
+            bounds_mm=tuple(self.model.bounds_mm[:, None]),
+            effects=self.model.effects,
+            strengths=np.zeros((self.candidates.columns.shape[1], len(of_row))),
+            measured_deg=self.shoulders.measured_deg[:, self.rows],
+            sd=self.shoulders.sd[:, self.rows],
+            weights=WEIGHT / counts[of_row] * self.shoulders.weights[self.rows],
+            part=of_row,
+            group=np.array([part.group for part in self.parts]),
+            importance=np.array([part.importance for part in self.parts]),
+        )
+
+    def _shared(self, hypothesis: Sequence[str]) -> Shared:
+        where = self.candidates.where(hypothesis)
+        columns = self.candidates.columns[where][:, :, self.rows]
+        return Shared(columns, self.candidates.scale[where], self.candidates.mean[where])
+
+    def nearest(self, hypothesis: Sequence[str], fitted: Fitted) -> Nearest:
+        """Find the nearest postures of all rows where a fit ended."""
+        shared, parts = self._shared(hypothesis), self._parts
+        strengths = np.einsum("rk,kcr->cr", fitted.amplitude[parts.group][parts.part], shared.columns)
+        return parts.nearest(fitted.theta_mm, strengths)
+
+    def fit(
+        self,
+        hypothesis: Sequence[str],
+        theta_mm: Float[np.ndarray, "parts adapted"],
+        amplitude: Float[np.ndarray, "groups own"],
+        settled: float = SETTLED,
+    ) -> Fitted:
+        """Minimise from here."""
+
+        def finished(gain: float, _) -> bool:
+            return gain < settled
+
+        end = minimise(self._parts, self._shared(hypothesis), theta_mm, amplitude, finished, _MOST_STEPS)
+        return _fitted(end)
+
+    def from_starts(self) -> Fitted:
+        """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
+        none = np.zeros((self.groups, 0))
+        found = [self.fit((), np.tile(self.model.theta_mm + start, (len(self.parts), 1)), none) for start in STARTS_MM]
+        best = found[0]
+        for other in found[1:]:
+            lower = other.E < best.E
+            theta = np.where(lower[:, None], other.theta_mm, best.theta_mm)
+            best = replace(best, theta_mm=theta, E=np.minimum(best.E, other.E))
+        return best
+
+
+def _fitted(end: End) -> Fitted:
+    return Fitted(end.theta_mm, end.amplitude, end.E, end.settled)
+
+
+def everybody(shoulders: Shoulders) -> tuple[Part, ...]:
+    """Put all postures of all subjects in one group."""
+    return tuple(Part(s, 0, shoulders.rows_of(s)) for s in range(len(shoulders.subjects)))

@@ -1,0 +1,120 @@
+"""What any hypothesis would predict of unseen postures, by linear algebra around one exact fit.
+
+At the fit of a hypothesis to everything, y of every row is linear in the adapted parameters and in the amplitudes of
+all candidates. A fold leaves the normal equations of its rows out, so that every fold of every further hypothesis
+costs a few small matrices. Within 5 % of the exact refit in most folds of six measured shoulders, 14 % at worst.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
+from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.solvers.extended.arrow_step import Quadratic, lowest
+from adapt.solvers.objective import WEIGHT
+from models.adapted_parameters import ADAPTED
+
+_N = len(ADAPTED)
+
+
+class Predicted(NamedTuple):
+    """A hypothesis at the folds."""
+
+    amplitude: Float[np.ndarray, "groups own"]
+    """Of group 0 with everything in, then of every fold."""
+    theta_mm: Float[np.ndarray, "parts adapted"]
+    squares: Float[np.ndarray, " tests"]
+    """Mean |y|^2, deg^2: the sum of the squares of six angles."""
+    gaps_deg: Float[np.ndarray, "tests 6"]
+    """Mean |simulated - measured| of each angle."""
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The rows around one fit of everything."""
+
+    joint: JointFit
+    folds: Folds
+    hypothesis: tuple[str, ...]
+    fitted: Fitted
+    y: Float[np.ndarray, "rows 3"]
+    Z: Float[np.ndarray, "rows 3 n"]
+    """dy in the adapted parameters and in the amplitudes of all candidates."""
+    B: Float[np.ndarray, "rows 3 6"]
+    gradient: Float[np.ndarray, "parts n"]
+    matrix: Float[np.ndarray, "parts n n"]
+
+    def amplitudes(self, hypothesis: Sequence[str]) -> Float[np.ndarray, " own"]:
+        """Give the amplitudes of a hypothesis here: 0 of what is not in the fit."""
+        every = np.zeros(len(self.joint.candidates.scale))
+        every[self.joint.candidates.where(self.hypothesis)] = self.fitted.amplitude[0]
+        return every[self.joint.candidates.where(hypothesis)]
+
+    def predict(self, hypothesis: Sequence[str]) -> Predicted:
+        """Predict every fold under a hypothesis that has the one of the fit in it."""
+        joint, parts = self.joint, self.folds.parts
+        where = joint.candidates.where(hypothesis)
+        scale, mean, now = joint.candidates.scale[where], joint.candidates.mean[where], self.amplitudes(hypothesis)
+        chosen = np.concatenate([np.arange(_N), _N + where])
+        subject, group = (np.array([getattr(part, k) for part in parts]) for k in ("subject", "group"))
+        importance = np.array([part.importance for part in parts])
+        theta = self.fitted.theta_mm[subject]
+        lower, upper = joint.model.bounds_mm
+        groups = parts[-1].group + 1
+        quadratic = Quadratic(self.gradient[:, chosen], self.matrix[:, chosen[:, None], chosen], importance, group)
+        prior_gradient = np.broadcast_to(2.0 * (now - mean) / scale**2, (groups, len(where)))
+        step = lowest(quadratic, groups, prior_gradient, np.diag(2.0 / scale**2)[None], (lower - theta, upper - theta))
+        part = self.folds.part[self.folds.test_of]
+        rows = self.folds.rows
+        y = self.y[rows] + np.einsum("rij,rj->ri", self.Z[rows][..., :_N], step.theta[part])
+        if len(where):
+            y = y + np.einsum("rij,rj->ri", self.Z[rows][..., _N + where], step.amplitude[group[part]])
+        gaps = np.abs(np.einsum("rij,ri->rj", self.B[rows], y)) * (joint.shoulders.sd[:, rows].T == 1.0)
+        return Predicted(
+            now + step.amplitude,
+            theta + step.theta,
+            self.folds.means((y**2).sum(axis=1)),
+            self.folds.means(gaps),
+        )
+
+
+def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: Fitted) -> Linearised:
+    """Linearise around the fit of all postures (``joint`` has everybody's parts, one group)."""
+    candidates, shoulders = joint.candidates, joint.shoulders
+    near = joint.nearest(hypothesis, fitted)
+    order = np.argsort(joint.rows)
+    y, by_theta, by_channel, B = (x[order] for x in (near.y, near.by_theta, near.by_channel, near.B))
+    Z = np.concatenate([by_theta, np.einsum("ric,kcr->rik", by_channel, candidates.columns)], axis=2)
+    n = Z.shape[2]
+    extended = np.concatenate([Z, y[:, :, None]], axis=2) * np.sqrt(2.0 * WEIGHT * shoulders.weights)[:, None, None]
+    label = _labels(folds, len(shoulders.subject))
+    blocks = {
+        (s, m): _product(extended[(shoulders.subject == s) & (label == m)])
+        for s in range(len(shoulders.subjects))
+        for m in np.unique(label)
+    }
+    _, D_gradient, D_matrix = joint.model.thorax(fitted.theta_mm)
+    gradient, matrix = np.zeros((len(folds.parts), n)), np.zeros((len(folds.parts), n, n))
+    for k, part in enumerate(folds.parts):
+        product = np.sum([blocks[part.subject, m] for m in np.unique(label[part.rows])], axis=0) / len(part.rows)
+        matrix[k], gradient[k] = product[:n, :n], product[:n, n]
+        matrix[k, :_N, :_N] += D_matrix[part.subject]
+        gradient[k, :_N] += D_gradient[part.subject]
+    return Linearised(joint, folds, tuple(hypothesis), fitted, y, Z, B, gradient, matrix)
+
+
+def _product(rows: Float[np.ndarray, "some 3 n"]) -> Float[np.ndarray, "n n"]:
+    flat = rows.reshape(-1, rows.shape[2])
+    return flat.T @ flat
+
+
+def _labels(folds: Folds, rows: int) -> Int[np.ndarray, " rows"]:
+    """What is held out together with each row; of a row that no fold holds out, -1."""
+    label = np.full(rows, -1)
+    for test in folds.tests:
+        label[test.rows] = test.motion
+    return label

@@ -1,0 +1,95 @@
+"""The measured postures of all subjects as flat rows, and whose and of which kind of motion they are."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from motions.errors import InputError
+from motions.rhythm import REST_DEG
+from motions.table import FEWEST_ANGLES, Motions
+
+FEWEST_POSTURES = 4
+"""A subject with fewer says less than its six adapted parameters take up."""
+
+_UNMEASURED_SD = 1000.0
+"""SD of an angle that was not measured beside 1 of one that was: it is whatever closes the chain."""
+
+_SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
+"""What a name of a shoulder ends with beyond the person's."""
+
+
+@dataclass(frozen=True)
+class Shoulders:
+    """N postures of S subjects, in the order of ``motions``."""
+
+    motions: Motions
+    measured_deg: Float[np.ndarray, "6 rows"]
+    """The published mean at rest where not measured."""
+    sd: Float[np.ndarray, "6 rows"]
+    """1 where measured."""
+    subject: Int[np.ndarray, " rows"]
+    motion: Int[np.ndarray, " rows"]
+    """Kind of motion, by number."""
+    subjects: tuple[str, ...]
+    kinds: tuple[str, ...]
+    """Of motions, in the order of their names."""
+    person: Int[np.ndarray, " subjects"]
+    """Left and right of one person have one number."""
+
+    @property
+    def weights(self) -> Float[np.ndarray, " rows"]:
+        """1 over the measured angles of each posture: of |y|^2 in J_p (deg^2)."""
+        return 1.0 / (self.sd == 1.0).sum(axis=0)
+
+    @property
+    def persons(self) -> int:
+        """How many persons there are."""
+        return int(self.person.max()) + 1
+
+    def rows_of(self, subject: int, motion: int | None = None) -> Int[np.ndarray, " chosen"]:
+        """Find the rows of a subject, in all or in one kind of motion."""
+        return np.flatnonzero((self.subject == subject) & (True if motion is None else self.motion == motion))
+
+    def select(self, mask: Bool[np.ndarray, " rows"]) -> "Shoulders":
+        """Select rows; subjects and kinds of motion are counted anew."""
+        return shoulders_of(self.motions.select(mask))
+
+
+def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:
+    """Lay out the postures that say something of the model, of the subjects that have enough; and why others are left
+    out. InputError where no subject has enough."""
+    says = np.isfinite(motions.angles_deg).sum(axis=1) > FEWEST_ANGLES
+    counts = {name: int(says[motions.subject == name].sum()) for name in motions.subjects}
+    left_out = {
+        name: f"{n} postures with more than {FEWEST_ANGLES} angles, fewer than {FEWEST_POSTURES}"
+        for name, n in counts.items()
+        if n < FEWEST_POSTURES
+    }
+    if len(left_out) == len(counts):
+        cause = f"no subject has {FEWEST_POSTURES} postures with more than {FEWEST_ANGLES} measured angles"
+        raise InputError(
+            "the motions", None, cause, "Give subjects with more postures, or more angles measured in each"
+        )
+    enough = ~np.isin(motions.subject, list(left_out))
+    return shoulders_of(motions.select(says & enough)), left_out
+
+
+def shoulders_of(motions: Motions) -> Shoulders:
+    """Lay out all postures."""
+    known = np.isfinite(motions.angles_deg).T
+    subjects = motions.subjects
+    kinds = tuple(sorted(set(motions.motion.tolist())))
+    persons = [_SIDE.sub("", name) or name for name in subjects]
+    different = list(dict.fromkeys(persons))
+    return Shoulders(
+        motions=motions,
+        measured_deg=np.where(known, motions.angles_deg.T, REST_DEG[:, None]),
+        sd=np.where(known, 1.0, _UNMEASURED_SD),
+        subject=np.array([subjects.index(name) for name in motions.subject.tolist()]),
+        motion=np.array([kinds.index(name) for name in motions.motion.tolist()]),
+        subjects=subjects,
+        kinds=kinds,
+        person=np.array([different.index(name) for name in persons]),
+    )

@@ -1,0 +1,71 @@
+"""Names that may stand in place of one another: what the data cannot tell apart."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.fit.prediction import Linearised
+from adapt.diagnosis.inference.search import Node, Search
+from adapt.diagnosis.inference.weights import probabilities
+from models.adapted_parameters import ADAPTED
+
+_N = len(ADAPTED)
+
+_LEVEL = 0.95
+"""A credible set holds the cause with this probability."""
+
+_LEAST_SHARE = 0.05
+"""A name that is less probable than this in its place is not worth a measurement."""
+
+
+class CredibleSet(NamedTuple):
+    """One cause at work: the names it may have, most probable first, and the probability of each in this place."""
+
+    names: tuple[str, ...]
+    shares: tuple[float, ...]
+
+
+def credible_sets(search: Search, named: Node) -> dict[str, CredibleSet]:
+    """Find, for each named candidate, the causes that do as well in its place beside the others; by name."""
+    return {name: _in_place_of(search, named, name) for name in named.hypothesis}
+
+
+def _in_place_of(search: Search, named: Node, own: str) -> CredibleSet:
+    nodes = search.in_place_of(named, own)
+    shares = dict(zip(nodes, probabilities(search, list(nodes.values())), strict=True))
+    return _credible(search.joint.candidates.effect(own).cause, shares)
+
+
+def _credible(own: str, shares: dict[str, float]) -> CredibleSet:
+    """The cause that is named comes first: it predicts in the set that is named."""
+    order = sorted(shares, key=lambda name: (name != own, -shares[name]))
+    names, kept, reached = [], [], 0.0
+    for name in order:
+        if reached >= _LEVEL or (names and shares[name] < _LEAST_SHARE):
+            break
+        names.append(name)
+        kept.append(shares[name])
+        reached += shares[name]
+    return CredibleSet(tuple(names), tuple(kept))
+
+
+def similarity(at: Linearised, one: str, other: str) -> float:
+    """Compute the mean squared canonical correlation of what two candidates do to y, of the smaller one's directions,
+    after all that the adapted parameters of every subject take up."""
+    a, b = (_beyond_parameters(at, name) for name in (one, other))
+    correlations = np.linalg.svd(a.T @ b, compute_uv=False)
+    return float((correlations**2).sum() / min(a.shape[1], b.shape[1]))
+
+
+def _beyond_parameters(at: Linearised, name: str) -> Float[np.ndarray, "numbers directions"]:
+    """Orthonormal basis of what a candidate does to y beyond the adapted parameters of each subject."""
+    shoulders = at.joint.shoulders
+    columns = at.Z[..., _N + at.joint.candidates.where((name,))].copy()
+    for subject in range(len(shoulders.subjects)):
+        rows = shoulders.rows_of(subject)
+        own = at.Z[rows][..., :_N].reshape(-1, _N)
+        flat = columns[rows].reshape(-1, columns.shape[2])
+        columns[rows] = (flat - own @ np.linalg.lstsq(own, flat, rcond=None)[0]).reshape(columns[rows].shape)
+    basis, size, _ = np.linalg.svd(columns.reshape(-1, columns.shape[2]), full_matrices=False)
+    return basis[:, size > size.max(initial=0.0) * 1e-6]

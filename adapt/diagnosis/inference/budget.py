@@ -1,0 +1,54 @@
+"""The gap budget: how the gap on unseen motions shrinks as one cause after the other is added, by exact refits."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
+from adapt.diagnosis.inference.naming import without
+from adapt.diagnosis.inference.search import Node, Search
+
+
+class Rung(NamedTuple):
+    """One hypothesis, fitted exactly in every fold."""
+
+    added: str
+    """The cause that it adds to the one before; empty for the first."""
+    hypothesis: Hypothesis
+    gaps_deg: Float[np.ndarray, "tests 6"]
+
+
+def ladder(search: Search, named: Node) -> list[Rung]:
+    """Add the named causes one by one, the one that takes most of the unseen gap first."""
+    nodes, order = [named], []
+    while nodes[-1].hypothesis:
+        less = {name: without(search, nodes[-1], name) for name in nodes[-1].hypothesis}
+        dropped = min(
+            less, key=lambda name: float(search.folds.by_fold(less[name].predicted.gaps_deg.mean(axis=1)).mean())
+        )
+        order.append(dropped)
+        nodes.append(less[dropped])
+    added = ["", *reversed(order)]
+    return [
+        Rung(name, node.hypothesis, refitted(search, node)) for name, node in zip(added, reversed(nodes), strict=True)
+    ]
+
+
+def refitted(search: Search, node: Node) -> Float[np.ndarray, "tests 6"]:
+    """Fit a hypothesis exactly without each fold; give its gaps there, mean |simulated - measured| of each angle."""
+    folds, joint = search.folds, search.joint
+    every = JointFit(joint.model, joint.shoulders, joint.candidates, folds.parts)
+    fitted = every.fit(node.hypothesis, node.predicted.theta_mm, node.predicted.amplitude)
+    # the unseen rows of each test, with the parameters of the part that has not seen them
+    parts = tuple(
+        folds.parts[test.part]._replace(rows=test.rows, group=number) for number, test in enumerate(folds.tests)
+    )
+    group = np.array([folds.parts[test.part].group for test in folds.tests])
+    unseen = JointFit(joint.model, joint.shoulders, joint.candidates, parts)
+    there = Fitted(fitted.theta_mm[folds.part], fitted.amplitude[group], fitted.E[folds.part], fitted.converged)
+    near = unseen.nearest(node.hypothesis, there)
+    measured = joint.shoulders.sd[:, folds.rows].T == 1.0
+    gaps = np.abs(near.angles_deg - joint.shoulders.measured_deg[:, folds.rows].T)
+    return folds.means(np.where(measured, gaps, 0.0)) / np.maximum(folds.means(measured.astype(float)), 1e-9)

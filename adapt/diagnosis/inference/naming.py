@@ -1,0 +1,96 @@
+"""Which causes are named: those that are probable, and without which unseen motions and persons are predicted worse."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.inference.search import Node, Search
+
+LEAST_GAIN = 0.05
+"""Share of the unseen gap beyond noise that a named cause takes away: less is no answer to anybody."""
+
+LEAST_T = 3.0
+"""Paired difference of the folds in its standard errors: what one of some twenty-five candidates reaches by chance in
+one of twenty data sets."""
+
+
+class Gain(NamedTuple):
+    """What one cause adds to the prediction of unseen postures."""
+
+    share: float
+    """Of the gap without it, beyond what noise leaves."""
+    t: float
+    worst_deg: float
+    """The smaller of the mean differences of motions, and of persons and motions."""
+
+    @property
+    def enough(self) -> bool:
+        """Whether the cause may be named."""
+        return self.share >= LEAST_GAIN and self.t >= LEAST_T and self.worst_deg > 0.0
+
+
+def gain(
+    folds: Folds, without: Float[np.ndarray, "tests 6"], with_it: Float[np.ndarray, "tests 6"], floor_deg: float
+) -> Gain:
+    """Compare the gaps of two hypotheses, fold by fold; noise alone leaves ``floor_deg``."""
+    difference = (without - with_it).mean(axis=1)
+    by_fold = folds.by_fold(difference)
+    error = by_fold.std(ddof=1) / np.sqrt(len(by_fold)) if len(by_fold) > 1 else np.inf
+    worst = min(difference[folds.of_kind(kind)].mean() for kind in folds.kinds)
+    beyond = folds.by_fold(without.mean(axis=1)).mean() - floor_deg
+    share = by_fold.mean() / max(beyond, by_fold.mean(), 1e-9)
+    return Gain(float(share), float(by_fold.mean() / error) if error > 0 else np.inf, float(worst))
+
+
+class Named(NamedTuple):
+    """The causes that are named, with what each of them adds to the others."""
+
+    node: Node
+    gains: dict[str, Gain]
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Names of the candidates."""
+        return self.node.hypothesis
+
+
+def name_causes(search: Search, floor_deg: float) -> Named:
+    """Name the most probable set of causes of which each predicts; noise alone leaves a gap of ``floor_deg``.
+
+    A set that is looked at has its subsets, and what could stand in the place of each of its causes, fitted too.
+    """
+    rejected: set[Hypothesis] = set()
+    while len(rejected) < _MOST_LOOKED_AT:
+        node = max((one for one in search.usable if one.hypothesis not in rejected), key=lambda one: one.value)
+        gains = {name: _gain_of(search, node, name, floor_deg) for name in node.hypothesis}
+        better = [one for name in node.hypothesis for one in search.in_place_of(node, name).values()]
+        if any(one.value > node.value and one.hypothesis not in rejected for one in better):
+            continue
+        if all(one.enough for one in gains.values()):
+            return Named(node, gains)
+        rejected.add(node.hypothesis)
+    return Named(search.nodes[()], {})
+
+
+_MOST_LOOKED_AT = 60
+"""Sets, the most probable first; of measured motions the first ten have one that holds."""
+
+
+def _grown(search: Search, names: list[str]) -> Node:
+    """Fit a hypothesis from the most similar one that was fitted."""
+    wanted = search.joint.candidates.ordered(names)
+    subsets = [node for node in search.nodes.values() if set(node.hypothesis) <= set(wanted)]
+    return search.fit(wanted, max(subsets, key=lambda node: (len(node.hypothesis), node.value)))
+
+
+def without(search: Search, node: Node, name: str) -> Node:
+    """Fit a hypothesis with one cause less."""
+    return _grown(search, [one for one in node.hypothesis if one != name])
+
+
+def _gain_of(search: Search, node: Node, name: str, floor_deg: float) -> Gain:
+    less = without(search, node, name)
+    return gain(search.folds, less.predicted.gaps_deg, node.predicted.gaps_deg, floor_deg)

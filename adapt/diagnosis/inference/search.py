@@ -1,0 +1,190 @@
+"""The search over sets of causes: a beam of exact fits, each widened by what the linear prediction says of one more.
+
+    V(H) = -N/2 log(mean_f q_f) + |H| log(expected / candidates) - 1/2 sum ((a - mean) / scale)^2
+
+q_f is the mean |y|^2 of fold f, unseen. N = 3 x folds: a motion of a person tells one number of each constraint,
+because neighbouring postures of a motion are not independent.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
+from adapt.diagnosis.fit.prediction import Linearised, Predicted, linearise
+from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.inference.correlation import numbers_per_fold
+from models.girdle import CONSTRAINTS
+
+EXPECTED_CAUSES = 2.0
+"""Of all candidates, before any data."""
+
+_ENOUGH = 0.02
+"""Decrease of E + prior at which a fit of the search ends."""
+
+_WIDTHS = ((1, 10, 10), (4, 4, 10), (3, 4, 8), (2, 4, 5), (1, 3, 3))
+"""At each number of causes: sets to widen, candidates to add to each, and sets to fit exactly."""
+
+_HOPELESS = 3.0
+"""A level that is worse than the best by this much in V ends the search: an odds of 20."""
+
+_PASSES = 2
+
+_TRIED = 4
+"""So many other causes are fitted exactly in the place of one."""
+
+_WORST = -1e9
+
+
+class Node(NamedTuple):
+    """One hypothesis, fitted."""
+
+    hypothesis: Hypothesis
+    fitted: Fitted
+    linearised: Linearised
+    predicted: Predicted
+    value: float
+    """V at the time of the fit."""
+
+
+@dataclass
+class Search:
+    """All hypotheses that were fitted, by name."""
+
+    joint: JointFit
+    folds: Folds
+    progress: Callable[[str], None] = lambda _: None
+    nodes: dict[Hypothesis, Node] = field(default_factory=dict)
+    numbers: float = float(len(CONSTRAINTS))
+    """Independent numbers that a fold tells (``inference.correlation``)."""
+
+    @cached_property
+    def log_odds(self) -> float:
+        """Of one more cause, before any data."""
+        causes = {effect.cause for effect in self.joint.candidates.effects}
+        return float(np.log(min(0.5, EXPECTED_CAUSES / max(1, len(causes)))))
+
+    def log_likelihood(self, squares, weights: Float[np.ndarray, " folds"] | None = None) -> float:
+        """Compute -N/2 log(mean q) of mean squares by test; each fold counts as often as its weight says."""
+        q = self.folds.by_fold(squares)
+        weights = np.ones(len(q)) if weights is None else weights
+        return -0.5 * self.numbers * len(q) * float(np.log((weights * q).sum() / weights.sum()))
+
+    def log_prior(self, hypothesis: Hypothesis, amplitude) -> float:
+        """Compute the log prior of a hypothesis with its amplitudes."""
+        return len(hypothesis) * self.log_odds + self.joint.candidates.log_prior(hypothesis, amplitude)
+
+    def fit(self, names: Sequence[str], start: Node | None) -> Node:
+        """Fit a hypothesis exactly, from the fit of another one."""
+        candidates = self.joint.candidates
+        hypothesis = candidates.ordered(names)
+        if hypothesis in self.nodes:
+            return self.nodes[hypothesis]
+        if start is None:
+            fitted = self.joint.from_starts()
+        else:
+            a = candidates.mean.copy()
+            a[candidates.where(start.hypothesis)] = start.fitted.amplitude[0]
+            first = a[candidates.where(hypothesis)][None]
+            fitted = self.joint.fit(hypothesis, start.fitted.theta_mm, first, _ENOUGH)
+        linearised = linearise(self.joint, self.folds, hypothesis, fitted)
+        predicted = linearised.predict(hypothesis)
+        value = self._value(hypothesis, fitted.amplitude[0], predicted)
+        node = Node(hypothesis, fitted, linearised, predicted, value)
+        self.nodes[hypothesis] = node
+        self.progress(f"{len(self.nodes)} sets of causes")
+        return node
+
+    def _value(self, hypothesis: Hypothesis, amplitude, predicted: Predicted) -> float:
+        if not self.joint.candidates.has_the_sign(hypothesis, amplitude):
+            return _WORST
+        return self.log_likelihood(predicted.squares) + self.log_prior(hypothesis, amplitude)
+
+    def widened(self, node: Node) -> list[tuple[float, Hypothesis, Node]]:
+        """Predict every set with one more cause, the best first."""
+        candidates = self.joint.candidates
+        causes = {candidates.effect(name).cause for name in node.hypothesis}
+        found = []
+        for effect in candidates.effects:
+            if effect.cause in causes:
+                continue
+            hypothesis = candidates.ordered((*node.hypothesis, effect.name))
+            if hypothesis in self.nodes:
+                found.append((self.nodes[hypothesis].value, hypothesis, node))
+                continue
+            predicted = node.linearised.predict(hypothesis)
+            value = self._value(hypothesis, predicted.amplitude[0], predicted)
+            found.append((value, hypothesis, node))
+        return sorted(found, key=lambda one: -one[0])
+
+    def beam(self, first: Sequence[str] = ()) -> None:
+        """Search upwards from no cause, or from one that no straight line leads to."""
+        none = self.fit((), None)
+        level = [self.fit(first, none)] if first else [none]
+        best = level[0].value
+        for sets, each, exact in _WIDTHS:
+            hopeful: dict[Hypothesis, tuple[float, Hypothesis, Node]] = {}
+            for node in sorted(level, key=lambda node: -node.value)[:sets]:
+                for one in self.widened(node)[:each]:
+                    if one[1] not in hopeful or hopeful[one[1]][0] < one[0]:
+                        hopeful[one[1]] = one
+            chosen = sorted(hopeful.values(), key=lambda one: -one[0])[: exact // 2 if first else exact]
+            level = [self.fit(hypothesis, node) for value, hypothesis, node in chosen if value > _WORST]
+            if not level:
+                return
+            highest = max(node.value for node in level)
+            if highest < best - _HOPELESS:
+                return
+            best = max(best, highest)
+
+    def run(self) -> "Search":
+        """Search from no cause, and from each effect whose size has been measured; again with the number of independent
+        numbers that the best set leaves."""
+        for _ in range(_PASSES):
+            self.beam()
+            for effect in self.joint.candidates.effects:
+                if effect.prior.mean:
+                    self.beam((effect.name,))
+            best = max(self.usable, key=lambda node: node.value)
+            self._count(numbers_per_fold(self.joint.shoulders, best.linearised.y))
+        return self
+
+    def _count(self, numbers: float) -> None:
+        """Value every set anew with so many numbers a fold."""
+        self.numbers = numbers
+        for hypothesis, node in self.nodes.items():
+            value = self._value(hypothesis, node.fitted.amplitude[0], node.predicted)
+            self.nodes[hypothesis] = node._replace(value=value)
+
+    def in_place_of(self, node: Node, own: str) -> dict[str, Node]:
+        """Fit the most hopeful sets with another cause in the place of one; the best of each cause, its own among
+        them."""
+        others = [name for name in node.hypothesis if name != own]
+        less = self.fit(others, self.nearest_below(node, own))
+        for _, hypothesis, start in self.widened(less)[:_TRIED]:
+            self.fit(hypothesis, start)
+        found: dict[str, Node] = {}
+        for one in sorted(self.usable, key=lambda one: one.value):
+            if len(one.hypothesis) == len(node.hypothesis) and set(others) < set(one.hypothesis):
+                (name,) = set(one.hypothesis) - set(others)
+                found[self.joint.candidates.effect(name).cause] = one
+        return found
+
+    def nearest_below(self, node: Node, name: str) -> Node:
+        """Find the largest set within this one that does not have the cause."""
+        within = (one for one in self.nodes.values() if set(one.hypothesis) <= set(node.hypothesis) - {name})
+        return max(within, key=lambda one: (len(one.hypothesis), one.value))
+
+    def acts_its_way(self, node: Node) -> bool:
+        """Tell whether every effect of a set acts the way that it must."""
+        return node.value > _WORST
+
+    @property
+    def usable(self) -> list[Node]:
+        """All fitted hypotheses whose effects act the right way."""
+        return [node for node in self.nodes.values() if self.acts_its_way(node)]

@@ -1,0 +1,1 @@
+"""Where the gap lies: by angle, motion and elevation, and as rotations."""

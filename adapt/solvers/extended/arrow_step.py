@@ -1,0 +1,84 @@
+"""The quadratic model of many adaptations that share amplitudes, solved exactly with its bounds.
+
+Part i has adapted parameters theta_i of its own; the parts of a group share the amplitudes a. Of
+
+    sum_i v_i (1/2 d_i' H_i d_i + g_i' d_i) + 1/2 (a - a_now)' P (a - a_now) + p' (a - a_now),   d_i = (dtheta_i, da),
+
+theta_i is eliminated in each part (6 x 6), then each group solves for da. Bounds by the active-set method.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from models.adapted_parameters import ADAPTED
+
+_N = len(ADAPTED)
+
+_MOST_CHANGES = 12
+"""Of the active set; each costs another elimination. A step that runs into this is cut at the bounds."""
+
+_RELEASES = 6
+"""Changes after which no parameter leaves its bound any more, so that none goes round in circles."""
+
+_AT_BOUND_MM = 1e-9
+
+
+class Step(NamedTuple):
+    """Where the quadratic model is lowest."""
+
+    theta: Float[np.ndarray, "parts adapted"]
+    amplitude: Float[np.ndarray, "groups amplitudes"]
+
+
+class Quadratic(NamedTuple):
+    """Of every part: gradient and matrix in theta and the amplitudes; v; the group."""
+
+    gradient: Float[np.ndarray, "parts n"]
+    matrix: Float[np.ndarray, "parts n n"]
+    importance: Float[np.ndarray, " parts"]
+    group: Int[np.ndarray, " parts"]
+
+
+def lowest(
+    model: Quadratic,
+    groups: int,
+    prior_gradient: Float[np.ndarray, "groups amplitudes"],
+    prior_matrix: Float[np.ndarray, "#groups amplitudes amplitudes"],
+    room: tuple[Float[np.ndarray, "parts adapted"], Float[np.ndarray, "parts adapted"]],
+) -> Step:
+    """Find the lowest point; ``room``: how far each parameter may go down (negative) and up."""
+    low, high = room
+    gradient, matrix, importance, group = model
+    k = gradient.shape[1] - _N
+    own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
+    fixed, value = np.zeros(low.shape, bool), np.zeros(low.shape)
+    eye = np.eye(_N)
+    dtheta, da = np.zeros(low.shape), np.zeros((groups, k))
+    for change in range(_MOST_CHANGES):
+        free = ~fixed
+        held = np.where(fixed, value, 0.0)
+        inner = np.where(free[:, :, None] & free[:, None, :], own, 0.0) + fixed[:, :, None] * eye
+        right = np.where(fixed, value, -(gradient[:, :_N] + np.einsum("pij,pj->pi", own, held)))
+        solved = np.linalg.solve(inner, np.concatenate([right[..., None], np.where(free[:, :, None], cross, 0.0)], 2))
+        start, slope = solved[..., 0], solved[..., 1:]
+        g = importance[:, None] * (gradient[:, _N:] + np.einsum("pij,pi->pj", cross, start))
+        H = importance[:, None, None] * (shared - np.einsum("pij,pik->pjk", cross, slope))
+        G, M = (
+            np.array(np.broadcast_to(prior_gradient, (groups, k))),
+            np.array(np.broadcast_to(prior_matrix, (groups, k, k))),
+        )
+        np.add.at(G, group, g)
+        np.add.at(M, group, H)
+        da = -np.linalg.solve(M, G[..., None])[..., 0] if k else np.zeros((groups, 0))
+        dtheta = start - np.einsum("pij,pj->pi", slope, da[group])
+        below, above = free & (dtheta < low - _AT_BOUND_MM), free & (dtheta > high + _AT_BOUND_MM)
+        slack = gradient[:, :_N] + np.einsum("pij,pj->pi", own, dtheta) + np.einsum("pij,pj->pi", cross, da[group])
+        inward = fixed & np.where(value == low, slack < 0.0, slack > 0.0) & (change < _RELEASES)
+        inward &= ~(below | above).any(axis=1, keepdims=True)
+        if not (below.any() or above.any() or inward.any()):
+            break
+        value = np.where(below, low, np.where(above, high, value))
+        fixed = (fixed | below | above) & ~inward
+    return Step(np.clip(dtheta, low, high), da)

@@ -1,0 +1,189 @@
+"""The chain near measured postures: the closed posture nearest to each, and how it moves with parameters and effects.
+
+One compiled function for all candidate effects at once, each with strength zero where it is not at work, so that no
+hypothesis needs a compilation of its own.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from adapt.engine.jax_program import per_problem
+from adapt.engine.kernel import Kernel
+from models.adapted_parameters import ADAPTED
+from models.effects import EFFECTS, ActiveEffects, Effect
+from models.girdle import Girdle
+from motions.arrays import Array
+from motions.rotations import DEG
+
+_MOST_STEPS = 150
+"""Projections onto the constraints. Each takes the distance to the nearest posture down by the curvature of the
+constraints times the gap, some tenth; of a chain that does not close they go on for ever."""
+
+_THERE_DEG = 1e-11
+"""A projection that moves no angle farther ends them. |y|^2 is stationary there: its error goes with the square."""
+
+_SHRINKS = 0.95
+"""A step that is not shorter than the one before by this factor goes round the nearest posture: half of it is taken
+from then on."""
+
+_SHORTEST = 1.0 / 16.0
+"""Shortest part of a step that is taken."""
+
+_LONGEST_STEP_DEG = 25.0
+"""A projection moves no angle farther: beyond it the constraints are no longer nearly straight."""
+
+_FAR_DEG = 1e6
+
+_CHUNK = 256
+"""Rows that XLA works on at a time."""
+
+_LENGTHS = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The closed postures x nearest to measured ones s, rows first.
+
+    y = V^-1/2 (g + G (s - x)) with V = G S^2 G', all at x: |y|^2 is the squared distance in units of the SDs S, and
+    x = s - S^2 B' y with B = V^-1/2 G.
+    """
+
+    angles_deg: Float[np.ndarray, "rows 6"]
+    y: Float[np.ndarray, "rows 3"]
+    by_theta: Float[np.ndarray, "rows 3 adapted"]
+    """dy a mm of each adapted parameter."""
+    by_channel: Float[np.ndarray, "rows 3 channels"]
+    """dy a unit of strength in each channel of each effect."""
+    B: Float[np.ndarray, "rows 3 6"]
+    g_mm: Float[np.ndarray, "rows 3"]
+    """A1-A3 at x: not 0 where no closed posture was found."""
+    h: Float[np.ndarray, "rows 3"]
+    """V^-1/2' y: what one millimetre of each constraint costs of |y|^2 / 2."""
+
+    @property
+    def open_mm(self) -> Float[np.ndarray, " rows"]:
+        """How far the chain is open at most."""
+        return np.abs(self.g_mm).max(axis=1)
+
+    def where(self, chosen: np.ndarray, other: "Nearest") -> "Nearest":
+        """Take the chosen rows of the other."""
+
+        def one(mine, theirs):
+            return np.where(chosen.reshape(-1, *(1,) * (mine.ndim - 1)), theirs, mine)
+
+        return Nearest(*(one(*pair) for pair in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+
+def nearest_postures(
+    girdle: Girdle,
+    effects: tuple[Effect, ...],
+    strengths: Float[np.ndarray, "channels rows"],
+    measured_deg: Float[np.ndarray, "6 rows"],
+    sd: Float[np.ndarray, "6 rows"],
+    start_deg: Float[np.ndarray, "6 rows"] | None = None,
+) -> Nearest:
+    """Find the nearest closed posture of every row, by projections from ``start_deg``, else from the measured angles.
+
+    ``girdle``: (component, rows), adapted. ``sd`` is 1 where an angle was measured.
+    """
+    start = measured_deg if start_deg is None else start_deg
+    found = _kernel(effects)(girdle, girdle.adapted_mm, strengths, measured_deg, sd, start)
+    x, y, by_theta, by_channel, B, g, h = (np.moveaxis(one, -1, 0) for one in found)
+    count = len(x)
+    T, C, B = (one.reshape(count, 3, -1) for one in (by_theta, by_channel, B))
+    return Nearest(x, y, T, C, B, g, h)
+
+
+@cache
+def _kernel(effects: tuple[Effect, ...]) -> Kernel:
+    """The compiled function of these effects."""
+    channels = [one.course.channels(len(one.directions)) for one in effects]
+    splits, count = np.cumsum(channels)[:-1].tolist(), sum(channels)
+
+    def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start):
+        def g(x, theta, strengths):
+            active = ActiveEffects(tuple(jnp.split(strengths, splits)), effects)
+            return active.on(girdle.with_adapted(theta)).residuals_mm(x / DEG)
+
+        return _nearest(g, theta_mm, strengths, s, sd, start)
+
+    girdle = Girdle(**dict.fromkeys(Girdle.__dataclass_fields__, "3") | dict.fromkeys(_LENGTHS, ""))
+    inputs = girdle, str(len(ADAPTED)), str(count), "6", "6", "6"
+    name = f"nearest_{_digest(effects, nearest, count)}"
+    outputs = "6", "3", str(3 * len(ADAPTED)), str(3 * count), "18", "3", "3"
+    return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
+
+
+def _digest(effects: tuple[Effect, ...], nearest, count: int) -> str:
+    """One word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
+    source the cache of machine code does not know, by all that JAX traces."""
+    words = " ".join(one.name for one in effects)
+    if any(one.name not in EFFECTS or EFFECTS[one.name].adjust is not one.adjust for one in effects):
+        girdle = Girdle(**{k: np.zeros(() if k in _LENGTHS else 3) for k in Girdle.__dataclass_fields__})
+        words += str(jax.make_jaxpr(nearest)(girdle, *(np.zeros(k) for k in (len(ADAPTED), count, 6, 6, 6))))
+    return hashlib.sha256(words.encode()).hexdigest()[:12]
+
+
+def _nearest(g, theta_mm, strengths, s, sd, start):
+    """Project until nothing moves, then all slopes; of one row."""
+
+    def project(state):
+        number, x, part, before = state
+        value, (G,) = _with_slopes(lambda q: g(q, theta_mm, strengths), x)
+        GS = G * sd
+        root = _inverse_root(GS @ GS.T)
+        h = root.T @ (root @ (value + G @ (s - x)))
+        step = (s - x) - sd * (GS.T @ h)
+        length = jnp.max(jnp.where(sd == 1.0, jnp.abs(step), 0.0))
+        part = jnp.where(length > _SHRINKS * before, jnp.maximum(0.5 * part, _SHORTEST), part)
+        step = step * part * jnp.minimum(1.0, _LONGEST_STEP_DEG / jnp.maximum(length, 1e-9))
+        return number + 1.0, x + step, part, length
+
+    def moving(state):
+        return (state[0] < _MOST_STEPS) & (state[3] > _THERE_DEG)
+
+    one = jnp.ones(())
+    _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, one, _FAR_DEG * one))
+    value, (G, T, C) = _with_slopes(g, x, theta_mm, strengths)
+    GS = G * sd
+    root = _inverse_root(GS @ GS.T)
+    y = root @ (value + G @ (s - x))
+    B, by_theta, by_channel = ((root @ one).ravel() for one in (G, T, C))
+    return x, y, by_theta, by_channel, B, value, root.T @ y
+
+
+def _with_slopes(g, *at):
+    """g and its slopes (3, inputs) in each argument."""
+    value, pull = jax.vjp(g, *at)
+    return value, jax.vmap(pull)(jnp.eye(3))
+
+
+def _inverse_root(V: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    """Inverse of the lower Cholesky factor, written out."""
+    a = jnp.sqrt(V[0, 0])
+    b, d = V[1, 0] / a, V[2, 0] / a
+    c = jnp.sqrt(V[1, 1] - b * b)
+    e = (V[2, 1] - d * b) / c
+    f = jnp.sqrt(V[2, 2] - d * d - e * e)
+    zero = jnp.zeros(())
+    p, q, r = 1.0 / a, 1.0 / c, 1.0 / f
+    s, u = -b * p * q, -e * q * r
+    return jnp.stack([jnp.stack([p, zero, zero]), jnp.stack([s, q, zero]), jnp.stack([-(d * p + e * s) * r, u, r])])
+
+
+def strengths_of(columns: Sequence[Float[np.ndarray, "amplitudes channels rows"]]) -> Float[np.ndarray, "k c rows"]:
+    """Lay the columns of several effects out side by side: amplitudes by channels of all, zero elsewhere."""
+    amplitudes, channels = (sum(one.shape[axis] for one in columns) for axis in (0, 1))
+    every = np.zeros((amplitudes, channels, columns[0].shape[2]))
+    a = c = 0
+    for one in columns:
+        every[a : a + one.shape[0], c : c + one.shape[1]] = one
+        a, c = a + one.shape[0], c + one.shape[1]
+    return every

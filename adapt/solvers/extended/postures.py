@@ -1,0 +1,41 @@
+"""Posture fits with effects at work, by projections onto the constraints: the fast path of ``fit_batch`` with them."""
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from adapt.solvers.batched.posture import SweptPostures
+from adapt.solvers.extended.nearest_posture import nearest_postures
+from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
+from models.effects import ExtendedGirdle
+from motions.rotations import DEG
+
+
+def fit_extended(
+    girdle: ExtendedGirdle,
+    target: Float[np.ndarray, "6 problems"],
+    weights: Float[np.ndarray, "6 problems"],
+    start: Float[np.ndarray, "6 problems"] | None,
+) -> SweptPostures:
+    """Find the nearest closed posture of each problem, rad; one with unmeasured angles is left unconverged."""
+    count = target.shape[1]
+    base = jax.tree.map(lambda x: np.ascontiguousarray(x, float), girdle.girdle)
+    effects, strengths = girdle.active_effects.effects, girdle.active_effects.strengths
+    every = np.concatenate([np.broadcast_to(np.asarray(one), (len(one), count)) for one in strengths])
+    first = None if start is None else np.asarray(start) * float(DEG)
+    near = nearest_postures(base, effects, every, np.asarray(target) * float(DEG), np.ones((6, count)), first)
+    apart = near.angles_deg.T - np.asarray(target) * float(DEG)
+    stationarity = (
+        weights.max(axis=0) / float(DEG) ** 2 * np.abs(apart + np.einsum("rka,rk->ar", near.B, near.y)).max(axis=0)
+    )
+    residual = np.ascontiguousarray(near.g_mm.T)
+    closed = np.abs(residual).max(axis=0) <= CONSTRAINT_TOLERANCE_MM
+    return SweptPostures(
+        near.angles_deg.T / float(DEG),
+        weights.max(axis=0) / float(DEG) ** 2 * near.h.T,
+        residual,
+        stationarity,
+        0.5 * (weights * (near.angles_deg.T / float(DEG) - target) ** 2).sum(axis=0),
+        np.zeros(count, int),
+        closed & (stationarity <= STATIONARITY_TOLERANCE) & (weights > 0.0).all(axis=0),
+    )

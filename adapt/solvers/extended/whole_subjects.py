@@ -1,0 +1,121 @@
+"""Whole-subject problems with effects at work, by Gauss-Newton steps: the fast path of ``adapt_batch`` with effects.
+
+What does not converge here, and what has angles that were not measured, is left to the reference solver.
+"""
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from adapt.engine.batching import take_problems
+from adapt.solvers.batched.subject import Fixed
+from adapt.solvers.extended.gauss_newton import End, Parts, Shared, minimise, thorax_terms
+from adapt.solvers.objective import ThoraxPoints
+from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
+from adapt.solvers.reference.subject import THETA_TOLERANCE, Subject
+from models.adapted_parameters import ADAPTED
+from models.effects import ActiveEffects
+from motions.rotations import DEG
+
+_ROUNDS = (20, 40, 80, 160)
+"""Most steps in each round; each takes those on that have not converged. Measured motions take 10 to 60."""
+
+
+def solve_extended(
+    fixed: Fixed,
+    active_effects: ActiveEffects,
+    theta: Float[np.ndarray, "adapted problems"],
+    angles: Float[np.ndarray, "6 postures problems"],
+) -> Subject:
+    """Find the optimum of each problem reached from here (rad, mm); look at ``converged``."""
+    found = _unsolved(theta, angles)
+    measured = np.all((fixed.problem.weights > 0.0) | ~fixed.problem.counted, axis=(0, 1))
+    left = np.flatnonzero(measured)
+    for steps in _ROUNDS:
+        if not len(left):
+            break
+        some, active = take_problems((fixed, active_effects), left)
+        end = _steps(some, active, found.theta[:, left], found.angles[..., left], steps)
+        _put(found, left, some, end, steps)
+        left = left[~found.converged[left]]
+    return found
+
+
+def _unsolved(theta, angles) -> Subject:
+    """Everything as it stands, nothing converged."""
+    _, postures, count = angles.shape
+    return Subject(
+        theta=np.array(theta, float),
+        angles=np.array(angles, float),
+        multipliers=np.zeros((3, postures, count)),
+        penalty=np.zeros((postures, count)),
+        residual_mm=np.zeros((3, postures, count)),
+        stationarity=np.zeros((postures, count)),
+        slope=np.full((len(ADAPTED), count), np.inf),
+        radius_mm=np.zeros(count),
+        iterations=np.zeros(count, int),
+        converged=np.zeros(count, bool),
+    )
+
+
+def _rows(fixed: Fixed) -> tuple[np.ndarray, np.ndarray]:
+    """Problem and posture of every row that counts, problem by problem."""
+    problem, posture = np.nonzero(np.asarray(fixed.problem.counted).T)
+    return problem, posture
+
+
+def _weights(fixed: Fixed) -> Float[np.ndarray, " rows"]:
+    """Of |y|^2 in E, deg^2."""
+    problem, posture = _rows(fixed)
+    return np.asarray(fixed.problem.weights)[0, posture, problem] / (2.0 * float(DEG) ** 2)
+
+
+def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
+    """Lay the postures that count out as rows, each problem a part and a group of its own."""
+    problem, posture = _rows(fixed)
+    count = fixed.problem.measured.shape[-1]
+    points = ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.point_weights)
+    return Parts(
+        girdle=jax.tree.map(np.asarray, fixed.girdle),
+        thorax=lambda theta_mm: thorax_terms(points, theta_mm),
+        bounds_mm=(np.asarray(fixed.problem.lower).T, np.asarray(fixed.problem.upper).T),
+        effects=active_effects.effects,
+        strengths=np.concatenate([np.asarray(one)[:, posture, problem] for one in active_effects.strengths]),
+        measured_deg=np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG),
+        sd=np.ones((6, len(problem))),
+        weights=_weights(fixed),
+        part=problem,
+        group=np.arange(count),
+        importance=np.ones(count),
+    )
+
+
+def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_steps: int) -> End:
+    problem, posture = _rows(fixed)
+    count, parts = theta.shape[1], parts_of(fixed, active_effects)
+    nothing = Shared(np.zeros((0, len(parts.strengths), len(problem))), np.zeros(0), np.zeros(0))
+
+    def finished(_: float, slope: Float[np.ndarray, "parts adapted"]) -> bool:
+        return bool((np.abs(slope) <= THETA_TOLERANCE).all())
+
+    start = angles[:, posture, problem] * float(DEG)
+    return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, most_steps, start)
+
+
+def _put(found: Subject, left, fixed: Fixed, end: End, steps: int) -> None:
+    """Write the ends of some problems into their places, with their conditions."""
+    problem, posture = _rows(fixed)
+    at = left[problem]
+    near, weights = end.nearest, _weights(fixed)
+    measured_deg = np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG)
+    moved = near.angles_deg.T - measured_deg + np.einsum("rka,rk->ar", near.B, near.y)
+    found.theta[:, left] = end.theta_mm.T
+    found.angles[:, posture, at] = near.angles_deg.T / float(DEG)
+    found.multipliers[:, posture, at] = 2.0 * weights * near.h.T
+    found.residual_mm[:, posture, at] = near.g_mm.T
+    found.stationarity[posture, at] = 2.0 * weights * np.abs(moved).max(axis=0)
+    found.slope[:, left] = end.slope.T
+    found.iterations[left] += steps
+    closed = np.abs(found.residual_mm[..., left]).max(axis=(0, 1)) <= CONSTRAINT_TOLERANCE_MM
+    still = found.stationarity[:, left].max(axis=0) <= STATIONARITY_TOLERANCE
+    found.converged[left] = closed & still & (np.abs(end.slope) <= THETA_TOLERANCE).all(axis=1)

@@ -1,0 +1,90 @@
+"""The second course of an effect: over the posture of the bones in place of the elevation of the arm.
+
+strength_k = sum_j a_kj (q_j - q_j^0) / 30 deg of the bones' own Cardan angles q inside the chain, q^0 the published
+mean with the arm hanging. It can be simulated without a humerus, and carries over to motions that nobody saw. The
+angles are those of the model's bones: measured ones in their place would leave out how the constraint turns with the
+posture.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from models.effects.course import Constant
+from models.effects.effect import Adjust, Effect, Points, Rotations, Show, where_they_are
+from models.girdle import Girdle
+from motions.arrays import Array
+from motions.rhythm import REST_DEG
+from motions.rotations import DEG, cardan_from_rotation
+from motions.table import ANGLES
+
+UNIT_DEG = 30.0
+"""A bone angle this far from the published mean at rest has the strength of the amplitude."""
+
+SUFFIX = ":posture"
+
+
+@dataclass(frozen=True)
+class ByPosture(Constant):
+    """Constant amplitudes a bone angle; the chain turns them into strengths."""
+
+    angles: tuple[str, ...] = ()
+    word: str = "posture of the bones"
+
+
+def by_posture(effect: Effect) -> Effect:
+    """Give the effect its course over the bone angles that it may follow: one direction for each pair of a direction
+    and an angle, in the unit a 30 degrees."""
+    angles = effect.may_follow
+    strengths = _strengths(len(effect.directions), angles)
+    return replace(
+        effect,
+        name=effect.name + SUFFIX,
+        what=effect.what.replace("with elevation", "with the posture of the bones"),
+        unit=f"{effect.unit} a {UNIT_DEG:g} deg",
+        directions=tuple(f"{one} by {angle}" for one in effect.directions for angle in angles),
+        adjust=_adjust_followed(effect.adjust, strengths),
+        show=_show_followed(effect.show, strengths),
+        prior=replace(effect.prior, scale=tuple(s for s in effect.prior.scale for _ in angles), sign=()),
+        course=ByPosture(angles=angles),
+        may_follow=(),
+    )
+
+
+Strengths = Callable[[Rotations, Float[Array, " channels *batch"]], Float[Array, " directions *batch"]]
+
+
+def _strengths(directions: int, angles: tuple[str, ...]) -> Strengths:
+    chosen = [ANGLES.index(angle) for angle in angles]
+
+    def strengths(
+        rotations: Rotations, amplitudes: Float[Array, " channels *batch"]
+    ) -> Float[Array, " directions *batch"]:
+        away = bone_angles_from_rest(rotations)
+        each = [sum(amplitudes[k * len(chosen) + j] * away[i] for j, i in enumerate(chosen)) for k in range(directions)]
+        return jnp.stack(each)
+
+    return strengths
+
+
+def _adjust_followed(adjust: Adjust, strengths: Strengths) -> Adjust:
+    def adjusted(girdle: Girdle, rotations: Rotations, amplitudes) -> tuple[Girdle, Rotations]:
+        return adjust(girdle, rotations, strengths(rotations, amplitudes))
+
+    return adjusted
+
+
+def _show_followed(show: Show, strengths: Strengths) -> Show:
+    def shown(points: Points, girdle: Girdle, rotations: Rotations, amplitudes) -> Points:
+        return points if show is where_they_are else show(points, girdle, rotations, strengths(rotations, amplitudes))
+
+    return shown
+
+
+def bone_angles_from_rest(rotations: Rotations) -> Float[Array, " 6 *batch"]:
+    """Compute (q - q^0) / 30 deg of the bones' Cardan angles."""
+    angles = jnp.concatenate([cardan_from_rotation(R) for R in rotations])
+    rest = (REST_DEG / DEG).reshape(-1, *(1,) * (angles.ndim - 1))
+    return (angles - jnp.asarray(rest)) * (float(DEG) / UNIT_DEG)

@@ -1,0 +1,80 @@
+"""The numbers of a parameter set as effects: another value than the one in the set.
+
+Which of them a diagnosis tries, and how far they may lie off, the set itself says: those with the source `assumed` or
+`derived` (:func:`doubtful_numbers`).
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import jax.numpy as jnp
+
+from models.effects.effect import Adjust, Effect, Rotations
+from models.effects.prior import EffectPrior
+from models.girdle import Girdle
+from models.parameter_sets import ParameterSet
+
+_DOUBTFUL = ("assumed", "derived")
+"""How the source of a number begins that was not measured."""
+
+_RANGE = re.compile(r"\+-\s*([0-9.]+)\s*mm$")
+"""How a source states its range, at its end: before it ranges of other numbers may be cited."""
+
+_ATTACHMENT_MM, _BONE_MM, _DISTANCE_MM = 8.0, 6.0, 10.0
+
+_NUMBERS = {
+    "clavicle.sc_mm": ("sc_mm", "xyz", _DISTANCE_MM),
+    "clavicle.conoid_mm": ("clavicle_conoid_mm", "xyz", _ATTACHMENT_MM),
+    "scapula.conoid_mm": ("scapula_conoid_mm", "xyz", _ATTACHMENT_MM),
+    "scapula.ts_mm": ("ts_mm", "x", _BONE_MM),
+    "scapula.ai_mm": ("ai_mm", "xy", _BONE_MM),
+    "constraint.ts_distance_mm": ("ts_distance_mm", "", _DISTANCE_MM),
+    "constraint.ai_distance_mm": ("ai_distance_mm", "", _DISTANCE_MM),
+}
+"""By key in the file: field of the girdle, components that the bone's frame leaves free, and prior SD where the set
+states no range (the shipped sets differ by about as much). The ellipsoid and the conoid's length are adapted; the
+length of the clavicle is an effect of its own."""
+
+
+def _adjust(field: str, axes: str) -> Adjust:
+    def adjusted(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
+        value = getattr(girdle, field)
+        if not axes:
+            return replace(girdle, **{field: value + mm[0]}), rotations
+        places = ["xyz".index(axis) for axis in axes]
+        zero = jnp.zeros_like(mm[0])
+        moved = jnp.stack([mm[places.index(k)] if k in places else zero for k in range(3)])
+        return replace(girdle, **{field: value + moved}), rotations
+
+    return adjusted
+
+
+def _number(key: str, field: str, axes: str, scale_mm: float) -> Effect:
+    return Effect(
+        name=f"{field.removesuffix('_mm')}_offset",
+        what=f"{key} is not the set's",
+        unit="mm",
+        directions=tuple(axes) or ("outward",),
+        adjust=_adjust(field, axes),
+        prior=EffectPrior(scale=(scale_mm,) * max(1, len(axes)), source="spread between the shipped parameter sets"),
+    )
+
+
+NUMBER_EFFECTS: Mapping[str, Effect] = MappingProxyType({key: _number(key, *rest) for key, rest in _NUMBERS.items()})
+"""By key of the number in the file of a parameter set."""
+
+
+def doubtful_numbers(model: ParameterSet) -> dict[str, Effect]:
+    """Give the numbers of this set that were not measured, by name, each with the range that its source states."""
+    found = {}
+    for key, effect in NUMBER_EFFECTS.items():
+        source = model.source.get(key, "")
+        if source.startswith(_DOUBTFUL):
+            stated = _RANGE.search(source)
+            if stated:
+                prior = EffectPrior((float(stated[1]),) * len(effect.directions), f"the set: {source}")
+                effect = replace(effect, prior=prior)
+            found[effect.name] = effect
+    return found

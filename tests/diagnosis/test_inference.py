@@ -1,0 +1,147 @@
+"""Search, weights, names, intervals and noise on small simulated worlds, and the parts that can be checked by hand."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from small_worlds import joint_fit, searched, simulated
+
+from adapt.diagnosis.fit.noise import estimate_noise
+from adapt.diagnosis.fit.shoulders import shoulders_of
+from adapt.diagnosis.fit.unseen_folds import MOTION, PERSON, folds_of
+from adapt.diagnosis.inference.alternatives import credible_sets, similarity
+from adapt.diagnosis.inference.amplitude import amplitudes
+from adapt.diagnosis.inference.budget import ladder, refitted
+from adapt.diagnosis.inference.correlation import numbers_per_fold
+from adapt.diagnosis.inference.fingerprint import axial_is_computed
+from adapt.diagnosis.inference.intervals import interval
+from adapt.diagnosis.inference.left_over import left_over_share
+from adapt.diagnosis.inference.naming import gain, name_causes
+from adapt.diagnosis.inference.weights import fold_weights, weigh
+from motions.rhythm import clavicle_axial_rotation
+from motions.rotations import DEG, rotation_from_cardan
+
+BIAS = "scapula_landmark_bias"
+
+
+def test_left_and_right_of_a_person_are_held_out_together():
+    motions = simulated().motions
+    names = {name: f"p{k // 2}_{'left' if k % 2 else 'right'}" for k, name in enumerate(motions.subjects)}
+    renamed = replace(motions, subject=np.array([names[s] for s in motions.subject.tolist()]))
+    shoulders = shoulders_of(renamed)
+    assert shoulders.person.tolist() == [0, 0, 1]
+    folds = folds_of(shoulders)
+    for test in folds.tests:
+        part = folds.parts[test.part]
+        assert not set(test.rows) & set(part.rows)
+        group = [one for one in folds.parts if one.group == part.group]
+        assert not any(shoulders.motion[one.rows[0]] == test.motion for one in group)
+        unfelt = {one.subject for one in group if one.importance < 1.0}
+        expected = {s for s in range(3) if shoulders.person[s] == shoulders.person[test.subject]}
+        assert unfelt == (expected if test.kind == PERSON else set())
+    assert set(folds.kinds) == {MOTION, PERSON}
+
+
+def test_linear_predictions_are_near_exact_refits():
+    search = searched(BIAS)
+    node = search.nodes[(BIAS,)]
+    exact = refitted(search, node).mean()
+    assert node.predicted.gaps_deg.mean() == pytest.approx(exact, rel=0.05)
+
+
+def test_a_hidden_bias_is_named_with_its_size():
+    search = searched(BIAS)
+    weights = weigh(search)
+    assert sum(weights.probability.values()) == pytest.approx(1.0)
+    named = name_causes(search, 0.1)
+    assert BIAS in named.hypothesis
+    truth = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].mean().to_numpy()
+    size = amplitudes(search, named.node)[BIAS]
+    for value, one in zip(truth, size.directions.values(), strict=True):
+        assert one.low - 1.0 < value < one.high + 1.0
+    assert size.option.startswith(BIAS)
+    steps = ladder(search, named.node)
+    assert [rung.added for rung in steps][:2] == ["", BIAS]
+    assert steps[1].gaps_deg.mean() < 0.7 * steps[0].gaps_deg.mean()
+    assert credible_sets(search, named.node)[BIAS].names[0] == BIAS
+
+
+def test_nothing_is_named_where_nothing_is_hidden():
+    search = searched()
+    assert name_causes(search, 0.1).hypothesis == ()
+
+
+def test_a_candidate_is_the_same_as_itself():
+    at = searched().nodes[()].linearised
+    assert similarity(at, BIAS, BIAS) == pytest.approx(1.0)
+    assert similarity(at, BIAS, "thorax_tilt") == pytest.approx(similarity(at, "thorax_tilt", BIAS))
+
+
+def test_a_gain_that_is_the_same_in_every_fold_is_sure_and_one_that_is_noise_is_not():
+    folds = searched().folds
+    without = np.full((len(folds.tests), 6), 2.0)
+    generator = np.random.default_rng(0)
+    sure = gain(folds, without, without - 0.5 + 0.01 * generator.standard_normal(without.shape), 1.0)
+    assert sure.share == pytest.approx(0.5, abs=0.02)
+    assert sure.enough
+    assert not gain(folds, without, without + 0.3 * generator.standard_normal(without.shape), 1.0).enough
+
+
+def test_fold_weights_sum_to_the_folds_and_hold_persons_together():
+    person = np.array([0, 0, 0, 1, 1, 1])
+    weights = fold_weights(person, 2000, 1)
+    np.testing.assert_allclose(weights.sum(axis=1), len(person))
+    together = np.corrcoef(weights[:, 0], weights[:, 1])[0, 1]
+    apart = np.corrcoef(weights[:, 0], weights[:, 3])[0, 1]
+    assert together > 0.0 > apart
+
+
+def test_intervals_hold_their_value_and_leave_out_what_is_unknown():
+    found = interval(np.array([1.0, 2.0, np.nan, 3.0]), np.array([0, 1, 2, 3]))
+    assert found.value == pytest.approx(2.0)
+    assert found.low < 2.0 < found.high
+    assert np.isnan(interval(np.array([np.nan]), np.array([0])).value)
+
+
+@pytest.mark.parametrize("sd", [0.5, 2.0])
+def test_noise_is_found_beside_a_smooth_course(sd):
+    shoulders = joint_fit().shoulders
+    generator = np.random.default_rng(2)
+    course = (shoulders.motions.humerus_elevation_deg / 60.0)[:, None] ** 2 * np.array([1.0, -2.0, 3.0])
+    noise = estimate_noise(shoulders, course + sd * generator.standard_normal(course.shape))
+    assert noise.source == "estimated"
+    assert noise.angle_deg == pytest.approx(sd, rel=4.0 / np.sqrt(2.0 * noise.freedom))
+    assert estimate_noise(shoulders, course, 1.2).angle_deg == 1.2
+
+
+def test_a_common_discrepancy_makes_a_motion_one_number_and_white_noise_each_posture_one():
+    shoulders = joint_fit().shoulders
+    constant = np.ones((len(shoulders.subject), 3))
+    assert numbers_per_fold(shoulders, constant) == 3.0
+    white = np.random.default_rng(4).standard_normal(constant.shape)
+    postures = len(shoulders.subject) / (len(shoulders.subjects) * len(shoulders.kinds))
+    assert numbers_per_fold(shoulders, white) == pytest.approx(3.0 * postures, rel=0.25)
+
+
+def test_an_axial_rotation_that_is_computed_is_known_by_it():
+    motions = simulated().motions
+    assert not axial_is_computed(shoulders_of(motions))
+    angles = jnp.asarray(motions.angles_deg.T / DEG)
+    made = motions.angles_deg.copy()
+    for subject in motions.subjects:
+        rows = np.flatnonzero(motions.subject == subject)
+        first = rows[np.argmin(motions.humerus_elevation_deg[rows])]
+        own = [
+            jnp.broadcast_to(rotation_from_cardan(angles[part, first])[..., None], (3, 3, len(rows)))
+            for part in (slice(3), slice(3, 6))
+        ]
+        made[rows, 2] = np.asarray(clavicle_axial_rotation(angles[:2, rows], angles[3:, rows], *own)) * DEG + 5.0
+    assert axial_is_computed(shoulders_of(replace(motions, angles_deg=made)))
+
+
+def test_the_share_left_over_goes_from_none_to_all():
+    assert left_over_share(3.0, 1.0, 1.0) == 0.0
+    assert left_over_share(3.0, 3.0, 1.0) == 1.0
+    assert left_over_share(3.0, 2.0, 1.0) == pytest.approx(0.5)
+    assert np.isnan(left_over_share(1.0, 1.0, 1.0))

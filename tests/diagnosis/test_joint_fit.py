@@ -1,0 +1,140 @@
+"""The joint fit against the fits of `girdle adapt` and finite differences, its quadratic steps against SciPy."""
+
+import jax
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from small_worlds import joint_fit, simulated
+
+from adapt import adapt_subjects
+from adapt.diagnosis.fit.joint_fit import Part
+from adapt.solvers.extended.arrow_step import Quadratic, lowest
+from adapt.solvers.extended.nearest_posture import nearest_postures
+from adapt.solvers.posture_fits import reference_fit
+from adapt.solvers.reference.posture import objective_weights
+from models import load_model
+from models.effects import ActiveEffects
+from motions.rotations import DEG
+
+SAME_E = 1e-4
+"""mm^2: the joint fit stops where a step gains less."""
+
+SAME_DEG = 1e-7
+"""Both solvers close the chain to 1e-9 mm and end at steps below 1e-9 deg."""
+
+FD = 1e-5
+"""Of central differences in units of the amplitude's scale: rounding of E, 1e-10, is 1e-5 there, truncation less."""
+
+
+def test_without_effects_it_is_the_adaptation_of_girdle_adapt():
+    joint = joint_fit()
+    adapted = adapt_subjects(simulated().motions, load_model("R2"), held_out=()).adapted["R2"]
+    np.testing.assert_allclose(joint.from_starts().E, adapted.E, atol=SAME_E)
+
+
+def test_known_effects_give_the_optimum_of_girdle_adapt():
+    joint = joint_fit("scapula_landmark_bias")
+    amplitude = np.array([[3.0, -4.0, 5.0]])
+    name = "scapula_landmark_bias"
+    adapted = adapt_subjects(
+        simulated(name).motions, load_model("R2"), held_out=(), effects={name: tuple(amplitude[0])}
+    ).adapted["R2"]
+    near = joint.fit((name,), adapted.theta_mm.T, amplitude)
+    fixed = joint.fit((), joint.from_starts().theta_mm, np.zeros((1, 0)))
+    assert near.E.sum() <= adapted.E.sum() + SAME_E
+    assert (adapted.status == "ok").all()
+    assert not np.allclose(fixed.E, adapted.E, atol=1.0)
+
+
+@pytest.mark.parametrize("strength", [0.0, 1.0])
+def test_the_nearest_posture_is_that_of_the_reference_solver(strength):
+    joint = joint_fit()
+    rows = np.arange(0, len(joint.shoulders.subject), 9)
+    girdle = joint.model.of_parts(len(rows))
+    generator = np.random.default_rng(3)
+    scale = np.concatenate([one.prior.scale for one in joint.model.effects])
+    strengths = strength * scale[:, None] * generator.standard_normal((joint.candidates.columns.shape[1], len(rows)))
+    measured = joint.shoulders.measured_deg[:, rows]
+    near = nearest_postures(girdle, joint.model.effects, strengths, measured, np.ones_like(measured))
+    counts = [one.course.channels(len(one.directions)) for one in joint.model.effects]
+    active = ActiveEffects(tuple(np.split(strengths, np.cumsum(counts)[:-1])), joint.model.effects)
+    weights = objective_weights(np.ones((6, len(rows)), bool))
+    other = reference_fit(active.on(girdle), measured / DEG, weights, near.angles_deg.T / DEG)
+    assert other.converged.all()
+    np.testing.assert_allclose(near.angles_deg.T, np.asarray(other.angles) * DEG, atol=SAME_DEG)
+    np.testing.assert_allclose((near.y**2).sum(axis=1) / 6.0, other.j_deg2, rtol=1e-9)
+
+
+def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
+    joint = joint_fit("scapulothoracic_gap")
+    name = "scapulothoracic_gap"
+    where = joint.candidates.where((name,))
+    theta, a = joint.from_starts().theta_mm, 0.3 * joint.candidates.scale[where]
+    parts, shared = joint._parts, joint._shared((name,))
+
+    def squares(amplitude):
+        strengths = np.einsum("k,kcr->cr", amplitude, shared.columns)
+        return parts.nearest(theta, strengths)
+
+    near = squares(a)
+    by_amplitude = np.einsum("ric,kcr->rik", near.by_channel, shared.columns)
+    slope = 2.0 * np.einsum("r,rik,ri->k", parts.weights, by_amplitude, near.y)
+    for k, scale in enumerate(joint.candidates.scale[where]):
+        step = np.zeros(len(a))
+        step[k] = FD * scale
+        up, down = (float((parts.weights * (squares(a + s).y ** 2).sum(axis=1)).sum()) for s in (step, -step))
+        assert slope[k] * scale == pytest.approx((up - down) / (2.0 * FD), rel=1e-4, abs=1e-4)
+
+
+def test_a_part_that_is_held_out_is_not_felt_by_the_amplitudes():
+    joint = joint_fit("scapula_landmark_bias")
+    name, count = ("scapula_landmark_bias",), len(joint.parts)
+    start = joint.from_starts().theta_mm, np.zeros((1, 3))
+    held = tuple(Part(p.subject, 0, p.rows, 1e-6 if p.subject == 0 else 1.0) for p in joint.parts)
+    without = tuple(Part(p.subject, 0, p.rows) for p in joint.parts[1:])
+    one = type(joint)(joint.model, joint.shoulders, joint.candidates, held).fit(name, *start, 1e-8)
+    other = type(joint)(joint.model, joint.shoulders, joint.candidates, without).fit(name, start[0][1:], start[1], 1e-8)
+    assert count == 3
+    np.testing.assert_allclose(one.amplitude, other.amplitude, atol=1e-2)
+
+
+def test_the_quadratic_step_is_the_lowest_within_its_bounds():
+    generator = np.random.default_rng(11)
+    parts, k = 3, 2
+    root = generator.standard_normal((parts, 12, 6 + k))
+    matrix = np.einsum("pij,pik->pjk", root, root)
+    gradient = 5.0 * generator.standard_normal((parts, 6 + k))
+    low, high = np.full((parts, 6), -0.3), np.full((parts, 6), 0.2)
+    prior = np.eye(k)[None] * 0.7
+    prior_gradient = generator.standard_normal((1, k))
+    step = lowest(
+        Quadratic(gradient, matrix, np.ones(parts), np.zeros(parts, int)), 1, prior_gradient, prior, (low, high)
+    )
+
+    def value(x):
+        theta, a = x[: 6 * parts].reshape(parts, 6), x[6 * parts :]
+        d = np.concatenate([theta, np.tile(a, (parts, 1))], axis=1)
+        own = 0.5 * np.einsum("pi,pij,pj->", d, matrix, d) + (gradient * d).sum()
+        return own + 0.5 * a @ prior[0] @ a + prior_gradient[0] @ a
+
+    bounds = [(-0.3, 0.2)] * (6 * parts) + [(None, None)] * k
+    best = minimize(
+        value, np.zeros(6 * parts + k), method="L-BFGS-B", bounds=bounds, options={"maxiter": 5000, "ftol": 1e-15}
+    )
+    found = np.concatenate([step.theta.ravel(), step.amplitude.ravel()])
+    assert value(found) == pytest.approx(best.fun, rel=1e-6)
+    assert ((step.theta == -0.3) | (step.theta == 0.2)).any(), "no bound was met: the case tests nothing"
+
+
+def test_machine_code_and_xla_agree():
+    joint = joint_fit()
+    rows = np.arange(8)
+    girdle = jax.tree.map(np.ascontiguousarray, joint.model.of_parts(len(rows)))
+    from adapt.solvers.extended.nearest_posture import _kernel
+
+    channels = joint.candidates.columns.shape[1]
+    measured = joint.shoulders.measured_deg[:, rows]
+    arguments = girdle, girdle.adapted_mm, np.zeros((channels, 8)), measured, np.ones_like(measured), measured
+    kernel = _kernel(joint.model.effects)
+    for one, other in zip(kernel.by_machine(*arguments), kernel.by_jax(*arguments), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9)

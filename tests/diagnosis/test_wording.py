@@ -1,0 +1,166 @@
+"""A diagnosis in words: at most thirty of them in the sentence, and notes that say what the numbers rest on."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from diagnoses import BLIND, BY_KIND, LONE, MANY, NOTHING, ONE, OUTSIDE, TWO, cause, gap_of, verdict
+
+from adapt.diagnosis.notes import notes
+from adapt.diagnosis.result import EFFECT, Gaps, Interval, Noise
+from adapt.diagnosis.wording import (
+    MOST_WORDS,
+    amplitude_text,
+    answer_text,
+    gap_text,
+    held_out_text,
+    interval_text,
+    listed,
+    number,
+    percent_text,
+    probability_text,
+    sentence,
+    step_text,
+    unseen_text,
+    with_unit,
+)
+
+SENTENCES = {
+    "one": "On unseen motions the gap of 6 shoulders shrinks from 2.8 to 0.9 deg with scapula_landmark_bias; noise "
+    "alone leaves 0.3.",
+    "two": "On unseen motions the gap of 6 shoulders shrinks from 2.8 to 0.9 deg with ac_translation (or "
+    "conoid_strain) and scapulothoracic_gap; noise alone leaves 0.3.",
+    "many": "On unseen motions the gap of 6 shoulders shrinks from 2.8 to 0.9 deg with ac_translation, "
+    "scapulothoracic_gap, clavicle_length, scapula_size and clavicle_frame_bias; noise alone leaves 0.3.",
+    "nothing": "Nothing beyond noise: on unseen motions the gap of 1 shoulder stays at 0.5 deg; noise alone "
+    "leaves 0.3.",
+    "outside": "No candidate predicts unseen motions better: the gap of 6 shoulders stays at 2.8 deg; noise alone "
+    "leaves 0.3.",
+    "lone": "On unseen postures the gap of 6 shoulders shrinks from 2.6 to 0.7 deg with scapula_landmark_bias; noise "
+    "alone leaves 0.3.",
+    "blind": "Nothing beyond noise: on unseen motions the gap of 1 shoulder stays at - deg; noise alone leaves 0.3.",
+}
+
+
+@pytest.mark.parametrize("kind", BY_KIND)
+def test_the_sentence_says_the_answer_in_thirty_words(kind):
+    said = sentence(BY_KIND[kind])
+    assert said == SENTENCES[kind]
+    assert len(said.split()) <= MOST_WORDS == 30
+
+
+@pytest.mark.parametrize("names", [1, 2, 3, 12])
+@pytest.mark.parametrize("causes", [1, 2, 3, 4, 7, 20])
+def test_the_sentence_stays_short_whatever_the_number_of_causes_and_of_their_names(causes, names):
+    many = [cause(*(f"cause{k}_{n}" for n in range(names))) for k in range(causes)]
+    said = sentence(replace(ONE, verdict=verdict(EFFECT, *many)))
+    assert len(said.split()) <= MOST_WORDS
+    assert "cause0_0" in said
+
+
+def test_a_cause_is_named_without_what_it_goes_with():
+    both = cause("ac_translation:posture", "ac_translation", "conoid_strain")
+    assert answer_text(verdict(EFFECT, both)) == "ac_translation (or conoid_strain)"
+
+
+def test_the_sentence_does_not_say_that_a_gap_shrinks_which_grows():
+    assert "goes from 1.0 to 1.1 deg" in sentence(replace(ONE, gaps=gap_of(1.0, 1.1)))
+
+
+def test_the_sentence_has_a_second_digit_where_the_first_shows_no_difference():
+    assert "shrinks from 1.34 to 1.31 deg" in sentence(replace(ONE, gaps=gap_of(1.34, 1.31)))
+
+
+@pytest.mark.parametrize(
+    ("diagnosis", "said"),
+    [
+        (TWO, "ac_translation (or conoid_strain) and scapulothoracic_gap"),
+        (NOTHING, "none"),
+        (OUTSIDE, "unknown"),
+    ],
+)
+def test_the_answer_in_a_table_names_everything(diagnosis, said):
+    assert answer_text(diagnosis.verdict) == said
+
+
+def test_what_is_unseen_is_the_most_that_was_held_out():
+    motions, persons = ONE.gaps.other_motion, ONE.gaps.other_person
+
+    def said(gaps: Gaps) -> tuple[str, str]:
+        return unseen_text(gaps), held_out_text(gaps)
+
+    assert said(ONE.gaps) == ("unseen motions", "each motion in turn, with causes found in other persons")
+    assert said(replace(ONE.gaps, other_person=None)) == ("unseen motions", "each motion in turn")
+    assert said(LONE.gaps) == ("unseen postures", "every third posture in turn")
+    one_kind = replace(ONE.gaps, other_motion=None)
+    assert said(one_kind) == ("unseen persons", "every third posture in turn, with causes found in other persons")
+    assert ONE.gaps.hardest is persons
+    assert replace(ONE.gaps, other_person=None).hardest is motions
+
+
+def test_numbers_have_the_digits_that_they_deserve():
+    assert [number(value) for value in (0.123, 1.23, math.nan, None)] == ["0.12", "1.2", "-", "-"]
+    assert [probability_text(value) for value in (0.0, 0.001, 0.62)] == ["0.00", "<0.01", "0.62"]
+    assert [percent_text(value) for value in (0.275, math.nan)] == ["28 %", "-"]
+    assert [gap_text(value) for value in (1.234, math.nan)] == ["1.23", "-"]
+    assert interval_text(Interval(1.0, 0.9, math.nan)) == "1.00 [0.90, -]"
+    assert (with_unit("3", "1"), with_unit("3", "mm")) == ("3", "3 mm")
+    assert amplitude_text(TWO.amplitude["ac_translation"]) == "4.0 [3.9, 4.1] mm"
+    assert [listed(["a", "b", "c"][:n], "or") for n in range(4)] == ["", "a", "a or b", "a, b or c"]
+    assert [step_text(one.step) for one in ONE.budget] == [
+        "model as it is",
+        "adapted",
+        "+ scapula_landmark_bias",
+        "noise alone",
+    ]
+
+
+# --- notes -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_notes_say_what_the_numbers_rest_on():
+    marked = replace(
+        TWO, left_out={"s11": "2 postures"}, declared_effects=("scapula_landmark_bias",), axial_is_computed=True
+    )
+    assert notes(marked) == [
+        "Parameter set R2.",
+        "Noise: 1.40 deg an angle, estimated from 166 degrees of freedom.",
+        "The motions are marked with scapula_landmark_bias: they were made so.",
+        "The clavicle's axial rotation is computed from the other angles: an estimate, no measurement.",
+        "scapulothoracic_gap: larger than such an effect is: something that acts like it.",
+        "These data cannot tell apart conoid_strain and clavicle_axial_estimate.",
+        "Left out: s11: 2 postures.",
+        "To adapt with ac_translation and scapulothoracic_gap: girdle adapt ... --effect "
+        "ac_translation:posture=4,0,0,0,0,0,0,0,0 --effect scapulothoracic_gap=12,0",
+    ]
+
+
+@pytest.mark.parametrize("other", [NOTHING, OUTSIDE])
+def test_no_adaptation_is_proposed_where_no_cause_is_named(other):
+    assert not [note for note in notes(other) if "girdle adapt" in note]
+
+
+def test_the_notes_say_what_one_motion_and_one_person_cannot_tell():
+    motion, person = "nothing can be said of unseen motions", "nothing can be said of unseen persons"
+    for diagnosis, said in ((ONE, []), (NOTHING, [person]), (LONE, [motion, person])):
+        found = " ".join(notes(diagnosis))
+        assert [one for one in (motion, person) if one in found] == said
+
+
+def test_the_notes_do_not_list_every_candidate():
+    every = list(ONE.verdict.inclusion)
+    assert f"These data cannot tell apart any of the {len(every)} candidates." in notes(
+        replace(ONE, indistinguishable=[every])
+    )
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [("given", "1.40 deg an angle, as given"), ("assumed", "too few to estimate it; give --noise-deg")],
+)
+def test_the_notes_say_where_the_noise_comes_from(source, said):
+    assert said in notes(replace(BLIND, noise=Noise(1.4, source, math.inf)))[1]
+
+
+def test_all_options_go_together_into_one_adaptation():
+    assert notes(MANY)[-1].count("--effect ") == len(MANY.verdict.causes) == 5

@@ -1,0 +1,66 @@
+"""The numbers of a parameter set as effects: which of them a set doubts, and by how much."""
+
+import numpy as np
+import pytest
+
+from models import load_model
+from models.effects import EFFECTS
+from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers
+
+OF_R2 = {
+    "sc_offset": 10.0,
+    "clavicle_conoid_offset": 8.0,
+    "scapula_conoid_offset": 8.0,
+    "ts_offset": 6.0,
+    "ai_offset": 6.0,
+    "ts_distance_offset": 10.0,
+    "ai_distance_offset": 10.0,
+}
+"""Its own range of SC, +-10 mm; where it states none, that of the effect."""
+
+
+def test_the_thesis_set_doubts_what_it_assumes_and_derives():
+    found = doubtful_numbers(load_model("R2"))
+    assert {name: set(effect.prior.scale) for name, effect in found.items()} == {k: {v} for k, v in OF_R2.items()}
+    sc = found["sc_offset"]
+    assert sc.prior.source == f"the set: {load_model('R2').source['clavicle.sc_mm']}"
+    assert "+-10 mm" in sc.prior.source
+    assert len(sc.prior.scale) == len(sc.directions) == 3
+
+
+def test_what_was_published_is_not_doubted():
+    assert set(doubtful_numbers(load_model("das3"))) == {
+        "clavicle_conoid_offset",
+        "ts_distance_offset",
+        "ai_distance_offset",
+    }
+
+
+@pytest.mark.parametrize(
+    ("source", "scale"),
+    [
+        ("assumed: a guess; +-3.5 mm", 3.5),
+        ("derived: that of another; +- 12 mm", 12.0),
+        ("assumed: as R4, adapted to 10 +- 1 mm, may have it", 10.0),
+        ("assumed: no range", 10.0),
+        ("assumed: +-10 deg", 10.0),
+        ("measured: +-2 mm", None),
+        ("Table 3.3", None),
+    ],
+)
+def test_the_range_is_that_which_the_source_states(source, scale):
+    model = load_model("R2")
+    model.source["clavicle.sc_mm"] = source
+    found = doubtful_numbers(model).get("sc_offset")
+    assert (found.prior.scale if found else None) == ((scale,) * 3 if scale else None)
+
+
+def test_they_are_the_effects_of_that_name_with_another_prior():
+    for name, effect in doubtful_numbers(load_model("R2")).items():
+        assert effect.adjust is EFFECTS[name].adjust
+        assert effect.course is EFFECTS[name].course
+        np.testing.assert_array_equal(EFFECTS[name].prior_mean, 0.0)
+
+
+def test_every_key_is_one_of_the_file():
+    assert set(NUMBER_EFFECTS) <= set(load_model("R2").source)

@@ -1,0 +1,43 @@
+"""The figures of a diagnosis: every kind of answer is drawn, the same each time, with its numbers in it."""
+
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import pytest
+from diagnoses import BY_KIND, CAUSES, NOTHING, ONE, TWO
+
+from adapt.output.diagnosis_figures import FIGURES, figures
+
+
+def words(svg: str) -> list[str]:
+    return [node.text or "" for node in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")]
+
+
+@pytest.mark.parametrize("diagnosis", BY_KIND.values(), ids=BY_KIND)
+def test_figures_are_the_same_bytes_on_a_second_draw_and_valid_xml(diagnosis):
+    drawn = figures(diagnosis)
+    assert tuple(drawn) == FIGURES
+    assert drawn == figures(diagnosis)
+    assert all(words(svg) for svg in drawn.values())
+
+
+def test_figures_say_their_numbers():
+    drawn = {name: set(words(svg)) for name, svg in figures(TWO).items()}
+    assert next(iter(drawn)) == "budget.svg"
+    steps = {"model as it is", "adapted", "+ ac_translation", "+ scapulothoracic_gap", "noise alone"}
+    assert steps | {"4.10", "2.80", "1.40", "0.90", "0.30"} <= drawn["budget.svg"]
+    assert {*CAUSES, "0.88", "0.62", "0.31"} <= drawn["inclusion.svg"]
+    assert {"1.8", "1.2", "0.5", "0-30", "30-60", "abduction"} <= drawn["gap_heatmap.svg"]
+    assert {"noise alone", "model as it is", "adapted", "with the causes"} <= drawn["gaps.svg"]
+    assert "with the causes" not in words(figures(NOTHING)["gaps.svg"]), "there is none to add"
+
+
+def test_bars_of_named_causes_are_dark():
+    light = [figures(one)["inclusion.svg"].count("fill: #b9cfe0") for one in (NOTHING, TWO)]
+    assert light == [len(CAUSES), len(CAUSES) - 3]
+
+
+@pytest.mark.parametrize("name", ["$x^2$ & <b>", "horizontal_flexion"])
+def test_names_from_files_are_drawn_as_they_are(name):
+    motions = [replace(one, motion=f"{name} {k}") for k, one in enumerate(5 * ONE.cells)]
+    assert f"{name} 14" in words(figures(replace(ONE, cells=motions))["gap_heatmap.svg"])
