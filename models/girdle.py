@@ -71,6 +71,10 @@ class Girdle:
         """Return this girdle with ``count`` more batch axes at the end, of length 1: the same for all along them."""
         return jax.tree.map(lambda value: value.reshape(*value.shape, *[1] * count), self)
 
+    def repeated(self, count: int) -> "Girdle":
+        """Return this girdle once for each of ``count`` problems, numpy's views: ``(3)`` to ``(3, count)``."""
+        return jax.tree.map(lambda x: np.broadcast_to(np.asarray(x)[..., None], (*np.shape(x), count)), self)
+
     def over_postures(self) -> "Girdle":
         """Return this girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
         lengths = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")

@@ -16,6 +16,7 @@ from adapt.cli.print_diagnosis import print_diagnosis
 from adapt.cli.print_tables import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.cli.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
+from adapt.diagnosis.fit.noise import LEAST_DEG
 from adapt.diagnosis.json_form import as_json
 from adapt.engine.compilation_cache import keep_compiled
 from adapt.large_runs.dask_cluster import on_cluster
@@ -61,8 +62,9 @@ EXIT_INTERRUPTED = 130
 
 NO_EFFECT = "none"
 
-LEAST_NOISE_DEG, MOST_NOISE_DEG = 0.1, 20.0
-"""Noise beyond these is a slip of the pen: no posture would be within it, or every one."""
+MOST_NOISE_DEG = 20.0
+"""Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
+none."""
 
 MANY_FRAMES = 50
 """More postures than a palpator records: this is a trial, which is better sampled."""
@@ -270,8 +272,8 @@ def diagnose_gap(
     run.json and report.html (the page to look at).
     With several models the figures are those of the model with the smallest gap after adaptation.
     """
-    if noise_deg is not None and not LEAST_NOISE_DEG <= noise_deg <= MOST_NOISE_DEG:
-        cause = f"{noise_deg:g} is not between {LEAST_NOISE_DEG:g} and {MOST_NOISE_DEG:g} degrees"
+    if noise_deg is not None and not LEAST_DEG <= noise_deg <= MOST_NOISE_DEG:
+        cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
     table, models, record = _inputs(motions, model)
     with results_folder(out) as folder:

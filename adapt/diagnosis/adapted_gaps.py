@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from adapt.diagnosis.inference.intervals import by_bone
+from adapt.diagnosis.inference.intervals import by_bone, known_mean
 from adapt.diagnosis.result import BoneGaps
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
@@ -15,8 +14,8 @@ from adapt.solvers.motion_rows import MotionRows, fit_rows
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import MOTION, POSTURES
-from adapt.trust.held_out import folds, held_out
-from models.effects.known import Amplitudes, active_effects
+from adapt.trust.held_out import Fold, folds, held_out
+from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
 from models.parameter_sets import ParameterSet
 from motions.rotations import DEG
 from motions.table import Motions
@@ -32,8 +31,15 @@ class AdaptedGaps:
     """Over the postures of each subject, then over subjects: the mean of summary.csv."""
     unseen: Mapping[str, BoneGaps]
     """By what is held out, MOTION (where there are several) or POSTURES: the mean of the rows of heldout.csv."""
-    before: Mapping[str, BoneGaps]
-    """The same without adaptation; under the empty word in sample."""
+
+
+@dataclass(frozen=True)
+class BaseGaps:
+    """The same of the model as it is."""
+
+    in_sample: BoneGaps
+    unseen: Mapping[str, BoneGaps]
+    """On the postures that are held out."""
 
 
 def adapted_gaps(motions: Motions, model: ParameterSet, effects: Amplitudes, person: Mapping[str, int]) -> AdaptedGaps:
@@ -46,34 +52,39 @@ def adapted_gaps(motions: Motions, model: ParameterSet, effects: Amplitudes, per
     adapted = adapt_batch(data)
     measured = np.where(batch.measured & batch.counted, batch.angles, np.nan)
     after = np.abs(np.where(adapted.status == status.OK, adapted.angles, np.nan) - measured) * float(DEG)
-    count = len(motions.posture)
-    fitted = fit_rows(MotionRows.of_models(motions, 1, effects, float), _repeated(model, count))
+    parts = folds(motions, batch)
+    found = held_out(data, len(batch.subjects), parts).unseen_deg
+    of_folds = [found[:, part.tested, k] for k, part in enumerate(parts)]
+    everyone = _persons(batch, person)
+    return AdaptedGaps(batch, adapted, _of_subjects(after, everyone), _of_folds(of_folds, parts, everyone))
+
+
+def base_gaps(motions: Motions, model: ParameterSet, person: Mapping[str, int]) -> BaseGaps:
+    """Fit every posture with the model as it is; the gaps on all postures, and on those that are held out."""
+    batch = pack(motions)
+    fitted = fit_rows(MotionRows.of_models(motions, 1, NO_EFFECTS, float), model.girdle.repeated(len(motions.posture)))
     rows = np.abs(np.where(fitted.status == status.OK, fitted.angles, np.nan) * DEG - motions.angles_deg.T)
     before = np.where(batch.counted, rows[:, batch.rows], np.nan)
-    everyone = np.array([person[name] for name in batch.subjects])
     parts = folds(motions, batch)
-    found = held_out(data, len(batch.subjects), parts)
-    unseen, base = {}, {"": by_bone(_of_subjects(before), everyone)}
+    of_folds = [before[:, part.tested, part.subject] for part in parts]
+    everyone = _persons(batch, person)
+    return BaseGaps(_of_subjects(before, everyone), _of_folds(of_folds, parts, everyone))
+
+
+def _persons(batch: Batch, person: Mapping[str, int]) -> Int[np.ndarray, " subjects"]:
+    return np.array([person[name] for name in batch.subjects])
+
+
+def _of_subjects(gaps: Float[np.ndarray, "6 postures subjects"], everyone) -> BoneGaps:
+    return by_bone(np.array([known_mean(gaps[..., s]) for s in range(gaps.shape[-1])]), everyone)
+
+
+def _of_folds(gaps: list[Float[np.ndarray, "6 some"]], parts: list[Fold], everyone) -> dict[str, BoneGaps]:
+    """The gaps of all folds of each kind."""
+    found = {}
     for kind in (MOTION, POSTURES):
         chosen = [k for k, part in enumerate(parts) if part.kind == kind]
         if chosen:
-            of_folds = np.array([_mean(found.unseen_deg[:, parts[k].tested, k]) for k in chosen])
-            of_base = np.array([_mean(before[:, parts[k].tested, parts[k].subject]) for k in chosen])
             persons = everyone[[parts[k].subject for k in chosen]]
-            unseen[kind], base[kind] = by_bone(of_folds, persons), by_bone(of_base, persons)
-    return AdaptedGaps(batch, adapted, by_bone(_of_subjects(after), everyone), unseen, base)
-
-
-def _repeated(model: ParameterSet, count: int):
-    return jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), model.girdle)
-
-
-def _of_subjects(gaps: Float[np.ndarray, "6 postures subjects"]) -> Float[np.ndarray, "subjects 6"]:
-    return np.array([_mean(gaps[..., s]) for s in range(gaps.shape[-1])])
-
-
-def _mean(gaps: Float[np.ndarray, "6 postures"]) -> Float[np.ndarray, "6"]:
-    """Average the postures that are known."""
-    known = np.isfinite(gaps)
-    count = known.sum(axis=1)
-    return np.where(count > 0, np.where(known, gaps, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+            found[kind] = by_bone(np.array([known_mean(gaps[k]) for k in chosen]), persons)
+    return found

@@ -5,14 +5,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from adapt.diagnosis.adapted_gaps import AdaptedGaps, adapted_gaps
+from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps
 from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.design.next_measurement import indistinguishable, propose
 from adapt.diagnosis.fit.candidates import candidate_effects, lay_out
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
 from adapt.diagnosis.fit.noise import estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
-from adapt.diagnosis.fit.unseen_folds import MOTION, PERSON, folds_of
+from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, credible_sets
 from adapt.diagnosis.inference.amplitude import amplitudes, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung, ladder
@@ -44,9 +44,10 @@ from adapt.diagnosis.result import (
     Step,
     Verdict,
 )
-from adapt.tables import held_out as tables
+from adapt.tables.held_out import MOTION, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
+from models.effects.effect import cause_of
 from models.effects.known import read_amplitudes
 from models.parameter_sets import ParameterSet
 from motions.table import Motions
@@ -110,14 +111,15 @@ class _Study:
         sizes = {name: sizes[name] for name in order}
         known = read_amplitudes([one.option for one in sizes.values()])
         self.progress("gaps of girdle adapt")
-        base = adapted_gaps(shoulders.motions, self.model, {}, self.person)
-        with_causes = adapted_gaps(shoulders.motions, self.model, known, self.person) if known else base
-        gaps = self._gaps(base, with_causes, rungs, floor)
+        base = base_gaps(shoulders.motions, self.model, self.person)
+        adapted = adapted_gaps(shoulders.motions, self.model, {}, self.person)
+        with_causes = adapted_gaps(shoulders.motions, self.model, known, self.person) if known else adapted
+        gaps = self._gaps(base, adapted, with_causes, rungs, floor)
         levels = gaps.hardest
         over = left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
         verdict = self._verdict(named, {name: sets[name] for name in order}, weights, over, computed, noise)
-        data = observe(shoulders.motions, base.batch)
-        angle_gaps = _angle_gaps(data, base, floor)
+        data = observe(shoulders.motions, adapted.batch)
+        angle_gaps = _angle_gaps(data, adapted, floor)
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -134,11 +136,11 @@ class _Study:
             budget=self._budget(gaps, rungs),
             left_over_share=over,
             gaps=gaps,
-            parameters=_changes(base, with_causes),
+            parameters=_changes(adapted, with_causes),
             cells=cells(angle_gaps),
             profile=profile(angle_gaps),
             variance_fractions=variance_fractions(angle_gaps),
-            constraints=constraint_residuals_mm(data, self._at_measured(data, base)),
+            constraints=constraint_residuals_mm(data, self._at_measured(data, adapted)),
             indistinguishable=indistinguishable(none.linearised),
             next_measurement=propose(search, node, [cause.names for cause in verdict.causes]),
         )
@@ -166,7 +168,7 @@ class _Study:
         answer = EFFECT if causes else NONE if noisy else UNKNOWN
         return Verdict(answer, tuple(causes), inclusion, _probability(weights, inclusion, answer, over))
 
-    def _gaps(self, base: AdaptedGaps, with_causes: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:
+    def _gaps(self, base: BaseGaps, adapted: AdaptedGaps, with_causes: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:
         """The four levels of each kind of gap."""
         folds, person = self.search.folds, self.shoulders.person
         of_subject = np.array([np.nanmean(floor[self.shoulders.rows_of(s)], axis=0) for s in range(len(person))])
@@ -175,17 +177,17 @@ class _Study:
         def levels(kind: str) -> GapLevels | None:
             if kind not in base.unseen:
                 return None
-            return _levels(noise_floor, base.before[kind], base.unseen[kind], with_causes.unseen[kind])
+            return _levels(noise_floor, base.unseen[kind], adapted.unseen[kind], with_causes.unseen[kind])
 
-        other_motion = levels(tables.MOTION)
+        other_motion = levels(MOTION)
         other_person = None
         if PERSON in folds.kinds and other_motion:
             chosen = folds.of_kind(PERSON)
             unseen = by_bone(rungs[-1].gaps_deg[chosen], person[folds.subject])
-            adapted = other_motion["adapted"]
-            other_person = _levels(noise_floor, other_motion["base"], adapted, unseen if len(rungs) > 1 else adapted)
-        in_sample = _levels(noise_floor, base.before[""], base.in_sample, with_causes.in_sample)
-        return Gaps(in_sample, levels(tables.POSTURES) or in_sample, other_motion, other_person)
+            without = other_motion["adapted"]
+            other_person = _levels(noise_floor, other_motion["base"], without, unseen if len(rungs) > 1 else without)
+        in_sample = _levels(noise_floor, base.in_sample, adapted.in_sample, with_causes.in_sample)
+        return Gaps(in_sample, levels(POSTURES) or in_sample, other_motion, other_person)
 
     def _budget(self, gaps: Gaps, rungs: list[Rung]) -> tuple[Step, ...]:
         folds, person = self.search.folds, self.shoulders.person
@@ -194,12 +196,12 @@ class _Study:
         chosen = folds.of_kind(MOTION)
         for rung in rungs[1:]:
             gap = interval(rung.gaps_deg[chosen].mean(axis=1), person[folds.subject])
-            steps.append(Step(rung.added.partition(":")[0], gap))
+            steps.append(Step(cause_of(rung.added), gap))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
 
-    def _at_measured(self, data: Observed, base: AdaptedGaps):
+    def _at_measured(self, data: Observed, adapted: AdaptedGaps):
         """A1-A3 of each subject's adapted girdle at the measured angles, mm."""
-        girdle = self.search.joint.model.of_parts(len(data.subjects)).with_adapted(base.adapted.theta_mm)
+        girdle = self.search.joint.model.girdle.repeated(len(data.subjects)).with_adapted(adapted.adapted.theta_mm)
         return np.asarray(girdle.over_postures().residuals_mm(data.values[:6]))
 
 
@@ -224,12 +226,12 @@ def _probability(weights: Weights, inclusion: dict[str, float], answer: str, ove
     return found | {NONE: none * (1.0 - unknown) / total, UNKNOWN: unknown}
 
 
-def _angle_gaps(data: Observed, base: AdaptedGaps, floor) -> AngleGaps:
+def _angle_gaps(data: Observed, adapted: AdaptedGaps, floor) -> AngleGaps:
     """Gaps of the adapted model, with what noise would leave; ``floor`` is its mean absolute value by row."""
-    noise_deg2 = np.nan_to_num(np.moveaxis(floor, 1, 0)[:, base.batch.rows]) ** 2 * (np.pi / 2.0)
-    return AngleGaps(data, base.adapted.angles, noise_deg2)
+    noise_deg2 = np.nan_to_num(np.moveaxis(floor, 1, 0)[:, adapted.batch.rows]) ** 2 * (np.pi / 2.0)
+    return AngleGaps(data, adapted.adapted.angles, noise_deg2)
 
 
-def _changes(base: AdaptedGaps, with_causes: AdaptedGaps) -> dict[str, ParameterMeans]:
-    pairs = zip(ADAPTED, base.adapted.theta_mm.mean(axis=1), with_causes.adapted.theta_mm.mean(axis=1), strict=True)
+def _changes(adapted: AdaptedGaps, with_causes: AdaptedGaps) -> dict[str, ParameterMeans]:
+    pairs = zip(ADAPTED, adapted.adapted.theta_mm.mean(axis=1), with_causes.adapted.theta_mm.mean(axis=1), strict=True)
     return {name: ParameterMeans(float(a), float(b)) for name, a, b in pairs}

@@ -17,6 +17,7 @@ from adapt.diagnosis.result import (
     Interval,
     Verdict,
 )
+from models.effects.effect import cause_of
 
 MOST_WORDS = 30
 """Of the sentence."""
@@ -92,7 +93,7 @@ def listed(names: Sequence[str], last: str) -> str:
 
 def cause_names(cause: Cause) -> tuple[str, ...]:
     """Name a cause without what its course goes with, once each."""
-    return tuple(dict.fromkeys(name.partition(":")[0] for name in cause.names))
+    return tuple(dict.fromkeys(cause_of(name) for name in cause.names))
 
 
 def answer_text(verdict: Verdict) -> str:

@@ -77,15 +77,8 @@ def _with_effects(data: ProblemBatch, problem: Problem, adapted: Adapted) -> Cur
     of_motion, moved = motion_curvature(fixed, data.active_effects, adapted.theta_mm)
     thorax = ThoraxPoints(data.girdle, data.points_mm, data.point_weights)
     B = -np.einsum("apkl,apl->kapl", moved, np.where(data.counted, problem.weights, 0.0))
-    inverse_weights = np.where(problem.weights > 0.0, 1.0 / np.where(problem.weights > 0.0, problem.weights, 1.0), 0.0)
-    slope = np.stack([np.broadcast_to(x, data.point_weights.shape) for x in thorax.distances(adapted.theta_mm)[1]])
-    return Curvature(
-        thorax.curvature(adapted.theta_mm),
-        of_motion,
-        B,
-        2.0 * np.einsum("inl,nl,jnl->ijl", slope, data.point_weights, slope),
-        np.einsum("iapl,apl,japl->ijl", B, inverse_weights, B),
-    )
+    information = _information(thorax, adapted.theta_mm, B, problem.weights)
+    return Curvature(thorax.curvature(adapted.theta_mm), of_motion, B, *information)
 
 
 @compiled
@@ -99,13 +92,17 @@ def _curvature(
     eliminated = eliminate(at, objective_gradient, problem.weights)
     B = -xp.swapaxes(problem.weights[:, None] * eliminated.step_theta, 0, 1)
     B = xp.where(problem.counted, B, 0.0)
-    inverse_weights = xp.where(problem.weights > 0.0, 1.0 / problem.weights, 0.0)
+    information = _information(thorax, theta, B, problem.weights)
+    return thorax.curvature(theta), problem.total(eliminated.hessian), B, *information
+
+
+def _information(thorax: ThoraxPoints, theta, B, weights) -> tuple[Array, Array]:
+    """I_D and I_J."""
+    counts = weights > 0.0
+    inverse_weights = xp.where(counts, 1.0 / xp.where(counts, weights, 1.0), 0.0)
     slope = xp.stack(thorax.distances(theta)[1], axis=1)
     return (
-        thorax.curvature(theta),
-        problem.total(eliminated.hessian),
-        B,
-        2.0 * xp.einsum("nil,nl,njl->ijl", slope, point_weights, slope),
+        2.0 * xp.einsum("nil,nl,njl->ijl", slope, thorax.point_weights, slope),
         xp.einsum("iapl,apl,japl->ijl", B, inverse_weights, B),
     )
 

@@ -40,6 +40,11 @@ def where_they_are(points: Points, girdle: Girdle, rotations: Rotations, strengt
     return points
 
 
+def cause_of(name: str) -> str:
+    """Give the cause of an effect's name: what stands before the colon."""
+    return name.partition(":")[0]
+
+
 @dataclass(frozen=True)
 class Effect:
     """One candidate: ``directions``, each with an amplitude in ``unit`` for each term of its course."""
@@ -63,7 +68,7 @@ class Effect:
     @property
     def cause(self) -> str:
         """What is at work, whatever its course: the name up to the colon."""
-        return self.name.partition(":")[0]
+        return cause_of(self.name)
 
     @property
     def amplitudes(self) -> int:

@@ -14,15 +14,11 @@ from adapt.diagnosis.result import ALL, Diagnosis, GapLevels
 from adapt.tables.held_out import MOTION
 from models import ParameterSet
 from models.effects import EFFECTS
+from models.effects.effect import cause_of
 from models.effects.known import NO_EFFECTS, Amplitudes, read_amplitudes
 from motions import Motions
 from scripts.blind.cases import SHOWN_MOTIONS, UNSEEN_MOTION
 from scripts.blind.runs import Line
-
-
-def cause_of(name: str) -> str:
-    """What is at work, whatever its course."""
-    return name.partition(":")[0]
 
 
 def _causes(names: Iterable[str]) -> list[str]:

@@ -9,7 +9,7 @@ from small_worlds import joint_fit, searched, simulated
 
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.shoulders import shoulders_of
-from adapt.diagnosis.fit.unseen_folds import MOTION, PERSON, folds_of
+from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import credible_sets, similarity
 from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.budget import ladder, refitted
@@ -19,6 +19,7 @@ from adapt.diagnosis.inference.intervals import interval
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.naming import gain, name_causes
 from adapt.diagnosis.inference.weights import fold_weights, weigh
+from adapt.tables.held_out import MOTION
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
 

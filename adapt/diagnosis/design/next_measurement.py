@@ -57,7 +57,7 @@ def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> l
 
 def _with(search: Search, named: Node, own: str, other: str) -> Node | None:
     """The best fitted set that has the other cause in the place of its own."""
-    cause = {effect.name: effect.cause for effect in search.joint.candidates.effects}
+    cause = search.joint.candidates.causes
     wanted = {cause[name] for name in named.hypothesis} - {own} | {other}
     nodes = [node for node in search.usable if {cause[name] for name in node.hypothesis} == wanted]
     return max(nodes, key=lambda node: node.value, default=None)

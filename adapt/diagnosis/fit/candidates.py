@@ -1,6 +1,6 @@
 """The candidates: every effect with its strength in each channel at each posture, and what is believed about it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -61,17 +61,27 @@ class Candidates:
         """Find the effect of this name."""
         return next(one for one in self.effects if one.name == name)
 
+    def slices(self, hypothesis: Sequence[str]) -> Iterator[tuple[Effect, slice]]:
+        """Give each effect of a hypothesis, and where its amplitudes are among those of the hypothesis."""
+        start = 0
+        for name in hypothesis:
+            effect = self.effect(name)
+            yield effect, slice(start, start + effect.amplitudes)
+            start += effect.amplitudes
+
+    @cached_property
+    def causes(self) -> dict[str, str]:
+        """By name, the cause of each effect."""
+        return {one.name: one.cause for one in self.effects}
+
     def ordered(self, names: Sequence[str]) -> Hypothesis:
         """Put names in the order of the candidates."""
         return tuple(one.name for one in self.effects if one.name in names)
 
     def has_the_sign(self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"]) -> bool:
         """Tell whether every effect acts the way that its nature or its measurement says."""
-        start = 0
-        for name in hypothesis:
-            effect = self.effect(name)
-            own = amplitude[start : start + effect.amplitudes]
-            start += effect.amplitudes
+        for effect, place in self.slices(hypothesis):
+            own = amplitude[place]
             firsts = own[:: len(effect.course.sd)]
             signs = np.array(effect.prior.sign or (0,) * len(firsts))
             if (firsts * signs < _SHARE_OF_MEAN * effect.prior.mean * np.abs(signs)).any():

@@ -70,10 +70,6 @@ class Model:
         """The set's own adapted parameters."""
         return np.asarray(self.girdle.adapted_mm)
 
-    def of_parts(self, count: int) -> Girdle:
-        """Repeat the girdle for so many parts."""
-        return jax.tree.map(lambda x: np.broadcast_to(x[..., None], (*x.shape, count)), self.girdle)
-
     @cached_property
     def _thorax(self) -> ThoraxPoints:
         count = self.points_mm.shape[1]
@@ -109,7 +105,7 @@ class JointFit:
         counts = np.array([len(part.rows) for part in self.parts])
         of_row = np.repeat(np.arange(len(counts)), counts)
         return Parts(
-            girdle=self.model.of_parts(len(counts)),
+            girdle=self.model.girdle.repeated(len(counts)),
             thorax=self.model.thorax,
             bounds_mm=tuple(self.model.bounds_mm[:, None]),
             effects=self.model.effects,

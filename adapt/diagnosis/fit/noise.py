@@ -31,12 +31,9 @@ def estimate_noise(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"], given_d
     if given_deg is not None:
         return Noise(given_deg, "given", np.inf)
     squares = []
-    for subject in range(len(shoulders.subjects)):
-        for motion in range(len(shoulders.kinds)):
-            rows = shoulders.rows_of(subject, motion)
-            rows = rows[np.argsort(shoulders.motions.posture[rows], kind="stable")]
-            if len(rows) > _ORDER:
-                squares.append((np.diff(y[rows], _ORDER, axis=0) ** 2 / _VARIANCE).ravel())
+    for rows in shoulders.sequences():
+        if len(rows) > _ORDER:
+            squares.append((np.diff(y[rows], _ORDER, axis=0) ** 2 / _VARIANCE).ravel())
     every = np.concatenate([np.zeros(0), *squares])
     if len(every) < _FEWEST:
         return Noise(_ASSUMED_DEG, "assumed", float(_FEWEST))

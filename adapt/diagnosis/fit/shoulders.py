@@ -1,10 +1,11 @@
 """The measured postures of all subjects as flat rows, and whose and of which kind of motion they are."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from motions.errors import InputError
 from motions.rhythm import REST_DEG
@@ -52,9 +53,12 @@ class Shoulders:
         """Find the rows of a subject, in all or in one kind of motion."""
         return np.flatnonzero((self.subject == subject) & (True if motion is None else self.motion == motion))
 
-    def select(self, mask: Bool[np.ndarray, " rows"]) -> "Shoulders":
-        """Select rows; subjects and kinds of motion are counted anew."""
-        return shoulders_of(self.motions.select(mask))
+    def sequences(self) -> Iterator[Int[np.ndarray, " chosen"]]:
+        """Give the rows of each motion of each subject in the order of its postures."""
+        for subject in range(len(self.subjects)):
+            for motion in range(len(self.kinds)):
+                rows = self.rows_of(subject, motion)
+                yield rows[np.argsort(self.motions.posture[rows], kind="stable")]
 
 
 def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:

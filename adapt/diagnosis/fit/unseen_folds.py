@@ -14,10 +14,11 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.joint_fit import Part, everybody
 from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.tables.held_out import MOTION
 from adapt.trust.folds import POSTURE_PARTS
 
-MOTION, PERSON = "motion", "person and motion"
-"""What a test has not seen."""
+PERSON = "person and motion"
+"""What a test has not seen; of MOTION the motion alone."""
 
 _PERSON_FOLDS = 6
 """Persons are held out in so many groups at most: more take longer and tell little more."""
@@ -83,7 +84,7 @@ class Folds:
         return np.mean([of_tests[self.of_kind(kind)] for kind in self.kinds], axis=0)
 
 
-def folds_of(shoulders: Shoulders, persons: bool = True) -> Folds:
+def folds_of(shoulders: Shoulders) -> Folds:
     """Hold out every kind of motion, and with it every person where there are several."""
     label = shoulders.motion if len(shoulders.kinds) > 1 else _third(shoulders)
     different = np.unique(label)
@@ -107,7 +108,7 @@ def folds_of(shoulders: Shoulders, persons: bool = True) -> Folds:
 
     everyone = np.arange(len(shoulders.subjects))
     hold_out(MOTION, everyone, np.zeros(0, int))
-    if persons and shoulders.persons > 1:
+    if shoulders.persons > 1:
         for some in np.array_split(np.arange(shoulders.persons), min(shoulders.persons, _PERSON_FOLDS)):
             hold_out(PERSON, np.flatnonzero(np.isin(shoulders.person, some)), some)
     order = {MOTION: 0, PERSON: 1}

@@ -34,7 +34,7 @@ def credible_sets(search: Search, named: Node) -> dict[str, CredibleSet]:
 def _in_place_of(search: Search, named: Node, own: str) -> CredibleSet:
     nodes = search.in_place_of(named, own)
     shares = dict(zip(nodes, probabilities(search, list(nodes.values())), strict=True))
-    return _credible(search.joint.candidates.effect(own).cause, shares)
+    return _credible(search.joint.candidates.causes[own], shares)
 
 
 def _credible(own: str, shares: dict[str, float]) -> CredibleSet:

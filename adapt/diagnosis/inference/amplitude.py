@@ -53,13 +53,10 @@ def amplitudes(search: Search, node: Node) -> dict[str, CauseAmplitude]:
     spread = covariance(search, node)
     draws = np.random.default_rng(_SEED).multivariate_normal(node.fitted.amplitude[0], spread, _DRAWS)
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
-    found, start = {}, 0
-    for name in node.hypothesis:
-        effect = candidates.effect(name)
-        own = slice(start, start + effect.amplitudes)
-        start += effect.amplitudes
-        found[name] = _described(effect, node.fitted.amplitude[0][own], draws[:, own], candidates, shoulders)
-    return found
+    return {
+        effect.name: _described(effect, node.fitted.amplitude[0][own], draws[:, own], candidates, shoulders)
+        for effect, own in candidates.slices(node.hypothesis)
+    }
 
 
 def unseen_amplitude(effect: Effect) -> CauseAmplitude:

@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
-from adapt.diagnosis.inference.naming import without
 from adapt.diagnosis.inference.search import Node, Search
 
 
@@ -24,7 +23,7 @@ def ladder(search: Search, named: Node) -> list[Rung]:
     """Add the named causes one by one, the one that takes most of the unseen gap first."""
     nodes, order = [named], []
     while nodes[-1].hypothesis:
-        less = {name: without(search, nodes[-1], name) for name in nodes[-1].hypothesis}
+        less = {name: search.without(nodes[-1], name) for name in nodes[-1].hypothesis}
         dropped = min(
             less, key=lambda name: float(search.folds.by_fold(less[name].predicted.gaps_deg.mean(axis=1)).mean())
         )

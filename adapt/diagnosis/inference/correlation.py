@@ -15,14 +15,11 @@ def numbers_per_fold(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"]) -> fl
     """Estimate how many independent numbers a motion of a subject tells, of the three constraints together."""
     product = square = 0.0
     counts = []
-    for subject in range(len(shoulders.subjects)):
-        for motion in range(len(shoulders.kinds)):
-            rows = shoulders.rows_of(subject, motion)
-            rows = rows[np.argsort(shoulders.motions.posture[rows], kind="stable")]
-            before, after = y[rows[:-1]], y[rows[1:]]
-            product += float((before * after).sum())
-            square += 0.5 * float((before**2).sum() + (after**2).sum())
-            counts += [len(rows)] if len(rows) else []
+    for rows in shoulders.sequences():
+        before, after = y[rows[:-1]], y[rows[1:]]
+        product += float((before * after).sum())
+        square += 0.5 * float((before**2).sum() + (after**2).sum())
+        counts += [len(rows)] if len(rows) else []
     correlation = float(np.clip(product / square, 0.0, 1.0)) if square > 0 else 0.0
     independent = np.mean(counts) * (1.0 - correlation) / (1.0 + correlation)
     return len(CONSTRAINTS) * max(1.0, float(independent))

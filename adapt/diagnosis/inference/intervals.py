@@ -28,10 +28,11 @@ def by_bone(gaps: Float[np.ndarray, "folds 6"], person: Sequence[int] | np.ndarr
     """Average the angles of each bone, then the folds."""
     parts = {ALL: slice(None), **BONES}
     with np.errstate(invalid="ignore"):
-        return {bone: interval(_mean(gaps[:, part]), np.asarray(person)) for bone, part in parts.items()}
+        return {bone: interval(known_mean(gaps[:, part]), np.asarray(person)) for bone, part in parts.items()}
 
 
-def _mean(gaps: Float[np.ndarray, "folds angles"]) -> Float[np.ndarray, " folds"]:
+def known_mean(gaps: Float[np.ndarray, "n some"]) -> Float[np.ndarray, " n"]:
+    """Average what is known of each row; NaN where nothing is."""
     known = np.isfinite(gaps)
     count = known.sum(axis=1)
     total = np.where(known, gaps, 0.0).sum(axis=1)

@@ -79,18 +79,6 @@ _MOST_LOOKED_AT = 60
 """Sets, the most probable first; of measured motions the first ten have one that holds."""
 
 
-def _grown(search: Search, names: list[str]) -> Node:
-    """Fit a hypothesis from the most similar one that was fitted."""
-    wanted = search.joint.candidates.ordered(names)
-    subsets = [node for node in search.nodes.values() if set(node.hypothesis) <= set(wanted)]
-    return search.fit(wanted, max(subsets, key=lambda node: (len(node.hypothesis), node.value)))
-
-
-def without(search: Search, node: Node, name: str) -> Node:
-    """Fit a hypothesis with one cause less."""
-    return _grown(search, [one for one in node.hypothesis if one != name])
-
-
 def _gain_of(search: Search, node: Node, name: str, floor_deg: float) -> Gain:
-    less = without(search, node, name)
+    less = search.without(node, name)
     return gain(search.folds, less.predicted.gaps_deg, node.predicted.gaps_deg, floor_deg)

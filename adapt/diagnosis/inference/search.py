@@ -2,8 +2,8 @@
 
     V(H) = -N/2 log(mean_f q_f) + |H| log(expected / candidates) - 1/2 sum ((a - mean) / scale)^2
 
-q_f is the mean |y|^2 of fold f, unseen. N = 3 x folds: a motion of a person tells one number of each constraint,
-because neighbouring postures of a motion are not independent.
+q_f is the mean |y|^2 of fold f, unseen. N = folds x the independent numbers that a motion of a person tells: at first
+one of each constraint, then what ``inference.correlation`` finds, because neighbouring postures are not independent.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ class Node(NamedTuple):
     linearised: Linearised
     predicted: Predicted
     value: float
-    """V at the time of the fit."""
+    """V, with as many numbers a fold as ``Search.numbers`` says."""
 
 
 @dataclass
@@ -60,20 +60,21 @@ class Search:
     folds: Folds
     progress: Callable[[str], None] = lambda _: None
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
+    predictions: dict[tuple[Hypothesis, Hypothesis], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     numbers: float = float(len(CONSTRAINTS))
     """Independent numbers that a fold tells (``inference.correlation``)."""
 
     @cached_property
     def log_odds(self) -> float:
         """Of one more cause, before any data."""
-        causes = {effect.cause for effect in self.joint.candidates.effects}
+        causes = set(self.joint.candidates.causes.values())
         return float(np.log(min(0.5, EXPECTED_CAUSES / max(1, len(causes)))))
 
-    def log_likelihood(self, squares, weights: Float[np.ndarray, " folds"] | None = None) -> float:
-        """Compute -N/2 log(mean q) of mean squares by test; each fold counts as often as its weight says."""
-        q = self.folds.by_fold(squares)
-        weights = np.ones(len(q)) if weights is None else weights
-        return -0.5 * self.numbers * len(q) * float(np.log((weights * q).sum() / weights.sum()))
+    def log_likelihood(
+        self, q: Float[np.ndarray, "*sets folds"], weights: Float[np.ndarray, " folds"]
+    ) -> Float[np.ndarray, " *sets"]:
+        """Compute -N/2 log(mean q) of mean squares by fold; each fold counts as often as its weight says."""
+        return -0.5 * self.numbers * weights.sum() * np.log(q @ weights / weights.sum())
 
     def log_prior(self, hypothesis: Hypothesis, amplitude) -> float:
         """Compute the log prior of a hypothesis with its amplitudes."""
@@ -94,21 +95,22 @@ class Search:
             fitted = self.joint.fit(hypothesis, start.fitted.theta_mm, first, _ENOUGH)
         linearised = linearise(self.joint, self.folds, hypothesis, fitted)
         predicted = linearised.predict(hypothesis)
-        value = self._value(hypothesis, fitted.amplitude[0], predicted)
+        value = self._value(hypothesis, fitted.amplitude[0], predicted.squares)
         node = Node(hypothesis, fitted, linearised, predicted, value)
         self.nodes[hypothesis] = node
         self.progress(f"{len(self.nodes)} sets of causes")
         return node
 
-    def _value(self, hypothesis: Hypothesis, amplitude, predicted: Predicted) -> float:
+    def _value(self, hypothesis: Hypothesis, amplitude, squares: Float[np.ndarray, " tests"]) -> float:
         if not self.joint.candidates.has_the_sign(hypothesis, amplitude):
             return _WORST
-        return self.log_likelihood(predicted.squares) + self.log_prior(hypothesis, amplitude)
+        q = self.folds.by_fold(squares)
+        return float(self.log_likelihood(q, np.ones(len(q)))) + self.log_prior(hypothesis, amplitude)
 
     def widened(self, node: Node) -> list[tuple[float, Hypothesis, Node]]:
         """Predict every set with one more cause, the best first."""
         candidates = self.joint.candidates
-        causes = {candidates.effect(name).cause for name in node.hypothesis}
+        causes = {candidates.causes[name] for name in node.hypothesis}
         found = []
         for effect in candidates.effects:
             if effect.cause in causes:
@@ -116,11 +118,17 @@ class Search:
             hypothesis = candidates.ordered((*node.hypothesis, effect.name))
             if hypothesis in self.nodes:
                 found.append((self.nodes[hypothesis].value, hypothesis, node))
-                continue
-            predicted = node.linearised.predict(hypothesis)
-            value = self._value(hypothesis, predicted.amplitude[0], predicted)
-            found.append((value, hypothesis, node))
+            else:
+                found.append((self._value(hypothesis, *self._predicted(node, hypothesis)), hypothesis, node))
         return sorted(found, key=lambda one: -one[0])
+
+    def _predicted(self, node: Node, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
+        """Amplitudes and mean squares by test that a fit predicts of a larger set; each is computed once."""
+        key = node.hypothesis, hypothesis
+        if key not in self.predictions:
+            predicted = node.linearised.predict(hypothesis)
+            self.predictions[key] = predicted.amplitude[0], predicted.squares
+        return self.predictions[key]
 
     def beam(self, first: Sequence[str] = ()) -> None:
         """Search upwards from no cause, or from one that no straight line leads to."""
@@ -158,33 +166,30 @@ class Search:
         """Value every set anew with so many numbers a fold."""
         self.numbers = numbers
         for hypothesis, node in self.nodes.items():
-            value = self._value(hypothesis, node.fitted.amplitude[0], node.predicted)
+            value = self._value(hypothesis, node.fitted.amplitude[0], node.predicted.squares)
             self.nodes[hypothesis] = node._replace(value=value)
 
     def in_place_of(self, node: Node, own: str) -> dict[str, Node]:
         """Fit the most hopeful sets with another cause in the place of one; the best of each cause, its own among
         them."""
-        others = [name for name in node.hypothesis if name != own]
-        less = self.fit(others, self.nearest_below(node, own))
+        less = self.without(node, own)
         for _, hypothesis, start in self.widened(less)[:_TRIED]:
             self.fit(hypothesis, start)
+        others = set(less.hypothesis)
         found: dict[str, Node] = {}
         for one in sorted(self.usable, key=lambda one: one.value):
-            if len(one.hypothesis) == len(node.hypothesis) and set(others) < set(one.hypothesis):
-                (name,) = set(one.hypothesis) - set(others)
-                found[self.joint.candidates.effect(name).cause] = one
+            if len(one.hypothesis) == len(node.hypothesis) and others < set(one.hypothesis):
+                (name,) = set(one.hypothesis) - others
+                found[self.joint.candidates.causes[name]] = one
         return found
 
-    def nearest_below(self, node: Node, name: str) -> Node:
-        """Find the largest set within this one that does not have the cause."""
-        within = (one for one in self.nodes.values() if set(one.hypothesis) <= set(node.hypothesis) - {name})
-        return max(within, key=lambda one: (len(one.hypothesis), one.value))
-
-    def acts_its_way(self, node: Node) -> bool:
-        """Tell whether every effect of a set acts the way that it must."""
-        return node.value > _WORST
+    def without(self, node: Node, name: str) -> Node:
+        """Fit a set with one cause less, from the largest set within it."""
+        wanted = set(node.hypothesis) - {name}
+        within = (one for one in self.nodes.values() if set(one.hypothesis) <= wanted)
+        return self.fit(tuple(wanted), max(within, key=lambda one: (len(one.hypothesis), one.value)))
 
     @property
     def usable(self) -> list[Node]:
         """All fitted hypotheses whose effects act the right way."""
-        return [node for node in self.nodes.values() if self.acts_its_way(node)]
+        return [node for node in self.nodes.values() if node.value > _WORST]

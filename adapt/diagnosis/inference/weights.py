@@ -44,8 +44,7 @@ def weigh(search: Search) -> Weights:
     nodes = search.usable
     total = probabilities(search, nodes)
     order = np.argsort(-total)
-    cause = {effect.name: effect.cause for effect in search.joint.candidates.effects}
-    return Weights({nodes[k].hypothesis: float(total[k]) for k in order}, cause)
+    return Weights({nodes[k].hypothesis: float(total[k]) for k in order}, search.joint.candidates.causes)
 
 
 def probabilities(search: Search, nodes: Sequence[Node]) -> Float[np.ndarray, " nodes"]:
@@ -55,7 +54,7 @@ def probabilities(search: Search, nodes: Sequence[Node]) -> Float[np.ndarray, " 
     person = search.joint.shoulders.person[search.folds.subject]
     total = np.zeros(len(nodes))
     for weights in fold_weights(person, _DRAWS, _SEED):
-        log = -0.5 * search.numbers * weights.sum() * np.log(q @ weights / weights.sum()) + prior
+        log = search.log_likelihood(q, weights) + prior
         weight = np.exp(log - log.max())
         total += weight / weight.sum()
     return total / _DRAWS

@@ -32,11 +32,6 @@ class Observed:
         """Elevation of the highest posture."""
         return float(self.elevation_deg[self.counted].max())
 
-    def select_subjects(self, index: Int[np.ndarray, " chosen"]) -> "Observed":
-        """Take some of the subjects, one perhaps more than once."""
-        arrays = {k: v[..., index] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
-        return replace(self, **arrays, subjects=tuple(self.subjects[i] for i in index))
-
     def without(self, left_out: Bool[np.ndarray, "postures subjects"]) -> "Observed":
         """Leave some postures out: they stay, but are not counted."""
         return replace(self, counted=self.counted & ~left_out)

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
+from adapt.solvers.batched.posture_kernels import GIRDLE
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.girdle import Girdle
@@ -43,8 +44,6 @@ _FAR_DEG = 1e6
 
 _CHUNK = 256
 """Rows that XLA works on at a time."""
-
-_LENGTHS = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
 
 
 @dataclass(frozen=True)
@@ -114,8 +113,7 @@ def _kernel(effects: tuple[Effect, ...]) -> Kernel:
 
         return _nearest(g, theta_mm, strengths, s, sd, start)
 
-    girdle = Girdle(**dict.fromkeys(Girdle.__dataclass_fields__, "3") | dict.fromkeys(_LENGTHS, ""))
-    inputs = girdle, str(len(ADAPTED)), str(count), "6", "6", "6"
+    inputs = GIRDLE, str(len(ADAPTED)), str(count), "6", "6", "6"
     name = f"nearest_{_digest(effects, nearest, count)}"
     outputs = "6", "3", str(3 * len(ADAPTED)), str(3 * count), "18", "3", "3"
     return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
@@ -126,7 +124,7 @@ def _digest(effects: tuple[Effect, ...], nearest, count: int) -> str:
     source the cache of machine code does not know, by all that JAX traces."""
     words = " ".join(one.name for one in effects)
     if any(one.name not in EFFECTS or EFFECTS[one.name].adjust is not one.adjust for one in effects):
-        girdle = Girdle(**{k: np.zeros(() if k in _LENGTHS else 3) for k in Girdle.__dataclass_fields__})
+        girdle = jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)
         words += str(jax.make_jaxpr(nearest)(girdle, *(np.zeros(k) for k in (len(ADAPTED), count, 6, 6, 6))))
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 

@@ -25,14 +25,13 @@ def fit_extended(
     first = None if start is None else np.asarray(start) * float(DEG)
     near = nearest_postures(base, effects, every, np.asarray(target) * float(DEG), np.ones((6, count)), first)
     apart = near.angles_deg.T - np.asarray(target) * float(DEG)
-    stationarity = (
-        weights.max(axis=0) / float(DEG) ** 2 * np.abs(apart + np.einsum("rka,rk->ar", near.B, near.y)).max(axis=0)
-    )
+    per_deg2 = weights.max(axis=0) / float(DEG) ** 2
+    stationarity = per_deg2 * np.abs(apart + np.einsum("rka,rk->ar", near.B, near.y)).max(axis=0)
     residual = np.ascontiguousarray(near.g_mm.T)
     closed = np.abs(residual).max(axis=0) <= CONSTRAINT_TOLERANCE_MM
     return SweptPostures(
         near.angles_deg.T / float(DEG),
-        weights.max(axis=0) / float(DEG) ** 2 * near.h.T,
+        per_deg2 * near.h.T,
         residual,
         stationarity,
         0.5 * (weights * (near.angles_deg.T / float(DEG) - target) ** 2).sum(axis=0),

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.extended.whole_subjects import parts_of
+from adapt.solvers.extended.whole_subjects import parts_of, rows_of
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects
 from motions.rotations import DEG
@@ -18,7 +18,7 @@ def motion_curvature(
 ) -> tuple[Float[np.ndarray, "adapted adapted problems"], Float[np.ndarray, "6 postures adapted problems"]]:
     """Compute d2(w mean J)/dtheta2, and dq/dtheta of every posture, rad a mm; 0 for postures that do not count."""
     parts = parts_of(fixed, active_effects)
-    problem, posture = np.nonzero(np.asarray(fixed.problem.counted).T)
+    problem, posture = rows_of(fixed)
     start = parts.nearest(theta.T, parts.strengths)
     n, (_, postures, count) = len(ADAPTED), fixed.problem.measured.shape
     hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))

@@ -36,7 +36,7 @@ def solve_extended(
             break
         some, active = take_problems((fixed, active_effects), left)
         end = _steps(some, active, found.theta[:, left], found.angles[..., left], steps)
-        _put(found, left, some, end, steps)
+        _put(found, left, some, end)
         left = left[~found.converged[left]]
     return found
 
@@ -58,21 +58,21 @@ def _unsolved(theta, angles) -> Subject:
     )
 
 
-def _rows(fixed: Fixed) -> tuple[np.ndarray, np.ndarray]:
-    """Problem and posture of every row that counts, problem by problem."""
+def rows_of(fixed: Fixed) -> tuple[np.ndarray, np.ndarray]:
+    """Find problem and posture of every row that counts, problem by problem."""
     problem, posture = np.nonzero(np.asarray(fixed.problem.counted).T)
     return problem, posture
 
 
 def _weights(fixed: Fixed) -> Float[np.ndarray, " rows"]:
     """Of |y|^2 in E, deg^2."""
-    problem, posture = _rows(fixed)
+    problem, posture = rows_of(fixed)
     return np.asarray(fixed.problem.weights)[0, posture, problem] / (2.0 * float(DEG) ** 2)
 
 
 def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
     """Lay the postures that count out as rows, each problem a part and a group of its own."""
-    problem, posture = _rows(fixed)
+    problem, posture = rows_of(fixed)
     count = fixed.problem.measured.shape[-1]
     points = ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.point_weights)
     return Parts(
@@ -91,7 +91,7 @@ def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
 
 
 def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_steps: int) -> End:
-    problem, posture = _rows(fixed)
+    problem, posture = rows_of(fixed)
     count, parts = theta.shape[1], parts_of(fixed, active_effects)
     nothing = Shared(np.zeros((0, len(parts.strengths), len(problem))), np.zeros(0), np.zeros(0))
 
@@ -102,9 +102,9 @@ def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_step
     return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, most_steps, start)
 
 
-def _put(found: Subject, left, fixed: Fixed, end: End, steps: int) -> None:
+def _put(found: Subject, left, fixed: Fixed, end: End) -> None:
     """Write the ends of some problems into their places, with their conditions."""
-    problem, posture = _rows(fixed)
+    problem, posture = rows_of(fixed)
     at = left[problem]
     near, weights = end.nearest, _weights(fixed)
     measured_deg = np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG)
@@ -115,7 +115,7 @@ def _put(found: Subject, left, fixed: Fixed, end: End, steps: int) -> None:
     found.residual_mm[:, posture, at] = near.g_mm.T
     found.stationarity[posture, at] = 2.0 * weights * np.abs(moved).max(axis=0)
     found.slope[:, left] = end.slope.T
-    found.iterations[left] += steps
+    found.iterations[left] += end.steps
     closed = np.abs(found.residual_mm[..., left]).max(axis=(0, 1)) <= CONSTRAINT_TOLERANCE_MM
     still = found.stationarity[:, left].max(axis=0) <= STATIONARITY_TOLERANCE
     found.converged[left] = closed & still & (np.abs(end.slope) <= THETA_TOLERANCE).all(axis=1)
