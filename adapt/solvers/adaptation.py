@@ -75,6 +75,16 @@ class Adapted:
         """Take some problems, by their numbers, where they are or as a slice."""
         return Adapted(**{name: value[..., chosen] for name, value in vars(self).items()})
 
+    def with_problems(self, chosen, others: "Adapted") -> "Adapted":
+        """Put others in the place of some problems."""
+
+        def put(mine, theirs):
+            result = np.array(mine)
+            result[..., chosen] = theirs
+            return result
+
+        return Adapted(**{name: put(value, getattr(others, name)) for name, value in vars(self).items()})
+
 
 Progress = Callable[[str], None]
 
@@ -108,26 +118,37 @@ def adapt_batch(
 
 
 def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
-    """All starts of all problems side by side, then the best of each problem."""
+    """All starts of all problems side by side, then the best of each problem; what no start solves with effects at work
+    goes on with the reference solver."""
     starts, count = len(STARTS_MM), len(equivalent)
+    with_effects = bool(data.active_effects.effects)
     lower, upper = data.bounds_mm
     theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
     every = np.tile(np.arange(count), starts)
     found = _from_theta(
-        take_problems(data, every), weight, reading, equivalent[every], np.concatenate(theta, axis=-1), progress
+        take_problems(data, every),
+        weight,
+        reading,
+        equivalent[every],
+        np.concatenate(theta, axis=-1),
+        progress,
+        not with_effects,
     )
     best, *others = (found.take(slice(k * count, (k + 1) * count)) for k in range(starts))
     for other in others:
         best = _better(best, other)
+    unsolved = np.flatnonzero(best.status == status.NOT_CONVERGED) if with_effects else ()
+    if len(unsolved):
+        part = take_problems(data, unsolved)
+        further = _from_theta(part, weight, reading, equivalent[unsolved], best.theta_mm[:, unsolved], progress)
+        best = best.with_problems(unsolved, further)
     return best
 
 
 def _better(one: Adapted, other: Adapted) -> Adapted:
     """Problem by problem the converged one, then the one with the lower E."""
     gains = (other.status == status.OK) & ((one.status != status.OK) | (other.E < one.E))
-    return Adapted(
-        **{k: np.where(gains, value, getattr(one, k)) for k, value in vars(other).items()}  # problems are last
-    )
+    return one.with_problems(gains, other.take(gains))
 
 
 def solved_from_geometric_fit(data: ProblemBatch) -> Subject:
@@ -150,36 +171,44 @@ def adapted_from(
     return _from_theta(data, weight, reading, equivalent, theta, lambda _: None)
 
 
-def _from_theta(data: ProblemBatch, weight, reading: Reading, equivalent, theta, progress: Progress) -> Adapted:
+def _from_theta(
+    data: ProblemBatch, weight, reading: Reading, equivalent, theta, progress: Progress, last_resort: bool = True
+) -> Adapted:
+    """``last_resort``: whether problems with effects at work go on that the fast path leaves, with the reference
+    solver."""
     problem = problem_with_weight(data, equivalent)
     fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem)
     progress("round 1")
     start = (
         data.angles if data.active_effects.effects else fitted_angles(data, theta)
     )  # theirs closes the chains itself
-    result = _solved(fixed, data.active_effects, theta, start)
-    left = np.arange(theta.shape[-1])
+    result = _solved(fixed, data.active_effects, theta, start, last_resort)
+    left = np.flatnonzero(result.converged | last_resort)
     for number in range(2, _ROUNDS + 1):
+        if not len(left):
+            break
         angles, lower = _lower_postures(take_problems(data, left), take_problems(result, left))
         again = ~result.converged[left] | lower
         left = left[again]
         if not len(left):
             break
         progress(f"round {number}")
-        further = _solved(*take_problems((fixed, data.active_effects), left), result.theta[:, left], angles[..., again])
+        part = take_problems((fixed, data.active_effects), left)
+        further = _solved(*part, result.theta[:, left], angles[..., again], last_resort)
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
         result = with_problems(result, left, take_problems(further, gains))
     return _as_adapted(as_type(data, float), weight, reading, equivalent, result)
 
 
-def _solved(fixed: Fixed, active_effects: ActiveEffects, theta, angles) -> Subject:
-    """The optima reached from here; with active effects by their own fast path, then by the reference solver."""
+def _solved(fixed: Fixed, active_effects: ActiveEffects, theta, angles, last_resort: bool) -> Subject:
+    """The optima reached from here; with active effects by their own fast path, then by the reference solver, which
+    takes half a minute to compile."""
     if not active_effects.effects:
         return solved_from(fixed, theta, angles)
     result = solve_extended(fixed, active_effects, theta, angles)
     left = np.flatnonzero(~result.converged)
-    if len(left):
+    if len(left) and last_resort:
         further = take_problems((fixed, result.theta, result.angles, active_effects), left)
         solved = in_chunks(_solve, _SMALL_CHUNK, *further[0], *further[1:])
         result = with_problems(result, left, solved)
@@ -218,16 +247,17 @@ def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np
 
 
 def fitted_angles(data: ProblemBatch, theta: Float[Array, " adapted problems"]) -> Float[Array, " 6 postures problems"]:
-    """Fit the postures of every problem with its own girdle at theta."""
-    postures, count = data.counted.shape
-    posture, problem = (places.ravel() for places in np.indices((postures, count)))
+    """Fit the postures of every problem with its own girdle at theta; padding is a copy of the last that counts."""
+    posture, problem = np.nonzero(data.counted)
     fitted = fit_batch(
         data.girdles_at(theta, posture, problem),
-        np.asarray(data.angles).reshape(6, -1),
-        np.asarray(data.measured).reshape(6, -1),
+        np.asarray(data.angles)[:, posture, problem],
+        np.asarray(data.measured)[:, posture, problem],
         around=True,
     )
-    return fitted.angles.reshape(6, postures, count)
+    place = np.zeros(data.counted.shape, int)
+    place[posture, problem] = np.arange(len(posture))
+    return fitted.angles[:, np.maximum.accumulate(place, axis=0)]
 
 
 def subject_conditions(

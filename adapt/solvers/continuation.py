@@ -12,8 +12,9 @@ from adapt.solvers import status
 from adapt.solvers.batched.posture import SweptPostures
 from adapt.solvers.batched.posture_kernels import tracked
 from adapt.solvers.extended.postures import fit_extended
-from adapt.solvers.posture_fits import AnyGirdle, Fitted, as_fitted, reference_fit
+from adapt.solvers.posture_fits import Fitted, as_fitted, reference_fit
 from adapt.solvers.reference.posture import objective_weights
+from models.effects import AnyGirdle
 from models.girdle import Girdle
 from motions.arrays import ByType
 from motions.rhythm import REST_DEG

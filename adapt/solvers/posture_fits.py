@@ -24,7 +24,7 @@ from adapt.solvers.reference.posture import (
     objective_weights,
     solve_postures,
 )
-from models.effects import ExtendedGirdle
+from models.effects import AnyGirdle
 from models.girdle import Girdle
 from motions.arrays import Array
 from motions.rhythm import REST_DEG
@@ -33,9 +33,6 @@ from motions.table import FEWEST_ANGLES
 
 OPEN_CHAIN_MM = 1e-6
 """A chain still open by more than this after closing it from every start cannot be closed here."""
-
-AnyGirdle = Girdle | ExtendedGirdle
-"""A girdle of each problem, with or without effects."""
 
 
 @dataclass(frozen=True)
@@ -134,12 +131,12 @@ def _unsolved(closed, residual, target, weights) -> Fitted:
 
 
 def _solved(girdle: AnyGirdle, target, weights, start, around: bool) -> SweptPostures:
-    """Take the fast path, then the reference solver where needed; after float32 first the fast path in float64."""
+    """Take the fast path, then projections where needed; after float32 first the fast path in float64."""
     if not isinstance(girdle, Girdle):
-        return _solved_with_effects(girdle, target, weights, start)
+        return _projected(girdle, target, weights, start)
     problem = girdle, target, weights
     quick = as_type(fitted_from_places(problem, around) if start is None else fitted_from(problem, start), float)
-    left = np.flatnonzero(~quick.converged)
+    left = np.flatnonzero(~quick.converged & (weights > 0.0).any(axis=0))  # without weights it is padding
     if len(left):
         girdle, target, weights = take_problems(problem, left)
         start = None if start is None else start[:, left]
@@ -147,13 +144,13 @@ def _solved(girdle: AnyGirdle, target, weights, start, around: bool) -> SweptPos
             girdle, target = as_type((girdle, target), float)
             further = _solved(girdle, target, weights, start, around)
         else:
-            further = reference_fit(girdle, target, weights, start)
+            further = _projected(girdle, target, weights, start)
         put_lower(quick, left, further)
     return quick
 
 
-def _solved_with_effects(girdle: ExtendedGirdle, target, weights, start) -> SweptPostures:
-    """Take the fast path of effects, from where the chain closes too, then the reference solver where needed."""
+def _projected(girdle: AnyGirdle, target, weights, start) -> SweptPostures:
+    """Project onto the constraints, from places around too; then take the reference solver where needed."""
     quick = fit_extended(girdle, target, weights, start)
     for number, offset in enumerate(OFFSETS_DEG if start is None else ()):
         again = np.arange(target.shape[1]) if number < _MORE_STARTS else np.flatnonzero(~quick.converged)

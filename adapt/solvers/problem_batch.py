@@ -14,13 +14,10 @@ from adapt.solvers.objective import fitted_girdle
 from adapt.solvers.padded_batch import Batch
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.reference.subject import Problem
-from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, ExtendedGirdle
+from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions.arrays import Array, xp
-
-AnyGirdle = Girdle | ExtendedGirdle
-"""A girdle of each problem, with or without effects."""
 
 
 @jax.tree_util.register_dataclass

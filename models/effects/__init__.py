@@ -9,7 +9,7 @@ import pkgutil
 
 from models.effects.by_posture import by_posture
 from models.effects.effect import Effect
-from models.effects.extended_girdle import NO_ACTIVE_EFFECTS, ActiveEffects, ExtendedGirdle
+from models.effects.extended_girdle import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle, ExtendedGirdle
 from models.effects.prior import EffectPrior
 from models.effects.set_numbers import NUMBER_EFFECTS
 
@@ -35,4 +35,4 @@ _BY_FOLDER["bones"] += NUMBER_EFFECTS.values()
 EFFECTS: dict[str, Effect] = {effect.name: effect for folder in _FOLDERS for effect in _BY_FOLDER[folder]}
 """Every effect by its name, in the order in which they act: of several, the same result whoever lists them."""
 
-__all__ = ["EFFECTS", "NO_ACTIVE_EFFECTS", "ActiveEffects", "Effect", "EffectPrior", "ExtendedGirdle"]
+__all__ = ["EFFECTS", "NO_ACTIVE_EFFECTS", "ActiveEffects", "AnyGirdle", "Effect", "EffectPrior", "ExtendedGirdle"]

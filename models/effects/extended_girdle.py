@@ -62,3 +62,7 @@ class ExtendedGirdle:
         for effect, strength in zip(self.active_effects.effects, self.active_effects.strengths, strict=True):
             steps.append(effect.adjust(*steps[-1], strength))
         return steps
+
+
+AnyGirdle = Girdle | ExtendedGirdle
+"""One with effects at work or without."""

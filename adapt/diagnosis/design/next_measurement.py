@@ -8,7 +8,6 @@ from adapt.diagnosis.fit.prediction import Linearised
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import Proposal
-from models.girdle import CONSTRAINTS
 
 _SAME = 0.95
 """Canonical correlation squared from which two candidates do the same to the data."""
@@ -43,7 +42,7 @@ def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> l
             continue
         own = search.folds.by_fold(named.predicted.squares)
         difference = search.folds.by_fold(other.predicted.squares) - own
-        evidence = 0.5 * len(CONSTRAINTS) * difference / own.mean()
+        evidence = 0.5 * search.numbers * difference / own.mean()
         now = float(evidence.sum())
         found.append(Proposal("twice as many persons", (names[0], names[1]), now, _TWICE * now))
         kinds = np.array([test.motion for test in search.folds.tests if test.kind == search.folds.kinds[0]])

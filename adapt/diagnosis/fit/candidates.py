@@ -69,6 +69,16 @@ class Candidates:
             yield effect, slice(start, start + effect.amplitudes)
             start += effect.amplitudes
 
+    def by_amplitude(self, by_channel: Float[np.ndarray, "rows 3 channels"]) -> Float[np.ndarray, "rows 3 amplitudes"]:
+        """Turn slopes in the strength of each channel into slopes in each amplitude, effect by effect."""
+        found = np.empty((*by_channel.shape[:2], len(self.scale)))
+        end = 0
+        for effect in self.effects:
+            own = self.places[effect.name]
+            start, end = end, end + effect.course.channels(len(effect.directions))
+            found[..., own] = np.einsum("ric,kcr->rik", by_channel[..., start:end], self.columns[own, start:end])
+        return found
+
     @cached_property
     def causes(self) -> dict[str, str]:
         """By name, the cause of each effect."""

@@ -45,8 +45,12 @@ class Linearised:
     Z: Float[np.ndarray, "rows 3 n"]
     """dy in the adapted parameters and in the amplitudes of all candidates."""
     B: Float[np.ndarray, "rows 3 6"]
-    gradient: Float[np.ndarray, "parts n"]
-    matrix: Float[np.ndarray, "parts n n"]
+    products: Float[np.ndarray, "cells m m"]
+    """2 w (Z y)'(Z y) of the rows of each subject that are held out together; m = n + 1."""
+    shares: Float[np.ndarray, "parts cells"]
+    """1 over the rows of the part where it has those of the cell, else 0."""
+    thorax_gradient: Float[np.ndarray, "subjects adapted"]
+    thorax_matrix: Float[np.ndarray, "subjects adapted adapted"]
 
     def amplitudes(self, hypothesis: Sequence[str]) -> Float[np.ndarray, " own"]:
         """Give the amplitudes of a hypothesis here: 0 of what is not in the fit."""
@@ -54,18 +58,27 @@ class Linearised:
         every[self.joint.candidates.where(self.hypothesis)] = self.fitted.amplitude[0]
         return every[self.joint.candidates.where(hypothesis)]
 
+    def normal_equations(self, where: Int[np.ndarray, " own"]) -> tuple[np.ndarray, np.ndarray]:
+        """Give gradient and matrix of E of every part in its adapted parameters and in these amplitudes."""
+        chosen = np.concatenate([np.arange(_N), _N + where, [-1]])
+        every = np.tensordot(self.shares, self.products[:, chosen[:, None], chosen], axes=1)
+        gradient, matrix = every[:, :-1, -1], every[:, :-1, :-1]
+        subject = np.array([part.subject for part in self.folds.parts])
+        gradient[:, :_N] += self.thorax_gradient[subject]
+        matrix[:, :_N, :_N] += self.thorax_matrix[subject]
+        return gradient, matrix
+
     def predict(self, hypothesis: Sequence[str]) -> Predicted:
         """Predict every fold under a hypothesis that has the one of the fit in it."""
         joint, parts = self.joint, self.folds.parts
         where = joint.candidates.where(hypothesis)
         scale, mean, now = joint.candidates.scale[where], joint.candidates.mean[where], self.amplitudes(hypothesis)
-        chosen = np.concatenate([np.arange(_N), _N + where])
         subject, group = (np.array([getattr(part, k) for part in parts]) for k in ("subject", "group"))
         importance = np.array([part.importance for part in parts])
         theta = self.fitted.theta_mm[subject]
         lower, upper = joint.model.bounds_mm
         groups = parts[-1].group + 1
-        quadratic = Quadratic(self.gradient[:, chosen], self.matrix[:, chosen[:, None], chosen], importance, group)
+        quadratic = Quadratic(*self.normal_equations(where), importance, group)
         prior_gradient = np.broadcast_to(2.0 * (now - mean) / scale**2, (groups, len(where)))
         step = lowest(quadratic, groups, prior_gradient, np.diag(2.0 / scale**2)[None], (lower - theta, upper - theta))
         part = self.folds.part[self.folds.test_of]
@@ -88,23 +101,24 @@ def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: 
     near = joint.nearest(hypothesis, fitted)
     order = np.argsort(joint.rows)
     y, by_theta, by_channel, B = (x[order] for x in (near.y, near.by_theta, near.by_channel, near.B))
-    Z = np.concatenate([by_theta, np.einsum("ric,kcr->rik", by_channel, candidates.columns)], axis=2)
-    n = Z.shape[2]
+    Z = np.concatenate([by_theta, candidates.by_amplitude(by_channel)], axis=2)
     extended = np.concatenate([Z, y[:, :, None]], axis=2) * np.sqrt(2.0 * WEIGHT * shoulders.weights)[:, None, None]
     label = _labels(folds, len(shoulders.subject))
-    blocks = {
-        (s, m): _product(extended[(shoulders.subject == s) & (label == m)])
-        for s in range(len(shoulders.subjects))
-        for m in np.unique(label)
-    }
-    _, D_gradient, D_matrix = joint.model.thorax(fitted.theta_mm)
-    gradient, matrix = np.zeros((len(folds.parts), n)), np.zeros((len(folds.parts), n, n))
-    for k, part in enumerate(folds.parts):
-        product = np.sum([blocks[part.subject, m] for m in np.unique(label[part.rows])], axis=0) / len(part.rows)
-        matrix[k], gradient[k] = product[:n, :n], product[:n, n]
-        matrix[k, :_N, :_N] += D_matrix[part.subject]
-        gradient[k, :_N] += D_gradient[part.subject]
-    return Linearised(joint, folds, tuple(hypothesis), fitted, y, Z, B, gradient, matrix)
+    cell = shoulders.subject * (label.max() + 2) + label
+    cells = np.unique(cell)
+    shares = [np.isin(cells, cell[part.rows]) / len(part.rows) for part in folds.parts]
+    return Linearised(
+        joint,
+        folds,
+        tuple(hypothesis),
+        fitted,
+        y,
+        Z,
+        B,
+        np.array([_product(extended[cell == one]) for one in cells]),
+        np.array(shares),
+        *joint.model.thorax(fitted.theta_mm)[1:],
+    )
 
 
 def _product(rows: Float[np.ndarray, "some 3 n"]) -> Float[np.ndarray, "n n"]:

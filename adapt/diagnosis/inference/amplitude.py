@@ -31,14 +31,15 @@ def covariance(search: Search, node: Node) -> Float[np.ndarray, "own own"]:
     variance that the unseen folds show.
     """
     linearised = node.linearised
-    where = _N + search.joint.candidates.where(node.hypothesis)
-    total = np.diag(2.0 / search.joint.candidates.scale[where - _N] ** 2)
+    where = search.joint.candidates.where(node.hypothesis)
+    total = np.diag(2.0 / search.joint.candidates.scale[where] ** 2)
+    _, matrices = linearised.normal_equations(where)
     lower, upper = search.joint.model.bounds_mm
     for k in range(len(search.joint.shoulders.subjects)):
-        matrix = linearised.matrix[k]
+        matrix = matrices[k]
         theta = node.fitted.theta_mm[k]
         free = np.flatnonzero((theta > lower) & (theta < upper))
-        own, cross, shared = matrix[np.ix_(free, free)], matrix[np.ix_(free, where)], matrix[np.ix_(where, where)]
+        own, cross, shared = matrix[np.ix_(free, free)], matrix[free, _N:], matrix[_N:, _N:]
         total = total + shared - cross.T @ np.linalg.solve(own, cross)
     count = len(CONSTRAINTS)
     variance = float(search.folds.by_fold(node.predicted.squares).mean()) / count

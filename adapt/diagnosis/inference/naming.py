@@ -60,18 +60,18 @@ class Named(NamedTuple):
 def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the most probable set of causes of which each predicts; noise alone leaves a gap of ``floor_deg``.
 
-    A set that is looked at has its subsets, and what could stand in the place of each of its causes, fitted too.
+    A set that is looked at has its subsets fitted too; one that passes, what could stand in the place of each cause.
     """
     rejected: set[Hypothesis] = set()
     while len(rejected) < _MOST_LOOKED_AT:
         node = max((one for one in search.usable if one.hypothesis not in rejected), key=lambda one: one.value)
         gains = {name: _gain_of(search, node, name, floor_deg) for name in node.hypothesis}
-        better = [one for name in node.hypothesis for one in search.in_place_of(node, name).values()]
-        if any(one.value > node.value and one.hypothesis not in rejected for one in better):
+        if not all(one.enough for one in gains.values()):
+            rejected.add(node.hypothesis)
             continue
-        if all(one.enough for one in gains.values()):
+        others = [one for name in node.hypothesis for one in search.in_place_of(node, name).values()]
+        if not any(one.value > node.value and one.hypothesis not in rejected for one in others):
             return Named(node, gains)
-        rejected.add(node.hypothesis)
     return Named(search.nodes[()], {})
 
 

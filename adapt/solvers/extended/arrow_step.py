@@ -33,7 +33,7 @@ class Step(NamedTuple):
 
 
 class Quadratic(NamedTuple):
-    """Of every part: gradient and matrix in theta and the amplitudes; v; the group."""
+    """Of every part: gradient and matrix in theta and the amplitudes; v; the group, in ascending order."""
 
     gradient: Float[np.ndarray, "parts n"]
     matrix: Float[np.ndarray, "parts n n"]
@@ -54,7 +54,7 @@ def lowest(
     k = gradient.shape[1] - _N
     own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
     fixed, value = np.zeros(low.shape, bool), np.zeros(low.shape)
-    eye = np.eye(_N)
+    eye, starts = np.eye(_N), np.searchsorted(group, np.arange(groups))
     dtheta, da = np.zeros(low.shape), np.zeros((groups, k))
     for change in range(_MOST_CHANGES):
         free = ~fixed
@@ -65,12 +65,8 @@ def lowest(
         start, slope = solved[..., 0], solved[..., 1:]
         g = importance[:, None] * (gradient[:, _N:] + np.einsum("pij,pi->pj", cross, start))
         H = importance[:, None, None] * (shared - np.einsum("pij,pik->pjk", cross, slope))
-        G, M = (
-            np.array(np.broadcast_to(prior_gradient, (groups, k))),
-            np.array(np.broadcast_to(prior_matrix, (groups, k, k))),
-        )
-        np.add.at(G, group, g)
-        np.add.at(M, group, H)
+        G = prior_gradient + np.add.reduceat(g, starts, axis=0)
+        M = prior_matrix + np.add.reduceat(H, starts, axis=0)
         da = -np.linalg.solve(M, G[..., None])[..., 0] if k else np.zeros((groups, 0))
         dtheta = start - np.einsum("pij,pj->pi", slope, da[group])
         below, above = free & (dtheta < low - _AT_BOUND_MM), free & (dtheta > high + _AT_BOUND_MM)

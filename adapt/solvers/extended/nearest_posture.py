@@ -30,17 +30,17 @@ constraints times the gap, some tenth; of a chain that does not close they go on
 _THERE_DEG = 1e-11
 """A projection that moves no angle farther ends them. |y|^2 is stationary there: its error goes with the square."""
 
-_SHRINKS = 0.95
-"""A step that is not shorter than the one before by this factor goes round the nearest posture: half of it is taken
-from then on."""
-
-_SHORTEST = 1.0 / 16.0
-"""Shortest part of a step that is taken."""
+_SHORTEST, _LONGEST = 1.0 / 16.0, 16.0
+"""Of the part of a projection along the constraints that is taken: 1 where they are straight, less where they bend
+away from the measured posture, more where they bend round it."""
 
 _LONGEST_STEP_DEG = 25.0
 """A projection moves no angle farther: beyond it the constraints are no longer nearly straight."""
 
 _FAR_DEG = 1e6
+
+NO_CHANNELS = 1
+"""Of strengths where there are no effects: machine code has no empty arguments."""
 
 _CHUNK = 256
 """Rows that XLA works on at a time."""
@@ -104,11 +104,11 @@ def nearest_postures(
 def _kernel(effects: tuple[Effect, ...]) -> Kernel:
     """The compiled function of these effects."""
     channels = [one.course.channels(len(one.directions)) for one in effects]
-    splits, count = np.cumsum(channels)[:-1].tolist(), sum(channels)
+    splits, count = np.cumsum(channels).tolist(), sum(channels) or NO_CHANNELS
 
     def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start):
         def g(x, theta, strengths):
-            active = ActiveEffects(tuple(jnp.split(strengths, splits)), effects)
+            active = ActiveEffects(tuple(jnp.split(strengths, splits)[: len(effects)]), effects)
             return active.on(girdle.with_adapted(theta)).residuals_mm(x / DEG)
 
         return _nearest(g, theta_mm, strengths, s, sd, start)
@@ -133,28 +133,38 @@ def _nearest(g, theta_mm, strengths, s, sd, start):
     """Project until nothing moves, then all slopes; of one row."""
 
     def project(state):
-        number, x, part, before = state
+        number, x, step_before, along_before, _ = state
         value, (G,) = _with_slopes(lambda q: g(q, theta_mm, strengths), x)
         GS = G * sd
         root = _inverse_root(GS @ GS.T)
-        h = root.T @ (root @ (value + G @ (s - x)))
-        step = (s - x) - sd * (GS.T @ h)
+
+        def across(constraints):
+            return sd * (GS.T @ (root.T @ (root @ constraints)))
+
+        along = (s - x) - across(G @ (s - x))
+        step = _part_of(along, step_before, along_before, sd) * along - across(value)
         length = jnp.max(jnp.where(sd == 1.0, jnp.abs(step), 0.0))
-        part = jnp.where(length > _SHRINKS * before, jnp.maximum(0.5 * part, _SHORTEST), part)
-        step = step * part * jnp.minimum(1.0, _LONGEST_STEP_DEG / jnp.maximum(length, 1e-9))
-        return number + 1.0, x + step, part, length
+        step = step * jnp.minimum(1.0, _LONGEST_STEP_DEG / jnp.maximum(length, 1e-9))
+        return number + 1.0, x + step, step, along, length
 
     def moving(state):
-        return (state[0] < _MOST_STEPS) & (state[3] > _THERE_DEG)
+        return (state[0] < _MOST_STEPS) & (state[4] > _THERE_DEG)
 
-    one = jnp.ones(())
-    _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, one, _FAR_DEG * one))
+    one, nothing = jnp.ones(()), 0.0 * start
+    _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, nothing, nothing, _FAR_DEG * one))
     value, (G, T, C) = _with_slopes(g, x, theta_mm, strengths)
     GS = G * sd
     root = _inverse_root(GS @ GS.T)
     y = root @ (value + G @ (s - x))
     B, by_theta, by_channel = ((root @ one).ravel() for one in (G, T, C))
     return x, y, by_theta, by_channel, B, value, root.T @ y
+
+
+def _part_of(along, step_before, along_before, sd):
+    """The part of the way along the constraints to take: that of Barzilai and Borwein (IMA J Numer Anal 8, 1988)."""
+    turned = (along_before - along) / sd
+    part = jnp.sum(step_before / sd * turned) / jnp.maximum(jnp.sum(turned**2), 1e-300)
+    return jnp.where(part > 0.0, jnp.clip(part, _SHORTEST, _LONGEST), 1.0)
 
 
 def _with_slopes(g, *at):

@@ -5,25 +5,29 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers.batched.posture import SweptPostures
-from adapt.solvers.extended.nearest_posture import nearest_postures
+from adapt.solvers.extended.nearest_posture import NO_CHANNELS, nearest_postures
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
-from models.effects import ExtendedGirdle
+from models.effects import NO_ACTIVE_EFFECTS, AnyGirdle
+from models.girdle import Girdle
 from motions.rotations import DEG
 
 
 def fit_extended(
-    girdle: ExtendedGirdle,
+    girdle: AnyGirdle,
     target: Float[np.ndarray, "6 problems"],
     weights: Float[np.ndarray, "6 problems"],
     start: Float[np.ndarray, "6 problems"] | None,
 ) -> SweptPostures:
     """Find the nearest closed posture of each problem, rad; one with unmeasured angles is left unconverged."""
     count = target.shape[1]
-    base = jax.tree.map(lambda x: np.ascontiguousarray(x, float), girdle.girdle)
-    effects, strengths = girdle.active_effects.effects, girdle.active_effects.strengths
-    every = np.concatenate([np.broadcast_to(np.asarray(one), (len(one), count)) for one in strengths])
+    plain, active = (
+        (girdle, NO_ACTIVE_EFFECTS) if isinstance(girdle, Girdle) else (girdle.girdle, girdle.active_effects)
+    )
+    base = jax.tree.map(lambda x: np.ascontiguousarray(x, float), plain)
+    strengths = [np.broadcast_to(np.asarray(one), (len(one), count)) for one in active.strengths]
+    every = np.concatenate(strengths) if strengths else np.zeros((NO_CHANNELS, count))
     first = None if start is None else np.asarray(start) * float(DEG)
-    near = nearest_postures(base, effects, every, np.asarray(target) * float(DEG), np.ones((6, count)), first)
+    near = nearest_postures(base, active.effects, every, np.asarray(target) * float(DEG), np.ones((6, count)), first)
     apart = near.angles_deg.T - np.asarray(target) * float(DEG)
     per_deg2 = weights.max(axis=0) / float(DEG) ** 2
     stationarity = per_deg2 * np.abs(apart + np.einsum("rka,rk->ar", near.B, near.y)).max(axis=0)
