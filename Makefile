@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 MOTIONS ?= ../shared/motions/*.csv
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets readings speed fuzz mutants rooms clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets readings questions speed fuzz mutants rooms clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -48,6 +48,9 @@ sets: .venv/runtime ## what depends on the cadaver, beside Tables 3.4 and 3.5; o
 
 readings: .venv/runtime ## which reading of E is the thesis's: ten minutes; of measured motions
 	$(BIN)/python scripts/study_objective.py $(MOTIONS)
+
+questions: .venv/runtime ## what measured motions say of the questions of chapter 7: a minute
+	$(BIN)/python scripts/study_chapter7.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
 
 speed: .venv/dev ## the fits against IPOPT, SLSQP and jaxopt: minutes; simulated subjects
 	$(BIN)/python scripts/benchmark.py --subjects 1000 --peers 30 --repeats 5
