@@ -1,8 +1,8 @@
 """The objective of the adaptation, E = D + w mean(J_p), and the ways to read it (thesis Eq. 6.3-6.5).
 
 The thesis leaves open whether D is a mean of squares, their root or, as Eq. 6.3 is printed, a mean of lengths; whether
-points and postures are summed or averaged; and the units. A reading is a choice of all. Every reading has the optimum of
-some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the reading only changes u and W.
+points and postures are summed or averaged; and the units. A reading is a choice of all. Every reading has the optimum
+of some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the reading only changes u and W.
 """
 
 from dataclasses import dataclass
