@@ -32,7 +32,8 @@ class Outcome:
     before_deg: Float[np.ndarray, "6 subjects"]
     """Mean |simulated - measured| of each angle over the postures of abduction."""
     after_deg: Float[np.ndarray, "6 subjects"]
-    D_mm2: Float[np.ndarray, " subjects"]
+    E: Float[np.ndarray, " subjects"]
+    """In the units of the reading; with w = 0 mean J."""
     at_bound: Bool[np.ndarray, "6 subjects"]
     ok: Bool[np.ndarray, " subjects"]
 
@@ -120,7 +121,7 @@ def outcomes(study: Study, variant: Variant) -> dict[str, Outcome]:
         theta_mm=chosen[1].theta_mm,
         before_deg=_gap_deg(study, chosen[0].angles, reported),
         after_deg=_gap_deg(study, chosen[1].angles, reported),
-        D_mm2=chosen[1].D_mm2,
+        E=chosen[1].E,
         at_bound=chosen[1].at_bound,
         ok=chosen[0].ok & chosen[1].ok,
     )
@@ -136,7 +137,6 @@ class _Fit:
     angles: np.ndarray
     E: np.ndarray
     """Mean J before, E after adaptation."""
-    D_mm2: np.ndarray
     at_bound: np.ndarray
     ok: np.ndarray
 
@@ -148,7 +148,7 @@ def _fitted(data: ProblemBatch) -> _Fit:
     J = np.where(counted, fitted.j_deg2.reshape(counted.shape), 0.0).sum(axis=0) / counted.sum(axis=0)
     ok = ((fitted.status == status.OK).reshape(counted.shape) | ~counted).all(axis=0)
     nothing = np.zeros(theta.shape, bool)
-    return _Fit(theta, fitted.angles.reshape(6, *counted.shape), J, np.zeros(len(J)), nothing, ok)
+    return _Fit(theta, fitted.angles.reshape(6, *counted.shape), J, nothing, ok)
 
 
 def _postures(data: ProblemBatch, theta: np.ndarray) -> Fitted:
@@ -172,7 +172,7 @@ def _adapted(data: ProblemBatch, variant: Variant, before: _Fit) -> _Fit:
     angles = found.angles
     if not data.measured[:, data.counted].all():
         angles = _postures(data, found.theta_mm).angles.reshape(angles.shape)
-    return _Fit(found.theta_mm, angles, found.E, found.D_mm2, found.at_bound, found.status == status.OK)
+    return _Fit(found.theta_mm, angles, found.E, found.at_bound, found.status == status.OK)
 
 
 def _lowest(fits: Sequence[_Fit]) -> _Fit:

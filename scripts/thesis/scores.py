@@ -24,7 +24,11 @@ TERMS = ("SD", "shift", "gap", "A_z", "cells")
 RESAMPLES = 1000
 
 
-def scores(found: Mapping[str, Outcome]) -> Float[np.ndarray, " terms"]:
+ALL, WITHOUT_CONOID = slice(None), slice(0, ADAPTED.index("conoid_length"))
+"""Parameters that count in the first two."""
+
+
+def scores(found: Mapping[str, Outcome], among: slice = ALL) -> Float[np.ndarray, " terms"]:
     """The five numbers, in the order of TERMS, of the subjects that every set was adapted to."""
     sets = [found[name] for name in printed.SETS]
     sd = np.maximum([one.sd_mm for one in sets], LEAST_MM)
@@ -32,8 +36,8 @@ def scores(found: Mapping[str, Outcome]) -> Float[np.ndarray, " terms"]:
     published = printed.adapted_mm() - printed.own_mm()
     return np.array(
         [
-            rms(np.log(sd / printed.sd_mm())),
-            rms((shift - published) / printed.sd_mm()),
+            rms(np.log(sd / printed.sd_mm())[:, among]),
+            rms(((shift - published) / printed.sd_mm())[:, among]),
             rms(np.log(gap_ratios(sets) / published_gap_ratios())),
             abs(np.log(a_z_range_mm(sets) / published_a_z_range_mm())),
             abs(shrunk(sets) - published_shrunk()),

@@ -1,6 +1,7 @@
 """Every reading of E against a scalar one in NumPy and SciPy: rotations, distances, postures and E written anew."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ NO_LOWER = 1e-6
 SETTLED = {"squares": 1e-6, "roots": 1e-4, "lengths": 1e-3}
 """Relative: by how much E may lie above that at another reading's optimum. Iterated weights settle to 1e-4 only."""
 
-D_AND_J: dict[str, Callable[[np.ndarray, np.ndarray], tuple[float, float]]] = {
+D_AND_J: dict[str, Callable[[np.ndarray, np.ndarray], tuple[Any, Any]]] = {
     "mm2_deg2": lambda d, j: (np.mean(d**2), np.mean(j)),
     "cm2_deg2": lambda d, j: (np.mean((d / 10.0) ** 2), np.mean(j)),
     "cm2_rad2": lambda d, j: (np.mean((d / 10.0) ** 2), np.mean(j * np.radians(1.0) ** 2)),
@@ -59,7 +60,7 @@ def motions() -> Motions:
 
 @pytest.fixture(scope="module")
 def data(motions) -> ProblemBatch:
-    return problem_batch(pack(motions), [load_model("R4")])
+    return problem_batch(pack(motions), [load_model("R6")])
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +116,7 @@ def test_angles_left_out_are_not_in_j(motions, data):
     angles_deg = motions.angles_deg.copy()
     angles_deg[:, 2] = np.nan
     blank = Motions(**{**vars(motions), "angles_deg": angles_deg})
-    found = adapt_batch(problem_batch(pack(blank), [load_model("R4")]))
+    found = adapt_batch(problem_batch(pack(blank), [load_model("R6")]))
     moved = with_theta(bones(data.girdle, 0), found.theta_mm[:, 0])
     five = np.arange(6) != 2
     simulated = (found.angles[..., 0] * DEG).T[: len(angles_deg)]
