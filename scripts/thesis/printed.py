@@ -76,6 +76,7 @@ def misprints() -> list[Misprint]:
     return [Misprint(**one) for one in _document()["misprint"]]
 
 
+@functools.cache
 def gaps_deg(adapted: bool) -> Float[np.ndarray, "sets angles subjects"]:
     """Tables 6.1 and 6.2, or 6.3 and 6.4: the ten subjects, angles in the order of ANGLES."""
     names = ("Table 6.3", "Table 6.4") if adapted else ("Table 6.1", "Table 6.2")
@@ -84,16 +85,19 @@ def gaps_deg(adapted: bool) -> Float[np.ndarray, "sets angles subjects"]:
     return np.stack([one.T for one in by_set])
 
 
+@functools.cache
 def sd_mm() -> Float[np.ndarray, "sets adapted"]:
     """Table 6.5: SD over ten subjects, printed to 1 mm, in the order of ADAPTED."""
     return _MM_PER_CM * tables()["Table 6.5"].values[1:, 1::2].T
 
 
+@functools.cache
 def adapted_mm() -> Float[np.ndarray, "sets adapted"]:
     """Table 6.5: means of ten subjects, printed to 1 mm."""
     return _MM_PER_CM * tables()["Table 6.5"].values[1:, 0::2].T
 
 
+@functools.cache
 def own_mm() -> Float[np.ndarray, "sets adapted"]:
     """Table 6.6: by the thorax points alone, printed to 1 mm."""
     return _MM_PER_CM * tables()["Table 6.6"].values[1:].T
