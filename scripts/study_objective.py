@@ -53,7 +53,7 @@ def choices() -> dict[str, dict[str, Variant]]:
             # Iterated readings would take another ten minutes: of five angles the conoid is often flat in E.
             name: Variant(reading=name, axial=LEFT_OUT)
             for name, one in READINGS.items()
-            if one.form == "squares"
+            if one.form == "squares" and name != DEFAULT_READING
         },
         "thorax points": {name: Variant(points=name) for name in POINTS},
         "bounds": {name: Variant(bounds=name) for name in BOUNDS},
