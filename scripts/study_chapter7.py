@@ -24,7 +24,7 @@ from scripts.chapter7.ellipsoids import SIZE_HEADER, UNSEEN_HEADER, size_rows, u
 from scripts.chapter7.rhythm import better_by_measuring, bias_table, rhythm_table
 from scripts.chapter7.shoulders import AdaptedRows, Persons, adapt_rows, whole, with_noise_alone
 from scripts.reporting import check_known, markdown
-from scripts.study_objective import PUBLISHED_SD_MM
+from scripts.thesis.printed import SETS, sd_mm
 
 SEED = 1999
 
@@ -40,12 +40,12 @@ def ellipsoid_tables(data: list[AdaptedRows], persons: Persons, noise_deg: float
     are of parameters adapted anew."""
     sizes, unseen = [], []
     for one in data:
-        sd_mm = np.array(PUBLISHED_SD_MM[one.model.name], float)
+        of_table_mm = sd_mm()[SETS.index(one.model.name)]
         noisy = with_noise_alone(one, noise_deg, SEED)
         worlds = {MEASURED: (one, one), SIMULATED: (replace(one, motions=noisy), adapt_rows(noisy, one.model))}
         for label, (known, adapted) in worlds.items():
-            sizes += size_rows(label, known, persons, noise_deg, sd_mm)
-            unseen += unseen_rows(label, adapted, persons, sd_mm)
+            sizes += size_rows(label, known, persons, noise_deg, of_table_mm)
+            unseen += unseen_rows(label, adapted, persons, of_table_mm)
     return f"{markdown(SIZE_HEADER, sorted(sizes))}\n\n{markdown(UNSEEN_HEADER, sorted(unseen))}"
 
 
@@ -56,8 +56,8 @@ def main(
     model: Annotated[list[str] | None, typer.Option(help="Set of Table 6.5; repeatable. Default: all three.")] = None,
 ) -> None:
     """Print, as Markdown, what measured motions say of the questions of chapter 7."""
-    names = model or list(PUBLISHED_SD_MM)
-    check_known(names, PUBLISHED_SD_MM, "set of Table 6.5")
+    names = model or list(SETS)
+    check_known(names, SETS, "set of Table 6.5")
     motions = whole(read_motions(*files))
     persons = Persons.of(motions, mean or [])
     noise = estimate_noise(persons.shoulders, motions.angles_deg)
