@@ -107,7 +107,7 @@ def _in_other_frame(bone: Motions, ac: Motions, aa: Motions) -> Float[np.ndarray
     rows = {key: k for k, key in enumerate(zip(aa.subject, aa.motion, aa.posture, strict=True))}
     place = [rows[key] for key in zip(ac.subject, ac.motion, ac.posture, strict=True)]
     angles = bone.angles_deg.copy()
-    angles[:, 3:] = _cardan(_scapula(bone) * (_scapula(ac).inv() * _scapula(aa)[place]))
+    angles[:, 3:] = _cardan(_scapula(angles) * (_scapula(ac.angles_deg).inv() * _scapula(aa.angles_deg[place])))
     return angles
 
 
@@ -119,7 +119,7 @@ def with_skin_lag(motions: Motions) -> Motions:
         elevation = motions.humerus_elevation_deg[mine]
         sideways = np.array(["abduction" in motion or "frontal" in motion for motion in motions.motion[mine]])
         lag = np.where(sideways, np.interp(elevation, *LAG_ABDUCTION_DEG), np.interp(elevation, *LAG_FLEXION_DEG))
-        bone = _scapula(motions)[mine]
+        bone = _scapula(motions.angles_deg[mine])
         rest = bone[int(np.argmin(elevation))]
         way = (rest.inv() * bone[elevation >= 0.8 * elevation.max()]).mean().as_rotvec()
         behind = Rotation.from_rotvec(-np.radians(lag)[:, None] * way / np.linalg.norm(way))
@@ -134,7 +134,7 @@ def with_estimated_axial(motions: Motions) -> Motions:
     for name in motions.subjects:
         mine = np.flatnonzero((motions.subject == name) & np.isfinite(motions.angles_deg).all(axis=1))
         rest = int(np.argmin(motions.humerus_elevation_deg[mine]))
-        clavicle, scapula = _clavicle(motions)[mine], _scapula(motions)[mine]
+        clavicle, scapula = _clavicle(motions.angles_deg[mine]), _scapula(motions.angles_deg[mine])
         without = Rotation.from_euler("YZX", motions.angles_deg[mine, :3] * [1, 1, 0], degrees=True)
         joint = (clavicle[rest].inv() * scapula[rest]).as_matrix()
         # the sum of the traces of both joints' turns is tr(Rx(c) B)
@@ -143,12 +143,12 @@ def with_estimated_axial(motions: Motions) -> Motions:
     return replace(motions, angles_deg=angles)
 
 
-def _clavicle(motions: Motions) -> Rotation:
-    return Rotation.from_euler("YZX", motions.angles_deg[:, :3], degrees=True)
+def _clavicle(angles_deg: Float[np.ndarray, "postures 6"]) -> Rotation:
+    return Rotation.from_euler("YZX", angles_deg[:, :3], degrees=True)
 
 
-def _scapula(motions: Motions) -> Rotation:
-    return Rotation.from_euler("YZX", motions.angles_deg[:, 3:], degrees=True)
+def _scapula(angles_deg: Float[np.ndarray, "postures 6"]) -> Rotation:
+    return Rotation.from_euler("YZX", angles_deg[:, 3:], degrees=True)
 
 
 def _cardan(rotation: Rotation) -> Float[np.ndarray, "postures 3"]:

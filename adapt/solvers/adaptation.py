@@ -161,7 +161,7 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
     best, *others = (found.take(slice(k * count, (k + 1) * count)) for k in range(starts))
     for other in others:
         best = _better(best, other)
-    unsolved = np.flatnonzero(best.status == status.NOT_CONVERGED) if with_effects else ()
+    unsolved = np.flatnonzero((best.status == status.NOT_CONVERGED) & with_effects)
     if len(unsolved):
         part = take_problems(data, unsolved)
         further = _from_theta(part, weight, reading, equivalent[unsolved], best.theta_mm[:, unsolved], progress)
