@@ -34,9 +34,7 @@ def main() -> None:
     parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(_SETS)}")
     options = parser.parse_args()
     motions = read_motions(*options.motions)
-    unseen = (
-        "motion unseen | sizes without the person | names and sizes without the person"
-    )
+    unseen = "motion unseen | sizes without the person | names and sizes without the person"
     print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
     print("|---|---|---|---|---|---|")
     for name in options.model or _SETS:
