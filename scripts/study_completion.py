@@ -4,8 +4,9 @@
 
 Every rule makes the three sets anew; each is fitted, adapted, and adapted again without each motion in turn. Prints
 Markdown: gaps of every rule, mean |simulated - measured| in degrees over the sets; the adapted parameters beside Tables
-6.5 and 6.6; and folds: a rule chosen from a grid on all persons but one is scored on that one, beside the shipped and
-the earlier rule. Left and right of one cadaver are one person. Group means (--mean) choose nothing.
+6.5 and 6.6; and folds: the rule of a grid that is best for all persons but one is scored on that one, beside the
+shipped and the earlier rule. Left and right of one cadaver are one person, and so is a group mean (--mean). Tables that
+stand beside those of the thesis are without group means.
 """
 
 import itertools
@@ -32,7 +33,7 @@ from models.girdle import Girdle, constraint_residuals_mm
 from motions import InputError, Motions, read_motions
 from motions.rotations import DEG
 from motions.table import BONES
-from scripts.completion import SCAPULA_DISTANCES_MM, SHIPPED, Completed, Rule, table_sets
+from scripts.completion import SHIPPED, Completed, Rule, table_sets
 from scripts.reporting import markdown
 
 SETS = ("R2", "R4", "R6")
@@ -54,11 +55,16 @@ EARLIER_ON_SCAPULA_MM = {
 """The attachments of the sets until this study: the clavicular one read as if DAS3's clavicle frame went through its
 "AC", which is AA; the scapular one at 40 deg from the line to AC."""
 
-EARLIER = Rule(distances_mm=None, on_clavicle=EARLIER_ON_CLAVICLE)
-EARLIER_NAME = "earlier sets: one rest posture, conoid 40 deg from the line to AC"
-SHIPPED_NAME = "as shipped: TS 34.8, AI 26.0 mm, own rest postures, conoid hangs"
+EARLIER = Rule(least_mm=None, on_clavicle=EARLIER_ON_CLAVICLE)
+EARLIER_NAME = "earlier sets: mean rest posture, conoid 40 deg from the line to AC"
+SHIPPED_NAME = "as shipped: conoid hangs, TS and AI not inside, own rest postures"
 
-MEAN_REST = Rule(distances_mm=None)
+MEAN_REST = Rule(least_mm=None)
+
+TURNS_DEG = (-60.0, -30.0, -15.0, 15.0, 30.0, 60.0)
+
+LEAST_MM = {"5": (5.0, 5.0), "10": (10.0, 10.0), "20": (20.0, 20.0), "TS 20, AI 10": (20.0, 10.0)}
+LEAST_MM |= {"TS 34.8, AI 26.0 (Tables 4.2, 4.5: dissection)": (34.8, 26.0), "TS 45.7, AI 21.0 (MRI)": (45.7, 21.0)}
 
 
 def _moved(axis: int, mm: float) -> tuple[float, float, float]:
@@ -67,35 +73,29 @@ def _moved(axis: int, mm: float) -> tuple[float, float, float]:
 
 
 def _placed(along: float) -> tuple[float, float, float]:
-    return (along, *map(float, SHIPPED.on_clavicle[1:]))
+    _, above, behind = SHIPPED.on_clavicle
+    return along, float(above), float(behind)
 
 
 RULES: Mapping[str, Rule] = {
     EARLIER_NAME: EARLIER,
-    "(a) conoid as in DAS3": replace(MEAN_REST, hangs=False),
-    "(a) conoid hangs": MEAN_REST,
-    **{f"(a) conoid hangs, {turn:+d} deg forward": replace(MEAN_REST, forward_deg=turn) for turn in (-60, -30, 30, 60)},
-    **{f"(a) hangs, {f:g} of the clavicle": replace(MEAN_REST, on_clavicle=_placed(f)) for f in (0.6, 0.85)},
-    "(d) conoid hangs, distances at least 0": replace(MEAN_REST, least_distance_mm=0.0),
-    "(c, d) conoid hangs, TS and AI 10 mm": replace(SHIPPED, distances_mm=(10.0, 10.0)),
-    "(c, d) conoid hangs, TS and AI 20 mm": replace(SHIPPED, distances_mm=(20.0, 20.0)),
-    "(c, d) conoid hangs, TS 45.7, AI 21.0 mm (MRI)": replace(SHIPPED, distances_mm=(45.7, 21.0)),
-    "(c, d) conoid as in DAS3, TS 34.8, AI 26.0 mm": replace(SHIPPED, hangs=False),
+    "(a) conoid as in DAS3, mean rest posture": replace(MEAN_REST, hangs=False),
+    "(a) conoid hangs, mean rest posture": MEAN_REST,
     SHIPPED_NAME: SHIPPED,
-    **{f"shipped, {turn:+d} deg forward": replace(SHIPPED, forward_deg=turn) for turn in (-30, -15, 15, 30)},
-    **{f"shipped, {f:g} of the clavicle": replace(SHIPPED, on_clavicle=_placed(f)) for f in (0.6, 0.85)},
+    "(a) shipped, conoid as in DAS3": replace(SHIPPED, hangs=False),
+    **{f"(a) shipped, {turn:+g} deg forward": replace(SHIPPED, forward_deg=turn) for turn in TURNS_DEG},
+    **{f"(a) shipped, at {f:g} of the clavicle": replace(SHIPPED, on_clavicle=_placed(f)) for f in (0.6, 0.85)},
     **{
         f"(b) shipped, SC {'xyz'[axis]} {mm:+d} mm": replace(SHIPPED, sc_mm=_moved(axis, mm))
         for axis, mm in itertools.product(range(3), (-10, 10))
     },
+    **{f"(c, d) shipped, at least {name} mm": replace(SHIPPED, least_mm=least) for name, least in LEAST_MM.items()},
 }
-"""What is tried, by its name in the tables: one choice after the other and their combinations."""
+"""What is tried, by its name in the tables: one choice after the other, and together."""
 
 GRID: Sequence[Rule] = [
-    replace(SHIPPED, distances_mm=(ts, ai), forward_deg=turn)
-    for ts, ai, turn in itertools.product(
-        (25.0, 30.0, 35.0, 40.0, 45.0), (15.0, 20.0, 26.0, 32.0), (-20.0, 0.0, 20.0, 40.0)
-    )
+    replace(SHIPPED, least_mm=least, forward_deg=turn)
+    for least, turn in itertools.product((SHIPPED.least_mm, *LEAST_MM.values()), (-30.0, -15.0, 0.0, 15.0, 30.0))
 ]
 """What the folds choose from."""
 
@@ -230,39 +230,47 @@ def mean_deg(gaps: np.ndarray) -> float:
     return float(np.nanmean(gaps))
 
 
+def gap_cells(found: Outcome, shoulders_: Bool[np.ndarray, " subjects"]) -> list[str]:
+    """'before -> after (unseen)' of scapula and clavicle, over models and some subjects."""
+    cells = []
+    for bone in (1, 0):
+        gap = {state: mean_deg(gaps[bone][:, shoulders_]) for state, gaps in found.gaps_deg.items()}
+        cells.append(f"{gap['before']:.2f} -> {gap['after']:.2f} ({gap['unseen']:.2f})")
+    return cells
+
+
+def bound_cell(found: Outcome, shoulders_: Bool[np.ndarray, " subjects"]) -> str:
+    """How many conoids end at a bound, and how many adaptations have anything there."""
+    bounds = found.at_bound[:, :, shoulders_]
+    return f"{bounds[-1].sum()}, {bounds.any(axis=0).sum()} of {bounds[0].size}"
+
+
 def rule_row(name: str, rule: Rule, found: Outcome, of: Shoulders) -> list[str]:
-    """One line of the table of rules: persons only, means of the three sets."""
-    mine = ~of.is_mean
-    clavicle, scapula = ({s: mean_deg(g[bone][:, mine]) for s, g in found.gaps_deg.items()} for bone in (0, 1))
+    """One line of the table of rules, over the three sets."""
+    persons = ~of.is_mean
     girdles = [model.girdle for model in sets_by(rule)]
     least = min(float(x) for g in girdles for x in (g.ts_distance_mm, g.ai_distance_mm))
-    bounds = found.at_bound[:, :, mine]
-    before = ", ".join(f"{mean_deg(found.abduction_deg[k][mine]):.1f}" for k in range(len(SETS)))
     return [
         name,
-        *(f"{g['before']:.2f} -> {g['after']:.2f} ({g['unseen']:.2f})" for g in (scapula, clavicle)),
-        before,
-        ", ".join(f"{x:+.0f}" for x in found.shift_mm[:, :, mine].mean(axis=(1, 2))),
-        f"{bounds[-1].sum()}, {bounds.any(axis=0).sum()} of {bounds[0].size}",
+        *gap_cells(found, persons),
+        ", ".join(_unseen_cell(found, of.person == mean) for mean in of.person[of.is_mean]),
+        ", ".join(f"{mean_deg(found.abduction_deg[k][persons]):.1f}" for k in range(len(SETS))),
+        ", ".join(f"{x:+.0f}" for x in found.shift_mm[:, :, persons].mean(axis=(1, 2))),
+        bound_cell(found, persons),
         f"{least:.1f}",
         f"{open_at_rest_mm(rule):.1f}",
-        f"{(~found.ok[:, mine]).sum()}, {(~found.reached[:, mine]).sum()}",
+        f"{(~found.ok).sum()}, {(~found.reached).sum()}",
     ]
 
 
 def rules_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
     """A line a rule."""
-    header = [
-        "rule",
-        "scapula",
-        "clavicle",
-        "scapula before, abduction: R2, R4, R6",
-        f"mean shift of {', '.join(ADAPTED)}, mm",
-    ]
+    header = ["rule", "scapula", "clavicle", f"unseen: {', '.join(of.person[of.is_mean])}"]
+    header += ["scapula before, abduction: R2, R4, R6", f"mean shift of {', '.join(ADAPTED)}, mm"]
     header += ["at a bound: conoid, any", "least distance, mm", "open at rest, mm", "not adapted, not reached"]
     thesis = ", ".join(f"{x:.1f}" for x in PUBLISHED_BEFORE_DEG.values())
     mean_shift = ", ".join(f"{x:+.0f}" for x in np.mean(list(PUBLISHED_SHIFT_MM.values()), axis=0))
-    lines = [["thesis, ten other subjects", "7.2 -> 3.8", "5.9 -> 6.1", thesis, mean_shift, "", "", "", ""]]
+    lines = [["thesis, ten other subjects", "7.2 -> 3.8", "5.9 -> 6.1", "", thesis, mean_shift, "", "", "", ""]]
     return markdown(header, [*lines, *(rule_row(name, RULES[name], found[name], of) for name in found)])
 
 
@@ -280,26 +288,23 @@ def parameters_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
 
 
 def folds_table(found: Mapping[str, Outcome], of: Shoulders) -> str:
-    """Each person: the rule of the grid that is best on the others, and what it and the fixed rules leave there."""
+    """Each person: the rule of the grid that is best for the others, and what it and the fixed rules leave there."""
     grid = outcome([model for rule in GRID for model in sets_by(rule)], of)
     each = [grid.of(slice(k, k + len(SETS))) for k in range(0, len(GRID) * len(SETS), len(SETS))]
-    header = [
-        "person",
-        "chosen on the others",
-        "chosen",
-        *(name.split(":")[0] for name in (SHIPPED_NAME, EARLIER_NAME)),
-    ]
+    persons = list(dict.fromkeys(of.person.tolist()))
+    scores = np.array([[mean_deg(one.gaps_deg["unseen"][:, :, of.person == name]) for name in persons] for one in each])
     lines = []
-    for person in dict.fromkeys(of.person.tolist()):
-        here = of.person == person
-        others = ~here & ~of.is_mean
-        scores = [mean_deg(one.gaps_deg["unseen"][:, :, others]) for one in each]
-        best = int(np.nanargmin(scores))
-        (ts, ai), turn = GRID[best].distances_mm or SCAPULA_DISTANCES_MM, GRID[best].forward_deg
-        chosen = f"TS {ts:g}, AI {ai:g} mm, {turn:+g} deg forward"
+    for k, person in enumerate(persons):
+        best = int(np.argmin(np.delete(scores, k, axis=1).mean(axis=1)))
         fixed = (found[name] for name in (SHIPPED_NAME, EARLIER_NAME))
-        lines.append([person, chosen, *(_unseen_cell(one, here) for one in (each[best], *fixed))])
-    return markdown(header, lines)
+        cells = [_unseen_cell(one, of.person == person) for one in (each[best], *fixed)]
+        lines.append([person, _named(GRID[best]), *cells])
+    return markdown(["person", "best for the others", "scapula, clavicle with it", "shipped", "earlier"], lines)
+
+
+def _named(rule: Rule) -> str:
+    ts, ai = rule.least_mm or (np.nan, np.nan)
+    return f"TS at least {ts:g}, AI {ai:g} mm, {rule.forward_deg:+g} deg forward"
 
 
 def _unseen_cell(one: Outcome, here: np.ndarray) -> str:
@@ -309,15 +314,11 @@ def _unseen_cell(one: Outcome, here: np.ndarray) -> str:
 
 def others_table(of: Shoulders) -> str:
     """The sets of the cadaver that the thesis prints in full, as shipped."""
-    lines = []
+    lines, persons = [], ~of.is_mean
     for name in OTHER_SETS:
         one = outcome([load_model(name)], of)
-        mine = ~of.is_mean
-        clavicle, scapula = ({s: mean_deg(g[bone][:, mine]) for s, g in one.gaps_deg.items()} for bone in (0, 1))
-        bounds = one.at_bound[:, 0, mine]
-        shifts = ", ".join(f"{x:+.0f}" for x in one.shift_mm[:, 0, mine].mean(axis=1))
-        cells = (f"{g['before']:.2f} -> {g['after']:.2f} ({g['unseen']:.2f})" for g in (scapula, clavicle))
-        lines.append([name, *cells, shifts, f"{bounds[-1].sum()}, {bounds.any(axis=0).sum()} of {bounds.shape[1]}"])
+        shifts = ", ".join(f"{x:+.0f}" for x in one.shift_mm[:, 0, persons].mean(axis=1))
+        lines.append([name, *gap_cells(one, persons), shifts, bound_cell(one, persons)])
     return markdown(["set", "scapula", "clavicle", f"mean shift of {', '.join(ADAPTED)}, mm", "at a bound"], lines)
 
 
@@ -332,7 +333,7 @@ def main(
         if name not in motions.subjects:
             raise InputError("--mean", None, f"there is no subject '{name}'", f"Use of {', '.join(motions.subjects)}")
     of = shoulders(motions, mean or [])
-    persons = dict.fromkeys(of.person[~of.is_mean].tolist())
+    persons = dict.fromkeys(of.person.tolist())
     if len(persons) < 2:
         raise InputError("motions", None, "folds need two persons", "Name the motions of more")
     every = outcome([model for rule in RULES.values() for model in sets_by(rule)], of)
