@@ -4,13 +4,14 @@ A problem is one posture of one subject with one girdle; the last axis of every 
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from adapt.engine.batching import as_type, in_chunks, take_problems
+from adapt.engine.batching import QUICK_TO_COMPILE, as_type, compiled, in_chunks, take_problems
 from adapt.solvers import status
 from adapt.solvers.batched.posture import SweptPostures
 from adapt.solvers.batched.posture_kernels import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower
@@ -209,7 +210,7 @@ _SMALL_CHUNK = 64
 """Postures in a chunk of the reference solver, which is long to compile."""
 
 _SMALL_AT_ONCE = 512
-"""Postures up to which numpy runs the reference solver: 2 ms each, a tenth of that compiled, which takes 12 s once."""
+"""Postures up to which numpy runs the reference solver: 2 ms each, a tenth of that compiled, which takes 5 s once."""
 
 _PLACES_DEG = np.stack([np.zeros(6), *OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""
@@ -219,12 +220,16 @@ def _constraints(girdle: AnyGirdle) -> Constraints:
     return ByHand(girdle) if isinstance(girdle, Girdle) else Differentiated(girdle.residuals_mm)
 
 
-@jax.jit
+_compiled = partial(compiled, on_cpu=QUICK_TO_COMPILE)
+"""With effects it compiles for each set of them, and few postures come here."""
+
+
+@_compiled
 def _solve(girdle: AnyGirdle, target: Array, weights: Array, start: Array) -> Postures:
     return solve_postures(_constraints(girdle), target, weights, start)
 
 
-@jax.jit
+@_compiled
 def _close(girdle: AnyGirdle, start: Array) -> tuple[Array, Array]:
     constraints = _constraints(girdle)
     closed = close_chain(constraints, start)
