@@ -95,21 +95,37 @@ def fit_batch(
     girdle, target = as_type((girdle, target), float)
     fitted.status[~determined] = status.INVALID
     least_open = np.full(len(determined), np.inf)
-    for offset in _PLACES_DEG / DEG:
+    place, together = 0, 1  # most end well at the first place
+    while place < len(_PLACES_DEG):
         again = np.flatnonzero(fitted.status == status.NOT_CONVERGED)
         if not len(again):
             return fitted
-        part = take_problems(girdle, again), target[:, again], weights[:, again]
-        closed, residual = _in_small_chunks(_close, part[0], part[1] + offset[:, None])
-        tried = as_fitted(reference_fit(*part, closed))
-        converged = tried.status == status.OK
-        fitted.put(again[converged], tried.take(converged))
-        open_mm = np.abs(residual).max(axis=0)
-        less = ~converged & (open_mm < least_open[again])
-        least_open[again[less]] = open_mm[less]
-        fitted.put(again[less], _unsolved(closed, residual, *part[1:]).take(less))
+        places = _PLACES_DEG[place : place + together] / DEG
+        _start_again(fitted, least_open, again, take_problems((girdle, target, weights), again), places)
+        place += len(places)
+        together = max(1, _at_once(girdle) // len(again))
     fitted.status[(fitted.status == status.NOT_CONVERGED) & (least_open > OPEN_CHAIN_MM)] = status.UNREACHABLE
     return fitted
+
+
+def _start_again(fitted: Fitted, least_open, again, problem, places) -> None:
+    """Fit the problems ``again`` from where they close next to each of the places, and put in the first that converges.
+
+    Else what was least open so far, ``least_open``. The places are tried side by side.
+    """
+    count = len(again)
+    girdle, target, weights = take_problems(problem, np.tile(np.arange(count), len(places)))
+    closed, residual = _in_small_chunks(_close, girdle, target + np.repeat(places.T, count, axis=1))
+    tried = as_fitted(reference_fit(girdle, target, weights, closed))
+    unsolved, every_open_mm = _unsolved(closed, residual, target, weights), np.abs(residual).max(axis=0)
+    for first in range(0, len(places) * count, count):
+        here = first + np.flatnonzero(fitted.status[again] == status.NOT_CONVERGED)
+        converged = tried.status[here] == status.OK
+        fitted.put(again[here[converged] - first], tried.take(here[converged]))
+        here = here[~converged]
+        here = here[every_open_mm[here] < least_open[again[here - first]]]
+        least_open[again[here - first]] = every_open_mm[here]
+        fitted.put(again[here - first], unsolved.take(here))
 
 
 def _finite(girdle: AnyGirdle) -> Bool[np.ndarray, " problems"]:
@@ -201,9 +217,13 @@ def _as_swept(solved: Postures, target, weights) -> SweptPostures:
 
 
 def _in_small_chunks(function, girdle: AnyGirdle, *arrays) -> Any:
-    """Run the reference solver. With effects there are no derivatives by hand, which numpy needs."""
-    at_once = _SMALL_AT_ONCE if isinstance(girdle, Girdle) else 0
-    return in_chunks(function, _SMALL_CHUNK, girdle, *arrays, at_once=at_once)
+    """Run the reference solver."""
+    return in_chunks(function, _SMALL_CHUNK, girdle, *arrays, at_once=_at_once(girdle))
+
+
+def _at_once(girdle: AnyGirdle) -> int:
+    """Postures that numpy does. With effects there are no derivatives by hand, which it needs."""
+    return _SMALL_AT_ONCE if isinstance(girdle, Girdle) else 0
 
 
 _SMALL_CHUNK = 64
