@@ -33,8 +33,6 @@ from motions.table import ANGLES, Motions
 
 EXACT = 1e-9
 NOISE_MM = 1.0
-GIRDLE = "breteler_dissection"
-"""Of the simulated trials."""
 AT = (15, 35, 55, 75, 95, 115, 135)
 SIX_STANDARD_ERRORS = 6.0
 """A difference of noise alone is larger once in 5e8."""
@@ -42,7 +40,7 @@ SIX_STANDARD_ERRORS = 6.0
 
 @pytest.fixture(scope="module")
 def trials():
-    """Two simulated motions of one girdle, 100 frames a second."""
+    """Two simulated motions of a girdle that is R2, 100 frames a second."""
     return {plane: simulated_trial(up_and_down(), plane, closed=True) for plane in (0.0, 90.0)}
 
 
@@ -92,7 +90,7 @@ def test_noisy_trials_with_gaps_are_converted_to_within_their_noise(trials, conv
         assert (np.abs(error) < SIX_STANDARD_ERRORS * standard_error + bend_deg)[:, known].all()
         single_frame = spread[:, known]
         assert single_frame.min() > 0.2  # 1 mm over 100-150 mm
-        assert single_frame.max() < 1.5
+        assert single_frame.max() < 2.5  # and how the closed chain turns within the window
         assert set(mine.extra[ESTIMATED]) == {"yes"}
 
 
@@ -103,20 +101,20 @@ def test_both_kinds_of_file_say_the_same(converted):
 
 
 def test_the_girdle_is_adapted_to_within_the_noise(converted):
-    """A set adapted to a girdle that is that set: what is left of the gap is the noise of the sampled angles, 0.1-0.3 degrees.
+    """R2 adapted to a girdle that is R2: what is left of the gap is the noise of the sampled angles, 0.1-0.3 degrees.
 
     The axial rotation of the clavicle is left out, because its estimate is not the girdle's own.
     """
     motions = converted["c3d"]
     angles = motions.angles_deg.copy()
     angles[:, ANGLES.index("clavicle_x")] = np.nan
-    result = adapt_subjects(replace(motions, angles_deg=angles), load_model(GIRDLE))
+    result = adapt_subjects(replace(motions, angles_deg=angles), load_model("R2"))
     assert result.parameters["status"].tolist() == ["ok"] * 2
     after = result.fits[result.fits["adapted"] == 1]
     noise_deg = 0.3
     assert after[DIFFERENCES].abs().mean().max() < noise_deg
-    own = np.asarray(load_model(GIRDLE).girdle.adapted_mm)
-    moved_mm = np.abs(result.adapted[GIRDLE].theta_mm - own[:, None])
+    own = np.asarray(load_model("R2").girdle.adapted_mm)
+    moved_mm = np.abs(result.adapted["R2"].theta_mm - own[:, None])
     assert (
         moved_mm[[1, 2, 4]].max() < 3.0
     )  # M_z, A_x, A_z; M_y and A_y trade off, the conoid hangs on the axial rotation

@@ -45,8 +45,8 @@ class Trial:
 
 
 def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, closed: bool = False) -> Trial:
-    """breteler_dissection, raised as the published rhythm says; closed: as close to it as its constraints let it."""
-    girdle = load_model("breteler_dissection").girdle
+    """R2, raised as the published rhythm says; closed: as close to it as its constraints let it."""
+    girdle = load_model("R2").girdle
     rest = np.repeat(REST_DEG[:, None], len(elevation_deg), axis=1)
     coefficients = np.repeat(COEFFICIENTS[:, :, None], len(elevation_deg), axis=2)
     angles = girdle_angles_deg(rest, np.full(len(elevation_deg), plane_deg), elevation_deg, coefficients) / float(DEG)
