@@ -79,7 +79,7 @@ class Seen:
 
 @pytest.fixture(scope="module")
 def started() -> Iterator[BrowserContext]:
-    """One profile for all pages: each of its own would be another window, with half a second of a core for its frame."""
+    """One profile for all pages: a window for each would cost half a second of a core more."""
     with browser() as one:
         yield one.new_context()
 
