@@ -158,8 +158,13 @@ def _document(path: Path, file: str) -> dict[str, Any]:
         reason = getattr(error, "strerror", None) or str(error)
         remedy = "Check the path, and that you may read the file"
         raise InputError(file, None, f"the file cannot be read ({reason})", remedy) from error
+    return parameter_document(content, file)
+
+
+def parameter_document(content: bytes | str, file: str) -> dict[str, Any]:
+    """Read the content of a TOML file. InputError where it is none."""
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        return tomllib.loads(content if isinstance(content, str) else content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
         remedy = "Start from a copy of a shipped set and change its numbers"

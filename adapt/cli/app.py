@@ -1,4 +1,4 @@
-"""The command line: ``girdle fit | adapt | diagnose | trust | convert | simulate | effects | models``."""
+"""The command line: ``girdle fit | adapt | diagnose | trust | convert | model | simulate | effects | models``."""
 
 import gc
 import sys
@@ -53,7 +53,8 @@ from models.effects.known import OPTION, described, effect_named, read_amplitude
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.landmarks.acromion import ROTATIONS, acromion_rotation
 from motions.landmarks.mapping import read_mapping
-from motions.landmarks.sampled_postures import Labels
+from motions.landmarks.sampled_postures import SLIPPED, Labels
+from motions.landmarks.stand_ins import OFFSETS, sternoclavicular_offset
 from motions.motion_csv.cells import SIDES
 
 EXIT_BAD_INPUT = 2
@@ -143,6 +144,20 @@ Repeat = Annotated[
         is_eager=True,
         show_default=False,
     ),
+]
+
+Names = Annotated[
+    Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
+]
+
+Shoulder = Annotated[str, typer.Option(help="Shoulder: right or left.")]
+
+AaToAc = Annotated[
+    str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
+]
+
+ScFromIj = Annotated[
+    str, typer.Option(help=f"Offset that places SC from IJ, where nobody marked it: {', '.join(OFFSETS)}.")
 ]
 
 console = PlainConsole()
@@ -332,18 +347,15 @@ def trust_results(
 def convert_file(
     source: Annotated[Path, typer.Argument(metavar="IN", help="A file, or the folder of a Spartacus checkout.")],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="A file, or a folder for .mot files.")],
-    names: Annotated[
-        Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
-    ] = None,
+    names: Names = None,
     subject: Annotated[str, typer.Option(help="Whose motion it is, if the file does not say; else its name.")] = "",
     motion: Annotated[str, typer.Option(help="What motion it is, if the file does not say; else its name.")] = "",
-    side: Annotated[str, typer.Option(help="Shoulder: right or left.")] = "right",
+    side: Shoulder = "right",
     at: Annotated[
         str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
     ] = "",
-    aa_to_ac: Annotated[
-        str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
-    ] = "",
+    aa_to_ac: AaToAc = "",
+    sc_from_ij: ScFromIj = "",
     isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
 ) -> None:
     """Bring files of your laboratory into this project's forms, and results into those of others.
@@ -354,10 +366,7 @@ def convert_file(
     """
     from adapt.cli.convert import convert  # readers of laboratories' files: not for every command
 
-    if side not in SIDES:
-        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
-    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
-    labels = Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac)
+    labels = _labels(subject, motion, side, at, aa_to_ac, sc_from_ij)
     motions = convert(source, target, read_mapping(names), labels, isb)
     if motions is None:
         console.print(f"{target} written", soft_wrap=True)
@@ -369,7 +378,50 @@ def convert_file(
     )
     if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
         console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
+    _say_slipped(motions)
     _finish(motions, {})
+
+
+@app.command("model")
+def model_of_person(
+    source: Annotated[
+        Path, typer.Argument(metavar="PERSON.csv", help="Landmarks (.c3d, .trc, .csv), or a motion file that has them.")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="A file that ends in .toml; a folder for several subjects.")],
+    model: Annotated[
+        str, typer.Option(help="Parameter set that gives what was not measured: a name or a TOML file.")
+    ] = "R2",
+    points: Annotated[
+        Path | None,
+        typer.Option(help="CSV of points: surface (thorax, humeral_head, humeral_shaft, ...), x_mm, y_mm, z_mm."),
+    ] = None,
+    rest: Annotated[
+        str, typer.Option(help="Posture in which the chain closes, by its name. Default: the arm lowest.")
+    ] = "",
+    names: Names = None,
+    subject: Annotated[
+        str, typer.Option(help="Whose landmarks they are, if the file does not say; else its name.")
+    ] = "",
+    side: Shoulder = "right",
+    aa_to_ac: AaToAc = "",
+    sc_from_ij: ScFromIj = "",
+) -> None:
+    """Make a parameter set of a person from landmarks, and from points if there are any (Chapters 4 and 5).
+
+    Lengths are medians over the postures. The thorax is fitted to points on it. What was not measured is that of
+    another set, carried to the person's bones. Every number has its source and its SD; `girdle adapt --model` takes
+    the file, `--models-of` a folder of them.
+    """
+    from adapt.cli.person import write_person_sets  # readers of laboratories' files: not for every command
+    from adapt.cli.print_person import print_persons
+
+    labels = _labels(subject, "", side, "", aa_to_ac, sc_from_ij)
+    written, rejected = write_person_sets(source, out, load_model(model), read_mapping(names), labels, rest, points)
+    print_persons(console, written)
+    for error in rejected:
+        errors.print(f"left out: {error}", soft_wrap=True)
+    if rejected:
+        raise typer.Exit(EXIT_SOME_NOT_HANDLED)
 
 
 @app.command("models")
@@ -423,6 +475,24 @@ def list_effects() -> None:
         scale = " / ".join(f"{value:g}" for value in one.prior.scale)
         along = " / ".join(one.directions)
         console.print(f"{one.name:28} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
+
+
+def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str) -> Labels:
+    """What the options say of a file of landmarks."""
+    if side not in SIDES:
+        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
+    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
+    offset = sternoclavicular_offset(sc_from_ij) if sc_from_ij else None
+    return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset)
+
+
+def _say_slipped(motions: Motions) -> None:
+    """Name the landmarks that are not where their bone says."""
+    if SLIPPED not in motions.extra:
+        return
+    for row in np.flatnonzero(motions.extra[SLIPPED].to_numpy(str) != ""):
+        where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
+        console.print(f"{motions.extra[SLIPPED].iloc[row]} slipped: {where}", soft_wrap=True)
 
 
 def _elevations(at: str) -> tuple[float, ...]:

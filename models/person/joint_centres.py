@@ -6,7 +6,7 @@ from jaxtyping import Float
 from models.person.least_squares import Points
 
 NEAR_MM = 10.0
-"""Points of the clavicle nearer than this to the scapula, and the other way round, are of the AC joint (thesis 4.3.3)."""
+"""Points of the clavicle nearer than this to the scapula, and the other way round, are of the AC joint (4.3.3)."""
 
 
 def sternoclavicular_centre_mm(joint_surface_mm: Points) -> Float[np.ndarray, "3"]:

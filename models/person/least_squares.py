@@ -19,9 +19,10 @@ where M_y and A_y hardly differ in what they do."""
 _MOST_STEPS = 500
 
 _STATIONARY = 1e-6
-"""|J_i' r| over |J_i| |r|, the cosine of the residuals with each slope, of a minimum; 1e-9 mm is left of exact points."""
+"""|J_i' r| over |J_i| |r| of a minimum: the cosine of the residuals with each slope."""
 
 _EXACT_MM = 1e-9
+"""What exact points leave."""
 
 _POINTS_STEP = 16
 """Points are padded to a multiple of this, with weight 0: few programs are compiled."""

@@ -1,4 +1,4 @@
-"""Sphere and cylinder through points: the glenohumeral joint, the head and the shaft of the humerus (thesis 4.3.3, 4.3.5).
+"""Sphere and cylinder through points: head and shaft of the humerus, the glenohumeral joint (thesis 4.3.3, 4.3.5).
 
 Least squares of the distances to the surface (Tables 4.3 and 4.4).
 """

@@ -2,8 +2,8 @@
 
     min D = mean d_k^2   over M_y, M_z, A_x, A_y, A_z, with M_x = 0,
 
-d_k the distance of point k to the surface. The points cover a patch. Along it M_y and A_y change together (4.3.6); their
-correlation and SDs say how far the patch fixes them.
+d_k the distance of point k to the surface. The points cover a patch, along which M_y and A_y change together (4.3.6):
+their correlation and SDs say how far the patch fixes them.
 """
 
 from dataclasses import dataclass

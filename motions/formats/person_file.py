@@ -10,13 +10,12 @@ from jaxtyping import Float, Int
 from motions.errors import InputError
 from motions.formats.any_file import labels_of_file, marker_groups, read_markers
 from motions.formats.text import numbers
-from motions.landmarks.acromion import KOLZ
 from motions.landmarks.frames import humerus_angles, humerus_frame, thorax_frame, transposed
 from motions.landmarks.girdle_angles import in_thorax
 from motions.landmarks.mapping import THORAX, UNITS_MM, Mapping
 from motions.landmarks.markers import landmarks_mm
 from motions.landmarks.sampled_postures import Labels
-from motions.landmarks.stand_ins import SternoclavicularOffset, with_stand_ins
+from motions.landmarks.stand_ins import with_stand_ins
 from motions.motion_csv.cells import Side
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_POSITION
@@ -26,6 +25,9 @@ from motions.rotations import DEG, rotate
 
 SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "scapula")
 """What a point may lie on (thesis 4.3.3, 4.3.5)."""
+
+
+_STAND_IN_OPTIONS = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +57,11 @@ class PersonLandmarks:
 
 
 def read_persons(
-    path: Path,
-    mapping: Mapping,
-    labels: Labels,
-    sc_from_ij: SternoclavicularOffset | None = None,
-    points: Path | None = None,
+    path: Path, mapping: Mapping, labels: Labels, points: Path | None = None
 ) -> tuple[list[PersonLandmarks], list[InputError]]:
     """Read every subject of a file of positions, or of a motion file that has landmarks; and why others are left out.
 
-    AC that was not measured is placed from AA, SC from IJ (where ``sc_from_ij`` says how). ``points``: a CSV file with
+    AC that was not measured is placed from AA, SC from IJ, where ``labels`` say how. ``points``: a CSV file with
     the columns surface, x_mm, y_mm, z_mm (or _cm, _m) and, if need be, subject and posture, in the frame of the
     landmarks in that posture (by default the subject's first).
     """
@@ -76,7 +74,7 @@ def read_persons(
             rejected.append(one)
             continue
         try:
-            found.append(_complete(*one, sc_from_ij, points, table, mapping))
+            found.append(_complete(*one, labels, points, table, mapping))
         except InputError as error:
             rejected.append(error)
     if not found:
@@ -129,13 +127,19 @@ def _elevation(thorax_mm: dict[str, np.ndarray]) -> Float[np.ndarray, " postures
 
 
 def _complete(
-    person: PersonLandmarks, frames: Frames, sc_from_ij, points: Path | None, table: CsvTable | None, mapping: Mapping
+    person: PersonLandmarks,
+    frames: Frames,
+    labels: Labels,
+    points: Path | None,
+    table: CsvTable | None,
+    mapping: Mapping,
 ) -> PersonLandmarks:
     """The person with what stands in for SC and AC, and with its points."""
-    placed, said = with_stand_ins(person.landmarks_mm, KOLZ, sc_from_ij)
-    if "SC" not in placed:
-        cause = f"subject {person.subject!r}: SC was not measured, and without it the clavicle has no length"
-        raise InputError(person.file, None, cause, "Measure SC, or place it from IJ with --sc-from-ij kaptein1999")
+    placed, said = with_stand_ins(person.landmarks_mm, labels.aa_to_ac, labels.sc_from_ij)
+    for name, remedy in _STAND_IN_OPTIONS.items():
+        if name not in placed:
+            cause = f"subject {person.subject!r}: {name} was not measured, and without it the clavicle has no length"
+            raise InputError(person.file, None, cause, f"Measure {name}, or place it {remedy}")
     whole = {**vars(person), "landmarks_mm": placed, "stand_ins": said}
     if points is None or table is None:
         return PersonLandmarks(**whole)

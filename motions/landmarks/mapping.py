@@ -105,7 +105,7 @@ def _names(document: dict, section: str, file: str) -> dict[str, str]:
 
 def _check_landmarks(table: dict[str, str], file: str) -> None:
     """InputError if a key is no landmark, or a formula cannot be one."""
-    for landmark, text in table.items():
+    for landmark in table:
         if landmark not in (*MARKERS, *MIDDLES):
             remedy = f"The landmarks are {', '.join((*MARKERS, *MIDDLES))}"
             raise InputError(file, None, f"there is no landmark {landmark!r}", remedy)

@@ -16,7 +16,14 @@ from motions.formats.trc import read_trc
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
-from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
+from motions.landmarks.sampled_postures import (
+    CLAVICLE_PLACED,
+    ESTIMATED,
+    FRAMES,
+    SCAPULA_ROTATED,
+    Labels,
+    spread_column,
+)
 from motions.motion_csv.writing import write_motions
 from motions.rhythm_subjects import DATA_FILE
 
