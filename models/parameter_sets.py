@@ -83,6 +83,10 @@ class ParameterSet:
     source: dict[str, str]
     """Where each number comes from, by ``section.key``. Empty where a file of the user's own names none."""
 
+    def of(self, _subject: str) -> "ParameterSet":
+        """Give the set of a subject: this one is everybody's (``models.person.family``)."""
+        return self
+
 
 def model_names() -> tuple[str, ...]:
     """List the names of the shipped sets, sorted."""

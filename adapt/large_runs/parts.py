@@ -22,7 +22,7 @@ from adapt.api import adapt_subjects
 from adapt.solvers import status
 from adapt.tables.results import Tables, as_csv, summary_of
 from models.effects.known import Amplitudes
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces
 from motions.table import Motions
 
@@ -43,7 +43,7 @@ _STATES = (0, 1)
 class Work:
     """What is done with every chunk."""
 
-    models: tuple[ParameterSet, ...]
+    models: tuple[AnyModel, ...]
     weight: float
     reading: str
     shown: frozenset[str]
@@ -123,7 +123,7 @@ class Parts:
             atomic_write_bytes(self._path(number), part)
         return Motions.concatenate(shown)
 
-    def merge(self, folder: Path, models: Sequence[ParameterSet]) -> tuple[Tables, dict[str, str]]:
+    def merge(self, folder: Path, models: Sequence[AnyModel]) -> tuple[Tables, dict[str, str]]:
         """Write fits.csv, parameters.csv, heldout.csv and summary.csv. The tables, fits only of the subjects that the
         report shows; and by subject what failed."""
         states = [(state, k) for state in _STATES for k in range(len(models))]

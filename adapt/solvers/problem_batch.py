@@ -3,20 +3,22 @@
 Problem number = model * subjects + subject. The last axis of every array is the problem.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import take_problems
-from adapt.solvers.objective import fitted_girdle
+from adapt.engine.batching import in_chunks, take_problems, with_problems
+from adapt.solvers.objective import fitted_girdle, geometric_fit
 from adapt.solvers.padded_batch import Batch
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.reference.subject import Problem
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, stacked_girdles, unique_sets
 from motions.arrays import Array, xp
 
 
@@ -44,17 +46,17 @@ class ProblemBatch:
 
 
 def problem_batch(
-    batch: Batch, models: list[ParameterSet], active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
+    batch: Batch, models: Sequence[AnyModel], active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
 ) -> ProblemBatch:
-    """Pair every subject of the batch with every model.
+    """Pair every subject of the batch with every model, or with its own set of it.
 
     ``active_effects``: their strengths are (channels, postures, subjects).
     """
-    subjects = batch.angles.shape[-1]
-    points = max(model.points_mm.shape[1] for model in models)
+    sets, place = unique_sets(models, batch.subjects)
+    points = max(one.points_mm.shape[1] for one in sets)
 
-    def each_subject(values):
-        return np.repeat(np.stack(values, axis=-1), subjects, axis=-1)
+    def each(values):
+        return np.stack(values, axis=-1)[..., place]
 
     def each_model(values):
         return np.tile(values, [1] * (values.ndim - 1) + [len(models)])
@@ -66,17 +68,40 @@ def problem_batch(
         count = model.points_mm.shape[1]
         return np.where(np.arange(points) < count, 1.0 / count, 0.0)
 
-    girdles = [fitted_girdle(model.girdle, model.points_mm) for model in models]
     return ProblemBatch(
-        girdle=jax.tree.map(lambda *x: each_subject(x), *girdles),
-        points_mm=each_subject([padded(model) for model in models]),
-        point_weights=each_subject([point_weights(model) for model in models]),
-        bounds_mm=each_subject([model.bounds_mm for model in models]),
+        girdle=take_problems(_fitted_girdles(sets), place),
+        points_mm=each([padded(one) for one in sets]),
+        point_weights=each([point_weights(one) for one in sets]),
+        bounds_mm=each([one.bounds_mm for one in sets]),
         angles=each_model(batch.angles),
         measured=each_model(batch.measured),
         counted=each_model(batch.counted),
         active_effects=jax.tree.map(each_model, active_effects),
     )
+
+
+_FEW = 8
+"""Sets up to which each is fitted on its own: what is compiled for that is the same for all of them."""
+
+_SETS_AT_A_TIME = 64
+
+
+def _fitted_girdles(sets: Sequence[ParameterSet]) -> Girdle:
+    """The girdle of each set after its geometric fit, side by side; those with as many points are fitted together."""
+    if len(sets) <= _FEW:
+        girdles = [fitted_girdle(one.girdle, one.points_mm) for one in sets]
+        return jax.tree.map(lambda *x: np.stack(x, axis=-1), *girdles)
+    result = stacked_girdles(sets, np.arange(len(sets)))
+    counts = np.array([one.points_mm.shape[1] for one in sets])
+    for count in np.unique(counts):
+        mine = np.flatnonzero(counts == count)
+        points = np.stack([sets[k].points_mm for k in mine], axis=-1)
+        fitted = in_chunks(_fit_sets, _SETS_AT_A_TIME, take_problems(result, mine), points)
+        result = with_problems(result, mine, fitted)
+    return result
+
+
+_fit_sets = jax.jit(jax.vmap(geometric_fit, in_axes=-1, out_axes=-1))
 
 
 def select_problems(data: ProblemBatch, index: Int[np.ndarray, " chosen"], **changed: np.ndarray) -> ProblemBatch:

@@ -201,8 +201,6 @@ def _notes(rigidity: Rigidity, names, rest: int, thorax: ThoraxFit | None, conoi
     ]
     if np.isnan(rigidity.noise_mm):
         found.append("fewer than 4 whole postures: whether a landmark slipped in one cannot be told")
-    elif rigidity.pairs:
-        found.append("a rotation of all scapular landmarks together would not show in their distances")
     if thorax is not None and thorax.loose:
         found.append(
             f"the points on the thorax do not fix {', '.join(thorax.loose)}: M_y and A_y correlate by "
