@@ -1,15 +1,15 @@
-"""Simulated persons of other sizes than a cadaver: their girdles, motions, and the landmarks that a palpator records."""
+"""Simulated persons of other sizes than a cadaver: how they move, and the landmarks that a palpator records of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 from numpy.random import PCG64, Generator
 
+from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.posture_fits import fit_batch
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM
@@ -23,8 +23,8 @@ OTHER_SIZE = (0.08, 0.16)
 """How much larger or smaller a bone is, as a share: one to two SDs between people (``models.effects.bones``)."""
 
 _DRAWN = 2
-"""As many persons are drawn as are wanted, times this: where clavicle and scapula fit badly, no posture closes the chain,
-and such a person is left out."""
+"""As many persons are drawn as are wanted, times this: of bones that fit each other badly no chain closes, and such a
+person is left out."""
 
 PALPATOR_MM = 0.96
 """SD of a coordinate of a palpated landmark (thesis 5.2.1)."""
@@ -36,22 +36,29 @@ CHEST_SHARE = 0.5
 """Of the ellipsoid's differences between people (Table 6.5), which hold the noise of their measurement too."""
 
 
+RIBS_MM = 3.0
+"""SD of a coordinate of a point palpated on the ribs through the skin. Assumed: three times the palpator's."""
+
+_AZIMUTHS_DEG, _HEIGHTS_MM = (-60.0, -30.0, 0.0, 25.0, 50.0), (-30.0, -70.0, -110.0, -150.0, -190.0)
+"""Of the points on front, side and back: from lateral toward backward; thorax y."""
+
+
 @dataclass(frozen=True)
 class Persons:
     """Subjects that move as their own girdle lets them, and what was palpated of each."""
 
-    girdle: Girdle
-    """(3, persons)."""
     motions: Motions
     palpated: dict[str, dict[str, Float[np.ndarray, "postures 3"]]]
     """By subject and landmark, in the postures of the first motion, with noise."""
+    points_mm: dict[str, Float[np.ndarray, "3 points"]]
+    """On the thorax of each subject, thorax frame, with noise."""
 
 
 def simulate_persons(cadaver: ParameterSet, count: int, noise_deg: float, seed: int) -> Persons:
     """Simulate persons whose clavicle, scapula and thorax are not the cadaver's.
 
-    A bone of another size is the cadaver's, larger or smaller by ``OTHER_SIZE``; the attachments go along. The ellipsoid
-    differs by ``CHEST_SHARE`` of ``PERSON_SD_MM``.
+    A bone of another size is the cadaver's, larger or smaller by ``OTHER_SIZE``; the attachments go along. The
+    ellipsoid differs by ``CHEST_SHARE`` of ``PERSON_SD_MM``.
     """
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(_DRAWN * count, generator)
@@ -62,14 +69,15 @@ def simulate_persons(cadaver: ParameterSet, count: int, noise_deg: float, seed: 
     girdle = girdle.with_adapted(np.asarray(girdle.adapted_mm) + apart)
     number = {name: k for k, name in enumerate(wanted.subjects)}
     row = np.array([number[name] for name in wanted.subject.tolist()])
-    of_row = jax.tree.map(lambda x: np.asarray(x)[..., row], girdle)
+    of_row = take_problems(girdle, row)
     fitted = fit_batch(of_row, wanted.angles_deg.T / DEG, np.ones((6, len(row)), bool))
     ok = fitted.status == status.OK
     moving = [name for name in wanted.subjects if ok[wanted.subject == name].all()][:most]
     ok &= np.isin(wanted.subject, moving)
     closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(ok)
-    palpated = _palpated(jax.tree.map(lambda x: x[..., ok], of_row), closed, generator)
-    return Persons(girdle, add_noise(closed, noise_deg, generator), palpated)
+    palpated = _palpated(take_problems(of_row, ok), closed, generator)
+    points = {name: _on_thorax(take_problems(girdle, number[name]), generator) for name in moving}
+    return Persons(add_noise(closed, noise_deg, generator), palpated, points)
 
 
 def sized(girdle: Girdle, clavicle: Float[np.ndarray, " n"], scapula: Float[np.ndarray, " n"]) -> Girdle:
@@ -97,6 +105,24 @@ def _palpated(of_row: Girdle, closed: Motions, generator: Generator) -> dict[str
         exact |= {name: np.tile(xyz, (len(mine), 1)) for name, xyz in THORAX_MM.items()}
         found[subject] = {n: p + PALPATOR_MM * generator.standard_normal(p.shape) for n, p in exact.items()}
     return found
+
+
+def _on_thorax(girdle: Girdle, generator: Generator) -> Float[np.ndarray, "3 points"]:
+    """Points of the ellipsoid of one girdle, palpated."""
+    (_, M_y, M_z), (A_x, A_y, A_z) = np.asarray(girdle.centre_mm), np.asarray(girdle.semi_axes_mm)
+    azimuth, y = (grid.ravel() for grid in np.meshgrid(np.radians(_AZIMUTHS_DEG), _HEIGHTS_MM))
+    width = np.sqrt(np.maximum(1.0 - ((y - M_y) / A_y) ** 2, 0.0))
+    points = np.stack([A_x * width * np.cos(azimuth), y, M_z + A_z * width * np.sin(azimuth)])
+    return points + RIBS_MM * generator.standard_normal(points.shape)
+
+
+def point_table(persons: Persons) -> pd.DataFrame:
+    """Tabulate the points, as ``girdle model --points`` reads them."""
+    blocks = [
+        pd.DataFrame({"subject": name, "surface": "thorax"} | {f"{axis}_mm": p[k] for k, axis in enumerate("xyz")})
+        for name, p in persons.points_mm.items()
+    ]
+    return pd.concat(blocks, ignore_index=True)
 
 
 def landmark_table(persons: Persons, subjects: Sequence[str] | None = None) -> pd.DataFrame:

@@ -16,7 +16,7 @@ import pandas as pd
 
 from models import load_model
 from motions import write_motions
-from scripts.simulated_persons import landmark_table, simulate_persons
+from scripts.simulated_persons import landmark_table, point_table, simulate_persons
 
 
 def main() -> None:
@@ -24,17 +24,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--persons", type=int, default=40)
     parser.add_argument("--model", default="R2", help="the cadaver whose sizes they do not have")
+    parser.add_argument("--truth", help="the cadaver that they are like but for their sizes; by default the same")
+    parser.add_argument("--points", action="store_true", help="points on their thorax are palpated too")
     parser.add_argument("--noise-deg", type=float, default=1.5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/person"))
     given = parser.parse_args()
     shutil.rmtree(given.out, ignore_errors=True)
     given.out.mkdir(parents=True)
-    persons = simulate_persons(load_model(given.model), given.persons, given.noise_deg, given.seed)
+    persons = simulate_persons(load_model(given.truth or given.model), given.persons, given.noise_deg, given.seed)
     motions, landmarks, sets = given.out / "motions.csv", given.out / "landmarks.csv", given.out / "own"
     write_motions(persons.motions, motions)
     landmark_table(persons).to_csv(landmarks, index=False)
-    girdle("model", str(landmarks), "--model", given.model, "--out", str(sets))
+    point_table(persons).to_csv(given.out / "points.csv", index=False)
+    points = ["--points", str(given.out / "points.csv")] if given.points else []
+    girdle("model", str(landmarks), "--model", given.model, "--out", str(sets), *points)
     girdle("adapt", str(motions), "--model", given.model, "--models-of", str(sets), "--out", str(given.out / "adapted"))
     print(compared(given.out / "adapted", given.model, given.persons))
 
@@ -52,7 +56,11 @@ def compared(folder: Path, cadaver: str, persons: int) -> str:
     fits["gap"] = fits.filter(regex=r"_difference_deg$").abs().mean(axis=1)
     seen = fits[fits["status"] == "ok"].groupby(["model", "adapted", "subject"])["gap"].mean()
     held = unseen[unseen["status"] == "ok"].groupby(["model", "subject"])["gap_unseen_deg"].mean()
-    lines = [f"{persons} simulated persons: mean gap, degrees", "", "| gap | cadaver's set | own set | own is smaller |"]
+    lines = [
+        f"{persons} simulated persons: mean gap, degrees",
+        "",
+        "| gap | cadaver's set | own set | own is smaller |",
+    ]
     lines.append("|---|---|---|---|")
     for what, of in (
         ("as it is", lambda model: seen[model, 0]),

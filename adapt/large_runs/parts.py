@@ -20,6 +20,7 @@ import pandas as pd
 
 from adapt.api import adapt_subjects
 from adapt.solvers import status
+from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv, summary_of
 from models.effects.known import Amplitudes
 from models.person.family import AnyModel
@@ -158,7 +159,7 @@ def not_adapted(result: Tables) -> dict[str, str]:
     failed = failed_subjects(result.fits[result.fits["adapted"] == 1])
     for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
         if word != status.OK:
-            failed[subject] = f"adaptation {word}"
+            failed[subject] = f"adaptation {word}" + (f": {EXPLANATION[word]}" if word in EXPLANATION else "")
     return failed
 
 

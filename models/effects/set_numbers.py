@@ -5,11 +5,12 @@ Which of them a diagnosis tries, and how far they may lie off, the set itself sa
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import jax.numpy as jnp
+import numpy as np
 
 from models.effects.effect import Adjust, Effect, Rotations
 from models.effects.prior import EffectPrior
@@ -36,6 +37,12 @@ _NUMBERS = {
 """By key in the file: field of the girdle, components that the bone's frame leaves free, and prior SD where the set
 states no range (the shipped sets differ by about as much). The ellipsoid and the conoid's length are adapted; the
 length of the clavicle is an effect of its own."""
+
+_MEASURED = "measured"
+"""How the source of a number begins that is of the person (``models.person``)."""
+
+_SIZES = {"clavicle_length": ("clavicle.length_mm",), "scapula_size": ("scapula.ts_mm", "scapula.ai_mm")}
+"""The effects of a bone's size, and the numbers that it shows in."""
 
 
 def _adjust(field: str, axes: str) -> Adjust:
@@ -78,3 +85,22 @@ def doubtful_numbers(model: ParameterSet) -> dict[str, Effect]:
                 effect = replace(effect, prior=prior)
             found[effect.name] = effect
     return found
+
+
+def with_sizes_of(model: ParameterSet, effects: Iterable[Effect]) -> Iterator[Effect]:
+    """Leave out the effects of sizes that this set has measured; narrow the priors of those that it states a range of.
+
+    A range in mm is one in percent of the bone: of the clavicle's length, of |AC-TS|.
+    """
+    length_mm = {"clavicle_length": model.girdle.ac_mm, "scapula_size": model.girdle.ts_mm}
+    for effect in effects:
+        sources = [model.source.get(key, "") for key in _SIZES.get(effect.name, ())]
+        if sources and all(source.startswith(_MEASURED) for source in sources):
+            continue
+        stated = [_RANGE.search(source) for source in sources if source.startswith((_MEASURED, *_DOUBTFUL))]
+        ranges_mm = [float(found[1]) for found in stated if found]
+        if ranges_mm:
+            percent = 100.0 * max(ranges_mm) / float(np.linalg.norm(length_mm[effect.name]))
+            prior = EffectPrior((min(percent, *effect.prior.scale),), f"the set: {sources[0]}")
+            effect = replace(effect, prior=prior)
+        yield effect

@@ -11,7 +11,7 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.solvers.extended.nearest_posture import strengths_of
 from models.effects import EFFECTS, Effect
 from models.effects.by_posture import UNIT_DEG, ByPosture
-from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers
+from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers, with_sizes_of
 from models.parameter_sets import ParameterSet
 from motions.table import ANGLES
 
@@ -29,13 +29,12 @@ _SHARE_OF_MEAN = 1.0 / 3.0
 
 
 def candidate_effects(model: ParameterSet) -> tuple[Effect, ...]:
-    """Give the effects to try with this set: all that are listed, and the set's own doubtful numbers with their
-    ranges."""
+    """Give the effects to try with this set: all that are listed but for sizes that it has measured, and its own
+    doubtful numbers with their ranges."""
     doubtful = doubtful_numbers(model)
     numbers = {effect.name for effect in NUMBER_EFFECTS.values()}
-    return tuple(
-        doubtful.get(name, effect) for name, effect in EFFECTS.items() if name in doubtful or name not in numbers
-    )
+    listed = (doubtful.get(name, effect) for name, effect in EFFECTS.items() if name in doubtful or name not in numbers)
+    return tuple(with_sizes_of(model, listed))
 
 
 @dataclass(frozen=True)
