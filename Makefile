@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 MOTIONS ?= ../shared/motions/*.csv
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets readings speed fuzz mutants rooms clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets thesis questions speed fuzz mutants rooms clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -43,11 +43,15 @@ recovery: .venv/runtime ## do the intervals of adapted parameters hold the truth
 heldout: .venv/runtime ## adapted to one motion, looked at on another; w by motions held out; of measured motions
 	$(BIN)/python scripts/study_heldout.py $(MOTIONS) --weights
 
-sets: .venv/runtime ## what depends on the cadaver, beside Tables 3.4 and 3.5; of measured motions
-	$(BIN)/python scripts/study_sets.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
+sets: .venv/runtime ## what depends on the cadaver; of measured motions
+	$(BIN)/python scripts/study_sets.py $(MOTIONS)
 
-readings: .venv/runtime ## which reading of E is the thesis's: ten minutes; of measured motions
-	$(BIN)/python scripts/study_objective.py $(MOTIONS)
+thesis: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
+	$(BIN)/python scripts/compare_thesis.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
+	$(BIN)/python scripts/study_objective.py $(MOTIONS) --leave-out mean_ludewig2009 --leave-out mean_oki2012
+
+questions: .venv/runtime ## what measured motions say of the questions of chapter 7: a minute
+	$(BIN)/python scripts/study_chapter7.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
 
 speed: .venv/dev ## the fits against IPOPT, SLSQP and jaxopt: minutes; simulated subjects
 	$(BIN)/python scripts/benchmark.py --subjects 1000 --peers 30 --repeats 5

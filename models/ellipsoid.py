@@ -48,6 +48,18 @@ def signed_distance_mm(
     return _signed_distance(point, axes) if is_jax([point, axes]) else _from_surface(point, axes)
 
 
+def distance_and_normal(
+    point_mm: Float[Array, " 3 *batch"],
+    centre_mm: Float[Array, " 3 *#batch"],
+    semi_axes_mm: Float[Array, " 3 *#batch"],
+) -> tuple[Float[Array, " *batch"], Float[Array, " 3 *batch"]]:
+    """Measure :func:`signed_distance_mm`, and give the outward normal at the closest point, its slope in the point."""
+    p, a = xp.broadcast_arrays(point_mm - centre_mm, semi_axes_mm)
+    x = closest_point(p, a)
+    n = _outward_normal(x, a)
+    return ((p - x) * n).sum(axis=0), n
+
+
 def _from_surface(p: Float[Array, " 3 *batch"], a: Float[Array, " 3 *batch"]) -> Float[Array, " *batch"]:
     x = closest_point(p, a)
     return ((p - x) * _outward_normal(x, a)).sum(axis=0)

@@ -16,8 +16,10 @@ from models.ellipsoid import signed_distance_mm
 from motions.arrays import Array, xp
 from motions.rotations import rotate, rotation_from_cardan
 
-CONSTRAINTS = ("A1", "A2", "A3")
-"""TS to the ellipsoid, AI to the ellipsoid, length of the conoid (thesis Eq. 6.2)."""
+CONSTRAINT_NAMES = {"A1": "A1: TS to the ellipsoid", "A2": "A2: AI to the ellipsoid", "A3": "A3: length of the conoid"}
+"""Thesis Eq. 6.2."""
+
+CONSTRAINTS = tuple(CONSTRAINT_NAMES)
 
 
 @jax.tree_util.register_dataclass

@@ -58,12 +58,33 @@ def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *ba
     angle = jnp.sqrt(safe)
     sinc = jnp.where(small, 1.0 - squared / 6.0 + squared**2 / 120.0, jnp.sin(angle) / angle)
     versinc = jnp.where(small, 0.5 - squared / 24.0 + squared**2 / 720.0, (1.0 - jnp.cos(angle)) / safe)
-    x, y, z = v
-    zero = jnp.zeros_like(x)
-    cross = jnp.stack([jnp.stack([zero, -z, y]), jnp.stack([z, zero, -x]), jnp.stack([-y, x, zero])])
     outer = v[:, None] * v[None, :]
     identity = jnp.eye(3).reshape(3, 3, *[1] * squared.ndim)
-    return identity * (1.0 - versinc * squared) + sinc * cross + versinc * outer
+    return identity * (1.0 - versinc * squared) + sinc * cross_matrix(v) + versinc * outer
+
+
+def cross_matrix(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
+    """Compute [v]x, the matrix of the cross product v x u."""
+    x, y, z = v
+    zero = jnp.zeros_like(x)
+    return jnp.stack([jnp.stack([zero, -z, y]), jnp.stack([z, zero, -x]), jnp.stack([-y, x, zero])])
+
+
+def rotation_about(axis: Float[Array, " 3 *batch"], angle: Float[Array, " *batch"]) -> Float[Array, " 3 3 *batch"]:
+    """Compute the rotation by an angle in radians about a unit vector (Rodrigues)."""
+    outer = axis[:, None] * axis[None, :]
+    identity = jnp.eye(3).reshape(3, 3, *[1] * angle.ndim)
+    return outer + (identity - outer) * jnp.cos(angle) + cross_matrix(axis * jnp.sin(angle)[None])
+
+
+def rotation_between(one: Float[Array, " 3 *batch"], other: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
+    """Compute the smallest rotation that turns one unit vector into another; not defined for opposite ones.
+
+    R = I + [v]x + [v]x^2 / (1 + c), with v = one x other and c = one . other.
+    """
+    v, c = jnp.cross(one, other, axis=0), jnp.sum(one * other, axis=0)
+    identity = jnp.eye(3).reshape(3, 3, *[1] * c.ndim)
+    return identity * c + cross_matrix(v) + v[:, None] * v[None, :] / (1.0 + c)
 
 
 def vector_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:

@@ -1,32 +1,49 @@
-"""Known truths on measured shoulders: the diagnosis of real motions whose fault was put there on purpose.
+"""Known truths on measured shoulders: the diagnosis of real motions with faults that were put there on purpose.
 
-AC: the motions as they are. AA: the same shoulders with the scapula in the frame of another landmark, a known constant
-rotation in the bone, so scapula_landmark_bias must be in the answer and its amplitude must differ from that of AC by
-just that rotation. Axial: the clavicle's measured axial rotation replaced by the estimate that turns SC and AC joint
-least from their posture with the arm lowest, so clavicle_axial_estimate must be in the answer. Prints Markdown.
+Three faults, in all eight combinations: `scapula_landmark_bias`, the scapula in the frame of landmark AA in place of
+AC (the same motions, published in both); `clavicle_axial_estimate`, the clavicle's measured axial rotation replaced by
+the estimate from two landmarks; `skin_artefact`, the scapula behind on each shoulder's own course by the lag that was
+measured between pins and skin. Each combination is diagnosed with every parameter set, with all persons and with each
+person left out. Of what was added: is it named? Of what was not: is it named, though it is not without any fault?
+
+The measured AC frame was rebuilt from AA by one mean rotation, and the model fits the AA frame better: the first fault
+takes away from one that is there. So its size is looked at too: with a course of the AC joint beside it, by how much
+does the bias differ between the two frames, and by how much do the frames?
 
     python scripts/known_truth.py ../shared/motions ../shared/motions_aa --model breteler_dissection
 """
 
-import sys
+import itertools
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import jax.numpy as jnp
 import numpy as np
 import typer
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
 from adapt.cli import app as cli
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.result import Diagnosis
-from models import load_model
+from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
+from adapt.diagnosis.fit.shoulders import usable
+from models import ParameterSet, load_model
+from models.effects import EFFECTS
 from motions import Motions, read_motions
-from motions.rhythm import clavicle_axial_rotation
-from motions.rotations import DEG, compose, rotation_from_cardan, rotation_from_vector, vector_from_rotation
 
-BIAS = "scapula_landmark_bias"
+SETS = ("breteler_dissection", "breteler_mri", "R2", "R4", "R6")
+
+BESIDE = "ac_translation:posture"
+"""What every set of causes has on these shoulders, or what acts like it."""
+
+BIAS, AXIAL, SKIN = "scapula_landmark_bias", "clavicle_axial_estimate", "skin_artefact"
+
+LAG_ABDUCTION_DEG = ((0, 20, 40, 60, 80, 100), (0, 2.8, 5.3, 7.9, 10.7, 13.8))
+LAG_FLEXION_DEG = ((0, 20, 40, 60, 80, 100, 120, 140), (0, 6, 10, 12, 14, 16, 17, 20))
+"""Elevation of the arm and lag of the skin: Cereatti et al. 2017, doi 10.1016/j.jbiomech.2017.02.004, one man."""
 
 app = typer.Typer(add_completion=False)
 
@@ -35,94 +52,147 @@ app = typer.Typer(add_completion=False)
 def known_truth(
     ac: Annotated[Path, typer.Argument(help="Folder of motions with the scapula in the AC frame.")],
     aa: Annotated[Path, typer.Argument(help="Folder of the same motions in the AA frame.")],
-    model: cli.Models = ["breteler_dissection"],  # noqa: B006 (typer reads it, never changes it)
-    noise_deg: Annotated[float, typer.Option(help="SD of one angle, the model's small faults included.")] = 3.0,
+    model: Annotated[list[str], typer.Option(help="Parameter sets.")] = list(SETS),  # noqa: B006
+    leave_out: Annotated[bool, typer.Option(help="Diagnose without each person too.")] = False,
     pattern: Annotated[str, typer.Option(help="Which files of the folders.")] = "bonepin*.csv",
 ) -> None:
-    """Diagnose the same shoulders as they are, in the AA frame, and with an estimated axial rotation."""
+    """Diagnose the shoulders with every combination of faults; print a table and the counts."""
     as_is, in_aa = (read_motions(*sorted(folder.glob(pattern))) for folder in (ac, aa))
-    truth = constant_rotation(as_is, in_aa)
-    print(f"Known rotation from AC to AA frame: {_degrees(truth)}\n")
-    print("| model | motions | answer | causes | share of the gap left over | amplitude of the bias, deg |")
-    print("|---|---|---|---|---|---|")
+    known = (_scapula(as_is.angles_deg).inv() * _scapula(in_aa.angles_deg[_places(as_is, in_aa)])).mean()
+    print(f"From the AC to the AA frame: {_degrees(known)}\n")
     for name in model:
-        bias = {}
-        for what, motions in (("AC", as_is), ("AA", in_aa), ("axial estimate", with_estimated_axial(as_is))):
-            found = diagnose(motions, load_model(name), noise_deg, progress=_report)[name]
-            bias[what] = _bias(found)
-            print(_row(what, found, bias[what]), flush=True)
-        if bias["AC"] is not None and bias["AA"] is not None:
-            difference = _difference(bias["AC"], bias["AA"])
-            apart = np.linalg.norm(vector_from_rotation(compose(_transposed(_rotation(truth)), _rotation(difference))))
-            print(
-                f"\n{name}: the biases differ by {_degrees(difference)}; {apart * DEG:.1f} deg off the known rotation\n"
-            )
+        of_ac, of_aa = (fitted_bias(motions, load_model(name)) for motions in (as_is, in_aa))
+        found = of_ac.inv() * of_aa
+        off = np.degrees((known.inv() * found).magnitude())
+        print(f"- {name}: bias {_degrees(of_ac)}; AA {_degrees(of_aa)}; between {_degrees(found)}, {off:.1f} off")
+    print()
+    counts: Counter[str] = Counter()
+    print("| parameter set | persons | added | named |\n|---|---|---|---|")
+    for name, (who, chosen) in itertools.product(model, _persons(as_is, leave_out)):
+        base: set[str] = set()
+        for added in _combinations():
+            motions = with_faults(as_is.select(chosen), in_aa.select(chosen), added)
+            found = diagnose(motions, load_model(name))[name].verdict
+            causes = [" or ".join(cause.names) for cause in found.causes]
+            print(f"| {name} | {who} | {', '.join(added)} | {', '.join(causes) or found.answer} |", flush=True)
+            firsts = {cause.names[0] for cause in found.causes}
+            base = base if added else firsts
+            counts.update(_counted(set(added), firsts, {one for cause in found.causes for one in cause.names}, base))
+    for what in ("added", "not added"):
+        for how in ("named", "named first"):
+            share = counts[f"{what}, {how}"] / counts[what]
+            print(f"\n{what}, {how}: {counts[f'{what}, {how}']} of {counts[what]} ({share:.0%})")
+    kept = counts["named without, named still"] / max(1, counts["named without"])
+    print(f"\nfirst names without faults that stand among the names with them: {kept:.0%}")
 
 
-def constant_rotation(one: Motions, other: Motions) -> Float[np.ndarray, "3"]:
-    """The rotation vector (rad) of the mean R_one' R_other of the scapula, over postures that both have."""
-    rows = {key: k for k, key in enumerate(zip(one.subject, one.motion, one.posture, strict=True))}
-    pairs = [
-        (rows[key], k)
-        for k, key in enumerate(zip(other.subject, other.motion, other.posture, strict=True))
-        if key in rows
-    ]
-    mine, others = np.array(pairs).T
-    R_one, R_other = (
-        np.asarray(rotation_from_cardan(jnp.asarray(m.angles_deg[k, 3:].T / DEG)))
-        for m, k in ((one, mine), (other, others))
-    )
-    mean = np.nanmean(np.einsum("jin,jkn->ikn", R_one, R_other), axis=2)
-    U, _, Vt = np.linalg.svd(mean)
-    return np.asarray(vector_from_rotation(jnp.asarray(U @ Vt)))
+def _combinations() -> Iterator[tuple[str, ...]]:
+    for count in range(4):
+        yield from itertools.combinations((BIAS, AXIAL, SKIN), count)
 
 
-def with_estimated_axial(motions: Motions) -> Motions:
-    """The clavicle's axial rotation as two landmarks would give it, from each subject's lowest posture."""
+def _counted(added: set[str], firsts: set[str], names: set[str], base: set[str]) -> Iterator[str]:
+    """What to count: a fault that was not added counts as named where it is not named without any."""
+    for fault in (BIAS, AXIAL, SKIN) if added else ():
+        what = "added" if fault in added else "not added"
+        yield what
+        for how, found in (("named", names), ("named first", firsts)):
+            if fault in found and (fault in added or fault not in base):
+                yield f"{what}, {how}"
+    for cause in base if added else ():
+        yield "named without"
+        if cause in names:
+            yield "named without, named still"
+
+
+def _persons(motions: Motions, leave_out: bool) -> Iterator[tuple[str, Bool[np.ndarray, " postures"]]]:
+    """All postures, and those without each person: left and right of one have the same first word."""
+    yield "all", np.ones(len(motions.subject), bool)
+    person = np.array([name.split("_")[0] for name in motions.subject.tolist()])
+    for one in np.unique(person) if leave_out else ():
+        yield f"without {one}", person != one
+
+
+def with_faults(ac: Motions, aa: Motions, added: tuple[str, ...]) -> Motions:
+    """Put the faults in: the lag is of the bone, the frame of what is seen of it, the estimate follows from both."""
+    bone = with_skin_lag(ac) if SKIN in added else ac
+    if BIAS in added:
+        bone = replace(bone, angles_deg=_in_other_frame(bone, ac, aa))
+    return with_estimated_axial(bone) if AXIAL in added else bone
+
+
+def fitted_bias(motions: Motions, model: ParameterSet) -> Rotation:
+    """Fit the bias and a course of the AC joint together to all shoulders."""
+    shoulders, _ = usable(motions)
+    effects = tuple(effect for name, effect in EFFECTS.items() if name in (BIAS, BESIDE))
+    joint = JointFit(Model.of(model, effects), shoulders, lay_out(effects, shoulders), everybody(shoulders))
+    names = tuple(effect.name for effect in effects)
+    nothing = np.zeros((1, sum(effect.amplitudes for effect in effects)))
+    amplitude = joint.fit(names, joint.from_starts().theta_mm, nothing).amplitude[0]
+    return Rotation.from_rotvec(amplitude[joint.candidates.places[BIAS]], degrees=True)
+
+
+def _places(ac: Motions, aa: Motions) -> list[int]:
+    """The rows of the same postures in the other frame."""
+    rows = {key: k for k, key in enumerate(zip(aa.subject, aa.motion, aa.posture, strict=True))}
+    return [rows[key] for key in zip(ac.subject, ac.motion, ac.posture, strict=True)]
+
+
+def _in_other_frame(bone: Motions, ac: Motions, aa: Motions) -> Float[np.ndarray, "postures 6"]:
+    """The angles with the scapula turned by each posture's own rotation from the AC to the AA frame."""
+    place = _places(ac, aa)
+    angles = bone.angles_deg.copy()
+    angles[:, 3:] = _cardan(_scapula(angles) * (_scapula(ac.angles_deg).inv() * _scapula(aa.angles_deg[place])))
+    return angles
+
+
+def with_skin_lag(motions: Motions) -> Motions:
+    """Hold the scapula back on its way from the posture with the arm lowest, by the lag at the elevation of the arm."""
     angles = motions.angles_deg.copy()
     for name in motions.subjects:
         mine = np.flatnonzero((motions.subject == name) & np.isfinite(motions.angles_deg).all(axis=1))
-        rest = angles[mine[np.argmin(motions.humerus_elevation_deg[mine])]]
-        R_clavicle, R_scapula = (rotation_from_cardan(jnp.asarray(rest[k] / DEG)) for k in (slice(3), slice(3, 6)))
-        rows = jnp.asarray(motions.angles_deg[mine].T / DEG)
-        count = len(mine)
-        R_clavicle, R_scapula = (jnp.repeat(R[..., None], count, axis=2) for R in (R_clavicle, R_scapula))
-        angles[mine, 2] = np.asarray(clavicle_axial_rotation(rows[:2], rows[3:], R_clavicle, R_scapula)) * DEG
+        elevation = motions.humerus_elevation_deg[mine]
+        sideways = np.array(["abduction" in motion or "frontal" in motion for motion in motions.motion[mine]])
+        lag = np.where(sideways, np.interp(elevation, *LAG_ABDUCTION_DEG), np.interp(elevation, *LAG_FLEXION_DEG))
+        bone = _scapula(motions.angles_deg[mine])
+        rest = bone[int(np.argmin(elevation))]
+        way = (rest.inv() * bone[elevation >= 0.8 * elevation.max()]).mean().as_rotvec()
+        behind = Rotation.from_rotvec(-np.radians(lag)[:, None] * way / np.linalg.norm(way))
+        angles[mine, 3:] = _cardan(bone * behind)
     return replace(motions, angles_deg=angles)
 
 
-def _bias(found: Diagnosis) -> Float[np.ndarray, "3"] | None:
-    """Rotation vector of the bias, rad, where it is in the answer."""
-    size = found.amplitude.get(BIAS)
-    return None if size is None else np.array([one.value for one in size.directions.values()]) / float(DEG)
+def with_estimated_axial(motions: Motions) -> Motions:
+    """Estimate the clavicle's axial rotation as two landmarks give it: the turn about its own axis by which, from the
+    posture with the arm lowest, the SC and the AC joint turn least (van der Helm and Pronk 1995; thesis, 6.3)."""
+    angles = motions.angles_deg.copy()
+    for name in motions.subjects:
+        mine = np.flatnonzero((motions.subject == name) & np.isfinite(motions.angles_deg).all(axis=1))
+        rest = int(np.argmin(motions.humerus_elevation_deg[mine]))
+        clavicle, scapula = _clavicle(motions.angles_deg[mine]), _scapula(motions.angles_deg[mine])
+        without = Rotation.from_euler("YZX", motions.angles_deg[mine, :3] * [1, 1, 0], degrees=True)
+        joint = (clavicle[rest].inv() * scapula[rest]).as_matrix()
+        # the sum of the traces of both joints' turns is tr(Rx(c) B)
+        B = (clavicle[rest].inv() * without).as_matrix() + joint @ (scapula.inv() * without).as_matrix()
+        angles[mine, 2] = np.degrees(np.arctan2(B[:, 1, 2] - B[:, 2, 1], B[:, 1, 1] + B[:, 2, 2]))
+    return replace(motions, angles_deg=angles)
 
 
-def _row(what: str, found: Diagnosis, bias) -> str:
-    causes = ", ".join(" or ".join(cause.names) for cause in found.verdict.causes)
-    amplitude = "" if bias is None else _degrees(bias)
-    return f"| {found.model} | {what} | {found.verdict.answer} | {causes} | {found.left_over_share:.2f} | {amplitude} |"
+def _clavicle(angles_deg: Float[np.ndarray, "postures 6"]) -> Rotation:
+    return Rotation.from_euler("YZX", angles_deg[:, :3], degrees=True)
 
 
-def _difference(ac, aa) -> Float[np.ndarray, "3"]:
-    """B_AC' B_AA: what the frame of AA adds to the bias of AC."""
-    return vector_from_rotation(compose(_transposed(_rotation(ac)), _rotation(aa)))
+def _scapula(angles_deg: Float[np.ndarray, "postures 6"]) -> Rotation:
+    return Rotation.from_euler("YZX", angles_deg[:, 3:], degrees=True)
 
 
-def _rotation(vector):
-    return rotation_from_vector(jnp.asarray(vector))
+def _degrees(rotation: Rotation) -> str:
+    x, y, z = rotation.as_rotvec(degrees=True)
+    return f"({x:.1f}, {y:.1f}, {z:.1f}) deg"
 
 
-def _transposed(R):
-    return jnp.swapaxes(R, 0, 1)
-
-
-def _degrees(vector) -> str:
-    x, y, z = np.asarray(vector) * float(DEG)
-    return f"({x:.1f}, {y:.1f}, {z:.1f}), {np.linalg.norm([x, y, z]):.1f} in all"
-
-
-def _report(stage: str) -> None:
-    print(stage, file=sys.stderr)
+def _cardan(rotation: Rotation) -> Float[np.ndarray, "postures 3"]:
+    return rotation.as_euler("YZX", degrees=True)
 
 
 if __name__ == "__main__":

@@ -3,11 +3,10 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """What depends on the cadaver? The same subjects with R2, R4 and R6, before and after adaptation (thesis, chapter 3).
 
-    python scripts/study_sets.py ../shared/motions/*.csv --mean mean_ludewig2009 --mean mean_oki2012
+    python scripts/study_sets.py ../shared/motions/*.csv
 
-Prints Markdown: Tables 3.4 and 3.5, the mean |simulated - measured| (SD over postures) of the mean motions with the
-sets as they are, beside the published ones, which are of another mean motion (ten subjects, Helm 1994b); then, over
-all subjects, how the variance of the adapted parameters, of their change and of the gaps is shared out,
+Prints Markdown: over all subjects, how the variance of the adapted parameters, of their change and of the gaps is
+shared out,
 
     value(set, subject) = mean + set + subject + rest      (two-way analysis of variance, one value a cell)
 
@@ -30,47 +29,14 @@ from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from models import load_model
 from models.adapted_parameters import ADAPTED
-from motions import ANGLES, InputError, read_motions
+from motions import ANGLES, read_motions
 from scripts.reporting import markdown
-
-SETS = ("R2", "R4", "R6")
-
-PUBLISHED_DEG = {
-    "Table 3.4, abduction": {
-        "R2": ((2.9, 1.6), (2.1, 1.1), (1.7, 1.3), (6.2, 4.0), (2.3, 1.1), (4.3, 2.2)),
-        "R4": ((2.8, 1.7), (5.8, 1.7), (6.0, 4.5), (14.0, 7.8), (8.5, 3.0), (8.0, 2.2)),
-        "R6": ((5.1, 2.9), (7.4, 4.4), (9.2, 4.6), (2.1, 2.3), (0.9, 0.6), (6.1, 2.9)),
-    },
-    "Table 3.5, forward flexion": {
-        "R2": ((1.9, 1.6), (2.3, 1.7), (1.4, 1.2), (7.6, 5.8), (2.6, 0.9), (7.1, 2.3)),
-        "R4": ((3.2, 1.7), (9.0, 0.6), (11.2, 10.7), (19.8, 9.8), (11.8, 4.7), (2.1, 1.5)),
-        "R6": ((4.0, 2.9), (5.5, 4.2), (6.4, 3.2), (2.7, 1.7), (1.5, 1.2), (3.3, 2.2)),
-    },
-}
-"""Mean and SD of the six ANGLES as printed."""
-
-MOTIONS = {"Table 3.4, abduction": "frontal_elevation", "Table 3.5, forward flexion": "sagittal_elevation"}
+from scripts.thesis.printed import SETS
 
 _NOTHING = 1e-20
 """A sum of squares that is rounding."""
 
 app = typer.Typer(add_completion=False)
-
-
-def mean_motion_table(fits: pd.DataFrame, label: str, motion: str, subjects: list[str]) -> str:
-    """One of Tables 3.4 and 3.5: the published cells, then ours of each subject and set, not adapted."""
-    header, lines = ["motion", "set", *ANGLES, "all"], []
-    for name in SETS:
-        cells = PUBLISHED_DEG[label][name]
-        lines.append([label, name, *(f"{mean} ({sd})" for mean, sd in cells), f"{np.mean([c[0] for c in cells]):.1f}"])
-    good = fits[(fits["adapted"] == 0) & (fits["status"] == status.OK) & (fits["motion"] == motion)]
-    for subject in subjects:
-        for name in SETS:
-            rows = good[(good["subject"] == subject) & (good["model"] == name)]
-            off = rows[[f"{angle}_difference_deg" for angle in ANGLES]].abs()
-            cells = [f"{mean:.1f} ({sd:.1f})" for mean, sd in zip(off.mean(), off.std(), strict=True)]
-            lines.append([f"{subject}, {motion}", name, *cells, f"{off.mean().mean():.1f}"])
-    return markdown(header, lines)
 
 
 def variance_shares(values: Float[np.ndarray, "sets subjects"]) -> tuple[float, float, float]:
@@ -139,17 +105,10 @@ def apart_table(fits: pd.DataFrame) -> str:
 @app.command()
 def main(
     files: Annotated[list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files.")],
-    mean: Annotated[list[str] | None, typer.Option(help="Subject that is a mean motion; repeatable.")] = None,
 ) -> None:
-    """Print, as Markdown, Tables 3.4 and 3.5 anew and what the three sets agree on after adaptation."""
+    """Print, as Markdown, what the three sets agree on after adaptation."""
     motions = read_motions(*files)
-    for name in mean or []:
-        if name not in motions.subjects:
-            raise InputError("--mean", None, f"there is no subject '{name}'", f"Use of {', '.join(motions.subjects)}")
     result = adapt_subjects(motions, [load_model(name) for name in SETS])
-    for label, motion in MOTIONS.items():
-        if mean:
-            print(mean_motion_table(result.fits, label, motion, mean), end="\n\n")
     print(agreement_table(result.parameters, result.summary), end="\n\n")
     print(apart_table(result.fits))
 

@@ -15,6 +15,7 @@ from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import MOTION, POSTURES
 from adapt.trust.held_out import Fold, folds, held_out
+from models.effects import AnyGirdle
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
 from models.parameter_sets import ParameterSet
 from motions.rotations import DEG
@@ -26,6 +27,8 @@ class AdaptedGaps:
     """What the adaptations of one model leave, with known effects or without; mean |simulated - measured|, degrees."""
 
     batch: Batch
+    chain: AnyGirdle
+    """Of all subjects, adapted, with the effects at work: (component, postures, subjects)."""
     adapted: Adapted
     in_sample: BoneGaps
     """Over the postures of each subject, then over subjects: the mean of summary.csv."""
@@ -56,7 +59,8 @@ def adapted_gaps(motions: Motions, model: ParameterSet, effects: Amplitudes, per
     found = held_out(data, len(batch.subjects), parts).unseen_deg
     of_folds = [found[:, part.tested, k] for k, part in enumerate(parts)]
     everyone = _persons(batch, person)
-    return AdaptedGaps(batch, adapted, _of_subjects(after, everyone), _of_folds(of_folds, parts, everyone))
+    chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
+    return AdaptedGaps(batch, chain, adapted, _of_subjects(after, everyone), _of_folds(of_folds, parts, everyone))
 
 
 def base_gaps(motions: Motions, model: ParameterSet, person: Mapping[str, int]) -> BaseGaps:

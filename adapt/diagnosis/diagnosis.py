@@ -22,6 +22,7 @@ from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.naming import Named, name_causes
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import Weights, weigh
+from adapt.diagnosis.location.constraint_spread import constraint_spread
 from adapt.diagnosis.location.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
 from adapt.diagnosis.location.gap_rotations import variance_fractions
 from adapt.diagnosis.location.observations import Observed, observe
@@ -140,7 +141,8 @@ class _Study:
             cells=cells(angle_gaps),
             profile=profile(angle_gaps),
             variance_fractions=variance_fractions(angle_gaps),
-            constraints=constraint_residuals_mm(data, self._at_measured(data, adapted)),
+            constraints=constraint_residuals_mm(data, np.asarray(adapted.chain.residuals_mm(data.values[:6]))),
+            constraint_spread=constraint_spread(data, adapted.chain, with_causes.chain, noise.angle_deg),
             indistinguishable=indistinguishable(none.linearised),
             next_measurement=propose(search, node, [cause.names for cause in verdict.causes]),
         )
@@ -198,11 +200,6 @@ class _Study:
             gap = interval(rung.gaps_deg[chosen].mean(axis=1), person[folds.subject])
             steps.append(Step(cause_of(rung.added), gap))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
-
-    def _at_measured(self, data: Observed, adapted: AdaptedGaps):
-        """A1-A3 of each subject's adapted girdle at the measured angles, mm."""
-        girdle = self.search.joint.model.girdle.repeated(len(data.subjects)).with_adapted(adapted.adapted.theta_mm)
-        return np.asarray(girdle.over_postures().residuals_mm(data.values[:6]))
 
 
 def _levels(noise_floor: BoneGaps, base: BoneGaps, adapted: BoneGaps, with_effect: BoneGaps) -> GapLevels:

@@ -17,7 +17,7 @@ from adapt.report.headline import closest
 from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
 from models.adapted_parameters import ADAPTED
-from models.girdle import CONSTRAINTS, Girdle
+from models.girdle import CONSTRAINT_NAMES, Girdle
 from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, girdles_of
 from motions.table import ANGLE_NAMES, ANGLES, Motions
@@ -26,10 +26,6 @@ Rows = Int[np.ndarray, " rows"]
 
 COLUMNS = (*ANGLES, "clavicle", "scapula")
 """Of the table of subjects, mean absolute differences."""
-
-CONSTRAINT_NAMES = dict(
-    zip(CONSTRAINTS, ("A1: TS to the ellipsoid", "A2: AI to the ellipsoid", "A3: length of the conoid"), strict=True)
-)
 
 _ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
 """A hundredth of a degree; a tenth of a mm is less than a pixel; a hundredth of a mm."""

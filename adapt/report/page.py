@@ -25,11 +25,12 @@ from adapt.diagnosis.wording import (
     unseen_text,
     with_unit,
 )
-from adapt.report.figure_data import CONSTRAINT_NAMES, figure_data
+from adapt.report.figure_data import figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
 from adapt.tables.results import Tables
 from models.effects import EFFECTS
+from models.girdle import CONSTRAINT_NAMES
 from models.person.family import AnyModel
 from motions.table import ANGLE_NAMES, Motions
 

@@ -12,7 +12,7 @@ from adapt.solvers import status
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.batched.subject_kernels import sweep_from
 from adapt.solvers.extended.whole_subjects import solve_extended
-from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, Reading, ThoraxPoints, thorax_distance_mm2
+from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, AtOptimum, Reading, ThoraxPoints
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_with_weight
 from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
@@ -20,6 +20,7 @@ from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from adapt.solvers.reference.subject import Problem, Subject, solve_subjects
 from models.adapted_parameters import STARTS_MM
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
+from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
 from motions.arrays import Array, ByType
 from motions.table import FEWEST_ANGLES
@@ -30,11 +31,11 @@ _ROUNDS = 4
 _LOWER_DEG2 = ByType(1e-6, 1e-3)
 """A fresh posture fit lower by less than this is the same one."""
 
-_ROOT_ROUNDS = 100
-"""Most fixed-point iterations of the weight of a reading with roots."""
+_REWEIGHTED = 1000
+"""Most fixed-point iterations of the weights of a reading with roots or lengths: 18 measured problems took 10-500."""
 
-_ROOT_SETTLED = 1e-4
-"""Relative change of that weight at which it has settled."""
+_SETTLED = 1e-4
+"""Change, relative to the weight of J and to all points together, at which the weights have settled."""
 
 _LEAST_WEIGHT = 1e-6
 """The weight goes to 0 where the root of D has its kink, at the geometric fit; below this nothing moves any more."""
@@ -71,7 +72,9 @@ class Adapted:
     E: Float[np.ndarray, " problems"]
     """In the units of the reading."""
     weight: Float[np.ndarray, " problems"]
-    """W of the E = D [mm^2] + W mean(J) [deg^2] that has the same optimum (``Reading.weight``)."""
+    """W of the sum u d^2 [mm^2] + W mean(J) [deg^2] that has the same optimum (``Reading.equivalent``)."""
+    point_weights: Float[np.ndarray, "points problems"]
+    """u of it."""
     iterations: Int[np.ndarray, " problems"]
     status: Shaped[np.ndarray, " problems"]
 
@@ -79,15 +82,12 @@ class Adapted:
         """Take some problems, by their numbers, where they are or as a slice."""
         return Adapted(**{name: value[..., chosen] for name, value in vars(self).items()})
 
-    def with_problems(self, chosen, others: "Adapted") -> "Adapted":
-        """Put others in the place of some problems."""
-
-        def put(mine, theirs):
-            result = np.array(mine)
-            result[..., chosen] = theirs
-            return result
-
-        return Adapted(**{name: put(value, getattr(others, name)) for name, value in vars(self).items()})
+    def replaced(self, chosen: Int[np.ndarray, " chosen"], values: "Adapted") -> "Adapted":
+        """Replace some problems by those of ``values``, in a copy."""
+        result = {name: np.array(value) for name, value in vars(self).items()}
+        for name, value in result.items():
+            value[..., chosen] = getattr(values, name)
+        return Adapted(**result)
 
 
 Progress = Callable[[str], None]
@@ -105,20 +105,44 @@ def adapt_batch(
     """
     chosen = READINGS[reading]
     count = data.counted.shape[1:]
-    if not chosen.root:
-        return _lowest(data, weight, chosen, np.broadcast_to(chosen.weight(weight, np.nan, np.nan), count), progress)
-    equivalent = np.full(count, WEIGHT)
-    adapted = _lowest(data, weight, chosen, equivalent, progress)
-    moving = np.ones(count, bool)
-    for number in range(_ROOT_ROUNDS):
-        progress(f"weight of the roots, round {number + 1}")
-        before = equivalent
-        equivalent = np.maximum(chosen.weight(weight, adapted.D_mm2, adapted.mean_j_deg2), _LEAST_WEIGHT)
-        adapted = _from_theta(data, weight, chosen, equivalent, adapted.theta_mm, lambda _: None)
-        moving = np.abs(np.log(equivalent / before)) > _ROOT_SETTLED
-        if not moving.any():
+    if chosen.form == "squares":
+        _, equivalent = chosen.equivalent(weight, _at_optimum(data, data.girdle.adapted_mm, np.full(count, np.nan)))
+        return _lowest(data, weight, chosen, equivalent, progress)
+    return _reweighted(data, weight, chosen, _lowest(data, weight, chosen, np.full(count, WEIGHT), progress), progress)
+
+
+def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
+    """The optimum whose own weights of points and postures it is the optimum of, each problem until it has settled."""
+    left = np.arange(len(adapted.status))
+    for number in range(_REWEIGHTED):
+        progress(f"weights of the reading, round {number + 1}")
+        part, before = take_problems(data, left), adapted.take(left)
+        u, W = reading.equivalent(weight, _at_optimum(part, before.theta_mm, before.mean_j_deg2))
+        W = np.maximum(W, _LEAST_WEIGHT)
+        found = _from_theta(replace(part, point_weights=u), weight, reading, W, before.theta_mm, lambda _: None)
+        adapted = adapted.replaced(left, _in_terms_of(part, weight, reading, found))
+        moving = np.abs(np.log(W / before.weight)) > _SETTLED
+        moving |= np.abs(u - before.point_weights).max(axis=0) > _SETTLED
+        left = left[moving]
+        if not len(left):
             return adapted
-    return replace(adapted, status=np.where(moving, status.NOT_CONVERGED, adapted.status))
+    adapted.status[left] = status.NOT_CONVERGED
+    return adapted
+
+
+def _at_optimum(data: ProblemBatch, theta_mm, mean_j_deg2) -> AtOptimum:
+    """What E is made of at theta."""
+    moved = data.girdle.with_adapted(theta_mm).over_postures()
+    distance_mm = signed_distance_mm(data.points_mm, moved.centre_mm, moved.semi_axes_mm)
+    postures = np.sum(data.counted, axis=0)
+    return AtOptimum(np.asarray(distance_mm), np.asarray(data.point_weights), mean_j_deg2, postures)
+
+
+def _in_terms_of(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted) -> Adapted:
+    """D and E of points that count as in ``data``, of an optimum found with other weights of them."""
+    at = _at_optimum(data, adapted.theta_mm, adapted.mean_j_deg2)
+    D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
+    return replace(adapted, D_mm2=D, E=reading.value(weight, at))
 
 
 def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
@@ -141,18 +165,18 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
     best, *others = (found.take(slice(k * count, (k + 1) * count)) for k in range(starts))
     for other in others:
         best = _better(best, other)
-    unsolved = np.flatnonzero(best.status == status.NOT_CONVERGED) if with_effects else ()
+    unsolved = np.flatnonzero((best.status == status.NOT_CONVERGED) & with_effects)
     if len(unsolved):
         part = take_problems(data, unsolved)
         further = _from_theta(part, weight, reading, equivalent[unsolved], best.theta_mm[:, unsolved], progress)
-        best = best.with_problems(unsolved, further)
+        best = best.replaced(unsolved, further)
     return best
 
 
 def _better(one: Adapted, other: Adapted) -> Adapted:
     """Problem by problem the converged one, then the one with the lower E."""
     gains = (other.status == status.OK) & ((one.status != status.OK) | (other.E < one.E))
-    return one.with_problems(gains, other.take(gains))
+    return one.replaced(np.flatnonzero(gains), other.take(gains))
 
 
 def solved_from_geometric_fit(data: ProblemBatch) -> Subject:
@@ -292,9 +316,10 @@ def _solve(
 
 def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved: Subject) -> Adapted:
     theta, count = np.asarray(solved.theta), np.sum(data.counted, axis=0)
-    D = thorax_distance_mm2(data.girdle.with_adapted(theta), data.points_mm, data.point_weights)
     j = mean_square_deg2(solved.angles, data.angles, objective_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / count
+    at = _at_optimum(data, theta, mean_j)
+    D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
     angles = np.sum(data.measured, axis=0)
     determined = np.all(angles >= FEWEST_ANGLES, axis=0)
@@ -313,8 +338,9 @@ def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved
         stationarity=stationarity,
         D_mm2=D,
         mean_j_deg2=mean_j,
-        E=reading.value(weight, D, mean_j),
+        E=reading.value(weight, at),
         weight=np.asarray(equivalent, float),
+        point_weights=at.point_weights,
         iterations=np.asarray(solved.iterations),
         status=np.where(determined, words, status.INVALID).astype("U16"),
     )

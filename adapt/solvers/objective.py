@@ -1,15 +1,17 @@
 """The objective of the adaptation, E = D + w mean(J_p), and the ways to read it (thesis Eq. 6.3-6.5).
 
-The thesis leaves open whether D and J are means of squares or their roots, and the units. A reading is a choice of
-both. Every reading has the optimum of some D [mm^2] + W mean(J_p) [deg^2]: the reading only changes the weight W.
+The thesis leaves open whether D is a mean of squares, their root or, as Eq. 6.3 is printed, a mean of lengths; whether
+points and postures are summed or averaged; and the units. A reading is a choice of all. Every reading has the optimum
+of some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the reading only changes u and W.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from models.adapted_parameters import ADAPTED, ELLIPSOID
 from models.derivatives import Distance, distance, ellipsoid_curvature, ellipsoid_slope
@@ -20,39 +22,96 @@ from motions.arrays import Array, xp
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
 
+KINK_MM = 0.01
+"""Below this the length of a distance is rounded off, |d| ~ sqrt(d^2 + KINK^2): no thorax point is known as well, and
+an ellipsoid that passes through some points has an optimum with slopes."""
+
+_NOTHING = 1e-12
+"""mm^2 or deg^2, below which a mean under a root counts as this: the root has its kink at 0."""
+
+
+@dataclass(frozen=True)
+class AtOptimum:
+    """What E is made of, of a batch of problems."""
+
+    distance_mm: Float[np.ndarray, "points problems"]
+    point_weights: Float[np.ndarray, "points problems"]
+    """1/n for each of n thorax points, 0 for padding."""
+    mean_j_deg2: Float[np.ndarray, " problems"]
+    postures: Int[np.ndarray, " problems"]
+
+    @property
+    def points(self) -> Int[np.ndarray, " problems"]:
+        """How many points count."""
+        return np.sum(self.point_weights > 0.0, axis=0)
+
 
 @dataclass(frozen=True)
 class Reading:
-    """Units of D and J in E, and whether E takes the roots of the two means."""
+    """Units of D and J in E, what E takes of the distances, and whether it sums or averages."""
 
-    distance_per_mm: float
-    angle_per_deg: float
-    root: bool = False
+    distance_per_mm: float = 1.0
+    angle_per_deg: float = 1.0
+    form: Literal["squares", "roots", "lengths"] = "squares"
+    """D is a mean of squares and J one; both under a root; D is a mean of lengths |d| and J as it is."""
+    sum_points: bool = False
+    """D is the sum over the points instead of their mean."""
+    sum_postures: bool = False
+    """J_p are summed instead of averaged."""
 
-    def weight(self, w: float, D_mm2, J_deg2):
-        """Compute W of the equivalent E = D [mm^2] + W mean(J) [deg^2]; with roots it depends on D and J themselves.
+    def equivalent(
+        self, w: float, at: AtOptimum
+    ) -> tuple[Float[np.ndarray, "points problems"], Float[np.ndarray, " problems"]]:
+        """Compute u (of sum 1) and W of the equivalent E = sum u d^2 [mm^2] + W mean(J) [deg^2].
 
-        d(sqrt D + w sqrt J) = (dD + w sqrt(D / J) dJ) / (2 sqrt D).
+        With roots W depends on D and J themselves, d(sqrt D + w sqrt J) = (dD + w sqrt(D / J) dJ) / (2 sqrt D); with
+        lengths u on the distances, d|d| = d(d^2) / (2 |d|) (iteratively reweighted least squares).
         """
-        unit = self.angle_per_deg / self.distance_per_mm
-        if not self.root:
-            return w * unit**2 * np.ones_like(J_deg2)
-        return w * unit * np.sqrt(np.maximum(D_mm2, 1e-12) / np.maximum(J_deg2, 1e-12))
+        points, postures = self._counts(at)
+        share = w * self.angle_per_deg**2 / self.distance_per_mm**2 * postures / points
+        if self.form == "lengths":
+            u = at.point_weights / (2.0 * _length_mm(at.distance_mm))
+            return u / u.sum(axis=0), share * self.distance_per_mm / u.sum(axis=0)
+        if self.form == "roots":
+            D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
+            ratio = np.maximum(D, _NOTHING) / np.maximum(at.mean_j_deg2, _NOTHING)
+            return at.point_weights, np.sqrt(w * share * ratio)
+        return at.point_weights, share
 
-    def value(self, w: float, D_mm2, J_deg2):
+    def value(self, w: float, at: AtOptimum) -> Float[np.ndarray, " problems"]:
         """Compute E in the units of the reading."""
-        D, J = D_mm2 * self.distance_per_mm**2, J_deg2 * self.angle_per_deg**2
-        return np.sqrt(D) + w * np.sqrt(J) if self.root else D + w * J
+        points, postures = self._counts(at)
+        power = _length_mm(at.distance_mm) if self.form == "lengths" else at.distance_mm**2
+        unit = self.distance_per_mm if self.form == "lengths" else self.distance_per_mm**2
+        D = unit * points * np.sum(at.point_weights * power, axis=0)
+        J = self.angle_per_deg**2 * postures * at.mean_j_deg2
+        return np.sqrt(D) + w * np.sqrt(J) if self.form == "roots" else D + w * J
+
+    def _counts(self, at: AtOptimum):
+        """Factors of the means of D and J."""
+        return np.where(self.sum_points, at.points, 1.0), np.where(self.sum_postures, at.postures, 1.0)
+
+
+def _length_mm(distance_mm):
+    """|d|, rounded off at 0."""
+    return np.sqrt(distance_mm**2 + KINK_MM**2)
 
 
 READINGS = {
-    "mm2_deg2": Reading(1.0, 1.0),
-    "cm2_deg2": Reading(0.1, 1.0),
+    "mm2_deg2": Reading(),
+    "cm2_deg2": Reading(0.1),
     "cm2_rad2": Reading(0.1, np.pi / 180.0),
-    "rms_cm_rad": Reading(0.1, np.pi / 180.0, root=True),
-    "rms_mm_deg": Reading(1.0, 1.0, root=True),
+    "rms_cm_rad": Reading(0.1, np.pi / 180.0, "roots"),
+    "rms_mm_deg": Reading(form="roots"),
+    "mm_deg2": Reading(form="lengths"),
+    "cm_deg2": Reading(0.1, form="lengths"),
+    "sum_mm2_deg2": Reading(sum_points=True),
+    "sum_cm2_deg2": Reading(0.1, sum_points=True),
+    "sum_mm_deg2": Reading(form="lengths", sum_points=True),
+    "sum_mm2_sum_deg2": Reading(sum_points=True, sum_postures=True),
+    "mm2_sum_deg2": Reading(sum_postures=True),
 }
-"""The readings by name; ``mm2_deg2`` is the one whose results look like the thesis's (docs/reading_of_E.md)."""
+"""The readings by name; ``mm2_deg2`` is the default (docs/thesis.md compares them)."""
 
 DEFAULT_READING = "mm2_deg2"
 

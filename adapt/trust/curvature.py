@@ -15,7 +15,7 @@ never negative in any direction. d'_i: derivative in theta of the distance of po
 of the angles in E.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -57,7 +57,8 @@ class Curvature:
 
 
 def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
-    """Differentiate E = D + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, problem by problem."""
+    """Differentiate E = sum u d^2 + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, each problem's."""
+    data = replace(data, point_weights=adapted.point_weights)
     problem = problem_with_weight(data, adapted.weight)
     if data.active_effects.effects and np.asarray(data.measured | ~data.counted).all():
         return _with_effects(data, problem, adapted)

@@ -136,6 +136,7 @@ def _adapted(motions: Motions, model: ParameterSet, failed: Sequence[str]) -> Ad
         mean_j_deg2=np.ones(len(names)),
         E=np.ones(len(names)),
         weight=np.full(len(names), WEIGHT),
+        point_weights=np.ones((1, len(names))),
         iterations=np.ones(len(names), dtype=int),
         status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
     )

@@ -12,6 +12,7 @@ from adapt.solvers.objective import (
     DEFAULT_READING,
     READINGS,
     WEIGHT,
+    AtOptimum,
     Reading,
     ThoraxPoints,
     fitted_girdle,
@@ -21,7 +22,14 @@ from adapt.solvers.objective import (
 from models import load_model
 from models.ellipsoid import signed_distance_mm
 
-D_MM2, J_DEG2, W = 16.0, 9.0, 10.0
+W = 10.0
+AT = AtOptimum(
+    distance_mm=np.array([[4.0], [-4.0], [50.0]]),
+    point_weights=np.array([[0.5], [0.5], [0.0]]),
+    mean_j_deg2=np.array([9.0]),
+    postures=np.array([3]),
+)
+"""Two points, 4 mm out and in, and one that is padding; three postures."""
 
 BY_HAND = {
     "mm2_deg2": 16.0 + 10.0 * 9.0,
@@ -29,7 +37,17 @@ BY_HAND = {
     "cm2_rad2": 0.16 + 10.0 * 9.0 * np.radians(1.0) ** 2,
     "rms_cm_rad": 0.4 + 10.0 * 3.0 * np.radians(1.0),
     "rms_mm_deg": 4.0 + 10.0 * 3.0,
+    "mm_deg2": 4.0 + 10.0 * 9.0,
+    "cm_deg2": 0.4 + 10.0 * 9.0,
+    "sum_mm2_deg2": 32.0 + 10.0 * 9.0,
+    "sum_cm2_deg2": 0.32 + 10.0 * 9.0,
+    "sum_mm_deg2": 8.0 + 10.0 * 9.0,
+    "sum_mm2_sum_deg2": 32.0 + 10.0 * 27.0,
+    "mm2_sum_deg2": 16.0 + 10.0 * 27.0,
 }
+
+ROUNDED_OFF = 1e-6
+"""Relative: a length of 4 mm is rounded off by KINK_MM^2 / (2 * 4 mm), 1.25e-5 mm, of an E of 94."""
 
 EXACT = 1e-11
 """Relative to the largest: derivatives by hand and by JAX are sums of the same hundred terms in another order."""
@@ -44,23 +62,34 @@ def test_the_thesis_weight_and_reading():
 
 @pytest.mark.parametrize("name", READINGS)
 def test_e_by_hand(name):
-    assert READINGS[name].value(W, D_MM2, J_DEG2) == pytest.approx(BY_HAND[name], rel=1e-14)
+    exact = 1e-14 if READINGS[name].form != "lengths" else ROUNDED_OFF
+    assert READINGS[name].value(W, AT) == pytest.approx(BY_HAND[name], rel=exact)
 
 
 @pytest.mark.parametrize("name", READINGS)
-def test_the_weight_gives_e_the_slopes_of_the_plain_sum(name):
-    """dE/dJ over dE/dD by differences is W of D + W J, whatever the units and roots."""
+def test_the_weights_give_e_the_slopes_of_the_weighted_squares(name):
+    """dE by each distance and by J, by differences, are those of sum u d^2 + W J, but for one factor."""
     reading, step = READINGS[name], 1e-5
-    along_d = reading.value(W, D_MM2 + step, J_DEG2) - reading.value(W, D_MM2 - step, J_DEG2)
-    along_j = reading.value(W, D_MM2, J_DEG2 + step) - reading.value(W, D_MM2, J_DEG2 - step)
-    weight = reading.weight(W, np.array(D_MM2), np.array(J_DEG2))
-    np.testing.assert_allclose(weight, along_j / along_d, rtol=1e-6)
+    at = replace(AT, distance_mm=np.array([[4.0], [-1.0], [50.0]]))
+    u, weight = reading.equivalent(W, at)
+
+    def slope(**one_step):
+        high, low = (replace(at, **{k: getattr(at, k) + sign * v for k, v in one_step.items()}) for sign in (1.0, -1.0))
+        return ((reading.value(W, high) - reading.value(W, low)) / (2.0 * step)).item()
+
+    along_d = [slope(distance_mm=step * np.eye(3)[:, [k]]) for k in range(3)]
+    along_j = slope(mean_j_deg2=np.array([step]))
+    factor = along_j / weight
+    np.testing.assert_allclose(along_d, (factor * 2.0 * u * at.distance_mm)[:, 0], rtol=1e-6, atol=1e-9)
+    assert u.sum() == pytest.approx(1.0, rel=1e-14)
 
 
 def test_a_root_of_nothing_has_a_weight():
     """At D = 0 or J = 0 the root has a kink; the weight stays a number, of 1e-12 mm^2 or deg^2."""
-    rooted = Reading(1.0, 1.0, root=True)
-    np.testing.assert_allclose(rooted.weight(1.0, np.array([0.0, 1.0]), np.array([1.0, 0.0])), [1e-6, 1e6], rtol=1e-12)
+    at = replace(AT, distance_mm=np.zeros((3, 1)), mean_j_deg2=np.array([1.0]))
+    assert Reading(form="roots").equivalent(1.0, at)[1] == pytest.approx(1e-6, rel=1e-12)
+    at = replace(AT, distance_mm=np.ones((3, 1)), mean_j_deg2=np.array([0.0]))
+    assert Reading(form="roots").equivalent(1.0, at)[1] == pytest.approx(1e6, rel=1e-12)
 
 
 def test_d_of_a_sphere_by_hand():

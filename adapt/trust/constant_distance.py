@@ -1,0 +1,80 @@
+"""Do TS and AI keep a constant distance to the thorax (thesis, chapter 7)? Their distance in measured postures.
+
+The bones are where the measured angles put them, whether the chain closes or not: what A1 and A2 of Eq. 6.2 hold
+constant is looked at, not enforced. Of postures that the chain can take, noise of the angles alone spreads the
+distance too: :func:`noise_courses` says by how much.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from models.ellipsoid import signed_distance_mm
+from models.girdle import Girdle, landmarks
+from motions.rotations import DEG
+
+POINTS = ("TS", "AI")
+
+
+@dataclass(frozen=True)
+class DistanceCourse:
+    """What the distances of POINTS to the ellipsoid do in the postures of each subject; ``repeats`` may be none."""
+
+    mean_mm: Float[np.ndarray, "2 subjects *repeats"]
+    sd_mm: Float[np.ndarray, "2 subjects *repeats"]
+    """Over postures."""
+    slope_mm_per_deg: Float[np.ndarray, "2 subjects *repeats"]
+    """By elevation of the arm within the motions: each motion has an offset of its own. NaN if no motion has one."""
+
+
+def thorax_distances_mm(girdle: Girdle, angles: Float[np.ndarray, " 6 *batch"]) -> Float[np.ndarray, " 2 *batch"]:
+    """Measure the signed distances of TS and AI to the ellipsoid in postures (rad), outside positive, mm."""
+    at = landmarks(girdle, angles)
+    points = (signed_distance_mm(point, girdle.centre_mm, girdle.semi_axes_mm) for point in (at.TS, at.AI))
+    return np.stack([np.asarray(one) for one in points])
+
+
+def distance_courses(
+    distances_mm: Float[np.ndarray, "2 postures *repeats"],
+    subject: Shaped[np.ndarray, " postures"],
+    motion: Shaped[np.ndarray, " postures"],
+    elevation_deg: Float[np.ndarray, " postures"],
+) -> DistanceCourse:
+    """Compute mean, SD and slope of each subject, in the order in which they first appear."""
+    parts = []
+    for name in dict.fromkeys(subject.tolist()):
+        mine = distances_mm[:, subject == name]
+        slope = _slope_within(mine, motion[subject == name], elevation_deg[subject == name])
+        parts.append((mine.mean(axis=1), mine.std(axis=1, ddof=1), slope))
+    return DistanceCourse(*(np.stack(one, axis=1) for one in zip(*parts, strict=True)))
+
+
+def _slope_within(values, motion, elevation_deg) -> Float[np.ndarray, " 2 *repeats"]:
+    """Least squares of value = offset of its motion + slope elevation."""
+    same = motion[:, None] == motion[None]
+    lever = elevation_deg - same @ elevation_deg / same.sum(axis=1)
+    squares = float(lever @ lever)
+    if not squares > 0.0:
+        return np.full((2, *values.shape[2:]), np.nan)
+    return np.tensordot(values, lever, axes=([1], [0])) / squares
+
+
+def noise_courses(
+    girdle: Girdle,
+    closed: Float[np.ndarray, "6 postures"],
+    noise_deg: float,
+    subject: Shaped[np.ndarray, " postures"],
+    motion: Shaped[np.ndarray, " postures"],
+    elevation_deg: Float[np.ndarray, " postures"],
+    repeats: int,
+    seed: int,
+) -> DistanceCourse:
+    """Compute the courses that noise alone gives: of simulated measurements of closed postures (rad).
+
+    Every angle has an independent Gaussian error of SD ``noise_deg``. ``girdle``: one of each posture.
+    """
+    generator = np.random.Generator(np.random.PCG64(seed))
+    errors = noise_deg / DEG * generator.standard_normal((repeats, *closed.shape))
+    found = [thorax_distances_mm(girdle, closed + one) for one in errors]
+    return distance_courses(np.stack(found, axis=-1), subject, motion, elevation_deg)

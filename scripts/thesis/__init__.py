@@ -1,0 +1,1 @@
+"""The tables of the thesis as printed, the adaptations beside them, and how far the two are apart."""

@@ -1,0 +1,108 @@
+"""What can be chosen of an adaptation where the thesis leaves it open, and the problems that each choice makes."""
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from adapt.solvers.objective import DEFAULT_READING, WEIGHT
+from adapt.solvers.problem_batch import ProblemBatch
+from models.parameter_sets import SHORTEST_MM
+from motions.landmarks.girdle_angles import CLAVICLE_X
+from scripts.completion import POINT_AZIMUTHS_DEG
+
+POINTS = {
+    "all": POINT_AZIMUTHS_DEG,
+    "under the scapula": POINT_AZIMUTHS_DEG[2:],
+    "serratus origins and wrap": POINT_AZIMUTHS_DEG[:2],
+}
+"""Columns of thorax points that count, by their azimuth from lateral toward backward (scripts.completion)."""
+
+BOUNDS = {"as shipped": 1.0, "half": 0.5, "double": 2.0, "none": None}
+"""Factors of the half widths; None is ``NO_BOUND_MM``."""
+
+NO_BOUND_MM = 1e6
+
+MEASURED, ESTIMATED, FROM_SET, LEFT_OUT, LEFT_OUT_FROM_SET = AXIAL = (
+    "six angles",
+    "six, axial estimated",
+    "six, axial estimated from the set's own",
+    "five angles",
+    "five, axial gap of the estimate from the set's own",
+)
+"""The clavicle's axial rotation in J: as measured; as two landmarks give it (6.3), from 0 with the arm lowest or from
+what the set closes with there; not at all, its gap then being that of the measured or of the latter estimate."""
+
+SIDES = {"signed": ((None, None),), "unsigned": ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))}
+"""Signs of const1 and const2 of A1 and A2: the set's own, or either (Eq. 6.2 has lengths). A bone cannot cross the
+ellipsoid from one side to the other, so that a subject's postures all have the same."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One choice of everything; as shipped where nothing is said."""
+
+    reading: str = DEFAULT_READING
+    weight: float = WEIGHT
+    axial: str = MEASURED
+    points: str = "all"
+    bounds: str = "as shipped"
+    distances: str = "signed"
+
+
+def problems_of(
+    data: ProblemBatch, axial: Float[np.ndarray, " postures problems"], variant: Variant
+) -> list[ProblemBatch]:
+    """The problems of a variant, once for each choice of sides; ``axial``: the clavicle's axial rotation in it, rad."""
+    data = with_axial(data, axial)
+    if variant.axial in (LEFT_OUT, LEFT_OUT_FROM_SET):
+        data = without_axial(data)
+    data = with_bounds(with_points(data, variant.points), BOUNDS[variant.bounds])
+    return [on_sides(data, *signs) for signs in SIDES[variant.distances]]
+
+
+def with_axial(data: ProblemBatch, axial: Float[np.ndarray, " postures problems"]) -> ProblemBatch:
+    """Another axial rotation of the clavicle, rad."""
+    angles = np.array(data.angles)
+    angles[CLAVICLE_X] = axial
+    return replace(data, angles=angles)
+
+
+def without_axial(data: ProblemBatch) -> ProblemBatch:
+    """J of five angles."""
+    measured = np.array(data.measured)
+    measured[CLAVICLE_X] = False
+    return replace(data, measured=measured)
+
+
+def azimuth_deg(data: ProblemBatch) -> Float[np.ndarray, "points problems"]:
+    """Azimuth of each point about the ellipsoid's centre, of the parameter, from lateral toward backward."""
+    scaled = np.asarray((data.points_mm - data.girdle.centre_mm[:, None]) / data.girdle.semi_axes_mm[:, None])
+    return np.degrees(np.arctan2(scaled[2], scaled[0]))
+
+
+def with_points(data: ProblemBatch, name: str) -> ProblemBatch:
+    """Equal shares for the named columns of points, none for the others."""
+    columns = np.array(POINT_AZIMUTHS_DEG)
+    nearest = columns[np.argmin(np.abs(azimuth_deg(data)[..., None] - columns), axis=-1)]
+    counts = np.isin(nearest, POINTS[name]) & (np.asarray(data.point_weights) > 0.0)
+    return replace(data, point_weights=counts / counts.sum(axis=0))
+
+
+def with_bounds(data: ProblemBatch, factor: float | None) -> ProblemBatch:
+    """Bounds at a multiple of their distance, or none, but semi-axes and conoid at least ``SHORTEST_MM``."""
+    own = data.girdle.adapted_mm
+    away = data.bounds_mm - own if factor is not None else NO_BOUND_MM * np.array([-1.0, 1.0])[:, None, None]
+    bounds = jnp.asarray(own + (1.0 if factor is None else factor) * away)
+    return replace(data, bounds_mm=np.asarray(bounds.at[0, 2:].max(SHORTEST_MM)))
+
+
+def on_sides(data: ProblemBatch, ts: float | None, ai: float | None) -> ProblemBatch:
+    """TS and AI as far from the ellipsoid as they are, outside (1) or inside (-1); None leaves them."""
+    girdle = data.girdle
+    distances = [
+        own if sign is None else sign * np.abs(own)
+        for own, sign in ((girdle.ts_distance_mm, ts), (girdle.ai_distance_mm, ai))
+    ]
+    return replace(data, girdle=replace(girdle, ts_distance_mm=distances[0], ai_distance_mm=distances[1]))

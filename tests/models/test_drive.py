@@ -1,0 +1,200 @@
+"""The girdle driven by AC_y, AC_z and TS_x: a girdle solved by hand, round trips, coordinates out of reach, slopes."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from adapt import fit_postures
+from models import load_model
+from models.drive import DRIVEN, drive, free_coordinates_mm
+from models.girdle import Girdle, constraint_residuals_mm
+from motions import read_motions
+from motions.rhythm import REST_DEG
+from motions.rhythm_subjects import DATA_FILE
+from motions.rotations import DEG, cardan_from_rotation
+
+ROUND_TRIP_DEG = 1e-9
+"""Measured: 1e-11, rounding of 100s of mm magnified by the slopes of the drive."""
+
+CLOSED_MM = 1e-9
+"""What a driven posture promises."""
+
+SLOPES = 1e-9
+"""Relative: two ways through the same geometry, whose 6 x 6 matrix costs some digits."""
+
+DIFFERENCES = 1e-6
+"""Relative, of central differences over 1e-3 mm: truncation 1e-9, rounding 1e-12 / 1e-3."""
+
+SETS = ("R2", "R4", "R6", "breteler_dissection", "breteler_mri")
+
+
+def by_hand() -> Girdle:
+    """A sphere of radius 50 about (60, 50, 40), SC in the origin, a clavicle of 130, TS 100 and AI 60 farther on.
+
+    With AC_y = 50, AC_z = 0 is AC_x = 120. TS_x = 60 puts TS on the circle (60, 50 + 80 cos t, 80 sin t), and its
+    square distance to the centre is 8000 - 6400 sin t = 69.28^2 at t = 30 and 150 degrees. AI meets |AI - centre|^2 =
+    |TS - centre|^2 + 60^2 where TS-AI stands square on TS-centre and on AC-TS.
+    """
+    return Girdle(
+        centre_mm=np.array([60.0, 50.0, 40.0]),
+        semi_axes_mm=np.full(3, 50.0),
+        sc_mm=np.zeros(3),
+        ac_mm=np.array([130.0, 0.0, 0.0]),
+        clavicle_conoid_mm=np.array([100.0, 10.0, 0.0]),
+        ts_mm=np.array([-100.0, 0.0, 0.0]),
+        ai_mm=np.array([-100.0, -60.0, 0.0]),
+        scapula_conoid_mm=np.zeros(3),  # set by `with_conoid`
+        ts_distance_mm=np.array(np.sqrt(4800.0) - 50.0),
+        ai_distance_mm=np.array(np.sqrt(4800.0 + 3600.0) - 50.0),
+        conoid_length_mm=np.array(np.sqrt(1200.0)),
+    )
+
+
+COORDINATES_MM = np.array([50.0, 0.0, 60.0])
+
+
+def solved_by_hand(upper: bool, down: bool) -> tuple[Girdle, np.ndarray]:
+    """The girdle and its angles, deg, on one of four branches. The conoid's attachment on the scapula is 20 mm in front
+    of AC, which gives -200 sin c = (130^2 + 20^2 + 100^2 + 10^2 - 1200) / 2 - 13000 = 100: c = -30 deg."""
+    girdle = by_hand()
+    AC, TS = np.array([120.0, 50.0, 0.0]), np.array([60.0, 50.0 + (80.0 if upper else -80.0) * np.sqrt(0.75), 40.0])
+    x = (AC - TS) / 100.0
+    square = np.cross(x, TS - girdle.centre_mm)
+    y = square / np.linalg.norm(square)
+    y = y if (y[1] > 0.0) == down else -y
+    R = np.stack([x, y, np.cross(x, y)], axis=1)
+    clavicle = [0.0, np.arcsin(50.0 / 130.0) * DEG, -30.0]
+    angles = np.array([*clavicle, *np.asarray(cardan_from_rotation(jnp.asarray(R))) * DEG])
+    return replace(girdle, scapula_conoid_mm=R.T @ np.array([0.0, 0.0, -20.0])), angles
+
+
+@pytest.mark.parametrize("upper", [False, True])
+@pytest.mark.parametrize("down", [False, True])
+def test_each_branch_of_a_girdle_solved_by_hand_is_found_from_nearby(upper, down):
+    girdle, expected_deg = solved_by_hand(upper, down)
+    found = drive(girdle, COORDINATES_MM, (expected_deg + np.array([5.0, -4.0, 8.0, 6.0, -7.0, 5.0])) / DEG)
+    assert found.words == "ok"
+    np.testing.assert_allclose(np.asarray(found.angles) * DEG, expected_deg, rtol=0.0, atol=ROUND_TRIP_DEG)
+
+
+@pytest.mark.parametrize(
+    ("word", "coordinates", "changed"),
+    [
+        ("unreachable_AC", [131.0, 0.0, 60.0], {}),
+        ("unreachable_AC", [100.0, 90.0, 60.0], {}),
+        ("unreachable_TS", [50.0, 0.0, 19.0], {}),  # 101 mm medial of AC
+        ("unreachable_TS", COORDINATES_MM, {"ts_distance_mm": np.array(39.9 - 50.0)}),  # 8000 - 6400 sin t >= 40^2
+        ("unreachable_AI", COORDINATES_MM, {"ai_distance_mm": np.array(200.0)}),
+        ("unreachable_conoid", COORDINATES_MM, {"conoid_length_mm": np.array(np.sqrt(999.0))}),  # sin c >= -1
+        ("unreachable_conoid", COORDINATES_MM, {"conoid_length_mm": np.array(np.sqrt(1801.0))}),  # sin c <= 1
+        ("invalid", [np.nan, 0.0, 60.0], {}),
+        ("invalid", COORDINATES_MM, {"conoid_length_mm": np.array(np.nan)}),
+        ("unreachable_AI", COORDINATES_MM, {"ts_distance_mm": np.array(40.1 - 50.0)}),  # TS is reached
+        ("ok", COORDINATES_MM, {"conoid_length_mm": np.array(np.sqrt(1001.0))}),
+        ("ok", COORDINATES_MM, {"conoid_length_mm": np.array(np.sqrt(1799.0))}),
+    ],
+)
+def test_what_cannot_be_reached_is_named_and_has_no_angles(word, coordinates, changed):
+    girdle, near_deg = solved_by_hand(upper=True, down=True)
+    found = drive(replace(girdle, **changed), np.asarray(coordinates), near_deg / DEG)
+    assert found.words == word
+    assert np.isfinite(found.angles).all() == (word == "ok")
+
+
+def closed_postures(name: str) -> tuple[Girdle, np.ndarray]:
+    """140 postures of ten simulated subjects as the set can take them, rad."""
+    model = load_model(name)
+    fitted = fit_postures(read_motions(DATA_FILE), model).by_model[name]
+    return model.girdle, fitted.angles[:, fitted.status == "ok"]
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_angles_to_coordinates_to_angles_from_rest(name):
+    girdle, angles = closed_postures(name)
+    assert angles.shape[1] > 130
+    coordinates = free_coordinates_mm(girdle, angles)
+    found = drive(girdle, coordinates)
+    assert set(found.words) == {"ok"}
+    np.testing.assert_allclose(np.asarray(found.angles) * DEG, angles * DEG, rtol=0.0, atol=ROUND_TRIP_DEG)
+
+
+def test_coordinates_to_angles_to_coordinates_of_coordinates_all_around():
+    """What is reached is reached exactly, and closed; what is not has no angles. Far out some are not."""
+    girdle = load_model("R2").girdle
+    rest = np.asarray(free_coordinates_mm(girdle, REST_DEG / DEG))[:, None]
+    asked = rest + np.random.default_rng(3).uniform(-120.0, 120.0, (3, 400))
+    found = drive(girdle, asked)
+    good = found.words == "ok"
+    assert 40 < good.sum() < 360
+    reached = np.asarray(found.angles)[:, good]
+    np.testing.assert_allclose(free_coordinates_mm(girdle, reached), asked[:, good], rtol=0.0, atol=CLOSED_MM)
+    assert np.abs(constraint_residuals_mm(girdle.over_axes(1), reached)).max() <= CLOSED_MM
+    assert np.isnan(np.asarray(found.angles)[:, ~good]).all()
+    assert {"unreachable_AC", "unreachable_TS"} <= set(found.words) <= set(DRIVEN)
+
+
+def test_one_posture_without_numbers_leaves_the_others_as_they_are():
+    girdle, angles = closed_postures("R2")
+    coordinates = np.array(free_coordinates_mm(girdle, angles))
+    alone = drive(girdle, coordinates)
+    coordinates[1, 3] = np.inf
+    found = drive(girdle, coordinates)
+    assert found.words[3] == "invalid"
+    others = np.arange(coordinates.shape[1]) != 3
+    np.testing.assert_allclose(found.angles[:, others], alone.angles[:, others], rtol=0.0, atol=ROUND_TRIP_DEG / DEG)
+
+
+def test_slopes_are_those_of_the_implicit_equations():
+    """d angles / d coordinates is the inverse of d (coordinates, g) / d angles, its columns of the coordinates."""
+    girdle = load_model("R4").girdle
+    _, angles = closed_postures("R4")
+    q = jnp.asarray(angles[:, 5])
+    coordinates = free_coordinates_mm(girdle, q)
+
+    def equations(angles):
+        return jnp.concatenate([free_coordinates_mm(girdle, angles), constraint_residuals_mm(girdle, angles)])
+
+    expected = np.linalg.inv(np.asarray(jax.jacfwd(equations)(q)))[:, :3]
+    for derive in (jax.jacfwd, jax.jacrev):
+        found = jax.jit(derive(lambda at: drive(girdle, at).angles))(coordinates)
+        np.testing.assert_allclose(found, expected, rtol=SLOPES, atol=SLOPES * np.abs(expected).max())
+
+
+def test_slopes_in_the_girdle_and_second_slopes_agree_with_differences():
+    girdle = load_model("R6").girdle
+    _, angles = closed_postures("R6")
+    coordinates = free_coordinates_mm(girdle, jnp.asarray(angles[:, 9]))
+    theta = jnp.asarray(girdle.adapted_mm)
+    h = 1e-3
+
+    def driven(at, theta):
+        return drive(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at).angles
+
+    def check(function, x):
+        steps = h * jnp.eye(len(x))
+        expected = jnp.stack([(function(x + step) - function(x - step)) / (2.0 * h) for step in steps], axis=-1)
+        found = jax.jit(jax.jacfwd(function))(x)
+        np.testing.assert_allclose(found, expected, rtol=DIFFERENCES, atol=DIFFERENCES * np.abs(expected).max())
+
+    check(lambda theta: driven(coordinates, theta), theta)
+    check(jax.jit(jax.jacrev(lambda at: driven(at, theta))), coordinates)
+
+
+def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are():
+    girdle = load_model("R2").girdle
+    _, angles = closed_postures("R2")
+    coordinates = free_coordinates_mm(girdle, angles[:, :3])
+    far = coordinates.at[0, 1].add(500.0)
+
+    def total(theta, at):
+        driven = drive(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at)
+        return jnp.sum(jnp.where(driven.status == 0, driven.angles, 0.0))
+
+    theta = jnp.asarray(girdle.adapted_mm)
+    slope = jax.jit(jax.grad(total))
+    found, expected = slope(theta, far), slope(theta, coordinates[:, ::2])
+    assert np.abs(expected).max() > 0.0
+    np.testing.assert_allclose(found, expected, rtol=SLOPES)

@@ -1,0 +1,74 @@
+"""The faults that are put into measured motions are the ones that they are said to be."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from motions import Motions, read_motions
+from motions.rhythm import clavicle_axial_rotation
+from motions.rotations import DEG, rotation_from_cardan
+from scripts.known_truth import AXIAL, BIAS, SKIN, with_estimated_axial, with_faults, with_skin_lag
+
+SHIPPED = Path(__file__).parents[2] / "motions" / "data" / "simulated_subjects.csv"
+
+ROUNDING_DEG = 1e-9
+"""Of rotations built up in another order."""
+
+TURN = Rotation.from_rotvec([-2.0, -15.0, -10.0], degrees=True)
+"""About as the frame of AC is turned to that of AA."""
+
+
+@pytest.fixture(scope="module")
+def motions() -> Motions:
+    """Simulated subjects, three of them."""
+    every = read_motions(SHIPPED)
+    return every.select(np.isin(every.subject, every.subjects[:3]))
+
+
+def scapula(motions: Motions) -> Rotation:
+    """The scapula's rotations, by scipy."""
+    return Rotation.from_euler("YZX", motions.angles_deg[:, 3:], degrees=True)
+
+
+def turned(motions: Motions) -> Motions:
+    """The same bones in a frame turned by TURN."""
+    angles = motions.angles_deg.copy()
+    angles[:, 3:] = (scapula(motions) * TURN).as_euler("YZX", degrees=True)
+    return replace(motions, angles_deg=angles)
+
+
+def test_the_estimate_is_the_librarys(motions: Motions) -> None:
+    estimated = with_estimated_axial(motions)
+    for name in motions.subjects:
+        mine = np.flatnonzero(motions.subject == name)
+        rest = motions.angles_deg[mine[np.argmin(motions.humerus_elevation_deg[mine])]] / DEG
+        R = [jnp.repeat(rotation_from_cardan(rest[bone])[..., None], len(mine), 2) for bone in (slice(3), slice(3, 6))]
+        angles = motions.angles_deg[mine].T / DEG
+        expected = np.asarray(clavicle_axial_rotation(jnp.asarray(angles[:2]), jnp.asarray(angles[3:]), *R)) * DEG
+        assert np.abs(estimated.angles_deg[mine, 2] - expected).max() <= ROUNDING_DEG
+    others = [0, 1, 3, 4, 5]
+    assert np.array_equal(estimated.angles_deg[:, others], motions.angles_deg[:, others])
+
+
+def test_the_skin_is_behind_by_the_measured_lag(motions: Motions) -> None:
+    seen, bone = scapula(with_skin_lag(motions)), scapula(motions)
+    lag = np.degrees((bone.inv() * seen).magnitude())
+    sideways = np.char.find(motions.motion.astype(str), "abduction") >= 0
+    for elevation, abducted, other in ((25.0, 3.425, 7.0), (50.0, 6.6, 11.0), (100.0, 13.8, 16.0)):
+        here = np.abs(motions.humerus_elevation_deg - elevation) < ROUNDING_DEG
+        assert here.any()
+        expected = np.where(sideways[here], abducted, other)
+        assert np.abs(lag[here] - expected).max() <= ROUNDING_DEG
+
+
+def test_faults_come_together(motions: Motions) -> None:
+    other = turned(motions)
+    every = with_faults(motions, other, (BIAS, AXIAL, SKIN))
+    lagging = with_skin_lag(motions)
+    apart = (scapula(lagging) * TURN).inv() * scapula(every)
+    assert np.degrees(apart.magnitude()).max() <= ROUNDING_DEG
+    assert np.array_equal(with_faults(motions, other, ()).angles_deg, motions.angles_deg)
