@@ -52,14 +52,36 @@ def problem_batch(
 
     ``active_effects``: their strengths are (channels, postures, subjects).
     """
-    sets, place = unique_sets(models, batch.subjects)
+
+    def each_model(values):
+        return np.tile(values, [1] * (values.ndim - 1) + [len(models)])
+
+    return ProblemBatch(
+        **vars(set_arrays(models, batch.subjects)),
+        angles=each_model(batch.angles),
+        measured=each_model(batch.measured),
+        counted=each_model(batch.counted),
+        active_effects=jax.tree.map(each_model, active_effects),
+    )
+
+
+@dataclass(frozen=True)
+class SetArrays:
+    """Parameter sets side by side, as ``ProblemBatch`` has them: problem number = model * subjects + subject."""
+
+    girdle: Girdle
+    points_mm: Float[np.ndarray, "3 points problems"]
+    point_weights: Float[np.ndarray, "points problems"]
+    bounds_mm: Float[np.ndarray, "2 adapted problems"]
+
+
+def set_arrays(models: Sequence[AnyModel], subjects: Sequence[str]) -> SetArrays:
+    """Lay out the set of every subject with every model, each after its geometric fit."""
+    sets, place = unique_sets(models, subjects)
     points = max(one.points_mm.shape[1] for one in sets)
 
     def each(values):
         return np.stack(values, axis=-1)[..., place]
-
-    def each_model(values):
-        return np.tile(values, [1] * (values.ndim - 1) + [len(models)])
 
     def padded(model: ParameterSet):
         return np.pad(model.points_mm, ((0, 0), (0, points - model.points_mm.shape[1])), mode="edge")
@@ -68,15 +90,11 @@ def problem_batch(
         count = model.points_mm.shape[1]
         return np.where(np.arange(points) < count, 1.0 / count, 0.0)
 
-    return ProblemBatch(
+    return SetArrays(
         girdle=take_problems(_fitted_girdles(sets), place),
         points_mm=each([padded(one) for one in sets]),
         point_weights=each([point_weights(one) for one in sets]),
         bounds_mm=each([one.bounds_mm for one in sets]),
-        angles=each_model(batch.angles),
-        measured=each_model(batch.measured),
-        counted=each_model(batch.counted),
-        active_effects=jax.tree.map(each_model, active_effects),
     )
 
 
