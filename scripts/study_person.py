@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportIndexIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Does a person's own parameter set fit better than a cadaver's? Simulated persons; prints the table of docs/person.md.
 
     .venv/bin/python scripts/study_person.py --persons 40 --out out/person

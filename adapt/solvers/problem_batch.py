@@ -113,7 +113,7 @@ def _fitted_girdles(sets: Sequence[ParameterSet]) -> Girdle:
     counts = np.array([one.points_mm.shape[1] for one in sets])
     for count in np.unique(counts):
         mine = np.flatnonzero(counts == count)
-        points = np.stack([sets[k].points_mm for k in mine], axis=-1)
+        points = np.stack([sets[k].points_mm for k in mine.tolist()], axis=-1)
         fitted = in_chunks(_fit_sets, _SETS_AT_A_TIME, take_problems(result, mine), points)
         result = with_problems(result, mine, fitted)
     return result

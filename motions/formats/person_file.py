@@ -1,7 +1,7 @@
 """What was measured of persons: landmarks in one or more postures, and points on their bones, in the thorax frame."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -112,7 +112,7 @@ def _of_motion_file(path: Path) -> Iterable[tuple[PersonLandmarks, Frames] | Inp
             remedy = "Give positions of landmarks: .c3d, .trc or CSV with columns such as TS_x_mm"
             yield InputError(str(path), None, cause, remedy)
             continue
-        left = SIDE_MEASURED in mine.extra and mine.extra[SIDE_MEASURED].eq("left").any()
+        left = SIDE_MEASURED in mine.extra and "left" in mine.extra[SIDE_MEASURED].tolist()
         names = tuple(f"{m} {p}" for m, p in zip(mine.motion, mine.posture, strict=True))
         count = len(names)
         frames = np.repeat(np.eye(3)[..., None], count, axis=2), np.zeros((3, count))
@@ -140,10 +140,8 @@ def _complete(
         if name not in placed:
             cause = f"subject {person.subject!r}: {name} was not measured, and without it the clavicle has no length"
             raise InputError(person.file, None, cause, f"Measure {name}, or place it {remedy}")
-    whole = {**vars(person), "landmarks_mm": placed, "stand_ins": said}
-    if points is None or table is None:
-        return PersonLandmarks(**whole)
-    return PersonLandmarks(**whole | {"points_mm": _points(points, table, person, frames, mapping)})
+    surfaces = {} if points is None or table is None else _points(points, table, person, frames, mapping)
+    return replace(person, landmarks_mm=placed, stand_ins=said, points_mm=surfaces)
 
 
 def _points(

@@ -8,6 +8,7 @@ from models import load_model
 from models.person.joint_centres import acromioclavicular_centre_mm
 from models.person.round_surfaces import fit_cylinder, fit_sphere
 from models.person.thorax_ellipsoid import fit_thorax
+from tests.helpers.round_points import cylinder_points, sphere_points
 
 CENTRE, AXES = np.array([0.0, -139.3, 68.0]), np.array([139.1, 198.2, 85.4])
 """Table 4.5, dissection."""
@@ -51,15 +52,6 @@ def test_too_few_points_on_the_thorax():
         fit_thorax(patch()[:, :5], load_model("R2").girdle)
 
 
-def sphere_points(noise: float, seed: int = 0, cap: float = 1.0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    direction = rng.standard_normal((3, 200))
-    direction /= np.linalg.norm(direction, axis=0)
-    direction = direction[:, direction[1] > -cap]
-    points = np.array([170.0, -18.0, 65.0])[:, None] + 18.5 * direction
-    return points + noise * rng.standard_normal(points.shape)
-
-
 def test_the_phantom_sphere_of_the_thesis():
     found = fit_sphere(sphere_points(0.5))
     assert found.radius_mm == pytest.approx(18.5, abs=0.1)
@@ -76,19 +68,6 @@ def test_a_cap_of_a_sphere_agrees_with_scipy():
 
     expected = least_squares(off, [160.0, -10.0, 60.0, 15.0], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     np.testing.assert_allclose(np.append(found.centre_mm, found.radius_mm), expected, atol=1e-6)
-
-
-def cylinder_points(noise: float) -> np.ndarray:
-    rng = np.random.default_rng(2)
-    axis = np.array([-0.09, 0.94, 0.32])
-    axis /= np.linalg.norm(axis)
-    across = np.cross(axis, [1.0, 0.0, 0.0])
-    across /= np.linalg.norm(across)
-    other = np.cross(axis, across)
-    angle, along = rng.uniform(0, 2 * np.pi, 80), rng.uniform(-60.0, 60.0, 80)
-    points = np.array([[162.0], [-80.0], [55.4]]) + axis[:, None] * along
-    points = points + 7.9 * (across[:, None] * np.cos(angle) + other[:, None] * np.sin(angle))
-    return points + noise * rng.standard_normal(points.shape)
 
 
 def test_a_cylinder_comes_back():
