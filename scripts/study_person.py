@@ -1,4 +1,4 @@
-# pyright: reportAttributeAccessIssue=false, reportIndexIssue=false, reportArgumentType=false
+# pyright: reportAttributeAccessIssue=false, reportIndexIssue=false, reportArgumentType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Does a person's own parameter set fit better than a cadaver's? Simulated persons; prints the table of docs/person.md.
 
@@ -23,7 +23,7 @@ from scripts.simulated_persons import landmark_table, point_table, simulate_pers
 
 def main() -> None:
     """Simulate, make the sets, adapt, and print."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--persons", type=int, default=40)
     parser.add_argument("--model", default="R2", help="the cadaver whose sizes they do not have")
     parser.add_argument("--truth", help="the cadaver that they are like but for their sizes; by default the same")

@@ -121,9 +121,9 @@ _NEIGHBOURS = 10
 
 def _projection(surface: Points) -> Callable[[Points], Points]:
     """Make the projection to a surface: onto the tangent plane at the nearest of its points, p + n n.(v - p)."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
-    tree = cKDTree(surface.T)
+    tree = KDTree(surface.T)
     patches = surface.T[tree.query(surface.T, k=min(_NEIGHBOURS, surface.shape[1]))[1]]
     normals = np.linalg.svd(patches - patches.mean(axis=1, keepdims=True), full_matrices=False)[2][:, 2].T
 
@@ -136,9 +136,9 @@ def _projection(surface: Points) -> Callable[[Points], Points]:
 
 
 def _nearest(points: Points, of: Points) -> np.ndarray:
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
-    return cKDTree(of.T).query(points.T)[1]
+    return KDTree(of.T).query(points.T)[1]
 
 
 def _distances(points: Points, to: Points) -> Float[np.ndarray, " points"]:

@@ -1,9 +1,12 @@
 """``girdle model``, and the commands that take the sets: what a person sees, exit statuses, broken inputs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from adapt.model_subjects import simulate_model_subjects
 from models import load_model
 from models.person.family import load_personal_sets
 from motions import write_motions
@@ -178,3 +181,30 @@ def test_two_sets_of_one_name_are_refused(folder):
     ran = girdle("fit", folder / "motions.csv", "--models-of", home, "--out", folder / "nothing")
     assert ran.status == 2
     assert "is also that of a.toml" in ran.err
+
+
+def test_convert_names_a_landmark_that_slipped(folder, persons):
+    first = persons.motions.subjects[0]
+    table = landmark_table(persons, [first])
+    along = np.array([table.loc[3, f"TS_{a}_mm"] - table.loc[3, f"AI_{a}_mm"] for a in "xyz"], float)
+    for a, part in zip("xyz", 15.0 * along / np.linalg.norm(along), strict=True):
+        table.loc[3, f"TS_{a}_mm"] += part
+    table.to_csv(folder / "slipped.csv", index=False)
+    ran = girdle("convert", folder / "slipped.csv", folder / "converted.csv")
+    assert ran.status == 0, ran.err
+    assert f"TS slipped: {first}, slipped 4" in ran.out
+    assert pd.read_csv(folder / "converted.csv")["slipped"].tolist()[3] == "TS"
+
+
+def test_three_angles_leave_nothing_to_adapt_and_say_so(tmp_path):
+    """Motions of R2 itself without noise: it follows the scapula's angles exactly."""
+    exact = simulate_model_subjects(load_model("R2"), None, 2, 0.0, 1, spread=0.0).motions
+    angles = exact.angles_deg.copy()
+    angles[exact.subject == exact.subjects[0], :3] = np.nan
+    write_motions(replace(exact, angles_deg=angles), tmp_path / "motions.csv")
+    ran = girdle("adapt", tmp_path / "motions.csv", "--out", tmp_path / "out")
+    assert ran.status == 3
+    assert f"not handled: {exact.subjects[0]}: adaptation underdetermined: no posture has more than three" in ran.err
+    assert "--sc-from-ij" in ran.err
+    table = pd.read_csv(tmp_path / "out" / "parameters.csv").set_index("subject")["status"]
+    assert table.tolist() == ["underdetermined", "ok"]
