@@ -19,6 +19,7 @@ from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, stacked_girdles, unique_sets
+from models.person.thorax_ellipsoid import thorax_sd_mm
 from motions.arrays import Array, xp
 
 
@@ -33,6 +34,8 @@ class ProblemBatch:
     point_weights: Float[Array, "points problems"]
     """1/n for each of n thorax points, 0 for padding."""
     bounds_mm: Float[Array, " 2 adapted problems"]
+    person_sd_mm: Float[Array, " adapted problems"]
+    """Of the subject's parameters about the set's (``models.person.thorax_ellipsoid.thorax_sd_mm``)."""
     angles: Float[Array, " 6 postures problems"]
     """Measured, rad."""
     measured: Bool[Array, " 6 postures problems"]
@@ -73,6 +76,7 @@ class SetArrays:
     points_mm: Float[np.ndarray, "3 points problems"]
     point_weights: Float[np.ndarray, "points problems"]
     bounds_mm: Float[np.ndarray, "2 adapted problems"]
+    person_sd_mm: Float[np.ndarray, "adapted problems"]
 
 
 def set_arrays(models: Sequence[AnyModel], subjects: Sequence[str]) -> SetArrays:
@@ -95,6 +99,7 @@ def set_arrays(models: Sequence[AnyModel], subjects: Sequence[str]) -> SetArrays
         points_mm=each([padded(one) for one in sets]),
         point_weights=each([point_weights(one) for one in sets]),
         bounds_mm=each([one.bounds_mm for one in sets]),
+        person_sd_mm=each([thorax_sd_mm(one) for one in sets]),
     )
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from models.adapted_parameters import ADAPTED, ELLIPSOID, PERSON_SD_MM, ellipsoid_components
 from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
-from models.parameter_sets import FEWEST_POINTS, SHORTEST_MM
+from models.parameter_sets import FEWEST_POINTS, SHORTEST_MM, ParameterSet
 from models.person.least_squares import Fit, Points, fitted
 
 _M_Y, _A_Y = ADAPTED.index("M_y"), ADAPTED.index("A_y")
@@ -58,6 +58,17 @@ def fit_thorax(points_mm: Points, start: Girdle) -> ThoraxFit:
     if not fit.converged or semi_axes.min() < SHORTEST_MM:
         raise ValueError("no ellipsoid is closest to the points on the thorax: they cover too small or flat a patch")
     return ThoraxFit(centre, semi_axes, fit)
+
+
+def thorax_sd_mm(one: ParameterSet) -> Float[np.ndarray, " adapted"]:
+    """Give the SD of a person's ellipsoid about that of the set: of people, or of the fit to the person's own points
+    where the set says that it is one and that is smaller. The conoid's is that of people."""
+    sd = PERSON_SD_MM.copy()
+    for k, parameter in enumerate(ELLIPSOID):
+        key = f"thorax.{parameter.field}"
+        stated = one.range_mm(key) if one.is_measured(key) else None
+        sd[k] = sd[k] if stated is None else min(sd[k], stated)
+    return sd
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from models import load_model
+from models.adapted_parameters import PERSON_SD_MM
 from models.effects import EFFECTS
 from models.effects.set_numbers import doubtful_numbers, with_sizes_of
 from models.export.toml import parameters_toml
@@ -13,6 +14,7 @@ from models.girdle import Girdle, constraint_residuals_mm
 from models.parameter_sets import parameter_document, parameter_set
 from models.person.attachments import scapular_map, with_carried_conoid
 from models.person.person_set import person_set
+from models.person.thorax_ellipsoid import thorax_sd_mm
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation
@@ -181,3 +183,15 @@ def test_a_conoid_that_cannot_close_is_as_long_as_it_must_be():
 def test_what_is_no_person(change, said):
     with pytest.raises(ValueError, match=said):
         person_set(change(trial_landmarks(person(1.0, 1.0))), load_model("R2"), 0, NAMES, {})
+
+
+def test_trust_knows_how_well_the_persons_own_points_fix_the_thorax():
+    points = load_model("breteler_dissection").points_mm
+    noisy = points + 2.0 * np.random.default_rng(0).standard_normal(points.shape)
+    built = person_set(trial_landmarks(person(1.0, 1.0)), load_model("breteler_dissection"), 0, NAMES, {}, noisy)
+    assert built.thorax is not None
+    own = replace(load_model("R2"), girdle=built.girdle, points_mm=built.points_mm, source=built.source)
+    sd = thorax_sd_mm(own)
+    assert sd[2] == pytest.approx(min(PERSON_SD_MM[2], built.thorax.fit.sd[2:].max()), abs=0.05)  # printed with 0.1 mm
+    assert (sd <= PERSON_SD_MM).all()
+    np.testing.assert_array_equal(thorax_sd_mm(load_model("R2")), PERSON_SD_MM)
