@@ -125,7 +125,9 @@ def fitted_bias(motions: Motions, model: ParameterSet) -> Rotation:
     """Fit the bias and a course of the AC joint together to all shoulders."""
     shoulders, _ = usable(motions)
     effects = tuple(effect for name, effect in EFFECTS.items() if name in (BIAS, BESIDE))
-    joint = JointFit(Model.of(model, effects), shoulders, lay_out(effects, shoulders), everybody(shoulders))
+    joint = JointFit(
+        Model.of(model, shoulders.subjects, effects), shoulders, lay_out(effects, shoulders), everybody(shoulders)
+    )
     names = tuple(effect.name for effect in effects)
     nothing = np.zeros((1, sum(effect.amplitudes for effect in effects)))
     amplitude = joint.fit(names, joint.from_starts().theta_mm, nothing).amplitude[0]

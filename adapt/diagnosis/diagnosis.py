@@ -51,6 +51,7 @@ from models.effects import Effect
 from models.effects.effect import cause_of
 from models.effects.known import read_amplitudes
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, PersonalSets
 from motions.table import Motions
 
 Progress = Callable[[str], None]
@@ -58,7 +59,7 @@ Progress = Callable[[str], None]
 
 def diagnose(
     motions: Motions,
-    models: ParameterSet | Sequence[ParameterSet],
+    models: AnyModel | Sequence[AnyModel],
     noise_deg: float | None = None,
     effects: Sequence[Effect] | None = None,
     progress: Progress = lambda _: None,
@@ -68,7 +69,7 @@ def diagnose(
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
     all that are listed and the doubtful numbers of each model. Raises InputError where no subject has enough postures.
     """
-    models = [models] if isinstance(models, ParameterSet) else list(models)
+    models = [models] if isinstance(models, ParameterSet | PersonalSets) else list(models)
     shoulders, left_out = usable(motions)
     declared = declared_effects(motions)
     computed = axial_is_computed(shoulders)
@@ -77,7 +78,7 @@ def diagnose(
             model.name: _Study(
                 model,
                 shoulders,
-                candidate_effects(model) if effects is None else tuple(effects),
+                candidate_effects(model, shoulders.subjects) if effects is None else tuple(effects),
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
             ).diagnose(left_out, declared, computed, noise_deg)
             for model in models
@@ -87,10 +88,10 @@ def diagnose(
 class _Study:
     """One model and the subjects: the steps of its diagnosis share the search."""
 
-    def __init__(self, model: ParameterSet, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
+    def __init__(self, model: AnyModel, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
         self.model, self.shoulders, self.progress = model, shoulders, progress
         candidates = lay_out(effects, shoulders)
-        joint = JointFit(Model.of(model, effects), shoulders, candidates, everybody(shoulders))
+        joint = JointFit(Model.of(model, shoulders.subjects, effects), shoulders, candidates, everybody(shoulders))
         self.search = Search(joint, folds_of(shoulders), progress)
         self.person = {name: int(p) for name, p in zip(shoulders.subjects, shoulders.person, strict=True)}
 

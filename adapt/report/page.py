@@ -31,7 +31,7 @@ from adapt.report.overview import adapted_parameters, overview, people, simulate
 from adapt.tables.results import Tables
 from models.effects import EFFECTS
 from models.girdle import CONSTRAINT_NAMES
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
 from motions.table import ANGLE_NAMES, Motions
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -42,7 +42,7 @@ _SCRIPTS = ("shared.js", "plane.js", "space.js", "choices.js")
 
 def report_html(
     motions: Motions,
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     result: Tables,
     not_handled: Mapping[str, str] | None = None,
     diagnoses: Diagnoses | None = None,

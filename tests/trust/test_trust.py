@@ -24,7 +24,6 @@ from adapt.tables.results import HELD_OUT
 from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.covariance import (
     NORMAL_95,
-    PERSON_SD_MM,
     Uncertainty,
     reduced_inverse,
     sd,
@@ -36,6 +35,7 @@ from adapt.trust.held_out import folds, held_out
 from adapt.trust.profile import profile_intervals
 from adapt.trust.weight_choice import WEIGHTS, weight_table
 from models import ParameterSet, load_model
+from models.adapted_parameters import PERSON_SD_MM
 from motions import Motions
 from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
