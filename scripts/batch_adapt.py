@@ -34,7 +34,7 @@ def batch(
     unreachable = [path for path in found if not path.is_file()]
     for path in unreachable:
         print(f"left out: {path}: there is no file behind this name. Remove it.", file=sys.stderr)
-    cli.adapt(files, out, model, weight, reading, float32=float32, effect=effect)
+    cli.adapt(files, out, model, weight=weight, reading=reading, float32=float32, effect=effect)
     if unreachable:
         raise typer.Exit(cli.EXIT_SOME_NOT_HANDLED)
 
