@@ -7,7 +7,6 @@ of the subject: what the diagnosis calls scapula_landmark_bias.
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -99,5 +98,5 @@ def aa_from_ac_deg(
 
 
 def _turned_deg(angles_deg, R) -> Float[np.ndarray, "postures 3"]:
-    R_thorax_scapula = np.asarray(rotation_from_cardan(angles_deg.T / DEG))
-    return np.asarray(cardan_from_rotation(compose(jnp.asarray(R_thorax_scapula), R[:, :, None]))).T * float(DEG)
+    R_thorax_scapula = rotation_from_cardan(angles_deg.T / DEG)
+    return cardan_from_rotation(compose(R_thorax_scapula, R[:, :, None])).T * float(DEG)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -84,12 +83,11 @@ def estimated_axial_deg(
     latter 5-11: here it is the former, `clavicle_axial_rotation`.
     """
     rest = np.where(np.arange(6) == CLAVICLE_X, 0.0, rest_deg) / float(DEG)
-    postures = jnp.asarray(angles_deg.T / float(DEG))
+    postures = angles_deg.T / float(DEG)
     R_clavicle, R_scapula = (
-        jnp.repeat(rotation_from_cardan(jnp.asarray(part))[..., None], len(angles_deg), axis=2)
-        for part in (rest[:3], rest[3:])
+        np.repeat(rotation_from_cardan(part)[..., None], len(angles_deg), axis=2) for part in (rest[:3], rest[3:])
     )
-    return np.asarray(clavicle_axial_rotation(postures[:2], postures[3:], R_clavicle, R_scapula)) * float(DEG)
+    return clavicle_axial_rotation(postures[:2], postures[3:], R_clavicle, R_scapula) * float(DEG)
 
 
 def in_thorax(
@@ -141,4 +139,4 @@ def _scapula_deg(
 
 
 def _cardan_deg(R) -> Float[np.ndarray, "3 frames"]:
-    return np.asarray(cardan_from_rotation(jnp.asarray(R))) * float(DEG)
+    return cardan_from_rotation(R) * float(DEG)

@@ -194,7 +194,7 @@ def test_what_nothing_holds_is_held_by_its_bounds_alone(case):
     everybody = uncertainty(case.data, case.adapted, person_sd_mm=np.full(6, 1e6))
     room_mm = np.subtract(*np.asarray(case.data.bounds_mm)[::-1]) / np.sqrt(6.0)
     assert (everybody.sd_mm <= room_mm + 1e-9).all()
-    assert (everybody.sd_mm[0] >= 0.85 * room_mm[0]).all()  # the bounds of the others hold M_y a little, too
+    assert (everybody.sd_mm[0] >= 0.7 * room_mm[0]).all()  # the bounds of A_y, which M_y goes with, hold it, too
     firm = uncertainty(case.data, case.adapted, person_sd_mm=np.zeros(6))
     np.testing.assert_allclose(firm.sd_mm[FIRM], sd(firm.noise_mm2)[FIRM], rtol=0.02)
     two = np.zeros((6, 6, 1))
