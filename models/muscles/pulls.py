@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from models.girdle import Girdle, bone_rotations, chain_landmarks, constraint_residuals_mm
-from models.muscles.attachments import MuscleLines
+from models.muscles.muscle_lines import MuscleLines
 from models.muscles.wrapping import outside, path_length_mm, shortest_path
 from motions.arrays import Array
 from motions.rotations import rotate

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from models.girdle import Girdle
-from models.muscles.registration import (
+from models.muscles.das3_frames import (
     clavicle_in_thorax,
     das3_clavicle_in_thorax,
     das3_scapula_in_thorax,
