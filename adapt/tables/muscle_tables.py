@@ -1,4 +1,4 @@
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportReturnType=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Muscle arms and the forces that balance the arm, before and after adaptation, as tables."""
 
@@ -10,9 +10,9 @@ import pandas as pd
 
 from adapt.tables.before_after import KEYS, STATES, BeforeAfter, State, before_and_after, subject_means
 from models.drive import FREE_COORDINATES
-from models.muscles.muscle_lines import MuscleLines, muscle_lines
 from models.muscles.balance import OK, Balance, arm_weight_N, balance
 from models.muscles.contact import FORCES, contact_forces
+from models.muscles.muscle_lines import SERRATUS, MuscleLines, has_landmarks, muscle_lines
 from models.muscles.pulls import (
     Pulls,
     arms_by_angle_mm,
@@ -56,6 +56,20 @@ def muscle_tables(
     parts = [_of_model(model, before_and_after(model, fits, parameters), body_mass_kg) for model in models]
     lines, muscles, balances = (pd.concat(part, ignore_index=True) for part in zip(*parts, strict=True))
     return MuscleTables(lines, muscles, arms_table(muscles), balances)
+
+
+def serratus_arms(models: Sequence[ParameterSet], fits: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
+    """Tabulate ``muscle_arms.csv`` of the serratus alone, and of the sets whose scapula has landmarks alone."""
+    parts = []
+    for model in models:
+        if not has_landmarks(model.girdle):
+            continue
+        pair, lines = before_and_after(model, fits, parameters), muscle_lines(model).only(SERRATUS)
+        found = [pulls(lines, state.girdle, state.angles) for state in (pair.before, pair.after)]
+        table = _muscle_arms(pair, lines, found)
+        table.insert(0, "model", model.name)
+        parts.append(table)
+    return arms_table(pd.concat(parts, ignore_index=True)) if parts else pd.DataFrame()
 
 
 def arms_table(muscles: pd.DataFrame) -> pd.DataFrame:
@@ -110,19 +124,22 @@ def _lines(
     return table.assign(**{name: values.T.ravel() for name, values in columns.items()})
 
 
-def _muscles(
-    pair: BeforeAfter, lines: MuscleLines, found: list[Pulls], forces: dict[str, Balance]
-) -> pd.DataFrame:
+def _muscles(pair: BeforeAfter, lines: MuscleLines, found: list[Pulls], forces: dict[str, Balance]) -> pd.DataFrame:
     """One row a posture and muscle."""
+    table = _muscle_arms(pair, lines, found)
+    for word, one in forces.items():
+        totals = np.stack([one.force_N[lines.of(muscle)].sum(axis=0) for muscle in lines.muscles])
+        table[f"force_{word}_N"] = totals.T.ravel()
+    return table
+
+
+def _muscle_arms(pair: BeforeAfter, lines: MuscleLines, found: list[Pulls]) -> pd.DataFrame:
     table = _repeated(pair.rows, len(lines.muscles))
     table["muscle"] = lines.muscles * len(pair.rows)
     for joint in JOINTS:
         for word, one in zip(STATES, found, strict=True):
             arms = muscle_arms_mm(lines, getattr(one, f"about_{joint}_mm"))
             table[f"about_{joint}_{word}_mm"] = arms.T.ravel()
-    for word, one in forces.items():
-        totals = np.stack([one.force_N[lines.of(muscle)].sum(axis=0) for muscle in lines.muscles])
-        table[f"force_{word}_N"] = totals.T.ravel()
     return table
 
 

@@ -26,8 +26,8 @@ from jaxtyping import Float, Shaped
 from scipy.optimize import nnls
 
 from models.girdle import Girdle, landmarks
-from models.muscles.muscle_lines import MuscleLines
 from models.muscles.contact import FORCES, ContactForces
+from models.muscles.muscle_lines import MuscleLines
 from models.muscles.pulls import Pulls
 from motions.rotations import rotate, rotation_from_cardan
 

@@ -14,7 +14,7 @@ they are bone, and the ellipsoid is what changes (thesis 6.2.6).
 """
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,9 @@ from models.parameter_sets import ParameterSet
 from motions.errors import InputError
 
 TABLE = Path(__file__).parent / "delft_lines.toml"
+
+SERRATUS = "serratus_anterior"
+"""The muscle that the ellipsoid is the bony contour of (thesis 6.4)."""
 
 OFF_FRAME_MM = 1.0
 """How far TS may lie off the x-axis and AI off the plane of the thesis's scapula frame: a palpator's noise."""
@@ -65,6 +68,13 @@ class MuscleLines:
         """Tell which lines belong to the muscle."""
         return np.array([name == muscle for name in self.muscle])
 
+    def only(self, muscle: str) -> "MuscleLines":
+        """Select the lines of one muscle."""
+        mine = self.of(muscle)
+        vectors = {key: getattr(self, key)[..., mine] for key in ("on_scapula", "wraps", "thorax_mm", "bone_mm")}
+        names = {key: tuple(np.array(getattr(self, key))[mine].tolist()) for key in ("name", "muscle")}
+        return replace(self, **vectors, **names, strongest_force_N=self.strongest_force_N[mine])
+
 
 def muscle_lines(model: ParameterSet) -> MuscleLines:
     """Place the shipped lines on the bones of a set. InputError where its scapula frame is not the thesis's.
@@ -72,7 +82,7 @@ def muscle_lines(model: ParameterSet) -> MuscleLines:
     Place them on the set as it is, before an adaptation: see the module.
     """
     girdle = model.girdle
-    if abs(girdle.ts_mm[1]) + abs(girdle.ts_mm[2]) + abs(girdle.ai_mm[2]) > OFF_FRAME_MM:
+    if not has_landmarks(girdle):
         cause = "TS is not on the x-axis of the scapula frame, or AI not in its plane z = 0"
         remedy = "Muscle lines need TS and AI as landmarks in the frame AC-TS-AI (thesis, Appendix A); use another set"
         raise InputError(model.name, None, cause, remedy)
@@ -100,11 +110,15 @@ def muscle_lines(model: ParameterSet) -> MuscleLines:
         wraps=np.array([row["wraps"] for row in rows]),
         strongest_force_N=np.array([float(row["force_n"]) for row in rows]),
         thorax_mm=np.where(on_ribs, _on_ribs(thorax, cadaver, girdle), thorax),
-        bone_mm=np.where(
-            on_scapula, _on_scapula(in_thorax, cadaver, girdle), _on_clavicle(in_thorax, cadaver, girdle)
-        ),
+        bone_mm=np.where(on_scapula, _on_scapula(in_thorax, cadaver, girdle), _on_clavicle(in_thorax, cadaver, girdle)),
         gh_mm=gh[:, 0],
     )
+
+
+def has_landmarks(girdle: Girdle) -> bool:
+    """Tell whether TS and AI are where the thesis's scapula frame has them: on its x-axis, and in the plane z = 0."""
+    off = abs(girdle.ts_mm[1]) + abs(girdle.ts_mm[2]) + abs(girdle.ai_mm[2])
+    return bool(off <= OFF_FRAME_MM)
 
 
 @cache

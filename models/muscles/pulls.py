@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from models.girdle import Girdle, bone_rotations, chain_landmarks, constraint_residuals_mm
 from models.muscles.muscle_lines import MuscleLines
@@ -75,24 +75,31 @@ def arms_by_angle_mm(
 ) -> Float[np.ndarray, " 6 lines postures"]:
     """Compute -dL/dq of the six angles, mm a rad."""
     _, bone, _, on_scapula, batched, q = _arguments(lines, girdle, angles)
-    dX = _by_angle(lambda q: _attachments(bone, on_scapula, batched, q), q)
-    return np.einsum("xlp,xqlp->qlp", found.pull, np.asarray(dX))
+    return np.einsum("xlp,xqlp->qlp", found.pull, np.asarray(_attachment_slopes(bone, on_scapula, batched, q)))
+
+
+@jax.jit
+def _attachment_slopes(bone, on_scapula, girdle: Girdle, q) -> Float[Array, " 3 6 lines postures"]:
+    return _by_angle(lambda q: _attachments(bone, on_scapula, girdle, q), q)
 
 
 def free_directions(girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) -> Float[np.ndarray, " 6 3 postures"]:
     """Compute T = dq/dc of the free coordinates AC_y, AC_z, TS_x, rad a mm; NaN where they do not move the chain."""
-    batched = _batched(girdle, angles)
-
-    def equations(q):
-        at = chain_landmarks(batched, *bone_rotations(q))
-        return jnp.concatenate([jnp.stack([at.AC[1], at.AC[2], at.TS[0]]), constraint_residuals_mm(batched, q)])
-
-    slopes = np.moveaxis(np.asarray(_by_angle(equations, jnp.asarray(angles))), -1, 0)
+    slopes = np.moveaxis(np.asarray(_chain_slopes(_batched(girdle, angles), jnp.asarray(angles))), -1, 0)
     finite = np.isfinite(slopes).all(axis=(1, 2))
     slopes = np.where(finite[:, None, None], slopes, np.eye(6))
-    regular = finite & (np.linalg.cond(slopes) < _WORST_CONDITION)
+    regular = np.logical_and(finite, np.linalg.cond(slopes) < _WORST_CONDITION)
     free = np.linalg.solve(np.where(regular[:, None, None], slopes, np.eye(6)), np.eye(6)[:, :3])
     return np.moveaxis(np.where(regular[:, None, None], free, np.nan), 0, -1)
+
+
+@jax.jit
+def _chain_slopes(girdle: Girdle, q) -> Float[Array, " 6 6 postures"]:
+    def equations(q):
+        at = chain_landmarks(girdle, *bone_rotations(q))
+        return jnp.concatenate([jnp.stack([at.AC[1], at.AC[2], at.TS[0]]), constraint_residuals_mm(girdle, q)])
+
+    return _by_angle(equations, q)
 
 
 _WORST_CONDITION = 1e10
@@ -185,8 +192,3 @@ def _by_angle(function, q):
     """Derivatives by each of the six angles, as a new second axis."""
     units = jnp.broadcast_to(jnp.eye(6).reshape(6, 6, *[1] * (q.ndim - 1)), (6, *q.shape))
     return jax.vmap(lambda unit: jax.jvp(function, (q,), (unit,))[1], out_axes=1)(units)
-
-
-def all_found(found: Pulls) -> Bool[np.ndarray, " postures"]:
-    """Tell in which postures every line has a path."""
-    return np.isfinite(found.length_mm).all(axis=0)

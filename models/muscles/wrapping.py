@@ -20,6 +20,7 @@ There is contact where the straight line from p to q would enter the ellipsoid. 
 there, and so is the slope of the length. A point inside counts as its closest point of the surface.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -40,11 +41,22 @@ _FEW_STEPS = 24
 _STAGES = 8
 """Of the axes, on a logarithmic scale: from a sphere to axes 50 times as long as others."""
 
-_NEWTON = 4
-"""Steps a stage; the last stage takes twice as many."""
+_NEWTON = 3
+"""Steps a stage: the solution moves little between two."""
+
+_MOST_NEWTON = 12
+"""Steps with the axes at their values; two or three are needed, more next to points that are opposite each other."""
+
+_LANES = 256
+"""Paths that are followed side by side: as many as stay in the processor's cache, four times as fast as thousands."""
 
 _LARGEST_TURN = 0.5
 """rad, and share of the mean axis: the largest Newton step."""
+
+_CHORDS = 32
+
+_LONGER = 1.002
+"""A solution that is longer than a path that is known is no shortest one: it winds. The chords are 1e-3 too short."""
 
 TOLERANCE = 1e-10
 """Of the end point, by the axes: about 1e-8 mm."""
@@ -97,25 +109,39 @@ def shortest_path(p_mm: Points, q_mm: Points, axes_mm: Points) -> Path:
 
     The one that grows out of the great circle; with the two points nearly opposite, another may be as short.
     """
-    p, q, a = jnp.broadcast_arrays(p_mm, q_mm, axes_mm)
+    given = jnp.broadcast_arrays(p_mm, q_mm, axes_mm)
+    batch = given[0].shape[1:]
+    count = math.prod(batch)
+    chunks = max(-(-count // _LANES), 1)
+    lanes = min(count, _LANES)
+    flat = [jnp.pad(x.reshape(3, count), ((0, 0), (0, chunks * lanes - count)), mode="edge") for x in given]
+    found = jax.lax.map(lambda x: _side_by_side(*x), [jnp.moveaxis(x.reshape(3, chunks, lanes), 1, 0) for x in flat])
+    return Path(
+        *(
+            jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1)[..., :count].reshape(*x.shape[1:-1], *batch)
+            for x in found
+        )
+    )
+
+
+def _side_by_side(p, q, a) -> Path:
     straight = q - p
     distance = _norm(straight)
-    touches = _enters(p / a, q / a)
-    # Where there is no contact, a problem that has one stands in: the solver then never meets what has no solution.
-    start = _start(p / a, q / a)
-    phi, s, error = _solve(start, a)
-    x, v, integral = _geodesic(*_leave(start, phi, a)[:2], s, a, _STEPS)
-    x0, v0, before = _leave(start, phi, a)
-    after = start.beyond_q / _norm(v / a)
     along = straight / jnp.where(distance > 0.0, distance, 1.0)[None]
-    found = ~touches | ((error < TOLERANCE) & (s > -TOLERANCE * jnp.max(a, axis=0)))
+    start, touches = _start(p / a, q / a), _enters(p / a, q / a)
+    phi, s, error = _solve(start, a, touches)
+    x, leaving, before = _leave(start, phi, a)
+    _, arriving, by_axes = _geodesic(x, leaving, s, a, _STEPS)
+    after = start.beyond_q / _norm(arriving / a)
+    length = before + s + after
+    solved = (error < TOLERANCE) & (s > -TOLERANCE * jnp.max(a, axis=0)) & (length < _LONGER * _known_length(start, a))
     return Path(
-        jnp.where(touches, before + s + after, distance),
-        jnp.where(touches[None], v0, along),
-        jnp.where(touches[None], -v, -along),
+        jnp.where(touches, length, distance),
+        jnp.where(touches[None], leaving, along),
+        jnp.where(touches[None], -arriving, -along),
         jnp.where(touches, s, 0.0),
-        jnp.where(touches[None], integral, 0.0),
-        found & jnp.isfinite(distance),
+        jnp.where(touches[None], by_axes, 0.0),
+        (solved | ~touches) & jnp.isfinite(distance),
     )
 
 
@@ -123,12 +149,13 @@ def path_points_mm(p_mm: Points, q_mm: Points, axes_mm: Points, count: int) -> F
     """Return points along the shortest path: p, ``count`` of the geodesic or of the straight line, q."""
     p, q, a = jnp.broadcast_arrays(p_mm, q_mm, axes_mm)
     start = _start(p / a, q / a)
-    phi, s, _ = _solve(start, a)
-    x0, v0, _ = _leave(start, phi, a)
+    touches = _enters(p / a, q / a)
+    phi, s, _ = _solve(start, a, touches)
+    x, v, _ = _leave(start, phi, a)
     shares = jnp.linspace(0.0, 1.0, count)
-    curved = jax.lax.map(lambda share: _geodesic(x0, v0, share * s, a, _STEPS)[0], shares)
+    curved = jax.lax.map(lambda share: _geodesic(x, v, share * s, a, _STEPS)[0], shares)
     line = jax.lax.map(lambda share: p + share * (q - p), shares)
-    return jnp.concatenate([p[None], jnp.where(_enters(p / a, q / a)[None, None], curved, line), q[None]])
+    return jnp.concatenate([p[None], jnp.where(touches[None, None], curved, line), q[None]])
 
 
 class _Start(NamedTuple):
@@ -160,9 +187,21 @@ def _start(p, q) -> _Start:
     f1 = jnp.cross(e2, q / _norm(q)[None], axis=0)
     angle = jnp.arctan2(length, jnp.sum(p * q, axis=0))
     arc = angle - jnp.arccos(1.0 / rho_p) - jnp.arccos(1.0 / rho_q)
-    return _Start(
-        p, 1.0 / rho_p**2, jnp.sqrt(1.0 - 1.0 / rho_p**2), e1, e2, q, jnp.sqrt(rho_q**2 - 1.0), f1, e2, arc
-    )
+    return _Start(p, 1.0 / rho_p**2, jnp.sqrt(1.0 - 1.0 / rho_p**2), e1, e2, q, jnp.sqrt(rho_q**2 - 1.0), f1, e2, arc)
+
+
+def _known_length(start: _Start, a) -> Array:
+    """Measure a path that is not the shortest, in a plane through the centre; by chords, 1e-3 too short."""
+    x, _, before = _leave(start, jnp.zeros_like(start.k), a)
+    outward = start.p / _norm(start.p)[None]
+    touching = jnp.arctan2(jnp.sum(x / a * start.e1, axis=0), jnp.sum(x / a * outward, axis=0))
+
+    def at(number):
+        angle = touching + number / _CHORDS * start.arc
+        return a * (jnp.cos(angle)[None] * outward + jnp.sin(angle)[None] * start.e1)
+
+    along = jax.lax.fori_loop(0, _CHORDS, lambda k, total: total + _norm(at(k + 1) - at(k)), jnp.zeros_like(start.k))
+    return before + along + _norm(a * start.q - at(_CHORDS))
 
 
 def _enters(p, q) -> Bool[Array, " *batch"]:
@@ -217,34 +256,43 @@ def _miss(start: _Start, phi, s, a, steps: int) -> tuple[Array, Array]:
     return jnp.sum(start.f1 * (end - start.q), axis=0), jnp.sum(start.f2 * (end - start.q), axis=0)
 
 
-def _solve(start: _Start, a) -> tuple[Array, Array, Array]:
-    """Lead the axes from a sphere to a: phi, s and the miss."""
+def _solve(start: _Start, a, touches) -> tuple[Array, Array, Array]:
+    """Lead the axes from a sphere to a: phi, s and the miss. Only those that touch have to arrive."""
     mean = jnp.exp(jnp.mean(jnp.log(a), axis=0))
-    phi, s = jnp.zeros_like(mean), mean * start.arc
-
-    def newton(axes, steps, phi, s):
-        def miss(phi, s):
-            return _miss(start, phi, s, axes, steps)
-
-        one, zero = jnp.ones_like(phi), jnp.zeros_like(phi)
-        (r1, r2), (a11, a21) = jax.jvp(miss, (phi, s), (one, zero))
-        _, (a12, a22) = jax.jvp(miss, (phi, s), (zero, one))
-        determinant = a11 * a22 - a12 * a21
-        regular = jnp.where(determinant == 0.0, 1.0, determinant)
-        turn, onward = (a12 * r2 - a22 * r1) / regular, (a21 * r1 - a11 * r2) / regular
-        largest = jnp.maximum(abs(turn), abs(onward) / mean) / _LARGEST_TURN
-        shorter = 1.0 / jnp.maximum(largest, 1.0)
-        return phi + shorter * turn, s + shorter * onward, jnp.maximum(abs(r1), abs(r2))
 
     def stage(number, state):
         share = (number + 1.0) / _STAGES
         axes = mean[None] ** (1.0 - share) * a**share
-        return jax.lax.fori_loop(0, _NEWTON, lambda _, u: newton(axes, _FEW_STEPS, *u)[:2], state)
+        return jax.lax.fori_loop(0, _NEWTON, lambda _, u: _newton(start, u[0], u[1], axes, mean, _FEW_STEPS)[:2], state)
 
-    phi, s = jax.lax.fori_loop(0, _STAGES, stage, (phi, s))
-    phi, s = jax.lax.fori_loop(0, _NEWTON, lambda _, u: newton(a, _STEPS, *u)[:2], (phi, s))
-    r1, r2 = _miss(start, phi, s, a, _STEPS)
-    return phi, s, jnp.maximum(abs(r1), abs(r2))
+    def last(state):
+        number, phi, s, _ = state
+        return (number + 1, *_newton(start, phi, s, a, mean, _STEPS))
+
+    def unfinished(state):
+        number, _, _, error = state
+        return (number < _MOST_NEWTON) & jnp.any(touches & ~(error < TOLERANCE))
+
+    phi, s = jax.lax.fori_loop(0, _STAGES, stage, (jnp.zeros_like(mean), mean * start.arc))
+    _, phi, s, error = jax.lax.while_loop(unfinished, last, (0, phi, s, jnp.full_like(s, jnp.inf)))
+    return phi, s, error
+
+
+def _newton(start: _Start, phi, s, a, mean, steps: int) -> tuple[Array, Array, Array]:
+    """One step of phi and s, and the miss before it."""
+
+    def miss(phi, s):
+        return _miss(start, phi, s, a, steps)
+
+    one, zero = jnp.ones_like(phi), jnp.zeros_like(phi)
+    (r1, r2), (a11, a21) = jax.jvp(miss, (phi, s), (one, zero))
+    _, (a12, a22) = jax.jvp(miss, (phi, s), (zero, one))
+    determinant = a11 * a22 - a12 * a21
+    regular = jnp.where(determinant == 0.0, 1.0, determinant)
+    turn, onward = (a12 * r2 - a22 * r1) / regular, (a21 * r1 - a11 * r2) / regular
+    largest = jnp.maximum(abs(turn), abs(onward) / mean) / _LARGEST_TURN
+    shorter = 1.0 / jnp.maximum(largest, 1.0)
+    return phi + shorter * turn, s + shorter * onward, jnp.maximum(abs(r1), abs(r2))
 
 
 def _norm(v) -> Array:
