@@ -15,7 +15,7 @@ from adapt.trust.thorax_plausibility import Check
 TURNED_DEG = {"TS": 22.2, "AI": 25.6, "conoid": 15.6}
 """Mean angle between the directions of the force before and after; the median of the pairs is 14, 13 and 10."""
 
-SERRATUS_RATIO = {"sc": 1.30, "ac": 1.20}
+SERRATUS_RATIO = {"sc": 1.30, "ac": 1.205}
 """Arm of the serratus (thesis 3.3.1) about SC and AC, after over before, or before over after."""
 
 _NAMES = {"TS": "direction at TS", "AI": "direction at AI", "conoid": "direction of the conoid"}

@@ -34,6 +34,7 @@ ONLY_IN = {
     "matplotlib": ("adapt.output",),
     "plotly": ("adapt.report",),
     "rich": ("adapt.cli",),
+    "scipy": ("models",),
     "typer": ("adapt.cli",),
 }
 """Packages of others that only these rooms import: a web page does not print, a solver does not draw."""
@@ -41,7 +42,7 @@ ONLY_IN = {
 WITHOUT_PANDAS = ("models", "adapt.engine", "adapt.solvers", "adapt.diagnosis")
 """Typed arrays inside, tables at the edge."""
 
-NEVER_AT_RUN_TIME = ("casadi", "hypothesis", "jaxopt", "opensim", "pytest", "scipy", "scripts", "tests")
+NEVER_AT_RUN_TIME = ("casadi", "hypothesis", "jaxopt", "opensim", "pytest", "scripts", "tests")
 
 
 def folders() -> list[Path]:
