@@ -88,7 +88,7 @@ def free_directions(girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) ->
     slopes = np.moveaxis(np.asarray(_chain_slopes(_batched(girdle, angles), jnp.asarray(angles))), -1, 0)
     finite = np.isfinite(slopes).all(axis=(1, 2))
     slopes = np.where(finite[:, None, None], slopes, np.eye(6))
-    regular = np.atleast_1d(finite & (np.linalg.cond(slopes) < _WORST_CONDITION))
+    regular: np.ndarray = np.asarray(np.linalg.cond(slopes) < _WORST_CONDITION) & finite
     free = np.linalg.solve(np.where(regular[:, None, None], slopes, np.eye(6)), np.eye(6)[:, :3])
     return np.moveaxis(np.where(regular[:, None, None], free, np.nan), 0, -1)
 

@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false, reportCallIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The checks of forces: limits from the published sets, which pass; an ellipsoid that shrank or ran away does not."""
 
 import numpy as np
@@ -89,7 +91,7 @@ def test_a_runaway_ellipsoid_is_flagged():
 def test_a_set_without_landmarks_has_contact_but_no_serratus():
     model = load_model("das3")
     fits, parameters = tables(model, changed(model))
-    assert (fits["status"] == status.OK).any()
+    assert status.OK in set(fits["status"])
     assert serratus_arms([model], fits, parameters).empty
     found = force_checks(contact_table([model], fits, parameters), pd.DataFrame())
     assert len(found) == len(TURNED_DEG)
