@@ -86,9 +86,9 @@ def _attachment_slopes(bone, on_scapula, girdle: Girdle, q) -> Float[Array, " 3 
 def free_directions(girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) -> Float[np.ndarray, " 6 3 postures"]:
     """Compute T = dq/dc of the free coordinates AC_y, AC_z, TS_x, rad a mm; NaN where they do not move the chain."""
     slopes = np.moveaxis(np.asarray(_chain_slopes(_batched(girdle, angles), jnp.asarray(angles))), -1, 0)
-    finite = np.isfinite(slopes).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(slopes).all(axis=(1, 2)))
     slopes = np.where(finite[:, None, None], slopes, np.eye(6))
-    regular: np.ndarray = np.asarray(np.linalg.cond(slopes) < _WORST_CONDITION) & finite
+    regular = finite & np.asarray(np.linalg.cond(slopes) < _WORST_CONDITION)
     free = np.linalg.solve(np.where(regular[:, None, None], slopes, np.eye(6)), np.eye(6)[:, :3])
     return np.moveaxis(np.where(regular[:, None, None], free, np.nan), 0, -1)
 
