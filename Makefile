@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 MOTIONS ?= ../shared/motions/*.csv
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets thesis questions speed fuzz mutants rooms clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets completion thesis questions speed fuzz mutants rooms clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -45,6 +45,9 @@ heldout: .venv/runtime ## adapted to one motion, looked at on another; w by moti
 
 sets: .venv/runtime ## what depends on the cadaver; of measured motions
 	$(BIN)/python scripts/study_sets.py $(MOTIONS)
+
+completion: .venv/runtime ## how what is not printed of R2, R4 and R6 is best placed: two minutes; of measured motions
+	$(BIN)/python scripts/study_completion.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
 
 thesis: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
 	$(BIN)/python scripts/compare_thesis.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012

@@ -31,6 +31,7 @@ from adapt.trust.covariance import Uncertainty, uncertainty
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, PersonalSets, girdles_of
 from motions.errors import InputError
 from motions.table import Motions
 
@@ -63,7 +64,7 @@ class Adaptations(PostureFits, Tables):
 
 def fit_postures(
     motions: Motions,
-    models: ParameterSet | Sequence[ParameterSet],
+    models: AnyModel | Sequence[AnyModel],
     progress: Progress = lambda _: None,
     dtype: DTypeLike = np.float64,
     effects: Amplitudes = NO_EFFECTS,
@@ -78,13 +79,13 @@ def fit_postures(
 
 
 def _before(
-    motions: Motions, models: list[ParameterSet], progress: Progress, dtype: DTypeLike, effects: Amplitudes
+    motions: Motions, models: list[AnyModel], progress: Progress, dtype: DTypeLike, effects: Amplitudes
 ) -> tuple[dict[str, Fitted], pd.DataFrame]:
     """The fits of the models as they are, and their table."""
     _check_names(motions)
     progress("posture fits")
-    count = len(motions.posture)
-    girdle = jax.tree.map(lambda *x: np.repeat(np.stack(x, axis=-1), count, axis=-1), *[one.girdle for one in models])
+    names = motions.subject.tolist()
+    girdle = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *[girdles_of(one, names) for one in models])
     rows = MotionRows.of_models(motions, len(models), effects, dtype)
     by_model = _by_model(models, fit_rows(rows, girdle))
     return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
@@ -92,7 +93,7 @@ def _before(
 
 def adapt_subjects(
     motions: Motions,
-    models: ParameterSet | Sequence[ParameterSet],
+    models: AnyModel | Sequence[AnyModel],
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Progress = lambda _: None,
@@ -101,6 +102,8 @@ def adapt_subjects(
     effects: Amplitudes = NO_EFFECTS,
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
+
+    A model is a parameter set, or a set for each subject (``models.person.family.PersonalSets``).
 
     ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.solvers.objective.READINGS``. Subjects are independent:
     one that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
@@ -179,11 +182,11 @@ def _type_of(dtype: DTypeLike, effects: Amplitudes) -> DTypeLike:
     return np.float64 if effects else dtype
 
 
-def _as_list(models) -> list[ParameterSet]:
-    return [models] if isinstance(models, ParameterSet) else list(models)
+def _as_list(models) -> list[AnyModel]:
+    return [models] if isinstance(models, ParameterSet | PersonalSets) else list(models)
 
 
-def _by_model(models: Sequence[ParameterSet], fitted: Fitted) -> dict[str, Fitted]:
+def _by_model(models: Sequence[AnyModel], fitted: Fitted) -> dict[str, Fitted]:
     parts = _parts(len(models), len(fitted.status) // len(models))
     return {model.name: fitted.take(part) for model, part in zip(models, parts, strict=True)}
 

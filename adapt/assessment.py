@@ -30,6 +30,7 @@ from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from adapt.trust.weight_choice import weight_table
 from models.adapted_parameters import ADAPTED
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, PersonalSets
 from motions.table import Motions
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
@@ -59,7 +60,7 @@ class Trust:
 
 def assess_trust(
     motions: Motions,
-    models: ParameterSet | Sequence[ParameterSet],
+    models: AnyModel | Sequence[AnyModel],
     weight: float = WEIGHT,
     choose_weight: bool = False,
     progress: Callable[[str], None] = lambda _: None,
@@ -69,7 +70,7 @@ def assess_trust(
     E = D + weight mean(J), mm^2 and deg^2, as in ``adapt_subjects``; ``choose_weight`` also tries other w on held-out
     motions.
     """
-    models = [models] if isinstance(models, ParameterSet) else list(models)
+    models = [models] if isinstance(models, ParameterSet | PersonalSets) else list(models)
     names = [model.name for model in models]
     result = adapt_subjects(motions, models, weight, progress=progress, held_out=())
     batch = pack(motions)
@@ -111,7 +112,7 @@ def intervals(
 
 def uncertainty_table(
     subjects: Sequence[str],
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     data: ProblemBatch,
     adapted: Adapted,
     found: Uncertainty,
@@ -132,7 +133,7 @@ def uncertainty_table(
     rows = []
     for problem in range(len(good)):
         model = models[problem // len(subjects)]
-        own = np.asarray(model.girdle.adapted_mm)
+        own = np.asarray(model.of(subjects[problem % len(subjects)]).girdle.adapted_mm)
         for k, name in enumerate(ADAPTED):
             row: dict[str, object] = {"model": model.name, "subject": subjects[problem % len(subjects)]}
             row |= {"parameter": name, "adapted_mm": adapted.theta_mm[k, problem], "prior_mm": own[k]}
@@ -149,7 +150,7 @@ def uncertainty_table(
     return pd.DataFrame(rows)
 
 
-def plausibility_table(subjects: Sequence[str], models: Sequence[ParameterSet], adapted: Adapted) -> pd.DataFrame:
+def plausibility_table(subjects: Sequence[str], models: Sequence[AnyModel], adapted: Adapted) -> pd.DataFrame:
     """Tabulate ``plausibility.csv``: value, limits, their reason, and ``pass`` or ``warning``.
 
     One row per model, subject and check; ``own_value`` is the value of the parameter set itself.
@@ -157,8 +158,9 @@ def plausibility_table(subjects: Sequence[str], models: Sequence[ParameterSet], 
     rows = []
     for problem in range(adapted.theta_mm.shape[-1]):
         model = models[problem // len(subjects)]
-        own = checks(model, np.asarray(model.girdle.adapted_mm))
-        for check, before in zip(checks(model, adapted.theta_mm[:, problem]), own, strict=True):
+        mine = model.of(subjects[problem % len(subjects)])
+        own = checks(mine, np.asarray(mine.girdle.adapted_mm))
+        for check, before in zip(checks(mine, adapted.theta_mm[:, problem]), own, strict=True):
             row = {"model": model.name, "subject": subjects[problem % len(subjects)], "check": check.name}
             row |= {"value": check.value, "own_value": before.value, "low": check.low, "high": check.high}
             rows.append(row | {"unit": check.unit, "verdict": check.verdict, "reason": check.reason})

@@ -5,8 +5,6 @@ Every result of this module is simulated, and says so.
 
 from dataclasses import dataclass, replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
@@ -80,8 +78,7 @@ def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) ->
 
 def _chain(girdle: Girdle, theta, effect: Effect | None, amplitude, wanted: Motions) -> Girdle | ExtendedGirdle:
     count = len(wanted.posture)
-    repeated = jax.tree.map(lambda x: jnp.repeat(x[..., None], count, axis=-1), girdle)
-    repeated = repeated.with_adapted(jnp.asarray(theta))
+    repeated = girdle.repeated(count).with_adapted(theta)
     if effect is None:
         return repeated
     strengths = np.einsum("ap,acp->cp", amplitude, effect.columns(wanted))

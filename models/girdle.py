@@ -16,8 +16,10 @@ from models.ellipsoid import signed_distance_mm
 from motions.arrays import Array, xp
 from motions.rotations import rotate, rotation_from_cardan
 
-CONSTRAINTS = ("A1", "A2", "A3")
-"""TS to the ellipsoid, AI to the ellipsoid, length of the conoid (thesis Eq. 6.2)."""
+CONSTRAINT_NAMES = {"A1": "A1: TS to the ellipsoid", "A2": "A2: AI to the ellipsoid", "A3": "A3: length of the conoid"}
+"""Thesis Eq. 6.2."""
+
+CONSTRAINTS = tuple(CONSTRAINT_NAMES)
 
 
 @jax.tree_util.register_dataclass
@@ -118,10 +120,10 @@ def chain_residuals_mm(
 ) -> Float[Array, " 3 *batch"]:
     """Compute A1, A2, A3 in mm, zero where the chain is closed (thesis Eq. 6.2)."""
     at = chain_landmarks(girdle, R_thorax_clavicle, R_thorax_scapula)
-    ts = signed_distance_mm(at.TS, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ts_distance_mm
-    ai = signed_distance_mm(at.AI, girdle.centre_mm, girdle.semi_axes_mm) - girdle.ai_distance_mm
+    centre, semi_axes = girdle.centre_mm[:, None], girdle.semi_axes_mm[:, None]
+    ts, ai = signed_distance_mm(xp.stack([at.TS, at.AI], axis=1), centre, semi_axes)
     conoid = at.scapula_conoid - at.clavicle_conoid
-    return xp.stack([ts, ai, _length(conoid) - girdle.conoid_length_mm])
+    return xp.stack([ts - girdle.ts_distance_mm, ai - girdle.ai_distance_mm, _length(conoid) - girdle.conoid_length_mm])
 
 
 def landmarks(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Landmarks:

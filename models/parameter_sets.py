@@ -7,6 +7,7 @@ points in the frame of their bone (thesis, Appendix A).
 import difflib
 import math
 import os
+import re
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -36,6 +37,12 @@ FEWEST_POINTS = len(ELLIPSOID) + 1
 
 FLATTEST_SCAPULA_MM = 1.0
 """How far off the line through AC and the farther of TS and AI the other one must be: a palpator's noise."""
+
+MEASURED = "measured"
+"""How the source of a number begins that is of the person."""
+
+_RANGE = re.compile(r"\+-\s*([0-9.]+)\s*mm$")
+"""How a source states its range, at its end: before it ranges of other numbers may be cited."""
 
 _VECTOR, _POINTS, _LENGTH, _DISTANCE, _TEXT = "vector", "points", "length", "distance", "text"
 
@@ -82,6 +89,19 @@ class ParameterSet:
     """Lower and upper bound of the adapted parameters, in the order of ``ADAPTED_PARAMETERS``: own value -+ half."""
     source: dict[str, str]
     """Where each number comes from, by ``section.key``. Empty where a file of the user's own names none."""
+
+    def is_measured(self, key: str) -> bool:
+        """Tell whether the source says that a number was measured of the person (``models.person``)."""
+        return self.source.get(key, "").startswith(MEASURED)
+
+    def range_mm(self, key: str) -> float | None:
+        """Read the range or SD that the source of a number states at its end, mm; None if it states none."""
+        stated = _RANGE.search(self.source.get(key, ""))
+        return float(stated[1]) if stated else None
+
+    def of(self, _subject: str) -> "ParameterSet":
+        """Give the set of a subject: this one is everybody's (``models.person.family``)."""
+        return self
 
 
 def model_names() -> tuple[str, ...]:
@@ -158,8 +178,13 @@ def _document(path: Path, file: str) -> dict[str, Any]:
         reason = getattr(error, "strerror", None) or str(error)
         remedy = "Check the path, and that you may read the file"
         raise InputError(file, None, f"the file cannot be read ({reason})", remedy) from error
+    return parameter_document(content, file)
+
+
+def parameter_document(content: bytes | str, file: str) -> dict[str, Any]:
+    """Read the content of a TOML file. InputError where it is none."""
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        return tomllib.loads(content if isinstance(content, str) else content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else str(error)
         remedy = "Start from a copy of a shipped set and change its numbers"

@@ -4,10 +4,10 @@ J.H. de Groot, R. Brand, "A three-dimensional regression model of the shoulder r
 16 (2001) 735-743.
 """
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from motions.arrays import Array, xp
 from motions.rotations import DEG, compose, rotation_from_cardan
 from motions.table import ANGLES
 
@@ -48,15 +48,12 @@ def girdle_angles_deg(
     constant, by_plane, by_elevation, by_rest = np.moveaxis(coefficients, 1, 0)
     predicted = constant + by_plane * plane_deg + by_elevation * elevation_deg + by_rest * rest_deg[_IN_ANGLES]
     clavicle_deg, scapula_deg = predicted[:2], predicted[2:]
-    R_thorax_clavicle_rest = rotation_from_cardan(jnp.asarray(rest_deg[:3] / DEG))
-    R_thorax_scapula_rest = rotation_from_cardan(jnp.asarray(rest_deg[3:] / DEG))
+    R_thorax_clavicle_rest = rotation_from_cardan(rest_deg[:3] / DEG)
+    R_thorax_scapula_rest = rotation_from_cardan(rest_deg[3:] / DEG)
     clavicle_x = clavicle_axial_rotation(
-        jnp.asarray(clavicle_deg / DEG),
-        jnp.asarray(scapula_deg / DEG),
-        R_thorax_clavicle_rest,
-        R_thorax_scapula_rest,
+        clavicle_deg / DEG, scapula_deg / DEG, R_thorax_clavicle_rest, R_thorax_scapula_rest
     )
-    return np.concatenate([clavicle_deg, np.asarray(clavicle_x)[None] * DEG, scapula_deg])
+    return np.concatenate([clavicle_deg, clavicle_x[None] * DEG, scapula_deg])
 
 
 def clavicle_axial_rotation(
@@ -75,9 +72,9 @@ def clavicle_axial_rotation(
     Two landmarks do not fix the axial rotation, so it is estimated (Pronk; thesis Appendix A, note 1). With the
     published rhythm this gives 41 degrees at 120 degrees of abduction; bone pins show 25-36 (Ludewig 2009, Oki 2012).
     """
-    R_yz = rotation_from_cardan(jnp.concatenate([clavicle_yz, jnp.zeros_like(clavicle_yz[:1])]))
-    R_clavicle_thorax_rest = jnp.swapaxes(R_thorax_clavicle_rest, 0, 1)
+    R_yz = rotation_from_cardan(xp.concatenate([clavicle_yz, xp.zeros_like(clavicle_yz[:1])]))
+    R_clavicle_thorax_rest = xp.swapaxes(R_thorax_clavicle_rest, 0, 1)
     R_clavicle_scapula_rest = compose(R_clavicle_thorax_rest, R_thorax_scapula_rest)
-    R_scapula_thorax = jnp.swapaxes(rotation_from_cardan(scapula), 0, 1)
+    R_scapula_thorax = xp.swapaxes(rotation_from_cardan(scapula), 0, 1)
     B = compose(R_clavicle_thorax_rest + compose(R_clavicle_scapula_rest, R_scapula_thorax), R_yz)
-    return jnp.arctan2(B[1, 2] - B[2, 1], B[1, 1] + B[2, 2])
+    return xp.arctan2(B[1, 2] - B[2, 1], B[1, 1] + B[2, 2])

@@ -34,10 +34,10 @@ def cardan_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *ba
 
     At |b| = pi/2 only a + c or a - c is determined (gimbal lock); no measured clavicle or scapula comes near.
     """
-    a = jnp.arctan2(-R[2, 0], R[0, 0])
-    b = jnp.arctan2(R[1, 0], jnp.hypot(R[0, 0], R[2, 0]))
-    c = jnp.arctan2(-R[1, 2], R[1, 1])
-    return jnp.stack([a, b, c])
+    a = xp.arctan2(-R[2, 0], R[0, 0])
+    b = xp.arctan2(R[1, 0], xp.hypot(R[0, 0], R[2, 0]))
+    c = xp.arctan2(-R[1, 2], R[1, 1])
+    return xp.stack([a, b, c])
 
 
 def rotate(R: Float[Array, " 3 3 *batch"], v: Float[Array, " 3 *#batch"]) -> Float[Array, " 3 *batch"]:
@@ -47,7 +47,7 @@ def rotate(R: Float[Array, " 3 3 *batch"], v: Float[Array, " 3 *#batch"]) -> Flo
 
 def compose(R_a_b: Float[Array, " 3 3 *batch"], R_b_c: Float[Array, " 3 3 *#batch"]) -> Float[Array, " 3 3 *batch"]:
     """Compute R_a_c = R_a_b R_b_c, elementwise over the batch."""
-    return jnp.stack([rotate(R_a_b, R_b_c[:, k]) for k in range(3)], axis=1)
+    return xp.stack([rotate(R_a_b, R_b_c[:, k]) for k in range(3)], axis=1)
 
 
 def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:

@@ -2,11 +2,12 @@
 
 The thesis prints ellipsoid, clavicle, conoid length and scapula of R2, R4 and R6 (Tables 3.2, 3.3), and
 landmarks and ellipsoid of one cadaver, dissected and in MRI (Tables 4.2, 4.5). The same cadaver is in DAS3,
-with the conoid's attachments. What is missing is placed so that A1-A3 hold in a stated rest posture. In mm.
+with the conoid's attachments. What is missing is placed by one ``Rule``; scripts/study_completion.py compares rules on
+measured shoulders. In mm.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,27 +15,27 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
 
 from models.export.toml import parameters_toml
 from models.girdle import Girdle, bone_rotations, constraint_residuals_mm
-from models.parameter_sets import shortest_conoid_mm
 from motions.files import atomic_write
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
-from motions.rotations import DEG, cardan_from_rotation, rotate, rotation_from_vector
+from motions.rotations import DEG, cardan_from_rotation
 
 Vector = Float[np.ndarray, "3"]
+Posture = Float[np.ndarray, "6"]
 
 DIGITS = 6
 """Decimals of a derived number, in mm and degrees: closes A1-A3 to 1e-6 mm, far below any measurement."""
 
+POSTURE_DIGITS = 2
+"""Decimals of a rest posture that was searched for, in degrees: those of the published one."""
+
 POINT_DIGITS = 9
 """Decimals of a thorax point, so that it is on the ellipsoid and the geometric fit starts at D = 0."""
-
-CONOID_ANGLE_DEG = 40.0
-"""Between the conoid and the line from its clavicular attachment to AC, at rest. Assumed: R4 cannot reach all
-postures with 8.2 mm (3.3.1) and is adapted to 10 +- 1 mm (Table 6.5), so its shortest conoid is between
-8.2 and about 10 mm; 36 to 45 degrees give that, and 40 gives 9.27 mm."""
 
 POINT_AZIMUTHS_DEG = (-40.0, 10.0, 45.0)
 """From lateral toward backward: origins of the serratus, where it wraps, under the scapula (thesis 6.2.6)."""
@@ -42,14 +43,40 @@ POINT_AZIMUTHS_DEG = (-40.0, 10.0, 45.0)
 POINT_HEIGHTS_MM = tuple(np.linspace(-20.0, -200.0, 8))
 """Thorax y of the points of each column: about the ribs 1-9."""
 
+_Y_THORAX = np.array([0.0, 1.0, 0.0])
+
 _DAS3 = "DAS3 (Chadwick et al., IEEE Trans. Biomed. Eng. 61(7):1947-1956, 2014, doi 10.1109/TBME.2014.2309727)"
-_DAS3_AC = np.array([207.7, -0.1, 28.2])
+DAS3_SC = np.array([1.4, -15.2, 2.8])
+DAS3_ACROMION = np.array([207.7, -0.1, 28.2])
+"""Where DAS3 hangs its scapula, in its clavicle frame: not AC but AA, the origin of its scapula frame."""
 _DAS3_CLAVICLE_CONOID = np.array([136.5, 20.6, 13.6])
 _DAS3_SCAPULA_CONOID = np.array([-53.6, -0.9, -26.6])
 _DAS3_CONOID_LENGTH = 17.4
-_DAS3_TS = np.array([-127.4, -22.8, -34.6])
+_DAS3_CONTACTS = (np.array([-127.4, -22.8, -34.6]), np.array([-125.7, -122.3, -27.5]))
 
-_DISSECTION_SC = (20.3, -8.2, 12.4)
+_DSEM = "the input file of the Delft shoulder and elbow model for the cadaver, as public code for DAS3 quotes it"
+DSEM_SC, DSEM_AC = np.array([19.7, 9.3, 13.7]), np.array([165.1, 26.6, 71.8])
+DSEM_TS, DSEM_AI = np.array([75.0, -11.7, 156.0]), np.array([101.6, -126.2, 156.7])
+DSEM_AA, DSEM_AC_JOINT = np.array([182.6, 7.5, 105.6]), np.array([176.6, 14.3, 73.1])
+"""The cadaver of Table 4.2, dissection, thorax frame: landmarks and AC joint. They are what DAS3's frames are made of:
+its clavicle's x axis is parallel to SC-AC, without axial rotation, and its scapula frame goes through TS, AI and AA."""
+
+_DISSECTION = {
+    "SC": np.array([20.3, -8.2, 12.4]),
+    "AC": np.array([165.0, 26.6, 71.4]),
+    "TS": np.array([74.9, -11.2, 155.8]),
+    "AI": np.array([102.5, -127.3, 155.7]),
+}
+_MRI = {
+    "SC": np.array([21.1, -6.9, 12.8]),
+    "AC": np.array([145.7, 67.5, 58.2]),
+    "TS": np.array([67.5, 33.6, 151.0]),
+    "AI": np.array([98.7, -85.1, 152.5]),
+}
+"""Table 4.2: skeletal points in the thorax frame; SC is its SC-J."""
+
+LEAST_DISTANCES_MM = (0.1, 0.1)
+"""TS and AI are not inside the thorax: Eq. 6.2 has a distance. A tenth covers the rounding of the posture."""
 
 _POINTS_SOURCE = (
     "assumed: on the ellipsoid where the thesis says points were palpated (6.2.6), right side: columns at "
@@ -60,6 +87,49 @@ _POINTS_SOURCE = (
 )
 
 
+def das3_conoid_mm() -> tuple[Vector, Vector]:
+    """DAS3's attachments on clavicle and scapula in the thorax frame, in the posture the cadaver was measured in.
+
+    Each in its own frame: the clavicle's from DAS3's SC, the scapula's from the AC joint, in axes of TS, AI and AA.
+    So the attachments are 19.3 mm apart, and the conoid is 17.4; from AA, where DAS3 has its scapula, they are 46.4.
+    """
+    R_thorax_clavicle = clavicle_frame(DSEM_SC, DSEM_AC, _Y_THORAX)
+    return DAS3_SC + R_thorax_clavicle @ _DAS3_CLAVICLE_CONOID, DSEM_AC_JOINT + _das3_scapula() @ _DAS3_SCAPULA_CONOID
+
+
+def _das3_scapula() -> Float[np.ndarray, "3 3"]:
+    return scapula_frame(DSEM_AA, DSEM_TS, DSEM_AI)
+
+
+def attachment_shares() -> tuple[Vector, Vector]:
+    """DAS3's attachments in the frames of Appendix A: on the clavicle over |AC-SC|, on the scapula over |AC-TS|."""
+    SC, AC, TS, AI = _DISSECTION.values()
+    on_clavicle, on_scapula = das3_conoid_mm()
+    in_clavicle = clavicle_frame(SC, AC, _Y_THORAX).T @ (on_clavicle - SC)
+    in_scapula = scapula_frame(AC, TS, AI).T @ (on_scapula - AC)
+    return in_clavicle / np.linalg.norm(AC - SC), in_scapula / np.linalg.norm(AC - TS)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How what is not printed of R2, R4 and R6 is placed. By default as shipped; the study varies it."""
+
+    sc_mm: Sequence[float] = tuple(_DISSECTION["SC"])
+    least_mm: tuple[float, float] | None = LEAST_DISTANCES_MM
+    """Least distances of TS and AI to the ellipsoid, outside positive. The set rests in the posture closest to the mean
+    one (sum of the six squared angles) that keeps them. None: it rests in the mean one, whatever they are there."""
+    on_clavicle: Sequence[float] = tuple(attachment_shares()[0])
+    """The attachment, clavicle frame, over the length of the clavicle."""
+    hangs: bool = True
+    """At rest the conoid hangs straight down from the clavicle (thorax -y); else it has the direction from DAS3's
+    clavicular to its scapular attachment."""
+    forward_deg: float = 0.0
+    """It is then turned about the clavicle's axis, its lower end forward."""
+
+
+SHIPPED = Rule()
+
+
 @dataclass(frozen=True)
 class Completed:
     """A complete set, ready to be written."""
@@ -67,34 +137,25 @@ class Completed:
     name: str
     title: str
     girdle: Girdle
-    rest_deg: Float[np.ndarray, "6"]
-    """The stated rest posture: clavicle (y, z, x), scapula (y, z, x)."""
+    rest_deg: Posture
+    """The rest posture: clavicle (y, z, x), scapula (y, z, x)."""
     source: dict[str, str]
 
 
 def completed_sets() -> tuple[Completed, ...]:
     """All shipped sets, from the printed numbers alone."""
+    dissection = _dissection_set()
+    return (*table_sets(SHIPPED), dissection, _mri_set(dissection.girdle), _das3_set())
+
+
+def table_sets(rule: Rule) -> tuple[Completed, ...]:
+    """R2, R4 and R6 by one rule."""
     corrected = "Table 3.2, as corrected by the thesis: with the original 8.2 mm R4 cannot reach all postures (3.3.1)"
     table = "Table 3.2"
     return (
-        _table_set("R2", (0.0, -296.0, 78.0), (153.0, 404.0, 130.0), 158.0, (119.0, 113.0, 105.0), 18.3, table),
-        _table_set("R4", (0.0, -230.0, 54.0), (137.0, 314.0, 130.0), 145.0, (100.0, 110.0, 109.0), 13.2, corrected),
-        _table_set("R6", (0.0, -158.0, 66.0), (133.0, 256.0, 111.0), 159.0, (130.0, 109.0, 98.0), 13.8, table),
-        _cadaver_set(
-            "breteler_dissection",
-            "dissection",
-            [_DISSECTION_SC, (165.0, 26.6, 71.4), (74.9, -11.2, 155.8), (102.5, -127.3, 155.7)],
-            (0.0, -139.3, 68.0),
-            (139.1, 198.2, 85.4),
-        ),
-        _cadaver_set(
-            "breteler_mri",
-            "MRI",
-            [(21.1, -6.9, 12.8), (145.7, 67.5, 58.2), (67.5, 33.6, 151.0), (98.7, -85.1, 152.5)],
-            (0.0, -107.6, 62.9),
-            (137.5, 157.8, 94.6),
-        ),
-        _das3_set(),
+        _table_set("R2", (-296.0, 78.0), (153.0, 404.0, 130.0), 158.0, (119.0, 113.0, 105.0), (18.3, table), rule),
+        _table_set("R4", (-230.0, 54.0), (137.0, 314.0, 130.0), 145.0, (100.0, 110.0, 109.0), (13.2, corrected), rule),
+        _table_set("R6", (-158.0, 66.0), (133.0, 256.0, 111.0), 159.0, (130.0, 109.0, 98.0), (13.8, table), rule),
     )
 
 
@@ -112,49 +173,56 @@ def thorax_points_mm(centre_mm: Float[Array, " 3"], semi_axes_mm: Float[Array, "
     return np.stack([A_x * width * np.cos(azimuth), y, M_z + A_z * width * np.sin(azimuth)])
 
 
-def clavicular_attachment_mm(scale: float) -> Vector:
-    """DAS3's attachment in a clavicle frame with x through AC: the smallest rotation, then the scale."""
-    axis = np.cross(_unit(_DAS3_AC), [1.0, 0.0, 0.0])
-    sine = float(np.linalg.norm(axis))
-    turn = rotation_from_vector(jnp.asarray(axis * (np.arcsin(sine) / sine)))
-    return np.asarray(rotate(turn, jnp.asarray(_DAS3_CLAVICLE_CONOID))) * scale
+def own_rest_deg(girdle: Girdle, least_mm: tuple[float, float]) -> Posture:
+    """The posture closest to the mean one, in the sum of the six squared angles, where TS and AI are this far off.
 
-
-def scapular_attachment_mm(girdle: Girdle, rest_deg: Float[np.ndarray, "6"]) -> Vector:
-    """The attachment, scapula frame, that gives the conoid its length in the rest posture.
-
-    With u from the clavicular attachment to AC and p from there to DAS3's scapular attachment (scaled by |AC-TS|),
-    both thorax frame, and d the direction of p normal to u, the conoid is
-
-        c = length (cos(psi) u / |u| + sin(psi) d),   psi = ``CONOID_ANGLE_DEG``
-
-    and the attachment R_scapula_thorax (c - u). DAS3's attachment, as it stands, is 34-46 mm away; its direction
-    makes the conoid resist axial rotation of the clavicle, as the thesis says it does (3.2.2).
+    ValueError if there is none.
     """
-    R_thorax_clavicle, R_thorax_scapula = bone_rotations(jnp.asarray(rest_deg) / DEG)
-    u = np.asarray(rotate(R_thorax_clavicle, girdle.ac_mm - girdle.clavicle_conoid_mm))
-    size = np.linalg.norm(np.asarray(girdle.ts_mm)) / np.linalg.norm(_DAS3_TS)
-    p = u + np.asarray(rotate(R_thorax_scapula, jnp.asarray(_DAS3_SCAPULA_CONOID * size)))
-    along = _unit(u)
-    across = _unit(p - (p @ along) * along)
-    psi = np.radians(CONOID_ANGLE_DEG)
-    conoid = float(girdle.conoid_length_mm) * (np.cos(psi) * along + np.sin(psi) * across)
-    return np.asarray(R_thorax_scapula).T @ (conoid - u)
+    least = replace(girdle, ts_distance_mm=jnp.asarray(least_mm[0]), ai_distance_mm=jnp.asarray(least_mm[1]))
+    found = minimize(
+        lambda angles_deg: np.sum((angles_deg - REST_DEG) ** 2),
+        REST_DEG,
+        jac=lambda angles_deg: 2.0 * (angles_deg - REST_DEG),
+        constraints={"type": "ineq", "fun": lambda angles_deg: _residuals_mm(least, angles_deg)[:2]},
+        method="SLSQP",
+        options={"ftol": 1e-9, "maxiter": 1000},
+    )
+    if not found.success:
+        raise ValueError(f"TS and AI are {least_mm} mm off in no posture: {found.message}")
+    return np.round(found.x, POSTURE_DIGITS) + 0.0
 
 
-def close_at_rest(girdle: Girdle, rest_deg: Float[np.ndarray, "6"]) -> Girdle:
+def scapular_attachment_mm(girdle: Girdle, rest_deg: Posture, rule: Rule = SHIPPED) -> Vector:
+    """The attachment, scapula frame, that gives the conoid its length and the rule's direction d in the rest posture.
+
+    With u from the clavicular attachment to AC, thorax frame: R_scapula_thorax (length d - u).
+    """
+    R_thorax_clavicle, R_thorax_scapula = (np.asarray(R) for R in bone_rotations(jnp.asarray(rest_deg) / DEG))
+    u = R_thorax_clavicle @ np.asarray(girdle.ac_mm - girdle.clavicle_conoid_mm)
+    d = -_Y_THORAX
+    if not rule.hangs:
+        d = _unit(u + R_thorax_scapula @ (attachment_shares()[1] * np.linalg.norm(np.asarray(girdle.ts_mm))))
+    d = Rotation.from_rotvec(np.radians(rule.forward_deg) * R_thorax_clavicle[:, 0]).apply(d)
+    return R_thorax_scapula.T @ (float(girdle.conoid_length_mm) * d - u)
+
+
+def close_at_rest(girdle: Girdle, rest_deg: Posture, rule: Rule = SHIPPED) -> Girdle:
     """The girdle with its scapular attachment, const1 and const2 such that A1-A3 hold in the rest posture.
 
     The constants are of the printed digits, and const1 and const2 are taken from the printed attachment.
     """
     open_at_rest = replace(girdle, ts_distance_mm=jnp.zeros(()), ai_distance_mm=jnp.zeros(()))
-    distances = _printed(constraint_residuals_mm(open_at_rest, jnp.asarray(rest_deg) / DEG))
+    distances = _printed(_residuals_mm(open_at_rest, rest_deg))
     return replace(
         girdle,
-        scapula_conoid_mm=jnp.asarray(_printed(scapular_attachment_mm(girdle, rest_deg))),
+        scapula_conoid_mm=jnp.asarray(_printed(scapular_attachment_mm(girdle, rest_deg, rule))),
         ts_distance_mm=jnp.asarray(distances[0]),
         ai_distance_mm=jnp.asarray(distances[1]),
     )
+
+
+def _residuals_mm(girdle: Girdle, angles_deg: Posture) -> Vector:
+    return constraint_residuals_mm(jax.tree.map(np.asarray, girdle), np.asarray(angles_deg) / DEG)
 
 
 def toml_text(completed: Completed) -> str:
@@ -170,115 +238,126 @@ def toml_text(completed: Completed) -> str:
 
 def _table_set(
     name: str,
-    centre_mm: Sequence[float],
+    centre_mm: tuple[float, float],
     semi_axes_mm: Sequence[float],
     clavicle_mm: float,
     scapula: tuple[float, float, float],
-    conoid_mm: float,
-    conoid_source: str,
+    conoid: tuple[float, str],
+    rule: Rule,
 ) -> Completed:
-    """R2, R4 or R6. scapula: |AC-TS| and |AI-TS| in mm and the angle AC-TS-AI in degrees (Table 3.2)."""
+    """R2, R4 or R6. centre_mm: M_y and M_z; scapula: |AC-TS| and |AI-TS| in mm and the angle AC-TS-AI in degrees
+    (Table 3.2); conoid: its length and where that comes from."""
     ac_ts, ai_ts, angle_deg = scapula
     angle = np.radians(angle_deg)
     ts = np.array([-ac_ts, 0.0, 0.0])
     ai = ts + ai_ts * np.array([np.cos(angle), -np.sin(angle), 0.0])
-    girdle = _unclosed(centre_mm, semi_axes_mm, _DISSECTION_SC, clavicle_mm, ts, ai, conoid_mm)
-    girdle = close_at_rest(girdle, REST_DEG)
-    at_rest = f"the rest posture {_posture(REST_DEG)}, the published mean with the arm hanging"
-    source = {
-        "thorax.centre_mm": "Table 3.3",
+    on_clavicle = clavicle_mm * np.asarray(rule.on_clavicle)
+    girdle = _unclosed((0.0, *centre_mm), semi_axes_mm, rule.sc_mm, clavicle_mm, on_clavicle, ts, ai, conoid[0])
+    rest_deg = REST_DEG if rule.least_mm is None else own_rest_deg(girdle, rule.least_mm)
+    at_rest = f"the set's rest posture {_posture(rest_deg)}"
+    source = _measured_sources("Table 3.3", at_rest) | {
         "thorax.semi_axes_mm": "Table 3.3; its axis lengths are semi-axes",
-        "thorax.points_mm": _POINTS_SOURCE,
         "clavicle.sc_mm": "assumed: that of another cadaver (Table 4.2, dissection), none printed; +-10 mm",
         "clavicle.length_mm": "Table 3.2",
-        "clavicle.conoid_mm": _clavicular_source(scaled=True),
-        "scapula.ts_mm": "derived: (-|AC-TS|, 0, 0) of Table 3.2",
-        "scapula.ai_mm": "derived: TS + |AI-TS| (cos, -sin, 0) of the angle AC-TS-AI of Table 3.2",
-        "scapula.conoid_mm": _scapular_source(at_rest, girdle),
-        "constraint.ts_distance_mm": f"derived: signed distance of TS to the ellipsoid in {at_rest}",
-        "constraint.ai_distance_mm": f"derived: signed distance of AI to the ellipsoid in {at_rest}",
-        "constraint.conoid_length_mm": conoid_source,
+        "scapula.ts_mm": "derived: (-|AC-TS|, 0, 0) of Table 3.2; +-2 mm",
+        "scapula.ai_mm": "derived: TS + |AI-TS| (cos, -sin, 0) of the angle AC-TS-AI of Table 3.2; +-2 mm",
+        "constraint.conoid_length_mm": conoid[1],
     }
-    return Completed(name, f"Cadaver {name} of the thesis (Tables 3.2 and 3.3).", girdle, REST_DEG, source)
+    for key, landmark in (("constraint.ts_distance_mm", "TS"), ("constraint.ai_distance_mm", "AI")):
+        source[key] = (
+            f"derived: signed distance of {landmark} to the ellipsoid in {at_rest}: of the postures with neither TS "
+            f"nor AI inside the ellipsoid the closest to the published mean one, {_posture(REST_DEG)}; +-10 mm"
+        )
+    title = f"Cadaver {name} of the thesis (Tables 3.2 and 3.3)."
+    return Completed(name, title, close_at_rest(girdle, rest_deg, rule), rest_deg, source)
 
 
-def _cadaver_set(
-    name: str,
-    column: str,
-    points_mm: Sequence[Sequence[float]],
-    centre_mm: Sequence[float],
-    semi_axes_mm: Sequence[float],
-) -> Completed:
-    """The cadaver of Tables 4.2 and 4.5, at rest where it was measured. points_mm: SC, AC, TS and AI."""
-    SC, AC, TS, AI = (np.array(point) for point in points_mm)
+def _cadaver(
+    points_mm: Mapping[str, Vector], centre_mm: Sequence[float], semi_axes_mm: Sequence[float], on_clavicle: Vector
+) -> tuple[Girdle, Posture]:
+    """The cadaver of Tables 4.2 and 4.5, not closed, and the posture that it was measured in.
+
+    on_clavicle: the attachment over the length of the clavicle.
+    """
+    SC, AC, TS, AI = points_mm.values()
     R_thorax_scapula = scapula_frame(AC, TS, AI)
-    angles = [
-        cardan_from_rotation(jnp.asarray(R))
-        for R in (clavicle_frame(SC, AC, np.array([0.0, 1.0, 0.0])), R_thorax_scapula)
-    ]
-    rest_deg = _printed(jnp.concatenate(angles) * DEG)
+    angles = [cardan_from_rotation(jnp.asarray(R)) for R in (clavicle_frame(SC, AC, _Y_THORAX), R_thorax_scapula)]
     ts, ai = R_thorax_scapula.T @ (TS - AC), R_thorax_scapula.T @ (AI - AC)
     length = float(np.linalg.norm(AC - SC))
-    girdle = _unclosed(centre_mm, semi_axes_mm, SC, length, ts, ai, _DAS3_CONOID_LENGTH)
-    girdle = close_at_rest(girdle, rest_deg)
-    table = f"Table 4.2, {column}"
-    at_rest = f"the posture the cadaver was measured in, {_posture(rest_deg)}"
-    source = {
-        "thorax.centre_mm": f"Table 4.5, {column}",
-        "thorax.semi_axes_mm": f"Table 4.5, {column}",
-        "thorax.points_mm": _POINTS_SOURCE,
-        "clavicle.sc_mm": f"{table} (SC-J)",
-        "clavicle.length_mm": f"derived: |AC - SC-J| of {table}; AC is the landmark, not the joint",
-        "clavicle.conoid_mm": _clavicular_source(scaled=True),
-        "scapula.ts_mm": f"derived: {table}, in the scapula frame of Appendix A",
-        "scapula.ai_mm": f"derived: {table}, in the scapula frame of Appendix A",
-        "scapula.conoid_mm": _scapular_source(at_rest, girdle),
-        "constraint.ts_distance_mm": f"derived: signed distance of TS to the ellipsoid in {at_rest}",
-        "constraint.ai_distance_mm": f"derived: signed distance of AI to the ellipsoid in {at_rest}",
-        "constraint.conoid_length_mm": f"published: conoid_length of {_DAS3}, the same cadaver",
+    girdle = _unclosed(centre_mm, semi_axes_mm, SC, length, length * on_clavicle, ts, ai, _DAS3_CONOID_LENGTH)
+    return girdle, _printed(jnp.concatenate(angles) * DEG)
+
+
+def _dissection_set() -> Completed:
+    """At rest where the cadaver was measured, upright."""
+    girdle, rest_deg = _cadaver(_DISSECTION, (0.0, -139.3, 68.0), (139.1, 198.2, 85.4), np.asarray(SHIPPED.on_clavicle))
+    source = _cadaver_sources("dissection", rest_deg)
+    title = "The cadaver of Klein Breteler in the thesis, dissection (Tables 4.2 and 4.5)."
+    return Completed("breteler_dissection", title, close_at_rest(girdle, rest_deg), rest_deg, source)
+
+
+def _mri_set(dissection: Girdle) -> Completed:
+    """The same cadaver on its back, with the attachments of the dissection: the conoid is slack there."""
+    girdle, rest_deg = _cadaver(_MRI, (0.0, -107.6, 62.9), (137.5, 157.8, 94.6), np.asarray(SHIPPED.on_clavicle))
+    scale = float(np.linalg.norm(np.asarray(girdle.ts_mm)) / np.linalg.norm(np.asarray(dissection.ts_mm)))
+    on_scapula = _printed(np.asarray(dissection.scapula_conoid_mm) * scale)
+    girdle = replace(close_at_rest(girdle, rest_deg), scapula_conoid_mm=jnp.asarray(on_scapula))
+    apart = _DAS3_CONOID_LENGTH + _residuals_mm(girdle, rest_deg)[2]
+    source = _cadaver_sources("MRI", rest_deg) | {
+        "scapula.conoid_mm": (
+            "derived: that of breteler_dissection, the same cadaver, scaled by |AC-TS|. Where the cadaver was "
+            f"measured, on its back in {_posture(rest_deg)}, they are {apart:.1f} mm apart, the conoid slack; +-8 mm"
+        )
     }
-    title = f"The cadaver of Klein Breteler in the thesis, {column} (Tables 4.2 and 4.5)."
-    return Completed(name, title, girdle, rest_deg, source)
+    title = "The cadaver of Klein Breteler in the thesis, MRI (Tables 4.2 and 4.5)."
+    return Completed("breteler_mri", title, girdle, rest_deg, source)
 
 
 def _das3_set() -> Completed:
-    """The published DAS3 numbers as they stand. They are not closed in the rest posture of the other sets."""
-    length = float(np.linalg.norm(_DAS3_AC))
-    ts, ai = np.array([-127.4, -22.8, -34.6]), np.array([-125.7, -122.3, -27.5])
+    """The published DAS3 numbers, each taken from its own frame into those of Appendix A. Closed to 2 mm."""
+    SC, AC, TS, AI = DAS3_SC, *list(_DISSECTION.values())[1:]
+    R_thorax_clavicle, R_thorax_scapula = clavicle_frame(SC, AC, _Y_THORAX), scapula_frame(AC, TS, AI)
+    on_clavicle, on_scapula = das3_conoid_mm()
+    ts, ai = (R_thorax_scapula.T @ (DSEM_AA + _das3_scapula() @ contact - AC) for contact in _DAS3_CONTACTS)
     girdle = _unclosed(
-        (0, -148.6, 59.1),
-        (147, 207.9, 94.4),
-        (1.4, -15.2, 2.8),
-        length,
+        (0.0, -148.6, 59.1),
+        (147.0, 207.9, 94.4),
+        SC,
+        float(np.linalg.norm(AC - SC)),
+        R_thorax_clavicle.T @ (on_clavicle - SC),
         ts,
         ai,
         _DAS3_CONOID_LENGTH,
-        scale=1.0,
     )
-    girdle = replace(girdle, scapula_conoid_mm=jnp.asarray(_DAS3_SCAPULA_CONOID))
-    at_rest = _DAS3_CONOID_LENGTH + float(constraint_residuals_mm(girdle, jnp.asarray(REST_DEG) / DEG)[2])
-    apart = (
-        f"in the rest posture {_posture(REST_DEG)} of the R sets the published attachments are "
-        f"{at_rest:.1f} mm apart, in any posture at least {shortest_conoid_mm(girdle):.1f} mm"
+    girdle = replace(girdle, scapula_conoid_mm=jnp.asarray(_printed(R_thorax_scapula.T @ (on_scapula - AC))))
+    angles = [cardan_from_rotation(jnp.asarray(R)) * DEG for R in (R_thorax_clavicle, R_thorax_scapula)]
+    rest_deg = _printed(jnp.concatenate(angles))
+    off = ", ".join(f"{x:+.1f}" for x in _residuals_mm(girdle, rest_deg))
+    at_rest = f"the posture the cadaver was measured in, {_posture(rest_deg)}"
+    to_ours = f"brought into the frame of Appendix A in {at_rest}; A1-A3 are {off} mm there"
+    contact = (
+        "derived: {} of " + _DAS3 + f", a contact point and not the landmark, from AA in axes through TS, AI and AA "
+        f"({_DSEM}), {to_ours}; +-2 mm"
     )
-    contact = "published: {} of " + _DAS3 + ", a contact point of the scapula and not the landmark"
-    on_surface = "derived: 0, the contact points of DAS3 are on its ellipsoid"
+    on_surface = "derived: 0, the contact points of DAS3 are on its ellipsoid; +-2 mm"
     source = {
         "thorax.centre_mm": f"published: centre of the thorax ellipsoid of {_DAS3}",
         "thorax.semi_axes_mm": f"published: thorax_radii of {_DAS3}",
         "thorax.points_mm": _POINTS_SOURCE,
         "clavicle.sc_mm": f"published: joint sc1 of {_DAS3}",
-        "clavicle.length_mm": f"derived: |AC| of the clavicle frame of {_DAS3}",
-        "clavicle.conoid_mm": _clavicular_source(scaled=False),
+        "clavicle.length_mm": "derived: |AC - sc1|, AC of the same cadaver (Table 4.2, dissection). DAS3 hangs its "
+        "scapula at AA instead",
+        "clavicle.conoid_mm": f"derived: conoid_origin of {_DAS3}, from sc1 in axes along SC-AC ({_DSEM}), {to_ours}; "
+        "+-2 mm",
         "scapula.ts_mm": contact.format("TSprojection"),
         "scapula.ai_mm": contact.format("AIprojection"),
-        "scapula.conoid_mm": f"published: conoid_insertion of {_DAS3}; {apart}",
+        "scapula.conoid_mm": f"derived: conoid_insertion of {_DAS3}, from the AC joint in axes through TS, AI and AA "
+        f"({_DSEM}), {to_ours}; +-8 mm",
         "constraint.ts_distance_mm": on_surface,
         "constraint.ai_distance_mm": on_surface,
-        "constraint.conoid_length_mm": f"published: conoid_length of {_DAS3}; {apart}",
+        "constraint.conoid_length_mm": f"published: conoid_length of {_DAS3}",
     }
-    title = "The published numbers of DAS3, the same cadaver as breteler_dissection."
-    return Completed("das3", title, girdle, REST_DEG, source)
+    return Completed("das3", "The numbers of DAS3, the same cadaver as breteler_dissection.", girdle, rest_deg, source)
 
 
 def _unclosed(
@@ -286,22 +365,18 @@ def _unclosed(
     semi_axes_mm: Sequence[float],
     sc_mm: Sequence[float] | Vector,
     clavicle_mm: float,
+    on_clavicle_mm: Vector,
     ts_mm: Vector,
     ai_mm: Vector,
     conoid_mm: float,
-    scale: float | None = None,
 ) -> Girdle:
-    """The girdle in printed digits, its scapular attachment, const1 and const2 still 0.
-
-    scale: of DAS3's clavicular attachment; by default the lengths of the two clavicles.
-    """
-    scale = clavicle_mm / float(np.linalg.norm(_DAS3_AC)) if scale is None else scale
+    """The girdle in printed digits, its scapular attachment, const1 and const2 still 0."""
     return Girdle(
         centre_mm=jnp.asarray(_printed(centre_mm)),
         semi_axes_mm=jnp.asarray(_printed(semi_axes_mm)),
         sc_mm=jnp.asarray(_printed(sc_mm)),
         ac_mm=jnp.asarray(_printed([clavicle_mm, 0.0, 0.0])),
-        clavicle_conoid_mm=jnp.asarray(_printed(clavicular_attachment_mm(scale))),
+        clavicle_conoid_mm=jnp.asarray(_printed(on_clavicle_mm)),
         ts_mm=jnp.asarray(_printed(ts_mm)),
         ai_mm=jnp.asarray(_printed(ai_mm)),
         scapula_conoid_mm=jnp.zeros(3),
@@ -311,26 +386,36 @@ def _unclosed(
     )
 
 
-def _clavicular_source(scaled: bool) -> str:
-    attachment, ac = (", ".join(f"{x:g}" for x in v) for v in (_DAS3_CLAVICLE_CONOID, _DAS3_AC))
-    scale = f", scaled by the length over {np.linalg.norm(_DAS3_AC):.1f} mm" if scaled else ""
-    return (
-        f"derived: conoid_origin ({attachment}) of {_DAS3}, turned by the smallest rotation that brings "
-        f"its AC ({ac}) onto x{scale}"
-    )
+def _cadaver_sources(column: str, rest_deg: Posture) -> dict[str, str]:
+    at_rest = f"the posture the cadaver was measured in, {_posture(rest_deg)}"
+    table = f"Table 4.2, {column}"
+    distance = "derived: signed distance of {} to the ellipsoid in " + at_rest + "; +-3 mm"
+    return _measured_sources(f"Table 4.5, {column}", at_rest) | {
+        "clavicle.sc_mm": f"{table} (SC-J)",
+        "clavicle.length_mm": f"derived: |AC - SC-J| of {table}; AC is the landmark, not the joint",
+        "scapula.ts_mm": f"derived: {table}, in the scapula frame of Appendix A; +-2 mm",
+        "scapula.ai_mm": f"derived: {table}, in the scapula frame of Appendix A; +-2 mm",
+        "constraint.ts_distance_mm": distance.format("TS"),
+        "constraint.ai_distance_mm": distance.format("AI"),
+        "constraint.conoid_length_mm": f"published: conoid_length of {_DAS3}, the same cadaver",
+    }
 
 
-def _scapular_source(at_rest: str, girdle: Girdle) -> str:
-    return (
-        f"assumed: in {at_rest}, the conoid makes {CONOID_ANGLE_DEG:g} deg with the line from the clavicular "
-        "attachment to AC, bent toward DAS3's scapular attachment scaled by |AC-TS|; the shortest conoid is then "
-        f"{shortest_conoid_mm(girdle):.2f} mm. R4 at 8.2 mm cannot reach all postures (3.3.1) and is adapted "
-        "to 10 +- 1 mm (Table 6.5): its shortest conoid is between 8.2 and about 10 mm, which 36-45 deg "
-        "give; the same angle in every set"
-    )
+def _measured_sources(ellipsoid: str, at_rest: str) -> dict[str, str]:
+    """What the sets of the thesis have in common."""
+    return {
+        "thorax.centre_mm": ellipsoid,
+        "thorax.semi_axes_mm": ellipsoid,
+        "thorax.points_mm": _POINTS_SOURCE,
+        "clavicle.conoid_mm": f"derived: conoid_origin of {_DAS3}, from sc1 in axes along SC-AC ({_DSEM}), brought "
+        "into the frame of Appendix A by Table 4.2, dissection, and scaled by the length of the clavicle; +-8 mm",
+        "scapula.conoid_mm": f"assumed: in {at_rest}, the conoid hangs straight down from the clavicle. In DAS3 it is "
+        "21 deg from there, its lower end backward; of measured shoulders hanging predicts unseen motions better "
+        "(docs/completion.md); +-8 mm",
+    }
 
 
-def _posture(angles_deg: Float[np.ndarray, "6"]) -> str:
+def _posture(angles_deg: Posture) -> str:
     clavicle, scapula = (", ".join(f"{a:.10g}" for a in angles) for angles in np.split(angles_deg, 2))
     return f"clavicle ({clavicle}), scapula ({scapula}) deg"
 

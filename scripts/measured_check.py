@@ -1,18 +1,27 @@
 """Does the diagnosis name causes that predict measured shoulders? The gap on motions and persons that were not fitted.
 
 For each parameter set: what `girdle diagnose` names by itself, and the mean |simulated - measured| of scapula and
-clavicle, degrees, adapted without each motion: without the causes, with them (``girdle adapt --effect``), and with
-amplitudes that have seen neither the person nor the motion.
+clavicle, degrees, adapted without each motion: without the causes, with them (``girdle adapt --effect``), with
+amplitudes that have seen neither the person nor the motion, and with causes that were named and sized without the
+person at all.
 """
 
 import argparse
 from pathlib import Path
 
+import numpy as np
+
 from adapt.diagnosis import Diagnosis, diagnose
-from models import load_model
-from motions import read_motions
+from adapt.diagnosis.adapted_gaps import adapted_gaps
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.tables.held_out import MOTION
+from models import ParameterSet, load_model
+from models.effects.known import read_amplitudes
+from motions import Motions, read_motions
 
 _SETS = ("breteler_dissection", "breteler_mri", "R2", "R4", "R6")
+
+_BONES = ("scapula", "clavicle")
 
 _NEVER_UNDER_PINS = ("skin_artefact", "clavicle_axial_estimate")
 """Bone pins exclude them."""
@@ -25,24 +34,41 @@ def main() -> None:
     parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(_SETS)}")
     options = parser.parse_args()
     motions = read_motions(*options.motions)
-    print("| parameter set | causes named | adapted | + causes, motion unseen | + causes, person and motion unseen |")
-    print("|---|---|---|---|---|")
+    unseen = "motion unseen | sizes without the person | names and sizes without the person"
+    print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
+    print("|---|---|---|---|---|---|")
     for name in options.model or _SETS:
-        print(_row(diagnose(motions, load_model(name))[name]), flush=True)
+        model = load_model(name)
+        print(_row(diagnose(motions, model)[name], named_without(motions, model)), flush=True)
 
 
-def _row(diagnosis: Diagnosis) -> str:
+def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
+    """Compute the gaps of each person on unseen motions, with causes that the diagnosis of all others names."""
+    shoulders, _ = usable(motions)
+    found = []
+    for person in range(shoulders.persons):
+        own = [name for name, one in zip(shoulders.subjects, shoulders.person, strict=True) if one == person]
+        of_person = np.isin(motions.subject, own)
+        options = diagnose(motions.select(~of_person), model)[model.name].options
+        known = read_amplitudes(options)
+        unseen = adapted_gaps(motions.select(of_person), model, known, dict.fromkeys(own, person)).unseen[MOTION]
+        found.append([unseen[bone].value for bone in _BONES])
+    return dict(zip(_BONES, np.mean(found, axis=0).tolist(), strict=True))
+
+
+def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:
     causes = ["/".join(cause.names) for cause in diagnosis.verdict.causes]
     wrong = [name for name in diagnosis.verdict.names if name in _NEVER_UNDER_PINS]
     seen, person = diagnosis.gaps.other_motion, diagnosis.gaps.other_person
     cells = [_bones(seen["adapted"]), _bones(seen["with_effect"])] if seen else ["-", "-"]
     cells.append(_bones(person["with_effect"]) if person else "-")
+    cells.append(", ".join(f"{without[bone]:.2f}" for bone in _BONES))
     said = ", ".join(causes) or diagnosis.verdict.answer
     return f"| {diagnosis.model} | {said}{' WRONG' if wrong else ''} | {' | '.join(cells)} |"
 
 
 def _bones(gaps) -> str:
-    return ", ".join(f"{gaps[bone].value:.2f}" for bone in ("scapula", "clavicle"))
+    return ", ".join(f"{gaps[bone].value:.2f}" for bone in _BONES)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, sync_playwright
 
 from adapt.cli import app as cli
 from motions import InputError
@@ -59,9 +59,10 @@ def open_report(page: Page, report: Path) -> None:
     page.wait_for_selector(DRAWN, timeout=PATIENCE_MS)
 
 
-def picture(started: Browser, report: Path, posture: int, window: tuple[int, int]) -> Image.Image:
+def picture(started: Browser | BrowserContext, report: Path, posture: int, window: ViewportSize) -> Image.Image:
     """The top of the page at one of its postures, from 1, in few colours."""
-    page = started.new_page(viewport={"width": window[0], "height": window[1]})
+    page = started.new_page()
+    page.set_viewport_size(window)
     open_report(page, report)
     for _ in range(posture - 1):
         page.click("#next")
@@ -83,7 +84,7 @@ def main(
     if not report.is_file():
         raise InputError(str(report), None, "there is no such file", "Name a report.html of `girdle adapt`")
     with browser() as started:
-        picture(started, report, posture, (width, height)).save(out, optimize=True)
+        picture(started, report, posture, {"width": width, "height": height}).save(out, optimize=True)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""The command line: ``girdle fit | adapt | diagnose | trust | muscles | convert | simulate | effects | models``."""
+"""The command line: ``girdle fit | adapt | diagnose | trust | muscles | convert | model | simulate | ...``."""
 
 import gc
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -49,15 +50,17 @@ from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.tables.muscle_tables import BODY_MASS_KG, muscle_tables
 from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
-from models import ParameterSet, load_model, model_names
+from models import load_model, model_names
 from models.effects import EFFECTS
 from models.effects.course import FULL_ELEVATION_DEG
 from models.effects.known import OPTION, described, effect_named, read_amplitudes
-from models.muscles.muscle_lines import muscle_lines
+from models.muscles.muscle_lines import muscle_lines_of
+from models.person.family import AnyModel, load_any_model, without_set
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.landmarks.acromion import ROTATIONS, acromion_rotation
 from motions.landmarks.mapping import read_mapping
-from motions.landmarks.sampled_postures import Labels
+from motions.landmarks.sampled_postures import SLIPPED, Labels
+from motions.landmarks.stand_ins import OFFSETS, sternoclavicular_offset
 from motions.motion_csv.cells import SIDES
 
 EXIT_BAD_INPUT = 2
@@ -65,6 +68,8 @@ EXIT_SOME_NOT_HANDLED = 3
 EXIT_INTERRUPTED = 130
 
 NO_EFFECT = "none"
+
+DEFAULT_MODEL = "R2"
 
 MOST_NOISE_DEG = 20.0
 """Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
@@ -91,7 +96,21 @@ MotionFiles = Annotated[
 ]
 Models = Annotated[
     list[str],
-    typer.Option("--model", help="Name of a parameter set (see `girdle models`) or a TOML file; repeatable."),
+    typer.Option(
+        "--model",
+        help="Name of a parameter set (see `girdle models`) or a TOML file; repeatable.",
+        show_default=DEFAULT_MODEL,
+    ),
+]
+ModelsOf = Annotated[
+    list[Path],
+    typer.Option(
+        "--models-of",
+        metavar="FOLDER",
+        help="Folder with a parameter set of each subject, by its name (see `girdle model`); repeatable, also beside "
+        "--model.",
+        show_default=False,
+    ),
 ]
 Out = Annotated[Path, typer.Option("--out", help="Folder for the results; made if it is not there.")]
 
@@ -101,7 +120,7 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
     if path is None:
         return
     parameters = {one.name: one for one in context.command.params if one.name}
-    options = set(parameters) - {"motions", "model", "out", "repeat"}
+    options = set(parameters) - {"motions", "model", "models_of", "out", "repeat"}
     record = read_record(path)
     recorded = recorded_arguments(record, path, str(context.command.name), options)
     if not parameters["model"].multiple:
@@ -149,6 +168,20 @@ Repeat = Annotated[
     ),
 ]
 
+Names = Annotated[
+    Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
+]
+
+Shoulder = Annotated[str, typer.Option(help="Shoulder: right or left.")]
+
+AaToAc = Annotated[
+    str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
+]
+
+ScFromIj = Annotated[
+    str, typer.Option(help=f"Offset that places SC from IJ, where nobody marked it: {', '.join(OFFSETS)}.")
+]
+
 console = PlainConsole()
 errors = PlainConsole(stderr=True)
 
@@ -157,7 +190,8 @@ errors = PlainConsole(stderr=True)
 def fit(
     motions: MotionFiles,
     out: Out,
-    model: Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
     float32: Float32 = False,
     effect: KnownEffects = [],  # noqa: B006
     repeat: Repeat = None,
@@ -167,7 +201,7 @@ def fit(
     Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
     """
     effects = read_amplitudes(effect)
-    table, models, record = _inputs(motions, model)
+    table, models, record = _inputs(motions, _names(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
@@ -183,7 +217,8 @@ def fit(
 def adapt(
     motions: MotionFiles,
     out: Out,
-    model: Models = ["R2"],  # noqa: B006
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
     weight: Weight = WEIGHT,
     reading: Reading = DEFAULT_READING,
     chunk: Annotated[
@@ -214,14 +249,16 @@ def adapt(
     effects = read_amplitudes(effect)
     known = described(effects)
     how = f"w = {weight:g}, reading {reading}" + (f", with {known}" if known else "")
-    record, models, files = inputs_record(motions, model), _models(model), MotionStream(*motions)
+    named = _names(model, models_of)
+    record, models, files = inputs_record(motions, named), _models(named), MotionStream(*motions)
     options: dict[str, object] = {"weight": weight, "reading": reading, "float32": float32, "effect": effect}
-    subjects = files.subjects
+    missing = _no_set(models, files.subjects)
+    subjects = tuple(name for name in files.subjects if name not in missing)
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
     work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
     maker = on_cluster(dask) if dask else one_after_another
-    chunks = files.in_chunks(size)
+    chunks = (one for one in (_of_others(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
@@ -231,8 +268,9 @@ def adapt(
             with transaction(folder) as part:
                 result, failed = parts.merge(part, models)
                 write_adapted_models(part, models, result.parameters, how)
-                write_run(part, "adapt", record, options, files.rejected)
-                table = replace(table, rejected=tuple(files.rejected))
+                rejected = (*files.rejected, *missing.values())
+                write_run(part, "adapt", record, options, rejected)
+                table = replace(table, rejected=rejected)
                 drawn = result.select(table.subjects)
                 wrong = write_report(
                     part, table, models, drawn, failed, sampled_from=len(subjects), active_effects=known
@@ -249,7 +287,8 @@ def adapt(
 def diagnose_gap(
     motions: MotionFiles,
     out: Out,
-    model: Models = ["R2"],  # noqa: B006
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
     noise_deg: Annotated[
         float | None,
         typer.Option(
@@ -279,7 +318,7 @@ def diagnose_gap(
     if noise_deg is not None and not LEAST_DEG <= noise_deg <= MOST_NOISE_DEG:
         cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
-    table, models, record = _inputs(motions, model)
+    table, models, record = _inputs(motions, _names(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
             diagnoses = Diagnoses(diagnose(table, models, noise_deg, progress=report))
@@ -301,7 +340,8 @@ def diagnose_gap(
 def trust_results(
     motions: MotionFiles,
     out: Out,
-    model: Models = ["R2"],  # noqa: B006
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
     weight: Weight = WEIGHT,
     choose_weight: Annotated[
         bool, typer.Option("--choose-weight", help="Try other w too, and say which is best on held-out motions.")
@@ -315,7 +355,7 @@ def trust_results(
     plausibility.csv (is it still a thorax, and do forces act as before?), contact.csv (directions and arms of contact
     and conoid in each posture), with --choose-weight weights.csv, the tables of `girdle adapt` and run.json.
     """
-    table, models, record = _inputs(motions, model)
+    table, models, record = _inputs(motions, _names(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
             found = assess_trust(table, models, weight, choose_weight, report)
@@ -336,7 +376,8 @@ def trust_results(
 def muscle_results(
     motions: MotionFiles,
     out: Out,
-    model: Models = ["R2"],  # noqa: B006
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
     weight: Weight = WEIGHT,
     body_mass_kg: Annotated[
         float, typer.Option(min=1.0, help="Of the persons: an arm weighs a twentieth of it.")
@@ -345,12 +386,12 @@ def muscle_results(
 ) -> None:
     """Adapt as `girdle adapt` does, and compare muscle arms and the forces that balance the arm before and after.
 
-    Writes muscle_arms.csv (one row a subject and muscle), muscles.csv and balance.csv (one row a posture), muscle_lines
-    .csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt` and run.json.
+    Writes muscle_arms.csv (one row a subject and muscle), muscles.csv and balance.csv (one row a posture),
+    muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt` and run.json.
     """
-    table, models, record = _inputs(motions, model)
+    table, models, record = _inputs(motions, _names(model, models_of))
     for one in models:
-        muscle_lines(one)  # refuses a set without landmarks before anything is fitted
+        muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = adapt_subjects(table, models, weight, progress=report, held_out=())
@@ -368,18 +409,15 @@ def muscle_results(
 def convert_file(
     source: Annotated[Path, typer.Argument(metavar="IN", help="A file, or the folder of a Spartacus checkout.")],
     target: Annotated[Path, typer.Argument(metavar="OUT", help="A file, or a folder for .mot files.")],
-    names: Annotated[
-        Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
-    ] = None,
+    names: Names = None,
     subject: Annotated[str, typer.Option(help="Whose motion it is, if the file does not say; else its name.")] = "",
     motion: Annotated[str, typer.Option(help="What motion it is, if the file does not say; else its name.")] = "",
-    side: Annotated[str, typer.Option(help="Shoulder: right or left.")] = "right",
+    side: Shoulder = "right",
     at: Annotated[
         str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
     ] = "",
-    aa_to_ac: Annotated[
-        str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
-    ] = "",
+    aa_to_ac: AaToAc = "",
+    sc_from_ij: ScFromIj = "",
     isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
 ) -> None:
     """Bring files of your laboratory into this project's forms, and results into those of others.
@@ -390,10 +428,7 @@ def convert_file(
     """
     from adapt.cli.convert import convert  # readers of laboratories' files: not for every command
 
-    if side not in SIDES:
-        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
-    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
-    labels = Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac)
+    labels = _labels(subject, motion, side, at, aa_to_ac, sc_from_ij)
     motions = convert(source, target, read_mapping(names), labels, isb)
     if motions is None:
         console.print(f"{target} written", soft_wrap=True)
@@ -405,7 +440,50 @@ def convert_file(
     )
     if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
         console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
+    _say_slipped(motions)
     _finish(motions, {})
+
+
+@app.command("model")
+def model_of_person(
+    source: Annotated[
+        Path, typer.Argument(metavar="PERSON.csv", help="Landmarks (.c3d, .trc, .csv), or a motion file that has them.")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="A file that ends in .toml; a folder for several subjects.")],
+    model: Annotated[
+        str, typer.Option(help="Parameter set that gives what was not measured: a name or a TOML file.")
+    ] = "R2",
+    points: Annotated[
+        Path | None,
+        typer.Option(help="CSV of points: surface (thorax, humeral_head, humeral_shaft, ...), x_mm, y_mm, z_mm."),
+    ] = None,
+    rest: Annotated[
+        str, typer.Option(help="Posture in which the chain closes, by its name. Default: the arm lowest.")
+    ] = "",
+    names: Names = None,
+    subject: Annotated[
+        str, typer.Option(help="Whose landmarks they are, if the file does not say; else its name.")
+    ] = "",
+    side: Shoulder = "right",
+    aa_to_ac: AaToAc = "",
+    sc_from_ij: ScFromIj = "",
+) -> None:
+    """Make a parameter set of a person from landmarks, and from points if there are any (Chapters 4 and 5).
+
+    Lengths are medians over the postures. The thorax is fitted to points on it. What was not measured is that of
+    another set, carried to the person's bones. Every number has its source and its SD; `girdle adapt --model` takes
+    the file, `--models-of` a folder of them.
+    """
+    from adapt.cli.person import write_person_sets  # readers of laboratories' files: not for every command
+    from adapt.cli.print_person import print_persons
+
+    labels = _labels(subject, "", side, "", aa_to_ac, sc_from_ij)
+    written, rejected = write_person_sets(source, out, load_model(model), read_mapping(names), labels, rest, points)
+    print_persons(console, written)
+    for error in rejected:
+        errors.print(f"left out: {error}", soft_wrap=True)
+    if rejected:
+        raise typer.Exit(EXIT_SOME_NOT_HANDLED)
 
 
 @app.command("models")
@@ -461,6 +539,24 @@ def list_effects() -> None:
         console.print(f"{one.name:28} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
 
 
+def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str) -> Labels:
+    """What the options say of a file of landmarks."""
+    if side not in SIDES:
+        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
+    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
+    offset = sternoclavicular_offset(sc_from_ij) if sc_from_ij else None
+    return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset)
+
+
+def _say_slipped(motions: Motions) -> None:
+    """Name the landmarks that are not where their bone says."""
+    if SLIPPED not in motions.extra:
+        return
+    for row in np.flatnonzero(motions.extra[SLIPPED].to_numpy(str) != ""):
+        where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
+        console.print(f"{motions.extra[SLIPPED].iloc[row]} slipped: {where}", soft_wrap=True)
+
+
 def _elevations(at: str) -> tuple[float, ...]:
     """The numbers of --at, each once, from low to high."""
     try:
@@ -470,14 +566,42 @@ def _elevations(at: str) -> tuple[float, ...]:
         raise InputError("--at", None, cause, "Give degrees separated by commas, as in --at 30,60,90") from None
 
 
-def _inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[ParameterSet], Files]:
+def _inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[AnyModel], Files]:
     """The motions, the models, and what run.json says of their files."""
     record, sets = inputs_record(motions, models), _models(models)
-    return read_motions(*motions), sets, record
+    table = read_motions(*motions)
+    missing = _no_set(sets, table.subjects)
+    return _of_others(table, missing), sets, record
 
 
-def _models(models: list[str]) -> list[ParameterSet]:
-    sets = [load_model(name) for name in models]
+def _no_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:
+    """Name who has no set of its own in a folder. InputError if nobody has."""
+    remedy = "Make one with girdle model, or adapt this subject with --model"
+    errors = {
+        subject: InputError(folder, None, f"there is no parameter set of subject {subject!r}", remedy)
+        for subject, folder in without_set(models, subjects).items()
+    }
+    if errors and len(errors) == len(subjects):
+        raise next(iter(errors.values()))
+    return errors
+
+
+def _of_others(motions: Motions, missing: dict[str, InputError]) -> Motions:
+    """The motions without those of the subjects who have no set; these are named among the rejected."""
+    mine = tuple(error for subject, error in missing.items() if subject in motions.subjects)
+    if not mine:
+        return motions
+    kept = motions.select(~np.isin(motions.subject, list(missing)))
+    return replace(kept, rejected=(*motions.rejected, *mine))
+
+
+def _names(model: list[str], models_of: list[Path]) -> list[str]:
+    """What was asked for; the default where nothing was. A folder stands among the models, as run.json has it."""
+    return [*model, *(str(folder.absolute()) for folder in models_of)] or [DEFAULT_MODEL]
+
+
+def _models(models: list[str]) -> list[AnyModel]:
+    sets = [load_any_model(name) for name in models]
     names = [one.name for one in sets]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)

@@ -22,6 +22,7 @@ from adapt.diagnosis.wording import (
     unseen_text,
     with_unit,
 )
+from models.girdle import CONSTRAINT_NAMES
 from motions.table import BONES
 
 _CELLS, _PROPOSALS = 5, 3
@@ -57,6 +58,8 @@ def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
         "Mean absolute gap, degrees, with 95 % intervals": _gaps(closest),
         "Where: the largest shares of the gap that noise does not explain": _where(closest),
     }
+    if closest.constraint_spread:
+        tables["Constraints at the measured postures: how far from holding, mm"] = _constraints(closest)
     if closest.next_measurement:
         tables["What to measure next: log odds of the right name, now and then"] = _next_measurement(closest)
     if len(diagnoses.by_model) > 1:
@@ -127,6 +130,14 @@ def _where(diagnosis: Diagnosis) -> Table:
         elevation = f"{cell.elevation_low_deg:.0f}-{cell.elevation_high_deg:.0f} deg"
         gap, noise = f"{cell.mean_absolute_deg:.1f}", f"{cell.noise_deg:.1f}"
         table.add_row(cell.motion, cell.angle, elevation, gap, noise, percent_text(cell.share))
+    return table
+
+
+def _constraints(diagnosis: Diagnosis) -> Table:
+    table = _table(["constraint"], ["adapted", "with the causes", "noise alone"])
+    for one in diagnosis.constraint_spread:
+        sizes = (one.adapted_mm, one.with_causes_mm, one.noise_mm)
+        table.add_row(CONSTRAINT_NAMES[one.constraint], *(f"{size:.1f}" for size in sizes))
     return table
 
 

@@ -15,8 +15,9 @@ from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import MOTION, POSTURES
 from adapt.trust.held_out import Fold, folds, held_out
+from models.effects import AnyGirdle
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -26,6 +27,8 @@ class AdaptedGaps:
     """What the adaptations of one model leave, with known effects or without; mean |simulated - measured|, degrees."""
 
     batch: Batch
+    chain: AnyGirdle
+    """Of all subjects, adapted, with the effects at work: (component, postures, subjects)."""
     adapted: Adapted
     in_sample: BoneGaps
     """Over the postures of each subject, then over subjects: the mean of summary.csv."""
@@ -42,7 +45,7 @@ class BaseGaps:
     """On the postures that are held out."""
 
 
-def adapted_gaps(motions: Motions, model: ParameterSet, effects: Amplitudes, person: Mapping[str, int]) -> AdaptedGaps:
+def adapted_gaps(motions: Motions, model: AnyModel, effects: Amplitudes, person: Mapping[str, int]) -> AdaptedGaps:
     """Adapt the model to all subjects, and again without each motion and each third of the postures.
 
     ``person``: the number of the person of each subject, for the intervals.
@@ -56,13 +59,14 @@ def adapted_gaps(motions: Motions, model: ParameterSet, effects: Amplitudes, per
     found = held_out(data, len(batch.subjects), parts).unseen_deg
     of_folds = [found[:, part.tested, k] for k, part in enumerate(parts)]
     everyone = _persons(batch, person)
-    return AdaptedGaps(batch, adapted, _of_subjects(after, everyone), _of_folds(of_folds, parts, everyone))
+    chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
+    return AdaptedGaps(batch, chain, adapted, _of_subjects(after, everyone), _of_folds(of_folds, parts, everyone))
 
 
-def base_gaps(motions: Motions, model: ParameterSet, person: Mapping[str, int]) -> BaseGaps:
+def base_gaps(motions: Motions, model: AnyModel, person: Mapping[str, int]) -> BaseGaps:
     """Fit every posture with the model as it is; the gaps on all postures, and on those that are held out."""
     batch = pack(motions)
-    fitted = fit_rows(MotionRows.of_models(motions, 1, NO_EFFECTS, float), model.girdle.repeated(len(motions.posture)))
+    fitted = fit_rows(MotionRows.of_models(motions, 1, NO_EFFECTS, float), girdles_of(model, motions.subject.tolist()))
     rows = np.abs(np.where(fitted.status == status.OK, fitted.angles, np.nan) * DEG - motions.angles_deg.T)
     before = np.where(batch.counted, rows[:, batch.rows], np.nan)
     parts = folds(motions, batch)

@@ -22,6 +22,7 @@ from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.naming import Named, name_causes
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import Weights, weigh
+from adapt.diagnosis.location.constraint_spread import constraint_spread
 from adapt.diagnosis.location.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
 from adapt.diagnosis.location.gap_rotations import variance_fractions
 from adapt.diagnosis.location.observations import Observed, observe
@@ -50,6 +51,7 @@ from models.effects import Effect
 from models.effects.effect import cause_of
 from models.effects.known import read_amplitudes
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, PersonalSets
 from motions.table import Motions
 
 Progress = Callable[[str], None]
@@ -57,7 +59,7 @@ Progress = Callable[[str], None]
 
 def diagnose(
     motions: Motions,
-    models: ParameterSet | Sequence[ParameterSet],
+    models: AnyModel | Sequence[AnyModel],
     noise_deg: float | None = None,
     effects: Sequence[Effect] | None = None,
     progress: Progress = lambda _: None,
@@ -67,7 +69,7 @@ def diagnose(
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
     all that are listed and the doubtful numbers of each model. Raises InputError where no subject has enough postures.
     """
-    models = [models] if isinstance(models, ParameterSet) else list(models)
+    models = [models] if isinstance(models, ParameterSet | PersonalSets) else list(models)
     shoulders, left_out = usable(motions)
     declared = declared_effects(motions)
     computed = axial_is_computed(shoulders)
@@ -76,7 +78,7 @@ def diagnose(
             model.name: _Study(
                 model,
                 shoulders,
-                candidate_effects(model) if effects is None else tuple(effects),
+                candidate_effects(model, shoulders.subjects) if effects is None else tuple(effects),
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
             ).diagnose(left_out, declared, computed, noise_deg)
             for model in models
@@ -86,10 +88,10 @@ def diagnose(
 class _Study:
     """One model and the subjects: the steps of its diagnosis share the search."""
 
-    def __init__(self, model: ParameterSet, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
+    def __init__(self, model: AnyModel, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
         self.model, self.shoulders, self.progress = model, shoulders, progress
         candidates = lay_out(effects, shoulders)
-        joint = JointFit(Model.of(model, effects), shoulders, candidates, everybody(shoulders))
+        joint = JointFit(Model.of(model, shoulders.subjects, effects), shoulders, candidates, everybody(shoulders))
         self.search = Search(joint, folds_of(shoulders), progress)
         self.person = {name: int(p) for name, p in zip(shoulders.subjects, shoulders.person, strict=True)}
 
@@ -140,7 +142,8 @@ class _Study:
             cells=cells(angle_gaps),
             profile=profile(angle_gaps),
             variance_fractions=variance_fractions(angle_gaps),
-            constraints=constraint_residuals_mm(data, self._at_measured(data, adapted)),
+            constraints=constraint_residuals_mm(data, np.asarray(adapted.chain.residuals_mm(data.values[:6]))),
+            constraint_spread=constraint_spread(data, adapted.chain, with_causes.chain, noise.angle_deg),
             indistinguishable=indistinguishable(none.linearised),
             next_measurement=propose(search, node, [cause.names for cause in verdict.causes]),
         )
@@ -198,11 +201,6 @@ class _Study:
             gap = interval(rung.gaps_deg[chosen].mean(axis=1), person[folds.subject])
             steps.append(Step(cause_of(rung.added), gap))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
-
-    def _at_measured(self, data: Observed, adapted: AdaptedGaps):
-        """A1-A3 of each subject's adapted girdle at the measured angles, mm."""
-        girdle = self.search.joint.model.girdle.repeated(len(data.subjects)).with_adapted(adapted.adapted.theta_mm)
-        return np.asarray(girdle.over_postures().residuals_mm(data.values[:6]))
 
 
 def _levels(noise_floor: BoneGaps, base: BoneGaps, adapted: BoneGaps, with_effect: BoneGaps) -> GapLevels:

@@ -44,6 +44,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "where_by": diagnosis.profile,
             "shares": diagnosis.variance_fractions,
             "constraints": diagnosis.constraints,
+            "constraint_spread": [one._asdict() for one in diagnosis.constraint_spread],
             "parameters": diagnosis.parameters,
             "indistinguishable": diagnosis.indistinguishable,
             "next_measurement": diagnosis.next_measurement,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from adapt.diagnosis.location.constraint_spread import ConstraintSpread
 from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, Profile
 from adapt.diagnosis.location.gap_rotations import VarianceFractions
 
@@ -200,6 +201,7 @@ class Diagnosis:
     profile: Profile
     variance_fractions: VarianceFractions
     constraints: list[ConstraintResidual]
+    constraint_spread: list[ConstraintSpread]
     indistinguishable: list[list[str]]
     """Candidates that do the same to these data, whatever is at work."""
     next_measurement: list[Proposal]

@@ -20,9 +20,10 @@ import pandas as pd
 
 from adapt.api import adapt_subjects
 from adapt.solvers import status
+from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv, summary_of
 from models.effects.known import Amplitudes
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces
 from motions.table import Motions
 
@@ -43,7 +44,7 @@ _STATES = (0, 1)
 class Work:
     """What is done with every chunk."""
 
-    models: tuple[ParameterSet, ...]
+    models: tuple[AnyModel, ...]
     weight: float
     reading: str
     shown: frozenset[str]
@@ -123,7 +124,7 @@ class Parts:
             atomic_write_bytes(self._path(number), part)
         return Motions.concatenate(shown)
 
-    def merge(self, folder: Path, models: Sequence[ParameterSet]) -> tuple[Tables, dict[str, str]]:
+    def merge(self, folder: Path, models: Sequence[AnyModel]) -> tuple[Tables, dict[str, str]]:
         """Write fits.csv, parameters.csv, heldout.csv and summary.csv. The tables, fits only of the subjects that the
         report shows; and by subject what failed."""
         states = [(state, k) for state in _STATES for k in range(len(models))]
@@ -158,7 +159,7 @@ def not_adapted(result: Tables) -> dict[str, str]:
     failed = failed_subjects(result.fits[result.fits["adapted"] == 1])
     for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
         if word != status.OK:
-            failed[subject] = f"adaptation {word}"
+            failed[subject] = f"adaptation {word}" + (f": {EXPLANATION[word]}" if word in EXPLANATION else "")
     return failed
 
 

@@ -16,7 +16,7 @@ from adapt.solvers import status
 from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, HALF_WIDTHS_MM
 from models.export.toml import parameters_toml
 from models.girdle import Girdle
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
 from motions.files import file_names, printable
 
 FOLDER = "models"
@@ -33,9 +33,7 @@ _KEY_OF = {
 """The numbers of a parameter set that an adaptation changes, and which parameters they hold."""
 
 
-def write_adapted_models(
-    folder: Path, models: Sequence[ParameterSet], parameters: pd.DataFrame, how: str
-) -> list[Path]:
+def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: pd.DataFrame, how: str) -> list[Path]:
     """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
 
     how: the options of the adaptation, for the [source] lines. The folder is one of
@@ -72,12 +70,13 @@ def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, s
 
 
 def adapted_toml(
-    model: ParameterSet, subject: str, theta_mm: Float[np.ndarray, " adapted"], at_bound: Mapping[str, bool], how: str
+    family: AnyModel, subject: str, theta_mm: Float[np.ndarray, " adapted"], at_bound: Mapping[str, bool], how: str
 ) -> str:
     """Format the parameter set of one subject as the text of a TOML file.
 
     Numbers that were not adapted keep the source that they have in the model.
     """
+    model = family.of(subject)
     own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of jax would take longer than the adaptation did
     girdle = own.with_adapted(theta_mm)
     source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
@@ -90,7 +89,7 @@ def adapted_toml(
         "Written by girdle adapt. Right shoulder, mm; frames as in the thesis, Appendix A."
     )
     comment = printable(comment)  # TOML allows no control characters in one
-    name = f"{model.name}_{subject}"
+    name = f"{family.name}_{subject}"
     return parameters_toml(name, comment, girdle, model.points_mm, source, _own_bounds(model.bounds_mm[1], own))
 
 

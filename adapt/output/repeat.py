@@ -1,11 +1,11 @@
 """``--repeat run.json``: the inputs and options of an earlier run, if the inputs are still what they were."""
 
 import json
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from adapt.output.run_files import sha256, versions
+from adapt.output.run_files import model_sha256, sha256, versions
 from models.parameter_sets import model_file
 from motions.errors import InputError
 from motions.files import read_text
@@ -30,9 +30,9 @@ def recorded_arguments(record: Record, path: Path, command: str, options: Collec
         if name not in options:
             raise InputError(str(path), None, f"girdle {command} has no option {name!r} to repeat", _WRITE_AGAIN)
     for motion in record["motions"]:
-        _check_unchanged(Path(motion["path"]), motion["sha256"], path)
+        _check_unchanged(Path(motion["path"]), sha256, motion["sha256"], path)
     for model in record["models"]:
-        _check_unchanged(model_file(model["name"]), model["sha256"], path)
+        _check_unchanged(model_file(model["name"]), model_sha256, model["sha256"], path)
     motions = [motion["path"] for motion in record["motions"]]
     return {"motions": motions, "model": [model["name"] for model in record["models"]], **record["options"]}
 
@@ -43,8 +43,10 @@ def other_versions(record: Record) -> list[str]:
     return [f"{name} {then.get(name, 'unknown')}, now {now[name]}" for name in now if then.get(name) != now[name]]
 
 
-def _check_unchanged(file: Path, recorded_sha256: str | None, record: Path) -> None:
-    now = sha256(file)
+def _check_unchanged(
+    file: Path, hashed: Callable[[Path], str | None], recorded_sha256: str | None, record: Path
+) -> None:
+    now = hashed(file)
     if now == recorded_sha256:
         return
     changed = "has changed since" if now else "is no longer where it was in"

@@ -7,7 +7,7 @@ from adapt.api import Adaptations, PostureFits
 from adapt.diagnosis.result import Diagnoses, Diagnosis
 from adapt.output.run_files import write_table
 from adapt.tables.results import Tables
-from models import ParameterSet
+from models.person.family import AnyModel
 from motions import InputError, Motions
 from motions.files import atomic_write
 
@@ -38,7 +38,7 @@ def write_figures(folder: Path, diagnosis: Diagnosis) -> None:
 def write_report(
     folder: Path,
     motions: Motions,
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     result: Tables,
     failed: Mapping[str, str],
     diagnoses: Diagnoses | None = None,

@@ -17,6 +17,7 @@ import pandas as pd
 from adapt.solvers.batched.posture_kernels import OFFSETS_SEED
 from adapt.tables.results import as_csv
 from models.parameter_sets import FOLDER, model_file
+from models.person.family import set_files
 from motions.errors import InputError
 from motions.files import atomic_write, is_part, part_name
 
@@ -140,7 +141,7 @@ def inputs_record(motions: Sequence[Path], models: Sequence[str]) -> Files:
     return {
         "motions": [{"path": str(path.absolute()), "sha256": sha256(path)} for path in motions],
         "models": [
-            {"name": name if file.parent == FOLDER else str(file.absolute()), "sha256": sha256(file)}
+            {"name": name if file.parent == FOLDER else str(file.absolute()), "sha256": model_sha256(file)}
             for name, file in zip(models, files, strict=True)
         ],
     }
@@ -189,6 +190,14 @@ def _version(library: str) -> str:
         return importlib.metadata.version(library)
     except importlib.metadata.PackageNotFoundError:  # llvmlite may be missing (``adapt.engine.kernel``)
         return "none"
+
+
+def model_sha256(path: Path) -> str | None:
+    """Hash the file of a parameter set, or a folder with one for each subject: names and contents together."""
+    if not path.is_dir():
+        return sha256(path)
+    listed = [f"{file.name} {sha256(file)}" for file in set_files(path)]
+    return hashlib.sha256("\n".join(listed).encode()).hexdigest()
 
 
 def sha256(path: Path) -> str | None:

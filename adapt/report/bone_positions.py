@@ -1,6 +1,5 @@
 """Where the bones of a parameter set are at given angles, and how far its constraints are from holding there."""
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -12,15 +11,15 @@ POINTS = ("AC", "TS", "AI", "clavicle_conoid", "scapula_conoid")
 
 
 def bones_mm(
-    girdle: Girdle, theta_mm: Float[np.ndarray, "6 rows"], angles_deg: Float[np.ndarray, "6 rows"]
+    girdles: Girdle, theta_mm: Float[np.ndarray, "6 rows"], angles_deg: Float[np.ndarray, "6 rows"]
 ) -> tuple[Float[np.ndarray, "5 3 rows"], Float[np.ndarray, "3 rows"]]:
     """Locate POINTS in the thorax frame and compute the constraint residuals A1-A3, all in mm.
 
-    They are of the girdle with each row's adapted parameters (mm) at its angles (degrees). NaN where an angle that it
+    They are of each row's girdle with its adapted parameters (mm) at its angles (degrees). NaN where an angle that it
     takes is.
     """
     with np.errstate(invalid="ignore"):
-        adapted = jax.tree.map(np.asarray, girdle).over_axes(1).with_adapted(theta_mm)
+        adapted = girdles.with_adapted(theta_mm)
         at = landmarks(adapted, angles_deg / DEG)
         residuals = constraint_residuals_mm(adapted, angles_deg / DEG)
     return np.stack([getattr(at, name) for name in POINTS]), residuals

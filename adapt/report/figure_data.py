@@ -17,8 +17,9 @@ from adapt.report.headline import closest
 from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
 from models.adapted_parameters import ADAPTED
-from models.girdle import CONSTRAINTS
+from models.girdle import CONSTRAINT_NAMES, Girdle
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, girdles_of
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
 Rows = Int[np.ndarray, " rows"]
@@ -26,16 +27,12 @@ Rows = Int[np.ndarray, " rows"]
 COLUMNS = (*ANGLES, "clavicle", "scapula")
 """Of the table of subjects, mean absolute differences."""
 
-CONSTRAINT_NAMES = dict(
-    zip(CONSTRAINTS, ("A1: TS to the ellipsoid", "A2: AI to the ellipsoid", "A3: length of the conoid"), strict=True)
-)
-
 _ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
 """A hundredth of a degree; a tenth of a mm is less than a pixel; a hundredth of a mm."""
 
 
 def figure_data(
-    motions: Motions, models: Sequence[ParameterSet], result: Tables, noise_deg: Mapping[str, float]
+    motions: Motions, models: Sequence[AnyModel], result: Tables, noise_deg: Mapping[str, float]
 ) -> dict[str, Any]:
     """Gather the data of the report's figures by name: see the keys.
 
@@ -75,7 +72,7 @@ def _subjects(motions: Motions, rows: Rows) -> list[dict[str, Any]]:
 
 def _model(
     motions: Motions,
-    model: ParameterSet,
+    model: AnyModel,
     result: Tables,
     rows: Rows,
     subjects: tuple[str, ...],
@@ -88,17 +85,16 @@ def _model(
     )
     after = adapted[[f"{name}_mm" for name in ADAPTED]].to_numpy().T
     theta_mm = {
-        "before": np.repeat(np.asarray(model.girdle.adapted_mm)[:, None], len(motions.subjects), axis=1),
+        "before": np.asarray(girdles_of(model, motions.subjects).adapted_mm),
         "after": np.where(np.isfinite(after).all(axis=0), after, np.nan),
     }
     of_row = np.array([order[name] for name in motions.subject[rows].tolist()])
-    at_measured = {s: bones_mm(model.girdle, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
+    girdles = girdles_of(model, motions.subject[rows].tolist())
+    at_measured = {s: bones_mm(girdles, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
     return {
         "name": model.name,
         "noise_deg": noise_deg,
-        "sc_mm": np.asarray(model.girdle.sc_mm),
-        "M_x_mm": float(model.girdle.centre_mm[0]),
-        "thorax_points_mm": _rounded(model.points_mm, _LENGTH_DIGITS),
+        "sets": [_set(one) for one in ([model] if isinstance(model, ParameterSet) else map(model.of, subjects))],
         "adaptation": adapted["status"].to_numpy()[number],
         "measured_points_mm": _flat(at_measured["before"][0]),
         "heat": _heat(motions, result.fits, model.name),
@@ -109,19 +105,28 @@ def _model(
                 "gap_deg": _rounded(_gaps(result.summary, model.name, state, subjects), _ANGLE_DIGITS),
                 "residual_mm": _rounded(at_measured[state][1], _RESIDUAL_DIGITS),
             }
-            | _fits(state_rows(result.fits, model.name, state).iloc[rows], model, theta_mm[state][:, of_row])
+            | _fits(state_rows(result.fits, model.name, state).iloc[rows], girdles, theta_mm[state][:, of_row])
             for state in STATES
         },
     }
 
 
-def _fits(fits: pd.DataFrame, model: ParameterSet, theta_mm: Float[np.ndarray, "6 rows"]) -> dict[str, Any]:
+def _set(one: ParameterSet) -> dict[str, Any]:
+    """What of a girdle is not adapted and stands still."""
+    return {
+        "sc_mm": np.asarray(one.girdle.sc_mm),
+        "M_x_mm": float(one.girdle.centre_mm[0]),
+        "thorax_points_mm": _rounded(one.points_mm, _LENGTH_DIGITS),
+    }
+
+
+def _fits(fits: pd.DataFrame, girdles: Girdle, theta_mm: Float[np.ndarray, "6 rows"]) -> dict[str, Any]:
     """Posture fits that are ok: angles, where the bones are, and the root of J; all with their status."""
     ok = (fits["status"] == status.OK).to_numpy()
     simulated = np.where(ok, simulated_deg(fits), np.nan)
     return {
         "simulated_deg": _rounded(simulated, _ANGLE_DIGITS),
-        "simulated_points_mm": _flat(bones_mm(model.girdle, theta_mm, simulated)[0]),
+        "simulated_points_mm": _flat(bones_mm(girdles, theta_mm, simulated)[0]),
         "rms_deg": _rounded(np.sqrt(np.where(ok, fits["j_deg2"], np.nan)), _ANGLE_DIGITS),
         "status": fits["status"].to_numpy(),
     }

@@ -25,12 +25,13 @@ from adapt.diagnosis.wording import (
     unseen_text,
     with_unit,
 )
-from adapt.report.figure_data import CONSTRAINT_NAMES, figure_data
+from adapt.report.figure_data import figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
 from adapt.tables.results import Tables
 from models.effects import EFFECTS
-from models.parameter_sets import ParameterSet
+from models.girdle import CONSTRAINT_NAMES
+from models.person.family import AnyModel
 from motions.table import ANGLE_NAMES, Motions
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -41,7 +42,7 @@ _SCRIPTS = ("shared.js", "plane.js", "space.js", "choices.js")
 
 def report_html(
     motions: Motions,
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     result: Tables,
     not_handled: Mapping[str, str] | None = None,
     diagnoses: Diagnoses | None = None,

@@ -42,6 +42,10 @@ _LEAST_WEIGHT = 1e-6
 
 _AT_BOUND_MM = 1e-9
 
+_EXACT_DEG2 = 1e-9
+"""J of postures that the chain follows exactly, but for rounding. Where three angles are out of its reach,
+they do say something of its parameters."""
+
 _SMALL_CHUNK = 16
 """Subjects in a chunk of the reference path, which is long to compile."""
 
@@ -317,9 +321,11 @@ def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved
     at = _at_optimum(data, theta, mean_j)
     D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
-    determined = np.all(np.sum(data.measured, axis=0) >= FEWEST_ANGLES, axis=0)
+    angles = np.sum(data.measured, axis=0)
+    determined = np.all(angles >= FEWEST_ANGLES, axis=0)
+    informed = np.any(data.counted & (angles > FEWEST_ANGLES), axis=0) | (mean_j > _EXACT_DEG2)
     converged = np.asarray(solved.converged) & np.isfinite(D) & np.isfinite(mean_j)
-    words = np.where(converged, status.OK, status.NOT_CONVERGED)
+    words = np.where(informed, np.where(converged, status.OK, status.NOT_CONVERGED), status.UNDERDETERMINED)
     with np.errstate(divide="ignore", invalid="ignore"):
         per_weight = count / equivalent  # W of an angle in E is weight / postures times that in J
         multipliers, stationarity = (np.asarray(x) * per_weight for x in (solved.multipliers, solved.stationarity))

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from adapt.solvers.objective import thorax_distance_mm2
-from adapt.solvers.reference.constraints import Differentiated
+from adapt.solvers.reference.constraints import ByHand, Differentiated
 from adapt.solvers.reference.elimination import eliminate
 from adapt.solvers.reference.posture import (
     close_chain,
@@ -65,7 +65,7 @@ def _with_batch(girdle: Girdle, batch: tuple[int, ...]) -> Girdle:
 
 @jax.custom_jvp
 def _optimum(girdle: Girdle, measured: Array, weights: Array) -> tuple[Array, Array]:
-    chain = Differentiated(jax.tree.map(lambda x: x[..., None], girdle).residuals_mm)  # with an axis for the two starts
+    chain = ByHand(girdle.over_axes(1))  # with an axis for the two starts
 
     def close(angles):
         return close_chain(chain, jnp.stack([angles, angles], axis=-1))[..., 1]

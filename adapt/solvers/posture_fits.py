@@ -4,13 +4,14 @@ A problem is one posture of one subject with one girdle; the last axis of every 
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from adapt.engine.batching import as_type, in_chunks, take_problems
+from adapt.engine.batching import QUICK_TO_COMPILE, as_type, compiled, in_chunks, take_problems
 from adapt.solvers import status
 from adapt.solvers.batched.posture import SweptPostures
 from adapt.solvers.batched.posture_kernels import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower
@@ -91,21 +92,37 @@ def fit_batch(
     girdle, target = as_type((girdle, target), float)
     fitted.status[~determined] = status.INVALID
     least_open = np.full(len(determined), np.inf)
-    for offset in _PLACES_DEG / DEG:
+    place, together = 0, 1  # most end well at the first place
+    while place < len(_PLACES_DEG):
         again = np.flatnonzero(fitted.status == status.NOT_CONVERGED)
         if not len(again):
             return fitted
-        part = take_problems(girdle, again), target[:, again], weights[:, again]
-        closed, residual = _in_small_chunks(_close, part[0], part[1] + offset[:, None])
-        tried = as_fitted(reference_fit(*part, closed))
-        converged = tried.status == status.OK
-        fitted.put(again[converged], tried.take(converged))
-        open_mm = np.abs(residual).max(axis=0)
-        less = ~converged & (open_mm < least_open[again])
-        least_open[again[less]] = open_mm[less]
-        fitted.put(again[less], _unsolved(closed, residual, *part[1:]).take(less))
+        places = _PLACES_DEG[place : place + together] / DEG
+        _start_again(fitted, least_open, again, take_problems((girdle, target, weights), again), places)
+        place += len(places)
+        together = max(1, _at_once(girdle) // len(again))
     fitted.status[(fitted.status == status.NOT_CONVERGED) & (least_open > OPEN_CHAIN_MM)] = status.UNREACHABLE
     return fitted
+
+
+def _start_again(fitted: Fitted, least_open, again, problem, places) -> None:
+    """Fit the problems ``again`` from where they close next to each of the places, and put in the first that converges.
+
+    Else what was least open so far, ``least_open``. The places are tried side by side.
+    """
+    count = len(again)
+    girdle, target, weights = take_problems(problem, np.tile(np.arange(count), len(places)))
+    closed, residual = _in_small_chunks(_close, girdle, target + np.repeat(places.T, count, axis=1))
+    tried = as_fitted(reference_fit(girdle, target, weights, closed))
+    unsolved, every_open_mm = _unsolved(closed, residual, target, weights), np.abs(residual).max(axis=0)
+    for first in range(0, len(places) * count, count):
+        here = first + np.flatnonzero(fitted.status[again] == status.NOT_CONVERGED)
+        converged = tried.status[here] == status.OK
+        fitted.put(again[here[converged] - first], tried.take(here[converged]))
+        here = here[~converged]
+        here = here[every_open_mm[here] < least_open[again[here - first]]]
+        least_open[again[here - first]] = every_open_mm[here]
+        fitted.put(again[here - first], unsolved.take(here))
 
 
 def _finite(girdle: AnyGirdle) -> Bool[np.ndarray, " problems"]:
@@ -197,16 +214,20 @@ def _as_swept(solved: Postures, target, weights) -> SweptPostures:
 
 
 def _in_small_chunks(function, girdle: AnyGirdle, *arrays) -> Any:
-    """Run the reference solver. With effects there are no derivatives by hand, which numpy needs."""
-    at_once = _SMALL_AT_ONCE if isinstance(girdle, Girdle) else 0
-    return in_chunks(function, _SMALL_CHUNK, girdle, *arrays, at_once=at_once)
+    """Run the reference solver."""
+    return in_chunks(function, _SMALL_CHUNK, girdle, *arrays, at_once=_at_once(girdle))
+
+
+def _at_once(girdle: AnyGirdle) -> int:
+    """Postures that numpy does. With effects there are no derivatives by hand, which it needs."""
+    return _SMALL_AT_ONCE if isinstance(girdle, Girdle) else 0
 
 
 _SMALL_CHUNK = 64
 """Postures in a chunk of the reference solver, which is long to compile."""
 
 _SMALL_AT_ONCE = 512
-"""Postures up to which numpy runs the reference solver: 2 ms each, a tenth of that compiled, which takes 12 s once."""
+"""Postures up to which numpy runs the reference solver: 2 ms each, a tenth of that compiled, which takes 5 s once."""
 
 _PLACES_DEG = np.stack([np.zeros(6), *OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""
@@ -216,12 +237,16 @@ def _constraints(girdle: AnyGirdle) -> Constraints:
     return ByHand(girdle) if isinstance(girdle, Girdle) else Differentiated(girdle.residuals_mm)
 
 
-@jax.jit
+_compiled = partial(compiled, on_cpu=QUICK_TO_COMPILE)
+"""With effects it compiles for each set of them, and few postures come here."""
+
+
+@_compiled
 def _solve(girdle: AnyGirdle, target: Array, weights: Array, start: Array) -> Postures:
     return solve_postures(_constraints(girdle), target, weights, start)
 
 
-@jax.jit
+@_compiled
 def _close(girdle: AnyGirdle, start: Array) -> tuple[Array, Array]:
     constraints = _constraints(girdle)
     closed = close_chain(constraints, start)

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from adapt.solvers import status
 from models.adapted_parameters import ADAPTED_PARAMETERS
 from models.girdle import Girdle
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
 from motions.table import ANGLES
 
@@ -41,17 +41,18 @@ class BeforeAfter:
     after: State
 
 
-def before_and_after(model: ParameterSet, fits: pd.DataFrame, parameters: pd.DataFrame) -> BeforeAfter:
+def before_and_after(model: AnyModel, fits: pd.DataFrame, parameters: pd.DataFrame) -> BeforeAfter:
     """Pair the rows of ``fits.csv`` of one model with its own and with the adapted parameters of each subject."""
     mine = fits[fits["model"] == model.name]
     one, other = (mine[mine["adapted"] == state].reset_index(drop=True) for state in (0, 1))
     good = (one["status"] == status.OK) & (other["status"] == status.OK)
+    girdles = girdles_of(model, one["subject"].tolist())
     one, other = one[good], other[good]
     found = parameters[parameters["model"] == model.name].set_index("subject").loc[other["subject"]]
     theta = np.array([found[parameter.key].to_numpy(float) for parameter in ADAPTED_PARAMETERS])
-    own = model.girdle.repeated(len(one))
-    adapted = jax.tree.map(np.asarray, own.with_adapted(theta))
     rows = one[KEYS].reset_index(drop=True)
+    own = jax.tree.map(lambda x: x[..., good.to_numpy()], girdles)
+    adapted = jax.tree.map(np.asarray, own.with_adapted(theta))
     return BeforeAfter(rows, State(own, _angles(one)), State(adapted, _angles(other)))
 
 

@@ -9,10 +9,10 @@ import pandas as pd
 
 from adapt.tables.before_after import STATES, BeforeAfter, before_and_after
 from models.muscles.contact import FORCES, angle_deg, contact_forces
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
 
 
-def contact_table(models: Sequence[ParameterSet], fits: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
+def contact_table(models: Sequence[AnyModel], fits: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
     """Tabulate ``contact.csv``: one row a model and posture that could be fitted before and after.
 
     ``TS_turned_deg``, ``AI_turned_deg``: angle between the ellipsoid's normals there before and after;

@@ -12,7 +12,7 @@ from adapt.tables.before_after import KEYS, STATES, BeforeAfter, State, before_a
 from models.drive import FREE_COORDINATES
 from models.muscles.balance import OK, Balance, arm_weight_N, balance
 from models.muscles.contact import FORCES, contact_forces
-from models.muscles.muscle_lines import SERRATUS, MuscleLines, has_landmarks, muscle_lines
+from models.muscles.muscle_lines import SERRATUS, MuscleLines, all_have_landmarks, muscle_lines_of
 from models.muscles.pulls import (
     Pulls,
     arms_by_angle_mm,
@@ -21,7 +21,8 @@ from models.muscles.pulls import (
     muscle_arms_mm,
     pulls,
 )
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
+from motions.errors import InputError
 
 BODY_MASS_KG = 75.0
 """Of a person of whom it is not given. Assumed: the cadavers of Table 3.1 weighed 71 to 75 kg."""
@@ -44,27 +45,33 @@ class MuscleTables:
 
 
 def muscle_tables(
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     fits: pd.DataFrame,
     parameters: pd.DataFrame,
     body_mass_kg: float = BODY_MASS_KG,
 ) -> MuscleTables:
     """Compute arms and balance of every posture that could be fitted before and after adaptation.
 
-    InputError where a set's scapula is not in the thesis's frame.
+    InputError where a set's scapula is not in the thesis's frame, or where there is no such posture.
     """
-    parts = [_of_model(model, before_and_after(model, fits, parameters), body_mass_kg) for model in models]
+    pairs = [(model, before_and_after(model, fits, parameters)) for model in models]
+    parts = [_of_model(model, pair, body_mass_kg) for model, pair in pairs if len(pair.rows)]
+    if not parts:
+        cause = "no posture could be fitted before and after adaptation"
+        raise InputError("motions", None, cause, "Look at the status of each in fits.csv of girdle adapt")
     lines, muscles, balances = (pd.concat(part, ignore_index=True) for part in zip(*parts, strict=True))
     return MuscleTables(lines, muscles, arms_table(muscles), balances)
 
 
-def serratus_arms(models: Sequence[ParameterSet], fits: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
+def serratus_arms(models: Sequence[AnyModel], fits: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
     """Tabulate ``muscle_arms.csv`` of the serratus alone, and of the sets whose scapula has landmarks alone."""
     parts = []
     for model in models:
-        if not has_landmarks(model.girdle):
+        pair = before_and_after(model, fits, parameters)
+        subjects = pair.rows["subject"].tolist()
+        if not subjects or not all_have_landmarks(model, subjects):
             continue
-        pair, lines = before_and_after(model, fits, parameters), muscle_lines(model).only(SERRATUS)
+        lines = muscle_lines_of(model, subjects).only(SERRATUS)
         found = [pulls(lines, state.girdle, state.angles) for state in (pair.before, pair.after)]
         table = _muscle_arms(pair, lines, found)
         table.insert(0, "model", model.name)
@@ -89,9 +96,9 @@ def arms_table(muscles: pd.DataFrame) -> pd.DataFrame:
 
 
 def _of_model(
-    model: ParameterSet, pair: BeforeAfter, body_mass_kg: float
+    model: AnyModel, pair: BeforeAfter, body_mass_kg: float
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    lines, weight = muscle_lines(model), arm_weight_N(body_mass_kg)
+    lines, weight = muscle_lines_of(model, pair.rows["subject"].tolist()), arm_weight_N(body_mass_kg)
     found = [pulls(lines, state.girdle, state.angles) for state in (pair.before, pair.after)]
     states = list(zip(STATES, (pair.before, pair.after), found, strict=True))
     forces = {

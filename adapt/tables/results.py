@@ -17,7 +17,7 @@ from adapt.solvers.adaptation import Adapted
 from adapt.solvers.posture_fits import Fitted
 from adapt.tables.held_out import MOTION, NOTHING, by_subject
 from models.adapted_parameters import ADAPTED
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
 from motions.table import ANGLES, BONES, Motions
 
@@ -182,7 +182,7 @@ def _statistics(block: pd.DataFrame) -> pd.DataFrame:
 
 def parameters_table(
     subjects: Sequence[str],
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     adapted: Mapping[str, Adapted],
     sd_mm: Float[np.ndarray, "adapted problems"],
     fits: pd.DataFrame,
@@ -202,9 +202,9 @@ def parameters_table(
     )
 
 
-def _model_parameters(subjects, model: ParameterSet, adapted: Adapted, sd_mm, fits: pd.DataFrame) -> pd.DataFrame:
+def _model_parameters(subjects, model: AnyModel, adapted: Adapted, sd_mm, fits: pd.DataFrame) -> pd.DataFrame:
     columns: dict[str, object] = {"model": model.name, "subject": list(subjects)}
-    own = np.asarray(model.girdle.adapted_mm)
+    own = np.asarray(girdles_of(model, subjects).adapted_mm)
     good = adapted.status == status.OK
     for k, name in enumerate(ADAPTED):
         columns[f"{name}_mm"] = adapted.theta_mm[k]

@@ -2,11 +2,12 @@
 
 **Noise model.** Every measured angle is that of the closed chain plus an independent Gaussian error of SD s. The thorax
 points are those of another person, whose ellipsoid theta_0 (min D) differs from this person's theta by a Gaussian of
-covariance Sigma (``PERSON_SD_MM``; the conoid has no part in it, as D does not depend on it). E = D + w mean(J) is
-then, but for a factor, the negative logarithm of a likelihood (J) times a prior (D): with n points, P postures and all
-angles measured, -2 log p = 6 P E / (w s^2), so that w says how well the points are taken to be known, each to
-s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14 postures, w = 10: 2.5 mm). As nobody chose w for that, its optimum is
-judged as an estimator instead, whatever w is (a sandwich): with I_D, I_J and B of ``adapt.trust.curvature``
+covariance Sigma (``PERSON_SD_MM``, or less where the set has points of the person; the conoid has no part in it, as D
+does not depend on it). E = D + w mean(J) is then, but for a factor, the negative logarithm of a likelihood (J) times a
+prior (D): with n points, P postures and all angles measured, -2 log p = 6 P E / (w s^2), so that w says how well the
+points are taken to be known, each to s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14 postures, w = 10: 2.5 mm). As nobody
+chose w for that, its optimum is judged as an estimator instead, whatever w is (a sandwich): with I_D, I_J and B of
+``adapt.trust.curvature``
 
     theta^ - theta = -I^-1 (B e + I_D (theta - theta_0)),      e the errors of the angles
     cov = s^2 I^-1 B B' I^-1  +  I^-1 I_D Sigma I_D I^-1       (noise; person)
@@ -36,7 +37,6 @@ from jaxtyping import Bool, Float
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.problem_batch import ProblemBatch
 from adapt.trust.curvature import Curvature, curvature
-from models.adapted_parameters import PERSON_SD_MM
 from motions.rotations import DEG
 
 _NARROWEST_MM = 1e-6
@@ -78,16 +78,20 @@ def sd(covariance: Float[np.ndarray, "n n problems"]) -> Float[np.ndarray, "n pr
 
 
 def uncertainty(
-    data: ProblemBatch, adapted: Adapted, person_sd_mm: Float[np.ndarray, " adapted"] = PERSON_SD_MM
+    data: ProblemBatch, adapted: Adapted, person_sd_mm: Float[np.ndarray, " adapted"] | None = None
 ) -> Uncertainty:
-    """Give the uncertainty of each adaptation of ``data`` by its E = D + W mean(J), mm^2 and deg^2."""
+    """Give the uncertainty of each adaptation of ``data`` by its E = D + W mean(J), mm^2 and deg^2.
+
+    person_sd_mm: square roots of the diagonal of Sigma; by default what the set of each subject knows of them.
+    """
     curved = curvature(data, adapted)
     free = ~adapted.at_bound
     of_points, of_motion = curved.points_information, curved.motion_information
     inverse = reduced_inverse(of_points + of_motion, free)
     noise = _noise_rad(data, adapted, np.einsum("ijl,jil->l", inverse, of_motion))
     by_noise = np.einsum("iapl,japl->ijl", curved.by_angle, curved.by_angle) * noise**2
-    by_person = np.einsum("ijl,j,kjl->ikl", of_points, person_sd_mm**2, of_points)
+    sd_mm = np.asarray(data.person_sd_mm) if person_sd_mm is None else person_sd_mm[:, None]
+    by_person = np.einsum("ijl,jl,kjl->ikl", of_points, np.broadcast_to(sd_mm, adapted.theta_mm.shape) ** 2, of_points)
     noise_mm2, person_mm2 = _sandwich(inverse, by_noise), _sandwich(inverse, by_person)
     width_mm = np.subtract(*np.asarray(data.bounds_mm)[::-1])
     bound_mm2 = _from_bounds(inverse, of_points + of_motion, free, width_mm)

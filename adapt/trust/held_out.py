@@ -21,7 +21,7 @@ from adapt.tables.held_out import BONE_PREFIXES, MOTION, NOTHING, OTHER, POSTURE
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.folds import hold_out_motions, hold_out_thirds
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -114,7 +114,7 @@ def held_out(
 
 def held_out_gaps(
     motions: Motions,
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     fits: pd.DataFrame,
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,

@@ -6,7 +6,6 @@ then a device that lets the scapula move as measured and no longer a thorax.
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -99,13 +98,9 @@ def region_distances_mm(model: ParameterSet, theta_mm: Float[np.ndarray, " adapt
 
     A point on the left counts as its mirror image, as the ellipsoid is symmetric. Regions without points are left out.
     """
-    moved = model.girdle.with_adapted(jnp.asarray(theta_mm))
-    points = np.asarray(model.points_mm)
-    distance = np.asarray(
-        signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
-    )
-    own = model.girdle
-    scaled = (points - np.asarray(own.centre_mm)[:, None]) / np.asarray(own.semi_axes_mm)[:, None]
+    moved, own, points = model.girdle.with_adapted(theta_mm), model.girdle, model.points_mm
+    distance = signed_distance_mm(points, moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+    scaled = (points - own.centre_mm[:, None]) / own.semi_axes_mm[:, None]
     azimuth = np.degrees(np.arctan2(scaled[2], np.abs(scaled[0])))
     inside = {name: (azimuth >= low) & (azimuth < high) for name, (low, high) in REGIONS.items()}
     return {name: float(np.sqrt(np.mean(distance[part] ** 2))) for name, part in inside.items() if part.any()}

@@ -4,12 +4,12 @@ Which of them a diagnosis tries, and how far they may lie off, the set itself sa
 `derived` (:func:`doubtful_numbers`).
 """
 
-import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import jax.numpy as jnp
+import numpy as np
 
 from models.effects.effect import Adjust, Effect, Rotations
 from models.effects.prior import EffectPrior
@@ -18,9 +18,6 @@ from models.parameter_sets import ParameterSet
 
 _DOUBTFUL = ("assumed", "derived")
 """How the source of a number begins that was not measured."""
-
-_RANGE = re.compile(r"\+-\s*([0-9.]+)\s*mm$")
-"""How a source states its range, at its end: before it ranges of other numbers may be cited."""
 
 _ATTACHMENT_MM, _BONE_MM, _DISTANCE_MM = 8.0, 6.0, 10.0
 
@@ -36,6 +33,9 @@ _NUMBERS = {
 """By key in the file: field of the girdle, components that the bone's frame leaves free, and prior SD where the set
 states no range (the shipped sets differ by about as much). The ellipsoid and the conoid's length are adapted; the
 length of the clavicle is an effect of its own."""
+
+_SIZES = {"clavicle_length": ("clavicle.length_mm",), "scapula_size": ("scapula.ts_mm", "scapula.ai_mm")}
+"""The effects of a bone's size, and the numbers that it shows in."""
 
 
 def _adjust(field: str, axes: str) -> Adjust:
@@ -72,9 +72,28 @@ def doubtful_numbers(model: ParameterSet) -> dict[str, Effect]:
     for key, effect in NUMBER_EFFECTS.items():
         source = model.source.get(key, "")
         if source.startswith(_DOUBTFUL):
-            stated = _RANGE.search(source)
-            if stated:
-                prior = EffectPrior((float(stated[1]),) * len(effect.directions), f"the set: {source}")
+            stated = model.range_mm(key)
+            if stated is not None:
+                prior = EffectPrior((stated,) * len(effect.directions), f"the set: {source}")
                 effect = replace(effect, prior=prior)
             found[effect.name] = effect
     return found
+
+
+def with_sizes_of(model: ParameterSet, effects: Iterable[Effect]) -> Iterator[Effect]:
+    """Leave out the effects of sizes that this set has measured; narrow the priors of those that it states a range of.
+
+    A range in mm is one in percent of the bone: of the clavicle's length, of |AC-TS|.
+    """
+    length_mm = {"clavicle_length": model.girdle.ac_mm, "scapula_size": model.girdle.ts_mm}
+    for effect in effects:
+        keys = _SIZES.get(effect.name, ())
+        if keys and all(model.is_measured(key) for key in keys):
+            continue
+        stated = [model.range_mm(key) for key in keys]
+        ranges_mm = [found for found in stated if found is not None]
+        if ranges_mm:
+            percent = 100.0 * max(ranges_mm) / float(np.linalg.norm(length_mm[effect.name]))
+            prior = EffectPrior((min(percent, *effect.prior.scale),), f"the set: {model.source[keys[0]]}")
+            effect = replace(effect, prior=prior)
+        yield effect

@@ -15,7 +15,6 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -87,7 +86,7 @@ def contact(girdle: Girdle) -> tuple[Float[np.ndarray, "2"], Vector, Matrix]:
 
     and its axes are Ry(q1) Rx(-q2) Rz(q3), without winging (ScapulothoracicJoint.cpp, MobilizedBody::Ellipsoid).
     """
-    R_thorax_clavicle, R_thorax_scapula = bone_rotations(jnp.asarray(REST_DEG) / DEG)
+    R_thorax_clavicle, R_thorax_scapula = bone_rotations(REST_DEG / DEG)
     at = chain_landmarks(girdle, R_thorax_clavicle, R_thorax_scapula)
     from_centre = closest_point((at.TS + at.AI) / 2.0 - girdle.centre_mm, girdle.semi_axes_mm)
     x, y, z = Q @ np.asarray(from_centre) / radii_mm(girdle)

@@ -109,6 +109,6 @@ def least_stress(A: Float[np.ndarray, "6 lines"], C: Float[np.ndarray, "6 3"], w
 
 def _weight_moments(lines: MuscleLines, girdle: Girdle, angles, weight_N: float) -> Float[np.ndarray, " 6 postures"]:
     at = landmarks(girdle, angles)
-    arm = rotate(rotation_from_cardan(angles[3:]), lines.gh_mm.reshape(3, 1))
+    arm = rotate(rotation_from_cardan(angles[3:]), lines.gh_mm.reshape(3, -1))
     force = np.broadcast_to(np.array([0.0, -weight_N, 0.0])[:, None], arm.shape)
     return np.concatenate([np.cross(arm, force, axis=0), np.cross(at.AC + arm - girdle.sc_mm, force, axis=0)])

@@ -14,6 +14,7 @@ they are bone, and the ellipsoid is what changes (thesis 6.2.6).
 """
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -30,6 +31,7 @@ from models.muscles.das3_frames import (
     scapula_in_thorax,
 )
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, unique_sets
 from motions.errors import InputError
 
 TABLE = Path(__file__).parent / "delft_lines.toml"
@@ -52,11 +54,11 @@ class MuscleLines:
     wraps: Bool[np.ndarray, " lines"]
     """Goes round the ellipsoid, else straight."""
     strongest_force_N: Float[np.ndarray, " lines"]
-    thorax_mm: Float[np.ndarray, "3 lines"]
+    thorax_mm: Float[np.ndarray, "3 lines *postures"]
     """Thorax frame."""
-    bone_mm: Float[np.ndarray, "3 lines"]
+    bone_mm: Float[np.ndarray, "3 lines *postures"]
     """Frame of the clavicle or scapula (thesis, Appendix A)."""
-    gh_mm: Float[np.ndarray, "3"]
+    gh_mm: Float[np.ndarray, " 3 *postures"]
     """Centre of the glenohumeral joint, scapula frame: where the arm hangs."""
 
     @property
@@ -71,9 +73,24 @@ class MuscleLines:
     def only(self, muscle: str) -> "MuscleLines":
         """Select the lines of one muscle."""
         mine = self.of(muscle)
-        vectors = {key: getattr(self, key)[..., mine] for key in ("on_scapula", "wraps", "thorax_mm", "bone_mm")}
+        flags = {key: getattr(self, key)[mine] for key in ("on_scapula", "wraps", "strongest_force_N")}
+        points = {key: getattr(self, key)[:, mine] for key in ("thorax_mm", "bone_mm")}
         names = {key: tuple(np.array(getattr(self, key))[mine].tolist()) for key in ("name", "muscle")}
-        return replace(self, **vectors, **names, strongest_force_N=self.strongest_force_N[mine])
+        return replace(self, **flags, **points, **names)
+
+
+def muscle_lines_of(model: AnyModel, subjects: Sequence[str]) -> MuscleLines:
+    """Place the lines on the bones of the set of each of these subjects, as often as it is named.
+
+    InputError as :func:`muscle_lines`.
+    """
+    sets, place = unique_sets([model], subjects)
+    each = [muscle_lines(one) for one in sets]
+    points = {key: np.stack([getattr(one, key) for one in each], axis=-1)[..., place] for key in _PLACED}
+    return replace(each[0], **points)
+
+
+_PLACED = ("thorax_mm", "bone_mm", "gh_mm")
 
 
 def muscle_lines(model: ParameterSet) -> MuscleLines:
@@ -99,8 +116,8 @@ def muscle_lines(model: ParameterSet) -> MuscleLines:
     cadaver, das3 = document["cadaver"], document["das3"]
     in_thorax = np.where(
         on_scapula,
-        das3_scapula_in_thorax(cadaver, das3).outward(bone),
-        das3_clavicle_in_thorax(cadaver, das3).outward(bone),
+        das3_scapula_in_thorax(das3).outward(bone),
+        das3_clavicle_in_thorax(das3).outward(bone),
     )
     gh = _on_scapula(np.array(cadaver["gh_mm"])[:, None], cadaver, girdle)
     return MuscleLines(
@@ -113,6 +130,11 @@ def muscle_lines(model: ParameterSet) -> MuscleLines:
         bone_mm=np.where(on_scapula, _on_scapula(in_thorax, cadaver, girdle), _on_clavicle(in_thorax, cadaver, girdle)),
         gh_mm=gh[:, 0],
     )
+
+
+def all_have_landmarks(model: AnyModel, subjects: Sequence[str]) -> bool:
+    """Tell whether the sets of all these subjects have TS and AI as landmarks."""
+    return all(has_landmarks(one.girdle) for one in unique_sets([model], subjects)[0])
 
 
 def has_landmarks(girdle: Girdle) -> bool:

@@ -67,7 +67,7 @@ def lengths_mm(
 ) -> Float[Array, " lines postures"]:
     """Measure the lines in postures (rad), mm; differentiable once in angles and girdle."""
     thorax, bone, wraps, on_scapula, batched, q = _arguments(lines, girdle, angles)
-    return _length(thorax[:, :, None], _attachments(bone, on_scapula, batched, q), wraps, batched)
+    return _length(thorax, _attachments(bone, on_scapula, batched, q), wraps, batched)
 
 
 def arms_by_angle_mm(
@@ -130,8 +130,8 @@ def _arguments(lines: MuscleLines, girdle: Girdle, angles):
     """Everything a line depends on, as JAX's arrays; those that wrap are known beforehand."""
     q = jnp.asarray(angles)
     return (
-        jnp.asarray(lines.thorax_mm),
-        jnp.asarray(lines.bone_mm),
+        _a_posture(jnp.asarray(lines.thorax_mm)),
+        _a_posture(jnp.asarray(lines.bone_mm)),
         tuple(lines.wraps.tolist()),
         jnp.asarray(lines.on_scapula),
         _batched(girdle, angles),
@@ -139,12 +139,16 @@ def _arguments(lines: MuscleLines, girdle: Girdle, angles):
     )
 
 
+def _a_posture(points) -> Array:
+    """Points with an axis for the postures at the end, of length 1 where they are the same in all."""
+    return points if points.ndim == 3 else points[:, :, None]
+
+
 def _attachments(bone, on_scapula, girdle: Girdle, q) -> Float[Array, " 3 lines postures"]:
     R_clavicle, R_scapula = bone_rotations(q)
-    points = bone[:, :, None]
     AC = chain_landmarks(girdle, R_clavicle, R_scapula).AC
-    with_scapula = AC[:, None] + rotate(R_scapula[:, :, None], points)
-    with_clavicle = girdle.sc_mm[:, None] + rotate(R_clavicle[:, :, None], points)
+    with_scapula = AC[:, None] + rotate(R_scapula[:, :, None], bone)
+    with_clavicle = girdle.sc_mm[:, None] + rotate(R_clavicle[:, :, None], bone)
     return jnp.where(on_scapula[None, :, None], with_scapula, with_clavicle)
 
 
@@ -156,6 +160,7 @@ def _round_ellipsoid(P, X, girdle: Girdle):
 
 
 def _length(P, X, wraps: tuple[bool, ...], girdle: Girdle) -> Float[Array, " lines postures"]:
+    P = jnp.broadcast_to(P, X.shape)
     straight = jnp.sqrt(jnp.sum((X - P) ** 2, axis=0))
     which = np.flatnonzero(wraps)
     return straight.at[which].set(path_length_mm(*_round_ellipsoid(P[:, which], X[:, which], girdle)))
@@ -164,7 +169,7 @@ def _length(P, X, wraps: tuple[bool, ...], girdle: Girdle) -> Float[Array, " lin
 def _lines_of(thorax, bone, wraps, on_scapula, girdle, q):
     """Lengths, contact, attachments and pulls; -dL/dX is the direction at X, and what moves the point outside."""
     X = _attachments(bone, on_scapula, girdle, q)
-    P = thorax[:, :, None]
+    P = jnp.broadcast_to(thorax, X.shape)
     which = np.flatnonzero(wraps)
     (outer_P, outer_X, axes), back = jax.vjp(lambda X: _round_ellipsoid(P[:, which], X, girdle), X[:, which])
     path = shortest_path(outer_P, outer_X, axes)
@@ -179,7 +184,7 @@ _lines = jax.jit(_lines_of, static_argnums=2)
 
 
 def _depth_mm(lines: MuscleLines, girdle: Girdle, X) -> Float[np.ndarray, " lines postures"]:
-    ends = np.broadcast_arrays(lines.thorax_mm[:, :, None], X)
+    ends = np.broadcast_arrays(_a_posture(lines.thorax_mm), X)
     centre, axes = (
         np.asarray(x)[:, None, None] if np.ndim(x) == 1 else np.asarray(x)[:, None]
         for x in (girdle.centre_mm, girdle.semi_axes_mm)

@@ -21,7 +21,7 @@ from motions.motion_csv.reading import read_motions
 from motions.motion_csv.rows import read_table
 from motions.table import Motions
 
-_OF_MARKERS: dict[str, Callable[[Path], Markers]] = {".c3d": read_c3d, ".trc": read_trc}
+_OF_MARKERS: dict[str, Callable[[Path], Markers]] = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_landmark_csv}
 _OF_ANGLES = (".mot", ".sto")
 
 
@@ -37,17 +37,24 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
         _check_unused(labels, path, "shoulders and motions")
         return read_spartacus(path, labels)
     kind = path.suffix.lower()
-    if kind in _OF_MARKERS:
-        return _of_markers(_OF_MARKERS[kind](path), mapping, _named(labels, path))
+    markers = read_markers(path)
+    if markers is not None:
+        return _of_markers(markers, mapping, labels_of_file(labels, path))
     if kind in _OF_ANGLES:
         return _with_names(motions_from_table(read_mot(path), mapping, labels), path)
     if kind == ".csv":
-        if holds_positions(list(read_table(path).columns)):
-            return _of_markers(read_landmark_csv(path), mapping, _named(labels, path))
         _check_unused(labels, path, "subjects, motions and postures")
         return read_motions(path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
+
+
+def read_markers(path: Path) -> Markers | None:
+    """Read a file of positions of any kind; None where it is of another kind, a motion file included."""
+    kind = path.suffix.lower()
+    if kind not in _OF_MARKERS or (kind == ".csv" and not holds_positions(list(read_table(path).columns))):
+        return None
+    return _OF_MARKERS[kind](path)
 
 
 def _check_unused(labels: Labels, path: Path, own: str) -> None:
@@ -57,8 +64,8 @@ def _check_unused(labels: Labels, path: Path, own: str) -> None:
         raise InputError(str(path), None, cause, "Leave them out")
 
 
-def _named(labels: Labels, path: Path) -> Labels:
-    """The labels, with the name of the file where they say nothing."""
+def labels_of_file(labels: Labels, path: Path) -> Labels:
+    """Complete the labels with the name of the file where they say nothing."""
     return replace(labels, subject=labels.subject or path.stem, motion=labels.motion or path.stem)
 
 
@@ -71,7 +78,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
     """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
     lab_mm = landmarks_mm(markers, mapping)
     parts, rejected = [], []
-    for rows, one in _groups(markers, labels):
+    for rows, one in marker_groups(markers, labels):
         try:
             part = postures_from_landmarks({name: xyz[:, rows] for name, xyz in lab_mm.items()}, one, markers.file)
         except InputError as error:
@@ -83,8 +90,8 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
     return replace(Motions.concatenate(parts), rejected=tuple(rejected))
 
 
-def _groups(markers: Markers, labels: Labels) -> list[tuple[np.ndarray, Labels]]:
-    """The rows that go together, and whose they are: those of a subject, and to be sampled, of one of its motions.
+def marker_groups(markers: Markers, labels: Labels) -> list[tuple[np.ndarray, Labels]]:
+    """Find the rows that go together, and whose they are: those of a subject, and to be sampled, of one of its motions.
 
     What the file says of a row wins over the labels.
     """

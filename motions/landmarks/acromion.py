@@ -7,11 +7,11 @@ of the subject: what the diagnosis calls scapula_landmark_bias.
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from motions.errors import InputError
+from motions.landmarks.frames import scapula_frame
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan
 
 
@@ -25,6 +25,9 @@ class AcromionRotation:
     """How far one person's rotation may be from it about each axis (SD)."""
     source: str
 
+
+POSITION_SD_MM = 10.0
+"""Of AC placed from AA: 4 degrees at 120 mm are 8 mm, and the distance from TS is assumed to 5 mm."""
 
 # ISB's axes (x forward, y up, z right) of the matrix as it is printed, brought to rows and columns (z, y, -x).
 _THESIS_FROM_ISB = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -65,6 +68,21 @@ def acromion_rotation(name: str) -> AcromionRotation:
     return ROTATIONS[name]
 
 
+def ac_position_from_aa(
+    AA: Float[np.ndarray, "3 postures"],
+    TS: Float[np.ndarray, "3 postures"],
+    AI: Float[np.ndarray, "3 postures"],
+    rotation: AcromionRotation,
+) -> Float[np.ndarray, "3 postures"]:
+    """Place AC on the x-axis of the AC frame, as far from TS as AA is: AC = TS + |AA - TS| R_thorax_AA R_AA_AC e_x.
+
+    That AC and AA are equally far from TS is assumed; with the rotation's uncertainty AC is ``POSITION_SD_MM`` off.
+    """
+    R_thorax_aa = scapula_frame(AA, TS, AI)
+    x_ac = np.einsum("ijn,j->in", R_thorax_aa, rotation.R_ac_aa.T[:, 0])
+    return TS + np.linalg.norm(AA - TS, axis=0) * x_ac
+
+
 def ac_from_aa_deg(
     scapula_aa_deg: Float[np.ndarray, "postures 3"], rotation: AcromionRotation
 ) -> Float[np.ndarray, "postures 3"]:
@@ -80,5 +98,5 @@ def aa_from_ac_deg(
 
 
 def _turned_deg(angles_deg, R) -> Float[np.ndarray, "postures 3"]:
-    R_thorax_scapula = np.asarray(rotation_from_cardan(angles_deg.T / DEG))
-    return np.asarray(cardan_from_rotation(compose(jnp.asarray(R_thorax_scapula), R[:, :, None]))).T * float(DEG)
+    R_thorax_scapula = rotation_from_cardan(angles_deg.T / DEG)
+    return cardan_from_rotation(compose(R_thorax_scapula, R[:, :, None])).T * float(DEG)

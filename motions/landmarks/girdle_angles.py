@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -16,6 +15,7 @@ from motions.landmarks.frames import (
     thorax_frame,
     transposed,
 )
+from motions.landmarks.stand_ins import SternoclavicularOffset, with_stand_ins
 from motions.motion_csv.cells import Side
 from motions.motion_csv.posture_rows import MIRROR_POSITION
 from motions.rhythm import clavicle_axial_rotation
@@ -37,30 +37,40 @@ class FrameAngles:
     angles_deg: Float[np.ndarray, "frames 6"]
     humerus_deg: Float[np.ndarray, "frames 3"]
     landmarks_mm: dict[str, Float[np.ndarray, "frames 3"]]
+    """Those that were measured: what stands in for one has no position of its own."""
+    stand_ins: dict[str, str]
+    """Landmarks that were not measured, and what the clavicle's angles take in their place."""
 
 
 def frame_angles(
-    lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side, file: str, aa_to_ac: AcromionRotation | None = None
+    lab_mm: dict[str, Float[np.ndarray, "3 frames"]],
+    side: Side,
+    file: str,
+    aa_to_ac: AcromionRotation | None = None,
+    sc_from_ij: SternoclavicularOffset | None = None,
 ) -> FrameAngles:
     """Compute the angles of every frame (thesis, Appendix A).
 
     A left shoulder is mirrored in the sagittal plane of its thorax.
     lab_mm: landmarks in any right-handed frame. aa_to_ac: what brings a scapula through AA to the thesis's frame, where
-    AC was not measured. InputError if that is wanting, or if the landmarks are those of the other shoulder.
+    AC was not measured; sc_from_ij: what places SC, where it was not. InputError if the former is wanting, or if the
+    landmarks are those of the other shoulder.
     """
-    thorax_mm = _in_thorax(lab_mm, side)
-    _check_side(thorax_mm, side, file)
+    thorax_mm = in_thorax(lab_mm, side, file)
+    placed_mm, stand_ins = with_stand_ins(thorax_mm, aa_to_ac, sc_from_ij)
     count = thorax_mm["TS"].shape[1]
     angles = np.full((6, count), np.nan)
-    if "SC" in thorax_mm and "AC" in thorax_mm:
+    if "SC" in placed_mm and "AC" in placed_mm:
         y_thorax = np.array([0.0, 1.0, 0.0])[:, None]
-        angles[:CLAVICLE_X] = _cardan_deg(clavicle_frame(thorax_mm["SC"], thorax_mm["AC"], y_thorax))[:CLAVICLE_X]
+        angles[:CLAVICLE_X] = _cardan_deg(clavicle_frame(placed_mm["SC"], placed_mm["AC"], y_thorax))[:CLAVICLE_X]
+    else:
+        stand_ins = {}
     angles[3:] = _scapula_deg(thorax_mm, file, aa_to_ac)
     humerus = np.full((3, count), np.nan)
     if all(name in thorax_mm for name in ("GH", "EM", "EL")):
         humerus = humerus_angles(humerus_frame(*(thorax_mm[name] for name in ("GH", "EM", "EL")))) * float(DEG)
     kept = {name: thorax_mm[name].T for name in LANDMARKS if name in thorax_mm}
-    return FrameAngles(angles.T, humerus.T, kept)
+    return FrameAngles(angles.T, humerus.T, kept, stand_ins)
 
 
 def estimated_axial_deg(
@@ -73,21 +83,27 @@ def estimated_axial_deg(
     latter 5-11: here it is the former, `clavicle_axial_rotation`.
     """
     rest = np.where(np.arange(6) == CLAVICLE_X, 0.0, rest_deg) / float(DEG)
-    postures = jnp.asarray(angles_deg.T / float(DEG))
+    postures = angles_deg.T / float(DEG)
     R_clavicle, R_scapula = (
-        jnp.repeat(rotation_from_cardan(jnp.asarray(part))[..., None], len(angles_deg), axis=2)
-        for part in (rest[:3], rest[3:])
+        np.repeat(rotation_from_cardan(part)[..., None], len(angles_deg), axis=2) for part in (rest[:3], rest[3:])
     )
-    return np.asarray(clavicle_axial_rotation(postures[:2], postures[3:], R_clavicle, R_scapula)) * float(DEG)
+    return clavicle_axial_rotation(postures[:2], postures[3:], R_clavicle, R_scapula) * float(DEG)
 
 
-def _in_thorax(lab_mm: dict[str, np.ndarray], side: Side) -> dict[str, Float[np.ndarray, "3 frames"]]:
-    """The landmarks in the thorax frame of their own frame of the trial, as those of a right shoulder."""
+def in_thorax(
+    lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side, file: str
+) -> dict[str, Float[np.ndarray, "3 frames"]]:
+    """Bring landmarks into the thorax frame of their own frame of the trial, as those of a right shoulder.
+
+    InputError if the landmarks are those of the other shoulder, or in a left-handed frame.
+    """
     R_lab_thorax = thorax_frame(*(lab_mm[name] for name in ("IJ", "PX", "C7", "T8")))
     mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
-    return {
+    thorax_mm = {
         name: mirror * rotate(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
     }
+    _check_side(thorax_mm, side, file)
+    return thorax_mm
 
 
 def _check_side(thorax_mm: dict[str, np.ndarray], side: Side, file: str) -> None:
@@ -123,4 +139,4 @@ def _scapula_deg(
 
 
 def _cardan_deg(R) -> Float[np.ndarray, "3 frames"]:
-    return np.asarray(cardan_from_rotation(jnp.asarray(R))) * float(DEG)
+    return cardan_from_rotation(R) * float(DEG)

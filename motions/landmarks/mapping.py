@@ -16,6 +16,9 @@ THORAX = ("IJ", "PX", "C7", "T8")
 MARKERS = (*THORAX, *LANDMARKS)
 """Every landmark that is made use of (thesis, Appendix A)."""
 
+MIDDLES = {"PX_T8": ("PX", "T8")}
+"""A middle that stands for both of its landmarks: the thorax frame needs no more of PX and T8."""
+
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 """Millimetres in a unit of length, by the names that files give it."""
 
@@ -33,13 +36,14 @@ class Mapping:
     axes: tuple[str, str, str] = ("x", "y", "z")
     """Which axes of the file, with their signs, make a right-handed frame. Which of them points up does not matter."""
     markers: dict[str, str] = field(default_factory=dict)
-    """The laboratory's name of a landmark."""
+    """The laboratory's name of a landmark, or a formula of its names (``motions.landmarks.derived``)."""
     columns: dict[str, str] = field(default_factory=dict)
     """The laboratory's name of an angle."""
 
     def marker(self, landmark: str) -> str:
-        """Return the name of a landmark in the file."""
-        return self.markers.get(landmark, landmark)
+        """Return the name of a landmark in the file, or the formula that gives it."""
+        middle = next((name for name, ends in MIDDLES.items() if landmark in ends and name in self.markers), landmark)
+        return self.markers.get(middle, landmark)
 
     def column(self, angle: str) -> str:
         """Return the name of an angle in the file."""
@@ -91,12 +95,21 @@ def _names(document: dict, section: str, file: str) -> dict[str, str]:
     if not isinstance(table, dict) or not all(isinstance(name, str) and name for name in table.values()):
         raise InputError(file, None, f"{section} is not a section of names", _EXAMPLE)
     if section == "markers":
-        for landmark in table:
-            if landmark not in MARKERS:
-                remedy = f"The landmarks are {', '.join(MARKERS)}"
-                raise InputError(file, None, f"there is no landmark {landmark!r}", remedy)
+        _check_landmarks(table, file)
     for name in table.values():
         if list(table.values()).count(name) > 1:
             cause = f"{name!r} stands for two of [{section}]"
             raise InputError(file, None, cause, "Give each of them a name of its own")
     return dict(table)
+
+
+def _check_landmarks(table: dict[str, str], file: str) -> None:
+    """InputError if a key is no landmark, or a formula cannot be one."""
+    for landmark in table:
+        if landmark not in (*MARKERS, *MIDDLES):
+            remedy = f"The landmarks are {', '.join((*MARKERS, *MIDDLES))}"
+            raise InputError(file, None, f"there is no landmark {landmark!r}", remedy)
+        both = [end for end in MIDDLES.get(landmark, ()) if end in table]
+        if both:
+            cause = f"{landmark} and {both[0]} are both there, and {landmark} stands for {both[0]}"
+            raise InputError(file, None, cause, "Remove one of the two lines")

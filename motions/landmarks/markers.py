@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motions.errors import InputError
+from motions.landmarks.derived import factors_of, is_formula
 from motions.landmarks.mapping import MARKERS, THORAX, UNITS_MM, Mapping
 
 NEEDED = (*THORAX, "TS", "AI")
@@ -49,7 +50,7 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
             _check_distance(markers, mapping.marker(landmark), position)
             found[landmark] = factor * (mapping.axes_matrix @ position)
     if "AC" not in found and "AA" not in found:
-        _not_there(markers, mapping, "AC")
+        _not_there(markers, mapping.marker("AC"), "AC")
     _check_size(markers, found, factor)
     return found
 
@@ -73,15 +74,40 @@ def _millimetres(markers: Markers, mapping: Mapping) -> float:
 def _position(markers: Markers, mapping: Mapping, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
     """The positions of a landmark, None where the file has none and none is needed."""
     name = mapping.marker(landmark)
+    if name not in markers.names and is_formula(name):
+        position = _derived(markers, name, landmark)
+    else:
+        position = _of_marker(markers, name, landmark)
+    if position is None or not np.isfinite(position).all(axis=0).any():
+        if landmark in NEEDED or landmark in mapping.markers:
+            _not_there(markers, name, landmark)
+        return None
+    return position
+
+
+def _of_marker(markers: Markers, name: str, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
     count = markers.names.count(name)
     if count > 1:
         remedy = f"Rename one of them, and say in a mapping file (--map) which is {landmark}"
         raise InputError(markers.file, None, f"there are {count} markers called {name!r}", remedy)
-    position = markers.positions[markers.names.index(name)] if count else None
-    if position is None or not np.isfinite(position).all(axis=0).any():
-        if landmark in NEEDED or landmark in mapping.markers:
-            _not_there(markers, mapping, landmark)
-        return None
+    return markers.positions[markers.names.index(name)] if count else None
+
+
+def _derived(markers: Markers, formula: str, landmark: str) -> Float[np.ndarray, "3 frames"]:
+    """The sum that a mapping file writes. InputError if it is none, or if one of its markers is not there."""
+    try:
+        factors = factors_of(formula)
+    except ValueError as error:
+        cause = f"{landmark} is {formula!r} in the mapping file, which is no marker and no formula: {error}"
+        remedy = "Write a marker's name, or a formula such as 2*centijc7 - ij, (a + b)/2 or mean(a, b, c)"
+        raise InputError(markers.file, None, cause, remedy) from error
+    position = np.zeros(markers.positions.shape[1:])
+    for name, factor in factors.items():
+        part = _of_marker(markers, name, landmark)
+        if part is None:
+            _not_there(markers, name, landmark)
+        else:
+            position = position + factor * part
     return position
 
 
@@ -93,8 +119,7 @@ def _check_distance(markers: Markers, name: str, position: Float[np.ndarray, "3 
         raise InputError(markers.file, None, cause, "Correct it, or leave it empty if it was not measured")
 
 
-def _not_there(markers: Markers, mapping: Mapping, landmark: str) -> None:
-    name = mapping.marker(landmark)
+def _not_there(markers: Markers, name: str, landmark: str) -> None:
     if name in markers.names:
         cause, remedy = f"marker {name!r} ({landmark}) was nowhere measured", "Reconstruct it, or use another trial"
     else:

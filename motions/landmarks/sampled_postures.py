@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping as Dictionary
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -12,6 +12,8 @@ from motions.errors import InputError
 from motions.landmarks.acromion import AcromionRotation
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
 from motions.landmarks.resampling import resample
+from motions.landmarks.rigidity import check_rigidity
+from motions.landmarks.stand_ins import SternoclavicularOffset
 from motions.motion_csv.cells import Side
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
@@ -21,6 +23,12 @@ ESTIMATED = "clavicle_x_estimated"
 
 SCAPULA_ROTATED = "scapula_frame"
 """The extra column that names the mean rotation by which a scapula through AA was brought to AC."""
+
+CLAVICLE_PLACED = "clavicle_from"
+"""The extra column that says what stood in for SC or AC where nobody marked it."""
+
+SLIPPED = "slipped"
+"""The extra column that names the landmarks that are not where their bone says in this posture."""
 
 FRAMES = "frames"
 """The extra column with the number of frames that a posture of a trial rests on."""
@@ -42,6 +50,7 @@ class Labels:
     """Elevations at which a trial is sampled; none: each frame is a posture."""
     aa_to_ac: AcromionRotation | None = None
     aa_to_ac_name: str = ""
+    sc_from_ij: SternoclavicularOffset | None = None
 
 
 def postures_from_landmarks(
@@ -53,13 +62,28 @@ def postures_from_landmarks(
     arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures with too few
     angles are left out. InputError if none is left.
     """
-    frames = frame_angles(dict(lab_mm), labels.side, file, labels.aa_to_ac)
+    frames = frame_angles(dict(lab_mm), labels.side, file, labels.aa_to_ac, labels.sc_from_ij)
     table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
+    table = _with_marks(table, frames.stand_ins)
     measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= FEWEST_ANGLES
     if not measured.any():
         cause = f"no posture has {FEWEST_ANGLES} angles: landmarks are missing in every one"
         raise InputError(file, None, cause, "Look for gaps in IJ, PX, C7, T8, AC, TS and AI")
     return table.select(measured)
+
+
+def _with_marks(table: Motions, stand_ins: Dictionary[str, str]) -> Motions:
+    """The table, marked where a landmark slipped or was not measured."""
+    count, extra = len(table.posture), table.extra.copy()
+    if stand_ins:
+        extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in stand_ins.items())] * count
+    slips = check_rigidity(table.landmarks_mm).slips
+    if slips:
+        names: list[list[str]] = [[] for _ in range(count)]
+        for slip in slips:
+            names[slip.posture].append(slip.landmark)
+        extra[SLIPPED] = [" ".join(one) for one in names]
+    return replace(table, extra=extra)
 
 
 def _as_they_are(frames: FrameAngles, labels: Labels) -> Motions:

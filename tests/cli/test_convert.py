@@ -90,7 +90,7 @@ def test_noisy_trials_with_gaps_are_converted_to_within_their_noise(trials, conv
         assert (np.abs(error) < SIX_STANDARD_ERRORS * standard_error + bend_deg)[:, known].all()
         single_frame = spread[:, known]
         assert single_frame.min() > 0.2  # 1 mm over 100-150 mm
-        assert single_frame.max() < 1.5
+        assert single_frame.max() < 2.5  # and how the closed chain turns within the window
         assert set(mine.extra[ESTIMATED]) == {"yes"}
 
 

@@ -8,6 +8,7 @@ from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
 from adapt.diagnosis.fit.joint_fit import Part
+from adapt.engine.batching import take_problems
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
 from adapt.solvers.extended.nearest_posture import nearest_postures
 from adapt.solvers.posture_fits import reference_fit
@@ -50,7 +51,7 @@ def test_known_effects_give_the_optimum_of_girdle_adapt():
 def test_the_nearest_posture_is_that_of_the_reference_solver(strength):
     joint = joint_fit()
     rows = np.arange(0, len(joint.shoulders.subject), 9)
-    girdle = joint.model.girdle.repeated(len(rows))
+    girdle = take_problems(joint.model.sets.girdle, joint.shoulders.subject[rows])
     generator = np.random.default_rng(3)
     scale = np.concatenate([one.prior.scale for one in joint.model.effects])
     strengths = strength * scale[:, None] * generator.standard_normal((joint.candidates.columns.shape[1], len(rows)))
@@ -129,7 +130,7 @@ def test_the_quadratic_step_is_the_lowest_within_its_bounds():
 def test_machine_code_and_xla_agree():
     joint = joint_fit()
     rows = np.arange(8)
-    girdle = jax.tree.map(np.ascontiguousarray, joint.model.girdle.repeated(len(rows)))
+    girdle = jax.tree.map(np.ascontiguousarray, take_problems(joint.model.sets.girdle, np.zeros(8, int)))
     from adapt.solvers.extended.nearest_posture import _kernel
 
     channels = joint.candidates.columns.shape[1]

@@ -54,7 +54,7 @@ def ragged() -> Motions:
 
 @pytest.fixture(scope="module")
 def data() -> ProblemBatch:
-    return problem_batch(pack(ragged()), [load_model("R2")])
+    return problem_batch(pack(ragged()), [load_model("R6")])
 
 
 def arguments(data: ProblemBatch, iterations: float = 60.0):

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 from adapt.diagnosis.json_form import JsonObject, as_json
+from adapt.diagnosis.location.constraint_spread import ConstraintSpread
 from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, GapLevel, Profile
 from adapt.diagnosis.location.gap_rotations import VarianceFractions
 from adapt.diagnosis.result import (
@@ -120,6 +121,7 @@ ONE = Diagnosis(
     profile=Profile({}, {"scapula": GapLevel(1.8, 0.9)}, {}, {}, {}),
     variance_fractions=VarianceFractions(None, {}, {}, None),
     constraints=[ConstraintResidual("A1", None, 84, 0.1, None, -2.0, 2.0, None)],
+    constraint_spread=[ConstraintSpread("A1", 4.1, 1.2, 0.8), ConstraintSpread("A3", 9.7, 1.1, 0.9)],
     indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
     next_measurement=PROPOSALS,
 )

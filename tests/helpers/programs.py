@@ -5,15 +5,12 @@ from typing import Any
 
 import jax
 
-_OPTIONS = {
-    "xla_backend_optimization_level": 0,
-    "xla_llvm_disable_expensive_passes": True,
-    "xla_cpu_use_fusion_emitters": False,
-}
-"""Half the compilation of a derivative of a posture fit (28 s of a core to 15), and as exact: what is left out makes
-code faster. For what a test makes itself; what the project compiles is tested as it is."""
+from adapt.engine.batching import QUICK_TO_COMPILE
 
 
 def few_runs(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``jax.jit``, compiled in half the time. It cannot be part of another program."""
-    return jax.jit(function, compiler_options=_OPTIONS)
+    """``jax.jit``, compiled in half the time, and as exact. It cannot be part of another program.
+
+    For what a test makes itself; what the project compiles is tested as it is.
+    """
+    return jax.jit(function, compiler_options=QUICK_TO_COMPILE)

@@ -26,7 +26,7 @@ def joint_fit(effect: str = "") -> JointFit:
     """Lay out the joint fit of such a world with CANDIDATES."""
     shoulders, _ = usable(simulated(effect).motions)
     effects = tuple(EFFECTS[name] for name in CANDIDATES)
-    model = Model.of(load_model("R2"), effects)
+    model = Model.of(load_model("R2"), shoulders.subjects, effects)
     return JointFit(model, shoulders, lay_out(effects, shoulders), everybody(shoulders))
 
 

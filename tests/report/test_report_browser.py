@@ -11,7 +11,7 @@ from diagnoses import NOTHING, TWO, alone
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from adapt.diagnosis.wording import sentence
 from adapt.report import report_html
@@ -78,9 +78,10 @@ class Seen:
 
 
 @pytest.fixture(scope="module")
-def started() -> Iterator[Browser]:
+def started() -> Iterator[BrowserContext]:
+    """One profile for all pages: a window for each would cost half a second of a core more."""
     with browser() as one:
-        yield one
+        yield one.new_context()
 
 
 @pytest.fixture
@@ -91,7 +92,8 @@ def look(started, tmp_path) -> Iterator[Any]:
     def opened(html: str, window: dict[str, int] = DESK) -> Seen:
         path = tmp_path / f"report{len(pages)}.html"
         path.write_text(html, encoding="utf-8")
-        page = started.new_page(viewport=window)
+        page = started.new_page()
+        page.set_viewport_size(window)
         pages.append(page)
         seen = Seen(page)
         page.on("console", lambda said: seen.errors.append(said.text) if said.type == "error" else None)
@@ -308,7 +310,7 @@ def test_the_picture_of_a_report_is_small(started, tmp_path):
     motions = two_motions()
     report, out = tmp_path / "report.html", tmp_path / "report.png"
     report.write_text(report_html(motions, MODELS, adaptations(motions, MODELS)), encoding="utf-8")
-    picture(started, report, 3, (1240, 1310)).save(out, optimize=True)
+    picture(started, report, 3, {"width": 1240, "height": 1310}).save(out, optimize=True)
     assert out.stat().st_size < LARGEST_PICTURE_BYTES
     with Image.open(out) as drawn:
         assert len(drawn.convert("RGB").getcolors(1 << 20) or []) > 20, "something is drawn"

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -31,9 +30,8 @@ def residuals_mm(folder: Path) -> np.ndarray:
     found = []
     for subject in truth["subjects"]:
         mine = motions.subject == subject["subject"]
-        theta = jnp.array([[subject[f"{name}_mm"]] for name in ADAPTED])
-        angles = jnp.asarray(motions.angles_deg[mine].T / DEG)
-        found.append(np.asarray(girdle.over_axes(1).with_adapted(theta).residuals_mm(angles)))
+        theta = np.array([[subject[f"{name}_mm"]] for name in ADAPTED])
+        found.append(girdle.over_axes(1).with_adapted(theta).residuals_mm(motions.angles_deg[mine].T / DEG))
     return np.concatenate(found, axis=1)
 
 

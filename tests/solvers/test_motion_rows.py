@@ -20,15 +20,15 @@ JUMPING_SEED = 2
 
 @pytest.fixture(scope="module")
 def jumping():
-    """Subjects whose chain jumps along their motions: das3, which does not close at rest, and abduction alone."""
+    """Subjects whose chain jumps along their motions with the set of the MRI, whose conoid is slack at rest."""
     motions = simulate_subjects(10, seed=JUMPING_SEED)
-    return motions, adapt_subjects(motions, [load_model("das3"), load_model("R2")], held_out=())
+    return motions, adapt_subjects(motions, [load_model("breteler_mri"), load_model("R2")], held_out=())
 
 
 def test_e_is_that_of_the_rows_jumps_included(jumping):
     _, result = jumping
     after = result.fits[result.fits["adapted"] == 1]
-    assert after[after["model"] == "das3"]["jump"].sum() > 0, "no motion jumps: another case is needed"
+    assert after[after["model"] == "breteler_mri"]["jump"].sum() > 0, "no motion jumps: another case is needed"
     mean_j = after.groupby(["model", "subject"], sort=False)["j_deg2"].mean()
     parameters = result.parameters.set_index(["model", "subject"])
     np.testing.assert_allclose(parameters["mean_j_after_deg2"], mean_j[parameters.index], rtol=ROUNDING)

@@ -321,14 +321,14 @@ def assert_untouched(alone: Fitted, among: Fitted) -> None:
     print("bit-identical" if np.array_equal(alone.angles, among.angles) else "to rounding")
 
 
-def test_r4_with_the_printed_conoid_is_unreachable_and_says_by_how_much(some_deg):
-    """Its attachments never come nearer than the shortest conoid, 9.27 mm: 8.2 mm gapes by the difference."""
+def test_a_conoid_shorter_than_any_posture_allows_is_unreachable_and_says_by_how_much(some_deg):
+    """The attachments never come nearer than the shortest conoid: one shorter by 1 mm gapes by 1 mm."""
     girdle = load_model("R4").girdle
     count = some_deg.shape[1]
-    short = replace(girdle, conoid_length_mm=jnp.asarray(8.2))
+    short = replace(girdle, conoid_length_mm=jnp.asarray(shortest_conoid_mm(girdle) - 1.0))
     alone, among, bad = mixed_with(repeated(girdle, count), some_deg, repeated(short, count), some_deg)
     assert set(bad.status) == {status.UNREACHABLE}
-    np.testing.assert_allclose(bad.residual_mm[2], shortest_conoid_mm(girdle) - 8.2, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(bad.residual_mm[2], 1.0, rtol=0.0, atol=1e-6)
     np.testing.assert_allclose(bad.residual_mm[:2], 0.0, rtol=0.0, atol=1e-5)
     assert_untouched(alone, among)
 

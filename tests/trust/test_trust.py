@@ -24,7 +24,6 @@ from adapt.tables.results import HELD_OUT
 from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.covariance import (
     NORMAL_95,
-    PERSON_SD_MM,
     Uncertainty,
     reduced_inverse,
     sd,
@@ -36,6 +35,7 @@ from adapt.trust.held_out import folds, held_out
 from adapt.trust.profile import profile_intervals
 from adapt.trust.weight_choice import WEIGHTS, weight_table
 from models import ParameterSet, load_model
+from models.adapted_parameters import PERSON_SD_MM
 from motions import Motions
 from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
@@ -194,7 +194,7 @@ def test_what_nothing_holds_is_held_by_its_bounds_alone(case):
     everybody = uncertainty(case.data, case.adapted, person_sd_mm=np.full(6, 1e6))
     room_mm = np.subtract(*np.asarray(case.data.bounds_mm)[::-1]) / np.sqrt(6.0)
     assert (everybody.sd_mm <= room_mm + 1e-9).all()
-    assert (everybody.sd_mm[0] >= 0.85 * room_mm[0]).all()  # the bounds of the others hold M_y a little, too
+    assert (everybody.sd_mm[0] >= 0.7 * room_mm[0]).all()  # the bounds of A_y, which M_y goes with, hold it, too
     firm = uncertainty(case.data, case.adapted, person_sd_mm=np.zeros(6))
     np.testing.assert_allclose(firm.sd_mm[FIRM], sd(firm.noise_mm2)[FIRM], rtol=0.02)
     two = np.zeros((6, 6, 1))

@@ -11,8 +11,9 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.solvers.extended.nearest_posture import strengths_of
 from models.effects import EFFECTS, Effect
 from models.effects.by_posture import UNIT_DEG, ByPosture
-from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers
+from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers, with_sizes_of
 from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel, unique_sets
 from motions.table import ANGLES
 
 Hypothesis = tuple[str, ...]
@@ -28,14 +29,23 @@ _SHARE_OF_MEAN = 1.0 / 3.0
 """An effect whose size has been measured is not at work with less than this share of it."""
 
 
-def candidate_effects(model: ParameterSet) -> tuple[Effect, ...]:
-    """Give the effects to try with this set: all that are listed, and the set's own doubtful numbers with their
-    ranges."""
+def candidate_effects(model: AnyModel, subjects: Sequence[str]) -> tuple[Effect, ...]:
+    """Give the effects to try with the set of each subject: all that are listed but for sizes that it has measured, and
+    its own doubtful numbers with their ranges. Where every subject has a set of its own, those of any, the widest."""
+    widest: dict[str, Effect] = {}
+    for one in unique_sets([model], subjects)[0]:
+        for effect in _of_set(one):
+            other = widest.setdefault(effect.name, effect)
+            if effect.prior.scale > other.prior.scale:
+                widest[effect.name] = effect
+    return tuple(widest[name] for name in EFFECTS if name in widest)
+
+
+def _of_set(model: ParameterSet) -> Iterator[Effect]:
     doubtful = doubtful_numbers(model)
     numbers = {effect.name for effect in NUMBER_EFFECTS.values()}
-    return tuple(
-        doubtful.get(name, effect) for name, effect in EFFECTS.items() if name in doubtful or name not in numbers
-    )
+    listed = (doubtful.get(name, effect) for name, effect in EFFECTS.items() if name in doubtful or name not in numbers)
+    return with_sizes_of(model, listed)
 
 
 @dataclass(frozen=True)

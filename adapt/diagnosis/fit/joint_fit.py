@@ -6,22 +6,22 @@ groups are fitted side by side: all postures, or all but those held out. A part 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.shoulders import Shoulders
-from adapt.solvers.extended.gauss_newton import End, Parts, Shared, minimise, thorax_terms
+from adapt.engine.batching import take_problems
+from adapt.solvers.extended.gauss_newton import End, Parts, Shared, ThoraxTerm, minimise, thorax_terms
 from adapt.solvers.extended.nearest_posture import Nearest
-from adapt.solvers.objective import WEIGHT, ThoraxPoints, fitted_girdle
+from adapt.solvers.objective import WEIGHT, ThoraxPoints
+from adapt.solvers.problem_batch import SetArrays, set_arrays
 from models.adapted_parameters import STARTS_MM
 from models.effects import Effect
-from models.girdle import Girdle
-from models.parameter_sets import ParameterSet
+from models.person.family import AnyModel
 
 _MOST_STEPS = 60
 """Gauss-Newton steps; the fits of measured motions take 5 to 30."""
@@ -52,33 +52,33 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Model:
-    """A parameter set after its geometric fit, with the effects that may be at work."""
+    """The parameter set of each subject after its geometric fit, with the effects that may be at work."""
 
-    girdle: Girdle
+    sets: SetArrays
+    """Of the subjects, in their order: one set may be everybody's."""
     effects: tuple[Effect, ...]
-    points_mm: Float[np.ndarray, "3 points"]
-    bounds_mm: Float[np.ndarray, "2 adapted"]
 
     @staticmethod
-    def of(parameters: ParameterSet, effects: tuple[Effect, ...]) -> "Model":
-        """Fit the set's ellipsoid to its thorax points, where every adaptation starts."""
-        girdle = jax.tree.map(np.asarray, fitted_girdle(parameters.girdle, parameters.points_mm))
-        return Model(girdle, effects, parameters.points_mm, np.asarray(parameters.bounds_mm))
-
-    @property
-    def theta_mm(self) -> Float[np.ndarray, " adapted"]:
-        """The set's own adapted parameters."""
-        return np.asarray(self.girdle.adapted_mm)
+    def of(parameters: AnyModel, subjects: Sequence[str], effects: tuple[Effect, ...]) -> "Model":
+        """Fit each set's ellipsoid to its thorax points, where every adaptation starts."""
+        return Model(set_arrays([parameters], subjects), effects)
 
     @cached_property
-    def _thorax(self) -> ThoraxPoints:
-        count = self.points_mm.shape[1]
-        weights = np.full((count, 1), 1.0 / count)
-        return ThoraxPoints(self.girdle.over_axes(1), self.points_mm[..., None], weights)
+    def theta_mm(self) -> Float[np.ndarray, "subjects adapted"]:
+        """The sets' own adapted parameters."""
+        return np.asarray(self.sets.girdle.adapted_mm).T
 
-    def thorax(self, theta_mm: Float[np.ndarray, "parts adapted"]):
-        """Compute D of every part, with its gradient and Gauss-Newton matrix."""
-        return thorax_terms(self._thorax, theta_mm)
+    @cached_property
+    def bounds_mm(self) -> Float[np.ndarray, "2 subjects adapted"]:
+        """Lower and upper bounds."""
+        return np.moveaxis(self.sets.bounds_mm, -1, 1)
+
+    def thorax(self, subject: Int[np.ndarray, " parts"]) -> ThoraxTerm:
+        """Give D of parts of these subjects, with its gradient and Gauss-Newton matrix, as a function of theta."""
+        girdle, points, weights = take_problems(
+            (self.sets.girdle, self.sets.points_mm, self.sets.point_weights), subject
+        )
+        return partial(thorax_terms, ThoraxPoints(girdle, points, weights))
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,11 @@ class JointFit:
         """Rows of all parts, one after the other."""
         return np.concatenate([part.rows for part in self.parts])
 
+    @cached_property
+    def subjects(self) -> Int[np.ndarray, " parts"]:
+        """Whose each part is."""
+        return np.array([part.subject for part in self.parts])
+
     @property
     def groups(self) -> int:
         """How many groups there are."""
@@ -105,9 +110,9 @@ class JointFit:
         counts = np.array([len(part.rows) for part in self.parts])
         of_row = np.repeat(np.arange(len(counts)), counts)
         return Parts(
-            girdle=self.model.girdle.repeated(len(counts)),
-            thorax=self.model.thorax,
-            bounds_mm=tuple(self.model.bounds_mm[:, None]),
+            girdle=take_problems(self.model.sets.girdle, self.subjects),
+            thorax=self.model.thorax(self.subjects),
+            bounds_mm=tuple(self.model.bounds_mm[:, self.subjects]),
             effects=self.model.effects,
             strengths=np.zeros((self.candidates.columns.shape[1], len(of_row))),
             measured_deg=self.shoulders.measured_deg[:, self.rows],
@@ -147,7 +152,7 @@ class JointFit:
     def from_starts(self) -> Fitted:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
         none = np.zeros((self.groups, 0))
-        found = [self.fit((), np.tile(self.model.theta_mm + start, (len(self.parts), 1)), none) for start in STARTS_MM]
+        found = [self.fit((), self.model.theta_mm[self.subjects] + start, none) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E

@@ -76,7 +76,7 @@ class Linearised:
         subject, group = (np.array([getattr(part, k) for part in parts]) for k in ("subject", "group"))
         importance = np.array([part.importance for part in parts])
         theta = self.fitted.theta_mm[subject]
-        lower, upper = joint.model.bounds_mm
+        lower, upper = joint.model.bounds_mm[:, subject]
         groups = parts[-1].group + 1
         quadratic = Quadratic(*self.normal_equations(where), importance, group)
         prior_gradient = np.broadcast_to(2.0 * (now - mean) / scale**2, (groups, len(where)))
@@ -117,7 +117,7 @@ def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: 
         B,
         np.array([_product(extended[cell == one]) for one in cells]),
         np.array(shares),
-        *joint.model.thorax(fitted.theta_mm)[1:],
+        *joint.model.thorax(joint.subjects)(fitted.theta_mm)[1:],
     )
 
 

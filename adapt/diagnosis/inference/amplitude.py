@@ -34,9 +34,8 @@ def covariance(search: Search, node: Node) -> Float[np.ndarray, "own own"]:
     where = search.joint.candidates.where(node.hypothesis)
     total = np.diag(2.0 / search.joint.candidates.scale[where] ** 2)
     _, matrices = linearised.normal_equations(where)
-    lower, upper = search.joint.model.bounds_mm
     for k in range(len(search.joint.shoulders.subjects)):
-        matrix = matrices[k]
+        matrix, (lower, upper) = matrices[k], search.joint.model.bounds_mm[:, k]
         theta = node.fitted.theta_mm[k]
         free = np.flatnonzero((theta > lower) & (theta < upper))
         own, cross, shared = matrix[np.ix_(free, free)], matrix[free, _N:], matrix[_N:, _N:]

@@ -19,6 +19,7 @@ const PLAY_MS = 450;
 
 const element = (id) => document.getElementById(id);
 const model = () => data.models[at.model];
+const own = () => model().sets[Math.min(at.subject, model().sets.length - 1)];
 const subject = () => data.subjects[at.subject];
 const motion = () => subject().motions[at.motion];
 const row = () => motion().rows[0] + at.posture;

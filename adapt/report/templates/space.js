@@ -10,7 +10,7 @@ const xyz = (points) => {
 const MARGIN_MM = 25;
 
 function points(columns, r) {
-  const found = { SC: model().sc_mm };
+  const found = { SC: own().sc_mm };
   data.points.forEach((name, k) => {
     const point = [0, 1, 2].map((axis) => columns[3 * k + axis][r]);
     found[name] = point.includes(null) ? null : point;
@@ -61,7 +61,7 @@ function bones(of, colour, name, dash, labelled) {
 
 // The part of the ellipsoid above `lowest`, as rings and ribs and a thin surface.
 function thorax(theta, lowest) {
-  const M_x = model().M_x_mm;
+  const M_x = own().M_x_mm;
   const [M_y, M_z, A_x, A_y, A_z] = theta;
   if (theta.includes(null)) return [];
   const top = M_y + A_y;
@@ -118,14 +118,14 @@ function extent() {
     .map((state) => model().states[state].theta_mm[at.subject])
     .filter((theta) => !theta.includes(null));
   return [0, 1, 2].map((axis) => {
-    const values = [model().sc_mm[axis], ...model().thorax_points_mm[axis]];
+    const values = [own().sc_mm[axis], ...own().thorax_points_mm[axis]];
     columns.forEach((of) => data.points.forEach((_, k) => values.push(...finite(of[3 * k + axis].slice(start, end)))));
     const low = Math.min(...values),
       high = Math.max(...values);
     const sizes = thoraces.map(
       ([M_y, M_z, A_x, A_y, A_z]) =>
         [
-          [model().M_x_mm - A_x, model().M_x_mm + A_x],
+          [own().M_x_mm - A_x, own().M_x_mm + A_x],
           [low, M_y + A_y],
           [M_z - A_z, M_z + A_z],
         ][axis],
@@ -152,7 +152,7 @@ function drawView() {
   const simulated = points(state.simulated_points_mm, row());
   const [x, y, z] = extent();
   const shown = ["AC", "TS", "AI"].filter((name) => measured[name] && simulated[name]);
-  const thorax_points = model().thorax_points_mm;
+  const thorax_points = own().thorax_points_mm;
   const traces = [
     ...thorax(state.theta_mm[at.subject], y[0] + MARGIN_MM),
     {

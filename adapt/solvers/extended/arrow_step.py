@@ -4,7 +4,7 @@ Part i has adapted parameters theta_i of its own; the parts of a group share the
 
     sum_i v_i (1/2 d_i' H_i d_i + g_i' d_i) + 1/2 (a - a_now)' P (a - a_now) + p' (a - a_now),   d_i = (dtheta_i, da),
 
-theta_i is eliminated in each part (6 x 6), then each group solves for da. Bounds by the active-set method.
+theta_i is eliminated in each part (6 x 6), then each group solves for da. Bounds by the primal-dual active set.
 """
 
 from typing import NamedTuple
@@ -16,11 +16,9 @@ from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
 
-_MOST_CHANGES = 12
-"""Of the active set; each costs another elimination. A step that runs into this is cut at the bounds."""
-
-_RELEASES = 6
-"""Changes after which no parameter leaves its bound any more, so that none goes round in circles."""
+_MOST_CHANGES = 30
+"""Of the active set; each costs another elimination. Measured motions take 1 to 8. A step that runs into this is cut at
+the bounds."""
 
 _AT_BOUND_MM = 1e-9
 
@@ -53,10 +51,11 @@ def lowest(
     gradient, matrix, importance, group = model
     k = gradient.shape[1] - _N
     own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
-    fixed, value = np.zeros(low.shape, bool), np.zeros(low.shape)
+    at_low = low >= -_AT_BOUND_MM
+    fixed, value = at_low | (high <= _AT_BOUND_MM), np.where(at_low, low, high)
     eye, starts = np.eye(_N), np.searchsorted(group, np.arange(groups))
     dtheta, da = np.zeros(low.shape), np.zeros((groups, k))
-    for change in range(_MOST_CHANGES):
+    for _ in range(_MOST_CHANGES):
         free = ~fixed
         held = np.where(fixed, value, 0.0)
         inner = np.where(free[:, :, None] & free[:, None, :], own, 0.0) + fixed[:, :, None] * eye
@@ -69,12 +68,11 @@ def lowest(
         M = prior_matrix + np.add.reduceat(H, starts, axis=0)
         da = -np.linalg.solve(M, G[..., None])[..., 0] if k else np.zeros((groups, 0))
         dtheta = start - np.einsum("pij,pj->pi", slope, da[group])
-        below, above = free & (dtheta < low - _AT_BOUND_MM), free & (dtheta > high + _AT_BOUND_MM)
         slack = gradient[:, :_N] + np.einsum("pij,pj->pi", own, dtheta) + np.einsum("pij,pj->pi", cross, da[group])
-        inward = fixed & np.where(value == low, slack < 0.0, slack > 0.0) & (change < _RELEASES)
-        inward &= ~(below | above).any(axis=1, keepdims=True)
-        if not (below.any() or above.any() or inward.any()):
+        # where the multiplier and the way beyond the bound agree on it (Hintermueller, Ito and Kunisch 2003)
+        towards = dtheta - slack / np.einsum("pii->pi", own)
+        below, above = towards < low - _AT_BOUND_MM, towards > high + _AT_BOUND_MM
+        if np.array_equal(below | above, fixed):
             break
-        value = np.where(below, low, np.where(above, high, value))
-        fixed = (fixed | below | above) & ~inward
+        fixed, value = below | above, np.where(below, low, high)
     return Step(np.clip(dtheta, low, high), da)

@@ -63,8 +63,9 @@ class Postures(NamedTuple):
     @property
     def finished(self) -> Bool[Array, " *batch"]:
         """Converged by a step so short that, quadratically, nothing is left: the angles are exact to rounding, the
-        same whatever the batch around them."""
-        return (self.converged & (self.last_step_rad < TINY_RAD)) | (self.iterations >= MAX_ITERATIONS)
+        same whatever the batch around them. What is no number stays so."""
+        settled = self.converged & (self.last_step_rad < TINY_RAD)
+        return settled | (self.iterations >= MAX_ITERATIONS) | ~xp.isfinite(self.stationarity)
 
 
 def objective_weights(measured: Bool[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:

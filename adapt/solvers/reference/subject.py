@@ -117,7 +117,8 @@ def solve_subjects(
 
     def unfinished(carry):
         state, _ = carry
-        return xp.any(~state.converged & (state.iterations < MAX_ITERATIONS))
+        has_numbers = xp.all(xp.isfinite(state.slope), axis=0)  # what is no number stays so
+        return xp.any(~state.converged & (state.iterations < MAX_ITERATIONS) & has_numbers)
 
     return repeat_while(unfinished, advance, here(theta, angles, xp.zeros_like(angles[:3])))[0]
 

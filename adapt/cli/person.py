@@ -1,0 +1,100 @@
+"""``girdle model``: landmarks and points of persons in, a parameter set of each out."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from models.export.toml import parameters_toml
+from models.parameter_sets import ParameterSet, parameter_document, parameter_set
+from models.person.bony_contours import described_contours
+from models.person.person_set import PersonSet, person_set
+from motions.errors import InputError
+from motions.files import atomic_write, file_names, printable
+from motions.formats.person_file import PersonLandmarks, read_persons
+from motions.landmarks.mapping import Mapping
+from motions.landmarks.sampled_postures import Labels
+
+TOML = ".toml"
+
+
+@dataclass(frozen=True)
+class Written:
+    """The set of one person, and its file."""
+
+    subject: str
+    path: Path
+    built: PersonSet
+    contours: tuple[str, ...]
+
+
+def write_person_sets(
+    source: Path, target: Path, generic: ParameterSet, mapping: Mapping, labels: Labels, rest: str, points: Path | None
+) -> tuple[list[Written], list[InputError]]:
+    """Write a parameter set of every subject in the source; and why others have none.
+
+    target: a file that ends in .toml for one subject, else a folder. InputError if the source cannot be used at all.
+    """
+    persons, rejected = read_persons(source, mapping, labels, points)
+    if target.suffix.lower() == TOML and len(persons) > 1:
+        cause = f"{source} has {len(persons)} subjects and {target.name} holds one"
+        raise InputError(str(target), None, cause, "Name a folder instead, without an ending")
+    written = []
+    for person, path in zip(persons, _paths(persons, target), strict=True):
+        try:
+            built, contours = _built(person, generic, rest)
+            text = person_toml(person.subject, built, contours, generic.name)
+            parameter_set(parameter_document(text, person.file), person.file)  # what --model would refuse
+        except InputError as error:
+            rejected.append(error)
+            continue
+        atomic_write(path, text)
+        written.append(Written(person.subject, path, built, contours))
+    if not written:
+        raise rejected[0]
+    return written, rejected
+
+
+def _paths(persons: list[PersonLandmarks], target: Path) -> Iterator[Path]:
+    if target.suffix.lower() == TOML:
+        yield target
+        return
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        cause = f"the folder cannot be made ({error.strerror})"
+        raise InputError(str(target), None, cause, "Name a folder of your own with --out") from error
+    for name in file_names([person.subject for person in persons]):
+        yield target / f"{name}{TOML}"
+
+
+def _built(person: PersonLandmarks, generic: ParameterSet, rest: str) -> tuple[PersonSet, tuple[str, ...]]:
+    at = person.named(rest) if rest else _lowest(person)
+    try:
+        built = person_set(
+            person.landmarks_mm, generic, at, person.postures, person.stand_ins, person.points_mm.get("thorax")
+        )
+        return built, described_contours(person.points_mm)
+    except ValueError as error:
+        remedy = "Look at its landmarks and points; name another posture with --rest"
+        raise InputError(person.file, None, f"subject {person.subject!r}: {error}", remedy) from error
+
+
+def _lowest(person: PersonLandmarks) -> int:
+    """The posture with the arm lowest among those with all landmarks; the first of them where none was measured."""
+    whole = np.all([np.isfinite(person.landmarks_mm[name]).all(axis=0) for name in ("SC", "AC", "TS", "AI")], axis=0)
+    height = np.where(np.isnan(person.elevation_deg), np.inf, person.elevation_deg)
+    return int(np.lexsort((height, ~whole))[0])
+
+
+def person_toml(subject: str, built: PersonSet, contours: tuple[str, ...], generic: str) -> str:
+    """Format the set as the text of a TOML file that ``--model`` takes."""
+    lines = [
+        f"{subject}, from landmarks; what was not measured is that of {generic}.",
+        "Written by girdle model. Right shoulder, mm; frames as in the thesis, Appendix A.",
+        *contours,
+        *built.notes,
+    ]
+    comment = printable("\n".join(line.replace("\n", " ") for line in lines))
+    return parameters_toml(subject, comment, built.girdle, built.points_mm, built.source)

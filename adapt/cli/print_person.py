@@ -1,0 +1,41 @@
+"""What a person sees of the parameter sets that ``girdle model`` made."""
+
+from collections.abc import Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from adapt.cli.person import Written
+from motions.files import printable
+
+_PAIRS = (("SC", "AC"), ("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
+
+
+def print_persons(console: Console, written: Sequence[Written]) -> None:
+    """Print the lengths of every person with their SDs, and in words what to be careful with."""
+    table = Table(
+        title="Lengths, mm +- SD of the median (spread over the postures); posture in which the chain closes",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    for header in ("subject", *("-".join(pair) for pair in _PAIRS), "at rest"):
+        table.add_column(header, overflow="fold")
+    for one in written:
+        sizes = [one.built.sizes[pair] for pair in _PAIRS]
+        lengths = [
+            f"{s.value_mm:.1f} +- {s.sd_mm:.1f}" + (f" ({s.spread_mm:.1f})" if s.postures > 1 else "") for s in sizes
+        ]
+        table.add_row(printable(one.subject), *lengths, printable(one.built.rest))
+    console.print(table)
+    for one in written:
+        for line in (*one.contours, *one.built.notes):
+            console.print(f"{printable(one.subject)}: {printable(line)}", soft_wrap=True)
+    console.print(
+        "A slip that moves or turns all landmarks of a bone together does not show in their distances.", soft_wrap=True
+    )
+    first = written[0].path
+    where = str(first) if len(written) == 1 else f"{first.parent}, {len(written)} files"
+    console.print(f"{where} written", soft_wrap=True)

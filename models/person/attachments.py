@@ -1,0 +1,54 @@
+"""The conoid's attachments of a generic girdle, carried to a person's bones by their landmarks (thesis, Chapter 5).
+
+With landmarks alone a thin-plate deformation is the affine map that takes the generic landmarks to the person's. Both
+are in the frames of their bones (Appendix A):
+
+- scapula: AC is the origin of both, so the map is linear, in the plane of AC, TS and AI with M (ts, ai) = (ts', ai'),
+  at right angles to it by sqrt(det M), as a bone of the same proportions grows;
+- clavicle: two landmarks give the ratio of the lengths alone.
+
+The ligament grows as the scapula. A bone carried to itself is unchanged; a bone of another size but the same shape is
+carried without error. What shape differs beyond the landmarks stays unknown: ``ATTACHMENT_SD_MM``.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from models.girdle import Girdle
+
+ATTACHMENT_SD_MM = 8.0
+"""Of an attachment carried by landmarks, a coordinate: seen in MRI and in dissection of one cadaver, attachments are 4
+to 21 mm apart (Tables 4.6 and 4.7)."""
+
+CONOID_SD_MM = 2.5
+"""Of the length of a ligament between people (``models.adapted_parameters``, ``spreads_mm``)."""
+
+
+def scapular_map(
+    generic_ts_mm: Float[np.ndarray, "3"],
+    generic_ai_mm: Float[np.ndarray, "3"],
+    ts_mm: Float[np.ndarray, "3"],
+    ai_mm: Float[np.ndarray, "3"],
+) -> Float[np.ndarray, "3 3"]:
+    """Compute the linear map of the scapula frame that takes TS and AI of one scapula to those of another."""
+    plane = np.column_stack([ts_mm[:2], ai_mm[:2]]) @ np.linalg.inv(
+        np.column_stack([generic_ts_mm[:2], generic_ai_mm[:2]])
+    )
+    carried = np.zeros((3, 3))
+    carried[:2, :2] = plane
+    carried[2, 2] = np.sqrt(abs(np.linalg.det(plane)))
+    return carried
+
+
+def with_carried_conoid(person: Girdle, generic: Girdle) -> Girdle:
+    """Give a person's girdle the conoid of a generic one, carried to its clavicle and scapula."""
+    scapula = scapular_map(*(np.asarray(v) for v in (generic.ts_mm, generic.ai_mm, person.ts_mm, person.ai_mm)))
+    longer = float(person.ac_mm[0]) / float(generic.ac_mm[0])
+    return replace(
+        person,
+        clavicle_conoid_mm=np.asarray(generic.clavicle_conoid_mm) * longer,
+        scapula_conoid_mm=scapula @ np.asarray(generic.scapula_conoid_mm),
+        conoid_length_mm=np.asarray(float(generic.conoid_length_mm) * scapula[2, 2]),
+    )

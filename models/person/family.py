@@ -1,0 +1,91 @@
+"""A parameter set for each subject of a batch, under one name: what ``--models-of FOLDER`` reads."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from models.girdle import Girdle
+from models.parameter_sets import ParameterSet, load_model
+from motions.errors import InputError
+
+_MAKE = "Make the sets with girdle model, one for each subject"
+
+
+@dataclass(frozen=True, eq=False)
+class PersonalSets:
+    """A parameter set of each person, by the subject's name."""
+
+    name: str
+    by_subject: Mapping[str, ParameterSet]
+
+    def of(self, subject: str) -> ParameterSet:
+        """Give the set of a subject, who must have one."""
+        return self.by_subject[subject]
+
+
+AnyModel = ParameterSet | PersonalSets
+"""What subjects are fitted with: ``of(subject)`` is the set of each."""
+
+
+def set_files(folder: str | os.PathLike[str]) -> list[Path]:
+    """List the TOML files of a folder. InputError if there is none."""
+    home = Path(folder)
+    files = sorted(home.glob("*.toml"))
+    if not files:
+        cause = "there is no .toml file in it" if home.is_dir() else "this is no folder"
+        raise InputError(str(folder), None, cause, _MAKE)
+    return files
+
+
+def load_personal_sets(folder: str | os.PathLike[str]) -> PersonalSets:
+    """Load every parameter set of a folder; its ``name`` is the subject's, the folder's is that of all.
+
+    InputError where a file is no parameter set, or where two have one name.
+    """
+    found: dict[str, tuple[Path, ParameterSet]] = {}
+    for path in set_files(folder):
+        one = load_model(path)
+        if one.name in found:
+            cause = f"its name {one.name!r} is also that of {found[one.name][0].name}"
+            raise InputError(str(path), None, cause, "Give each file the name of its own subject")
+        found[one.name] = path, one
+    return PersonalSets(Path(folder).resolve().name, {name: one for name, (_, one) in found.items()})
+
+
+def load_any_model(name: str) -> AnyModel:
+    """Load the sets of a folder, named with its path, or one set by its name or file (``load_model``)."""
+    return load_personal_sets(name) if os.sep in name and Path(name).is_dir() else load_model(name)
+
+
+def without_set(models: Sequence[AnyModel], subjects: Sequence[str]) -> dict[str, str]:
+    """Find the subjects for whom a folder has no set, and say which folder."""
+    return {
+        subject: model.name
+        for model in models
+        if isinstance(model, PersonalSets)
+        for subject in subjects
+        if subject not in model.by_subject
+    }
+
+
+def girdles_of(model: AnyModel, subjects: Sequence[str]) -> Girdle:
+    """Stack the girdle of each of these subjects, as often as it is named, numpy: ``(3, subjects)``."""
+    sets, place = unique_sets([model], subjects)
+    return stacked_girdles(sets, place)
+
+
+def unique_sets(models: Sequence[AnyModel], subjects: Sequence[str]) -> tuple[list[ParameterSet], np.ndarray]:
+    """List the different sets of all subjects with all models; and which of them each (model, subject) has."""
+    sets = [model.of(subject) for model in models for subject in subjects]
+    different = list(dict.fromkeys(sets))
+    number = {one: k for k, one in enumerate(different)}
+    return different, np.array([number[one] for one in sets], int)
+
+
+def stacked_girdles(sets: Sequence[ParameterSet], place: np.ndarray) -> Girdle:
+    """Stack the girdles of the sets and take them by their places, numpy."""
+    return jax.tree.map(lambda *x: np.stack(x, axis=-1)[..., place], *[one.girdle for one in sets])

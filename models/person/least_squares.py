@@ -1,0 +1,88 @@
+"""Surfaces fitted to points by least squares, with the covariance of what was fitted."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from motions.arrays import Array
+
+_SETTLED = 1e-12
+"""Relative and absolute (mm) change at which the fit has converged: a patch of exact points comes back to 1e-6 mm even
+where M_y and A_y hardly differ in what they do."""
+
+_MOST_STEPS = 500
+
+_STATIONARY = 1e-6
+"""|J_i' r| over |J_i| |r| of a minimum: the cosine of the residuals with each slope."""
+
+_EXACT_MM = 1e-9
+"""What exact points leave."""
+
+_POINTS_STEP = 16
+"""Points are padded to a multiple of this, with weight 0: few programs are compiled."""
+
+Points = Float[np.ndarray, "3 points"]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The parameters with the least sum of squared distances."""
+
+    values: Float[np.ndarray, " parameters"]
+    covariance: Float[np.ndarray, "parameters parameters"]
+    """s^2 (J'J)^-1, s^2 = sum of squares / (points - parameters): of points with independent noise."""
+    rms_mm: float
+    """Of the distances of the points."""
+    converged: bool
+
+    @property
+    def sd(self) -> Float[np.ndarray, " parameters"]:
+        """The standard deviations."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def correlation(self, one: int, other: int) -> float:
+        """Compute the correlation of two parameters; 0 where one of them is exact."""
+        sd = self.sd[one] * self.sd[other]
+        return float(self.covariance[one, other] / sd) if sd > 0.0 else 0.0
+
+
+def fitted(distances: Callable[..., Array], points_mm: Points, start: Float[np.ndarray, " parameters"], *fixed) -> Fit:
+    """Minimise sum |distances(parameters, points, *fixed)|^2 from a start (Levenberg-Marquardt, optimistix).
+
+    ``distances`` is a function of the module's own, not one made anew for each fit: the compiled program is kept by it.
+    """
+    count = points_mm.shape[1]
+    padded = -(-count // _POINTS_STEP) * _POINTS_STEP
+    points = np.pad(points_mm, ((0, 0), (0, padded - count)), mode="edge")
+    weights = (np.arange(padded) < count).astype(float)
+    arrays = (jnp.asarray(x) for x in (start, points, weights))
+    values, J, left = (np.asarray(x) for x in _solved(distances, *arrays, fixed))
+    squares, freedom = float((left**2).sum()), max(count - len(values), 1)
+    covariance = squares / freedom * np.linalg.pinv(J.T @ J, hermitian=True)
+    return Fit(values, covariance, float(np.sqrt(squares / count)), _is_minimum(values, J, left))
+
+
+def _is_minimum(values, J, left) -> bool:
+    if not (np.isfinite(values).all() and np.isfinite(J).all()):
+        return False
+    slack = np.maximum(np.linalg.norm(J, axis=0), _EXACT_MM) * (_STATIONARY * np.linalg.norm(left) + _EXACT_MM)
+    return bool((np.abs(J.T @ left) <= slack).all())
+
+
+@partial(jax.jit, static_argnums=0)
+def _solved(distances, start, points, weights, fixed) -> tuple[Any, ...]:
+    import optimistix  # 0.2 s: not for every command
+
+    def residuals(values, _):
+        return weights * distances(values, points, *fixed)
+
+    solver = optimistix.LevenbergMarquardt(rtol=_SETTLED, atol=_SETTLED)
+    solution = optimistix.least_squares(residuals, solver, start, throw=False, max_steps=_MOST_STEPS)
+    values = solution.value
+    return values, jax.jacfwd(lambda v: residuals(v, None))(values), residuals(values, None)

@@ -1,0 +1,84 @@
+"""The ellipsoid of a person's thorax, from points on it (thesis 4.3.5 and 6.2.6, Eq. 6.3-6.4).
+
+    min D = mean d_k^2   over M_y, M_z, A_x, A_y, A_z, with M_x = 0,
+
+d_k the distance of point k to the surface. The points cover a patch, along which M_y and A_y change together (4.3.6):
+their correlation and SDs say how far the patch fixes them.
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from models.adapted_parameters import ADAPTED, ELLIPSOID, PERSON_SD_MM, ellipsoid_components
+from models.ellipsoid import signed_distance_mm
+from models.girdle import Girdle
+from models.parameter_sets import FEWEST_POINTS, SHORTEST_MM, ParameterSet
+from models.person.least_squares import Fit, Points, fitted
+
+_M_Y, _A_Y = ADAPTED.index("M_y"), ADAPTED.index("A_y")
+
+
+@dataclass(frozen=True)
+class ThoraxFit:
+    """The fitted ellipsoid, thorax frame, mm."""
+
+    centre_mm: Float[np.ndarray, "3"]
+    semi_axes_mm: Float[np.ndarray, "3"]
+    fit: Fit
+    """In the order of ``ELLIPSOID``."""
+
+    @property
+    def correlation(self) -> float:
+        """Of M_y and A_y."""
+        return self.fit.correlation(_M_Y, _A_Y)
+
+    @property
+    def loose(self) -> tuple[str, ...]:
+        """The parameters that the patch fixes no better than people are alike."""
+        names = ADAPTED[: len(ELLIPSOID)]
+        return tuple(n for n, sd, known in zip(names, self.fit.sd, PERSON_SD_MM, strict=False) if sd > known)
+
+
+def fit_thorax(points_mm: Points, start: Girdle) -> ThoraxFit:
+    """Fit the ellipsoid to points in the thorax frame, from that of a generic girdle.
+
+    ValueError where there are fewer than ``FEWEST_POINTS``, or where no ellipsoid is closest to them: on a flat patch
+    its axes grow without end.
+    """
+    if points_mm.shape[1] < FEWEST_POINTS:
+        raise ValueError(f"{points_mm.shape[1]} points on the thorax, and the ellipsoid needs {FEWEST_POINTS}")
+    theta = np.asarray(start.adapted_mm)[: len(ELLIPSOID)]
+    fixed = np.asarray(start.centre_mm), np.asarray(start.semi_axes_mm)
+    fit = fitted(_distances, points_mm, theta, *fixed)
+    centre, semi_axes = (np.array(part, float) for part in ellipsoid_components(_Parts(*fixed), list(fit.values)))
+    semi_axes = np.abs(semi_axes)
+    if not fit.converged or semi_axes.min() < SHORTEST_MM:
+        raise ValueError("no ellipsoid is closest to the points on the thorax: they cover too small or flat a patch")
+    return ThoraxFit(centre, semi_axes, fit)
+
+
+def thorax_sd_mm(one: ParameterSet) -> Float[np.ndarray, " adapted"]:
+    """Give the SD of a person's ellipsoid about that of the set: of people, or of the fit to the person's own points
+    where the set says that it is one and that is smaller. The conoid's is that of people."""
+    sd = PERSON_SD_MM.copy()
+    for k, parameter in enumerate(ELLIPSOID):
+        key = f"thorax.{parameter.field}"
+        stated = one.range_mm(key) if one.is_measured(key) else None
+        sd[k] = sd[k] if stated is None else min(sd[k], stated)
+    return sd
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What ``ellipsoid_components`` reads of a girdle."""
+
+    centre_mm: object
+    semi_axes_mm: object
+
+
+def _distances(theta, points_mm, centre_mm, semi_axes_mm):
+    centre, semi_axes = ellipsoid_components(_Parts(centre_mm, semi_axes_mm), theta)
+    return signed_distance_mm(points_mm, jnp.stack(centre)[:, None], jnp.stack(semi_axes)[:, None])

@@ -1,0 +1,183 @@
+"""What was measured of persons: landmarks in one or more postures, and points on their bones, in the thorax frame."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from motions.errors import InputError
+from motions.formats.any_file import labels_of_file, marker_groups, read_markers
+from motions.formats.text import numbers
+from motions.landmarks.frames import humerus_angles, humerus_frame, thorax_frame, transposed
+from motions.landmarks.girdle_angles import in_thorax
+from motions.landmarks.mapping import THORAX, UNITS_MM, Mapping
+from motions.landmarks.markers import landmarks_mm
+from motions.landmarks.sampled_postures import Labels
+from motions.landmarks.stand_ins import with_stand_ins
+from motions.motion_csv.cells import Side
+from motions.motion_csv.columns import SIDE_MEASURED
+from motions.motion_csv.posture_rows import MIRROR_POSITION
+from motions.motion_csv.reading import read_motions
+from motions.motion_csv.rows import CsvTable, Row, read_table
+from motions.rotations import DEG, rotate
+
+SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "scapula")
+"""What a point may lie on (thesis 4.3.3, 4.3.5)."""
+
+
+_STAND_IN_OPTIONS = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
+
+
+@dataclass(frozen=True, eq=False)
+class PersonLandmarks:
+    """One shoulder, as a right one: landmarks by posture and points by surface, thorax frame, mm."""
+
+    subject: str
+    file: str
+    side: Side
+    landmarks_mm: dict[str, Float[np.ndarray, "3 postures"]]
+    postures: tuple[str, ...]
+    """Their names: the motion and the number, as the file has them."""
+    elevation_deg: Float[np.ndarray, " postures"]
+    """Of the humerus; NaN where it was not measured."""
+    stand_ins: dict[str, str]
+    """Landmarks that were not measured, and where they are from."""
+    points_mm: dict[str, Float[np.ndarray, "3 points"]] = field(default_factory=dict)
+
+    def named(self, posture: str) -> int:
+        """Find a posture by its name, or by its number alone. InputError if there is none or if several have it."""
+        found = [k for k, name in enumerate(self.postures) if posture in (name, name.rpartition(" ")[2])]
+        if len(found) == 1:
+            return found[0]
+        cause = f"subject {self.subject!r} has {len(found) or 'no'} posture{'s' if found else ''} called {posture!r}"
+        listed = ", ".join(self.postures[:10]) + (", ..." if len(self.postures) > 10 else "")
+        raise InputError(self.file, None, cause, f"Name one of {listed}")
+
+
+def read_persons(
+    path: Path, mapping: Mapping, labels: Labels, points: Path | None = None
+) -> tuple[list[PersonLandmarks], list[InputError]]:
+    """Read every subject of a file of positions, or of a motion file that has landmarks; and why others are left out.
+
+    AC that was not measured is placed from AA, SC from IJ, where ``labels`` say how. ``points``: a CSV file with
+    the columns surface, x_mm, y_mm, z_mm (or _cm, _m) and, if need be, subject and posture, in the frame of the
+    landmarks in that posture (by default the subject's first).
+    """
+    markers = read_markers(path)
+    table = None if points is None else read_table(points)
+    found, rejected = [], []
+    persons = _of_motion_file(path) if markers is None else _of_markers(markers, mapping, labels_of_file(labels, path))
+    for one in persons:
+        if isinstance(one, InputError):
+            rejected.append(one)
+            continue
+        try:
+            found.append(_complete(*one, labels, points, table, mapping))
+        except InputError as error:
+            rejected.append(error)
+    if not found:
+        raise rejected[0]
+    return found, rejected
+
+
+Frames = tuple[Float[np.ndarray, " 3 3 postures"], Float[np.ndarray, "3 postures"]]
+"""R_file_thorax and IJ of each posture."""
+
+
+def _of_markers(markers, mapping: Mapping, labels: Labels) -> Iterable[tuple[PersonLandmarks, Frames] | InputError]:
+    lab_mm = landmarks_mm(markers, mapping)
+    for rows, one in marker_groups(markers, labels):
+        mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
+        try:
+            thorax_mm = in_thorax(mine, one.side, markers.file)
+        except InputError as error:
+            yield error
+            continue
+        said = [[markers.rows[k][r] for k in ("motion", "posture") if k in markers.rows] for r in rows]
+        names = tuple(" ".join(word for word in words if word) or str(k + 1) for k, words in enumerate(said))
+        frames = thorax_frame(*(mine[name] for name in THORAX)), mine["IJ"]
+        yield PersonLandmarks(one.subject, markers.file, one.side, thorax_mm, names, _elevation(thorax_mm), {}), frames
+
+
+def _of_motion_file(path: Path) -> Iterable[tuple[PersonLandmarks, Frames] | InputError]:
+    motions = read_motions(path)
+    yield from motions.rejected
+    for subject in motions.subjects:
+        mine = motions.select(motions.subject == subject)
+        known = {name: p.T for name, p in mine.landmarks_mm.items() if np.isfinite(p).all(axis=1).any()}
+        if not {"TS", "AI"} <= set(known) or not {"AC", "AA"} & set(known):
+            cause = f"subject {subject!r}: the motion file has no positions of TS, AI and AC (or AA)"
+            remedy = "Give positions of landmarks: .c3d, .trc or CSV with columns such as TS_x_mm"
+            yield InputError(str(path), None, cause, remedy)
+            continue
+        left = SIDE_MEASURED in mine.extra and "left" in mine.extra[SIDE_MEASURED].tolist()
+        names = tuple(f"{m} {p}" for m, p in zip(mine.motion, mine.posture, strict=True))
+        count = len(names)
+        frames = np.repeat(np.eye(3)[..., None], count, axis=2), np.zeros((3, count))
+        side: Side = "left" if left else "right"
+        yield PersonLandmarks(subject, str(path), side, known, names, mine.humerus_elevation_deg, {}), frames
+
+
+def _elevation(thorax_mm: dict[str, np.ndarray]) -> Float[np.ndarray, " postures"]:
+    if not all(name in thorax_mm for name in ("GH", "EM", "EL")):
+        return np.full(thorax_mm["TS"].shape[1], np.nan)
+    return humerus_angles(humerus_frame(*(thorax_mm[name] for name in ("GH", "EM", "EL"))))[1] * float(DEG)
+
+
+def _complete(
+    person: PersonLandmarks,
+    frames: Frames,
+    labels: Labels,
+    points: Path | None,
+    table: CsvTable | None,
+    mapping: Mapping,
+) -> PersonLandmarks:
+    """The person with what stands in for SC and AC, and with its points."""
+    placed, said = with_stand_ins(person.landmarks_mm, labels.aa_to_ac, labels.sc_from_ij)
+    for name, remedy in _STAND_IN_OPTIONS.items():
+        if name not in placed:
+            cause = f"subject {person.subject!r}: {name} was not measured, and without it the clavicle has no length"
+            raise InputError(person.file, None, cause, f"Measure {name}, or place it {remedy}")
+    surfaces = {} if points is None or table is None else _points(points, table, person, frames, mapping)
+    return replace(person, landmarks_mm=placed, stand_ins=said, points_mm=surfaces)
+
+
+def _points(
+    path: Path, table: CsvTable, person: PersonLandmarks, frames: Frames, mapping: Mapping
+) -> dict[str, Float[np.ndarray, "3 points"]]:
+    """The subject's points by surface, thorax frame."""
+    file = str(path)
+    unit = next((u for u in UNITS_MM if all(f"{axis}_{u}" in table.columns for axis in "xyz")), None)
+    if "surface" not in table.columns or unit is None:
+        raise InputError(file, 1, "columns surface, x_mm, y_mm and z_mm are needed", f"Surfaces: {', '.join(SURFACES)}")
+    rows = [row for row in table.rows if row.cells.get("subject", "").strip() in ("", person.subject)]
+    _check_surfaces(rows)
+    cells = np.array([[row.cells[f"{axis}_{unit}"] for axis in "xyz"] for row in rows], dtype=object).reshape(-1, 3)
+    file_mm = UNITS_MM[unit] * mapping.axes_matrix @ numbers(cells, [row.line for row in rows], file).T
+    if np.isnan(file_mm).any():
+        line = rows[int(np.argmax(np.isnan(file_mm).any(axis=0)))].line
+        raise InputError(file, line, "a coordinate of the point is empty", "Give x, y and z of each point")
+    posture = [_posture(row, person) for row in rows]
+    thorax_mm = _moved(file_mm, np.array(posture, int), frames, person.side)
+    which = np.array([row.cells["surface"].strip() for row in rows])
+    return {name: thorax_mm[:, which == name] for name in SURFACES if (which == name).any()}
+
+
+def _check_surfaces(rows: list[Row]) -> None:
+    for row in rows:
+        if row.cells["surface"].strip() not in SURFACES:
+            cause = f"there is no surface {row.cells['surface']!r}"
+            raise InputError(row.file, row.line, cause, f"Use one of {', '.join(SURFACES)}")
+
+
+def _posture(row: Row, person: PersonLandmarks) -> int:
+    name = row.cells.get("posture", "").strip()
+    return person.named(name) if name else 0
+
+
+def _moved(file_mm: np.ndarray, posture: Int[np.ndarray, " points"], frames: Frames, side: Side) -> np.ndarray:
+    R_file_thorax, IJ = (part[..., posture] for part in frames)
+    mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
+    return mirror * np.asarray(rotate(transposed(R_file_thorax), file_mm - IJ))

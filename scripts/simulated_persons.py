@@ -1,0 +1,137 @@
+"""Simulated persons of other sizes than a cadaver: how they move, and the landmarks that a palpator records of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from numpy.random import PCG64, Generator
+
+from adapt.engine.batching import take_problems
+from adapt.solvers import status
+from adapt.solvers.posture_fits import fit_batch
+from models.adapted_parameters import ADAPTED, PERSON_SD_MM
+from models.girdle import Girdle, landmarks
+from models.parameter_sets import ParameterSet
+from motions.rhythm_subjects import add_noise, noise_free_subjects
+from motions.rotations import DEG
+from motions.table import Motions
+
+OTHER_SIZE = (0.08, 0.16)
+"""How much larger or smaller a bone is, as a share: one to two SDs between people (``models.effects.bones``)."""
+
+_DRAWN = 2
+"""As many persons are drawn as are wanted, times this: of bones that fit each other badly no chain closes, and such a
+person is left out."""
+
+PALPATOR_MM = 0.96
+"""SD of a coordinate of a palpated landmark (thesis 5.2.1)."""
+
+THORAX_MM = {"IJ": (0.0, 0.0, 0.0), "C7": (0.0, 40.0, 120.0), "PX": (0.0, -170.0, -10.0), "T8": (0.0, -150.0, 130.0)}
+"""Landmarks whose thorax frame is the identity at the origin."""
+
+CHEST_SHARE = 0.5
+"""Of the ellipsoid's differences between people (Table 6.5), which hold the noise of their measurement too."""
+
+
+RIBS_MM = 3.0
+"""SD of a coordinate of a point palpated on the ribs through the skin. Assumed: three times the palpator's."""
+
+_AZIMUTHS_DEG, _HEIGHTS_MM = (-60.0, -30.0, 0.0, 25.0, 50.0), (-30.0, -70.0, -110.0, -150.0, -190.0)
+"""Of the points on front, side and back: from lateral toward backward; thorax y."""
+
+
+@dataclass(frozen=True)
+class Persons:
+    """Subjects that move as their own girdle lets them, and what was palpated of each."""
+
+    motions: Motions
+    palpated: dict[str, dict[str, Float[np.ndarray, "postures 3"]]]
+    """By subject and landmark, in the postures of the first motion, with noise."""
+    points_mm: dict[str, Float[np.ndarray, "3 points"]]
+    """On the thorax of each subject, thorax frame, with noise."""
+
+
+def simulate_persons(cadaver: ParameterSet, count: int, noise_deg: float, seed: int) -> Persons:
+    """Simulate persons whose clavicle, scapula and thorax are not the cadaver's.
+
+    A bone of another size is the cadaver's, larger or smaller by ``OTHER_SIZE``; the attachments go along. The
+    ellipsoid differs by ``CHEST_SHARE`` of ``PERSON_SD_MM``.
+    """
+    generator = Generator(PCG64(seed))
+    wanted = noise_free_subjects(_DRAWN * count, generator)
+    count, most = _DRAWN * count, count
+    clavicle, scapula = 1.0 + generator.uniform(*OTHER_SIZE, (2, count)) * generator.choice([-1.0, 1.0], (2, count))
+    girdle = sized(cadaver.girdle, clavicle, scapula)
+    apart = CHEST_SHARE * PERSON_SD_MM[:, None] * generator.standard_normal((len(ADAPTED), count))
+    girdle = girdle.with_adapted(np.asarray(girdle.adapted_mm) + apart)
+    number = {name: k for k, name in enumerate(wanted.subjects)}
+    row = np.array([number[name] for name in wanted.subject.tolist()])
+    of_row = take_problems(girdle, row)
+    fitted = fit_batch(of_row, wanted.angles_deg.T / DEG, np.ones((6, len(row)), bool))
+    ok = fitted.status == status.OK
+    moving = [name for name in wanted.subjects if ok[wanted.subject == name].all()][:most]
+    ok &= np.isin(wanted.subject, moving)
+    closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(ok)
+    palpated = _palpated(take_problems(of_row, ok), closed, generator)
+    points = {name: _on_thorax(take_problems(girdle, number[name]), generator) for name in moving}
+    return Persons(add_noise(closed, noise_deg, generator), palpated, points)
+
+
+def sized(girdle: Girdle, clavicle: Float[np.ndarray, " n"], scapula: Float[np.ndarray, " n"]) -> Girdle:
+    """Make the bones of a girdle larger by these factors; its joints and its thorax stay."""
+    many = girdle.repeated(len(clavicle))
+    return replace(
+        many,
+        ac_mm=many.ac_mm * clavicle,
+        clavicle_conoid_mm=many.clavicle_conoid_mm * clavicle,
+        ts_mm=many.ts_mm * scapula,
+        ai_mm=many.ai_mm * scapula,
+        scapula_conoid_mm=many.scapula_conoid_mm * scapula,
+        conoid_length_mm=many.conoid_length_mm * scapula,
+    )
+
+
+def _palpated(of_row: Girdle, closed: Motions, generator: Generator) -> dict[str, dict[str, np.ndarray]]:
+    """The landmarks of the first motion of each subject, thorax frame, with a palpator's noise."""
+    at = landmarks(of_row, jnp.asarray(closed.angles_deg.T / DEG))
+    position = {"SC": of_row.sc_mm, "AC": at.AC, "TS": at.TS, "AI": at.AI}
+    found = {}
+    for subject in closed.subjects:
+        mine = np.flatnonzero((closed.subject == subject) & (closed.motion == closed.motion[0]))
+        exact = {name: np.asarray(xyz)[:, mine].T for name, xyz in position.items()}
+        exact |= {name: np.tile(xyz, (len(mine), 1)) for name, xyz in THORAX_MM.items()}
+        found[subject] = {n: p + PALPATOR_MM * generator.standard_normal(p.shape) for n, p in exact.items()}
+    return found
+
+
+def _on_thorax(girdle: Girdle, generator: Generator) -> Float[np.ndarray, "3 points"]:
+    """Points of the ellipsoid of one girdle, palpated."""
+    (_, M_y, M_z), (A_x, A_y, A_z) = np.asarray(girdle.centre_mm), np.asarray(girdle.semi_axes_mm)
+    azimuth, y = (grid.ravel() for grid in np.meshgrid(np.radians(_AZIMUTHS_DEG), _HEIGHTS_MM))
+    width = np.sqrt(np.maximum(1.0 - ((y - M_y) / A_y) ** 2, 0.0))
+    points = np.stack([A_x * width * np.cos(azimuth), y, M_z + A_z * width * np.sin(azimuth)])
+    return points + RIBS_MM * generator.standard_normal(points.shape)
+
+
+def point_table(persons: Persons) -> pd.DataFrame:
+    """Tabulate the points, as ``girdle model --points`` reads them."""
+    blocks = [
+        pd.DataFrame({"subject": name, "surface": "thorax"} | {f"{axis}_mm": p[k] for k, axis in enumerate("xyz")})
+        for name, p in persons.points_mm.items()
+    ]
+    return pd.concat(blocks, ignore_index=True)
+
+
+def landmark_table(persons: Persons, subjects: Sequence[str] | None = None) -> pd.DataFrame:
+    """Tabulate what was palpated, as ``girdle model`` and ``girdle convert`` read it."""
+    blocks = []
+    for subject in subjects or persons.motions.subjects:
+        of = persons.palpated[subject]
+        count = len(of["SC"])
+        columns: dict[str, object] = {"subject": [subject] * count, "posture": np.arange(1, count + 1)}
+        columns |= {f"{name}_{axis}_mm": of[name][:, k] for name in of for k, axis in enumerate("xyz")}
+        blocks.append(pd.DataFrame(columns))
+    return pd.concat(blocks, ignore_index=True)

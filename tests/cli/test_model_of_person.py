@@ -1,0 +1,210 @@
+"""``girdle model``, and the commands that take the sets: what a person sees, exit statuses, broken inputs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from adapt.model_subjects import simulate_model_subjects
+from models import load_model
+from models.person.family import load_personal_sets
+from motions import write_motions
+from scripts.simulated_persons import landmark_table, point_table, simulate_persons
+from tests.helpers.command import girdle
+from tests.helpers.round_points import cylinder_points, sphere_points
+from tests.helpers.thesis_tables import DISSECTION
+
+
+@pytest.fixture(scope="module")
+def persons():
+    return simulate_persons(load_model("R2"), 3, 1.0, 2)
+
+
+@pytest.fixture(scope="module")
+def folder(persons, tmp_path_factory):
+    """Motions, landmarks and points of three simulated persons, as files."""
+    home = tmp_path_factory.mktemp("persons")
+    write_motions(persons.motions, home / "motions.csv")
+    landmark_table(persons).to_csv(home / "landmarks.csv", index=False)
+    point_table(persons).to_csv(home / "points.csv", index=False)
+    return home
+
+
+def test_one_run_makes_a_set_of_each_and_adapts_each_with_its_own(folder, persons):
+    made = girdle("model", folder / "landmarks.csv", "--points", folder / "points.csv", "--out", folder / "own")
+    assert made.status == 0, made.err
+    assert "3 files written" in made.out
+    own = load_personal_sets(folder / "own")
+    assert tuple(own.by_subject) == tuple(sorted(persons.motions.subjects))
+    for subject in persons.motions.subjects:
+        assert own.of(subject).source["thorax.centre_mm"].startswith("measured: least D of 25 points")
+    ran = girdle("adapt", folder / "motions.csv", "--models-of", folder / "own", "--out", folder / "adapted")
+    assert ran.status == 0, ran.err
+    together = pd.read_csv(folder / "adapted" / "parameters.csv").set_index("subject")
+    assert set(together["model"]) == {"own"}
+    for subject in persons.motions.subjects:
+        assert together.loc[subject, "A_x_mm_model"] == float(own.of(subject).girdle.semi_axes_mm[0])
+        assert (folder / "adapted" / "models" / f"own_{subject}.toml").exists()
+    first = persons.motions.subjects[0]
+    write_motions(persons.motions.select(persons.motions.subject == first), folder / "one.csv")
+    alone = girdle("adapt", folder / "one.csv", "--model", folder / "own" / f"{first}.toml", "--out", folder / "alone")
+    assert alone.status == 0, alone.err
+    row = pd.read_csv(folder / "alone" / "parameters.csv").iloc[0]
+    for name in ("M_y_mm", "A_x_mm", "E"):
+        assert row[name] == pytest.approx(together.loc[first, name], rel=1e-9)
+    again = girdle("adapt", "--repeat", folder / "adapted" / "run.json", "--out", folder / "again")
+    assert again.status == 0, again.err
+    assert (folder / "again" / "parameters.csv").read_bytes() == (folder / "adapted" / "parameters.csv").read_bytes()
+
+
+def test_who_has_no_set_is_left_out_by_name(folder, persons):
+    first = persons.motions.subjects[0]
+    landmark_table(persons, [first]).to_csv(folder / "first.csv", index=False)
+    (folder / "few").mkdir()
+    assert girdle("model", folder / "first.csv", "--out", folder / "few" / "first.toml").status == 0
+    ran = girdle("adapt", folder / "motions.csv", "--models-of", folder / "few", "--out", folder / "partly")
+    assert ran.status == 3
+    assert f"there is no parameter set of subject '{persons.motions.subjects[1]}'" in ran.err
+    nobody = girdle("fit", folder / "motions.csv", "--models-of", folder, "--out", folder / "nothing")
+    assert nobody.status == 2
+    assert "no .toml file" in nobody.err
+
+
+def table_4_2(tmp_path, **changes):
+    """The landmarks of the dissected cadaver, several postures alike, with columns changed."""
+    names = ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")
+    columns: dict[str, object] = {f"{n}_{a}_mm": [DISSECTION[n][k]] for n in names for k, a in enumerate("xyz")}
+    table = pd.DataFrame(columns).assign(**changes)
+    path = tmp_path / "person.csv"
+    table.to_csv(path, index=False)
+    return path
+
+
+def test_points_give_gh_shaft_and_their_volumes(tmp_path):
+    head, shaft = sphere_points(0.2), cylinder_points(0.2)
+    rows = [("humeral_head", p) for p in head.T] + [("humeral_shaft", p) for p in shaft.T]
+    table = pd.DataFrame([{"surface": s} | dict(zip(("x_mm", "y_mm", "z_mm"), p, strict=True)) for s, p in rows])
+    table.to_csv(tmp_path / "points.csv", index=False)
+    ran = girdle("model", table_4_2(tmp_path), "--points", tmp_path / "points.csv", "--out", tmp_path / "person.toml")
+    assert ran.status == 0, ran.err
+    assert "GH, centre of the humeral head: (1" in ran.out
+    assert "radius 18.5" in ran.out
+    assert "humeral shaft: through" in ran.out
+    assert load_model(tmp_path / "person.toml").name == "person"
+
+
+def test_a_left_shoulder_is_mirrored(tmp_path):
+    right = girdle("model", table_4_2(tmp_path), "--out", tmp_path / "right.toml")
+    mirrored = {f"{n}_x_mm": [-DISSECTION[n][0]] for n in ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")}
+    left = girdle("model", table_4_2(tmp_path, **mirrored), "--side", "left", "--out", tmp_path / "left.toml")
+    assert right.status == left.status == 0
+    for field in ("sc_mm", "ts_mm", "ai_mm", "ts_distance_mm"):
+        np.testing.assert_allclose(
+            getattr(load_model(tmp_path / "left.toml").girdle, field),
+            getattr(load_model(tmp_path / "right.toml").girdle, field),
+            atol=1e-9,
+        )
+
+
+AI_ON_THE_LINE = {f"AI_{a}_mm": [2 * DISSECTION["TS"][k] - DISSECTION["AC"][k]] for k, a in enumerate("xyz")}
+METRES = {f"{n}_{a}_mm": [DISSECTION[n][k] / 1000.0] for n in DISSECTION if n != "AC-J" for k, a in enumerate("xyz")}
+LEFT_HANDED = {f"{n}_z_mm": [-DISSECTION[n][2]] for n in ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")}
+NO_SC = {f"SC_{a}_mm": [np.nan] for a in "xyz"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "cause", "remedy"),
+    [
+        (AI_ON_THE_LINE, [], "on a line", "--rest"),
+        (METRES, [], "which no neck is", "look like m"),
+        (LEFT_HANDED, [], "the side is right", "left-handed"),
+        (NO_SC, [], "SC was not measured", "--sc-from-ij kaptein1999"),
+        ({}, ["--rest", "7"], "no posture called '7'", "Name one of 1"),
+        ({}, ["--sc-from-ij", "nobody"], "no offset 'nobody'", "kaptein1999"),
+        ({}, ["--model", "R3"], "no parameter set", "R2"),
+        ({}, ["--side", "both"], "the side is 'both'", "left or right"),
+        ({}, ["--points", "nowhere.csv"], "cannot be read", "Check"),
+    ],
+)
+def test_one_clear_message(tmp_path, changes, options, cause, remedy):
+    ran = girdle("model", table_4_2(tmp_path, **changes), "--out", tmp_path / "person.toml", *options)
+    assert ran.status == 2
+    assert len(ran.err.strip().splitlines()) == 1
+    assert cause in ran.err
+    assert remedy in ran.err
+    assert not (tmp_path / "person.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("surface,x_mm,y_mm,z_mm\nchest,1,2,3\n", "line 2: there is no surface 'chest'"),
+        ("surface,x_mm,y_mm,z_mm\nthorax,1,,3\n", "line 2: a coordinate of the point is empty"),
+        ("surface,x_mm,y_mm\nthorax,1,2\n", "columns surface, x_mm, y_mm and z_mm"),
+        ("surface,x_mm,y_mm,z_mm\nthorax,1,2,3\n", "1 points on the thorax, and the ellipsoid needs 6"),
+        ("surface,x_mm,y_mm,z_mm,posture\nthorax,1,2,3,9\n", "no posture called '9'"),
+    ],
+)
+def test_wrong_points(tmp_path, rows, said):
+    (tmp_path / "points.csv").write_text(rows)
+    ran = girdle("model", table_4_2(tmp_path), "--points", tmp_path / "points.csv", "--out", tmp_path / "p.toml")
+    assert ran.status == 2
+    assert said in ran.err
+
+
+def test_a_landmark_named_twice(tmp_path):
+    path = table_4_2(tmp_path)
+    header, row = path.read_text().splitlines()
+    path.write_text(f"{header},TS_x_mm\n{row},1.0\n")
+    ran = girdle("model", path, "--out", tmp_path / "p.toml")
+    assert ran.status == 2
+    assert "column 'TS_x_mm' stands there twice" in ran.err
+
+
+def test_sc_from_ij_says_so_in_the_file(tmp_path):
+    ran = girdle(
+        "model", table_4_2(tmp_path, **NO_SC), "--sc-from-ij", "kaptein1999", "--out", tmp_path / "person.toml"
+    )
+    assert ran.status == 0, ran.err
+    source = load_model(tmp_path / "person.toml").source
+    assert "SC from IJ by a stated offset" in source["clavicle.length_mm"]
+    assert source["scapula.ts_mm"].startswith("measured")
+
+
+def test_two_sets_of_one_name_are_refused(folder):
+    home = folder / "twice"
+    home.mkdir()
+    text = (folder / "few" / "first.toml").read_text()
+    (home / "a.toml").write_text(text)
+    (home / "b.toml").write_text(text)
+    ran = girdle("fit", folder / "motions.csv", "--models-of", home, "--out", folder / "nothing")
+    assert ran.status == 2
+    assert "is also that of a.toml" in ran.err
+
+
+def test_convert_names_a_landmark_that_slipped(folder, persons):
+    first = persons.motions.subjects[0]
+    table = landmark_table(persons, [first])
+    along = np.array([table.loc[3, f"TS_{a}_mm"] - table.loc[3, f"AI_{a}_mm"] for a in "xyz"], float)
+    for a, part in zip("xyz", 15.0 * along / np.linalg.norm(along), strict=True):
+        table.loc[3, f"TS_{a}_mm"] += part
+    table.to_csv(folder / "slipped.csv", index=False)
+    ran = girdle("convert", folder / "slipped.csv", folder / "converted.csv")
+    assert ran.status == 0, ran.err
+    assert f"TS slipped: {first}, slipped 4" in ran.out
+    assert pd.read_csv(folder / "converted.csv")["slipped"].tolist()[3] == "TS"
+
+
+def test_three_angles_leave_nothing_to_adapt_and_say_so(tmp_path):
+    """Motions of R2 itself without noise: it follows the scapula's angles exactly."""
+    exact = simulate_model_subjects(load_model("R2"), None, 2, 0.0, 1, spread=0.0).motions
+    angles = exact.angles_deg.copy()
+    angles[exact.subject == exact.subjects[0], :3] = np.nan
+    write_motions(replace(exact, angles_deg=angles), tmp_path / "motions.csv")
+    ran = girdle("adapt", tmp_path / "motions.csv", "--out", tmp_path / "out")
+    assert ran.status == 3
+    assert f"not handled: {exact.subjects[0]}: adaptation underdetermined: no posture has more than three" in ran.err
+    assert "--sc-from-ij" in ran.err
+    table = pd.read_csv(tmp_path / "out" / "parameters.csv").set_index("subject")["status"]
+    assert table.tolist() == ["underdetermined", "ok"]

@@ -1,0 +1,71 @@
+"""How far constraints are from holding: cases solved by hand, and automatic derivatives for the noise."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from adapt.diagnosis.location.constraint_spread import ConstraintSpread, constraint_spread
+from adapt.diagnosis.location.observations import Observed, observe
+from models import load_model
+from models.girdle import CONSTRAINTS, Girdle
+from motions.rhythm_subjects import shipped_subjects
+from motions.rotations import DEG
+
+ROUNDING_MM = 1e-9
+"""Of a distance that is taken from another one."""
+
+OF_DIFFERENCES = 1e-6
+"""Relative, of slopes by differences over 1e-4 rad."""
+
+NOISE_DEG = 1.5
+
+
+@pytest.fixture(scope="module")
+def data() -> Observed:
+    """The shipped subjects, simulated."""
+    return observe(shipped_subjects())
+
+
+@pytest.fixture(scope="module")
+def chain(data: Observed) -> Girdle:
+    """R2, as it is, for each of them."""
+    girdle = jax.tree.map(np.asarray, load_model("R2").girdle)
+    return girdle.repeated(len(data.subjects)).over_postures()
+
+
+def spread(data: Observed, *chains: Girdle) -> list[ConstraintSpread]:
+    """With the noise of the module."""
+    adapted, with_causes = chains
+    return constraint_spread(data, adapted, with_causes, NOISE_DEG)
+
+
+def test_a_longer_conoid_takes_its_length_off_a3(data: Observed, chain: Girdle) -> None:
+    residuals = np.asarray(chain.residuals_mm(data.values[:6]))[:, data.counted]
+    longer = replace(chain, conoid_length_mm=chain.conoid_length_mm + 5.0)
+    found = spread(data, chain, longer)
+    assert [one.constraint for one in found] == list(CONSTRAINTS)
+    assert [one.adapted_mm for one in found] == pytest.approx(np.sqrt((residuals**2).mean(axis=1)), abs=ROUNDING_MM)
+    for one in found[:2]:
+        assert one.with_causes_mm == pytest.approx(one.adapted_mm, abs=ROUNDING_MM)
+    assert found[2].with_causes_mm == pytest.approx(np.sqrt(((residuals[2] - 5.0) ** 2).mean()), abs=ROUNDING_MM)
+
+
+def test_noise_goes_through_the_slopes(data: Observed, chain: Girdle) -> None:
+    rows = np.argwhere(data.counted)[:20]
+    chosen = np.zeros(data.counted.shape, bool)
+    chosen[tuple(rows.T)] = True
+    few = replace(data, counted=chosen)
+    plain = load_model("R2").girdle
+    slopes = jax.vmap(jax.jacfwd(plain.residuals_mm))(jnp.asarray(np.stack([data.values[:6, p, s] for p, s in rows])))
+    expected = np.sqrt((np.asarray(slopes) ** 2).sum(axis=2).mean(axis=0)) * NOISE_DEG / DEG
+    found = [one.noise_mm for one in spread(few, chain, chain)]
+    assert found == pytest.approx(np.asarray(expected), rel=OF_DIFFERENCES)
+
+
+def test_without_a_whole_posture_there_is_none(data: Observed, chain: Girdle) -> None:
+    measured = data.measured.copy()
+    measured[2] = False
+    assert spread(replace(data, measured=measured), chain, chain) == []
