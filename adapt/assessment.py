@@ -1,7 +1,8 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportIndexIssue=false
 # pyright: reportGeneralTypeIssues=false, reportCallIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""How far an adaptation can be trusted: its uncertainty, its gap on what it has not seen, and if it is a thorax."""
+"""How far an adaptation can be trusted: its uncertainty, its gap on what it has not seen, if it is a thorax, and if
+forces act as before."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -16,8 +17,11 @@ from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch
+from adapt.tables.contact_table import contact_table
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
+from adapt.tables.muscle_tables import serratus_arms
 from adapt.tables.results import DIFFERENCES, summary_of
+from adapt.trust.changed_forces import force_checks
 from adapt.trust.covariance import NORMAL_95, Uncertainty, sd
 from adapt.trust.flat_directions import FLAT_MM, flat_directions
 from adapt.trust.held_out import folds, held_out_gaps
@@ -48,6 +52,8 @@ class Trust:
     """``uncertainty.csv``: one row a model, subject and parameter."""
     plausibility: pd.DataFrame
     """``plausibility.csv``: one row a model, subject and check."""
+    contact: pd.DataFrame
+    """``contact.csv``: one row a model and posture."""
     weights: pd.DataFrame | None
     """``weights.csv``: one row a model and w; None unless asked for."""
 
@@ -75,14 +81,17 @@ def assess_trust(
     progress("adaptation without the thorax points")
     free = adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
     heldout = held_out_gaps(motions, models, result.fits, weight, progress=progress)
-    plausible = plausibility_table(subjects, models, adapted)
+    progress("forces before and after")
+    contact = contact_table(models, result.fits, result.parameters)
+    forces = force_checks(contact, serratus_arms(models, result.fits, result.parameters))
+    plausible = pd.concat([plausibility_table(subjects, models, adapted), forces], ignore_index=True)
     spread = uncertainty_table(subjects, models, data, adapted, found, profile)
     weights = None
     if choose_weight:
         weights = weight_table(data, subjects, names, folds(motions, batch), progress=progress)
     summary = _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible)
     result = replace(result, heldout=heldout, summary=summary_of(result.subjects, heldout))
-    return Trust(result, summary, spread, plausible, weights)
+    return Trust(result, summary, spread, plausible, contact, weights)
 
 
 def joined(parts: Sequence[Adapted]) -> Adapted:

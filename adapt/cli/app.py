@@ -1,4 +1,4 @@
-"""The command line: ``girdle fit | adapt | diagnose | trust | convert | model | simulate | effects | models``."""
+"""The command line: ``girdle fit | adapt | diagnose | trust | muscles | convert | model | simulate | ...``."""
 
 import gc
 import sys
@@ -14,6 +14,7 @@ import typer
 from adapt.api import adapt_subjects, fit_postures
 from adapt.assessment import assess_trust
 from adapt.cli.print_diagnosis import print_diagnosis
+from adapt.cli.print_muscles import print_muscles
 from adapt.cli.print_tables import PlainConsole, print_heldout, print_parameters, print_summary, progress
 from adapt.cli.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
@@ -32,6 +33,7 @@ from adapt.large_runs.parts import (
 )
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
+from adapt.output.muscle_files import write_muscles
 from adapt.output.repeat import other_versions, read_record, recorded_arguments
 from adapt.output.result_files import raise_without_report, write_adaptations, write_figures, write_fits, write_report
 from adapt.output.run_files import (
@@ -45,12 +47,14 @@ from adapt.output.run_files import (
     write_table,
 )
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.tables.muscle_tables import BODY_MASS_KG, muscle_tables
 from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
 from models import load_model, model_names
 from models.effects import EFFECTS
 from models.effects.course import FULL_ELEVATION_DEG
 from models.effects.known import OPTION, described, effect_named, read_amplitudes
+from models.muscles.muscle_lines import muscle_lines_of
 from models.person.family import AnyModel, load_any_model, without_set
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.landmarks.acromion import ROTATIONS, acromion_rotation
@@ -348,8 +352,8 @@ def trust_results(
 
     Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
     for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
-    plausibility.csv (is it still a thorax?), with --choose-weight weights.csv, the tables of `girdle adapt` and
-    run.json.
+    plausibility.csv (is it still a thorax, and do forces act as before?), contact.csv (directions and arms of contact
+    and conoid in each posture), with --choose-weight weights.csv, the tables of `girdle adapt` and run.json.
     """
     table, models, record = _inputs(motions, _names(model, models_of))
     with results_folder(out) as folder:
@@ -357,7 +361,7 @@ def trust_results(
             found = assess_trust(table, models, weight, choose_weight, report)
         with transaction(folder) as part:
             write_adaptations(part, found.adaptations)
-            for name in ("uncertainty", "plausibility"):
+            for name in ("uncertainty", "plausibility", "contact"):
                 write_table(getattr(found, name), part / f"{name}.csv")
             write_table(found.subjects, part / "trust.csv")
             if found.weights is not None:
@@ -366,6 +370,39 @@ def trust_results(
             write_run(part, "trust", record, options, table.rejected)
     print_trust(console, found)
     _finish(table, not_adapted(found.adaptations))
+
+
+@app.command("muscles")
+def muscle_results(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
+    weight: Weight = WEIGHT,
+    body_mass_kg: Annotated[
+        float, typer.Option(min=1.0, help="Of the persons: an arm weighs a twentieth of it.")
+    ] = BODY_MASS_KG,
+    repeat: Repeat = None,
+) -> None:
+    """Adapt as `girdle adapt` does, and compare muscle arms and the forces that balance the arm before and after.
+
+    Writes muscle_arms.csv (one row a subject and muscle), muscles.csv and balance.csv (one row a posture),
+    muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt` and run.json.
+    """
+    table, models, record = _inputs(motions, _names(model, models_of))
+    for one in models:
+        muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = adapt_subjects(table, models, weight, progress=report, held_out=())
+            report("muscles")
+            found = muscle_tables(models, result.fits, result.parameters, body_mass_kg)
+        with transaction(folder) as part:
+            write_adaptations(part, result)
+            write_muscles(part, found)
+            write_run(part, "muscles", record, {"weight": weight, "body_mass_kg": body_mass_kg}, table.rejected)
+    print_muscles(console, found)
+    _finish(table, not_adapted(result))
 
 
 @app.command("convert")

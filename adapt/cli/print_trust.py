@@ -21,7 +21,7 @@ def print_trust(console: Console, found: Trust) -> None:
     _print_gaps(console, found.subjects)
     for row in found.subjects.to_dict("records"):
         cautions = [f"at a bound: {row['at_bound']}" if row["at_bound"] else "", row["flat"].partition(";")[0]]
-        cautions.append(f"hardly a thorax: {row['warnings']}" if row["plausibility"] == WARNING else "")
+        cautions.append(f"outside the limits: {row['warnings']}" if row["plausibility"] == WARNING else "")
         said = "; ".join(caution for caution in cautions if caution)
         if said:
             console.print(f"{row['model']}, {row['subject']}: {said}", soft_wrap=True)

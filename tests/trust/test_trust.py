@@ -333,7 +333,7 @@ def test_the_command_writes_its_tables(tmp_path):
     lines = DATA_FILE.read_text().splitlines()[: 1 + 14 * 2]
     ended = girdle("trust", written(tmp_path, lines), "--model", "R6", "--choose-weight", "--out", tmp_path / "out")
     assert (ended.status, ended.messages) == (0, [])
-    names = ("fits", "heldout", "parameters", "plausibility", "summary", "trust", "uncertainty", "weights")
+    names = ("contact", "fits", "heldout", "parameters", "plausibility", "summary", "trust", "uncertainty", "weights")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
         [*(f"{n}.csv" for n in names), "run.json"]
     )

@@ -1,0 +1,63 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""What a person sees on the terminal of muscle arms and of the forces that balance the arm."""
+
+import pandas as pd
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from adapt.tables.before_after import STATES
+from adapt.tables.muscle_tables import MuscleTables, unbalanced
+from models.muscles.contact import FORCES
+
+_MOST_NAMED = 10
+"""Postures without a solution that are named one by one; balance.csv has all."""
+
+
+def print_muscles(console: Console, found: MuscleTables) -> None:
+    """Print arms by muscle and contact forces by model, before -> after, and name the postures without a solution."""
+    _print_arms(console, found)
+    _print_contact(console, found.balance)
+    left = unbalanced(found.balance)
+    for row in left.head(_MOST_NAMED).to_dict("records"):
+        where = f"{row['model']}, {row['subject']}, {row['motion']}, posture {row['posture']}"
+        said = f"{row['status_before']} before, {row['status_after']} after adaptation"
+        console.print(f"no balance: {where}: {said}", soft_wrap=True)
+    if len(left) > _MOST_NAMED:
+        console.print(f"and {len(left) - _MOST_NAMED} more: see balance.csv")
+
+
+def _print_arms(console: Console, found: MuscleTables) -> None:
+    title = "Arm of the mean line, mm, and force to hold the arm, N; means of subjects, before -> after adaptation"
+    table = _table(title, ("model", "muscle"), ("about SC", "about AC", "force"))
+    keys = ["model", "muscle"]
+    arms = found.arms.groupby(keys, sort=False).mean(numeric_only=True)
+    forces = found.muscles.groupby(keys, sort=False)[[f"force_{word}_N" for word in STATES]].mean()
+    for key, row in arms.join(forces).iterrows():
+        pairs = (("about_sc_{}_mm", ".0f"), ("about_ac_{}_mm", ".0f"), ("force_{}_N", ".1f"))
+        table.add_row(*map(str, key), *(_change(row, name, form) for name, form in pairs))
+    console.print(table)
+
+
+def _print_contact(console: Console, balances: pd.DataFrame) -> None:
+    title = "Forces that hold the arm, N; means of postures, before -> after; share of muscle force that moved"
+    table = _table(title, ("model",), (*FORCES, "muscles", "moved"))
+    for model, row in balances.groupby("model", sort=False).mean(numeric_only=True).iterrows():
+        names = [f"{force}_{{}}_N" for force in (*FORCES, "muscles")]
+        table.add_row(str(model), *(_change(row, name, ".0f") for name in names), f"{100 * row['moved_share']:.0f} %")
+    console.print(table)
+
+
+def _table(title: str, names: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for name in names:
+        table.add_column(name, overflow="fold")
+    for name in numbers:
+        table.add_column(name, no_wrap=True, justify="right")
+    return table
+
+
+def _change(row: pd.Series, name: str, form: str) -> str:
+    before, after = (row[name.format(word)] for word in STATES)
+    return f"{before:{form}} -> {after:{form}}"

@@ -1,0 +1,1 @@
+"""Muscle lines from thorax to shoulder girdle: paths round the ellipsoid, moment arms, contact and moment balance."""

@@ -1,0 +1,37 @@
+"""OpenSim's own path round an ellipsoid, in a process of its own (see in_opensim.py).
+
+``python wrapped_in_opensim.py PROBLEMS.json`` prints the lengths in m of paths from p to q round an ellipsoid with
+semi-axes a, centre 0: JSON lists of [p, q, a], in m.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import opensim as osim
+
+
+def length_m(p: list[float], q: list[float], axes: list[float]) -> float:
+    model = osim.Model()
+    ellipsoid = osim.WrapEllipsoid()
+    ellipsoid.setName("ellipsoid")
+    ellipsoid.set_dimensions(osim.Vec3(*axes))
+    model.getGround().addWrapObject(ellipsoid)
+    body = osim.Body("body", 1.0, osim.Vec3(0.0), osim.Inertia(1.0))
+    model.addBody(body)
+    model.addJoint(osim.WeldJoint("weld", model.getGround(), body))
+    muscle = osim.PathSpring("path", 1.0, 1.0, 0.0)
+    path = muscle.updGeometryPath()
+    path.appendNewPathPoint("p", body, osim.Vec3(*p))
+    path.appendNewPathPoint("q", model.getGround(), osim.Vec3(*q))
+    path.addPathWrap(ellipsoid)
+    model.addForce(muscle)
+    state = model.initSystem()
+    model.realizePosition(state)
+    return muscle.getLength(state)
+
+
+if __name__ == "__main__":
+    osim.Logger.removeFileSink()
+    osim.Logger.setLevelString("error")
+    print(json.dumps([length_m(*problem) for problem in json.loads(Path(sys.argv[1]).read_text())]))

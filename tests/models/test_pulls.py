@@ -1,0 +1,123 @@
+"""Moment arms: slopes of the lengths, by angle, about the joints and in the chain's free directions."""
+
+import numpy as np
+import pytest
+
+from models import load_model
+from models.drive import drive, free_coordinates_mm
+from models.girdle import bone_rotations
+from models.muscles.contact import angle_deg, contact_forces
+from models.muscles.muscle_lines import SERRATUS, muscle_lines
+from models.muscles.pulls import (
+    arms_by_angle_mm,
+    arms_in_free_directions,
+    free_directions,
+    lengths_mm,
+    muscle_arms_mm,
+    pulls,
+)
+from motions.rhythm import REST_DEG
+from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_vector
+
+SLOPE = 1e-5
+"""The bar: arms are tens of mm, and the differences exact to 1e-6."""
+
+SETS = ("R2", "R4", "R6")
+"""Those that are closed at rest."""
+
+
+def postures(name: str):
+    """Closed postures about rest, and their free coordinates."""
+    model = load_model(name)
+    rest = np.asarray(free_coordinates_mm(model.girdle, REST_DEG / DEG))
+    offsets = np.array([[0.0, 6.0, -5.0, 3.0, 8.0], [0.0, -4.0, 3.0, 6.0, -7.0], [0.0, 3.0, -2.0, 4.0, 2.0]])
+    driven = drive(model.girdle, rest[:, None] + offsets)
+    good = driven.words == "ok"
+    assert good.sum() >= 3
+    return model, np.asarray(driven.angles)[:, good], rest[:, None] + offsets[:, good]
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_arms_by_angle_are_slopes_of_the_length(name):
+    model, q, _ = postures(name)
+    lines = muscle_lines(model)
+    arms = arms_by_angle_mm(lines, pulls(lines, model.girdle, q), model.girdle, q)
+    h = 1e-6
+    for k in range(6):
+        step = np.zeros((6, 1))
+        step[k] = h
+        difference = np.asarray(lengths_mm(lines, model.girdle, q + step) - lengths_mm(lines, model.girdle, q - step))
+        np.testing.assert_allclose(arms[k], -difference / (2 * h), atol=SLOPE)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_arms_in_the_free_directions_are_slopes_along_the_driven_chain(name):
+    model, q, c = postures(name)
+    lines = muscle_lines(model)
+    by_angle = arms_by_angle_mm(lines, pulls(lines, model.girdle, q), model.girdle, q)
+    arms = arms_in_free_directions(by_angle, free_directions(model.girdle, q))
+    h = 1e-3
+    for k in range(3):
+        step = np.zeros((3, 1))
+        step[k] = h
+
+        def at(times, step=step):
+            return np.asarray(lengths_mm(lines, model.girdle, drive(model.girdle, c + times * step, q).angles))
+
+        difference = (8.0 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12.0 * h)
+        np.testing.assert_allclose(arms[k], -difference, atol=SLOPE * np.abs(arms[k]).max())
+
+
+def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
+    model, q, _ = postures("R2")
+    lines = muscle_lines(model)
+    found = pulls(lines, model.girdle, q)
+    R_clavicle, R_scapula = bone_rotations(q)
+    h = 1e-6
+    for axis in range(3):
+        lengths = {}
+        for sign in (1.0, -1.0):
+            turn = np.zeros((3, q.shape[1]))
+            turn[axis] = sign * h
+            R = rotation_from_vector(turn)
+            scapula = cardan_from_rotation(compose(R, R_scapula))
+            clavicle = cardan_from_rotation(compose(R, R_clavicle))
+            lengths["ac", sign] = np.asarray(lengths_mm(lines, model.girdle, np.concatenate([q[:3], scapula])))
+            lengths["sc", sign] = np.asarray(lengths_mm(lines, model.girdle, np.concatenate([clavicle, scapula])))
+        for joint, arms in (("sc", found.about_sc_mm), ("ac", found.about_ac_mm)):
+            difference = (lengths[joint, 1.0] - lengths[joint, -1.0]) / (2 * h)
+            np.testing.assert_allclose(arms[axis], -difference, atol=SLOPE)
+
+
+def test_the_measure_of_a_muscle_is_the_length_of_its_mean_arm():
+    lines = muscle_lines(load_model("R2"))
+    arms = np.zeros((3, len(lines.name), 1))
+    serratus = np.flatnonzero(lines.of(SERRATUS))
+    arms[0, serratus[:6]], arms[0, serratus[6:]], arms[1, serratus] = 10.0, -10.0, 4.0
+    assert muscle_arms_mm(lines, arms)[lines.muscles.index(SERRATUS), 0] == pytest.approx(4.0)
+
+
+def test_a_pull_is_a_unit_force_but_for_attachments_inside():
+    model, q, _ = postures("R4")
+    lines = muscle_lines(model)
+    found = pulls(lines, model.girdle, q)
+    size = np.linalg.norm(found.pull, axis=0)
+    np.testing.assert_allclose(size[found.depth_mm == 0.0], 1.0, atol=1e-12)
+    assert (found.contact_mm[lines.of(SERRATUS)] > 0.0).any()
+    assert (found.contact_mm[~lines.of(SERRATUS)] == 0.0).all()
+    np.testing.assert_array_equal(found.about_ac_mm[:, ~lines.on_scapula], 0.0)
+
+
+def test_contact_pushes_outward_and_the_conoid_pulls_to_the_clavicle():
+    """Slopes of A1-A3 themselves: along its force each grows by 1 (TS, AI) or shrinks by 1 (conoid)."""
+    model, q, _ = postures("R6")
+    forces = contact_forces(model.girdle.repeated(q.shape[1]), q)
+    np.testing.assert_allclose(np.linalg.norm(forces.direction, axis=0), 1.0, atol=1e-12)
+    assert (forces.direction[2, :2] > 0.0).all()  # on the back of the thorax, outward is backward
+    np.testing.assert_array_equal(forces.about_sc_mm[:, 2], 0.0)
+
+
+def test_angles_between_directions():
+    x, y = np.array([1.0, 0.0, 0.0]), np.array([np.cos(1e-9), np.sin(1e-9), 0.0])
+    assert angle_deg(x, y) == pytest.approx(np.degrees(1e-9), rel=1e-9)
+    assert angle_deg(x, -x) == pytest.approx(180.0)
