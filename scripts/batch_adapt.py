@@ -17,7 +17,8 @@ app = typer.Typer(add_completion=False)
 def batch(
     folder: Annotated[Path, typer.Argument(help="Folder of the subjects' motion files, *.csv.")],
     out: cli.Out,
-    model: cli.Models = ["R2"],  # noqa: B006 (typer reads it, never changes it)
+    model: cli.Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: cli.ModelsOf = [],  # noqa: B006
     weight: cli.Weight = WEIGHT,
     reading: cli.Reading = DEFAULT_READING,
     float32: cli.Float32 = False,
@@ -34,7 +35,7 @@ def batch(
     unreachable = [path for path in found if not path.is_file()]
     for path in unreachable:
         print(f"left out: {path}: there is no file behind this name. Remove it.", file=sys.stderr)
-    cli.adapt(files, out, model, weight, reading, float32=float32, effect=effect)
+    cli.adapt(files, out, model, models_of, weight, reading, float32=float32, effect=effect)
     if unreachable:
         raise typer.Exit(cli.EXIT_SOME_NOT_HANDLED)
 

@@ -1,8 +1,10 @@
-"""Double precision for every test, compiled programs shared between them, the order of the files, the marker ``slow``,
-and the measured motions, which are not part of the project."""
+"""Double precision for every test, compiled programs shared between them, what they take given back, the order of the
+files, the marker ``slow``, and the measured motions, which are not part of the project."""
 
+import ctypes
 import gc
 import os
+from contextlib import suppress
 from pathlib import Path
 
 COMPILED = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
@@ -13,6 +15,10 @@ hash the program, the compiler and its options, so that nothing stale can be tak
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(COMPILED)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"  # what is compiled faster is hardly faster to read
 
+# The C library reads it when a test process starts: with eight heaps a core a third of the memory is holes.
+os.environ["MALLOC_ARENA_MAX"] = "2"
+
+import jax  # noqa: E402
 import pytest  # noqa: E402
 
 import motions  # noqa: E402, F401  (switches JAX to double precision before any test makes an array)
@@ -50,6 +56,28 @@ def pytest_collection_finish() -> None:
     """Keep the garbage collector from what the imports made: tracing a program sets it off again and again."""
     gc.collect()
     gc.freeze()
+
+
+LARGE_BYTES = 1_000_000_000
+"""Of a test process: with what it has imported it takes 0.6 GB, with the programs of all files 5 GB."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Give back the programs of a file if the process has become large: few other files need them."""
+    if nextitem is None or nextitem.path == item.path or _resident_bytes() < LARGE_BYTES:
+        return
+    jax.clear_caches()
+    gc.collect()
+    with suppress(AttributeError):  # another C library than GNU's
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _resident_bytes() -> int:
+    """What this process has in memory, where Linux tells."""
+    with suppress(OSError):
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return 0
 
 
 @pytest.fixture(scope="session")

@@ -1,11 +1,13 @@
 """What a motion file says of itself: effects that its angles have by the way they were made."""
 
-from motions.landmarks.sampled_postures import ESTIMATED, SCAPULA_ROTATED
+from motions.landmarks.sampled_postures import CLAVICLE_PLACED, ESTIMATED, SCAPULA_ROTATED
 from motions.table import Motions
 
 _MADE_SO = (
     (ESTIMATED, "yes", "clavicle_axial_estimate"),  # an estimate of the axial rotation lags the true one
     (SCAPULA_ROTATED, "AA brought to AC", "scapula_landmark_bias"),  # a mean rotation is not the subject's
+    (CLAVICLE_PLACED, "SC from IJ", "clavicle_frame_bias"),  # nor is an offset, which turns the clavicle by a constant
+    (CLAVICLE_PLACED, "AC from AA", "clavicle_frame_bias"),
 )
 """Column, how its cells start, effect."""
 

@@ -138,7 +138,7 @@ def _projection(surface: Points) -> Callable[[Points], Points]:
 def _nearest(points: Points, of: Points) -> np.ndarray:
     from scipy.spatial import KDTree
 
-    return KDTree(of.T).query(points.T)[1]
+    return np.asarray(KDTree(of.T).query(points.T)[1])
 
 
 def _distances(points: Points, to: Points) -> Float[np.ndarray, " points"]:

@@ -40,6 +40,9 @@ SLIP_MM = 10.0
 _MOST_SLIPPED = 1.0 / 3.0
 """Of the postures: where more differ, it is not clear which of them are right."""
 
+_PATIENCE = 10
+"""Postures taken out in a row without one that slipped, after which the rest of a long trial is sound."""
+
 _LEAST_NOISE_MM = 0.01
 """Landmarks without noise, simulated ones, are rounded to about this in files."""
 
@@ -184,7 +187,7 @@ def _slipped_postures(distances: Float[np.ndarray, "postures pairs"], W: np.ndar
     last = 0
     for _ in range(max(1, int(_MOST_SLIPPED * len(distances)))):
         n = len(kept)
-        if n < FEWEST_POSTURES:
+        if n < FEWEST_POSTURES or len(taken) - last > _PATIENCE:
             break
         z = np.einsum("krm,km->kr", W[kept], distances[kept] - distances[kept].mean(axis=0))
         squares = (z**2).sum(axis=1) * n / (n - 1)  # of a posture against the mean of the others

@@ -35,9 +35,9 @@ from scripts.blind_world.subjects import (
 
 ELEVATIONS_DEG = (0.0, 25.0, 50.0, 75.0, 100.0, 125.0, 150.0)
 LANDMARK_NOISE_MM = 2.0
-MAX_MOVE_DEG = 40.0
+MAX_MOVE_DEG = 25.0
 """A subject whose wished-for posture lies further from the closed chain in any angle is no plausible one."""
-ATTEMPTS = 40
+ATTEMPTS = 200
 """Draws of one subject before its open postures are dropped."""
 
 

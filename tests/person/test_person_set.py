@@ -167,10 +167,12 @@ def test_one_posture_is_enough_and_says_what_it_cannot_tell():
 
 
 def test_a_conoid_that_cannot_close_is_as_long_as_it_must_be():
-    landmarks = trial_landmarks(person(1.0, 1.0))
-    landmarks["SC"] = landmarks["SC"] + 25.0 * (landmarks["SC"] - landmarks["AC"]) / 158.0
-    built = person_set(landmarks, load_model("R2"), 0, NAMES, {})
-    assert any("does not close the chain at rest" in note for note in built.notes)
+    """A generic ligament of 200 mm is longer than the attachments can ever be apart."""
+    R2 = load_model("R2")
+    long = replace(R2, girdle=replace(R2.girdle, conoid_length_mm=np.asarray(200.0)))
+    built = person_set(trial_landmarks(person(1.0, 1.0)), long, 0, NAMES, {})
+    assert any("the conoid of 200.0 mm does not close the chain at rest" in note for note in built.notes)
+    assert float(built.girdle.conoid_length_mm) < 100.0
 
 
 @pytest.mark.parametrize(

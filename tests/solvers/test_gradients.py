@@ -1,4 +1,4 @@
-"""Derivatives of the posture fit and of the nested objective: differences, both directions, every order."""
+"""Derivatives of the posture fit: differences, both directions, the envelope theorem."""
 
 from dataclasses import fields
 
@@ -6,12 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from nested import values_and_slopes
 from oracles import bones, constraints
 from programs import few_runs
 
-from adapt.solvers.differentiable import nested_objective, posture_fit
-from adapt.solvers.objective import WEIGHT
+from adapt.solvers.differentiable import posture_fit
 from models import load_model
 from models.girdle import Girdle, constraint_residuals_mm
 from motions.rhythm_subjects import simulate_subjects
@@ -27,9 +25,7 @@ EXACT = 1e-9
 ENVELOPE = 1e-7
 """dJ/dtheta against lambda . dg/dtheta: exact at the optimum, which is known to a stationarity of 1e-9. Relative."""
 
-MODEL = load_model("R2")
-GIRDLE = MODEL.girdle
-POINTS = jnp.asarray(MODEL.points_mm)
+GIRDLE = load_model("R2").girdle
 SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg.T / DEG)
 ONE = SUBJECT[:, 4]
 ALL = jnp.ones(6, bool)
@@ -117,59 +113,6 @@ def test_a_missing_angle_has_no_slope_and_takes_no_part():
     slope = reverse(GIRDLE, ONE, known)[1][:6]
     assert np.abs(slope[:, 2]).max() == 0.0
     assert np.abs(slope[:, 0]).max() > 0.1
-
-
-# --- the nested objective -------------------------------------------------------------------------
-
-THETA = GIRDLE.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
-
-
-def E(theta, angles=SUBJECT):
-    return nested_objective(theta, GIRDLE, POINTS, angles, jnp.ones(angles.shape, bool), WEIGHT)
-
-
-STEPS = 1e-3 * jnp.concatenate([jnp.zeros((1, 6)), jnp.eye(6), -jnp.eye(6)])
-"""No step, then one forward and one backward along each parameter, mm."""
-
-
-def differences(of_steps) -> np.ndarray:
-    """d/dtheta of what was computed at STEPS."""
-    return (np.asarray(of_steps)[1:7] - np.asarray(of_steps)[7:]) / 2e-3
-
-
-@pytest.fixture(scope="module")
-def stepped():
-    """E and its slope at STEPS: jit of vmap of grad."""
-    count = len(STEPS)
-    same = jax.tree.map(lambda x: jnp.repeat(x[None], count, axis=0), (GIRDLE, POINTS, SUBJECT))
-    values, slopes = values_and_slopes(THETA + STEPS, *same)
-    return np.asarray(values), np.asarray(slopes)
-
-
-@pytest.fixture(scope="module")
-def in_forward_mode():
-    """dE/dtheta in forward mode, and d2E/dtheta2 forward over reverse, in one program."""
-    slope, hessian = few_runs(jax.jacfwd(jax.value_and_grad(E)))(THETA)
-    return np.asarray(slope), np.asarray(hessian)
-
-
-def test_nested_gradient_by_differences_and_in_forward_mode(stepped, in_forward_mode):
-    values, slopes = stepped
-    assert_close(slopes[0], differences(values), FD_TOLERANCE)
-    assert_close(in_forward_mode[0], slopes[0], EXACT)
-
-
-def test_nested_hessian_by_differences_and_symmetric(stepped, in_forward_mode):
-    hessian = in_forward_mode[1]
-    assert_close(hessian, differences(stepped[1]), FD_TOLERANCE)
-    assert_close(hessian, hessian.T, EXACT)
-
-
-def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
-    """Two subjects, the second with the postures in another order: twice the slope of one."""
-    angles = jnp.stack([SUBJECT, SUBJECT[:, ::-1]])
-    of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0))(t, angles))))
-    assert_close(of_sum(THETA), 2.0 * stepped[1][0], EXACT)
 
 
 def test_a_posture_that_fails_is_nan_alone():
