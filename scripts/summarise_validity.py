@@ -3,8 +3,9 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """What an adaptation changes in forces and arms, by parameter set: the tables of docs/validity.md.
 
-Takes the folders that ``girdle trust`` and ``girdle muscles`` wrote. Means over the postures of each motion, then over
-the motions of each subject, then over subjects; in brackets the largest subject.
+Takes the folders of ``girdle trust`` and ``girdle muscles``. Directions and arms: means over the postures of each
+motion, then over the motions of each subject, then over subjects; in brackets the largest subject. Forces: means of
+postures.
 """
 
 import argparse

@@ -29,7 +29,7 @@ def print_muscles(console: Console, found: MuscleTables) -> None:
 
 
 def _print_arms(console: Console, found: MuscleTables) -> None:
-    title = "Arm of the mean line, mm, and force to hold the arm, N; means of subjects, before -> after adaptation"
+    title = "Arm of the mean line, mm, and force to hold the arm, N; means, before -> after adaptation"
     table = _table(title, ("model", "muscle"), ("about SC", "about AC", "force"))
     keys = ["model", "muscle"]
     arms = found.arms.groupby(keys, sort=False).mean(numeric_only=True)

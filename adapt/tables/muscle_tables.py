@@ -175,5 +175,5 @@ def _repeated(rows: pd.DataFrame, times: int) -> pd.DataFrame:
 
 
 def unbalanced(balances: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of ``balance.csv`` without a solution before or after."""
+    """Return the rows of ``balance.csv`` without a balance within the muscles' strength, before or after."""
     return balances[(balances["status_before"] != OK) | (balances["status_after"] != OK)]

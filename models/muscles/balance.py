@@ -12,9 +12,11 @@ criterion of the thesis (3.2.1), as a strongest force is cross-section times one
     Q2'(A x + w) = 0,    c = -R^-1 Q1'(A x + w) >= 0:
 
 the first are the moments in the three free directions of the chain, where contact does no work; the second are its
-multipliers. This is a least-distance problem, min |x| with G x >= h, which Lawson and Hanson (Solving Least Squares
-Problems, 1974, ch. 23) turn into non-negative least squares: with r the residual of  [G'; h'] u = (0, 1),
-x = -r_1..n / r_n+1; where r = 0 there is no solution. ``scipy.optimize.nnls`` solves it.
+multipliers. With x = x0 + Z z, x0 the shortest solution of the equations and Z normal to them, the rest is a
+least-distance problem, min |z| with G z >= h, which Lawson and Hanson (Solving Least Squares Problems, 1974, ch. 23)
+turn into non-negative least squares: with r the residual of  [G'; h'] u = (0, 1),  z = -r_1..m / r_m+1; where r = 0
+there is no solution. ``scipy.optimize.lsq_linear`` solves it by active sets, and what it returns is checked. (SciPy's
+``nnls`` returns wrong solutions in versions 1.15 to 1.17 at least: scipy/scipy issue 25389; here in 7 % of postures.)
 
 The arm's own muscles are not in it: its weight acts in GH as a force, without the moment that they pass to the scapula.
 """
@@ -23,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Shaped
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear
 
 from models.girdle import Girdle, landmarks
 from models.muscles.contact import FORCES, ContactForces
@@ -31,7 +33,8 @@ from models.muscles.muscle_lines import MuscleLines
 from models.muscles.pulls import Pulls
 from motions.rotations import rotate, rotation_from_cardan
 
-OK, NO_SOLUTION, INVALID = "ok", "no_solution", "invalid"
+OK, BEYOND_STRENGTH, NO_SOLUTION = "ok", "beyond_strength", "no_solution"
+NOT_CONVERGED, INVALID = "not_converged", "invalid"
 
 GRAVITY_M_S2 = 9.81
 
@@ -41,6 +44,13 @@ Control of Human Movement, 4th ed. 2009, Table 4.1, after Dempster 1955)."""
 
 LARGEST_SHARE = 1e4
 """A solution whose |x| were beyond it is none: no muscle has it, and rounding would decide."""
+
+TOLERANCE = 1e-7
+"""Of the conditions of a solution, and of the proof that there is none: shares are of order 0.1, rounding is 1e-13."""
+
+
+_SOLVER_TOLERANCE = 1e-14
+"""Relative fall of the squares at which ``lsq_linear`` stops: never before its active set is final."""
 
 
 class Balance(NamedTuple):
@@ -54,7 +64,8 @@ class Balance(NamedTuple):
     multipliers: Float[np.ndarray, " 6 postures"]
     """y of A x + C c + w = 0: x = max(A'y, 0), C'y <= 0."""
     status: Shaped[np.ndarray, " postures"]
-    """``ok``; ``no_solution``: no forces of these signs balance the arm; ``invalid``: a path or an angle is missing."""
+    """``ok``; ``beyond_strength``: a line would need more than its strongest force; ``no_solution``: no forces of these
+    signs balance the arm; ``not_converged``; ``invalid``: a path or an angle is missing."""
 
 
 def arm_weight_N(body_mass_kg: float) -> float:
@@ -90,21 +101,45 @@ def least_stress(A: Float[np.ndarray, "6 lines"], C: Float[np.ndarray, "6 3"], w
     if not all(np.isfinite(part).all() for part in (A, C, w)):
         return *nothing, INVALID
     Q, R = np.linalg.qr(C, mode="complete")
-    R_inverse = np.linalg.inv(R[:3])
-    E, e = Q[:, 3:].T @ A, -Q[:, 3:].T @ w
-    to_c = -R_inverse @ Q[:, :3].T
-    size = np.linalg.norm(E, axis=1).max()
-    rows = np.concatenate([E / size, -E / size, to_c @ A / size, np.eye(n)])
-    limits = np.concatenate([e / size, -e / size, -to_c @ w / size, np.zeros(n)])
-    target = np.zeros(n + 1)
-    target[n] = 1.0
-    u, _ = nnls(np.vstack([rows.T, limits]), target)
-    r = np.append(rows.T @ u, limits @ u) - target
-    if not -r[n] > LARGEST_SHARE**-2:
+    to_c = -np.linalg.inv(R[:3]) @ Q[:, :3].T
+    size = np.linalg.norm(A, axis=0).max()  # so that all numbers are of order 1
+    E, e = Q[:, 3:].T @ A / size, -Q[:, 3:].T @ w / size
+    x0, Z = _solutions(E, e)
+    if np.abs(E @ x0 - e).max() > TOLERANCE * max(np.abs(e).max(), np.abs(w).max() / size):
         return *nothing, NO_SOLUTION
-    x, u = np.maximum(-r[:n] / r[n], 0.0), -u / r[n] / size
-    y = Q[:, 3:] @ (u[:3] - u[3:6]) + to_c.T @ u[6:9]
-    return x, np.maximum(to_c @ (A @ x + w), 0.0), y, OK
+    rows, limits = np.concatenate([to_c @ A / size, np.eye(n)]), np.concatenate([-to_c @ w / size, np.zeros(n)])
+    z, u, status = _least_distance(rows @ Z, limits - rows @ x0)
+    if status != OK:
+        return *nothing, status
+    x = x0 + Z @ z
+    # Stationarity, x = E' l + rows' u, gives the multipliers of the equations.
+    y = (Q[:, 3:] @ np.linalg.pinv(E.T) @ (x - rows.T @ u) + to_c.T @ u[:3]) / size
+    x, c = np.maximum(x, 0.0), np.maximum(to_c @ (A @ x + w), 0.0)
+    return x, c, y, OK if x.max(initial=0.0) <= 1.0 else BEYOND_STRENGTH
+
+
+def _solutions(E, e) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the shortest x of E x = e (least squares), and an orthonormal basis of what E leaves open."""
+    U, s, Vt = np.linalg.svd(E)
+    rank = int(np.sum(s > TOLERANCE * s.max(initial=0.0)))
+    return Vt[:rank].T @ ((U[:, :rank].T @ e) / s[:rank]), Vt[rank:].T
+
+
+def _least_distance(G, h) -> tuple[np.ndarray, np.ndarray, str]:
+    """Minimise |z| with G z >= h: z, the multipliers u >= 0 of z = G' u, and how it ended."""
+    m = G.shape[1]
+    target = np.append(np.zeros(m), 1.0)
+    u = lsq_linear(np.vstack([G.T, h]), target, (0.0, np.inf), method="bvls", tol=_SOLVER_TOLERANCE).x
+    r = np.append(G.T @ u, h @ u) - target
+    if np.linalg.norm(r) < 1.0 / LARGEST_SHARE:
+        return r[:m], u, NO_SOLUTION  # G'u = 0, h'u = 1: proved
+    if not r[m] < 0.0:
+        return r[:m], u, NOT_CONVERGED
+    z, u = -r[:m] / r[m], -u / r[m]
+    gap = G @ z - h
+    scale = max(float(np.abs(z).max(initial=0.0)), 1.0)
+    converged = gap.min() > -TOLERANCE * scale and np.abs(u * gap).max() < TOLERANCE * scale**2
+    return z, u, OK if converged else NOT_CONVERGED
 
 
 def _weight_moments(lines: MuscleLines, girdle: Girdle, angles, weight_N: float) -> Float[np.ndarray, " 6 postures"]:
