@@ -134,9 +134,10 @@ def _where(diagnosis: Diagnosis) -> Table:
 
 
 def _constraints(diagnosis: Diagnosis) -> Table:
-    table = _table(["constraint"], ["adapted", "with the causes", "noise alone"])
+    known = bool(diagnosis.verdict.causes)
+    table = _table(["constraint"], ["adapted", *(["with the causes"] if known else []), "noise alone"])
     for one in diagnosis.constraint_spread:
-        sizes = (one.adapted_mm, one.with_causes_mm, one.noise_mm)
+        sizes = (one.adapted_mm, *([one.with_causes_mm] if known else []), one.noise_mm)
         table.add_row(CONSTRAINT_NAMES[one.constraint], *(f"{size:.1f}" for size in sizes))
     return table
 

@@ -19,8 +19,11 @@ SAME_DEG = 1e-6
 """One meaning of 'adapted': the numbers of the diagnosis are those of `girdle adapt` and `girdle adapt --effect`."""
 
 UNSEEN_DEG = {"breteler_dissection": (1.5, 1.1), "breteler_mri": (1.7, 1.4)}
-"""Scapula, clavicle, with the causes that are named, on motions that were not fitted; without them 3.0 and 2.6, 2.5 and
-2.4. What a diagnosis must reach to be of use."""
+"""Scapula, clavicle, with the causes that are named, on motions that were not fitted. What a diagnosis must reach to be
+of use; set when the sets left 3.0 and 2.6, 2.5 and 2.4 without causes, before they were completed anew (2.0 and 1.3)."""
+
+RATIO, PERSON_DEG = 0.65, 1.25
+"""Of the unseen gap of all angles with the causes to that without; and that gap on persons that were not fitted either."""
 
 
 @pytest.fixture(scope="module")
@@ -73,5 +76,5 @@ def test_the_causes_of_measured_shoulders_predict_motions_that_were_not_fitted(n
     gaps = found.gaps.other_motion["with_effect"]
     for bone, most in zip(("scapula", "clavicle"), UNSEEN_DEG[name], strict=True):
         assert gaps[bone].value <= most
-    person = found.gaps.other_person
-    assert person["with_effect"][ALL].value < 0.6 * person["adapted"][ALL].value
+    assert gaps[ALL].value <= RATIO * found.gaps.other_motion["adapted"][ALL].value
+    assert found.gaps.other_person["with_effect"][ALL].value <= PERSON_DEG

@@ -209,9 +209,9 @@ def test_points_and_bounds_are_those_named(study):
 
 
 def test_unsigned_distances_let_a_bone_be_on_either_side(study):
-    """R2 has TS and AI inside its ellipsoid. E is the lowest of four choices, which include its own."""
-    data = on_sides(study.data, 1.0, 1.0)
-    np.testing.assert_array_equal(data.girdle.ts_distance_mm, np.abs(study.data.girdle.ts_distance_mm))
+    """R2 with TS and AI inside its ellipsoid. E is the lowest of four choices, which include its own."""
+    data = on_sides(study.data, -1.0, -1.0)
+    np.testing.assert_array_equal(data.girdle.ts_distance_mm, -np.abs(study.data.girdle.ts_distance_mm))
     girdle = load_model("R2").girdle
     found = adapt_batch(data)
     theta, angles = found.theta_mm[:, 0], found.angles[:, 0, 0]
@@ -219,7 +219,7 @@ def test_unsigned_distances_let_a_bone_be_on_either_side(study):
     at = landmarks(adapted_girdle, angles)
     centre, axes = np.asarray(adapted_girdle.centre_mm), np.asarray(adapted_girdle.semi_axes_mm)
     for place, distance in ((at.TS, girdle.ts_distance_mm), (at.AI, girdle.ai_distance_mm)):
-        assert distance < 0.0
+        assert distance > 0.0
         assert ellipsoid_distance(np.asarray(place) - centre, axes)[0] == pytest.approx(-float(distance), abs=1e-6)
     signed, unsigned = (outcomes(study, Variant(distances=name)) for name in ("signed", "unsigned"))
     for name in printed.SETS:

@@ -51,7 +51,8 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     """Find the lowest of the optima reached from the measured angles, from where the chain closes next to them and,
     if asked for or needed, from where it closes next to two places ``around``.
 
-    They are needed where the first two starts do not lead to one optimum, or to one far from the measured angles. In
+    They are needed where the first two starts do not lead to one optimum, or to one far from the measured angles; where
+    what they find is far too, six more places are tried. In
     float32 a problem has converged only if every start has led to an optimum: one not found there may be the lowest.
     """
     problem = _contiguous(problem)
@@ -60,13 +61,16 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     first = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
     found, settled = first.swept, first.settled
     needed = ~first.settled | first.apart | ~found.converged | (found.j_deg2 >= _FAR_DEG2) | around
-    again = np.flatnonzero(needed)
-    if len(again):
+    for offsets in OFFSETS_DEG.reshape(-1, 2, 6):
+        again = np.flatnonzero(needed)
+        if not len(again):
+            break
         part = take_problems(problem, again)
-        one, other = (part[1] + offset[:, None] / DEG for offset in OFFSETS_DEG[:2])
+        one, other = (part[1] + offset[:, None] / DEG for offset in offsets)
         further = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
         put_lower(found, again, further.swept)
         settled[again] &= further.settled
+        needed &= found.j_deg2 >= _FAR_DEG2  # the first two places do for all others
     return found._replace(converged=found.converged & settled) if target.dtype == np.float32 else found
 
 
