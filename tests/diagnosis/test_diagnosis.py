@@ -20,10 +20,10 @@ SAME_DEG = 1e-6
 
 UNSEEN_DEG = {"breteler_dissection": (1.5, 1.1), "breteler_mri": (1.7, 1.4)}
 """Scapula, clavicle, with the causes that are named, on motions that were not fitted. What a diagnosis must reach to be
-of use; set when the sets left 3.0 and 2.6, 2.5 and 2.4 without causes, before they were completed anew (2.0 and 1.3)."""
+of use; set when the sets left 3.0 and 2.6, 2.5 and 2.4 without causes. Completed anew they leave 2.0 and 1.3."""
 
 RATIO, PERSON_DEG = 0.65, 1.25
-"""Of the unseen gap of all angles with the causes to that without; and that gap on persons that were not fitted either."""
+"""Of the unseen gap of all angles with the causes to that without; and that gap on persons not fitted either."""
 
 
 @pytest.fixture(scope="module")

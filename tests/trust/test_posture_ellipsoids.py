@@ -64,7 +64,7 @@ def test_it_closes_the_chain_with_the_least_change_as_slsqp_finds_it(closed):
 
         constraint = {"type": "eq", "fun": closing, "jac": jax.jacfwd(closing)}
         best = minimize(lambda z: z @ z, np.zeros(6), jac=lambda z: 2.0 * z, constraints=constraint, tol=SLSQP**2)
-        assert np.abs(closing(best.x)).max() <= CLOSED_MM, "it may go on in rounding, but only where the chain is closed"
+        assert np.abs(closing(best.x)).max() <= CLOSED_MM, "it may go on in rounding, if closed"
         np.testing.assert_allclose(found.size_sd[k] ** 2, best.fun, rtol=SLSQP)
 
 
