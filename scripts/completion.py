@@ -20,6 +20,14 @@ from scipy.spatial.transform import Rotation
 
 from models.export.toml import parameters_toml
 from models.girdle import Girdle, bone_rotations, constraint_residuals_mm
+from models.muscles.das3_frames import (
+    Pose,
+    clavicle_in_thorax,
+    das3_clavicle_in_thorax,
+    das3_scapula_in_thorax,
+    scapula_in_thorax,
+)
+from models.muscles.muscle_lines import published_lines
 from motions.files import atomic_write
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
@@ -46,27 +54,18 @@ POINT_HEIGHTS_MM = tuple(np.linspace(-20.0, -200.0, 8))
 _Y_THORAX = np.array([0.0, 1.0, 0.0])
 
 _DAS3 = "DAS3 (Chadwick et al., IEEE Trans. Biomed. Eng. 61(7):1947-1956, 2014, doi 10.1109/TBME.2014.2309727)"
-DAS3_SC = np.array([1.4, -15.2, 2.8])
-DAS3_ACROMION = np.array([207.7, -0.1, 28.2])
-"""Where DAS3 hangs its scapula, in its clavicle frame: not AC but AA, the origin of its scapula frame."""
+_CADAVER, _LANDMARKS = (published_lines()[part] for part in ("cadaver", "das3"))
+"""The cadaver of Table 4.2, dissection, thorax frame; and its landmarks that DAS3's frames are made of."""
 _DAS3_CLAVICLE_CONOID = np.array([136.5, 20.6, 13.6])
 _DAS3_SCAPULA_CONOID = np.array([-53.6, -0.9, -26.6])
 _DAS3_CONOID_LENGTH = 17.4
 _DAS3_CONTACTS = (np.array([-127.4, -22.8, -34.6]), np.array([-125.7, -122.3, -27.5]))
 
 _DSEM = "the input file of the Delft shoulder and elbow model for the cadaver, as public code for DAS3 quotes it"
-DSEM_SC, DSEM_AC = np.array([19.7, 9.3, 13.7]), np.array([165.1, 26.6, 71.8])
-DSEM_TS, DSEM_AI = np.array([75.0, -11.7, 156.0]), np.array([101.6, -126.2, 156.7])
-DSEM_AA, DSEM_AC_JOINT = np.array([182.6, 7.5, 105.6]), np.array([176.6, 14.3, 73.1])
-"""The cadaver of Table 4.2, dissection, thorax frame: landmarks and AC joint. They are what DAS3's frames are made of:
-its clavicle's x axis is parallel to SC-AC, without axial rotation, and its scapula frame goes through TS, AI and AA."""
+AC_JOINT_MM = np.array([176.6, 14.3, 73.1])
+"""The cadaver's AC joint, from the same file."""
 
-_DISSECTION = {
-    "SC": np.array([20.3, -8.2, 12.4]),
-    "AC": np.array([165.0, 26.6, 71.4]),
-    "TS": np.array([74.9, -11.2, 155.8]),
-    "AI": np.array([102.5, -127.3, 155.7]),
-}
+_DISSECTION = {name: np.array(_CADAVER[f"{name.lower()}_mm"]) for name in ("SC", "AC", "TS", "AI")}
 _MRI = {
     "SC": np.array([21.1, -6.9, 12.8]),
     "AC": np.array([145.7, 67.5, 58.2]),
@@ -93,20 +92,24 @@ def das3_conoid_mm() -> tuple[Vector, Vector]:
     Each in its own frame: the clavicle's from DAS3's SC, the scapula's from the AC joint, in axes of TS, AI and AA.
     So the attachments are 19.3 mm apart, and the conoid is 17.4; from AA, where DAS3 has its scapula, they are 46.4.
     """
-    R_thorax_clavicle = clavicle_frame(DSEM_SC, DSEM_AC, _Y_THORAX)
-    return DAS3_SC + R_thorax_clavicle @ _DAS3_CLAVICLE_CONOID, DSEM_AC_JOINT + _das3_scapula() @ _DAS3_SCAPULA_CONOID
+    scapula = das3_scapula_in_thorax(_LANDMARKS)._replace(origin_mm=AC_JOINT_MM)
+    return _outward(das3_clavicle_in_thorax(_LANDMARKS), _DAS3_CLAVICLE_CONOID), _outward(scapula, _DAS3_SCAPULA_CONOID)
 
 
-def _das3_scapula() -> Float[np.ndarray, "3 3"]:
-    return scapula_frame(DSEM_AA, DSEM_TS, DSEM_AI)
+def _outward(pose: Pose, point_mm: Vector) -> Vector:
+    return pose.outward(point_mm[:, None])[:, 0]
+
+
+def _inward(pose: Pose, point_mm: Vector) -> Vector:
+    return pose.inward(point_mm[:, None])[:, 0]
 
 
 def attachment_shares() -> tuple[Vector, Vector]:
     """DAS3's attachments in the frames of Appendix A: on the clavicle over |AC-SC|, on the scapula over |AC-TS|."""
-    SC, AC, TS, AI = _DISSECTION.values()
+    SC, AC, TS, _ = _DISSECTION.values()
     on_clavicle, on_scapula = das3_conoid_mm()
-    in_clavicle = clavicle_frame(SC, AC, _Y_THORAX).T @ (on_clavicle - SC)
-    in_scapula = scapula_frame(AC, TS, AI).T @ (on_scapula - AC)
+    in_clavicle = _inward(clavicle_in_thorax(_CADAVER), on_clavicle)
+    in_scapula = _inward(scapula_in_thorax(_CADAVER), on_scapula)
     return in_clavicle / np.linalg.norm(AC - SC), in_scapula / np.linalg.norm(AC - TS)
 
 
@@ -290,7 +293,8 @@ def _cadaver(
 
 def _dissection_set() -> Completed:
     """At rest where the cadaver was measured, upright."""
-    girdle, rest_deg = _cadaver(_DISSECTION, (0.0, -139.3, 68.0), (139.1, 198.2, 85.4), np.asarray(SHIPPED.on_clavicle))
+    ellipsoid = _CADAVER["centre_mm"], _CADAVER["semi_axes_mm"]
+    girdle, rest_deg = _cadaver(_DISSECTION, *ellipsoid, np.asarray(SHIPPED.on_clavicle))
     source = _cadaver_sources("dissection", rest_deg)
     title = "The cadaver of Klein Breteler in the thesis, dissection (Tables 4.2 and 4.5)."
     return Completed("breteler_dissection", title, close_at_rest(girdle, rest_deg), rest_deg, source)
@@ -315,10 +319,10 @@ def _mri_set(dissection: Girdle) -> Completed:
 
 def _das3_set() -> Completed:
     """The published DAS3 numbers, each taken from its own frame into those of Appendix A. Closed to 2 mm."""
-    SC, AC, TS, AI = DAS3_SC, *list(_DISSECTION.values())[1:]
+    SC, AC, TS, AI = np.array(_LANDMARKS["joint_sc_mm"]), *list(_DISSECTION.values())[1:]
     R_thorax_clavicle, R_thorax_scapula = clavicle_frame(SC, AC, _Y_THORAX), scapula_frame(AC, TS, AI)
     on_clavicle, on_scapula = das3_conoid_mm()
-    ts, ai = (R_thorax_scapula.T @ (DSEM_AA + _das3_scapula() @ contact - AC) for contact in _DAS3_CONTACTS)
+    ts, ai = (R_thorax_scapula.T @ (_outward(das3_scapula_in_thorax(_LANDMARKS), one) - AC) for one in _DAS3_CONTACTS)
     girdle = _unclosed(
         (0.0, -148.6, 59.1),
         (147.0, 207.9, 94.4),

@@ -103,7 +103,7 @@ def muscle_lines(model: ParameterSet) -> MuscleLines:
         cause = "TS is not on the x-axis of the scapula frame, or AI not in its plane z = 0"
         remedy = "Muscle lines need TS and AI as landmarks in the frame AC-TS-AI (thesis, Appendix A); use another set"
         raise InputError(model.name, None, cause, remedy)
-    document = _document()
+    document = published_lines()
     rows = [
         {"muscle": muscle, "wraps": part["wraps"], **row}
         for muscle, part in document["muscle"].items()
@@ -144,7 +144,8 @@ def has_landmarks(girdle: Girdle) -> bool:
 
 
 @cache
-def _document() -> dict[str, Any]:
+def published_lines() -> dict[str, Any]:
+    """Read the file of the lines, with the landmarks of the cadaver: ``cadaver`` and ``das3``."""
     with TABLE.open("rb") as file:
         return tomllib.load(file)
 

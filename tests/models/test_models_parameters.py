@@ -14,18 +14,14 @@ import pytest
 from models import ParameterSet, load_model, model_names
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm, landmarks
+from models.muscles.muscle_lines import published_lines
 from models.parameter_sets import FOLDER, SHORTEST_MM, shortest_conoid_mm
 from motions.errors import InputError
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 from scripts.completion import (
-    DAS3_ACROMION,
-    DAS3_SC,
-    DSEM_AA,
-    DSEM_AC,
-    DSEM_AC_JOINT,
-    DSEM_SC,
+    AC_JOINT_MM,
     POINT_AZIMUTHS_DEG,
     POINT_HEIGHTS_MM,
     Rule,
@@ -52,6 +48,13 @@ COMPLETED = {completed.name: completed for completed in completed_sets()}
 THESIS_SETS = ("R2", "R4", "R6")
 CLOSED_AT_REST = (*THESIS_SETS, "breteler_dissection")
 """In the MRI the conoid is slack, and the numbers of DAS3 close to 2 mm."""
+
+DAS3_SC, DSEM_SC, DSEM_AC, DSEM_AA = (
+    np.array(published_lines()["das3"][f"{name}_mm"]) for name in ("joint_sc", "sc", "ac", "aa")
+)
+
+DAS3_ACROMION = np.array([207.7, -0.1, 28.2])
+"""Where DAS3 hangs its scapula, in its clavicle frame: not AC but AA, the origin of its scapula frame."""
 
 DAS3_OPEN_MM = 2.0
 """Of A1-A3 with DAS3's numbers where its cadaver was measured: two palpated points, 1.4 mm each (thesis 5.2)."""
@@ -222,7 +225,7 @@ def test_das3_hangs_its_scapula_at_aa():
 
 def test_das3s_attachments_are_a_conoid_apart_from_the_ac_joint_and_not_from_aa():
     on_clavicle, on_scapula = das3_conoid_mm()
-    from_aa = on_scapula - DSEM_AC_JOINT + DSEM_AA
+    from_aa = on_scapula - AC_JOINT_MM + DSEM_AA
     assert np.linalg.norm(on_scapula - on_clavicle) == pytest.approx(17.4, abs=DAS3_OPEN_MM)
     assert np.linalg.norm(from_aa - on_clavicle) > 2.0 * 17.4
 
