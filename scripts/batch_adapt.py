@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from adapt.cli import app as cli
+from adapt.cli import options
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from motions import InputError
 
@@ -16,13 +17,13 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def batch(
     folder: Annotated[Path, typer.Argument(help="Folder of the subjects' motion files, *.csv.")],
-    out: cli.Out,
-    model: cli.Models = [],  # noqa: B006 (typer reads it, never changes it)
-    models_of: cli.ModelsOf = [],  # noqa: B006
-    weight: cli.Weight = WEIGHT,
-    reading: cli.Reading = DEFAULT_READING,
-    float32: cli.Float32 = False,
-    effect: cli.KnownEffects = [],  # noqa: B006
+    out: options.Out,
+    model: options.Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: options.ModelsOf = [],  # noqa: B006
+    weight: options.Weight = WEIGHT,
+    reading: options.Reading = DEFAULT_READING,
+    float32: options.Float32 = False,
+    effect: options.KnownEffects = [],  # noqa: B006
 ) -> None:
     """Adapt the models to every subject in a folder. A file that cannot be read is named and left out."""
     found = sorted(folder.glob("*.csv"))

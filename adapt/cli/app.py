@@ -13,9 +13,27 @@ import typer
 
 from adapt.api import adapt_subjects, fit_postures
 from adapt.assessment import assess_trust
+from adapt.cli.options import (
+    DEFAULT_MODEL,
+    AaToAc,
+    Float32,
+    KnownEffects,
+    Models,
+    ModelsOf,
+    MotionFiles,
+    Names,
+    Out,
+    Reading,
+    Repeat,
+    ScFromIj,
+    Shoulder,
+    Weight,
+    console,
+    errors,
+)
 from adapt.cli.print_diagnosis import print_diagnosis
 from adapt.cli.print_muscles import print_muscles
-from adapt.cli.print_tables import PlainConsole, print_heldout, print_parameters, print_summary, progress
+from adapt.cli.print_tables import print_heldout, print_parameters, print_summary, progress
 from adapt.cli.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST_DEG
@@ -34,7 +52,6 @@ from adapt.large_runs.parts import (
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.output.muscle_files import write_muscles
-from adapt.output.repeat import other_versions, read_record, recorded_arguments
 from adapt.output.result_files import raise_without_report, write_adaptations, write_figures, write_fits, write_report
 from adapt.output.run_files import (
     Files,
@@ -52,15 +69,14 @@ from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
 from models import load_model, model_names
 from models.effects import EFFECTS
-from models.effects.course import FULL_ELEVATION_DEG
 from models.effects.known import OPTION, described, effect_named, read_amplitudes
 from models.muscles.muscle_lines import muscle_lines_of
 from models.person.family import AnyModel, load_any_model, without_set
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
-from motions.landmarks.acromion import ROTATIONS, acromion_rotation
+from motions.landmarks.acromion import acromion_rotation
 from motions.landmarks.mapping import read_mapping
 from motions.landmarks.sampled_postures import SLIPPED, Labels
-from motions.landmarks.stand_ins import OFFSETS, sternoclavicular_offset
+from motions.landmarks.stand_ins import sternoclavicular_offset
 from motions.motion_csv.cells import SIDES
 
 EXIT_BAD_INPUT = 2
@@ -68,8 +84,6 @@ EXIT_SOME_NOT_HANDLED = 3
 EXIT_INTERRUPTED = 130
 
 NO_EFFECT = "none"
-
-DEFAULT_MODEL = "R2"
 
 MOST_NOISE_DEG = 20.0
 """Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
@@ -90,100 +104,6 @@ Cardan angles clavicle_y_deg ... scapula_x_deg (right shoulder, thorax frame, de
 Exit status: 0 every subject was handled, 3 some were not (named on stderr and in the files), 2 bad input, 130
 interrupted (what was there is as it was).""",
 )
-
-MotionFiles = Annotated[
-    list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files, one or many subjects each.")
-]
-Models = Annotated[
-    list[str],
-    typer.Option(
-        "--model",
-        help="Name of a parameter set (see `girdle models`) or a TOML file; repeatable.",
-        show_default=DEFAULT_MODEL,
-    ),
-]
-ModelsOf = Annotated[
-    list[Path],
-    typer.Option(
-        "--models-of",
-        metavar="FOLDER",
-        help="Folder with a parameter set of each subject, by its name (see `girdle model`); repeatable, also beside "
-        "--model.",
-        show_default=False,
-    ),
-]
-Out = Annotated[Path, typer.Option("--out", help="Folder for the results; made if it is not there.")]
-
-
-def _take_from_record(context: typer.Context, path: Path | None) -> None:
-    """What the record says becomes the default of the command's parameters."""
-    if path is None:
-        return
-    parameters = {one.name: one for one in context.command.params if one.name}
-    options = set(parameters) - {"motions", "model", "models_of", "out", "repeat"}
-    record = read_record(path)
-    recorded = recorded_arguments(record, path, str(context.command.name), options)
-    if not parameters["model"].multiple:
-        recorded["model"] = recorded["model"][0]
-    context.default_map = recorded
-    if different := other_versions(record):
-        errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
-
-
-Weight = Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")]
-
-Reading = Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")]
-
-Float32 = Annotated[
-    bool,
-    typer.Option(
-        "--float32",
-        help="Iterate in float32, and in float64 where that does not converge: a little faster for a thousand subjects "
-        "and more. Angles change by less than 0.001 degrees, parameters by less than 0.1 mm.",
-    ),
-]
-
-KnownEffects = Annotated[
-    list[str],
-    typer.Option(
-        OPTION,
-        metavar="NAME=A,B,C",
-        help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
-        f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
-        "scapula_landmark_bias=0,12,0. Repeatable; always in float64.",
-        show_default=False,
-    ),
-]
-
-Repeat = Annotated[
-    Path | None,
-    typer.Option(
-        "--repeat",
-        metavar="run.json",
-        help="Repeat an earlier run: motion files, models and options are those of its record, but for what is given "
-        "here. Its files must be as they were.",
-        callback=_take_from_record,
-        is_eager=True,
-        show_default=False,
-    ),
-]
-
-Names = Annotated[
-    Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
-]
-
-Shoulder = Annotated[str, typer.Option(help="Shoulder: right or left.")]
-
-AaToAc = Annotated[
-    str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
-]
-
-ScFromIj = Annotated[
-    str, typer.Option(help=f"Offset that places SC from IJ, where nobody marked it: {', '.join(OFFSETS)}.")
-]
-
-console = PlainConsole()
-errors = PlainConsole(stderr=True)
 
 
 @app.command()

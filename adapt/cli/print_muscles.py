@@ -3,10 +3,9 @@
 """What a person sees on the terminal of muscle arms and of the forces that balance the arm."""
 
 import pandas as pd
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
+from adapt.cli.print_tables import folding_table
 from adapt.tables.before_after import STATES
 from adapt.tables.muscle_tables import MuscleTables, unbalanced
 from models.muscles.contact import FORCES
@@ -30,7 +29,7 @@ def print_muscles(console: Console, found: MuscleTables) -> None:
 
 def _print_arms(console: Console, found: MuscleTables) -> None:
     title = "Arm of the mean line, mm, and force to hold the arm, N; means, before -> after adaptation"
-    table = _table(title, ("model", "muscle"), ("about SC", "about AC", "force"))
+    table = folding_table(title, ("model", "muscle"), ("about SC", "about AC", "force"))
     keys = ["model", "muscle"]
     arms = found.arms.groupby(keys, sort=False).mean(numeric_only=True)
     forces = found.muscles.groupby(keys, sort=False)[[f"force_{word}_N" for word in STATES]].mean()
@@ -42,20 +41,11 @@ def _print_arms(console: Console, found: MuscleTables) -> None:
 
 def _print_contact(console: Console, balances: pd.DataFrame) -> None:
     title = "Forces that hold the arm, N; means of postures, before -> after; share of muscle force that moved"
-    table = _table(title, ("model",), (*FORCES, "muscles", "moved"))
+    table = folding_table(title, ("model",), (*FORCES, "muscles", "moved"))
     for model, row in balances.groupby("model", sort=False).mean(numeric_only=True).iterrows():
         names = [f"{force}_{{}}_N" for force in (*FORCES, "muscles")]
         table.add_row(str(model), *(_change(row, name, ".0f") for name in names), f"{100 * row['moved_share']:.0f} %")
     console.print(table)
-
-
-def _table(title: str, names: tuple[str, ...], numbers: tuple[str, ...]) -> Table:
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for name in names:
-        table.add_column(name, overflow="fold")
-    for name in numbers:
-        table.add_column(name, no_wrap=True, justify="right")
-    return table
 
 
 def _change(row: pd.Series, name: str, form: str) -> str:

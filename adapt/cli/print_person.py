@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from adapt.cli.person import Written
+from adapt.cli.print_tables import folding_table
 from motions.files import printable
 
 _PAIRS = (("SC", "AC"), ("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
@@ -14,15 +13,8 @@ _PAIRS = (("SC", "AC"), ("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
 
 def print_persons(console: Console, written: Sequence[Written]) -> None:
     """Print the lengths of every person with their SDs, and in words what to be careful with."""
-    table = Table(
-        title="Lengths, mm +- SD of the median (spread over the postures); posture in which the chain closes",
-        title_justify="left",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-    )
-    for header in ("subject", *("-".join(pair) for pair in _PAIRS), "at rest"):
-        table.add_column(header, overflow="fold")
+    title = "Lengths, mm +- SD of the median (spread over the postures); posture in which the chain closes"
+    table = folding_table(title, ("subject", *("-".join(pair) for pair in _PAIRS), "at rest"))
     for one in written:
         sizes = [one.built.sizes[pair] for pair in _PAIRS]
         lengths = [

@@ -3,7 +3,7 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """What a person sees on the terminal: progress while it runs, tables when it is done."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -45,6 +45,16 @@ def progress(errors: Console) -> Iterator[Callable[[str], None]]:
     with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
         yield lambda stage: bar.update(task, description=stage)
+
+
+def folding_table(title: str, names: Sequence[str], numbers: Sequence[str] = ()) -> Table:
+    """Make an empty table: where the terminal is narrow names are folded, numbers never cut."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for name in names:
+        table.add_column(name, overflow="fold")
+    for name in numbers:
+        table.add_column(name, no_wrap=True, justify="right")
+    return table
 
 
 def print_summary(console: Console, summary: pd.DataFrame) -> None:

@@ -5,11 +5,10 @@
 import math
 
 import pandas as pd
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from adapt.assessment import Trust
+from adapt.cli.print_tables import folding_table
 from adapt.trust.thorax_plausibility import WARNING
 from models.adapted_parameters import ADAPTED
 
@@ -29,19 +28,9 @@ def print_trust(console: Console, found: Trust) -> None:
         print_weights(console, found.weights)
 
 
-def _table(title: str, headers: tuple[str, ...], names: int) -> Table:
-    """Where the terminal is narrow names are folded, numbers never cut."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for header in headers[:names]:
-        table.add_column(header, overflow="fold")
-    for header in headers[names:]:
-        table.add_column(header, no_wrap=True, justify="right")
-    return table
-
-
 def _print_parameters(console: Console, model: str, spread: pd.DataFrame) -> None:
     title = f"{model}: 95 % intervals of the adapted parameters, mm\n(* the value itself: at a bound, no estimate)"
-    table = _table(title, ("subject", *(name.removesuffix("_length") for name in ADAPTED)), 1)
+    table = folding_table(title, ("subject",), [name.removesuffix("_length") for name in ADAPTED])
     for subject, rows in spread.groupby("subject", sort=False):
         table.add_row(str(subject), *(_interval(row) for row in rows.to_dict("records")))
     console.print(table)
@@ -58,8 +47,8 @@ def _print_gaps(console: Console, subjects: pd.DataFrame) -> None:
         "Mean |simulated - measured|, degrees: before and after adaptation (seen), and on each motion and third of\n"
         "the postures held out from it; steps without a jump; what the thorax points forbid of the fall of mean J"
     )
-    headers = ("model", "subject", "before", "seen", "motion", "postures", "smooth", "forbidden")
-    table = _table(title, headers, 2)
+    numbers = ("before", "seen", "motion", "postures", "smooth", "forbidden")
+    table = folding_table(title, ("model", "subject"), numbers)
     gaps = [f"gap_{word}_deg" for word in ("before", "in_sample", "unseen_motion", "unseen_postures")]
     for row in subjects.to_dict("records"):
         shares = (_number(100.0 * row[key], ".0f", " %") for key in ("jump_free", "points_forbid"))
@@ -74,8 +63,8 @@ def _number(value: float, form: str, unit: str = "") -> str:
 def print_weights(console: Console, weights: pd.DataFrame) -> None:
     """Print the trade-off curve of w, and whether it has a least gap at all."""
     title = "w of E = D + w mean(J), by motions held out (* smallest gap unseen)"
-    headers = ("model", "w", "points rms, mm", "J rms, deg", "gap seen", "gap unseen", "at bound")
-    table = _table(title, headers, 1)
+    numbers = ("w", "points rms, mm", "J rms, deg", "gap seen", "gap unseen", "at bound")
+    table = folding_table(title, ("model",), numbers)
     for row in weights.to_dict("records"):
         keys = ("thorax_points_rms_mm", "j_rms_deg", "gap_in_sample_deg", "gap_unseen_deg")
         name = f"{row['weight']:g}{'*' if row['best'] else ''}"

@@ -1,0 +1,110 @@
+"""The options that several commands share, each with its help; the consoles; and how a record's options are taken."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from adapt.cli.print_tables import PlainConsole
+from adapt.output.repeat import other_versions, read_record, recorded_arguments
+from adapt.solvers.objective import READINGS
+from models.effects.course import FULL_ELEVATION_DEG
+from models.effects.known import OPTION
+from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.stand_ins import OFFSETS
+
+DEFAULT_MODEL = "R2"
+
+console = PlainConsole()
+errors = PlainConsole(stderr=True)
+
+MotionFiles = Annotated[
+    list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files, one or many subjects each.")
+]
+Models = Annotated[
+    list[str],
+    typer.Option(
+        "--model",
+        help="Name of a parameter set (see `girdle models`) or a TOML file; repeatable.",
+        show_default=DEFAULT_MODEL,
+    ),
+]
+ModelsOf = Annotated[
+    list[Path],
+    typer.Option(
+        "--models-of",
+        metavar="FOLDER",
+        help="Folder with a parameter set of each subject, by its name (see `girdle model`); repeatable, also beside "
+        "--model.",
+        show_default=False,
+    ),
+]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results; made if it is not there.")]
+
+
+def _take_from_record(context: typer.Context, path: Path | None) -> None:
+    """What the record says becomes the default of the command's parameters."""
+    if path is None:
+        return
+    parameters = {one.name: one for one in context.command.params if one.name}
+    options = set(parameters) - {"motions", "model", "models_of", "out", "repeat"}
+    record = read_record(path)
+    recorded = recorded_arguments(record, path, str(context.command.name), options)
+    if not parameters["model"].multiple:
+        recorded["model"] = recorded["model"][0]
+    context.default_map = recorded
+    if different := other_versions(record):
+        errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
+
+
+Weight = Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")]
+
+Reading = Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")]
+
+Float32 = Annotated[
+    bool,
+    typer.Option(
+        "--float32",
+        help="Iterate in float32, and in float64 where that does not converge: a little faster for a thousand subjects "
+        "and more. Angles change by less than 0.001 degrees, parameters by less than 0.1 mm.",
+    ),
+]
+
+KnownEffects = Annotated[
+    list[str],
+    typer.Option(
+        OPTION,
+        metavar="NAME=A,B,C",
+        help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
+        f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
+        "scapula_landmark_bias=0,12,0. Repeatable; always in float64.",
+        show_default=False,
+    ),
+]
+
+Repeat = Annotated[
+    Path | None,
+    typer.Option(
+        "--repeat",
+        metavar="run.json",
+        help="Repeat an earlier run: motion files, models and options are those of its record, but for what is given "
+        "here. Its files must be as they were.",
+        callback=_take_from_record,
+        is_eager=True,
+        show_default=False,
+    ),
+]
+
+Names = Annotated[
+    Path | None, typer.Option("--map", help="TOML file with your names of markers and angles, and the unit.")
+]
+
+Shoulder = Annotated[str, typer.Option(help="Shoulder: right or left.")]
+
+AaToAc = Annotated[
+    str, typer.Option(help=f"Mean rotation for a scapula with AA but without AC: {', '.join(ROTATIONS)}.")
+]
+
+ScFromIj = Annotated[
+    str, typer.Option(help=f"Offset that places SC from IJ, where nobody marked it: {', '.join(OFFSETS)}.")
+]
