@@ -40,6 +40,19 @@ class Part(NamedTuple):
     """Of its E for the amplitudes: next to nothing where its person is held out from them."""
 
 
+class PartArrays(NamedTuple):
+    """What the parts are, side by side."""
+
+    subject: Int[np.ndarray, " parts"]
+    group: Int[np.ndarray, " parts"]
+    importance: Float[np.ndarray, " parts"]
+
+
+def part_arrays(parts: Sequence[Part]) -> PartArrays:
+    """Lay the parts out."""
+    return PartArrays(*(np.array([getattr(part, name) for part in parts]) for name in PartArrays._fields))
+
+
 @dataclass(frozen=True)
 class Fitted:
     """Where a joint fit ended."""
@@ -96,9 +109,9 @@ class JointFit:
         return np.concatenate([part.rows for part in self.parts])
 
     @cached_property
-    def subjects(self) -> Int[np.ndarray, " parts"]:
-        """Whose each part is."""
-        return np.array([part.subject for part in self.parts])
+    def arrays(self) -> PartArrays:
+        """What the parts are, side by side."""
+        return part_arrays(self.parts)
 
     @property
     def groups(self) -> int:
@@ -110,17 +123,17 @@ class JointFit:
         counts = np.array([len(part.rows) for part in self.parts])
         of_row = np.repeat(np.arange(len(counts)), counts)
         return Parts(
-            girdle=take_problems(self.model.sets.girdle, self.subjects),
-            thorax=self.model.thorax(self.subjects),
-            bounds_mm=tuple(self.model.bounds_mm[:, self.subjects]),
+            girdle=take_problems(self.model.sets.girdle, self.arrays.subject),
+            thorax=self.model.thorax(self.arrays.subject),
+            bounds_mm=tuple(self.model.bounds_mm[:, self.arrays.subject]),
             effects=self.model.effects,
             strengths=np.zeros((self.candidates.columns.shape[1], len(of_row))),
             measured_deg=self.shoulders.measured_deg[:, self.rows],
             sd=self.shoulders.sd[:, self.rows],
             weights=WEIGHT / counts[of_row] * self.shoulders.weights[self.rows],
             part=of_row,
-            group=np.array([part.group for part in self.parts]),
-            importance=np.array([part.importance for part in self.parts]),
+            group=self.arrays.group,
+            importance=self.arrays.importance,
         )
 
     def _shared(self, hypothesis: Sequence[str]) -> Shared:
@@ -152,7 +165,7 @@ class JointFit:
     def from_starts(self) -> Fitted:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
         none = np.zeros((self.groups, 0))
-        found = [self.fit((), self.model.theta_mm[self.subjects] + start, none) for start in STARTS_MM]
+        found = [self.fit((), self.model.theta_mm[self.arrays.subject] + start, none) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E

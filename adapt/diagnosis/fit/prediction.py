@@ -63,21 +63,19 @@ class Linearised:
         chosen = np.concatenate([np.arange(_N), _N + where, [-1]])
         every = np.tensordot(self.shares, self.products[:, chosen[:, None], chosen], axes=1)
         gradient, matrix = every[:, :-1, -1], every[:, :-1, :-1]
-        subject = np.array([part.subject for part in self.folds.parts])
-        gradient[:, :_N] += self.thorax_gradient[subject]
-        matrix[:, :_N, :_N] += self.thorax_matrix[subject]
+        gradient[:, :_N] += self.thorax_gradient[self.folds.arrays.subject]
+        matrix[:, :_N, :_N] += self.thorax_matrix[self.folds.arrays.subject]
         return gradient, matrix
 
     def predict(self, hypothesis: Sequence[str]) -> Predicted:
         """Predict every fold under a hypothesis that has the one of the fit in it."""
-        joint, parts = self.joint, self.folds.parts
+        joint = self.joint
         where = joint.candidates.where(hypothesis)
         scale, mean, now = joint.candidates.scale[where], joint.candidates.mean[where], self.amplitudes(hypothesis)
-        subject, group = (np.array([getattr(part, k) for part in parts]) for k in ("subject", "group"))
-        importance = np.array([part.importance for part in parts])
+        subject, group, importance = self.folds.arrays
         theta = self.fitted.theta_mm[subject]
         lower, upper = joint.model.bounds_mm[:, subject]
-        groups = parts[-1].group + 1
+        groups = int(group[-1]) + 1
         quadratic = Quadratic(*self.normal_equations(where), importance, group)
         prior_gradient = np.broadcast_to(2.0 * (now - mean) / scale**2, (groups, len(where)))
         step = lowest(quadratic, groups, prior_gradient, np.diag(2.0 / scale**2)[None], (lower - theta, upper - theta))
@@ -117,7 +115,7 @@ def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: 
         B,
         np.array([_product(extended[cell == one]) for one in cells]),
         np.array(shares),
-        *joint.model.thorax(joint.subjects)(fitted.theta_mm)[1:],
+        *joint.model.thorax(joint.arrays.subject)(fitted.theta_mm)[1:],
     )
 
 

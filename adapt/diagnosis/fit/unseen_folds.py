@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.diagnosis.fit.joint_fit import Part, everybody
+from adapt.diagnosis.fit.joint_fit import Part, PartArrays, everybody, part_arrays
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.tables.held_out import MOTION
 from adapt.trust.folds import POSTURE_PARTS
@@ -43,6 +43,11 @@ class Folds:
 
     parts: tuple[Part, ...]
     tests: tuple[Test, ...]
+
+    @cached_property
+    def arrays(self) -> PartArrays:
+        """What the parts are, side by side."""
+        return part_arrays(self.parts)
 
     @cached_property
     def rows(self) -> Int[np.ndarray, " tested"]:

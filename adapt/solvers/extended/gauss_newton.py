@@ -16,7 +16,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.solvers.extended.arrow_step import Quadratic, lowest
+from adapt.solvers.extended.arrow_step import Quadratic, Step, lowest
 from adapt.solvers.extended.nearest_posture import Nearest, nearest_postures
 from adapt.solvers.objective import ThoraxPoints
 from models.adapted_parameters import ADAPTED
@@ -107,6 +107,66 @@ class _Point(NamedTuple):
     D_matrix: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Objective:
+    """E of every part with the prior of the shared amplitudes, as a function of theta and the amplitudes a."""
+
+    parts: Parts
+    shared: Shared
+
+    @cached_property
+    def used(self) -> Int[np.ndarray, " used"]:
+        """The channels that the amplitudes act in."""
+        return np.flatnonzero(np.abs(self.shared.columns).max(axis=(0, 2), initial=0.0) > 0.0)
+
+    @cached_property
+    def columns(self) -> Float[np.ndarray, "own used rows"]:
+        """Strength in these channels of an amplitude of 1."""
+        return self.shared.columns[:, self.used]
+
+    def at(self, theta, a, start_deg) -> _Point:
+        """Evaluate it."""
+        parts, strengths = self.parts, self.parts.strengths
+        if len(self.used):
+            strengths = strengths.copy()
+            strengths[self.used] += np.einsum("rk,kcr->cr", a[parts.group][parts.part], self.columns)
+        near = parts.nearest(theta, strengths, start_deg)
+        D, gradient, matrix = parts.thorax(theta)
+        opened = np.where(near.open_mm > _OPEN_MM, np.minimum(near.open_mm, 1.0) ** 2, 0.0)
+        E = D + parts.sums(parts.weights * (near.y**2).sum(axis=1) + _OPEN_COST * opened)
+        E = np.where(np.isfinite(E), E, np.inf)
+        prior = (((a - self.shared.mean) / self.shared.scale) ** 2).sum(axis=1)
+        total = np.bincount(parts.group, E * parts.importance, len(a)) + prior
+        return _Point(near, E, total, gradient, matrix)
+
+    def slopes(self, at: _Point) -> tuple[Float[np.ndarray, "rows 3 n"], Float[np.ndarray, "parts n"]]:
+        """Give Z, dy in theta and the amplitudes, and the gradient of E of every part in them."""
+        by_amplitude = np.einsum("ric,kcr->rik", at.near.by_channel[:, :, self.used], self.columns)
+        Z = np.concatenate([at.near.by_theta, by_amplitude], axis=2)
+        gradient = self.parts.sums(np.einsum("rik,ri->rk", self._weighted(Z), at.near.y))
+        gradient[:, :_N] += at.D_gradient
+        return Z, gradient
+
+    def step(self, at: _Point, Z, gradient, theta, a, damping: Float[np.ndarray, " groups"]) -> Step:
+        """Find the lowest point of the damped quadratic model within the bounds."""
+        parts, shared = self.parts, self.shared
+        matrix = parts.sums(np.einsum("rik,rij->rkj", self._weighted(Z), Z))
+        matrix[:, :_N, :_N] += at.D_matrix
+        trace = np.einsum("pii->p", matrix[:, :_N, :_N])
+        matrix[:, range(_N), range(_N)] += (damping[parts.group] * trace)[:, None]
+        lower, upper = parts.bounds_mm
+        return lowest(
+            Quadratic(gradient, matrix, parts.importance, parts.group),
+            len(a),
+            2.0 * (a - shared.mean) / shared.scale**2,
+            np.eye(len(shared.scale)) * (2.0 / shared.scale**2) * (1.0 + damping[:, None, None]),
+            (lower - theta, upper - theta),
+        )
+
+    def _weighted(self, Z):
+        return 2.0 * self.parts.weights[:, None, None] * Z
+
+
 def minimise(
     parts: Parts,
     shared: Shared,
@@ -117,52 +177,20 @@ def minimise(
     start_deg: Float[np.ndarray, "6 rows"] | None = None,
 ) -> End:
     """Step until ``finished`` says so of the last decrease and the slope in theta; each group has its own damping."""
-    lower, upper = parts.bounds_mm
-    groups = len(amplitude)
-    used = np.flatnonzero(np.abs(shared.columns).max(axis=(0, 2), initial=0.0) > 0.0)
-    columns = shared.columns[:, used]
-
-    def look(theta, a, start) -> _Point:
-        strengths = parts.strengths
-        if len(used):
-            strengths = strengths.copy()
-            strengths[used] += np.einsum("rk,kcr->cr", a[parts.group][parts.part], columns)
-        near = parts.nearest(theta, strengths, start)
-        D, gradient, matrix = parts.thorax(theta)
-        opened = np.where(near.open_mm > _OPEN_MM, np.minimum(near.open_mm, 1.0) ** 2, 0.0)
-        E = D + parts.sums(parts.weights * (near.y**2).sum(axis=1) + _OPEN_COST * opened)
-        E = np.where(np.isfinite(E), E, np.inf)
-        prior = (((a - shared.mean) / shared.scale) ** 2).sum(axis=1)
-        total = np.bincount(parts.group, E * parts.importance, groups) + prior
-        return _Point(near, E, total, gradient, matrix)
-
+    objective, (lower, upper) = _Objective(parts, shared), parts.bounds_mm
     theta, a = np.clip(theta_mm, lower, upper), np.array(amplitude)
-    damping = np.full(groups, _FIRST_DAMPING)
-    at = look(theta, a, start_deg)
+    damping = np.full(len(a), _FIRST_DAMPING)
+    at = objective.at(theta, a, start_deg)
     settled, gain, step_number, slope = False, np.inf, 0, np.zeros_like(theta)
     for step_number in range(most_steps + 1):
-        by_amplitude = np.einsum("ric,kcr->rik", at.near.by_channel[:, :, used], columns)
-        Z = np.concatenate([at.near.by_theta, by_amplitude], axis=2)
-        weighted = 2.0 * parts.weights[:, None, None] * Z
-        gradient = parts.sums(np.einsum("rik,ri->rk", weighted, at.near.y))
-        gradient[:, :_N] += at.D_gradient
+        Z, gradient = objective.slopes(at)
         held = ((theta <= lower) & (gradient[:, :_N] > 0)) | ((theta >= upper) & (gradient[:, :_N] < 0))
         slope = np.where(held, 0.0, gradient[:, :_N])
         settled = finished(gain, slope) and bool((damping < _STUCK).all())
         if settled or step_number == most_steps:
             break
-        matrix = parts.sums(np.einsum("rik,rij->rkj", weighted, Z))
-        matrix[:, :_N, :_N] += at.D_matrix
-        trace = np.einsum("pii->p", matrix[:, :_N, :_N])
-        matrix[:, range(_N), range(_N)] += (damping[parts.group] * trace)[:, None]
-        step = lowest(
-            Quadratic(gradient, matrix, parts.importance, parts.group),
-            groups,
-            2.0 * (a - shared.mean) / shared.scale**2,
-            np.eye(len(shared.scale)) * (2.0 / shared.scale**2) * (1.0 + damping[:, None, None]),
-            (lower - theta, upper - theta),
-        )
-        tried = look(theta + step.theta, a + step.amplitude, at.near.angles_deg.T)
+        step = objective.step(at, Z, gradient, theta, a, damping)
+        tried = objective.at(theta + step.theta, a + step.amplitude, at.near.angles_deg.T)
         better = tried.total <= at.total + _SAME * np.abs(at.total)
         damping = np.where(better, damping * _LESS, np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE))
         gain = float(np.where(better, at.total - tried.total, np.inf).max())
