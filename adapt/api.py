@@ -30,8 +30,7 @@ from adapt.tables.results import (
 from adapt.trust.covariance import Uncertainty, uncertainty
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
-from models.parameter_sets import ParameterSet
-from models.person.family import AnyModel, PersonalSets, girdles_of
+from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
 from motions.table import Motions
 
@@ -74,7 +73,7 @@ def fit_postures(
     ``dtype`` and ``effects``: see :func:`adapt_subjects`.
     """
     motions = _with_gaps(motions)
-    by_model, fits = _before(motions, _as_list(models), progress, _type_of(dtype, effects), effects)
+    by_model, fits = _before(motions, as_list(models), progress, _type_of(dtype, effects), effects)
     return PostureFits(by_model, fits, summary_table(fits))
 
 
@@ -119,7 +118,7 @@ def adapt_subjects(
     chain; D stays that of the ellipsoid without them. They have no fast path, nor one in float32: ten subjects take 8
     s, and what is compiled for them half a minute unless ``adapt.engine.compilation_cache`` holds it.
     """
-    models, motions = _as_list(models), _with_gaps(motions)
+    models, motions = as_list(models), _with_gaps(motions)
     dtype = _type_of(dtype, effects)
     _, before = _before(motions, models, progress, dtype, effects)
     batch = pack(motions)
@@ -180,10 +179,6 @@ def _with_gaps(motions: Motions) -> Motions:
 def _type_of(dtype: DTypeLike, effects: Amplitudes) -> DTypeLike:
     """What the fits are iterated in: the careful path, that of effects, is float64's."""
     return np.float64 if effects else dtype
-
-
-def _as_list(models) -> list[AnyModel]:
-    return [models] if isinstance(models, ParameterSet | PersonalSets) else list(models)
 
 
 def _by_model(models: Sequence[AnyModel], fitted: Fitted) -> dict[str, Fitted]:

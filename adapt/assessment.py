@@ -17,6 +17,7 @@ from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch
+from adapt.tables.before_after import before_and_after
 from adapt.tables.contact_table import contact_table
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
 from adapt.tables.muscle_tables import serratus_arms
@@ -29,8 +30,7 @@ from adapt.trust.profile import Profile, profile_intervals
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from adapt.trust.weight_choice import weight_table
 from models.adapted_parameters import ADAPTED
-from models.parameter_sets import ParameterSet
-from models.person.family import AnyModel, PersonalSets
+from models.person.family import AnyModel, as_list
 from motions.table import Motions
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
@@ -70,7 +70,7 @@ def assess_trust(
     E = D + weight mean(J), mm^2 and deg^2, as in ``adapt_subjects``; ``choose_weight`` also tries other w on held-out
     motions.
     """
-    models = [models] if isinstance(models, ParameterSet | PersonalSets) else list(models)
+    models = as_list(models)
     names = [model.name for model in models]
     result = adapt_subjects(motions, models, weight, progress=progress, held_out=())
     batch = pack(motions)
@@ -82,8 +82,9 @@ def assess_trust(
     free = adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
     heldout = held_out_gaps(motions, models, result.fits, weight, progress=progress)
     progress("forces before and after")
-    contact = contact_table(models, result.fits, result.parameters)
-    forces = force_checks(contact, serratus_arms(models, result.fits, result.parameters))
+    pairs = [(model, before_and_after(model, result.fits, result.parameters)) for model in models]
+    contact = contact_table(pairs)
+    forces = force_checks(contact, serratus_arms(pairs))
     plausible = pd.concat([plausibility_table(subjects, models, adapted), forces], ignore_index=True)
     spread = uncertainty_table(subjects, models, data, adapted, found, profile)
     weights = None

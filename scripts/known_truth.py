@@ -29,12 +29,11 @@ from adapt.cli import app as cli
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
-from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.fit.shoulders import person_of, usable
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
 from motions import Motions, read_motions
-
-SETS = ("breteler_dissection", "breteler_mri", "R2", "R4", "R6")
+from scripts.reporting import CADAVER_SETS
 
 BESIDE = "ac_translation:posture"
 """What every set of causes has on these shoulders, or what acts like it."""
@@ -52,7 +51,7 @@ app = typer.Typer(add_completion=False)
 def known_truth(
     ac: Annotated[Path, typer.Argument(help="Folder of motions with the scapula in the AC frame.")],
     aa: Annotated[Path, typer.Argument(help="Folder of the same motions in the AA frame.")],
-    model: Annotated[list[str], typer.Option(help="Parameter sets.")] = list(SETS),  # noqa: B006
+    model: Annotated[list[str], typer.Option(help="Parameter sets.")] = list(CADAVER_SETS),  # noqa: B006
     leave_out: Annotated[bool, typer.Option(help="Diagnose without each person too.")] = False,
     pattern: Annotated[str, typer.Option(help="Which files of the folders.")] = "bonepin*.csv",
 ) -> None:
@@ -106,9 +105,9 @@ def _counted(added: set[str], firsts: set[str], names: set[str], base: set[str])
 
 
 def _persons(motions: Motions, leave_out: bool) -> Iterator[tuple[str, Bool[np.ndarray, " postures"]]]:
-    """All postures, and those without each person: left and right of one have the same first word."""
+    """All postures, and those without each person."""
     yield "all", np.ones(len(motions.subject), bool)
-    person = np.array([name.split("_")[0] for name in motions.subject.tolist()])
+    person = np.array([person_of(name) for name in motions.subject.tolist()])
     for one in np.unique(person) if leave_out else ():
         yield f"without {one}", person != one
 

@@ -18,8 +18,7 @@ from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import read_amplitudes
 from motions import Motions, read_motions
-
-_SETS = ("breteler_dissection", "breteler_mri", "R2", "R4", "R6")
+from scripts.reporting import CADAVER_SETS
 
 _BONES = ("scapula", "clavicle")
 
@@ -31,13 +30,13 @@ def main() -> None:
     """Diagnose the motions with each set and print one table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
-    parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(_SETS)}")
+    parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(CADAVER_SETS)}")
     options = parser.parse_args()
     motions = read_motions(*options.motions)
     unseen = "motion unseen | sizes without the person | names and sizes without the person"
     print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
     print("|---|---|---|---|---|---|")
-    for name in options.model or _SETS:
+    for name in options.model or CADAVER_SETS:
         model = load_model(name)
         print(_row(diagnose(motions, model)[name], named_without(motions, model)), flush=True)
 

@@ -12,6 +12,9 @@ from motions import InputError
 
 NAMES = ("model", "subject", "motion")
 
+CADAVER_SETS = ("breteler_dissection", "breteler_mri", "R2", "R4", "R6")
+"""The shipped sets of whole cadavers: das3 has contact points in place of TS and AI."""
+
 
 def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:
     """A table that `girdle adapt` wrote, with these columns and more; names stay text, whatever they look like."""

@@ -21,8 +21,8 @@ from models.muscles.pulls import muscle_arms_mm, pulls
 from motions.rhythm import COEFFICIENTS, REST_DEG
 from motions.rhythm_subjects import ELEVATIONS_DEG, MOTION_PLANES_DEG, noise_free_subjects, subject_angles_deg
 from motions.table import Motions
+from scripts.reporting import CADAVER_SETS
 
-SETS = ("R2", "R4", "R6", "breteler_dissection", "breteler_mri")
 """Those whose scapula has landmarks; in das3 TS and AI are contact points of another frame."""
 
 
@@ -37,10 +37,10 @@ def rhythm() -> Motions:
 def spread() -> dict[str, Float[np.ndarray, " pairs"]]:
     """Compute what differs between every two sets: mean turn of each force, degrees, and ratios of arms."""
     motions = rhythm()
-    fits = fit_postures(motions, [load_model(name) for name in SETS]).by_model
-    good = np.all([fits[name].status == status.OK for name in SETS], axis=0)
+    fits = fit_postures(motions, [load_model(name) for name in CADAVER_SETS]).by_model
+    good = np.all([fits[name].status == status.OK for name in CADAVER_SETS], axis=0)
     directions, arms = {}, {}
-    for name in SETS:
+    for name in CADAVER_SETS:
         model, angles = load_model(name), fits[name].angles[:, good]
         girdle, lines = model.girdle.repeated(angles.shape[1]), muscle_lines(model)
         directions[name] = contact_forces(girdle, angles).direction
@@ -51,10 +51,10 @@ def spread() -> dict[str, Float[np.ndarray, " pairs"]]:
             arms[name, joint] = np.mean([each[motions.motion[good] == m].mean() for m in MOTION_PLANES_DEG])
     differences = {}
     for k, force in enumerate(FORCES):
-        turned = [angle_deg(directions[a][:, k], directions[b][:, k]).mean() for a, b in permutations(SETS, 2)]
+        turned = [angle_deg(directions[a][:, k], directions[b][:, k]).mean() for a, b in permutations(CADAVER_SETS, 2)]
         differences[f"{force} turned, deg"] = np.array(turned)
     for joint in ("sc", "ac"):
-        ratios = [arms[b, joint] / arms[a, joint] for a, b in permutations(SETS, 2)]
+        ratios = [arms[b, joint] / arms[a, joint] for a, b in permutations(CADAVER_SETS, 2)]
         differences[f"serratus about {joint.upper()}, ratio"] = np.array(ratios)
     return differences
 

@@ -21,6 +21,7 @@ import typer
 from jaxtyping import Bool, Float
 
 from adapt.cli import app as cli
+from adapt.diagnosis.fit.shoulders import person_of
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.padded_batch import Batch, pack
@@ -35,8 +36,8 @@ from motions.rotations import DEG
 from motions.table import BONES
 from scripts.completion import SHIPPED, Completed, Rule, table_sets
 from scripts.reporting import markdown
+from scripts.thesis.printed import SETS
 
-SETS = ("R2", "R4", "R6")
 OTHER_SETS = ("breteler_dissection", "breteler_mri", "das3")
 
 PUBLISHED_SHIFT_MM = {"R2": (23, -3, -4, -1, -15, 0), "R4": (11, -10, -1, 2, -18, -3), "R6": (2, 1, -1, 8, -2, -1)}
@@ -142,7 +143,7 @@ class Shoulders:
 def shoulders(motions: Motions, means: Sequence[str]) -> Shoulders:
     """Pack them. Left and right of one name are one person."""
     batch = pack(motions)
-    person = np.array([name.removesuffix("_left").removesuffix("_right") for name in batch.subjects])
+    person = np.array([person_of(name) for name in batch.subjects])
     return Shoulders(motions, batch, fewest_folds(motions, batch), person, np.isin(batch.subjects, means))
 
 

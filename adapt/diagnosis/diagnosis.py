@@ -50,8 +50,7 @@ from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import cause_of
 from models.effects.known import read_amplitudes
-from models.parameter_sets import ParameterSet
-from models.person.family import AnyModel, PersonalSets
+from models.person.family import AnyModel, as_list
 from motions.table import Motions
 
 Progress = Callable[[str], None]
@@ -69,7 +68,7 @@ def diagnose(
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
     all that are listed and the doubtful numbers of each model. Raises InputError where no subject has enough postures.
     """
-    models = [models] if isinstance(models, ParameterSet | PersonalSets) else list(models)
+    models = as_list(models)
     shoulders, left_out = usable(motions)
     declared = declared_effects(motions)
     computed = axial_is_computed(shoulders)

@@ -7,21 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from adapt.tables.before_after import STATES, BeforeAfter, before_and_after
+from adapt.tables.before_after import STATES, BeforeAfter
 from models.muscles.contact import FORCES, angle_deg, contact_forces
 from models.person.family import AnyModel
 
 
-def contact_table(models: Sequence[AnyModel], fits: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
+def contact_table(pairs: Sequence[tuple[AnyModel, BeforeAfter]]) -> pd.DataFrame:
     """Tabulate ``contact.csv``: one row a model and posture that could be fitted before and after.
 
     ``TS_turned_deg``, ``AI_turned_deg``: angle between the ellipsoid's normals there before and after;
     ``conoid_turned_deg``: of the ligament. ``TS_about_sc_before_mm`` ...: length of the arm of the force about SC, of
     clavicle and scapula together, and about AC, of the scapula. Thorax frame; each state in its own fitted posture.
     """
-    return pd.concat(
-        [_of_model(model.name, before_and_after(model, fits, parameters)) for model in models], ignore_index=True
-    )
+    return pd.concat([_of_model(model.name, pair) for model, pair in pairs], ignore_index=True)
 
 
 def _of_model(name: str, pair: BeforeAfter) -> pd.DataFrame:

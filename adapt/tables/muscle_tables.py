@@ -63,11 +63,10 @@ def muscle_tables(
     return MuscleTables(lines, muscles, arms_table(muscles), balances)
 
 
-def serratus_arms(models: Sequence[AnyModel], fits: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
+def serratus_arms(pairs: Sequence[tuple[AnyModel, BeforeAfter]]) -> pd.DataFrame:
     """Tabulate ``muscle_arms.csv`` of the serratus alone, and of the sets whose scapula has landmarks alone."""
     parts = []
-    for model in models:
-        pair = before_and_after(model, fits, parameters)
+    for model, pair in pairs:
         subjects = pair.rows["subject"].tolist()
         if not subjects or not all_have_landmarks(model, subjects):
             continue

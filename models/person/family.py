@@ -31,6 +31,11 @@ AnyModel = ParameterSet | PersonalSets
 """What subjects are fitted with: ``of(subject)`` is the set of each."""
 
 
+def as_list(models: AnyModel | Sequence[AnyModel]) -> list[AnyModel]:
+    """List the models; of one alone, that one."""
+    return [models] if isinstance(models, AnyModel) else list(models)
+
+
 def set_files(folder: str | os.PathLike[str]) -> list[Path]:
     """List the TOML files of a folder. InputError if there is none."""
     home = Path(folder)

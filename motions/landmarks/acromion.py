@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from motions.errors import InputError
 from motions.landmarks.frames import scapula_frame
+from motions.landmarks.registration import nearest_rotation
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan
 
 
@@ -40,19 +41,14 @@ _KOLZ_PRINTED = np.array(
 )
 
 
-def _orthonormal(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
-    """The nearest rotation: a mean of rotations is not quite one."""
-    U, _, Vt = np.linalg.svd(matrix)
-    return U @ Vt
-
-
 KOLZ = AcromionRotation(
     # Which way round the printed matrix is to be read follows from anatomy: AA lies behind and below AC, so the x-axis
     # of the AA frame points more backward (+z) and down (-y) in the AC frame. Read the other way it would be in front.
     # The angles agree: AA gives less protraction, less lateral rotation and more backward tipping (Ludewig et al.,
     # Clin. Biomech. 25 (2010) 415-421: 11.6 deg less internal rotation; at full elevation 12.4 deg less upward rotation
     # and 6.1 deg more posterior tilt).
-    R_ac_aa=_orthonormal(_THESIS_FROM_ISB @ _KOLZ_PRINTED @ _THESIS_FROM_ISB.T),
+    # A mean of rotations is not quite one.
+    R_ac_aa=nearest_rotation(_THESIS_FROM_ISB @ _KOLZ_PRINTED @ _THESIS_FROM_ISB.T),
     uncertainty_deg=4.0,
     source="Kolz et al., Gait Posture 81 (2020) 183-190; uncertainty assumed, as Ludewig 2010's means are 2-4 deg off",
 )

@@ -32,18 +32,22 @@ class RigidMotion(NamedTuple):
 def rigid_motion(source: Points, target: Points) -> RigidMotion:
     """Find the rotation and translation with the least sum of squared residuals, never a reflection.
 
-    With the centroids taken off, R = V diag(1, 1, det(V U')) U' of the singular vectors of sum_k source_k target_k' = U
-    S V' (Spoor & Veldpaus, J. Biomech. 13 (1980) 391-393; Kabsch, Acta Cryst. A34 (1978) 827-828). ValueError where the
-    points lie on a line, or are fewer than three.
+    With the centroids taken off, R is the rotation nearest to sum_k target_k source_k' (Spoor & Veldpaus, J. Biomech.
+    13 (1980) 391-393; Kabsch, Acta Cryst. A34 (1978) 827-828). ValueError where the points lie on a line, or are fewer
+    than three.
     """
     if source.shape[1] < 3 or min(width(source), width(target)) < SMALLEST_WIDTH:
         raise ValueError("a rigid motion needs three points that do not lie on a line")
     from_source, from_target = (p - p.mean(axis=1, keepdims=True) for p in (source, target))
-    U, _, Vt = np.linalg.svd(from_source @ from_target.T)
-    turn = np.diag([1.0, 1.0, np.linalg.det(Vt.T @ U.T)])
-    R = Vt.T @ turn @ U.T
+    R = nearest_rotation(from_target @ from_source.T)
     t = target.mean(axis=1) - R @ source.mean(axis=1)
     return RigidMotion(R, t, np.linalg.norm(R @ source + t[:, None] - target, axis=0))
+
+
+def nearest_rotation(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Compute the rotation nearest to a matrix, U diag(1, 1, +-1) V' of U S V'; the sign keeps it from a mirror."""
+    U, _, Vt = np.linalg.svd(matrix)
+    return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
 
 
 def width(points: Points) -> float:

@@ -8,7 +8,7 @@ import pytest
 
 from adapt.api import fit_postures
 from adapt.solvers import status
-from adapt.tables.before_after import before_and_after
+from adapt.tables.before_after import BeforeAfter, before_and_after
 from adapt.tables.contact_table import contact_table
 from adapt.tables.muscle_tables import muscle_tables, serratus_arms, unbalanced
 from adapt.tables.results import fits_table
@@ -16,7 +16,8 @@ from adapt.trust.changed_forces import SERRATUS_RATIO, TURNED_DEG, force_checks
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED_PARAMETERS
-from scripts.spread_of_sets import SETS, rhythm, spread
+from scripts.reporting import CADAVER_SETS as SETS
+from scripts.spread_of_sets import rhythm, spread
 
 LIMIT = 0.005
 """Share by which a limit may lie above the largest difference: they are rounded up."""
@@ -51,9 +52,13 @@ def tables(model: ParameterSet, theta: np.ndarray) -> tuple[pd.DataFrame, pd.Dat
     return rows, pd.DataFrame({"model": [model.name], "subject": [motions.subjects[0]], **values})
 
 
+def pair(model: ParameterSet, theta: np.ndarray) -> list[tuple[ParameterSet, BeforeAfter]]:
+    return [(model, before_and_after(model, *tables(model, theta)))]
+
+
 def verdicts(model: ParameterSet, theta: np.ndarray) -> dict[str, str]:
-    fits, parameters = tables(model, theta)
-    found = force_checks(contact_table([model], fits, parameters), serratus_arms([model], fits, parameters))
+    pairs = pair(model, theta)
+    found = force_checks(contact_table(pairs), serratus_arms(pairs))
     named = dict(zip(found["check"], found["verdict"], strict=True))
     return named | {check.name: check.verdict for check in checks(model, theta)}
 
@@ -92,8 +97,9 @@ def test_a_set_without_landmarks_has_contact_but_no_serratus():
     model = load_model("das3")
     fits, parameters = tables(model, changed(model))
     assert status.OK in set(fits["status"])
-    assert serratus_arms([model], fits, parameters).empty
-    found = force_checks(contact_table([model], fits, parameters), pd.DataFrame())
+    pairs = [(model, before_and_after(model, fits, parameters))]
+    assert serratus_arms(pairs).empty
+    found = force_checks(contact_table(pairs), pd.DataFrame())
     assert len(found) == len(TURNED_DEG)
 
 

@@ -80,12 +80,17 @@ def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:
     return shoulders_of(motions.select(says & enough)), left_out
 
 
+def person_of(subject: str) -> str:
+    """Give the name of the person: what is left of a shoulder's without its side."""
+    return _SIDE.sub("", subject) or subject
+
+
 def shoulders_of(motions: Motions) -> Shoulders:
     """Lay out all postures."""
     known = np.isfinite(motions.angles_deg).T
     subjects = motions.subjects
     kinds = tuple(sorted(set(motions.motion.tolist())))
-    persons = [_SIDE.sub("", name) or name for name in subjects]
+    persons = [person_of(name) for name in subjects]
     different = list(dict.fromkeys(persons))
     return Shoulders(
         motions=motions,
