@@ -29,7 +29,7 @@ from adapt.tables.results import (
 )
 from adapt.trust.covariance import Uncertainty, uncertainty
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
+from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, weight_factor
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
 from motions.table import Motions
@@ -115,10 +115,10 @@ def adapt_subjects(
 
     ``effects`` that are known to be at work, in every subject alike, before as after adaptation: the amplitude of each
     direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``models.effects.known``. They act in the
-    chain; D stays that of the ellipsoid without them. They have no fast path, nor one in float32: ten subjects take 8
+    chain; D stays that of the ellipsoid without them. ``thorax_points`` alone multiplies w. They have no fast path, nor one in float32: ten subjects take 8
     s, and what is compiled for them half a minute unless ``adapt.engine.compilation_cache`` holds it.
     """
-    models, motions = as_list(models), _with_gaps(motions)
+    models, motions, weight = as_list(models), _with_gaps(motions), weight * weight_factor(effects)
     dtype = _type_of(dtype, effects)
     _, before = _before(motions, models, progress, dtype, effects)
     batch = pack(motions)

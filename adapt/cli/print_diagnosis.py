@@ -90,12 +90,12 @@ def _budget(diagnosis: Diagnosis) -> Table:
 def _causes(diagnosis: Diagnosis) -> Table:
     """The names that a cause may have under one another. Its option, too long for a column, stands in the last note."""
     table = _table(["cause"], ["at work", "takes", "size", "typical"])
-    inclusion = diagnosis.verdict.inclusion
-    for cause in diagnosis.verdict.causes:
+    verdict = diagnosis.verdict
+    for cause in verdict.causes:
         one = diagnosis.amplitude[cause.names[0]]
         table.add_row(
             "\nor ".join(cause.names),
-            "\n".join(probability_text(inclusion[name]) for name in cause.names),
+            "\n".join(probability_text(verdict.at_work(name)) for name in cause.names),
             percent_text(cause.gain),
             amplitude_text(one) + (" (!)" if one.too_large else ""),
             with_unit(number(one.typical), one.unit),

@@ -11,12 +11,13 @@ from adapt.diagnosis.result import BoneGaps
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.motion_rows import MotionRows, fit_rows
+from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import MOTION, POSTURES
 from adapt.trust.held_out import Fold, folds, held_out
 from models.effects import AnyGirdle
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
+from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, weight_factor
 from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
 from motions.table import Motions
@@ -52,11 +53,12 @@ def adapted_gaps(motions: Motions, model: AnyModel, effects: Amplitudes, person:
     """
     batch = pack(motions)
     data = problem_batch(batch, [model], active_effects(effects, motions).at(batch.rows))
-    adapted = adapt_batch(data)
+    weight = WEIGHT * weight_factor(effects)
+    adapted = adapt_batch(data, weight)
     measured = np.where(batch.measured & batch.counted, batch.angles, np.nan)
     after = np.abs(np.where(adapted.status == status.OK, adapted.angles, np.nan) - measured) * float(DEG)
     parts = folds(motions, batch)
-    found = held_out(data, len(batch.subjects), parts).unseen_deg
+    found = held_out(data, len(batch.subjects), parts, weight).unseen_deg
     of_folds = [found[:, part.tested, k] for k, part in enumerate(parts)]
     everyone = _persons(batch, person)
     chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())

@@ -45,11 +45,12 @@ from adapt.diagnosis.result import (
     Step,
     Verdict,
 )
+from adapt.diagnosis.thorax_points import thorax_amplitude, thorax_cause
 from adapt.tables.held_out import MOTION, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import cause_of
-from models.effects.known import read_amplitudes
+from models.effects.known import THORAX_POINTS, read_amplitudes
 from models.person.family import AnyModel, as_list
 from motions.table import Motions
 
@@ -110,6 +111,8 @@ class _Study:
         sizes = amplitudes(search, node)
         order = [rung.added for rung in rungs[1:]]
         sizes = {name: sizes[name] for name in order}
+        if sizes and self.relieved:
+            sizes[THORAX_POINTS] = thorax_amplitude(search.joint.model.relief)
         known = read_amplitudes([one.option for one in sizes.values()])
         self.progress("gaps of girdle adapt")
         base = base_gaps(shoulders.motions, self.model, self.person)
@@ -118,7 +121,8 @@ class _Study:
         gaps = self._gaps(base, adapted, with_causes, rungs, floor)
         levels = gaps.hardest
         over = left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
-        verdict = self._verdict(named, {name: sets[name] for name in order}, weights, over, computed, noise)
+        budget = self._budget(gaps, rungs)
+        verdict = self._verdict(named, {name: sets[name] for name in order}, weights, over, computed, noise, budget)
         data = observe(shoulders.motions, adapted.batch)
         angle_gaps = _angle_gaps(data, adapted, floor)
         return Diagnosis(
@@ -134,7 +138,7 @@ class _Study:
             axial_is_computed=computed,
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
-            budget=self._budget(gaps, rungs),
+            budget=budget,
             left_over_share=over,
             gaps=gaps,
             parameters=_changes(adapted, with_causes),
@@ -144,8 +148,13 @@ class _Study:
             constraints=constraint_residuals_mm(data, np.asarray(adapted.chain.residuals_mm(data.values[:6]))),
             constraint_spread=constraint_spread(data, adapted.chain, with_causes.chain, noise.angle_deg),
             indistinguishable=indistinguishable(none.linearised),
-            next_measurement=propose(search, node, [cause.names for cause in verdict.causes]),
+            next_measurement=propose(search, node, [sets[name].names for name in order]),
         )
+
+    @property
+    def relieved(self) -> bool:
+        """Whether the points on the thorax are another person's, and count less."""
+        return self.search.joint.model.relief > 1.0
 
     def _amplitude(self, verdict: Verdict, sizes: dict[str, CauseAmplitude]) -> dict[str, CauseAmplitude]:
         """Sizes by the first name of each cause; one that no gap shows has none."""
@@ -156,10 +165,20 @@ class _Study:
         return found
 
     def _verdict(
-        self, named: Named, sets: dict[str, CredibleSet], weights: Weights, over: float, computed: bool, noise: Noise
+        self,
+        named: Named,
+        sets: dict[str, CredibleSet],
+        weights: Weights,
+        over: float,
+        computed: bool,
+        noise: Noise,
+        budget: tuple[Step, ...],
     ) -> Verdict:
         search = self.search
         causes = [Cause(*one, named.gains[name].share, named.gains[name].t) for name, one in sets.items()]
+        if causes and self.relieved:
+            level = {step.step: step.gap_deg.value for step in budget}
+            causes.append(thorax_cause(level[ADAPTED_STEP], level[THORAX_POINTS], level[NOISE]))
         inclusion = dict(weights.inclusion)
         if computed and ESTIMATE in inclusion:
             inclusion = {ESTIMATE: 1.0} | {name: p for name, p in inclusion.items() if name != ESTIMATE}
@@ -196,9 +215,9 @@ class _Study:
         seen = gaps.other_motion or gaps.unseen
         steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
         chosen = folds.of_kind(MOTION)
-        for rung in rungs[1:]:
+        for rung in rungs if self.relieved else rungs[1:]:
             gap = interval(rung.gaps_deg[chosen].mean(axis=1), person[folds.subject])
-            steps.append(Step(cause_of(rung.added), gap))
+            steps.append(Step(cause_of(rung.added) or THORAX_POINTS, gap))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
 
 

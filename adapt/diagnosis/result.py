@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread
 from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, Profile
 from adapt.diagnosis.location.gap_rotations import VarianceFractions
+from models.effects.known import THORAX_POINTS
 
 Answer = Literal["none", "effect", "unknown"]
 NONE: Answer = "none"
@@ -61,6 +62,15 @@ class Verdict:
     probability: dict[str, float]
     """Of every candidate, none, and unknown, the share of the gap that is left over; sums to 1. Causes at work together
     have equal parts."""
+
+    def at_work(self, name: str) -> float:
+        """Look up the probability of a name of being at work; NaN of what is no candidate: ``thorax_points``."""
+        return self.inclusion.get(name, math.nan)
+
+    @property
+    def of_the_chain(self) -> tuple[Cause, ...]:
+        """The causes that change the chain or what is measured of it: all but ``thorax_points``."""
+        return tuple(cause for cause in self.causes if cause.names != (THORAX_POINTS,))
 
     @property
     def names(self) -> tuple[str, ...]:

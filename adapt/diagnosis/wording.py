@@ -56,7 +56,9 @@ def number(value: float | None, coarse: float | None = None) -> str:
 
 
 def probability_text(value: float) -> str:
-    """Write a probability with two digits; one that would round to 0 and is not 0 as '<0.01'."""
+    """Write a probability with two digits; one that would round to 0 and is not 0 as '<0.01'; '-' where unknown."""
+    if not math.isfinite(value):
+        return "-"
     return "<0.01" if 0.0 < value < _LEAST_PROBABILITY else f"{value:.2f}"
 
 
@@ -83,7 +85,8 @@ def with_unit(text: str, unit: str) -> str:
 def amplitude_text(amplitude: CauseAmplitude) -> str:
     """Write an amplitude with its interval and unit: '9.3 [7.8, 10.8] deg'."""
     value, low, high = (number(one, amplitude.size.value) for one in amplitude.size)
-    return with_unit(f"{value} [{low}, {high}]", amplitude.unit)
+    known = math.isfinite(amplitude.size.low)
+    return with_unit(f"{value} [{low}, {high}]" if known else value, amplitude.unit)
 
 
 def listed(names: Sequence[str], last: str) -> str:

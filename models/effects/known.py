@@ -20,11 +20,18 @@ NO_EFFECTS: Amplitudes = MappingProxyType({})
 OPTION = "--effect"
 """Of the command line, where an error names it."""
 
+THORAX_POINTS = "thorax_points"
+"""Known beside the effects of the chain: the points on the thorax are another person's. ``{"thorax_points": (k,)}`` lets
+them count 1/k: E = D / k + w mean(J) has its minimum where D + k w mean(J) has it, so w is multiplied by k."""
+
+THORAX_POINTS_WHAT = "points on the thorax are another person's: D counts 1/k"
+
 
 def active_effects(amplitudes: Amplitudes, motions: Motions) -> ActiveEffects:
     """Return the effects at every posture of the motions, in the order in which they act; InputError where there is no
     such effect or its numbers do not fit it."""
-    effects = sorted((effect_named(name, "effects") for name in amplitudes), key=list(EFFECTS.values()).index)
+    named = (effect_named(name, "effects") for name in amplitudes if name != THORAX_POINTS)
+    effects = sorted(named, key=list(EFFECTS.values()).index)
     for effect in effects:
         _check(effect, amplitudes[effect.name], "effects")
     strengths = (effect.strengths(_amplitude(effect, amplitudes[effect.name]), motions) for effect in effects)
@@ -35,17 +42,28 @@ def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
     """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``; InputError where one is not that."""
     found: dict[str, tuple[float, ...]] = {}
     for word in words:
-        name, _, numbers = word.partition("=")
-        effect = effect_named(name.strip(), OPTION)
-        if effect.name in found:
-            raise InputError(OPTION, None, f"{effect.name} is there twice", "Give each effect once")
+        name, _, numbers = (part.strip() for part in word.partition("="))
+        effect = None if name == THORAX_POINTS else effect_named(name, OPTION)
+        if name in found:
+            raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
         try:
-            found[effect.name] = tuple(float(number) for number in numbers.split(","))
+            found[name] = tuple(float(number) for number in numbers.split(","))
         except ValueError:
-            remedy = f"Give {effect.name}={','.join('0' * len(effect.directions))} with numbers of your own"
+            remedy = f"Give {name}={','.join('0' * (len(effect.directions) if effect else 1))} with numbers of your own"
             raise InputError(OPTION, None, f"'{numbers}' is not a list of numbers", remedy) from None
-        _check(effect, found[effect.name], OPTION)
+        if effect:
+            _check(effect, found[name], OPTION)
+    weight_factor(found)
     return found
+
+
+def weight_factor(amplitudes: Amplitudes) -> float:
+    """Give what w of E is multiplied by: k of ``thorax_points``, else 1; InputError where it is no positive number."""
+    given = amplitudes.get(THORAX_POINTS, (1.0,))
+    if len(given) != 1 or not np.isfinite(given[0]) or given[0] <= 0.0:
+        remedy = f"Give {THORAX_POINTS}=30, say: the points then count a thirtieth"
+        raise InputError(OPTION, None, f"{THORAX_POINTS} has {list(given)}", remedy)
+    return float(given[0])
 
 
 _DIGITS = 4
@@ -59,7 +77,11 @@ def as_option(effect: Effect, amplitude: Sequence[float]) -> str:
 
 def described(amplitudes: Amplitudes) -> str:
     """Describe the amplitudes as 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
-    return ", ".join(f"{name} of {_vector(size)} {EFFECTS[name].unit}" for name, size in amplitudes.items())
+    return ", ".join(f"{name} of {_vector(size)}{_unit(name)}" for name, size in amplitudes.items())
+
+
+def _unit(name: str) -> str:
+    return f" {EFFECTS[name].unit}" if name in EFFECTS else ""
 
 
 def _vector(size: Sequence[float]) -> str:

@@ -71,6 +71,11 @@ def thorax_sd_mm(one: ParameterSet) -> Float[np.ndarray, " adapted"]:
     return sd
 
 
+def has_own_thorax(one: ParameterSet) -> bool:
+    """Tell whether the ellipsoid of a set was fitted to points of the person that the set is of."""
+    return all(one.is_measured(f"thorax.{parameter.field}") for parameter in ELLIPSOID)
+
+
 @dataclass(frozen=True)
 class _Parts:
     """What ``ellipsoid_components`` reads of a girdle."""

@@ -28,6 +28,7 @@ def _causes(names: Iterable[str]) -> list[str]:
 def line_of(found: Diagnosis) -> Line:
     """What is kept of a diagnosis."""
     verdict = found.verdict
+    named = verdict.of_the_chain  # the persons of a world have other thoraces than its set, whatever is at work
     probability = dict.fromkeys(_causes(verdict.probability), 0.0)
     inclusion = dict.fromkeys(_causes(verdict.inclusion), 0.0)
     for name, value in verdict.probability.items():
@@ -40,10 +41,10 @@ def line_of(found: Diagnosis) -> Line:
 
     return {
         "answer": verdict.answer,
-        "causes": [_causes(cause.names) for cause in verdict.causes],
-        "courses": [cause.names[0] for cause in verdict.causes],
-        "gains": [cause.gain for cause in verdict.causes],
-        "t": [cause.t for cause in verdict.causes],
+        "causes": [_causes(cause.names) for cause in named],
+        "courses": [cause.names[0] for cause in named],
+        "gains": [cause.gain for cause in named],
+        "t": [cause.t for cause in named],
         "probability": probability,
         "inclusion": inclusion,
         "left_over_share": found.left_over_share,

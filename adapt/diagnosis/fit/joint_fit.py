@@ -1,6 +1,7 @@
 """Joint fits of the diagnosis: adaptations of all subjects with amplitudes of effects that all of them share.
 
-The E of each subject is that of `girdle adapt` (thesis Eq. 6.5); see ``adapt.solvers.extended.gauss_newton``. Several
+The E of each subject is that of `girdle adapt` (thesis Eq. 6.5), the points on the thorax counting less where they are
+another person's (``Model.relief``); see ``adapt.solvers.extended.gauss_newton``. Several
 groups are fitted side by side: all postures, or all but those held out. A part is one subject in one group.
 """
 
@@ -21,13 +22,20 @@ from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.problem_batch import SetArrays, set_arrays
 from models.adapted_parameters import STARTS_MM
 from models.effects import Effect
-from models.person.family import AnyModel
+from models.person.family import AnyModel, unique_sets
+from models.person.thorax_ellipsoid import has_own_thorax
 
 _MOST_STEPS = 60
 """Gauss-Newton steps; the fits of measured motions take 5 to 30."""
 
 SETTLED = 1e-4
 """Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""
+
+
+RELIEF = 30.0
+"""Points on the thorax that are another person's count 1/30 of what they do in E. With w = 10, made for them, the
+ellipsoid stays so close to another person's thorax that every candidate that lets it go predicts better, whatever is at
+work. w = 300 predicts unseen motions of measured shoulders best, with every set (docs/trust.md)."""
 
 
 class Part(NamedTuple):
@@ -70,11 +78,19 @@ class Model:
     sets: SetArrays
     """Of the subjects, in their order: one set may be everybody's."""
     effects: tuple[Effect, ...]
+    relief: float = 1.0
+    """The points on the thorax count 1 / relief: w is as many times as large."""
+
+    @property
+    def weight(self) -> float:
+        """w of E."""
+        return WEIGHT * self.relief
 
     @staticmethod
     def of(parameters: AnyModel, subjects: Sequence[str], effects: tuple[Effect, ...]) -> "Model":
         """Fit each set's ellipsoid to its thorax points, where every adaptation starts."""
-        return Model(set_arrays([parameters], subjects), effects)
+        own = all(has_own_thorax(one) for one in unique_sets([parameters], subjects)[0])
+        return Model(set_arrays([parameters], subjects), effects, 1.0 if own else RELIEF)
 
     @cached_property
     def theta_mm(self) -> Float[np.ndarray, "subjects adapted"]:
@@ -130,7 +146,7 @@ class JointFit:
             strengths=np.zeros((self.candidates.columns.shape[1], len(of_row))),
             measured_deg=self.shoulders.measured_deg[:, self.rows],
             sd=self.shoulders.sd[:, self.rows],
-            weights=WEIGHT / counts[of_row] * self.shoulders.weights[self.rows],
+            weights=self.model.weight / counts[of_row] * self.shoulders.weights[self.rows],
             part=of_row,
             group=self.arrays.group,
             importance=self.arrays.importance,

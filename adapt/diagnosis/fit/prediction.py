@@ -15,7 +15,6 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
-from adapt.solvers.objective import WEIGHT
 from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
@@ -100,7 +99,10 @@ def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: 
     order = np.argsort(joint.rows)
     y, by_theta, by_channel, B = (x[order] for x in (near.y, near.by_theta, near.by_channel, near.B))
     Z = np.concatenate([by_theta, candidates.by_amplitude(by_channel)], axis=2)
-    extended = np.concatenate([Z, y[:, :, None]], axis=2) * np.sqrt(2.0 * WEIGHT * shoulders.weights)[:, None, None]
+    extended = (
+        np.concatenate([Z, y[:, :, None]], axis=2)
+        * np.sqrt(2.0 * joint.model.weight * shoulders.weights)[:, None, None]
+    )
     label = _labels(folds, len(shoulders.subject))
     cell = shoulders.subject * (label.max() + 2) + label
     cells = np.unique(cell)

@@ -7,7 +7,6 @@ from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import CauseAmplitude, Interval
-from adapt.solvers.objective import WEIGHT
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.by_posture import UNIT_DEG, ByPosture
@@ -43,7 +42,7 @@ def covariance(search: Search, node: Node) -> Float[np.ndarray, "own own"]:
     count = len(CONSTRAINTS)
     variance = float(search.folds.by_fold(node.predicted.squares).mean()) / count
     motions = len(search.folds.subject) / len(search.joint.shoulders.subjects)
-    return 2.0 * np.linalg.inv(total) * WEIGHT * variance / (2.0 * count * motions)
+    return 2.0 * np.linalg.inv(total) * search.joint.model.weight * variance / (2.0 * count * motions)
 
 
 def amplitudes(search: Search, node: Node) -> dict[str, CauseAmplitude]:
