@@ -115,8 +115,9 @@ def adapt_subjects(
 
     ``effects`` that are known to be at work, in every subject alike, before as after adaptation: the amplitude of each
     direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``models.effects.known``. They act in the
-    chain; D stays that of the ellipsoid without them. ``thorax_points`` alone multiplies w. They have no fast path, nor one in float32: ten subjects take 8
-    s, and what is compiled for them half a minute unless ``adapt.engine.compilation_cache`` holds it.
+    chain; D stays that of the ellipsoid without them. ``thorax_points`` multiplies w. They have no fast path, nor one
+    in float32: ten subjects take 8 s, and what is compiled for them half a minute unless
+    ``adapt.engine.compilation_cache`` holds it.
     """
     models, motions, weight = as_list(models), _with_gaps(motions), weight * weight_factor(effects)
     dtype = _type_of(dtype, effects)

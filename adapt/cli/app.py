@@ -69,7 +69,7 @@ from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
 from models import load_model, model_names
 from models.effects import EFFECTS
-from models.effects.known import OPTION, described, effect_named, read_amplitudes
+from models.effects.known import OPTION, THORAX_POINTS, THORAX_POINTS_WHAT, described, effect_named, read_amplitudes
 from models.muscles.muscle_lines import muscle_lines_of
 from models.person.family import AnyModel, load_any_model, without_set
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
@@ -457,6 +457,7 @@ def list_effects() -> None:
         scale = " / ".join(f"{value:g}" for value in one.prior.scale)
         along = " / ".join(one.directions)
         console.print(f"{one.name:28} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
+    console.print(f"{THORAX_POINTS:28} {THORAX_POINTS_WHAT} (k)", soft_wrap=True)
 
 
 def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str) -> Labels:

@@ -2,9 +2,10 @@
 
 from collections.abc import Collection, Sequence
 
+from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.result import Diagnosis, Noise
-from adapt.diagnosis.wording import listed
-from models.effects.known import OPTION
+from adapt.diagnosis.wording import gap_text, listed, unseen_text
+from models.effects.known import OPTION, THORAX_POINTS
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
@@ -17,10 +18,23 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *(f"The motions are marked with {name}: they were made so." for name in diagnosis.declared_effects),
         *([_AXIAL] if diagnosis.axial_is_computed else []),
         *_limits(diagnosis),
+        *_thorax(diagnosis),
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
         *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
         *([_how_to_adapt(diagnosis.verdict.names, diagnosis.options)] if diagnosis.options else []),
+    ]
+
+
+def _thorax(diagnosis: Diagnosis) -> list[str]:
+    """What another person's points on the thorax do; nothing of the person's own."""
+    relieved = [step.gap_deg.value for step in diagnosis.budget if step.step == THORAX_POINTS]
+    if not relieved:
+        return []
+    adapted_with = f"adapted with {OPTION} {THORAX_POINTS}={RELIEF:g} the gap on {unseen_text(diagnosis.gaps)} is"
+    return [
+        f"The points on the thorax are another person's: {adapted_with} {gap_text(relieved[0])} deg. "
+        "Better measure the person's own (girdle model --points)."
     ]
 
 

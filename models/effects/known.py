@@ -21,8 +21,8 @@ OPTION = "--effect"
 """Of the command line, where an error names it."""
 
 THORAX_POINTS = "thorax_points"
-"""Known beside the effects of the chain: the points on the thorax are another person's. ``{"thorax_points": (k,)}`` lets
-them count 1/k: E = D / k + w mean(J) has its minimum where D + k w mean(J) has it, so w is multiplied by k."""
+"""Known beside the effects of the chain: the points on the thorax are another person's. ``{"thorax_points": (k,)}``
+lets them count 1/k: D / k + w mean(J) has its minimum where D + k w mean(J) has it, so w is multiplied by k."""
 
 THORAX_POINTS_WHAT = "points on the thorax are another person's: D counts 1/k"
 

@@ -2,6 +2,8 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result; levels are there in these worlds)
 """The whole diagnosis: on a simulated world with one cause, and on the measured shoulders if they are there."""
 
+from dataclasses import replace
+
 import pytest
 from small_worlds import CANDIDATES, simulated
 
@@ -38,7 +40,9 @@ def test_the_hidden_cause_is_named_and_takes_the_gap_away(biased):
     assert biased.left_over_share < 0.5
     assert sum(biased.verdict.probability.values()) == pytest.approx(1.0)
     steps = [step.step for step in biased.budget]
-    assert steps[:2] == ["base", "adapted"]
+    assert steps[:3] == ["base", "adapted", "thorax_points"]
+    assert biased.verdict.names[-1] == "thorax_points", "R2 has another person's points on the thorax"
+    assert "thorax_points=30" in biased.options
     assert steps[-1] == "noise"
     assert BIAS in steps
 
@@ -64,6 +68,15 @@ def test_nothing_is_found_where_nothing_is_hidden():
     found = diagnose(motions, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
     assert found.verdict.answer == NONE
     assert found.options == ()
+    assert "thorax_points" in [step.step for step in found.budget], "it is no answer, and is shown"
+
+
+def test_points_on_the_thorax_of_the_person_are_not_doubted():
+    own = {f"thorax.{key}": "measured: fitted to 60 points; +-2 mm" for key in ("centre_mm", "semi_axes_mm")}
+    model = replace(load_model("R2"), source={**load_model("R2").source, **own})
+    found = diagnose(simulated(noise_deg=1.5).motions, model, effects=[EFFECTS[BIAS]])["R2"]
+    assert "thorax_points" not in [step.step for step in found.budget]
+    assert "thorax_points=30" not in found.options
 
 
 @pytest.mark.parametrize("name", UNSEEN_DEG)

@@ -13,7 +13,7 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
-from models.effects.known import active_effects, as_option, described, read_amplitudes
+from models.effects.known import THORAX_POINTS, active_effects, as_option, described, read_amplitudes
 from motions import InputError, Motions, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
@@ -181,6 +181,22 @@ def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_pa
     np.testing.assert_array_equal(pd.read_csv(again / "fits.csv")["j_deg2"], before["j_deg2"])
 
 
+def test_points_on_the_thorax_that_count_less_are_a_larger_weight(noisy):
+    motions, _, _ = noisy
+    less = adapt_subjects(motions, MODEL, held_out=(), effects={THORAX_POINTS: (30.0,)}).adapted["R2"]
+    more = adapt_subjects(motions, MODEL, weight=300.0, held_out=()).adapted["R2"]
+    np.testing.assert_array_equal(less.theta_mm, more.theta_mm)
+    np.testing.assert_array_equal(less.E, more.E)
+    as_it_is, same = (fit_postures(motions, MODEL, effects=one).fits for one in ({}, {THORAX_POINTS: (30.0,)}))
+    pd.testing.assert_frame_equal(as_it_is, same)
+
+
+def test_points_on_the_thorax_are_read_and_described_like_an_effect():
+    found = read_amplitudes(["thorax_points=30", "thorax_asymmetry=5"])
+    assert found == {"thorax_points": (30.0,), "thorax_asymmetry": (5.0,)}
+    assert described(found) == "thorax_points of 30, thorax_asymmetry of 5 mm"
+
+
 def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
     words = ["thorax_extension=8,0,-3", "thorax_asymmetry = 5"]
     found = read_amplitudes(words)
@@ -200,6 +216,10 @@ def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
         (["thorax_asymmetry"], "'' is not a list of numbers", "thorax_asymmetry=0"),
         (["thorax_asymmetry=nan"], "thorax_asymmetry has", "Give 1, in mm"),
         (["thorax_asymmetry=1", "thorax_asymmetry=2"], "thorax_asymmetry is there twice", "once"),
+        (["thorax_points=0"], "thorax_points has [0.0]", "thorax_points=30"),
+        (["thorax_points=1,2"], "thorax_points has", "thorax_points=30"),
+        (["thorax_points=inf"], "thorax_points has", "thorax_points=30"),
+        (["thorax_points=x"], "'x' is not a list of numbers", "thorax_points=0"),
     ],
 )
 @pytest.mark.parametrize("command", ["fit", "adapt"])
