@@ -65,7 +65,10 @@ def pulls(lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 post
 def lengths_mm(
     lines: MuscleLines, girdle: Girdle, angles: Float[Array, " 6 postures"]
 ) -> Float[Array, " lines postures"]:
-    """Measure the lines in postures (rad), mm; differentiable once in angles and girdle."""
+    """Measure the lines in postures (rad), mm; differentiable twice in angles and girdle.
+
+    ``-jax.jacfwd`` gives the arms by angle, ``-jax.hessian`` their slopes: see :func:`path_length_mm`.
+    """
     thorax, bone, wraps, on_scapula, batched, q = _arguments(lines, girdle, angles)
     return _length(thorax, _attachments(bone, on_scapula, batched, q), wraps, batched)
 

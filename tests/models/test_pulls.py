@@ -1,5 +1,7 @@
 """Moment arms: slopes of the lengths, by angle, about the joints and in the chain's free directions."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -87,6 +89,25 @@ def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
         for joint, arms in (("sc", found.about_sc_mm), ("ac", found.about_ac_mm)):
             difference = (lengths[joint, 1.0] - lengths[joint, -1.0]) / (2 * h)
             np.testing.assert_allclose(arms[axis], -difference, atol=SLOPE)
+
+
+def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
+    """R2: wrapped lines with attachments on the surface and inside, and straight ones."""
+    model = load_model("R2")
+    lines, q = muscle_lines(model), jnp.asarray(REST_DEG / DEG)
+
+    def lengths(q):
+        return lengths_mm(lines, model.girdle, q[:, None])[:, 0]
+
+    arms = jax.jit(lambda q: -jax.jacfwd(lengths)(q))
+    found = pulls(lines, model.girdle, np.asarray(q)[:, None])
+    assert (found.depth_mm > 0.0).any()
+    np.testing.assert_allclose(
+        arms(q), arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
+    )
+    h = 1e-5
+    difference = np.stack([(arms(q + h * unit) - arms(q - h * unit)) / (2 * h) for unit in np.eye(6)], axis=-1)
+    np.testing.assert_allclose(-jax.hessian(lengths)(q), difference, atol=SLOPE)
 
 
 def test_the_measure_of_a_muscle_is_the_length_of_its_mean_arm():
