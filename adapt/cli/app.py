@@ -272,8 +272,9 @@ def trust_results(
 
     Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
     for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
-    plausibility.csv (is it still a thorax, and do forces act as before?), contact.csv (directions and arms of contact
-    and conoid in each posture), with --choose-weight weights.csv, the tables of `girdle adapt` and run.json.
+    plausibility.csv (are size and place a thorax's; do contact and conoid keep their directions, the serratus its
+    arms?), contact.csv (directions and arms of contact and conoid in each posture), with --choose-weight weights.csv,
+    the tables of `girdle adapt` and run.json.
     """
     table, models, record = _inputs(motions, _names(model, models_of))
     with results_folder(out) as folder:
