@@ -3,6 +3,7 @@
 """``girdle muscles`` as a person runs it: what it writes, says and refuses."""
 
 import json
+import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -100,6 +101,20 @@ def test_persons_have_the_lines_of_their_own_sets_and_who_has_none_is_left_out_b
     assert ran.status == 3
     checks = pd.read_csv(tmp_path / "trust" / "plausibility.csv")
     assert checks.groupby("subject")["check"].apply(lambda names: "serratus arm about SC" in set(names)).all()
+    assert_said(ran.out, checks)
+
+
+def assert_said(out: str, checks: pd.DataFrame) -> None:
+    """Every check stands on the terminal: among those that all pass, or as a warning with limits and reason."""
+    (passed,) = re.findall(r"^own: pass: (.*)$", out, re.MULTILINE)
+    for name, rows in checks.groupby("check"):
+        outside = int((rows["verdict"] == "warning").sum())
+        warning = re.search(rf"^own, {re.escape(str(name))}: warning: (.*)$", out, re.MULTILINE)
+        assert (str(name) in passed.split("; ")) == (outside == 0)
+        assert bool(warning) == (outside > 0)
+        if warning:
+            assert warning[1].startswith(f"{outside} of {len(rows)} subjects not within ")
+            assert f"({rows.iloc[0]['reason']})" in warning[1]
 
 
 def test_the_record_has_the_options(run):
