@@ -14,7 +14,7 @@ from models.adapted_parameters import ADAPTED
 
 
 def print_trust(console: Console, found: Trust) -> None:
-    """Print parameters with their intervals, gaps seen and unseen, and in words what to be careful with and what passes."""
+    """Print parameters with their intervals, gaps seen and unseen, what to be careful with, and which checks pass."""
     for model, mine in found.uncertainty.groupby("model", sort=False):
         _print_parameters(console, str(model), mine)
     _print_gaps(console, found.subjects)

@@ -109,11 +109,12 @@ def test_what_an_adaptation_without_bounds_runs_away_to_is_flagged(name):
     motions = read_motions(SHIPPED)
     motions = motions.select(np.isin(motions.subject, motions.subjects[:2]))
     result = adapt_subjects(motions, free, held_out=())
-    assert (result.parameters["status"] == status.OK).all()
-    assert (result.parameters["A_y_mm"] > 0.5 * UNBOUND_MM).all()
+    assert set(result.parameters["status"]) == {status.OK}
+    assert result.parameters["A_y_mm"].min() > 0.5 * UNBOUND_MM
     found = plausibility_table(motions.subjects, [free], result.adapted[name])
-    verdict = found.set_index(["subject", "check"])["verdict"].unstack()
-    assert (verdict[["depth", "width", "volume"]] == WARNING).all(axis=None)
+    of_size = found[found["check"].isin(["depth", "width", "volume"])]
+    assert len(of_size) == 6
+    assert set(of_size["verdict"]) == {WARNING}
 
 
 def test_a_set_without_landmarks_has_contact_but_no_serratus():
