@@ -102,7 +102,7 @@ def test_a_runaway_ellipsoid_is_flagged():
 
 @pytest.mark.parametrize("name", ["R2", "R4"])
 def test_what_an_adaptation_without_bounds_runs_away_to_is_flagged(name):
-    """M_y and A_y may go 10 m: with these simulated subjects they do, with every posture fitted. Its size says so."""
+    """M_y and A_y may go 10 m: with these simulated subjects they do. Its size says so; forces keep their directions."""
     model = load_model(name)
     own = np.asarray(model.girdle.adapted_mm)
     free = replace(model, bounds_mm=np.stack([np.where(np.arange(6) < 2, own - UNBOUND_MM, 1.0), own + UNBOUND_MM]))
@@ -110,11 +110,13 @@ def test_what_an_adaptation_without_bounds_runs_away_to_is_flagged(name):
     motions = motions.select(np.isin(motions.subject, motions.subjects[:2]))
     result = adapt_subjects(motions, free, held_out=())
     assert set(result.parameters["status"]) == {status.OK}
-    assert result.parameters["A_y_mm"].min() > 0.5 * UNBOUND_MM
+    assert np.all(result.parameters["A_y_mm"] > 0.5 * UNBOUND_MM)
     found = plausibility_table(motions.subjects, [free], result.adapted[name])
     of_size = found[found["check"].isin(["depth", "width", "volume"])]
     assert len(of_size) == 6
     assert set(of_size["verdict"]) == {WARNING}
+    pairs = [(free, before_and_after(free, result.fits, result.parameters))]
+    assert set(force_checks(contact_table(pairs), serratus_arms(pairs))["verdict"]) == {PASS}
 
 
 def test_a_set_without_landmarks_has_contact_but_no_serratus():
