@@ -19,8 +19,9 @@ from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
 from motions.table import Motions
 
-MOST_WITH_LINES = 300
-"""Postures times parameter sets whose lines are drawn. Each takes 3.5 kB, all of them 1 MB."""
+ROOM_KB, DRAWN_KB, LINES_KB = 4600.0, 0.65, 3.5
+"""Of a page of 10 MB, beside the library that draws; what one drawn posture of one parameter set takes of it, and what
+its lines do."""
 
 CURVED = 5
 """Points of a path between its ends: its chords leave the ellipsoid by less than a pixel."""
@@ -36,8 +37,14 @@ def muscle_data(
     ``paths``: by the number of a drawn row, x, y, z of the points of each line one after the other, whole mm; evenly
     chosen rows, without those that were not fitted. ``arms_mm``: joints by muscles by rows, NaN as there.
     """
-    places = evenly(len(rows), max(1, MOST_WITH_LINES // len(models)))
+    places = evenly(len(rows), most_with_lines(len(rows), len(models)))
     return [_of_model(motions, model, result, found.muscles, rows, places) for model in models]
+
+
+def most_with_lines(postures: int, models: int) -> int:
+    """Compute at how many postures of each set lines have room, where so many are drawn."""
+    left_kb = ROOM_KB - DRAWN_KB * postures * models
+    return max(1, int(left_kb / LINES_KB / models))
 
 
 def muscle_sentence(found: MuscleTables, model: str, people: str) -> str:

@@ -102,7 +102,7 @@ def test_a_runaway_ellipsoid_is_flagged():
 
 @pytest.mark.parametrize("name", ["R2", "R4"])
 def test_what_an_adaptation_without_bounds_runs_away_to_is_flagged(name):
-    """M_y and A_y may go 10 m: with these simulated subjects they do. Its size says so; forces keep their directions."""
+    """M_y and A_y may go 10 m, and with these simulated subjects do. Its size says so; forces keep their directions."""
     model = load_model(name)
     own = np.asarray(model.girdle.adapted_mm)
     free = replace(model, bounds_mm=np.stack([np.where(np.arange(6) < 2, own - UNBOUND_MM, 1.0), own + UNBOUND_MM]))
