@@ -272,8 +272,9 @@ def trust_results(
 
     Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
     for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
-    plausibility.csv (is it still a thorax, and do forces act as before?), contact.csv (directions and arms of contact
-    and conoid in each posture), with --choose-weight weights.csv, the tables of `girdle adapt` and run.json.
+    plausibility.csv (are size and place a thorax's; do contact and conoid keep their directions, the serratus its
+    arms?), contact.csv (directions and arms of contact and conoid in each posture), with --choose-weight weights.csv,
+    the tables of `girdle adapt` and run.json.
     """
     table, models, record = _inputs(motions, _names(model, models_of))
     with results_folder(out) as folder:
@@ -307,21 +308,25 @@ def muscle_results(
     """Adapt as `girdle adapt` does, and compare muscle arms and the forces that balance the arm before and after.
 
     Writes muscle_arms.csv (one row a subject and muscle), muscles.csv and balance.csv (one row a posture),
-    muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt` and run.json.
+    muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt`, run.json and
+    report.html (the page to look at: lines on the ellipsoid, arms over elevation).
     """
     table, models, record = _inputs(motions, _names(model, models_of))
     for one in models:
         muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
     with results_folder(out) as folder:
         with progress(errors) as report:
-            result = adapt_subjects(table, models, weight, progress=report, held_out=())
+            result = adapt_subjects(table, models, weight, progress=report)
             report("muscles")
             found = muscle_tables(models, result.fits, result.parameters, body_mass_kg)
-        with transaction(folder) as part:
-            write_adaptations(part, result)
-            write_muscles(part, found)
-            write_run(part, "muscles", record, {"weight": weight, "body_mass_kg": body_mass_kg}, table.rejected)
-    print_muscles(console, found)
+            report("writing")
+            with transaction(folder) as part:
+                write_adaptations(part, result)
+                write_muscles(part, found)
+                write_run(part, "muscles", record, {"weight": weight, "body_mass_kg": body_mass_kg}, table.rejected)
+                wrong = write_report(part, table, models, result, not_adapted(result), muscles=found)
+        print_muscles(console, found)
+        raise_without_report(folder, wrong)
     _finish(table, not_adapted(result))
 
 

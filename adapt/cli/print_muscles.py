@@ -2,12 +2,14 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """What a person sees on the terminal of muscle arms and of the forces that balance the arm."""
 
+from collections.abc import Mapping
+
 import pandas as pd
 from rich.console import Console
 
 from adapt.cli.print_tables import folding_table
 from adapt.tables.before_after import STATES
-from adapt.tables.muscle_tables import MuscleTables, unbalanced
+from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means, unbalanced
 from models.muscles.contact import FORCES
 
 _MOST_NAMED = 10
@@ -30,10 +32,7 @@ def print_muscles(console: Console, found: MuscleTables) -> None:
 def _print_arms(console: Console, found: MuscleTables) -> None:
     title = "Arm of the mean line, mm, and force to hold the arm, N; means, before -> after adaptation"
     table = folding_table(title, ("model", "muscle"), ("about SC", "about AC", "force"))
-    keys = ["model", "muscle"]
-    arms = found.arms.groupby(keys, sort=False).mean(numeric_only=True)
-    forces = found.muscles.groupby(keys, sort=False)[[f"force_{word}_N" for word in STATES]].mean()
-    for key, row in arms.join(forces).iterrows():
+    for key, row in muscle_means(found).iterrows():
         pairs = (("about_sc_{}_mm", ".0f"), ("about_ac_{}_mm", ".0f"), ("force_{}_N", ".1f"))
         table.add_row(*map(str, key), *(_change(row, name, form) for name, form in pairs))
     console.print(table)
@@ -42,12 +41,12 @@ def _print_arms(console: Console, found: MuscleTables) -> None:
 def _print_contact(console: Console, balances: pd.DataFrame) -> None:
     title = "Forces that hold the arm, N; means of postures, before -> after; share of muscle force that moved"
     table = folding_table(title, ("model",), (*FORCES, "muscles", "moved"))
-    for model, row in balances.groupby("model", sort=False).mean(numeric_only=True).iterrows():
+    for model, row in force_means(balances).items():
         names = [f"{force}_{{}}_N" for force in (*FORCES, "muscles")]
-        table.add_row(str(model), *(_change(row, name, ".0f") for name in names), f"{100 * row['moved_share']:.0f} %")
+        table.add_row(model, *(_change(row, name, ".0f") for name in names), f"{100 * row['moved_share']:.0f} %")
     console.print(table)
 
 
-def _change(row: pd.Series, name: str, form: str) -> str:
+def _change(row: Mapping, name: str, form: str) -> str:
     before, after = (row[name.format(word)] for word in STATES)
     return f"{before:{form}} -> {after:{form}}"

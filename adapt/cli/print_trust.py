@@ -9,12 +9,12 @@ from rich.console import Console
 
 from adapt.assessment import Trust
 from adapt.cli.print_tables import folding_table
-from adapt.trust.thorax_plausibility import WARNING
+from adapt.trust.thorax_plausibility import PASS, WARNING
 from models.adapted_parameters import ADAPTED
 
 
 def print_trust(console: Console, found: Trust) -> None:
-    """Print parameters with their intervals, gaps seen and unseen, and in words what to be careful with."""
+    """Print parameters with their intervals, gaps seen and unseen, what to be careful with, and which checks pass."""
     for model, mine in found.uncertainty.groupby("model", sort=False):
         _print_parameters(console, str(model), mine)
     _print_gaps(console, found.subjects)
@@ -24,8 +24,26 @@ def print_trust(console: Console, found: Trust) -> None:
         said = "; ".join(caution for caution in cautions if caution)
         if said:
             console.print(f"{row['model']}, {row['subject']}: {said}", soft_wrap=True)
+    _print_checks(console, found.plausibility)
     if found.weights is not None:
         print_weights(console, found.weights)
+
+
+def _print_checks(console: Console, checks: pd.DataFrame) -> None:
+    """Say which checks all subjects of a model pass, and which do not, with limits and reason."""
+    for model, mine in checks.groupby("model", sort=False):
+        passed = []
+        for name, rows in mine.groupby("check", sort=False):
+            outside = int((rows["verdict"] == WARNING).sum())
+            if not outside:
+                passed.append(str(name))
+                continue
+            first = rows.iloc[0]
+            limits = f"{first['low']:.3g} to {first['high']:.3g} {first['unit']}".strip()
+            said = f"{outside} of {len(rows)} subjects not within {limits} ({first['reason']})"
+            console.print(f"{model}, {name}: {WARNING}: {said}", soft_wrap=True)
+        if passed:
+            console.print(f"{model}: {PASS}: {'; '.join(passed)}", soft_wrap=True)
 
 
 def _print_parameters(console: Console, model: str, spread: pd.DataFrame) -> None:

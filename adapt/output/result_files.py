@@ -6,6 +6,7 @@ from pathlib import Path
 from adapt.api import Adaptations, PostureFits
 from adapt.diagnosis.result import Diagnoses, Diagnosis
 from adapt.output.run_files import write_table
+from adapt.tables.muscle_tables import MuscleTables
 from adapt.tables.results import Tables
 from models.person.family import AnyModel
 from motions import InputError, Motions
@@ -44,6 +45,7 @@ def write_report(
     diagnoses: Diagnoses | None = None,
     sampled_from: int = 0,
     active_effects: str = "",
+    muscles: MuscleTables | None = None,
 ) -> Exception | None:
     """Write the report page, to take its place with the tables; return what went wrong with it, or None.
 
@@ -52,9 +54,8 @@ def write_report(
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        atomic_write(
-            folder / REPORT, report_html(motions, models, result, failed, diagnoses, sampled_from, active_effects)
-        )
+        page = report_html(motions, models, result, failed, diagnoses, sampled_from, active_effects, muscles)
+        atomic_write(folder / REPORT, page)
     except Exception as error:
         return error
     return None

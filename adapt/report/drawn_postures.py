@@ -26,7 +26,7 @@ def chosen_subjects(motions: Motions, models: int, gap_deg: Mapping[str, float])
     if fit >= len(subjects):
         return subjects
     by_gap = sorted(subjects, key=lambda name: np.nan_to_num(gap_deg.get(name, np.inf), nan=np.inf))
-    chosen = {by_gap[k] for k in _evenly(len(subjects), max(1, fit))}
+    chosen = {by_gap[k] for k in evenly(len(subjects), max(1, fit))}
     return tuple(name for name in subjects if name in chosen)
 
 
@@ -41,7 +41,7 @@ def chosen_rows(motions: Motions, models: int, subjects: tuple[str, ...]) -> Int
     for subject in subjects:
         rows = np.flatnonzero(motions.subject == subject)
         rows = rows[np.lexsort((motions.posture[rows], motion[rows]))]
-        parts.append(rows[_evenly(len(rows), _most_of_a_subject(models))])
+        parts.append(rows[evenly(len(rows), _most_of_a_subject(models))])
     return np.concatenate(parts)
 
 
@@ -49,7 +49,7 @@ def _most_of_a_subject(models: int) -> int:
     return max(1, min(MOST_OF_A_SUBJECT, MOST_DRAWN // models))
 
 
-def _evenly(count: int, most: int) -> Int[np.ndarray, " chosen"]:
+def evenly(count: int, most: int) -> Int[np.ndarray, " chosen"]:
     """Indices below ``count``, at most so many, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 

@@ -11,12 +11,13 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.json_form import plain
 from adapt.report.bone_positions import POINTS, bones_mm
 from adapt.report.drawn_postures import chosen_rows, chosen_subjects, gaps_deg
-from adapt.report.fit_states import STATES, simulated_deg, state_rows
+from adapt.report.fit_states import STATES, adapted_mm, fitted_deg, state_rows
 from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
+from adapt.report.muscle_figures import muscle_data
 from adapt.solvers import status
+from adapt.tables.muscle_tables import JOINTS, MuscleTables
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
-from models.adapted_parameters import ADAPTED
 from models.girdle import CONSTRAINT_NAMES, Girdle
 from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, girdles_of
@@ -32,12 +33,17 @@ _ANGLE_DIGITS, _LENGTH_DIGITS, _RESIDUAL_DIGITS = 2, 1, 2
 
 
 def figure_data(
-    motions: Motions, models: Sequence[AnyModel], result: Tables, noise_deg: Mapping[str, float]
+    motions: Motions,
+    models: Sequence[AnyModel],
+    result: Tables,
+    noise_deg: Mapping[str, float],
+    muscles: MuscleTables | None = None,
 ) -> dict[str, Any]:
     """Gather the data of the report's figures by name: see the keys.
 
     Arrays of rows hold the chosen postures, one subject and motion after the other. ``noise_deg`` is the SD of one
-    measured angle by model, where it is known. Null is 'not measured' or 'not fitted'.
+    measured angle by model, where it is known. Null is 'not measured' or 'not fitted', and of ``muscles`` 'not looked
+    at'.
     """
     first = models[[model.name for model in models].index(closest(result.summary))]
     left = _gaps(result.summary, first.name, "after", motions.subjects)
@@ -54,6 +60,8 @@ def figure_data(
             "posture": motions.posture[rows],
             "elevation_deg": _rounded(motions.humerus_elevation_deg[rows], 1),
             "measured_deg": _rounded(motions.angles_deg[rows].T, _ANGLE_DIGITS),
+            "joints": [joint.upper() for joint in JOINTS],
+            "muscles": muscle_data(motions, models, result, muscles, rows) if muscles else None,
             "models": [_model(motions, one, result, rows, subjects, noise_deg.get(one.name)) for one in models],
         }
     )
@@ -83,11 +91,7 @@ def _model(
     adapted = (
         result.parameters[result.parameters["model"] == model.name].set_index("subject").loc[list(motions.subjects)]
     )
-    after = adapted[[f"{name}_mm" for name in ADAPTED]].to_numpy().T
-    theta_mm = {
-        "before": np.asarray(girdles_of(model, motions.subjects).adapted_mm),
-        "after": np.where(np.isfinite(after).all(axis=0), after, np.nan),
-    }
+    theta_mm = adapted_mm(motions, model, result)
     of_row = np.array([order[name] for name in motions.subject[rows].tolist()])
     girdles = girdles_of(model, motions.subject[rows].tolist())
     at_measured = {s: bones_mm(girdles, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
@@ -123,7 +127,7 @@ def _set(one: ParameterSet) -> dict[str, Any]:
 def _fits(fits: pd.DataFrame, girdles: Girdle, theta_mm: Float[np.ndarray, "6 rows"]) -> dict[str, Any]:
     """Posture fits that are ok: angles, where the bones are, and the root of J; all with their status."""
     ok = (fits["status"] == status.OK).to_numpy()
-    simulated = np.where(ok, simulated_deg(fits), np.nan)
+    simulated = fitted_deg(fits)
     return {
         "simulated_deg": _rounded(simulated, _ANGLE_DIGITS),
         "simulated_points_mm": _flat(bones_mm(girdles, theta_mm, simulated)[0]),

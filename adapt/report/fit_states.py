@@ -6,7 +6,11 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from motions.table import ANGLES
+from adapt.solvers import status
+from adapt.tables.results import Tables
+from models.adapted_parameters import ADAPTED
+from models.person.family import AnyModel, girdles_of
+from motions.table import ANGLES, Motions
 
 STATES = {"before": 0, "after": 1}
 """And the word for it in the column ``adapted``."""
@@ -20,3 +24,18 @@ def state_rows(table: pd.DataFrame, model: str, state: str) -> pd.DataFrame:
 def simulated_deg(fits: pd.DataFrame) -> Float[np.ndarray, "6 rows"]:
     """Extract the simulated angles from the fits, degrees, (6, rows)."""
     return fits[[f"{angle}_simulated_deg" for angle in ANGLES]].to_numpy().T
+
+
+def fitted_deg(fits: pd.DataFrame) -> Float[np.ndarray, "6 rows"]:
+    """Extract the simulated angles of the fits that are ok, degrees; NaN of the others."""
+    return np.where((fits["status"] == status.OK).to_numpy(), simulated_deg(fits), np.nan)
+
+
+def adapted_mm(motions: Motions, model: AnyModel, result: Tables) -> dict[str, Float[np.ndarray, "6 subjects"]]:
+    """Give the adapted parameters of each subject by state; NaN after an adaptation that failed."""
+    table = result.parameters[result.parameters["model"] == model.name].set_index("subject")
+    after = table.loc[list(motions.subjects), [f"{name}_mm" for name in ADAPTED]].to_numpy(float).T
+    return {
+        "before": np.asarray(girdles_of(model, motions.subjects).adapted_mm),
+        "after": np.where(np.isfinite(after).all(axis=0), after, np.nan),
+    }

@@ -27,7 +27,9 @@ from adapt.diagnosis.wording import (
 )
 from adapt.report.figure_data import figure_data
 from adapt.report.headline import closest, headline
+from adapt.report.muscle_figures import muscle_sentence
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
+from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means
 from adapt.tables.results import Tables
 from models.effects import EFFECTS
 from models.girdle import CONSTRAINT_NAMES
@@ -36,7 +38,7 @@ from motions.table import ANGLE_NAMES, Motions
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
-_SCRIPTS = ("shared.js", "plane.js", "space.js", "choices.js")
+_SCRIPTS = ("shared.js", "plane.js", "muscles.js", "space.js", "choices.js")
 """In this order: each uses what stands before it."""
 
 
@@ -48,16 +50,18 @@ def report_html(
     diagnoses: Diagnoses | None = None,
     sampled_from: int = 0,
     active_effects: str = "",
+    muscles: MuscleTables | None = None,
 ) -> str:
     """Build the report page; the same results give the same text.
 
     No other file and no network is needed to read it. ``not_handled`` names the subjects that could not be fitted, each
     with its reason; ``diagnoses`` are of the same motions and models. ``sampled_from`` is the number of subjects of
-    which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if any.
+    which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if any. With
+    ``muscles`` the page has their lines and arms.
     """
     by_model = diagnoses.by_model if diagnoses else {}
     noise_deg = {name: one.noise.angle_deg for name, one in by_model.items()}
-    data = figure_data(motions, models, result, noise_deg)
+    data = figure_data(motions, models, result, noise_deg, muscles)
     who = people(len(motions.subjects), len(simulated_subjects(motions)))
     first = diagnoses.closest.model if diagnoses else closest(result.summary)
     data |= {
@@ -65,11 +69,17 @@ def report_html(
         "gap": {name: _gaps(one) for name, one in by_model.items()},
     }
     adapted = headline(result.summary, who, set(result.heldout["kind"]))
+    kind, said = "adaptation", adapted
+    if diagnoses:
+        kind, said = "diagnosis", sentence(diagnoses.closest)
+    elif muscles:
+        kind, said = "muscles", muscle_sentence(muscles, first, who)
     return (
         _environment()
         .get_template("report.html")
         .render(
-            sentence=sentence(diagnoses.closest) if diagnoses else adapted,
+            kind=kind,
+            sentence=said,
             adaptation=adapted,
             diagnosed=diagnoses is not None,
             by_model=by_model,
@@ -86,12 +96,21 @@ def report_html(
             held_out=result.heldout["subject"].nunique(),
             not_handled=not_handled or {},
             rejected=[str(error) for error in motions.rejected],
+            muscles=muscle_means(muscles).reset_index().to_dict("records") if muscles else [],
+            forces=force_means(muscles.balance) if muscles else {},
+            with_lines=_with_lines(data),
             data=_json(data),
             style=_verbatim("report.css"),
             script=Markup("\n").join(map(_verbatim, _SCRIPTS)),
             plotly=Markup(get_plotlyjs()),
         )
     )
+
+
+def _with_lines(data: JsonObject) -> int:
+    """The drawn postures that have muscle lines, of one model."""
+    first = (data["muscles"] or [{"states": {}}])[0]["states"]
+    return len(set().union(*(state["paths"] for state in first.values())))
 
 
 def _gaps(diagnosis: Diagnosis) -> JsonObject:

@@ -94,6 +94,13 @@ def arms_table(muscles: pd.DataFrame) -> pd.DataFrame:
     return table.sort_values(["model", "subject"], kind="stable", ignore_index=True)
 
 
+def muscle_means(found: MuscleTables) -> pd.DataFrame:
+    """Average over subjects: the arms of ``muscle_arms.csv`` and, over postures, the forces; by model and muscle."""
+    keys = ["model", "muscle"]
+    arms = found.arms.groupby(keys, sort=False).mean(numeric_only=True)
+    return arms.join(found.muscles.groupby(keys, sort=False)[[f"force_{word}_N" for word in STATES]].mean())
+
+
 def _of_model(
     model: AnyModel, pair: BeforeAfter, body_mass_kg: float
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
@@ -171,6 +178,14 @@ def _balance(pair: BeforeAfter, lines: MuscleLines, forces: dict[str, Balance]) 
 
 def _repeated(rows: pd.DataFrame, times: int) -> pd.DataFrame:
     return rows.loc[rows.index.repeat(times), KEYS].reset_index(drop=True)
+
+
+def force_means(balances: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """Average the numbers of ``balance.csv`` over the postures of each model; ``unbalanced`` and ``postures`` count."""
+    means = balances.groupby("model", sort=False).mean(numeric_only=True)
+    counts = {"unbalanced": unbalanced(balances)["model"].value_counts(), "postures": balances["model"].value_counts()}
+    means = means.assign(**{name: count.reindex(means.index).fillna(0) for name, count in counts.items()})
+    return {str(model): row.to_dict() for model, row in means.iterrows()}
 
 
 def unbalanced(balances: pd.DataFrame) -> pd.DataFrame:

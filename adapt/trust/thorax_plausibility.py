@@ -1,7 +1,10 @@
-"""Whether an adapted thorax could still be one, and still serves as bony contour of the serratus (thesis 6.4).
+"""Whether the size of an adapted ellipsoid, its distance to the thorax points and the conoid's length could be a
+person's.
 
 Each check has limits with a reason. Outside of them is a warning, not a failure: the fit stands, but the ellipsoid is
-then a device that lets the scapula move as measured and no longer a thorax.
+then a device that lets the scapula move as measured and no longer a thorax. Within them it need not be one: its shape
+is checked where the thorax points are, and nowhere else. What it does to contact, conoid and serratus (thesis 6.4) is
+checked in ``adapt.trust.changed_forces``.
 """
 
 from dataclasses import dataclass
@@ -72,7 +75,7 @@ class Check:
 
 
 def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list[Check]:
-    """Run all plausibility checks of one adaptation; ``theta_mm`` in the order of ``ADAPTED_PARAMETERS``."""
+    """Run the checks of size and distance of one adaptation; ``theta_mm`` in the order of ``ADAPTED_PARAMETERS``."""
     adapted = model.girdle.with_adapted(theta_mm)
     A_x, A_y, A_z = (float(x) for x in adapted.semi_axes_mm)
     conoid = float(adapted.conoid_length_mm)

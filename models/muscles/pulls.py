@@ -21,7 +21,7 @@ from jaxtyping import Float
 
 from models.girdle import Girdle, bone_rotations, chain_landmarks, constraint_residuals_mm
 from models.muscles.muscle_lines import MuscleLines
-from models.muscles.wrapping import outside, path_length_mm, shortest_path
+from models.muscles.wrapping import outside, path_length_mm, path_points_mm, shortest_path
 from motions.arrays import Array
 from motions.rotations import rotate
 
@@ -65,9 +65,23 @@ def pulls(lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 post
 def lengths_mm(
     lines: MuscleLines, girdle: Girdle, angles: Float[Array, " 6 postures"]
 ) -> Float[Array, " lines postures"]:
-    """Measure the lines in postures (rad), mm; differentiable once in angles and girdle."""
+    """Measure the lines in postures (rad), mm; differentiable twice in angles and girdle.
+
+    ``-jax.jacfwd`` gives the arms by angle, ``-jax.hessian`` their slopes: see :func:`path_length_mm`.
+    """
     thorax, bone, wraps, on_scapula, batched, q = _arguments(lines, girdle, angles)
     return _length(thorax, _attachments(bone, on_scapula, batched, q), wraps, batched)
+
+
+def line_points_mm(
+    lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], curved: int
+) -> Float[np.ndarray, " points 3 lines postures"]:
+    """Return points along the lines in postures (rad), thorax frame, from the thorax to the bone.
+
+    The two ends and ``curved`` points between them, evenly along what lies on the ellipsoid, or along a straight line.
+    NaN where an angle is.
+    """
+    return np.asarray(_points(*_arguments(lines, girdle, angles), curved))
 
 
 def arms_by_angle_mm(
@@ -181,6 +195,19 @@ def _lines_of(thorax, bone, wraps, on_scapula, girdle, q):
 
 
 _lines = jax.jit(_lines_of, static_argnums=2)
+
+
+def _points_of(thorax, bone, wraps, on_scapula, girdle, q, curved):
+    X = _attachments(bone, on_scapula, girdle, q)
+    P = jnp.broadcast_to(thorax, X.shape)
+    which = np.flatnonzero(wraps)
+    share = jnp.linspace(0.0, 1.0, curved + 2).reshape(-1, 1, 1, 1)
+    outer = _round_ellipsoid(P[:, which], X[:, which], girdle)
+    wrapped = path_points_mm(*outer, curved) + girdle.centre_mm[:, None]
+    return (P + share * (X - P)).at[:, :, which].set(wrapped)
+
+
+_points = jax.jit(_points_of, static_argnums=(2, 6))
 
 
 def _depth_mm(lines: MuscleLines, girdle: Girdle, X) -> Float[np.ndarray, " lines postures"]:

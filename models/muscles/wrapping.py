@@ -58,6 +58,9 @@ _CHORDS = 32
 _LONGER = 1.002
 """A solution that is longer than a path that is known is no shortest one: it winds. The chords are 1e-3 too short."""
 
+_ON_SURFACE = 1e-12
+"""By how much |y| may be beyond 1 of a point on the surface: rounding leaves 1e-15, and the path 1e-17 longer."""
+
 TOLERANCE = 1e-10
 """Of the end point, by the axes: about 1e-8 mm."""
 
@@ -88,7 +91,11 @@ def outside(p_mm: Points, axes_mm: Points) -> Points:
 def path_length_mm(p_mm: Points, q_mm: Points, axes_mm: Points) -> Float[Array, " *batch"]:
     """Measure the shortest path between two points that are not inside; NaN where none was found.
 
-    Its first derivatives are exact (the path of least length does not change it to first order); it has no second ones.
+    Its first and second derivatives are exact: the first because the path of least length does not change it to first
+    order, the second by the implicit function theorem on the equations of the path. ``jax.grad``, ``jax.hessian`` and
+    ``jax.jacrev(jax.jacfwd(...))`` give them; reverse over reverse is an error of JAX. At lift-off the second ones have
+    a step. At a point on the surface they are for moves along it, as :func:`outside` makes them: of a move off it the
+    second derivative has no bound.
     """
     path = shortest_path(p_mm, q_mm, axes_mm)
     return jnp.where(path.found, path.length_mm, jnp.nan)
@@ -179,15 +186,27 @@ class _Start(NamedTuple):
 
 
 def _start(p, q) -> _Start:
-    rho_p, rho_q = (jnp.maximum(_norm(x), 1.0) for x in (p, q))
+    rho_p, rho_q = (_off_surface(_norm(x)) for x in (p, q))
+    tangent_p, tangent_q = (_tangent(rho) for rho in (rho_p, rho_q))
     normal = jnp.cross(p, q, axis=0)
     length = _norm(normal)
     e2 = normal / jnp.where(length > 0.0, length, 1.0)[None]
     e1 = jnp.cross(e2, p / _norm(p)[None], axis=0)
     f1 = jnp.cross(e2, q / _norm(q)[None], axis=0)
     angle = jnp.arctan2(length, jnp.sum(p * q, axis=0))
-    arc = angle - jnp.arccos(1.0 / rho_p) - jnp.arccos(1.0 / rho_q)
-    return _Start(p, 1.0 / rho_p**2, jnp.sqrt(1.0 - 1.0 / rho_p**2), e1, e2, q, jnp.sqrt(rho_q**2 - 1.0), f1, e2, arc)
+    arc = angle - jnp.arctan(tangent_p) - jnp.arctan(tangent_q)
+    return _Start(p, 1.0 / rho_p**2, tangent_p / rho_p, e1, e2, q, tangent_q, f1, e2, arc)
+
+
+def _off_surface(rho) -> Array:
+    """Let rho be exactly 1, whatever moves, on the surface (and inside)."""
+    return jnp.where(rho > 1.0 + _ON_SURFACE, rho, 1.0)
+
+
+def _tangent(rho) -> Array:
+    """Compute (rho^2 - 1)^(1/2), with slope 0 at 1."""
+    off = rho > 1.0
+    return jnp.where(off, jnp.sqrt(jnp.where(off, rho**2 - 1.0, 1.0)), 0.0)
 
 
 def _known_length(start: _Start, a) -> Array:
@@ -256,6 +275,7 @@ def _miss(start: _Start, phi, s, a, steps: int) -> tuple[Array, Array]:
     return jnp.sum(start.f1 * (end - start.q), axis=0), jnp.sum(start.f2 * (end - start.q), axis=0)
 
 
+@jax.custom_jvp
 def _solve(start: _Start, a, touches) -> tuple[Array, Array, Array]:
     """Lead the axes from a sphere to a: phi, s and the miss. Only those that touch have to arrive."""
     mean = jnp.exp(jnp.mean(jnp.log(a), axis=0))
@@ -278,18 +298,34 @@ def _solve(start: _Start, a, touches) -> tuple[Array, Array, Array]:
     return phi, s, error
 
 
-def _newton(start: _Start, phi, s, a, mean, steps: int) -> tuple[Array, Array, Array]:
-    """One step of phi and s, and the miss before it."""
+@_solve.defjvp
+def _solve_jvp(primals, tangents):
+    """Implicit function theorem: what start and axes add to the miss, phi and s take away."""
+    start, a, _ = primals
+    phi, s, error = _solve(*primals)
+    _, moved = jax.jvp(lambda start, a: _miss(start, phi, s, a, _STEPS), (start, a), tangents[:2])
+    _, correction = _correction(start, phi, s, a, _STEPS)
+    return (phi, s, error), (*correction(*moved), jnp.zeros_like(error))
+
+
+def _correction(start: _Start, phi, s, a, steps: int):
+    """The miss, and the function that says which change of phi and s takes a small miss away."""
 
     def miss(phi, s):
         return _miss(start, phi, s, a, steps)
 
     one, zero = jnp.ones_like(phi), jnp.zeros_like(phi)
-    (r1, r2), (a11, a21) = jax.jvp(miss, (phi, s), (one, zero))
+    missed, (a11, a21) = jax.jvp(miss, (phi, s), (one, zero))
     _, (a12, a22) = jax.jvp(miss, (phi, s), (zero, one))
     determinant = a11 * a22 - a12 * a21
     regular = jnp.where(determinant == 0.0, 1.0, determinant)
-    turn, onward = (a12 * r2 - a22 * r1) / regular, (a21 * r1 - a11 * r2) / regular
+    return missed, lambda r1, r2: ((a12 * r2 - a22 * r1) / regular, (a21 * r1 - a11 * r2) / regular)
+
+
+def _newton(start: _Start, phi, s, a, mean, steps: int) -> tuple[Array, Array, Array]:
+    """One step of phi and s, and the miss before it."""
+    (r1, r2), correction = _correction(start, phi, s, a, steps)
+    turn, onward = correction(r1, r2)
     largest = jnp.maximum(abs(turn), abs(onward) / mean) / _LARGEST_TURN
     shorter = 1.0 / jnp.maximum(largest, 1.0)
     return phi + shorter * turn, s + shorter * onward, jnp.maximum(abs(r1), abs(r2))

@@ -3,16 +3,27 @@
 """``girdle muscles`` as a person runs it: what it writes, says and refuses."""
 
 import json
+import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from command import Ended, girdle, refused, shipped_lines, written
+from pages import data_of, words_of
 
+from adapt import adapt_subjects
+from adapt.tables.muscle_tables import muscle_tables
 from models import load_model
 from models.muscles.balance import arm_weight_N
 from models.muscles.muscle_lines import muscle_lines
+from models.person.family import load_personal_sets
+from motions import write_motions
+from scripts.simulated_persons import landmark_table, simulate_persons
+
+ALONE_MM = 1e-6
+"""A subject adapted in a batch and alone ends at the same place to rounding; files hold 1e-9."""
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +46,7 @@ def test_it_writes_a_table_of_each_kind_and_a_figure(run):
     assert (tables["muscle_lines"]["length_mm"] > 20.0).all()
     assert ElementTree.parse(out / "muscle_arms.svg").getroot().tag.endswith("svg")
     assert (out / "parameters.csv").exists()
+    assert set(pd.read_csv(out / "heldout.csv")["subject"]) == set(tables["balance"]["subject"])
 
 
 def test_it_prints_arms_and_forces_before_and_after(run):
@@ -42,6 +54,67 @@ def test_it_prints_arms_and_forces_before_and_after(run):
     assert "serratus_anterior" in ended.out
     assert "->" in ended.out
     assert "no balance" not in ended.out
+
+
+def test_its_page_has_the_lines_and_the_arms_of_the_tables(run):
+    """Of every posture and line; see tests/report for what the page makes of them."""
+    _, out = run
+    html = (out / "report.html").read_text(encoding="utf-8")
+    assert "takes the arm of the serratus anterior about SC from" in words_of(html)
+    (muscles,) = data_of(html)["muscles"]
+    for state, number in (("before", 0), ("after", 1)):
+        assert len(muscles["states"][state]["paths"]) == 28
+        table = pd.read_csv(out / "muscles.csv").query("muscle == 'rhomboids'")
+        at = muscles["muscles"].index("rhomboids")
+        drawn = muscles["states"][state]["arms_mm"][number][at]
+        joint = ("sc", "ac")[number]
+        assert sorted(drawn) == pytest.approx(sorted(table[f"about_{joint}_{state}_mm"]), abs=0.051)
+
+
+def test_persons_have_the_lines_of_their_own_sets_and_who_has_none_is_left_out_by_name(tmp_path):
+    """Simulated persons; `girdle model` makes sets of all but the last from their landmarks."""
+    persons = simulate_persons(load_model("R2"), 3, 1.0, 2)
+    *known, last = persons.motions.subjects
+    write_motions(persons.motions, tmp_path / "motions.csv")
+    landmark_table(persons, known).to_csv(tmp_path / "landmarks.csv", index=False)
+    made = girdle("model", tmp_path / "landmarks.csv", "--out", tmp_path / "own")
+    assert made.status == 0, made.err
+    ran = girdle("muscles", tmp_path / "motions.csv", "--models-of", tmp_path / "own", "--out", tmp_path / "out")
+    assert ran.status == 3
+    assert f"there is no parameter set of subject '{last}'" in ran.err
+    tables = {
+        name: pd.read_csv(tmp_path / "out" / f"{name}.csv") for name in ("muscle_lines", "balance", "muscle_arms")
+    }
+    own = load_personal_sets(tmp_path / "own")
+    for table in tables.values():
+        assert set(table["subject"]) == set(known)
+        assert set(table["model"]) == {"own"}
+    for subject in known:
+        mine = persons.motions.select(persons.motions.subject == subject)
+        alone = adapt_subjects(mine, own.of(subject), held_out=())
+        expected = muscle_tables([own.of(subject)], alone.fits, alone.parameters)
+        rows = tables["muscle_lines"][tables["muscle_lines"]["subject"] == subject]
+        np.testing.assert_allclose(rows["length_mm"], expected.lines["length_mm"], atol=ALONE_MM)
+    lengths = tables["muscle_lines"].groupby("subject")["length_mm"].mean()
+    assert lengths.max() - lengths.min() > 1.0, "persons of different sizes"
+    ran = girdle("trust", tmp_path / "motions.csv", "--models-of", tmp_path / "own", "--out", tmp_path / "trust")
+    assert ran.status == 3
+    checks = pd.read_csv(tmp_path / "trust" / "plausibility.csv")
+    assert checks.groupby("subject")["check"].apply(lambda names: "serratus arm about SC" in set(names)).all()
+    assert_said(ran.out, checks)
+
+
+def assert_said(out: str, checks: pd.DataFrame) -> None:
+    """Every check stands on the terminal: among those that all pass, or as a warning with limits and reason."""
+    (passed,) = re.findall(r"^own: pass: (.*)$", out, re.MULTILINE)
+    for name, rows in checks.groupby("check"):
+        outside = int((rows["verdict"] == "warning").sum())
+        warning = re.search(rf"^own, {re.escape(str(name))}: warning: (.*)$", out, re.MULTILINE)
+        assert (str(name) in passed.split("; ")) == (outside == 0)
+        assert bool(warning) == (outside > 0)
+        if warning:
+            assert warning[1].startswith(f"{outside} of {len(rows)} subjects not within ")
+            assert f"({rows.iloc[0]['reason']})" in warning[1]
 
 
 def test_the_record_has_the_options(run):

@@ -15,8 +15,8 @@ from adapt.tables.held_out import BONE_PREFIXES, COLUMNS, MOTION
 from adapt.tables.results import fits_table, parameters_table, rows_of_subjects, summary_table
 from adapt.trust.covariance import Uncertainty
 from adapt.trust.curvature import Curvature
-from models import ParameterSet
 from models.adapted_parameters import ADAPTED
+from models.person.family import AnyModel, girdles_of
 from motions import ANGLES, Motions
 from motions.rotations import DEG
 
@@ -58,7 +58,7 @@ def rising(subjects: int, postures: int) -> Float[np.ndarray, "subjects postures
 
 def adaptations(
     motions: Motions,
-    models: Sequence[ParameterSet],
+    models: Sequence[AnyModel],
     failed: Sequence[str] = (),
     gap_deg: dict[str, float] | None = None,
 ) -> Adaptations:
@@ -86,7 +86,7 @@ def adaptations(
     )
 
 
-def _heldout(motions: Motions, models: Sequence[ParameterSet]) -> pd.DataFrame:
+def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:
     """Every motion of every subject off by UNSEEN_DEG."""
     gaps = dict(zip(("before", "in_sample", "unseen"), (GAP_DEG[False], GAP_DEG[True], UNSEEN_DEG), strict=True))
     rows = [
@@ -121,10 +121,10 @@ def _uncertainty(problems: int) -> Uncertainty:
     return Uncertainty(unit, 0.0 * unit, 0.0 * unit, unit, 0.5 * row, row[0], curvature, row > 0.0)
 
 
-def _adapted(motions: Motions, model: ParameterSet, failed: Sequence[str]) -> Adapted:
+def _adapted(motions: Motions, model: AnyModel, failed: Sequence[str]) -> Adapted:
     names = motions.subjects
     lost = np.isin(names, list(failed))
-    theta_mm = np.asarray(model.girdle.adapted_mm)[:, None] + MOVED_MM[:, None] + np.zeros(len(names))
+    theta_mm = np.asarray(girdles_of(model, names).adapted_mm) + MOVED_MM[:, None]
     return Adapted(
         theta_mm=np.where(lost, np.nan, theta_mm),
         at_bound=np.zeros((len(ANGLES), len(names)), dtype=bool),

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from html import unescape
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,12 @@ def data_of(html: str) -> dict[str, Any]:
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.DOTALL)
     assert found
     return json.loads(found.group(1), parse_constant=lambda word: pytest.fail(f"{word} is not strict JSON"))
+
+
+def words_of(html: str) -> str:
+    """The text of the page that is there before any script runs, on one line."""
+    body = html[html.index("<main>") : html.index("</main>")]
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", body)))
 
 
 def simulated(motions: Motions, subjects: int) -> Motions:

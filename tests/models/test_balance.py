@@ -1,5 +1,7 @@
 """The moment balance: its conditions of optimality, a case by hand, another solver, and what has no solution."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -16,6 +18,9 @@ from motions.rhythm import REST_DEG
 from motions.rotations import DEG, rotate, rotation_from_cardan
 
 WEIGHT_N = arm_weight_N(75.0)
+
+MIRRORED = ("centre_mm", "sc_mm", "ac_mm", "clavicle_conoid_mm", "scapula_conoid_mm", "ts_mm", "ai_mm")
+"""Points of a girdle; its other numbers are lengths."""
 
 OPTIMAL = 1e-9
 """Moments are of order 1e4 Nmm, shares of 0.1; the solver works to rounding."""
@@ -126,6 +131,29 @@ def test_contact_forces_are_the_multipliers_of_the_constraints(solved):
         multipliers, left, *_ = np.linalg.lstsq(-slopes[p].T, generalised, rcond=None)
         assert left.size == 0 or left[0] < 1e-6
         np.testing.assert_allclose(multipliers * [1.0, 1.0, -1.0], forces.contact_N[:, p], atol=1e-6)
+
+
+def test_a_left_girdle_has_the_mirrored_arms_and_the_same_forces(solved):
+    """Points mirrored in x = 0, angles Y and Z reversed: moments, which are axial vectors, keep x and turn y and z."""
+    lines, girdle, q, found, contact, forces = solved
+    mirror = np.array([-1.0, 1.0, 1.0])
+    moment = -mirror[:, None, None]
+
+    def left(points):
+        return points * mirror.reshape(3, *[1] * (points.ndim - 1))
+
+    points = {name: left(getattr(girdle, name)) for name in MIRRORED}
+    left_girdle = replace(girdle, **points)
+    left_lines = replace(lines, **{name: left(getattr(lines, name)) for name in ("thorax_mm", "bone_mm", "gh_mm")})
+    left_q = q * np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])[:, None]
+    left_found, left_contact = pulls(left_lines, left_girdle, left_q), contact_forces(left_girdle, left_q)
+    np.testing.assert_allclose(left_found.length_mm, found.length_mm, atol=1e-8)
+    for name in ("about_sc_mm", "about_ac_mm"):
+        np.testing.assert_allclose(getattr(left_found, name), moment * getattr(found, name), atol=1e-6)
+        np.testing.assert_allclose(getattr(left_contact, name), moment * getattr(contact, name), atol=1e-8)
+    left_forces = balance(left_lines, left_found, left_contact, left_girdle, left_q, WEIGHT_N)
+    np.testing.assert_allclose(left_forces.force_N, forces.force_N, atol=1e-6)
+    np.testing.assert_allclose(left_forces.contact_N, forces.contact_N, atol=1e-6)
 
 
 def test_two_muscles_share_a_moment_by_their_arms():

@@ -1,5 +1,7 @@
 """Moment arms: slopes of the lengths, by angle, about the joints and in the chain's free directions."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from models.muscles.pulls import (
     arms_in_free_directions,
     free_directions,
     lengths_mm,
+    line_points_mm,
     muscle_arms_mm,
     pulls,
 )
@@ -87,6 +90,41 @@ def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
         for joint, arms in (("sc", found.about_sc_mm), ("ac", found.about_ac_mm)):
             difference = (lengths[joint, 1.0] - lengths[joint, -1.0]) / (2 * h)
             np.testing.assert_allclose(arms[axis], -difference, atol=SLOPE)
+
+
+def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
+    """R2: wrapped lines with attachments on the surface and inside, and straight ones."""
+    model = load_model("R2")
+    lines, q = muscle_lines(model), jnp.asarray(REST_DEG / DEG)
+
+    def lengths(q):
+        return lengths_mm(lines, model.girdle, q[:, None])[:, 0]
+
+    arms = jax.jit(lambda q: -jax.jacfwd(lengths)(q))
+    found = pulls(lines, model.girdle, np.asarray(q)[:, None])
+    assert (found.depth_mm > 0.0).any()
+    np.testing.assert_allclose(
+        arms(q), arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
+    )
+    h = 1e-5
+    difference = np.stack([(arms(q + h * unit) - arms(q - h * unit)) / (2 * h) for unit in np.eye(6)], axis=-1)
+    np.testing.assert_allclose(-jax.hessian(lengths)(q), difference, atol=SLOPE)
+
+
+def test_the_points_of_the_lines_go_from_end_to_end_as_far_as_the_lines_are_long():
+    """Round the ellipsoid by chords of a 200th of the contact; the end inside is its closest point of the surface."""
+    model, q, _ = postures("R2")
+    lines = muscle_lines(model)
+    points, found = line_points_mm(lines, model.girdle, q, 201), pulls(lines, model.girdle, q)
+    along = np.linalg.norm(np.diff(points, axis=0), axis=1).sum(axis=0)
+    np.testing.assert_allclose(along, found.length_mm, rtol=1e-5)
+    clear = found.depth_mm == 0.0
+    np.testing.assert_allclose(points[-1][:, clear], found.attachment_mm[:, clear], atol=1e-9)
+    thorax = np.broadcast_to(lines.thorax_mm[..., None], points[0].shape)
+    np.testing.assert_allclose(points[0][:, clear], thorax[:, clear], atol=1e-9)
+    centre, axes = (np.asarray(x)[:, None, None] for x in (model.girdle.centre_mm, model.girdle.semi_axes_mm))
+    outward = (((points - centre) / axes) ** 2).sum(axis=1)
+    assert outward[:, lines.of(SERRATUS)].min() > 1.0 - 1e-9
 
 
 def test_the_measure_of_a_muscle_is_the_length_of_its_mean_arm():

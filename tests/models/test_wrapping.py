@@ -26,6 +26,9 @@ GREAT_CIRCLE_MM = 1e-6
 SLOPE = 1e-6
 """Central differences over 2e-3 mm of lengths that are exact to 1e-8 mm, mm a mm; 4e-6 next to opposite points."""
 
+BEND = 1e-6
+"""Central differences over 2e-3 mm of slopes; a wrong bend is off by 1e-3, that of a straight line instead."""
+
 POLYGON_MM = 0.1
 """The chords of a polygon of 80 corners cut through the ellipsoid: here by up to 0.06 mm together, as corners bunch up.
 """
@@ -90,6 +93,48 @@ def test_the_slope_of_the_length_is_that_of_differences(axes):
             difference = np.asarray(path_length_mm(*more) - path_length_mm(*less)) / (2 * h)
             np.testing.assert_allclose(np.asarray(slopes[which])[axis][clear], difference[clear], atol=SLOPE * 10)
             assert np.median(abs(np.asarray(slopes[which])[axis] - difference)[clear]) < SLOPE
+
+
+def bends(p, q, axes):
+    """Second derivatives in both ends and the axes, (9, 9) each: forward over reverse, the rest of a batch apart."""
+    x = jnp.concatenate([p, q, jnp.broadcast_to(axes[:, None], p.shape)]).T
+
+    def length(x):
+        return path_length_mm(*x.reshape(3, 3, 1))[0]
+
+    slope = jax.jit(jax.vmap(jax.grad(length)))
+    h = 1e-3
+    difference = np.stack([(slope(x + h * unit) - slope(x - h * unit)) / (2 * h) for unit in np.eye(9)], axis=-1)
+    return np.asarray(jax.jit(jax.vmap(jax.hessian(length)))(x)), difference, length, x
+
+
+def test_the_bend_of_the_length_is_that_of_differences_of_its_slope():
+    """With contact and without; off the surface, where differences are possible in all directions."""
+    p, q = (1.05 * around(40, BRETELER, seed) for seed in (14, 15))
+    near = apart(p, q, BRETELER, 100.0)
+    found, difference, length, x = bends(p[:, near], q[:, near], BRETELER)
+    contact = np.asarray(shortest_path(p[:, near], q[:, near], BRETELER[:, None]).contact_mm)
+    assert (contact == 0.0).any()
+    assert (contact > 10.0).any()
+    clear = (contact == 0.0) | (contact > 1.0)  # differences do not see a step next to lift-off
+    np.testing.assert_allclose(found[clear], difference[clear], atol=BEND)
+    np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-9)
+    np.testing.assert_allclose(jax.jacrev(jax.jacfwd(length))(x[0]), found[0], atol=1e-12)
+
+
+def test_on_a_sphere_the_bend_across_the_path_is_by_hand():
+    """Two points of the surface a great circle of angle t apart: d2L/dx2 = cot(t) / R across it, 0 along it."""
+    radius, t = 100.0, 0.7
+    axes = jnp.full((3, 1), radius)
+    q = radius * jnp.array([[np.cos(t)], [np.sin(t)], [0.0]])
+
+    def length(move):
+        p = jnp.stack([jnp.full_like(move[0], radius - 1.0), move[0], move[1]])[:, None]
+        return path_length_mm(outside(p, axes), q, axes)[0]
+
+    ratio = radius / (radius - 1.0)  # a point 1 mm inside moves its closest one by that much more
+    expected = np.diag([0.0, ratio**2 / np.tan(t) / radius])
+    np.testing.assert_allclose(jax.hessian(length)(jnp.zeros(2)), expected, atol=1e-8)
 
 
 def polygon_mm(p, q, axes, corners: int = 80) -> float:

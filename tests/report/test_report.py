@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnoses import BLIND, BY_KIND, ONE, TWO, alone, gap_of
 from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
-from pages import EVIL, MODELS, R2, data_of, simulated
+from pages import EVIL, MODELS, R2, data_of, simulated, words_of
 
 from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.wording import amplitude_text, sentence, step_text
@@ -29,12 +29,6 @@ LARGEST_BYTES = 10_000_000
 
 MM_TOLERANCE = 1e-9
 """Cosines and products of lengths of 100 mm in double precision."""
-
-
-def words_of(html: str) -> str:
-    """The text of the page that is there before any script runs, on one line."""
-    body = html[html.index("<main>") : html.index("</main>")]
-    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", body)))
 
 
 # --- where the bones are -------------------------------------------------------------------------------------------

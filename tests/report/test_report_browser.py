@@ -1,111 +1,32 @@
 """The report as a person meets it: opened in a real browser, stepped, turned, chosen from, on a desk and on a phone."""
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from browsing import DESK, EYE, PHONE, Seen, needs_browser
 from diagnoses import NOTHING, TWO, alone
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import expect
 
 from adapt.diagnosis.wording import sentence
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS
 from motions import InputError, Motions
-from scripts.picture_report import BROWSERS, browser, installed_browser, main, open_report, picture
+from scripts.picture_report import main, picture
 
-pytestmark = pytest.mark.skipif(installed_browser() is None, reason=f"none of {', '.join(BROWSERS)} is installed")
-
-DESK = {"width": 1280, "height": 900}
-PHONE = {"width": 390, "height": 844}
+pytestmark = needs_browser
 
 DRAWN_MM = 0.051
 """The page holds tenths of a mm."""
-
-SETTLED_MS = 500
-"""The longest pause between two frames of a turning view that was seen on a machine with every core taken."""
-
-SETTLING_READS = 40
-
-EYE = "document.getElementById('view')._fullLayout.scene._scene.getCamera().eye"
 
 DRAWN_SHARE = 2e-3
 """Twice those tenths as a share of a semi-axis of 100 mm."""
 
 LARGEST_PICTURE_BYTES = 250_000
-
-
-@dataclass
-class Seen:
-    """A page, and what the browser had to say of it."""
-
-    page: Page
-    errors: list[str] = field(default_factory=list)
-    requests: list[str] = field(default_factory=list)
-
-    def traces(self, place: str = "view") -> list[dict[str, Any]]:
-        """What is drawn there."""
-        return json.loads(self.page.evaluate(f"JSON.stringify(document.getElementById('{place}').data)"))
-
-    def data(self) -> dict[str, Any]:
-        return json.loads(self.page.inner_text("#data") or self.page.text_content("#data") or "")
-
-    def eye(self) -> dict[str, float]:
-        """Where the 3-D view is seen from."""
-        return self.page.evaluate(EYE)
-
-    def settled_eye(self) -> dict[str, float]:
-        """The same once the view has come to rest: on a busy machine it still turns long after the mouse is let go."""
-        now = self.eye()
-        for _ in range(SETTLING_READS):
-            self.page.wait_for_timeout(SETTLED_MS)
-            last, now = now, self.eye()
-            if now == last:
-                return now
-        raise AssertionError(f"the view still turns after {SETTLING_READS * SETTLED_MS} ms")
-
-    def assert_quiet(self) -> None:
-        """No error, nothing asked of a network, nothing wider than the window."""
-        assert self.errors == []
-        assert [url for url in self.requests if not url.startswith(("file:", "blob:", "data:"))] == []
-        width, window = self.page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
-        assert width <= window
-
-
-@pytest.fixture(scope="module")
-def started() -> Iterator[BrowserContext]:
-    """One profile for all pages: a window for each would cost half a second of a core more."""
-    with browser() as one:
-        yield one.new_context()
-
-
-@pytest.fixture
-def look(started, tmp_path) -> Iterator[Any]:
-    """Open a report's text in a window of its own."""
-    pages: list[Page] = []
-
-    def opened(html: str, window: dict[str, int] = DESK) -> Seen:
-        path = tmp_path / f"report{len(pages)}.html"
-        path.write_text(html, encoding="utf-8")
-        page = started.new_page()
-        page.set_viewport_size(window)
-        pages.append(page)
-        seen = Seen(page)
-        page.on("console", lambda said: seen.errors.append(said.text) if said.type == "error" else None)
-        page.on("pageerror", lambda error: seen.errors.append(str(error)))
-        page.on("dialog", lambda dialog: (seen.errors.append(f"dialog {dialog.message}"), dialog.dismiss()))
-        page.on("request", lambda request: seen.requests.append(request.url))
-        open_report(page, path)
-        return seen
-
-    yield opened
-    for page in pages:
-        page.close()
 
 
 def two_motions(subjects: int = 2) -> Motions:
@@ -157,6 +78,8 @@ def test_the_view_steps_through_the_postures_and_turns(look, window):
     assert max(abs(seen.settled_eye()[axis] - turned[axis]) for axis in "xyz") < 1e-6, "stepping does not turn it back"
     page.click("[data-view=front]")
     page.wait_for_function(f"{EYE}.y > 1.0")
+    page.click("#previous")
+    assert seen.settled_eye()["y"] > 1.0, "stepping keeps the view that was asked for"
     seen.assert_quiet()
 
 

@@ -2,11 +2,15 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The checks of forces: limits from the published sets, which pass; an ellipsoid that shrank or ran away does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
+from command import SHIPPED
 
-from adapt.api import fit_postures
+from adapt.api import adapt_subjects, fit_postures
+from adapt.assessment import plausibility_table
 from adapt.solvers import status
 from adapt.tables.before_after import BeforeAfter, before_and_after
 from adapt.tables.contact_table import contact_table
@@ -16,8 +20,11 @@ from adapt.trust.changed_forces import SERRATUS_RATIO, TURNED_DEG, force_checks
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED_PARAMETERS
+from motions import read_motions
 from scripts.reporting import CADAVER_SETS as SETS
 from scripts.spread_of_sets import rhythm, spread
+
+UNBOUND_MM = 1e4
 
 LIMIT = 0.005
 """Share by which a limit may lie above the largest difference: they are rounded up."""
@@ -91,6 +98,25 @@ def test_a_runaway_ellipsoid_is_flagged():
     found = verdicts(model, changed(model, M_y=12.0, A_y=8.0))
     assert found["volume"] == WARNING
     assert WARNING in {found[name] for name in found if name.startswith(("direction", "serratus"))}
+
+
+@pytest.mark.parametrize("name", ["R2", "R4"])
+def test_what_an_adaptation_without_bounds_runs_away_to_is_flagged(name):
+    """M_y and A_y may go 10 m, and with these simulated subjects do. Its size says so; forces keep their directions."""
+    model = load_model(name)
+    own = np.asarray(model.girdle.adapted_mm)
+    free = replace(model, bounds_mm=np.stack([np.where(np.arange(6) < 2, own - UNBOUND_MM, 1.0), own + UNBOUND_MM]))
+    motions = read_motions(SHIPPED)
+    motions = motions.select(np.isin(motions.subject, motions.subjects[:2]))
+    result = adapt_subjects(motions, free, held_out=())
+    assert set(result.parameters["status"]) == {status.OK}
+    assert np.all(result.parameters["A_y_mm"] > 0.5 * UNBOUND_MM)
+    found = plausibility_table(motions.subjects, [free], result.adapted[name])
+    of_size = found[found["check"].isin(["depth", "width", "volume"])]
+    assert len(of_size) == 6
+    assert set(of_size["verdict"]) == {WARNING}
+    pairs = [(free, before_and_after(free, result.fits, result.parameters))]
+    assert set(force_checks(contact_table(pairs), serratus_arms(pairs))["verdict"]) == {PASS}
 
 
 def test_a_set_without_landmarks_has_contact_but_no_serratus():

@@ -22,10 +22,10 @@ function writeWords() {
     one.hidden = one.dataset.model !== model().name;
   });
   element("legend").replaceChildren(
-    ...["measured", "before", "after"].map((kind) => {
+    ...["measured", "before", "after", ...(muscles() ? ["wrapped", "straight"] : [])].map((kind) => {
       const item = document.createElement("span");
       item.className = `key ${kind}`;
-      item.textContent = NAME[kind] || "measured";
+      item.textContent = NAME[kind];
       return item;
     }),
   );
@@ -45,6 +45,7 @@ function writeReadout() {
   ].forEach(([name, state]) => {
     if (state.status[row()] !== "ok") parts.push(`fit ${name}: ${state.status[row()]}`);
   });
+  if (muscles() && !paths(at.state, row())) parts.push("no muscle lines drawn here");
   element("readout").textContent = parts.join(" · ");
 }
 
@@ -110,6 +111,7 @@ function go(change) {
   drawView();
   if (wider || "posture" in change) {
     drawAngles();
+    drawArms();
     drawConstraints();
   }
   if ("model" in change) {
@@ -121,6 +123,7 @@ function go(change) {
     drawGaps();
   }
   if ("model" in change || "heat" in change) drawHeat();
+  if ("joint" in change) drawArms();
 }
 
 let playing = null;
@@ -150,6 +153,13 @@ fill(
   element(key).addEventListener("change", (event) => go({ [key]: Number(event.target.value) })),
 );
 element("heat-motion").addEventListener("change", (event) => go({ heat: Number(event.target.value) }));
+if (muscles()) {
+  fill(element("lines"), [...EVERY, ...muscles().muscles].map(spelled), at.lines);
+  fill(element("joint"), data.joints, at.joint);
+  ["lines", "joint"].forEach((key) =>
+    element(key).addEventListener("change", (event) => go({ [key]: Number(event.target.value) })),
+  );
+}
 element("posture").addEventListener("input", (event) => go({ posture: Number(event.target.value) }));
 element("previous").addEventListener("click", () => go({ posture: at.posture - 1 }));
 element("next").addEventListener("click", () => go({ posture: at.posture + 1 }));
@@ -158,7 +168,7 @@ element("play").addEventListener("click", play);
 document
   .querySelectorAll("[data-view]")
   .forEach((button) =>
-    button.addEventListener("click", () => Plotly.relayout("view", { "scene.camera": camera(button.dataset.view) })),
+    button.addEventListener("click", () => go({ view: button.dataset.view, looks: at.looks + 1 })),
   );
 go({ model: at.model });
 document.body.dataset.drawn = "yes";

@@ -2,11 +2,28 @@
 
 // Every figure is drawn from the data element; nothing is computed here but where to draw it.
 const data = JSON.parse(document.getElementById("data").textContent);
-const at = { model: data.first_model, subject: 0, motion: 0, posture: 0, heat: 0, state: "after" };
+const at = {
+  ...{ model: data.first_model, subject: 0, motion: 0, posture: 0, state: "after" },
+  ...{ heat: 0, lines: 0, joint: 0, view: "oblique", looks: 1 },
+};
 
 // Okabe and Ito's palette: told apart by the colour-blind and, by lightness and line style, in grey print.
-const COLOUR = { measured: "#000000", before: "#e69f00", after: "#0072b2", apart: "#cc79a7", thorax: "#8c8c8c" };
-const NAME = { before: "model as it is", after: "adapted" };
+const COLOUR = {
+  measured: "#000000",
+  before: "#e69f00",
+  after: "#0072b2",
+  apart: "#cc79a7",
+  thorax: "#8c8c8c",
+  wrapped: "#d55e00",
+  straight: "#009e73",
+};
+const NAME = {
+  measured: "measured",
+  before: "model as it is",
+  after: "adapted",
+  wrapped: "muscle round the ellipsoid",
+  straight: "straight muscle",
+};
 const LIGHT_TO_DARK = [
   [0, "#f3f8fd"],
   [0.5, "#6baed6"],

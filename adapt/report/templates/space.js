@@ -118,7 +118,7 @@ function extent() {
     .map((state) => model().states[state].theta_mm[at.subject])
     .filter((theta) => !theta.includes(null));
   return [0, 1, 2].map((axis) => {
-    const values = [own().sc_mm[axis], ...own().thorax_points_mm[axis]];
+    const values = [own().sc_mm[axis], ...own().thorax_points_mm[axis], ...lineEnds().map((point) => point[axis])];
     columns.forEach((of) => data.points.forEach((_, k) => values.push(...finite(of[3 * k + axis].slice(start, end)))));
     const low = Math.min(...values),
       high = Math.max(...values);
@@ -169,6 +169,7 @@ function drawView() {
       line: { color: COLOUR.apart, width: 4 },
       hoverinfo: "skip",
     },
+    ...muscleLines(),
     ...bones(simulated, COLOUR[at.state], NAME[at.state], at.state === "before" ? "dash" : "solid", !measured.AI),
     ...bones(measured, COLOUR.measured, "measured", "solid", true),
   ];
@@ -179,7 +180,7 @@ function drawView() {
     yaxis: range([-z[1], -z[0]]),
     zaxis: range(y),
     aspectmode: "data",
-    camera: camera("oblique"),
+    camera: camera(at.view),
     dragmode: "turntable",
     bgcolor: "white",
   };
@@ -188,7 +189,7 @@ function drawView() {
     showlegend: false,
     margin: { l: 0, r: 0, t: 0, b: 0 },
     scene,
-    uirevision: "view",
+    uirevision: at.looks, // turned by hand it stays so until another view is asked for; 0 would be none
     paper_bgcolor: "white",
     autosize: true,
   };

@@ -1,0 +1,98 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""The muscle lines and arms that a report of ``girdle muscles`` draws, and the sentence it opens with."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+from adapt.report.drawn_postures import evenly
+from adapt.report.fit_states import adapted_mm, fitted_deg, state_rows
+from adapt.tables.muscle_tables import JOINTS, MuscleTables, muscle_means
+from adapt.tables.results import Tables
+from models.muscles.muscle_lines import SERRATUS, MuscleLines, muscle_lines_of
+from models.muscles.pulls import line_points_mm
+from models.person.family import AnyModel, girdles_of
+from motions.rotations import DEG
+from motions.table import Motions
+
+ROOM_KB, DRAWN_KB, LINES_KB = 4600.0, 0.65, 3.5
+"""Of a page of 10 MB, beside the library that draws; what one drawn posture of one parameter set takes of it, and what
+its lines do."""
+
+CURVED = 5
+"""Points of a path between its ends: its chords leave the ellipsoid by less than a pixel."""
+
+_ARM_DIGITS = 1
+
+
+def muscle_data(
+    motions: Motions, models: Sequence[AnyModel], result: Tables, found: MuscleTables, rows: Int[np.ndarray, " rows"]
+) -> list[dict[str, Any]]:
+    """Gather, by model, ``lines`` (name, muscle, whether it wraps) and by state ``paths`` and ``arms_mm``.
+
+    ``paths``: by the number of a drawn row, x, y, z of the points of each line one after the other, whole mm; evenly
+    chosen rows, without those that were not fitted. ``arms_mm``: joints by muscles by rows, NaN as there.
+    """
+    places = evenly(len(rows), most_with_lines(len(rows), len(models)))
+    return [_of_model(motions, model, result, found.muscles, rows, places) for model in models]
+
+
+def most_with_lines(postures: int, models: int) -> int:
+    """Compute at how many postures of each set lines have room, where so many are drawn."""
+    left_kb = ROOM_KB - DRAWN_KB * postures * models
+    return max(1, int(left_kb / LINES_KB / models))
+
+
+def muscle_sentence(found: MuscleTables, model: str, people: str) -> str:
+    """Say how the adaptation of one model changes the arms of the serratus, and how much muscle force moves."""
+    row = muscle_means(found).loc[(model, SERRATUS)]
+    arms = [f"{row[f'about_{joint}_before_mm']:.0f} to {row[f'about_{joint}_after_mm']:.0f} mm" for joint in JOINTS]
+    moved = found.balance.loc[found.balance["model"] == model, "moved_share"].mean()
+    said = f"Adapting {model} to {people} takes the arm of the serratus anterior about SC from {arms[0]}"
+    forces = f"; {100 * moved:.0f} % of the force that holds the arm moves between muscles" if moved == moved else ""
+    return f"{said} and about AC from {arms[1]}{forces}."
+
+
+def _of_model(motions: Motions, model: AnyModel, result: Tables, muscles: pd.DataFrame, rows, places) -> dict[str, Any]:
+    drawn = rows[places]
+    names = motions.subject[drawn].tolist()
+    lines = muscle_lines_of(model, names)
+    girdles = girdles_of(model, names)
+    mine = muscles[muscles["model"] == model.name]
+    of_row = [motions.subjects.index(name) for name in names]
+    states = {}
+    for state, theta_mm in adapted_mm(motions, model, result).items():
+        angles = fitted_deg(state_rows(result.fits, model.name, state).iloc[drawn]) / DEG
+        points = line_points_mm(lines, girdles.with_adapted(theta_mm[:, of_row]), angles, CURVED)
+        states[state] = {
+            "paths": {int(place): path for place, path in zip(places, _paths(lines, points), strict=True) if path},
+            "arms_mm": [_arms(motions, mine, f"about_{joint}_{state}_mm", lines.muscles, rows) for joint in JOINTS],
+        }
+    parts = zip(lines.name, lines.muscle, lines.wraps.tolist(), strict=True)
+    return {
+        "lines": [{"name": name, "muscle": muscle, "wraps": wraps} for name, muscle, wraps in parts],
+        "muscles": lines.muscles,
+        "states": states,
+    }
+
+
+def _paths(lines: MuscleLines, points_mm: Float[np.ndarray, " points 3 lines postures"]) -> list[list[list[int]]]:
+    """Whole mm of each posture and line; of a straight line its ends alone. Empty where a posture has none."""
+    found = []
+    for posture in np.moveaxis(points_mm, -1, 0):
+        each = [posture[:: 1 if wraps else len(posture) - 1, :, k].ravel() for k, wraps in enumerate(lines.wraps)]
+        known = all(np.isfinite(path).all() for path in each)
+        found.append([np.round(path).astype(int).tolist() for path in each] if known else [])
+    return found
+
+
+def _arms(motions: Motions, table: pd.DataFrame, column: str, muscles: Sequence[str], rows) -> np.ndarray:
+    """One column of ``muscles.csv``, muscles by rows; NaN of what it has not."""
+    keys = ["subject", "motion", "posture"]
+    at = pd.MultiIndex.from_arrays([motions.subject[rows], motions.motion[rows], motions.posture[rows]], names=keys)
+    parts = [table[table["muscle"] == muscle].set_index(keys)[column].reindex(at) for muscle in muscles]
+    return np.round(np.stack([part.to_numpy(float) for part in parts]), _ARM_DIGITS)
