@@ -12,6 +12,9 @@ from jaxtyping import Bool, Float, Int
 from motions.rotations import DEG
 from motions.table import Motions
 
+ON_THE_THORAX = ("TS", "AI")
+"""The landmarks whose distance to the ellipsoid the model keeps, in the order of A1 and A2."""
+
 _POSTURE_STEP = 4
 """Postures are padded to a multiple of this."""
 
@@ -28,6 +31,8 @@ class Batch:
     """Row of the motions that each element came from."""
     subjects: tuple[str, ...]
     """Their names, along the last axis."""
+    landmarks_mm: Float[np.ndarray, " 3 2 postures subjects"] | None
+    """Measured TS and AI, thorax frame, NaN where not measured; None where nobody has one."""
 
     def unpack(self, values: Float[np.ndarray, " *k postures subjects"]) -> Float[np.ndarray, " *k rows"]:
         """Put the values of the counted postures in the order of the motions' rows; axes before the postures stay."""
@@ -53,4 +58,13 @@ def pack(motions: Motions) -> Batch:
         counted=np.arange(postures)[:, None] < counts,
         rows=index,
         subjects=subjects,
+        landmarks_mm=_landmarks_mm(motions, index),
     )
+
+
+def _landmarks_mm(motions: Motions, index: Int[np.ndarray, "postures subjects"]):
+    if not any(name in motions.landmarks_mm for name in ON_THE_THORAX):
+        return None
+    nothing = np.full((len(motions.posture), 3), np.nan)
+    both = np.stack([motions.landmarks_mm.get(name, nothing) for name in ON_THE_THORAX])
+    return np.moveaxis(both[:, index], -1, 0)

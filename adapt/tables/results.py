@@ -214,6 +214,7 @@ def _model_parameters(subjects, model: AnyModel, adapted: Adapted, sd_mm, fits: 
     mine = fits[(fits["model"] == model.name) & (fits["status"] == status.OK)]
     columns["E"] = adapted.E
     columns["D_mm2"] = adapted.D_mm2
+    columns["L_mm2"] = adapted.L_mm2
     for word, state in (("before", 0), ("after", 1)):
         j = mine[mine["adapted"] == state].groupby("subject")["j_deg2"].mean()
         columns[f"mean_j_{word}_deg2"] = j.reindex(subjects).to_numpy()

@@ -32,7 +32,7 @@ FITS_COLUMNS = [
 PARAMETERS_COLUMNS = [
     *("model", "subject"),
     *(f"{name}_mm{kind}" for name in ADAPTED for kind in ("", "_model", "_sd", "_at_bound")),
-    *("E", "D_mm2", "mean_j_before_deg2", "mean_j_after_deg2", "status"),
+    *("E", "D_mm2", "L_mm2", "mean_j_before_deg2", "mean_j_after_deg2", "status"),
 ]
 SUMMARY_COLUMNS = [
     *("model", "adapted", "motion", "subject"),
