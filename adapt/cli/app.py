@@ -33,7 +33,13 @@ from adapt.cli.options import (
 )
 from adapt.cli.print_diagnosis import print_diagnosis
 from adapt.cli.print_muscles import print_muscles
-from adapt.cli.print_tables import print_heldout, print_parameters, print_summary, progress
+from adapt.cli.print_tables import (
+    print_heldout,
+    print_parameters,
+    print_summary,
+    print_without_landmarks,
+    progress,
+)
 from adapt.cli.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST_DEG
@@ -199,6 +205,8 @@ def adapt(
         remove_models_of_failed(folder, result.parameters)
         _print_tables(result, len(subjects))
         _say_known(known)
+        if READINGS[reading].landmarks:
+            print_without_landmarks(console, result.parameters)
         raise_without_report(folder, wrong)
     _finish(table, failed)
 
