@@ -73,7 +73,7 @@ def with_landmarks(without: Path, seen: Path) -> str:
 def held_out(folder: Path) -> pd.Series:
     """Mean held-out gap, degrees, by model and subject."""
     unseen = pd.read_csv(folder / "heldout.csv")
-    return unseen[unseen["status"] == "ok"].groupby(["model", "subject"])["gap_unseen_deg"].mean()
+    return pd.Series(unseen[unseen["status"] == "ok"].groupby(["model", "subject"])["gap_unseen_deg"].mean())
 
 
 def compared(folder: Path, cadaver: str, persons: int) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from models.person.contours.band import Inside, Settings
 from models.person.contours.closed_contour import (
-    Settings,
     corrected_line,
     drawn_contour,
     found_contour,
@@ -86,7 +86,8 @@ def test_the_gradient_knows_which_side_is_inside(clockwise):
     hole = np.abs(from_disc(pixels(), radius=22.0)) - 3.0
     slopes = slopes_of(painted(hole, NOISE))
     clicks = clicked(*(range(0, 360, 40) if clockwise else range(320, -1, -40)), radius=22.0)
-    for inside, radius in (("bright", 25.0), ("dark", 19.0)):
+    directions: tuple[tuple[Inside, float], ...] = (("bright", 25.0), ("dark", 19.0))
+    for inside, radius in directions:
         found = drawn_contour(slopes, clicks, Settings(inside))
         assert np.sqrt(np.mean(from_disc(found.points_px, radius=radius) ** 2)) < WITHIN_PX
 

@@ -13,13 +13,8 @@ from jaxtyping import Float
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
-from models.person.contours.edge_path import Inside, Line, Slopes, area_px2, detect, edge, evenly, normals, smooth_line
-
-HALF_WIDTH_PX = 5.0
-"""Of the band: 11 pixels in all (thesis 2.5)."""
-
-VECTOR_PX = 0.5
-"""How far the polygon of the vectorization may be from the contour (thesis 2.5)."""
+from models.person.contours.band import VECTOR_PX, Settings
+from models.person.contours.edge_path import Line, Slopes, area_px2, detect, edge, evenly, normals, smooth_line
 
 _SMOOTHED_POINTS, _ORDER = 13, 3
 """Of the smoothing polynomial (thesis 2.5)."""
@@ -29,14 +24,6 @@ _NARROW_PX = 2.0
 
 _KEPT = 4
 """Every so many points of a contour hold the spline of a correction."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How edges are looked for."""
-
-    inside: Inside = "either"
-    half_width_px: float = HALF_WIDTH_PX
 
 
 @dataclass(frozen=True)
@@ -87,7 +74,7 @@ def smoothed(line: Line) -> Line:
     """Cut loops off, space the points evenly and smooth them. ValueError where no area is left."""
     whole = evenly(_without_loops(line))
     points = min(_SMOOTHED_POINTS, whole.shape[1] - (1 - whole.shape[1] % 2))
-    return savgol_filter(whole, points, min(_ORDER, points - 1), axis=1, mode="wrap")
+    return np.asarray(savgol_filter(whole, points, min(_ORDER, points - 1), axis=1, mode="wrap"))
 
 
 def _without_loops(line: Line) -> Float[np.ndarray, "2 n"]:

@@ -8,18 +8,17 @@ ends beside where it began. Between columns it lies where a parabola through e i
 Positions are in pixels, x along the columns of the image and y down its rows, 0 the middle of the first.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+from scipy.ndimage import gaussian_filter1d, map_coordinates, spline_filter
+
+from models.person.contours.band import Inside
 
 Line = Float[np.ndarray, "2 n"]
 """A closed line, without its first point repeated; the inside on its left where y points up: its area is positive."""
-
-Inside = Literal["bright", "dark", "either"]
-"""What the object is beside what surrounds it."""
 
 ALONG_PX, ACROSS_PX = 1.0, 0.5
 """Steps of the resampling (the first as in thesis 2.5). A path may turn by their ratio, 27 degrees, from its line."""
@@ -33,8 +32,8 @@ _NEARER = 1e-9
 
 
 class Slopes(NamedTuple):
-    """dI/dx and dI/dy of a smoothed image, as coefficients of cubic splines: between pixels a straight line would put an
-    edge up to a quarter of a pixel off."""
+    """dI/dx and dI/dy of a smoothed image, as coefficients of cubic splines: straight lines between pixels would put
+    an edge up to a quarter of a pixel off."""
 
     x: Float[np.ndarray, "rows columns"]
     y: Float[np.ndarray, "rows columns"]
@@ -43,8 +42,12 @@ class Slopes(NamedTuple):
 def slopes_of(image: Float[np.ndarray, "rows columns"]) -> Slopes:
     """Differentiate an image smoothed by a Gaussian of SD ``SMOOTHED_PX``."""
     values = np.asarray(image, float)
-    of_axes = (gaussian_filter(values, SMOOTHED_PX, order=order, mode="nearest") for order in ((0, 1), (1, 0)))
-    return Slopes(*(spline_filter(one, mode="nearest") for one in of_axes))
+
+    def smoothed(of: np.ndarray, axis: int, order: int) -> np.ndarray:
+        return gaussian_filter1d(of, SMOOTHED_PX, axis=axis, order=order, mode="nearest")
+
+    along = (smoothed(smoothed(values, 1 - axis, 0), axis, 1) for axis in (1, 0))
+    return Slopes(*(spline_filter(one, mode="nearest") for one in along))
 
 
 def area_px2(line: Line) -> float:

@@ -2,8 +2,8 @@
 
 The contour of a slice is where that of the next one is looked for (thesis 2.3), forward from the first slice with
 clicks and backward from it. A slice that is drawn anew goes on with what was drawn; one with corrections with what they
-gave. Where two slices differ by more than the band is wide, propagation fails, mostly in the slices after it too. Then a
-part of the contour lies on no edge, which ``doubtful`` looks for.
+gave. Where two slices differ by more than the band is wide, propagation fails, mostly in the slices after it too. Then
+a part of the contour lies on no edge, which ``doubtful`` looks for.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from models.person.contours.band import Settings
 from models.person.contours.closed_contour import (
     Contour,
     Correction,
-    Settings,
     corrected_contour,
     drawn_contour,
     found_contour,
