@@ -16,6 +16,7 @@ from adapt.trust.curvature import curvature
 from models import load_model
 from models.effects.known import active_effects
 from motions import Motions, read_motions
+from motions.landmarks.sampled_postures import SLIPPED
 from motions.rotations import DEG
 from scripts.rooms import ROOT
 
@@ -202,3 +203,15 @@ def test_landmarks_with_an_effect_at_work_of_no_size(motions, data, adapted):
     assert found.status[0] == "ok"
     np.testing.assert_allclose(found.theta_mm, adapted[LANDMARKS].theta_mm, rtol=0.0, atol=1e-5)
     assert found.E[0] == pytest.approx(adapted[LANDMARKS].E[0], rel=1e-10)
+
+
+def test_a_landmark_that_slipped_is_not_one_that_was_measured(motions):
+    marks = ["", "AI", "", "", "TS AC"]
+    marked = replace(motions, extra=motions.extra.assign(**{SLIPPED: marks}))
+    before, after = pack(motions).landmarks_mm, pack(marked).landmarks_mm
+    assert before is not None
+    assert after is not None
+    gone = np.isnan(after) & ~np.isnan(before)
+    expected = np.zeros_like(gone)
+    expected[:, 1, 1] = expected[:, 0, 4] = True  # AI, then TS
+    np.testing.assert_array_equal(gone[:, :, : len(marks)], expected[:, :, : len(marks)])
