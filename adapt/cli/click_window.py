@@ -21,7 +21,7 @@ from motions.errors import InputError
 
 _HELP = "left: click, right: take back, n/p: slice, c: correct (from, to, via), d: draw; close to end"
 
-_MOST_SLOPES = 500
+_MOST_SLOPES = 100
 """Slices of which the slopes are kept: 4 MB each of 512 x 512."""
 
 

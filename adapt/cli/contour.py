@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 from rich.console import Console
@@ -28,8 +27,8 @@ class Followed:
     label: Label
     slices: int
     points: int
-    doubtful: tuple[str, ...]
-    """Files of slices in which a part of the contour lies on no edge."""
+    left_out: tuple[str, ...]
+    """Files of slices in which a part of the contour lies on no edge: their points are not written."""
 
 
 def write_contours(
@@ -54,17 +53,16 @@ def write_contours(
         known = _clicked(slices, known, in_window, settings)
         if known:
             write_clicks(clicks, known, slices)
-    slopes = lru_cache(maxsize=None)(lambda k: slopes_of(slices[k].grey))
     rows, done = [], []
     for label, mine in by_slice(known, str(clicks)).items():
         try:
-            found = follow(slopes, len(slices), mine, settings)
+            found = follow(lambda k: slopes_of(slices[k].grey), len(slices), mine, settings)
         except ValueError as error:
             raise InputError(str(clicks), None, f"{label.surface}: {error}", "Look at the clicks there") from error
-        polygons = {k: vectorised(one.points_px, vector_px) for k, one in found.items()}
+        weak = doubtful(found, mine)
+        polygons = {k: vectorised(one.points_px, vector_px) for k, one in found.items() if k not in weak}
         of_label = [row for k, polygon in polygons.items() for row in _rows(label, slices[k], polygon)]
-        weak = tuple(Path(slices[k].file).name for k in doubtful(found, mine))
-        done.append(Followed(label, len(found), len(of_label), weak))
+        done.append(Followed(label, len(polygons), len(of_label), tuple(Path(slices[k].file).name for k in weak)))
         rows += of_label
     if not rows:
         raise InputError(str(clicks), None, "there are no clicks", "Click in a window with --click, or write them")
@@ -97,8 +95,8 @@ def print_contours(console: Console, done: Sequence[Followed], out: Path) -> Non
     for one in done:
         whose = " ".join(word for word in one.label if word)
         console.print(printable(f"{whose}: {one.points} points in {one.slices} slices"), soft_wrap=True)
-        if one.doubtful:
-            named = ", ".join(one.doubtful)
-            said = f"{whose}: part of the contour lies on no edge in {named}: look there, correct or draw it anew"
+        if one.left_out:
+            named = ", ".join(one.left_out)
+            said = f"{whose}: left out, part of the contour lies on no edge: {named}. Correct it there, or draw it anew"
             console.print(printable(said), soft_wrap=True)
     console.print(f"{out} written", soft_wrap=True)

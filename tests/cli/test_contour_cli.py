@@ -130,7 +130,7 @@ def test_a_humeral_head_in_dicom_becomes_gh_and_its_radius_in_a_set(tmp_path):
     assert radius == pytest.approx(HEAD_MM, abs=WITHIN_MM)
 
 
-def test_slices_in_which_the_contour_left_its_edge_are_named(tmp_path):
+def test_slices_in_which_the_contour_left_its_edge_are_named_and_left_out(tmp_path):
     """Beyond the ball there is nothing to follow."""
     scan = png_scan(tmp_path, 4, 17)
     sizes = "--pixel-mm", PIXEL_MM, "--slice-mm", SLICE_MM
@@ -138,9 +138,11 @@ def test_slices_in_which_the_contour_left_its_edge_are_named(tmp_path):
         "contour", *scan.files, "--clicks", scan.clicks, "--out", tmp_path / "p.csv", "--inside", "bright", *sizes
     )
     assert said.status == 0
-    named = next(line for line in said.out.splitlines() if "lies on no edge" in line)
+    named = next(line for line in said.out.splitlines() if "left out, part of the contour lies on no edge" in line)
     assert "s17.png" in named
     assert "s9.png" not in named
+    kept = set(pd.read_csv(tmp_path / "p.csv")["slice"])
+    assert kept == {path.name for path in scan.files if path.name not in named}
 
 
 def pressed(window: ClickWindow, x_px: float, y_px: float, button: int = 1) -> None:

@@ -75,6 +75,8 @@ def _of_slice(slopes: Slopes, before: Contour | None, clicks: SliceClicks, setti
 
 
 def doubtful(found: Mapping[int, Contour], clicks: Mapping[int, SliceClicks]) -> list[int]:
-    """Name the slices, from 0, whose weakest edge is below ``DOUBTFUL`` of the mean of those that were drawn."""
+    """Name the slices without clicks, from 0, whose weakest edge is below ``DOUBTFUL`` of the mean of those that were
+    drawn."""
     drawn = [found[k].weakest for k, one in clicks.items() if one.drawn is not None]
-    return [k for k, one in found.items() if one.weakest < DOUBTFUL * float(np.mean(drawn))]
+    least = DOUBTFUL * float(np.mean(drawn))
+    return [k for k, one in found.items() if k not in clicks and one.weakest < least]
