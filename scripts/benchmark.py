@@ -42,7 +42,7 @@ from adapt.solvers.differentiable import nested_objective  # noqa: E402
 from adapt.solvers.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
-from adapt.solvers.problem_batch import problem_batch, problem_with_weight, select_problems  # noqa: E402
+from adapt.solvers.problem_batch import fixed_problem, problem_batch, select_problems  # noqa: E402
 from models import load_model  # noqa: E402
 from motions.arrays import repeat  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
@@ -194,10 +194,9 @@ def sweep_gflops(data: Any, operations: int) -> float:
 def first_iterations(data: Any) -> tuple[Fixed, Start, np.ndarray]:
     """The arguments of the first round of the subject sweep: ten iterations from the geometric fit."""
     postures, count = data.counted.shape
-    problem = problem_with_weight(data, np.full(count, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
-    return Fixed(data.girdle, data.points_mm, data.point_weights, problem), start, np.full(count, 10.0)
+    return fixed_problem(data, np.full(count, WEIGHT)), start, np.full(count, 10.0)
 
 
 def spread(values: list[float]) -> dict[str, float]:

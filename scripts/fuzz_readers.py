@@ -28,6 +28,8 @@ from rich.table import Table
 from adapt.output.repeat import read_record, recorded_arguments
 from adapt.output.run_files import inputs_record, write_run
 from models.parameter_sets import FOLDER, load_model
+from models.person.contours.click_table import by_slice, read_clicks
+from models.person.contours.image_slices import ImageSlice
 from motions.errors import InputError
 from motions.formats.angle_table import table_from_motions
 from motions.formats.any_file import read_any
@@ -78,7 +80,25 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "mot": Kind(".mot", any_motions, _mot(folder)),
         "c3d": Kind(".c3d", any_motions, _c3d(folder)),
         "run.json": Kind(".json", record, _run_json(folder)),
+        "clicks": Kind(".csv", _read_clicks, _CLICKS),
     }
+
+
+_CLICKS = b"""slice,x_px,y_px,use,surface,subject
+a.png,10,12.5,draw,thorax,P1
+a.png,30,12,,thorax,P1
+1,30,28,draw,thorax,P1
+b,9,8,correct,thorax,P1
+b,19,8,correct,thorax,P1
+b,14,3,correct,thorax,P1
+"""
+
+
+def _read_clicks(path: Path) -> object:
+    """Clicks in two slices, which need not be there."""
+    nothing = np.zeros(3)
+    slices = [ImageSlice(name, np.zeros((40, 50)), nothing, nothing, nothing) for name in ("a.png", "b.png")]
+    return by_slice(read_clicks(path, slices), str(path))
 
 
 def broken(kind: Kind, generator: Generator) -> bytes:

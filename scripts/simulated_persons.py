@@ -52,6 +52,8 @@ class Persons:
     """By subject and landmark, in the postures of the first motion, with noise."""
     points_mm: dict[str, Float[np.ndarray, "3 points"]]
     """On the thorax of each subject, thorax frame, with noise."""
+    landmarks_mm: dict[str, Float[np.ndarray, "postures 3"]]
+    """TS and AI in every posture of the motions, palpated anew in each, thorax frame."""
 
 
 def simulate_persons(cadaver: ParameterSet, count: int, noise_deg: float, seed: int) -> Persons:
@@ -77,7 +79,11 @@ def simulate_persons(cadaver: ParameterSet, count: int, noise_deg: float, seed: 
     closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(ok)
     palpated = _palpated(take_problems(of_row, ok), closed, generator)
     points = {name: _on_thorax(take_problems(girdle, number[name]), generator) for name in moving}
-    return Persons(add_noise(closed, noise_deg, generator), palpated, points)
+    noisy = add_noise(closed, noise_deg, generator)
+    at = landmarks(take_problems(of_row, ok), jnp.asarray(closed.angles_deg.T / DEG))
+    along = {name: np.asarray(xyz).T for name, xyz in (("TS", at.TS), ("AI", at.AI))}
+    along = {name: xyz + PALPATOR_MM * generator.standard_normal(xyz.shape) for name, xyz in along.items()}
+    return Persons(noisy, palpated, points, along)
 
 
 def sized(girdle: Girdle, clavicle: Float[np.ndarray, " n"], scapula: Float[np.ndarray, " n"]) -> Girdle:

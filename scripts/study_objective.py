@@ -46,14 +46,14 @@ app = typer.Typer(add_completion=False)
 def choices() -> dict[str, dict[str, Variant]]:
     """The variants of each choice by their label."""
     return {
-        "reading": {name: Variant(reading=name) for name in READINGS},
+        "reading": {name: Variant(reading=name) for name, one in READINGS.items() if not one.landmarks},
         "weight": {f"w = {weight:g}": Variant(weight=weight) for weight in WEIGHTS},
         "angles in J": {name: Variant(axial=name) for name in AXIAL},
         "five angles, reading": {
             # Iterated readings would take another ten minutes: of five angles the conoid is often flat in E.
             name: Variant(reading=name, axial=LEFT_OUT)
             for name, one in READINGS.items()
-            if one.form == "squares" and name != DEFAULT_READING
+            if one.form == "squares" and name != DEFAULT_READING and not one.landmarks
         },
         "thorax points": {name: Variant(points=name) for name in POINTS},
         "bounds": {name: Variant(bounds=name) for name in BOUNDS},

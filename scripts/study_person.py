@@ -12,6 +12,7 @@ import argparse
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -28,6 +29,7 @@ def main() -> None:
     parser.add_argument("--model", default="R2", help="the cadaver whose sizes they do not have")
     parser.add_argument("--truth", help="the cadaver that they are like but for their sizes; by default the same")
     parser.add_argument("--points", action="store_true", help="points on their thorax are palpated too")
+    parser.add_argument("--landmarks", action="store_true", help="adapt with TS and AI of every posture, and without")
     parser.add_argument("--noise-deg", type=float, default=1.5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/person"))
@@ -36,13 +38,19 @@ def main() -> None:
     given.out.mkdir(parents=True)
     persons = simulate_persons(load_model(given.truth or given.model), given.persons, given.noise_deg, given.seed)
     motions, landmarks, sets = given.out / "motions.csv", given.out / "landmarks.csv", given.out / "own"
-    write_motions(persons.motions, motions)
+    moved = replace(persons.motions, landmarks_mm=persons.landmarks_mm) if given.landmarks else persons.motions
+    write_motions(moved, motions)
     landmark_table(persons).to_csv(landmarks, index=False)
     point_table(persons).to_csv(given.out / "points.csv", index=False)
     points = ["--points", str(given.out / "points.csv")] if given.points else []
     girdle("model", str(landmarks), "--model", given.model, "--out", str(sets), *points)
-    girdle("adapt", str(motions), "--model", given.model, "--models-of", str(sets), "--out", str(given.out / "adapted"))
+    models = ["--model", given.model, "--models-of", str(sets)]
+    girdle("adapt", str(motions), *models, "--out", str(given.out / "adapted"))
     print(compared(given.out / "adapted", given.model, given.persons))
+    if given.landmarks:
+        seen = ["--reading", "mm2_deg2_landmarks", "--out", str(given.out / "with_landmarks")]
+        girdle("adapt", str(motions), *models, *seen)
+        print(f"\n{with_landmarks(given.out / 'adapted', given.out / 'with_landmarks')}")
 
 
 def girdle(*arguments: str) -> None:
@@ -52,12 +60,27 @@ def girdle(*arguments: str) -> None:
         sys.exit(ended.stdout + ended.stderr)
 
 
+def with_landmarks(without: Path, seen: Path) -> str:
+    """Tabulate the held-out gaps of each set, adapted without and with TS and AI, and for how many L helps."""
+    lines = ["| set | held out | held out, with landmarks | smaller |", "|---|---|---|---|"]
+    before, after = (held_out(folder) for folder in (without, seen))
+    for model in before.index.unique("model"):
+        one, other = before[model].align(after[model], join="inner")
+        lines.append(f"| {model} | {one.mean():.2f} | {other.mean():.2f} | {int((other < one).sum())} of {len(one)} |")
+    return "\n".join(lines)
+
+
+def held_out(folder: Path) -> pd.Series:
+    """Mean held-out gap, degrees, by model and subject."""
+    unseen = pd.read_csv(folder / "heldout.csv")
+    return pd.Series(unseen[unseen["status"] == "ok"].groupby(["model", "subject"])["gap_unseen_deg"].mean())
+
+
 def compared(folder: Path, cadaver: str, persons: int) -> str:
     """Tabulate the gaps of the two sets, before and after adaptation, seen and held out, and who gains."""
-    fits, unseen = pd.read_csv(folder / "fits.csv"), pd.read_csv(folder / "heldout.csv")
+    fits, held = pd.read_csv(folder / "fits.csv"), held_out(folder)
     fits["gap"] = fits.filter(regex=r"_difference_deg$").abs().mean(axis=1)
     seen = fits[fits["status"] == "ok"].groupby(["model", "adapted", "subject"])["gap"].mean()
-    held = unseen[unseen["status"] == "ok"].groupby(["model", "subject"])["gap_unseen_deg"].mean()
     lines = [
         f"{persons} simulated persons: mean gap, degrees",
         "",

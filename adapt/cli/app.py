@@ -33,7 +33,13 @@ from adapt.cli.options import (
 )
 from adapt.cli.print_diagnosis import print_diagnosis
 from adapt.cli.print_muscles import print_muscles
-from adapt.cli.print_tables import print_heldout, print_parameters, print_summary, progress
+from adapt.cli.print_tables import (
+    print_heldout,
+    print_parameters,
+    print_summary,
+    print_without_landmarks,
+    progress,
+)
 from adapt.cli.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST_DEG
@@ -71,6 +77,7 @@ from models import load_model, model_names
 from models.effects import EFFECTS
 from models.effects.known import OPTION, THORAX_POINTS, THORAX_POINTS_WHAT, described, effect_named, read_amplitudes
 from models.muscles.muscle_lines import muscle_lines_of
+from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settings
 from models.person.family import AnyModel, load_any_model, without_set
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.landmarks.acromion import acromion_rotation
@@ -199,6 +206,8 @@ def adapt(
         remove_models_of_failed(folder, result.parameters)
         _print_tables(result, len(subjects))
         _say_known(known)
+        if READINGS[reading].landmarks:
+            print_without_landmarks(console, result.parameters)
         raise_without_report(folder, wrong)
     _finish(table, failed)
 
@@ -409,6 +418,49 @@ def model_of_person(
         errors.print(f"left out: {error}", soft_wrap=True)
     if rejected:
         raise typer.Exit(EXIT_SOME_NOT_HANDLED)
+
+
+@app.command("contour")
+def contours_of_slices(
+    slices: Annotated[list[Path], typer.Argument(metavar="SLICE...", help="DICOM or PNG files, or a folder of them.")],
+    clicks: Annotated[Path, typer.Option(help="CSV of clicks: slice, x_px, y_px; use (draw, correct), surface.")],
+    out: Annotated[Path, typer.Option("--out", help="CSV of points, which `girdle model --points` takes.")],
+    click: Annotated[
+        bool, typer.Option("--click", help="Take clicks in a window first, and add them to --clicks.")
+    ] = False,
+    surface: Annotated[
+        str, typer.Option(help="Of the clicks in the window, as `girdle model --points` names it.")
+    ] = "thorax",
+    inside: Annotated[
+        str, typer.Option(help="What the bone is beside what surrounds it: bright, dark, either.")
+    ] = "either",
+    half_width_px: Annotated[
+        float, typer.Option(min=1.0, help="How far from the clicks, or the slice before, an edge is looked for.")
+    ] = HALF_WIDTH_PX,
+    vector_px: Annotated[
+        float, typer.Option(min=0.0, help="How far the polygon of the points may be from the contour; 0 keeps all.")
+    ] = VECTOR_PX,
+    pixel_mm: Annotated[
+        float | None, typer.Option(min=1e-3, help="Size of a pixel, of images that do not say.", show_default=False)
+    ] = None,
+    slice_mm: Annotated[
+        float | None, typer.Option(help="Distance of slices, of images that do not say.", show_default=False)
+    ] = None,
+) -> None:
+    """Find contours of bones in image slices from a few clicks, and write their points in mm (Chapter 2).
+
+    Between clicks the contour follows the strongest edge near them. It is propagated to the other slices; where that
+    fails, a correction of three clicks, or a new contour, puts it right. Needs the extra `contour` of the package.
+    """
+    from adapt.cli.contour import print_contours, write_contours  # readers of images: not for every command
+
+    if inside not in INSIDE:
+        raise InputError("--inside", None, f"there is no '{inside}'", f"Use one of {', '.join(INSIDE)}")
+    if slice_mm == 0.0:
+        raise InputError("--slice-mm", None, "slices 0 mm apart are one", "Give their distance")
+    settings = Settings(inside, half_width_px)  # type: ignore[arg-type]
+    done = write_contours(slices, clicks, out, settings, vector_px, (pixel_mm, slice_mm), surface if click else "")
+    print_contours(console, done, out)
 
 
 @app.command("models")

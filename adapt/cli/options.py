@@ -59,7 +59,13 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
 
 Weight = Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")]
 
-Reading = Annotated[str, typer.Option(help=f"Units of D and J in E: {', '.join(READINGS)}.")]
+Reading = Annotated[
+    str,
+    typer.Option(
+        help=f"Units of D and J in E: {', '.join(READINGS)}. The last one also takes measured positions of TS and AI; "
+        "use it with a person's own parameter set only."
+    ),
+]
 
 Float32 = Annotated[
     bool,

@@ -14,6 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
 from rich.table import Table
 
+from adapt.solvers import status
 from adapt.tables.held_out import MOTION, by_model, by_subject
 from adapt.tables.results import ALL_MOTIONS, STATISTICS, parameter_statistics
 from motions.files import printable
@@ -100,6 +101,14 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
             name = "" if number else str(model)
             table.add_row(name, row["parameter"], *values, bound, end_section=number == len(rows) - 1)
     console.print(table)
+
+
+def print_without_landmarks(console: Console, parameters: pd.DataFrame) -> None:
+    """Say of whom no position of TS and AI was there to adapt to."""
+    without = parameters[parameters["L_mm2"].isna() & (parameters["status"] == status.OK)]["subject"].unique()
+    if len(without):
+        named = ", ".join(without[:_MOST_PRINTED]) + (", ..." if len(without) > _MOST_PRINTED else "")
+        console.print(f"No positions of TS and AI, adapted without them: {named}", soft_wrap=True)
 
 
 def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> None:

@@ -12,6 +12,7 @@ from adapt.diagnosis.fit.candidates import candidate_effects, lay_out
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
 from adapt.diagnosis.fit.noise import estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
+from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, credible_sets
 from adapt.diagnosis.inference.amplitude import amplitudes, unseen_amplitude
@@ -67,9 +68,11 @@ def diagnose(
     """Diagnose the gap of all subjects together, with every model on its own; by name of the model.
 
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
-    all that are listed and the doubtful numbers of each model. Raises InputError where no subject has enough postures.
+    all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
+    Raises InputError where no subject has enough postures.
     """
     models = as_list(models)
+    motions, slips = without_slips(motions)
     shoulders, left_out = usable(motions)
     declared = declared_effects(motions)
     computed = axial_is_computed(shoulders)
@@ -80,7 +83,7 @@ def diagnose(
                 shoulders,
                 candidate_effects(model, shoulders.subjects) if effects is None else tuple(effects),
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
-            ).diagnose(left_out, declared, computed, noise_deg)
+            ).diagnose(left_out, slips, declared, computed, noise_deg)
             for model in models
         }
 
@@ -96,7 +99,12 @@ class _Study:
         self.person = {name: int(p) for name, p in zip(shoulders.subjects, shoulders.person, strict=True)}
 
     def diagnose(
-        self, left_out: dict[str, str], declared: tuple[str, ...], computed: bool, noise_deg: float | None
+        self,
+        left_out: dict[str, str],
+        slips: tuple[str, ...],
+        declared: tuple[str, ...],
+        computed: bool,
+        noise_deg: float | None,
     ) -> Diagnosis:
         """Search, weigh, name, and measure what the names are worth."""
         search, shoulders = self.search.run(), self.shoulders
@@ -129,6 +137,7 @@ class _Study:
             model=self.model.name,
             subjects=shoulders.subjects,
             left_out=left_out,
+            slips=slips,
             persons=shoulders.persons,
             kinds=shoulders.kinds,
             postures=len(shoulders.subject),

@@ -53,6 +53,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "axial_is_computed": diagnosis.axial_is_computed,
             "subjects": diagnosis.subjects,
             "left_out": diagnosis.left_out,
+            "slips": diagnosis.slips,
             "persons": diagnosis.persons,
             "kinds": diagnosis.kinds,
             "postures": diagnosis.postures,

@@ -22,6 +22,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
         *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
+        *(f"Left out: {slip}." for slip in diagnosis.slips),
         *([_how_to_adapt(diagnosis.verdict.names, diagnosis.options)] if diagnosis.options else []),
     ]
 

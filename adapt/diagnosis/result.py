@@ -187,6 +187,8 @@ class Diagnosis:
     subjects: tuple[str, ...]
     left_out: dict[str, str]
     """Subjects that say too little, each with its reason."""
+    slips: tuple[str, ...]
+    """Postures that are left out because a landmark slipped in them, a phrase each."""
     persons: int
     """Left and right shoulders of one person count once."""
     kinds: tuple[str, ...]

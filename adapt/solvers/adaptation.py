@@ -14,7 +14,7 @@ from adapt.solvers.batched.subject_kernels import sweep_from
 from adapt.solvers.extended.whole_subjects import solve_extended
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, AtOptimum, Reading, ThoraxPoints
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, problem_with_weight
+from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, measured_landmarks
 from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from adapt.solvers.reference.subject import Problem, Subject, solve_subjects
@@ -68,13 +68,17 @@ class Adapted:
     stationarity: Float[np.ndarray, "postures problems"]
     """max |dJ/dq + G' lambda|, deg^2 a degree."""
     D_mm2: Float[np.ndarray, " problems"]
+    L_mm2: Float[np.ndarray, " problems"]
+    """Of the measured TS and AI; NaN where the reading leaves them out or none was measured."""
     mean_j_deg2: Float[np.ndarray, " problems"]
     E: Float[np.ndarray, " problems"]
     """In the units of the reading."""
     weight: Float[np.ndarray, " problems"]
-    """W of the sum u d^2 [mm^2] + W mean(J) [deg^2] that has the same optimum (``Reading.equivalent``)."""
+    """W of the sum u d^2 + v L [mm^2] + W mean(J) [deg^2] that has the same optimum (``Reading.equivalent``)."""
     point_weights: Float[np.ndarray, "points problems"]
     """u of it."""
+    landmark_weight: Float[np.ndarray, " problems"]
+    """v of it."""
     iterations: Int[np.ndarray, " problems"]
     status: Shaped[np.ndarray, " problems"]
 
@@ -106,7 +110,9 @@ def adapt_batch(
     chosen = READINGS[reading]
     count = data.counted.shape[1:]
     if chosen.form == "squares":
-        _, equivalent = chosen.equivalent(weight, _at_optimum(data, data.girdle.adapted_mm, np.full(count, np.nan)))
+        _, equivalent = chosen.equivalent(
+            weight, _at_optimum(data, chosen, data.girdle.adapted_mm, np.full(count, np.nan))
+        )
         return _lowest(data, weight, chosen, equivalent, progress)
     return _reweighted(data, weight, chosen, _lowest(data, weight, chosen, np.full(count, WEIGHT), progress), progress)
 
@@ -117,7 +123,7 @@ def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Ad
     for number in range(_REWEIGHTED):
         progress(f"weights of the reading, round {number + 1}")
         part, before = take_problems(data, left), adapted.take(left)
-        u, W = reading.equivalent(weight, _at_optimum(part, before.theta_mm, before.mean_j_deg2))
+        u, W = reading.equivalent(weight, _at_optimum(part, reading, before.theta_mm, before.mean_j_deg2))
         W = np.maximum(W, _LEAST_WEIGHT)
         found = _from_theta(replace(part, point_weights=u), weight, reading, W, before.theta_mm, lambda _: None)
         adapted = adapted.replaced(left, _in_terms_of(part, weight, reading, found))
@@ -130,17 +136,18 @@ def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Ad
     return adapted
 
 
-def _at_optimum(data: ProblemBatch, theta_mm, mean_j_deg2) -> AtOptimum:
+def _at_optimum(data: ProblemBatch, reading: Reading, theta_mm, mean_j_deg2) -> AtOptimum:
     """What E is made of at theta."""
     moved = data.girdle.with_adapted(theta_mm).over_postures()
     distance_mm = signed_distance_mm(data.points_mm, moved.centre_mm, moved.semi_axes_mm)
     postures = np.sum(data.counted, axis=0)
-    return AtOptimum(np.asarray(distance_mm), np.asarray(data.point_weights), mean_j_deg2, postures)
+    L = measured_landmarks(data, reading.landmarks > 0.0).mean_square_mm2(theta_mm, data.girdle)
+    return AtOptimum(np.asarray(distance_mm), np.asarray(data.point_weights), mean_j_deg2, postures, L)
 
 
 def _in_terms_of(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted) -> Adapted:
     """D and E of points that count as in ``data``, of an optimum found with other weights of them."""
-    at = _at_optimum(data, adapted.theta_mm, adapted.mean_j_deg2)
+    at = _at_optimum(data, reading, adapted.theta_mm, adapted.mean_j_deg2)
     D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
     return replace(adapted, D_mm2=D, E=reading.value(weight, at))
 
@@ -182,9 +189,8 @@ def _better(one: Adapted, other: Adapted) -> Adapted:
 def solved_from_geometric_fit(data: ProblemBatch) -> Subject:
     """Solve from one start alone, the geometric fit and the measured angles, with the default weight: what benchmarks
     compare."""
-    problem = problem_with_weight(data, np.full(data.counted.shape[1:], WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
-    return solved_from(Fixed(data.girdle, data.points_mm, data.point_weights, problem), theta, data.angles)
+    return solved_from(fixed_problem(data, np.full(data.counted.shape[1:], WEIGHT)), theta, data.angles)
 
 
 def adapted_from(
@@ -204,8 +210,7 @@ def _from_theta(
 ) -> Adapted:
     """``last_resort``: whether problems with effects at work go on that the fast path leaves, with the reference
     solver."""
-    problem = problem_with_weight(data, equivalent)
-    fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem)
+    fixed = fixed_problem(data, equivalent, reading.landmarks)
     progress("round 1")
     start = (
         data.angles if data.active_effects.effects else fitted_angles(data, theta)
@@ -289,7 +294,7 @@ def fitted_angles(data: ProblemBatch, theta: Float[Array, " adapted problems"]) 
 
 
 def subject_conditions(
-    girdle: Girdle, points_mm, point_weights, active_effects: ActiveEffects
+    girdle: Girdle, points_mm, point_weights, levels_mm, active_effects: ActiveEffects
 ) -> tuple[Constraints, ThoraxPoints]:
     """Give the constraints of z = (q, theta) and the thorax term of theta, elementwise over postures and problems."""
     over_postures = girdle.over_postures()
@@ -298,7 +303,7 @@ def subject_conditions(
         return active_effects.on(over_postures.with_adapted(z[6:])).residuals_mm(z[:6])
 
     constraints = Differentiated(with_effects) if active_effects.effects else ByHand(over_postures)
-    return constraints, ThoraxPoints(girdle, points_mm, point_weights)
+    return constraints, ThoraxPoints(girdle, points_mm, point_weights, levels_mm)
 
 
 @jax.jit
@@ -306,19 +311,21 @@ def _solve(
     girdle: Girdle,
     points_mm,
     point_weights,
+    levels_mm,
     problem: Problem,
     theta,
     angles,
     active_effects: ActiveEffects = NO_ACTIVE_EFFECTS,
 ) -> Subject:
-    return solve_subjects(*subject_conditions(girdle, points_mm, point_weights, active_effects), problem, theta, angles)
+    conditions = subject_conditions(girdle, points_mm, point_weights, levels_mm, active_effects)
+    return solve_subjects(*conditions, problem, theta, angles)
 
 
 def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved: Subject) -> Adapted:
     theta, count = np.asarray(solved.theta), np.sum(data.counted, axis=0)
     j = mean_square_deg2(solved.angles, data.angles, objective_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / count
-    at = _at_optimum(data, theta, mean_j)
+    at = _at_optimum(data, reading, theta, mean_j)
     D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
     angles = np.sum(data.measured, axis=0)
@@ -337,10 +344,12 @@ def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved
         residual_mm=np.asarray(solved.residual_mm),
         stationarity=stationarity,
         D_mm2=D,
+        L_mm2=at.L_mm2,
         mean_j_deg2=mean_j,
         E=reading.value(weight, at),
         weight=np.asarray(equivalent, float),
         point_weights=at.point_weights,
+        landmark_weight=np.full(theta.shape[1:], reading.landmarks),
         iterations=np.asarray(solved.iterations),
         status=np.where(determined, words, status.INVALID).astype("U16"),
     )

@@ -3,6 +3,10 @@
 The thesis leaves open whether D is a mean of squares, their root or, as Eq. 6.3 is printed, a mean of lengths; whether
 points and postures are summed or averaged; and the units. A reading is a choice of all. Every reading has the optimum
 of some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the reading only changes u and W.
+
+One reading is not the thesis's: with ``landmarks`` E = D + v L + w mean(J_p), where L = mean((d(TS) - const1)^2,
+(d(AI) - const2)^2) over the measured positions of TS and AI in the postures that E is made of, d their signed distance
+to the ellipsoid and L in the units of D. AC and SC would add nothing: no constraint keeps them near the ellipsoid.
 """
 
 from dataclasses import dataclass
@@ -39,6 +43,8 @@ class AtOptimum:
     """1/n for each of n thorax points, 0 for padding."""
     mean_j_deg2: Float[np.ndarray, " problems"]
     postures: Int[np.ndarray, " problems"]
+    L_mm2: Float[np.ndarray, " problems"]
+    """Of the measured TS and AI; NaN where none was measured, or they do not count."""
 
     @property
     def points(self) -> Int[np.ndarray, " problems"]:
@@ -58,6 +64,8 @@ class Reading:
     """D is the sum over the points instead of their mean."""
     sum_postures: bool = False
     """J_p are summed instead of averaged."""
+    landmarks: float = 0.0
+    """v, the weight of L; only beside the default of everything else."""
 
     def equivalent(
         self, w: float, at: AtOptimum
@@ -84,6 +92,7 @@ class Reading:
         power = _length_mm(at.distance_mm) if self.form == "lengths" else at.distance_mm**2
         unit = self.distance_per_mm if self.form == "lengths" else self.distance_per_mm**2
         D = unit * points * np.sum(at.point_weights * power, axis=0)
+        D = D + self.landmarks * np.nan_to_num(at.L_mm2)
         J = self.angle_per_deg**2 * postures * at.mean_j_deg2
         return np.sqrt(D) + w * np.sqrt(J) if self.form == "roots" else D + w * J
 
@@ -110,8 +119,9 @@ READINGS = {
     "sum_mm_deg2": Reading(form="lengths", sum_points=True),
     "sum_mm2_sum_deg2": Reading(sum_points=True, sum_postures=True),
     "mm2_sum_deg2": Reading(sum_postures=True),
+    "mm2_deg2_landmarks": Reading(landmarks=1.0),
 }
-"""The readings by name; ``mm2_deg2`` is the default (docs/thesis.md compares them)."""
+"""The readings by name; ``mm2_deg2`` is the default (docs/thesis.md compares those that the thesis leaves open)."""
 
 DEFAULT_READING = "mm2_deg2"
 
@@ -120,31 +130,37 @@ def thorax_distance_mm2(
     girdle: Girdle,
     points_mm: Float[Array, " 3 points *batch"],
     point_weights: Float[Array, " points *batch"],
+    levels_mm: Float[Array, " points *batch"] | float = 0.0,
 ) -> Float[Array, " *batch"]:
     """Compute D, the mean squared distance of the thorax points to the ellipsoid, mm^2.
 
-    ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding.
+    ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding. ``levels_mm``: where a point should be, if not
+    on the surface.
     """
     spread = girdle.over_postures()
     distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
-    return xp.sum(point_weights * distance**2, axis=0)
+    return xp.sum(point_weights * (distance - levels_mm) ** 2, axis=0)
 
 
 class ThoraxPoints:
-    """D as a function of the adapted parameters, with its derivatives by hand
-    (``adapt.solvers.reference.subject.Thorax``)."""
+    """sum u (d - level)^2 as a function of the adapted parameters, with its derivatives by hand
+    (``adapt.solvers.reference.subject.Thorax``): D of thorax points, whose level is 0, and L of measured landmarks."""
 
     def __init__(
-        self, girdle: Girdle, points_mm: Float[Array, " 3 points *batch"], point_weights: Float[Array, " points *batch"]
+        self,
+        girdle: Girdle,
+        points_mm: Float[Array, " 3 points *batch"],
+        point_weights: Float[Array, " points *batch"],
+        levels_mm: Float[Array, " points *batch"] | float = 0.0,
     ):
-        self.girdle, self.points_mm, self.point_weights = girdle, points_mm, point_weights
+        self.girdle, self.points_mm, self.point_weights, self.levels_mm = girdle, points_mm, point_weights, levels_mm
 
     def value(self, theta):
-        """Compute D, mm^2."""
-        return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.point_weights)
+        """Compute the sum, mm^2."""
+        return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.point_weights, self.levels_mm)
 
     def distances(self, theta) -> tuple[Distance, list[Array]]:
-        """Compute the distance of every point, and its slopes in the parameters, the conoid's last."""
+        """Compute how far every point is from its level, and its slopes in the parameters, the conoid's last."""
         at = self._at(theta)
         return at, [*ellipsoid_slope(at), 0.0 * at.d]
 
@@ -167,7 +183,8 @@ class ThoraxPoints:
     def _at(self, theta) -> Distance:
         moved = self.girdle.with_adapted(theta).over_postures()
         p, a = xp.broadcast_arrays(self.points_mm - moved.centre_mm, moved.semi_axes_mm)
-        return distance(tuple(p), tuple(a), closest_point_multiplier(p, a))
+        at = distance(tuple(p), tuple(a), closest_point_multiplier(p, a))
+        return at._replace(d=at.d - self.levels_mm)
 
 
 _ON_THE_POINTS_MM2 = 1e-18

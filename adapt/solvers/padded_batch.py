@@ -9,8 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from motions.landmarks.sampled_postures import SLIPPED
 from motions.rotations import DEG
 from motions.table import Motions
+
+ON_THE_THORAX = ("TS", "AI")
+"""The landmarks whose distance to the ellipsoid the model keeps, in the order of A1 and A2."""
 
 _POSTURE_STEP = 4
 """Postures are padded to a multiple of this."""
@@ -28,6 +32,8 @@ class Batch:
     """Row of the motions that each element came from."""
     subjects: tuple[str, ...]
     """Their names, along the last axis."""
+    landmarks_mm: Float[np.ndarray, " 3 2 postures subjects"] | None
+    """Measured TS and AI, thorax frame, NaN where not measured or slipped; None where nobody has one."""
 
     def unpack(self, values: Float[np.ndarray, " *k postures subjects"]) -> Float[np.ndarray, " *k rows"]:
         """Put the values of the counted postures in the order of the motions' rows; axes before the postures stay."""
@@ -53,4 +59,16 @@ def pack(motions: Motions) -> Batch:
         counted=np.arange(postures)[:, None] < counts,
         rows=index,
         subjects=subjects,
+        landmarks_mm=_landmarks_mm(motions, index),
     )
+
+
+def _landmarks_mm(motions: Motions, index: Int[np.ndarray, "postures subjects"]):
+    if not any(name in motions.landmarks_mm for name in ON_THE_THORAX):
+        return None
+    nothing = np.full((len(motions.posture), 3), np.nan)
+    both = np.stack([motions.landmarks_mm.get(name, nothing) for name in ON_THE_THORAX])
+    if SLIPPED in motions.extra:
+        words = motions.extra[SLIPPED].str.split()
+        both[np.array([[name in row for row in words] for name in ON_THE_THORAX])] = np.nan
+    return np.moveaxis(both[:, index], -1, 0)

@@ -10,8 +10,9 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import in_chunks, take_problems, with_problems
-from adapt.solvers.objective import fitted_girdle, geometric_fit
+from adapt.engine.batching import as_type, in_chunks, take_problems, with_problems
+from adapt.solvers.batched.subject import Fixed
+from adapt.solvers.objective import fitted_girdle, geometric_fit, thorax_distance_mm2
 from adapt.solvers.padded_batch import Batch
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.reference.subject import Problem
@@ -41,7 +42,10 @@ class ProblemBatch:
     measured: Bool[Array, " 6 postures problems"]
     counted: Bool[Array, "postures problems"]
     active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
-    """Strengths (channels, postures, problems). They act in the chain; D is that of the ellipsoid without them."""
+    """Strengths (channels, postures, problems). They act in the chain; D and L are those of the ellipsoid without
+    them."""
+    landmarks_mm: Float[Array, " 3 2 postures problems"] | None = None
+    """Measured TS and AI, thorax frame, NaN where not measured; None where nobody has one."""
 
     def girdles_at(self, theta_mm: Float[Array, " adapted problems"], posture, problem) -> AnyGirdle:
         """Give the girdle at theta, with the active effects, of each of some postures of some problems."""
@@ -65,6 +69,7 @@ def problem_batch(
         measured=each_model(batch.measured),
         counted=each_model(batch.counted),
         active_effects=jax.tree.map(each_model, active_effects),
+        landmarks_mm=None if batch.landmarks_mm is None else each_model(batch.landmarks_mm),
     )
 
 
@@ -132,7 +137,57 @@ def select_problems(data: ProblemBatch, index: Int[np.ndarray, " chosen"], **cha
     return replace(ProblemBatch(**{k: take_problems(v, index) for k, v in vars(data).items()}), **changed)
 
 
-def problem_with_weight(data: ProblemBatch, weight: Float[np.ndarray, " problems"]) -> Problem:
+@dataclass(frozen=True)
+class MeasuredLandmarks:
+    """TS and AI of each posture as points that should be const1 and const2 from the ellipsoid; none if they do not
+    count."""
+
+    points_mm: Float[Array, " 3 landmarks problems"]
+    levels_mm: Float[Array, " landmarks problems"]
+    weights: Float[Array, " landmarks problems"]
+    """1/m for each of m that were measured in the postures that count, else 0."""
+
+    def mean_square_mm2(self, theta_mm: Float[Array, " adapted problems"], girdle: Girdle) -> Float[Array, " problems"]:
+        """Compute L; NaN where no landmark was measured."""
+        L = thorax_distance_mm2(girdle.with_adapted(theta_mm), self.points_mm, self.weights, self.levels_mm)
+        return np.where(np.any(self.weights > 0.0, axis=0), L, np.nan)
+
+
+def measured_landmarks(data: ProblemBatch, counts: bool) -> MeasuredLandmarks:
+    """Lay out the measured TS and AI of the postures that count."""
+    problems = data.counted.shape[1:]
+    if data.landmarks_mm is None or not counts:
+        nothing = np.zeros((0, *problems))
+        return MeasuredLandmarks(np.zeros((3, 0, *problems)), nothing, nothing)
+    positions = np.asarray(data.landmarks_mm)
+    known = np.isfinite(positions).all(axis=0) & data.counted
+    anywhere = np.asarray(data.points_mm)[:, :1, None]
+    levels = np.stack([data.girdle.ts_distance_mm, data.girdle.ai_distance_mm])[:, None]
+
+    def flat(values: np.ndarray) -> np.ndarray:
+        return values.reshape(*values.shape[:-3], -1, *problems)
+
+    return MeasuredLandmarks(
+        points_mm=flat(np.where(known, positions, anywhere)),
+        levels_mm=flat(np.broadcast_to(levels, known.shape)),
+        weights=flat(known / np.maximum(known.sum(axis=(0, 1)), 1)),
+    )
+
+
+def fixed_problem(data: ProblemBatch, weight: Float[np.ndarray, " problems"], landmarks: float = 0.0) -> Fixed:
+    """Lay out min E = D + landmarks L [mm^2] + weight mean(J) [deg^2] of each problem."""
+    also, weights = measured_landmarks(data, landmarks > 0.0), np.asarray(data.point_weights)
+    fixed = Fixed(
+        data.girdle,
+        np.concatenate([data.points_mm, also.points_mm], axis=1),
+        np.concatenate([weights, landmarks * also.weights]),
+        np.concatenate([np.zeros_like(weights), also.levels_mm]),
+        _problem(data, weight),
+    )
+    return as_type(fixed, weights.dtype)
+
+
+def _problem(data: ProblemBatch, weight: Float[np.ndarray, " problems"]) -> Problem:
     """Lay out min E = D [mm^2] + weight mean(J) [deg^2] of each problem: W of an angle is weight / postures times that
     in J."""
     postures = xp.sum(data.counted, axis=0)

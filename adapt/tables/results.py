@@ -189,8 +189,8 @@ def parameters_table(
 ) -> pd.DataFrame:
     """Tabulate ``parameters.csv``: one row per model and subject.
 
-    Lengths are in mm, J in deg^2, E in the units of its reading. ``sd_mm``: of ``adapt.trust.covariance``, problem =
-    model * subjects + subject; none of who was not adapted.
+    Lengths are in mm, J in deg^2, E in the units of its reading; ``L_mm2`` is there only where landmarks count.
+    ``sd_mm``: of ``adapt.trust.covariance``, problem = model * subjects + subject; none of who was not adapted.
     """
     each = np.split(sd_mm, len(models), axis=1)
     return pd.concat(
@@ -214,6 +214,8 @@ def _model_parameters(subjects, model: AnyModel, adapted: Adapted, sd_mm, fits: 
     mine = fits[(fits["model"] == model.name) & (fits["status"] == status.OK)]
     columns["E"] = adapted.E
     columns["D_mm2"] = adapted.D_mm2
+    if adapted.landmark_weight.any():
+        columns["L_mm2"] = adapted.L_mm2
     for word, state in (("before", 0), ("after", 1)):
         j = mine[mine["adapted"] == state].groupby("subject")["j_deg2"].mean()
         columns[f"mean_j_{word}_deg2"] = j.reindex(subjects).to_numpy()

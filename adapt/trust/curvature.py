@@ -25,7 +25,7 @@ from adapt.solvers.adaptation import Adapted, subject_conditions
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.extended.second_derivatives import motion_curvature
 from adapt.solvers.objective import ThoraxPoints
-from adapt.solvers.problem_batch import ProblemBatch, problem_with_weight
+from adapt.solvers.problem_batch import ProblemBatch, fixed_problem
 from adapt.solvers.reference.elimination import eliminate
 from adapt.solvers.reference.linalg import Factor, matmul, matvec, transpose
 from adapt.solvers.reference.subject import Problem, joint
@@ -59,10 +59,10 @@ class Curvature:
 def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
     """Differentiate E = sum u d^2 + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, each problem's."""
     data = replace(data, point_weights=adapted.point_weights)
-    problem = problem_with_weight(data, adapted.weight)
+    fixed = fixed_problem(data, adapted.weight, float(adapted.landmark_weight.max(initial=0.0)))
     if data.active_effects.effects and np.asarray(data.measured | ~data.counted).all():
-        return _with_effects(data, problem, adapted)
-    given = data.girdle, data.points_mm, data.point_weights, problem, adapted.theta_mm, adapted.angles
+        return _with_effects(data, fixed, adapted)
+    given = *fixed, adapted.theta_mm, adapted.angles
     at_once = 0 if data.active_effects.effects else _AT_ONCE  # effects have no derivatives by hand, which numpy needs
     count = adapted.theta_mm.shape[-1]
     parts = [
@@ -72,21 +72,20 @@ def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
     return Curvature(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
 
 
-def _with_effects(data: ProblemBatch, problem: Problem, adapted: Adapted) -> Curvature:
+def _with_effects(data: ProblemBatch, fixed: Fixed, adapted: Adapted) -> Curvature:
     """The same with effects at work, the motion's part by differences of its exact slope."""
-    fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem)
     of_motion, moved = motion_curvature(fixed, data.active_effects, adapted.theta_mm)
-    thorax = ThoraxPoints(data.girdle, data.points_mm, data.point_weights)
-    B = -np.einsum("apkl,apl->kapl", moved, np.where(data.counted, problem.weights, 0.0))
-    information = _information(thorax, adapted.theta_mm, B, problem.weights)
+    thorax = ThoraxPoints(*fixed[:4])
+    B = -np.einsum("apkl,apl->kapl", moved, np.where(data.counted, fixed.problem.weights, 0.0))
+    information = _information(thorax, adapted.theta_mm, B, fixed.problem.weights)
     return Curvature(thorax.curvature(adapted.theta_mm), of_motion, B, *information)
 
 
 @compiled
 def _curvature(
-    girdle: Girdle, points_mm, point_weights, problem: Problem, theta, angles, active_effects: ActiveEffects
+    girdle: Girdle, points_mm, point_weights, levels_mm, problem: Problem, theta, angles, active_effects: ActiveEffects
 ) -> tuple[Array, ...]:
-    constraints, thorax = subject_conditions(girdle, points_mm, point_weights, active_effects)
+    constraints, thorax = subject_conditions(girdle, points_mm, point_weights, levels_mm, active_effects)
     z = joint(angles, theta)
     objective_gradient = problem.weights * (angles - problem.measured)
     at = constraints.linearised(z, _multipliers(constraints.slopes(z)[:, :6], objective_gradient))

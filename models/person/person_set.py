@@ -70,7 +70,7 @@ def person_set(
 
     rest: the posture in which the chain closes. stand_ins: landmarks that were not measured, and what is in their
     place. ValueError where a landmark was not measured at rest, or AC, TS and AI lie on a line, or where the thorax
-    points give no ellipsoid.
+    points give no ellipsoid, or one whose middle is in front of IJ.
     """
     at_rest = _at_rest(landmarks_mm, rest, posture_names[rest])
     rigidity = check_rigidity({name: p.T for name, p in landmarks_mm.items() if name not in stand_ins})
@@ -79,6 +79,11 @@ def person_set(
     ts, ai = _scapula(*(of_bones[pair].value_mm for pair in _TRIAD))
     SC = [size_of(row) for row in landmarks_mm["SC"]]
     thorax = None if thorax_points_mm is None else fit_thorax(thorax_points_mm, generic.girdle)
+    if thorax is not None and thorax.centre_mm[2] <= 0.0:
+        raise ValueError(
+            f"the middle of the thorax lies {-float(thorax.centre_mm[2]):.0f} mm in front of IJ: its points are not in "
+            "the frame of the landmarks, or left-handed"
+        )
     girdle = replace(
         generic.girdle,
         centre_mm=generic.girdle.centre_mm if thorax is None else thorax.centre_mm,

@@ -27,6 +27,10 @@ SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "
 """What a point may lie on (thesis 4.3.3, 4.3.5)."""
 
 
+_FROM_IJ_MM = (60.0, 1000.0)
+"""How far the farthest point of a surface is from IJ, but for the SC joint beside it. Centimetres taken for mm are at
+most 45, and what is farther is in another frame than the landmarks."""
+
 _STAND_IN_OPTIONS = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
 
 
@@ -162,7 +166,19 @@ def _points(
     posture = [_posture(row, person) for row in rows]
     thorax_mm = _moved(file_mm, np.array(posture, int), frames, person.side)
     which = np.array([row.cells["surface"].strip() for row in rows])
-    return {name: thorax_mm[:, which == name] for name in SURFACES if (which == name).any()}
+    found = {name: thorax_mm[:, which == name] for name in SURFACES if (which == name).any()}
+    for name, points in found.items():
+        _check_place(name, points, file, person.subject)
+    return found
+
+
+def _check_place(surface: str, points_mm: Float[np.ndarray, "3 points"], file: str, subject: str) -> None:
+    """InputError where points cannot be on a person, in mm and in the frame of the landmarks."""
+    farthest, (least, most) = float(np.linalg.norm(points_mm, axis=0).max()), _FROM_IJ_MM
+    if surface != "sc_joint" and not least <= farthest <= most:
+        cause = f"subject {subject!r}: the farthest point of {surface} is {farthest:.3g} mm from IJ"
+        remedy = "Give mm, or call the columns x_cm or x_m, in the frame of the landmarks"
+        raise InputError(file, None, cause, remedy)
 
 
 def _check_surfaces(rows: list[Row]) -> None:

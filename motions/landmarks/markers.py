@@ -128,6 +128,8 @@ def _not_there(markers: Markers, name: str, landmark: str) -> None:
         guess = f"Is it {near[0]!r}? " if near else ""
         listed = ", ".join(markers.names[:40]) + (", ..." if len(markers.names) > 40 else "")
         remedy = f"{guess}Name it in a mapping file (--map), under [markers]; the file has {listed}"
+    if landmark == "AC":
+        remedy = f"{remedy}. AA does too: AC is placed from it with --aa-to-ac kolz2020"
     raise InputError(markers.file, None, cause, remedy)
 
 

@@ -208,6 +208,28 @@ def test_parameters_agree_with_the_fits(adapted):
     assert np.all(parameters["E"] < 5.0 * parameters["mean_j_before_deg2"])
 
 
+def test_landmarks_enter_e_of_who_has_them_and_the_others_are_named(motion, tmp_path):
+    """TS and AI of the first subject alone, far enough from the ellipsoid to move it."""
+    table = pd.read_csv(motion)
+    first = table["subject"] == "simulated01"
+    for name, xyz in (("TS", (75.0, -60.0, 150.0)), ("AI", (90.0, -160.0, 170.0))):
+        for axis, value in zip("xyz", xyz, strict=True):
+            table[f"{name}_{axis}_mm"] = np.where(first, value + np.arange(len(table)) % 3, np.nan)
+    table.to_csv(tmp_path / "motions.csv", index=False)
+    said = girdle("adapt", tmp_path / "motions.csv", "--reading", "mm2_deg2_landmarks", "--out", tmp_path / "out")
+    assert (said.status, said.messages) == (0, [])
+    assert "No positions of TS and AI, adapted without them: simulated02" in said.out
+    found = pd.read_csv(tmp_path / "out" / "parameters.csv").set_index("subject")
+    terms = found["D_mm2"] + found["L_mm2"].fillna(0.0) + 10.0 * found["mean_j_after_deg2"]
+    np.testing.assert_allclose(found["E"], terms, rtol=1e-12)
+    assert found["L_mm2"].notna().tolist() == [True, False]
+    girdle("adapt", tmp_path / "motions.csv", "--out", tmp_path / "without")
+    without = pd.read_csv(tmp_path / "without" / "parameters.csv").set_index("subject")
+    moved = np.abs(found["M_z_mm"].to_numpy() - without["M_z_mm"].to_numpy())
+    assert moved[0] > 1.0
+    assert moved[1] < 1e-6
+
+
 def test_priors_are_the_models_own(adapted):
     parameters = adapted.table("parameters")
     own = (-296.0, 78.0, 153.0, 404.0, 130.0, 18.3)

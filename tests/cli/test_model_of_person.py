@@ -110,6 +110,8 @@ def test_a_left_shoulder_is_mirrored(tmp_path):
 AI_ON_THE_LINE = {f"AI_{a}_mm": [2 * DISSECTION["TS"][k] - DISSECTION["AC"][k]] for k, a in enumerate("xyz")}
 METRES = {f"{n}_{a}_mm": [DISSECTION[n][k] / 1000.0] for n in DISSECTION if n != "AC-J" for k, a in enumerate("xyz")}
 LEFT_HANDED = {f"{n}_z_mm": [-DISSECTION[n][2]] for n in ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")}
+NO_AC = {f"AC_{a}_mm": [np.nan] for a in "xyz"}
+AA = {f"AA_{a}_mm": [DISSECTION["AC"][k] + (12.0, -15.0, 30.0)[k]] for k, a in enumerate("xyz")}
 NO_SC = {f"SC_{a}_mm": [np.nan] for a in "xyz"}
 
 
@@ -119,6 +121,8 @@ NO_SC = {f"SC_{a}_mm": [np.nan] for a in "xyz"}
         (AI_ON_THE_LINE, [], "on a line", "--rest"),
         (METRES, [], "which no neck is", "look like m"),
         (LEFT_HANDED, [], "the side is right", "left-handed"),
+        (NO_AC, [], "marker 'AC' (AC) was nowhere measured", "AA does too: AC is placed from it with --aa-to-ac"),
+        (NO_AC | AA, [], "AC was not measured", "place it from AA with --aa-to-ac kolz2020"),
         (NO_SC, [], "SC was not measured", "--sc-from-ij kaptein1999"),
         ({}, ["--rest", "7"], "no posture called '7'", "Name one of 1"),
         ({}, ["--sc-from-ij", "nobody"], "no offset 'nobody'", "kaptein1999"),
@@ -142,7 +146,10 @@ def test_one_clear_message(tmp_path, changes, options, cause, remedy):
         ("surface,x_mm,y_mm,z_mm\nchest,1,2,3\n", "line 2: there is no surface 'chest'"),
         ("surface,x_mm,y_mm,z_mm\nthorax,1,,3\n", "line 2: a coordinate of the point is empty"),
         ("surface,x_mm,y_mm\nthorax,1,2\n", "columns surface, x_mm, y_mm and z_mm"),
-        ("surface,x_mm,y_mm,z_mm\nthorax,1,2,3\n", "1 points on the thorax, and the ellipsoid needs 6"),
+        ("surface,x_mm,y_mm,z_mm\nthorax,1,-200,3\n", "1 points on the thorax, and the ellipsoid needs 6"),
+        ("surface,x_mm,y_mm,z_mm\nhumeral_head,.16,-.03,.08\n", "point of humeral_head is 0.181 mm from IJ"),
+        ("surface,x_mm,y_mm,z_mm\nthorax,8,-20,9\n", "point of thorax is 23.3 mm from IJ"),
+        ("surface,x_mm,y_mm,z_mm\nscapula,900,-900,90\n", "point of scapula is 1.28e+03 mm from IJ"),
         ("surface,x_mm,y_mm,z_mm,posture\nthorax,1,2,3,9\n", "no posture called '9'"),
     ],
 )

@@ -13,12 +13,11 @@ from adapt.solvers import status
 from adapt.solvers.adaptation import solved_from
 from adapt.solvers.batched import posture_kernels as quick_fit
 from adapt.solvers.batched.posture_kernels import fitted_from_places
-from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.batched.subject_kernels import sweep_from
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import problem_batch, problem_with_weight
+from adapt.solvers.problem_batch import fixed_problem, problem_batch
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.parameter_sets import FOLDER
@@ -84,7 +83,7 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
     data = as_type(problem_batch(pack(hard(24)), [load_model("R2")]), np.float32)
     theta, factor = np.clip(data.girdle.adapted_mm, *data.bounds_mm), np.full(24, WEIGHT)
     given = (
-        Fixed(data.girdle, data.points_mm, data.point_weights, problem_with_weight(data, factor)),
+        fixed_problem(data, factor),
         theta,
         data.angles,
     )
@@ -99,7 +98,7 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
 def test_a_parameter_at_its_bound_is_at_it():
     """What float32 makes of a bound is not beside it."""
     data = as_type(problem_batch(pack(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
-    given = Fixed(data.girdle, data.points_mm, data.point_weights, problem_with_weight(data, np.full(SUBJECTS, WEIGHT)))
+    given = fixed_problem(data, np.full(SUBJECTS, WEIGHT))
     theta = solved_from(given, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
     lower, upper = data.bounds_mm.astype(float)
     assert np.all((theta >= lower) & (theta <= upper))

@@ -19,11 +19,11 @@ from adapt.solvers import posture_fits as fit
 from adapt.solvers.batched import posture_kernels as quick_fit
 from adapt.solvers.batched import subject_kernels
 from adapt.solvers.batched.posture import PostureStart
-from adapt.solvers.batched.subject import Fixed, Start
+from adapt.solvers.batched.subject import Start
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, problem_with_weight, select_problems
+from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, problem_batch, select_problems
 from adapt.solvers.reference.constraints import ByHand
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.reference.subject import conditions, joint
@@ -59,7 +59,7 @@ def data() -> ProblemBatch:
 
 def arguments(data: ProblemBatch, iterations: float = 60.0):
     count, postures = data.counted.shape[1], data.counted.shape[0]
-    fixed = Fixed(data.girdle, data.points_mm, data.point_weights, problem_with_weight(data, np.full(count, WEIGHT)))
+    fixed = fixed_problem(data, np.full(count, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
     return fixed, start, np.full(count, iterations)
@@ -147,7 +147,7 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
     """On the way as at the end: ``adapt.solvers.reference.subject.conditions`` at the point where the sweep stopped."""
     fixed, *rest = arguments(data, iterations)
     found = subject_kernels.subjects_kernel.by_machine(fixed, *rest)
-    constraints, thorax = ByHand(fixed.girdle.over_postures()), ThoraxPoints(*fixed[:3])
+    constraints, thorax = ByHand(fixed.girdle.over_postures()), ThoraxPoints(*fixed[:4])
     z, point = joint(found.angles, found.theta), (found.theta, found.angles, found.multipliers)
     at = constraints.residual(z), constraints.multiplier_gradient(z, found.multipliers)
     expected = conditions(thorax, fixed.problem, *point, *at)

@@ -104,6 +104,7 @@ ONE = Diagnosis(
     model="R2",
     subjects=tuple(f"s{k}" for k in range(6)),
     left_out={},
+    slips=(),
     persons=5,
     kinds=("abduction", "flexion"),
     postures=84,

@@ -133,10 +133,12 @@ def _adapted(motions: Motions, model: AnyModel, failed: Sequence[str]) -> Adapte
         residual_mm=np.zeros((3, 1, len(names))),
         stationarity=np.zeros((1, len(names))),
         D_mm2=np.ones(len(names)),
+        L_mm2=np.full(len(names), np.nan),
         mean_j_deg2=np.ones(len(names)),
         E=np.ones(len(names)),
         weight=np.full(len(names), WEIGHT),
         point_weights=np.ones((1, len(names))),
+        landmark_weight=np.zeros(len(names)),
         iterations=np.ones(len(names), dtype=int),
         status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
     )

@@ -31,13 +31,16 @@ ONLY_IN = {
     "ezc3d": ("motions",),
     "jinja2": ("adapt.report",),
     "llvmlite": ("adapt.engine",),
-    "matplotlib": ("adapt.output",),
+    "matplotlib": ("adapt.output", "adapt.cli"),
     "plotly": ("adapt.report",),
+    "pydicom": ("models",),
     "rich": ("adapt.cli",),
     "scipy": ("models",),
+    "shapely": ("models",),
     "typer": ("adapt.cli",),
 }
-"""Packages of others that only these rooms import: a web page does not print, a solver does not draw."""
+"""Packages of others that only these rooms import: a web page does not print, a solver does not draw. matplotlib makes
+figures of results and the window of `girdle contour`."""
 
 WITHOUT_PANDAS = ("models", "adapt.engine", "adapt.solvers", "adapt.diagnosis")
 """Typed arrays inside, tables at the edge."""

@@ -40,4 +40,7 @@ def test_every_row_of_appendix_d_has_its_printed_type():
     wrong = [row for row in rows if attachment_type(*map(float, row[:3])) != row[3]]
     assert len(rows) == 84
     assert not wrong
+    limits = (5.0, 7.0, 12.0)
+    on_a_limit = [row for row in rows if any(float(x) == limit for x, limit in zip(row[:3], limits, strict=True))]
+    assert len(on_a_limit) == 1  # the one that the printed "<" and ">" leave without a type: 83 have one
     assert {row[3] for row in rows} == {SMALL, LARGE, SLIDE, SHIFT, CROSS}

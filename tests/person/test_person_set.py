@@ -187,6 +187,13 @@ def test_what_is_no_person(change, said):
         person_set(change(trial_landmarks(person(1.0, 1.0))), load_model("R2"), 0, NAMES, {})
 
 
+def test_thorax_points_in_front_of_ij_are_in_another_frame():
+    """Of the patch of a thorax with its z turned round, as a left-handed frame has it."""
+    mirrored = np.asarray(load_model("breteler_dissection").points_mm) * np.array([[1.0], [1.0], [-1.0]])
+    with pytest.raises(ValueError, match="in front of IJ: its points are not in the frame of the landmarks"):
+        person_set(trial_landmarks(person(1.0, 1.0)), load_model("R2"), 0, NAMES, {}, mirrored)
+
+
 def test_trust_knows_how_well_the_persons_own_points_fix_the_thorax():
     points = load_model("breteler_dissection").points_mm
     noisy = points + 2.0 * np.random.default_rng(0).standard_normal(points.shape)

@@ -122,6 +122,21 @@ def test_a_slip_of_10_mm_toward_or_off_another_landmark_is_named():
     assert np.mean(named) >= 0.95
 
 
+@pytest.mark.parametrize(("with_aa", "share"), [(True, 0.79), (False, 0.64)])
+def test_a_slip_in_any_direction_is_named_less_often(with_aa, share):
+    """What docs/person.md says of it: distances see it as far as it goes toward or away from other landmarks."""
+    rng = np.random.default_rng(1)
+    names = ("AC", "TS", "AI", "AA", "SC") if with_aa else ("AC", "TS", "AI", "SC")
+    named = []
+    for case in range(2 * CASES):
+        landmarks, name, posture = moving_scapula(12, rng, with_aa), names[case % len(names)], int(rng.integers(12))
+        direction = rng.standard_normal(3)
+        slipped = noisy(landmarks, rng)
+        slipped[name][posture] += 10.0 * direction / np.linalg.norm(direction)
+        named.append((posture, name) in [(s.posture, s.landmark) for s in check_rigidity(slipped).slips])
+    assert np.mean(named) == pytest.approx(share, abs=0.05)
+
+
 def test_a_slip_in_exact_landmarks_is_named_with_its_size():
     landmarks = moving_scapula(6, np.random.default_rng(2))
     along = landmarks["TS"][4] - landmarks["AI"][4]

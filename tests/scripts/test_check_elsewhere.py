@@ -54,6 +54,7 @@ def test_one_world_from_its_files_to_its_report(
             indistinguishable=[],
             subjects=motions.subjects,
             left_out={},
+            slips=(),
             options=(),
             amplitude={},
         )

@@ -8,7 +8,7 @@ from motions.landmarks.mapping import read_mapping
 from scripts.fuzz_readers import READ, REFUSED, file_number, kinds, outcome
 
 SEED, FEW = 7, 60
-NAMES = ["motion CSV", "parameter set", "mapping", "landmark CSV", "trc", "mot", "run.json"]
+NAMES = ["motion CSV", "parameter set", "mapping", "landmark CSV", "trc", "mot", "run.json", "clicks"]
 """All but c3d, each of which starts a process."""
 
 

@@ -28,8 +28,9 @@ AT = AtOptimum(
     point_weights=np.array([[0.5], [0.5], [0.0]]),
     mean_j_deg2=np.array([9.0]),
     postures=np.array([3]),
+    L_mm2=np.array([7.0]),
 )
-"""Two points, 4 mm out and in, and one that is padding; three postures."""
+"""Two points, 4 mm out and in, and one that is padding; three postures; measured landmarks."""
 
 BY_HAND = {
     "mm2_deg2": 16.0 + 10.0 * 9.0,
@@ -44,6 +45,7 @@ BY_HAND = {
     "sum_mm_deg2": 8.0 + 10.0 * 9.0,
     "sum_mm2_sum_deg2": 32.0 + 10.0 * 27.0,
     "mm2_sum_deg2": 16.0 + 10.0 * 27.0,
+    "mm2_deg2_landmarks": 16.0 + 7.0 + 10.0 * 9.0,
 }
 
 ROUNDED_OFF = 1e-6
@@ -122,19 +124,22 @@ def test_a_geometric_fit_that_fails_keeps_the_ellipsoid():
 
 
 def test_derivatives_of_d_by_hand_are_those_of_jax():
-    """At parameters off the set's own, of ten points of which one does not count."""
+    """At parameters off the set's own, of ten points of which one does not count, each with a level of its own."""
     model = load_model("R2")
     point_weights = np.append(np.full(9, 1.0 / 9.0), 0.0)
     points = np.asarray(model.points_mm)[:, :10]
-    thorax = ThoraxPoints(model.girdle, jnp.asarray(points), jnp.asarray(point_weights))
+    levels = jnp.linspace(-8.0, 15.0, 10)
+    thorax = ThoraxPoints(model.girdle, jnp.asarray(points), jnp.asarray(point_weights), levels)
     theta = model.girdle.adapted_mm + jnp.array([12.0, -5.0, 3.0, -20.0, 4.0, 1.0])
 
     def D(theta):
-        return thorax_distance_mm2(model.girdle.with_adapted(theta), jnp.asarray(points), jnp.asarray(point_weights))
+        given = jnp.asarray(points), jnp.asarray(point_weights), levels
+        return thorax_distance_mm2(model.girdle.with_adapted(theta), *given)
 
     def distances(theta):
         moved = model.girdle.with_adapted(theta)
-        return signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+        away = signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
+        return away - levels
 
     at, slopes = thorax.distances(theta)
     found = [thorax.value(theta), at.d, jnp.stack(slopes, axis=-1), thorax.slope(theta), thorax.curvature(theta)]

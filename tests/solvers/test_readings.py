@@ -1,18 +1,22 @@
 """Every reading of E against a scalar one in NumPy and SciPy: rotations, distances, postures and E written anew."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from oracles import bones, constraints, ellipsoid_distance, slsqp, with_theta
+from oracles import Bones, bones, cardan, constraints, ellipsoid_distance, slsqp, with_theta
 
 from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT
+from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch
+from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, problem_batch, select_problems
+from adapt.trust.curvature import curvature
 from models import load_model
+from models.effects.known import active_effects
 from motions import Motions, read_motions
+from motions.landmarks.sampled_postures import SLIPPED
 from motions.rotations import DEG
 from scripts.rooms import ROOT
 
@@ -41,8 +45,14 @@ D_AND_J: dict[str, Callable[[np.ndarray, np.ndarray], tuple[Any, Any]]] = {
     "sum_mm_deg2": lambda d, j: (np.sum(length(d)), np.mean(j)),
     "sum_mm2_sum_deg2": lambda d, j: (np.sum(d**2), np.sum(j)),
     "mm2_sum_deg2": lambda d, j: (np.mean(d**2), np.sum(j)),
+    "mm2_deg2_landmarks": lambda d, j: (np.mean(d**2), np.mean(j)),
 }
 """D and J of the distances (mm) and the J_p (deg^2), said once more."""
+
+LANDMARKS = "mm2_deg2_landmarks"
+
+PALPATED_MM = 6.0
+"""Of a landmark from where the model has it at the measured angles: so far that L moves the optimum."""
 
 
 def length(d: np.ndarray) -> np.ndarray:
@@ -55,7 +65,20 @@ def motions() -> Motions:
     """Six postures of a shipped (simulated) subject."""
     every = read_motions(ROOT / "motions" / "data" / "simulated_subjects.csv")
     mine = np.flatnonzero(every.subject == every.subjects[1])[::3]
-    return every.select(np.isin(np.arange(len(every.subject)), mine[:6]))
+    six = every.select(np.isin(np.arange(len(every.subject)), mine[:6]))
+    return replace(six, landmarks_mm=palpated(six.angles_deg))
+
+
+def palpated(angles_deg: np.ndarray) -> dict[str, np.ndarray]:
+    """Positions of TS and AI (simulated); TS was not found in the second posture, and only half of AI in the third."""
+    own, generator = bones(load_model("R6").girdle), np.random.default_rng(5)
+    found = {}
+    for name, place in (("TS", own.ts_mm), ("AI", own.ai_mm)):
+        exact = [own.sc_mm + cardan(q[:3])[0] @ own.ac_mm + cardan(q[3:])[0] @ place for q in angles_deg]
+        found[name] = np.stack(exact) + PALPATED_MM * generator.standard_normal((len(angles_deg), 3))
+    found["TS"][1] = np.nan
+    found["AI"][2, 1] = np.nan
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +103,21 @@ def scalar_e(motions, data) -> Callable[..., float]:
         fits = [slsqp(moved, s, start) for s, start in zip(motions.angles_deg, starts, strict=False)]
         assert max(fit.open_mm for fit in fits) < 1e-6
         D, J = D_AND_J[name](d, np.array([fit.j_deg2 for fit in fits]))
-        return float(D + WEIGHT * J)
+        return float(D + (scalar_l(motions, moved) if name == LANDMARKS else 0.0) + WEIGHT * J)
 
     return E
+
+
+def scalar_l(motions: Motions, moved: Bones) -> float:
+    """L at an ellipsoid, mm^2."""
+    squares = [
+        (ellipsoid_distance(p - moved.centre_mm, moved.semi_axes_mm)[0] - const) ** 2
+        for name, const in (("TS", moved.ts_distance_mm), ("AI", moved.ai_distance_mm))
+        for p in motions.landmarks_mm[name]
+        if np.isfinite(p).all()
+    ]
+    assert len(squares) == 2 * len(motions.posture) - 2
+    return float(np.mean(squares))
 
 
 def test_every_reading_is_written_anew():
@@ -125,3 +160,58 @@ def test_angles_left_out_are_not_in_j(motions, data):
     squares = (simulated - motions.angles_deg)[:, five] ** 2
     assert np.mean(squares) == pytest.approx(found.mean_j_deg2[0], rel=1e-12)
     assert max(np.abs(constraints(moved, q)[0]).max() for q in simulated) < 1e-6
+
+
+def test_landmarks_count_where_they_were_measured_in_the_postures_that_do(motions, data, adapted):
+    """L is that of the postures adapted to; where nobody measured one, E is that of the default."""
+    found = adapted[LANDMARKS]
+    moved = with_theta(bones(data.girdle, 0), found.theta_mm[:, 0])
+    assert found.L_mm2[0] == pytest.approx(scalar_l(motions, moved), rel=SAME)
+    assert found.E[0] == pytest.approx(found.D_mm2[0] + found.L_mm2[0] + WEIGHT * found.mean_j_deg2[0], rel=1e-12)
+    assert np.isnan(adapted["mm2_deg2"].L_mm2[0])
+    first = np.asarray(data.counted) & (np.arange(len(data.counted)) < 1)[:, None]
+    of_first = adapt_batch(select_problems(data, np.array([0]), counted=first), WEIGHT, LANDMARKS)
+    moved, at = with_theta(bones(data.girdle, 0), of_first.theta_mm[:, 0]), motions.landmarks_mm
+    away = [
+        ellipsoid_distance(at[name][0] - moved.centre_mm, moved.semi_axes_mm)[0] - const
+        for name, const in (("TS", moved.ts_distance_mm), ("AI", moved.ai_distance_mm))
+    ]
+    assert of_first.L_mm2[0] == pytest.approx(np.mean(np.square(away)), rel=SAME)
+    nobody = adapt_batch(problem_batch(pack(replace(motions, landmarks_mm={})), [load_model("R6")]), WEIGHT, LANDMARKS)
+    assert np.isnan(nobody.L_mm2[0])
+    np.testing.assert_allclose(nobody.theta_mm, adapted["mm2_deg2"].theta_mm, rtol=0.0, atol=1e-6)
+
+
+def test_with_landmarks_the_covariance_knows_of_them(data, adapted):
+    """dE/dtheta about the optimum by differences of the whole objective's slope is the curvature."""
+    found = adapted[LANDMARKS]
+    curved = curvature(data, found)
+    assert np.abs(curved.of_points - curvature(data, adapted["mm2_deg2"]).of_points).max() > 0.01
+    fixed = fixed_problem(data, found.weight, 1.0)
+    thorax = ThoraxPoints(*fixed[:4])
+    for k in range(5):
+        step = 1e-3 * np.eye(6)[k][:, None]
+        slope = (thorax.slope(found.theta_mm + step) - thorax.slope(found.theta_mm - step)) / 2e-3
+        np.testing.assert_allclose(curved.of_points[:, k], slope, rtol=0.0, atol=1e-6)
+
+
+def test_landmarks_with_an_effect_at_work_of_no_size(motions, data, adapted):
+    """The careful and the fast path of effects have the same optimum as the batched one."""
+    batch = pack(motions)
+    known = active_effects({"scapula_landmark_bias": (0.0, 0.0, 0.0)}, motions).at(batch.rows)
+    found = adapt_batch(problem_batch(batch, [load_model("R6")], known), WEIGHT, LANDMARKS)
+    assert found.status[0] == "ok"
+    np.testing.assert_allclose(found.theta_mm, adapted[LANDMARKS].theta_mm, rtol=0.0, atol=1e-5)
+    assert found.E[0] == pytest.approx(adapted[LANDMARKS].E[0], rel=1e-10)
+
+
+def test_a_landmark_that_slipped_is_not_one_that_was_measured(motions):
+    marks = ["", "AI", "", "", "TS AC"]
+    marked = replace(motions, extra=motions.extra.assign(**{SLIPPED: marks}))
+    before, after = pack(motions).landmarks_mm, pack(marked).landmarks_mm
+    assert before is not None
+    assert after is not None
+    gone = np.isnan(after) & ~np.isnan(before)
+    expected = np.zeros_like(gone)
+    expected[:, 1, 1] = expected[:, 0, 4] = True  # AI, then TS
+    np.testing.assert_array_equal(gone[:, :, : len(marks)], expected[:, :, : len(marks)])

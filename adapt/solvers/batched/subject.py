@@ -71,6 +71,8 @@ class Fixed(NamedTuple):
     girdle: Girdle
     points_mm: Float[Array, " 3 points problems"]
     point_weights: Float[Array, " points problems"]
+    levels_mm: Float[Array, " points problems"]
+    """Distance to the ellipsoid that each point should have: 0 for a thorax point."""
     problem: Problem
 
 
@@ -141,7 +143,7 @@ class _Sums(NamedTuple):
 
 def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> Swept:
     """Iterate at most ``iterations`` times from ``start``; a problem that has converged there stays where it is."""
-    girdle, points_mm, point_weights, problem = fixed
+    girdle, points_mm, point_weights, levels_mm, problem = fixed
     over_postures, over_points = along(problem.counted, problem.counted), along(point_weights)
     theta = list(start.theta)
     each = theta[0]
@@ -182,10 +184,11 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> 
 
     slope, (violation, rest), kept = over_postures.reduced(end_of, postures, problem.measured, problem.weights)
 
-    def thorax_slope(point, point_weight):
-        return _thorax(girdle, theta, point, point_weight, _exact_multiplier(girdle, theta, point))[0].slope, (), ()
+    def thorax_slope(point, point_weight, level):
+        t = _exact_multiplier(girdle, theta, point)
+        return _thorax(girdle, theta, point, point_weight, level, t)[0].slope, (), ()
 
-    of_points, *_ = over_points.reduced(thorax_slope, points_mm, point_weights)
+    of_points, *_ = over_points.reduced(thorax_slope, points_mm, point_weights, levels_mm)
     free = _free(problem, theta, [x + y for x, y in zip(slope, of_points, strict=True)])
     converged = _closed_and_stationary(violation, rest, free)
     angles, multipliers, residual, rest = map(stacked, kept)
@@ -227,30 +230,31 @@ def _exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
     return closest_point_multiplier(*_from_centre(girdle, theta, point))
 
 
-def _thorax(girdle: Girdle, theta: Components, point, point_weight, t) -> tuple[_Sums, Array]:
-    """A point's part of D = sum share_i d_i^2 with its derivatives, and the t of its closest point."""
+def _thorax(girdle: Girdle, theta: Components, point, point_weight, level, t) -> tuple[_Sums, Array]:
+    """A point's part of sum share_i (d_i - level_i)^2 with its derivatives, and the t of its closest point."""
     p, axes = _from_centre(girdle, theta, point)
     at = distance(p, axes, closest_point_multiplier_near(p, axes, t))
     slope, curvature = ellipsoid_slope(at), ellipsoid_curvature(at)
-    objective_gradient = 2.0 * point_weight * at.d
-    zero = xp.zeros_like(at.d)
+    off = at.d - level
+    objective_gradient = 2.0 * point_weight * off
+    zero = xp.zeros_like(off)
     by_parameter = [*(objective_gradient * x for x in slope), zero]
     matrix = [
         [2.0 * point_weight * slope[i] * slope[j] + objective_gradient * curvature[i][j] for j in range(i + 1)]
         for i in range(len(ELLIPSOID))
     ]
-    return _Sums(point_weight * at.d**2, zero, by_parameter, by_parameter, [*matrix, [zero] * len(ADAPTED)]), at.t
+    return _Sums(point_weight * off**2, zero, by_parameter, by_parameter, [*matrix, [zero] * len(ADAPTED)]), at.t
 
 
 def _iterate(
     fixed: Fixed, iterations: Float[Array, " problems"], state: _State, postures: Any, points: Any
 ) -> tuple[_State, Any, Any]:
-    girdle, points_mm, point_weights, problem = fixed
+    girdle, points_mm, point_weights, levels_mm, problem = fixed
     over_postures, over_points = along(problem.counted, problem.counted), along(point_weights)
     theta = [x + state.length * dx for x, dx in zip(state.theta, state.dtheta, strict=True)]
 
-    def thorax(point, point_weight, t):
-        sums, t = _thorax(girdle, theta, point, point_weight, t)
+    def thorax(point, point_weight, level, t):
+        sums, t = _thorax(girdle, theta, point, point_weight, level, t)
         return sums, (), t
 
     def tried(own: _Posture, measured, weights):
@@ -274,7 +278,7 @@ def _iterate(
         )
         return sums, worst, (q, multipliers, posture.range_space_penalty, at.closest_point_multipliers, posture.steps)
 
-    of_points, _, points_tried = over_points.reduced(thorax, points_mm, point_weights, points)
+    of_points, _, points_tried = over_points.reduced(thorax, points_mm, point_weights, levels_mm, points)
     of_postures, worst, kept = over_postures.reduced(tried, postures, problem.measured, problem.weights)
     violation, rest, concave = worst
     sums: _Sums = jax.tree.map(lambda x, y: x + y, of_points, of_postures)

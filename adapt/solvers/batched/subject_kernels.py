@@ -23,7 +23,13 @@ subjects_kernel = Kernel(
     "subjects",
     sweep,
     (
-        Fixed(GIRDLE, "3 points", "points", Problem("6 postures", "6 postures", "postures bool", _THETA, _THETA)),
+        Fixed(
+            GIRDLE,
+            "3 points",
+            "points",
+            "points",
+            Problem("6 postures", "6 postures", "postures bool", _THETA, _THETA),
+        ),
         Start(_THETA, "6 postures", "3 postures", "bool"),
         "",
     ),

@@ -74,7 +74,7 @@ def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
     """Lay the postures that count out as rows, each problem a part and a group of its own."""
     problem, posture = rows_of(fixed)
     count = fixed.problem.measured.shape[-1]
-    points = ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.point_weights)
+    points = ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.point_weights, fixed.levels_mm)
     return Parts(
         girdle=jax.tree.map(np.asarray, fixed.girdle),
         thorax=lambda theta_mm: thorax_terms(points, theta_mm),
