@@ -82,7 +82,7 @@ from models.person.family import AnyModel, load_any_model, without_set
 from motions import InputError, Motions, MotionStream, read_motions, write_motions
 from motions.landmarks.acromion import acromion_rotation
 from motions.landmarks.mapping import read_mapping
-from motions.landmarks.sampled_postures import SLIPPED, Labels
+from motions.landmarks.sampled_postures import Labels, marked_slips
 from motions.landmarks.stand_ins import sternoclavicular_offset
 from motions.motion_csv.cells import SIDES
 
@@ -528,11 +528,9 @@ def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_fro
 
 def _say_slipped(motions: Motions) -> None:
     """Name the landmarks that are not where their bone says."""
-    if SLIPPED not in motions.extra:
-        return
-    for row in np.flatnonzero(motions.extra[SLIPPED].to_numpy(str) != ""):
+    for row, names in marked_slips(motions).items():
         where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
-        console.print(f"{motions.extra[SLIPPED].iloc[row]} slipped: {where}", soft_wrap=True)
+        console.print(f"{names} slipped: {where}", soft_wrap=True)
 
 
 def _elevations(at: str) -> tuple[float, ...]:

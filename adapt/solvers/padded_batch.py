@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from motions.landmarks.sampled_postures import SLIPPED
+from motions.landmarks.sampled_postures import marked_slips
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -68,7 +68,6 @@ def _landmarks_mm(motions: Motions, index: Int[np.ndarray, "postures subjects"])
         return None
     nothing = np.full((len(motions.posture), 3), np.nan)
     both = np.stack([motions.landmarks_mm.get(name, nothing) for name in ON_THE_THORAX])
-    if SLIPPED in motions.extra:
-        words = motions.extra[SLIPPED].str.split()
-        both[np.array([[name in row for row in words] for name in ON_THE_THORAX])] = np.nan
+    for row, names in marked_slips(motions).items():
+        both[np.isin(ON_THE_THORAX, names.split()), row] = np.nan
     return np.moveaxis(both[:, index], -1, 0)

@@ -34,6 +34,12 @@ FRAMES = "frames"
 """The extra column with the number of frames that a posture of a trial rests on."""
 
 
+def marked_slips(motions: Motions) -> dict[int, str]:
+    """Give, by row, the landmarks that are marked as slipped, with a space between them."""
+    marks = motions.extra[SLIPPED].to_numpy(str) if SLIPPED in motions.extra else ()
+    return {row: names for row, names in enumerate(marks) if names}
+
+
 def spread_column(angle: str) -> str:
     """Name the extra column with the SD of an angle about a posture of a trial, degrees."""
     return f"{angle}_spread_deg"

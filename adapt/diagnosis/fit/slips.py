@@ -7,17 +7,17 @@ in the distances between landmarks, which no other cause changes, and marks it.
 
 import numpy as np
 
-from motions.landmarks.sampled_postures import SLIPPED
+from motions.landmarks.sampled_postures import marked_slips
 from motions.table import Motions
 
 
 def without_slips(motions: Motions) -> tuple[Motions, tuple[str, ...]]:
     """Leave out the postures that are marked with a slip; and say which landmark slipped where."""
-    if SLIPPED not in motions.extra:
+    slips = marked_slips(motions)
+    if not slips:
         return motions, ()
-    marks = motions.extra[SLIPPED].to_numpy(str)
     named = tuple(
-        f"{marks[row]} slipped in {motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
-        for row in np.flatnonzero(marks != "")
+        f"{names} slipped in {motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
+        for row, names in slips.items()
     )
-    return motions.select(marks == ""), named
+    return motions.select(~np.isin(np.arange(len(motions.posture)), list(slips))), named
