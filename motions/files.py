@@ -23,8 +23,7 @@ def read_text(path: Path, remedy: str) -> str:
     try:
         content = path.read_bytes()
     except OSError as error:
-        cause = f"the file cannot be read ({error.strerror})"
-        raise InputError(str(path), None, cause, "Check its name, and that you may read it") from error
+        raise unreadable(path, error) from error
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -34,6 +33,12 @@ def read_text(path: Path, remedy: str) -> str:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise InputError(str(path), line, "this is not text but binary data", remedy)
     return text
+
+
+def unreadable(path: Path, error: OSError) -> InputError:
+    """Make the error of a file that the system does not let one read."""
+    cause = f"the file cannot be read ({error.strerror})"
+    return InputError(str(path), None, cause, "Check its name, and that you may read it")
 
 
 def atomic_write(path: str | os.PathLike[str], text: str) -> None:

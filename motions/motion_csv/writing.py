@@ -1,7 +1,7 @@
 """A table of postures as a motion file."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -18,8 +18,12 @@ def write_motions(motions: Motions, path: str | os.PathLike[str]) -> None:
     """
     landmarks = [column for name in motions.landmarks_mm for column in landmark_columns(name)]
     header = [*REQUIRED, *landmarks, *motions.extra.columns]
-    lines = (",".join(map(_quoted_if_needed, cells)) for cells in (header, *_rows(motions)))
-    atomic_write(path, "\n".join(lines) + "\n")
+    atomic_write(path, csv_text((header, *_rows(motions))))
+
+
+def csv_text(rows: Iterable[Iterable[str]]) -> str:
+    """Format rows of cells as CSV."""
+    return "\n".join(",".join(map(_quoted_if_needed, cells)) for cells in rows) + "\n"
 
 
 def _rows(motions: Motions) -> Iterator[list[str]]:

@@ -1,7 +1,5 @@
 """Clicks as a CSV file, a row each: slice, x_px, y_px and, if need be, use, surface, subject and posture."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +13,7 @@ from motions.files import atomic_write
 from motions.formats.person_file import SURFACES
 from motions.formats.text import numbers
 from motions.motion_csv.rows import Row, read_table
+from motions.motion_csv.writing import csv_text
 
 NEEDED = ("slice", "x_px", "y_px")
 
@@ -122,8 +121,4 @@ def write_clicks(path: Path, clicks: Sequence[Click], slices: Sequence[ImageSlic
 
 def as_csv(rows: Sequence[Mapping[str, object]], columns: Sequence[str]) -> str:
     """Format rows as CSV."""
-    text = io.StringIO()
-    table = csv.DictWriter(text, columns, lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return text.getvalue()
+    return csv_text([columns, *([str(row[name]) for name in columns] for row in rows)])

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motions.errors import InputError
+from motions.files import unreadable
 
 _EXTRA = {"pydicom": "pydicom", "PIL": "pillow", "shapely": "shapely"}
 """Modules of the extra `contour`, and the packages that hold them."""
@@ -99,8 +100,7 @@ def _is_dicom(path: Path) -> bool:
     try:
         return is_dicom(path)
     except OSError as error:
-        cause = f"the file cannot be read ({error.strerror})"
-        raise InputError(str(path), None, cause, "Check its name, and that you may read it") from error
+        raise unreadable(path, error) from error
 
 
 def _dicom(path: Path) -> ImageSlice:
