@@ -71,14 +71,13 @@ def known_truth(
         base: set[str] = set()
         for added in _combinations():
             motions = with_faults(as_is.select(chosen), in_aa.select(chosen), added)
-            found = diagnose(motions, load_model(name))[name].verdict
-            causes = [" or ".join(cause.names) for cause in found.of_the_chain]
-            print(f"| {name} | {who} | {', '.join(added)} | {', '.join(causes) or found.answer} |", flush=True)
-            firsts = {cause.names[0] for cause in found.of_the_chain}
+            verdict = diagnose(motions, load_model(name))[name].verdict
+            each = [cause.names for cause in verdict.of_the_chain]
+            said = ", ".join(" or ".join(names) for names in each) or verdict.answer
+            print(f"| {name} | {who} | {', '.join(added)} | {said} |", flush=True)
+            firsts = {names[0] for names in each}
             base = base if added else firsts
-            counts.update(
-                _counted(set(added), firsts, {one for cause in found.of_the_chain for one in cause.names}, base)
-            )
+            counts.update(_counted(set(added), firsts, set(itertools.chain(*each)), base))
     for what in ("added", "not added"):
         for how in ("named", "named first"):
             share = counts[f"{what}, {how}"] / counts[what]

@@ -14,7 +14,7 @@ from matplotlib.backends.registry import BackendFilter, backend_registry
 
 from models.person.contours.band import Settings
 from models.person.contours.click_table import CORRECT, DIGITS, DRAW, Click, Label, by_slice
-from models.person.contours.edge_path import Line, slopes_of
+from models.person.contours.edge_path import Line, Slopes, slopes_of
 from models.person.contours.image_slices import ImageSlice
 from models.person.contours.slice_stack import follow
 from motions.errors import InputError
@@ -40,7 +40,7 @@ class ClickWindow:
     def __init__(self, slices: Sequence[ImageSlice], clicks: Sequence[Click], label: Label, settings: Settings):
         self.clicks, self.current, self.use = list(clicks), 0, DRAW
         self._slices, self._label, self._settings = slices, label, settings
-        self._slopes: Callable[[int], object] = lru_cache(_MOST_SLOPES)(lambda k: slopes_of(slices[k].grey))
+        self._slopes: Callable[[int], Slopes] = lru_cache(_MOST_SLOPES)(lambda k: slopes_of(slices[k].grey))
         self.figure, self._axes = plt.subplots()
         canvas = self.figure.canvas
         if canvas.manager is not None and canvas.manager.key_press_handler_id is not None:
@@ -56,7 +56,7 @@ class ClickWindow:
         try:
             clicks = by_slice(mine, "the clicks").get(self._label, {})
             first = min(k for k, one in clicks.items() if one.drawn is not None)
-            found = follow(self._slopes, max(first, self.current) + 1, clicks, self._settings)  # type: ignore[arg-type]
+            found = follow(self._slopes, max(first, self.current) + 1, clicks, self._settings)
         except ValueError:  # too few clicks
             return None
         return found[self.current].points_px

@@ -130,7 +130,7 @@ class _Study:
         levels = gaps.hardest
         over = left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
         budget = self._budget(gaps, rungs)
-        verdict = self._verdict(named, {name: sets[name] for name in order}, weights, over, computed, noise, budget)
+        verdict = self._verdict(self._causes(named, sets, order, budget), weights, over, computed, noise)
         data = observe(shoulders.motions, adapted.batch)
         angle_gaps = _angle_gaps(data, adapted, floor)
         return Diagnosis(
@@ -173,21 +173,18 @@ class _Study:
             found[effect.name] = unseen_amplitude(effect)
         return found
 
-    def _verdict(
-        self,
-        named: Named,
-        sets: dict[str, CredibleSet],
-        weights: Weights,
-        over: float,
-        computed: bool,
-        noise: Noise,
-        budget: tuple[Step, ...],
-    ) -> Verdict:
-        search = self.search
-        causes = [Cause(*one, named.gains[name].share, named.gains[name].t) for name, one in sets.items()]
+    def _causes(
+        self, named: Named, sets: dict[str, CredibleSet], order: Sequence[str], budget: tuple[Step, ...]
+    ) -> list[Cause]:
+        """What is named, in this order, and last another person's thorax."""
+        causes = [Cause(*sets[name], named.gains[name].share, named.gains[name].t) for name in order]
         if causes and self.relieved:
             level = {step.step: step.gap_deg.value for step in budget}
             causes.append(thorax_cause(level[ADAPTED_STEP], level[THORAX_POINTS], level[NOISE]))
+        return causes
+
+    def _verdict(self, causes: list[Cause], weights: Weights, over: float, computed: bool, noise: Noise) -> Verdict:
+        search = self.search
         inclusion = dict(weights.inclusion)
         if computed and ESTIMATE in inclusion:
             inclusion = {ESTIMATE: 1.0} | {name: p for name, p in inclusion.items() if name != ESTIMATE}

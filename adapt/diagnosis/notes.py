@@ -4,6 +4,7 @@ from collections.abc import Collection, Sequence
 
 from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.result import Diagnosis, Noise
+from adapt.diagnosis.thorax_points import thorax_option
 from adapt.diagnosis.wording import gap_text, listed, unseen_text
 from models.effects.known import OPTION, THORAX_POINTS
 
@@ -32,7 +33,7 @@ def _thorax(diagnosis: Diagnosis) -> list[str]:
     relieved = [step.gap_deg.value for step in diagnosis.budget if step.step == THORAX_POINTS]
     if not relieved:
         return []
-    adapted_with = f"adapted with {OPTION} {THORAX_POINTS}={RELIEF:g} the gap on {unseen_text(diagnosis.gaps)} is"
+    adapted_with = f"adapted with {OPTION} {thorax_option(RELIEF)} the gap on {unseen_text(diagnosis.gaps)} is"
     return [
         f"The points on the thorax are another person's: {adapted_with} {gap_text(relieved[0])} deg. "
         "Better measure the person's own (girdle model --points)."

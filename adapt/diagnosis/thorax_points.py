@@ -17,7 +17,12 @@ def thorax_cause(adapted_deg: float, relieved_deg: float, noise_deg: float) -> C
     return Cause((THORAX_POINTS,), (1.0,), (adapted_deg - relieved_deg) / beyond if beyond > 0 else np.nan, np.nan)
 
 
+def thorax_option(relief: float) -> str:
+    """Write it as ``girdle adapt --effect`` takes it."""
+    return f"{THORAX_POINTS}={relief:g}"
+
+
 def thorax_amplitude(relief: float) -> CauseAmplitude:
     """Describe its size: how many times less the points count."""
     size = Interval(relief, np.nan, np.nan)
-    return CauseAmplitude(THORAX_POINTS_WHAT, "", "1", size, relief, {"k": size}, f"{THORAX_POINTS}={relief:g}")
+    return CauseAmplitude(THORAX_POINTS_WHAT, "", "1", size, relief, {"k": size}, thorax_option(relief))

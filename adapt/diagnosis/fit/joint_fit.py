@@ -1,8 +1,8 @@
 """Joint fits of the diagnosis: adaptations of all subjects with amplitudes of effects that all of them share.
 
 The E of each subject is that of `girdle adapt` (thesis Eq. 6.5), the points on the thorax counting less where they are
-another person's (``Model.relief``); see ``adapt.solvers.extended.gauss_newton``. Several
-groups are fitted side by side: all postures, or all but those held out. A part is one subject in one group.
+another person's (``Model.relief``); see ``adapt.solvers.extended.gauss_newton``. Several groups are fitted side by
+side: all postures, or all but those held out. A part is one subject in one group.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,6 @@ _MOST_STEPS = 60
 
 SETTLED = 1e-4
 """Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""
-
 
 RELIEF = 30.0
 """Points on the thorax that are another person's count 1/30 of what they do in E. With w = 10, made for them, the

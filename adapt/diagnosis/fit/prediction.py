@@ -99,10 +99,8 @@ def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: 
     order = np.argsort(joint.rows)
     y, by_theta, by_channel, B = (x[order] for x in (near.y, near.by_theta, near.by_channel, near.B))
     Z = np.concatenate([by_theta, candidates.by_amplitude(by_channel)], axis=2)
-    extended = (
-        np.concatenate([Z, y[:, :, None]], axis=2)
-        * np.sqrt(2.0 * joint.model.weight * shoulders.weights)[:, None, None]
-    )
+    root = np.sqrt(2.0 * joint.model.weight * shoulders.weights)
+    extended = np.concatenate([Z, y[:, :, None]], axis=2) * root[:, None, None]
     label = _labels(folds, len(shoulders.subject))
     cell = shoulders.subject * (label.max() + 2) + label
     cells = np.unique(cell)
