@@ -56,13 +56,25 @@ def test_every_package_has_its_licence():
     assert list(rows("package")) == [one.name for one in run_time()]
 
 
-@pytest.mark.parametrize("package", [one.name for one in run_time()])
+def brought_along() -> dict[str, str]:
+    """The licence of every package that is there because another one needs it."""
+    table = rows("licence of what is brought along")
+    return {name.split()[0]: licence for licence, (names,) in table.items() for name in names.split(", ")}
+
+
+def test_everything_that_is_installed_has_its_licence():
+    locked = set(re.findall(r"^([\w.-]+)==", (ROOT / "requirements.lock").read_text(), re.MULTILINE))
+    assert locked - set(rows("package")) == set(brought_along())
+
+
+@pytest.mark.parametrize("package", sorted({*rows("package"), *brought_along()} - {"colorama"}))
 def test_the_licence_is_the_one_that_the_package_states(package):
     """Where it states one as an SPDX expression; older metadata have words, or a file."""
     stated = metadata(package).get_all("License-Expression")
     if not stated:
         pytest.skip(f"{package} states no SPDX expression")
-    assert rows("package")[package][0] == stated[0]
+    said = rows("package")[package][0] if package in rows("package") else brought_along()[package]
+    assert said == stated[0]
 
 
 def test_every_shipped_table_of_numbers_has_its_source():
