@@ -12,7 +12,10 @@ The thesis's measure of a muscle (3.3.1): mean of the vectors over its lines, le
 motion.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -47,17 +50,15 @@ class Pulls:
 
 def pulls(lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) -> Pulls:
     """Compute paths and arms in postures (rad); ``girdle`` has one element a posture or no batch."""
-    length, contact, X, f = (np.asarray(x) for x in _lines(*_arguments(lines, girdle, angles)))
-    AC = np.asarray(chain_landmarks(_batched(girdle, angles), *bone_rotations(jnp.asarray(angles))).AC)
-    SC = np.broadcast_to(np.asarray(_batched(girdle, angles).sc_mm), AC.shape)
-    about_ac = np.cross(X - AC[:, None], f, axis=0)
+    which, given = _arguments(lines, girdle, angles)
+    length, contact, X, f, about_sc, about_ac = _in_blocks(partial(_lines, which), given)
     return Pulls(
         length,
         contact,
         _depth_mm(lines, girdle, X),
         X,
         f,
-        np.cross(X - SC[:, None], f, axis=0),
+        about_sc,
         np.where(lines.on_scapula[None, :, None], about_ac, 0.0),
     )
 
@@ -69,8 +70,8 @@ def lengths_mm(
 
     ``-jax.jacfwd`` gives the arms by angle, ``-jax.hessian`` their slopes: see :func:`path_length_mm`.
     """
-    thorax, bone, wraps, on_scapula, batched, q = _arguments(lines, girdle, angles)
-    return _length(thorax, _attachments(bone, on_scapula, batched, q), wraps, batched)
+    which, (thorax, bone, batched, q) = _arguments(lines, girdle, angles)
+    return _length(thorax, _attachments(bone, which, batched, q), which, batched)
 
 
 def line_points_mm(
@@ -81,25 +82,26 @@ def line_points_mm(
     The two ends and ``curved`` points between them, evenly along what lies on the ellipsoid, or along a straight line.
     NaN where an angle is.
     """
-    return np.asarray(_points(*_arguments(lines, girdle, angles), curved))
+    which, given = _arguments(lines, girdle, angles)
+    return _in_blocks(partial(_points, which, curved=curved), given)
 
 
 def arms_by_angle_mm(
     lines: MuscleLines, found: Pulls, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]
 ) -> Float[np.ndarray, " 6 lines postures"]:
     """Compute -dL/dq of the six angles, mm a rad."""
-    _, bone, _, on_scapula, batched, q = _arguments(lines, girdle, angles)
-    return np.einsum("xlp,xqlp->qlp", found.pull, np.asarray(_attachment_slopes(bone, on_scapula, batched, q)))
+    which, (_, *moving) = _arguments(lines, girdle, angles)
+    return np.einsum("xlp,xqlp->qlp", found.pull, _in_blocks(partial(_attachment_slopes, which), moving))
 
 
-@jax.jit
-def _attachment_slopes(bone, on_scapula, girdle: Girdle, q) -> Float[Array, " 3 6 lines postures"]:
-    return _by_angle(lambda q: _attachments(bone, on_scapula, girdle, q), q)
+@partial(jax.jit, static_argnums=0)
+def _attachment_slopes(which: "_Which", bone, girdle: Girdle, q) -> Float[Array, " 3 6 lines postures"]:
+    return _by_angle(lambda q: _attachments(bone, which, girdle, q), q)
 
 
 def free_directions(girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) -> Float[np.ndarray, " 6 3 postures"]:
     """Compute T = dq/dc of the free coordinates AC_y, AC_z, TS_x, rad a mm; NaN where they do not move the chain."""
-    slopes = np.moveaxis(np.asarray(_chain_slopes(_batched(girdle, angles), jnp.asarray(angles))), -1, 0)
+    slopes = np.moveaxis(_in_blocks(_chain_slopes, (_batched(girdle, angles), jnp.asarray(angles))), -1, 0)
     finite = np.asarray(np.isfinite(slopes).all(axis=(1, 2)))
     slopes = np.where(finite[:, None, None], slopes, np.eye(6))
     regular = finite & np.asarray(np.linalg.cond(slopes) < _WORST_CONDITION)
@@ -140,17 +142,38 @@ def _batched(girdle: Girdle, angles) -> Girdle:
     return jax.tree.map(jnp.asarray, girdle).over_axes(axes)
 
 
-def _arguments(lines: MuscleLines, girdle: Girdle, angles):
-    """Everything a line depends on, as JAX's arrays; those that wrap are known beforehand."""
-    q = jnp.asarray(angles)
-    return (
-        _a_posture(jnp.asarray(lines.thorax_mm)),
-        _a_posture(jnp.asarray(lines.bone_mm)),
-        tuple(lines.wraps.tolist()),
-        jnp.asarray(lines.on_scapula),
-        _batched(girdle, angles),
-        q,
-    )
+class _Which(NamedTuple):
+    """What a compiled program is made for."""
+
+    wrap: tuple[int, ...]
+    """The lines that go round the ellipsoid."""
+    on_scapula: tuple[bool, ...]
+
+
+def _arguments(lines: MuscleLines, girdle: Girdle, angles) -> tuple[_Which, tuple]:
+    """Everything a line depends on; attachments, girdle and angles as JAX's arrays."""
+    points = [_a_posture(jnp.asarray(one)) for one in (lines.thorax_mm, lines.bone_mm)]
+    which = _Which(tuple(np.flatnonzero(lines.wraps).tolist()), tuple(lines.on_scapula.tolist()))
+    return which, (*points, _batched(girdle, angles), jnp.asarray(angles))
+
+
+_BLOCK = 64
+"""Postures that go through a compiled program together: one program then serves any number of them. The twelve lines of
+the serratus fill three times the lanes of the search for paths."""
+
+
+def _in_blocks(program, given) -> Any:
+    """Run a program over blocks of the postures (last axis), on all cores; the last block is filled with copies."""
+    count = given[-1].shape[-1]
+    given = jax.tree.map(lambda x: np.broadcast_to(x, (*x.shape[:-1], count)), given)
+
+    def block(start: int):
+        rows = np.minimum(np.arange(start, start + _BLOCK), count - 1)
+        return jax.tree.map(np.asarray, program(*jax.tree.map(lambda x: x[..., rows], given)))
+
+    with ThreadPoolExecutor() as cores:
+        parts = list(cores.map(block, range(0, count, _BLOCK)))
+    return jax.tree.map(lambda *each: np.concatenate(each, axis=-1)[..., :count], *parts)
 
 
 def _a_posture(points) -> Array:
@@ -158,12 +181,12 @@ def _a_posture(points) -> Array:
     return points if points.ndim == 3 else points[:, :, None]
 
 
-def _attachments(bone, on_scapula, girdle: Girdle, q) -> Float[Array, " 3 lines postures"]:
+def _attachments(bone, which: _Which, girdle: Girdle, q) -> Float[Array, " 3 lines postures"]:
     R_clavicle, R_scapula = bone_rotations(q)
     AC = chain_landmarks(girdle, R_clavicle, R_scapula).AC
     with_scapula = AC[:, None] + rotate(R_scapula[:, :, None], bone)
     with_clavicle = girdle.sc_mm[:, None] + rotate(R_clavicle[:, :, None], bone)
-    return jnp.where(on_scapula[None, :, None], with_scapula, with_clavicle)
+    return jnp.where(jnp.array(which.on_scapula)[None, :, None], with_scapula, with_clavicle)
 
 
 def _round_ellipsoid(P, X, girdle: Girdle):
@@ -173,41 +196,43 @@ def _round_ellipsoid(P, X, girdle: Girdle):
     return outside(P, axes), outside(X, axes), axes
 
 
-def _length(P, X, wraps: tuple[bool, ...], girdle: Girdle) -> Float[Array, " lines postures"]:
+def _length(P, X, which: _Which, girdle: Girdle) -> Float[Array, " lines postures"]:
     P = jnp.broadcast_to(P, X.shape)
     straight = jnp.sqrt(jnp.sum((X - P) ** 2, axis=0))
-    which = np.flatnonzero(wraps)
-    return straight.at[which].set(path_length_mm(*_round_ellipsoid(P[:, which], X[:, which], girdle)))
+    wrap = np.array(which.wrap, int)
+    return straight.at[wrap].set(path_length_mm(*_round_ellipsoid(P[:, wrap], X[:, wrap], girdle)))
 
 
-def _lines_of(thorax, bone, wraps, on_scapula, girdle, q):
-    """Lengths, contact, attachments and pulls; -dL/dX is the direction at X, and what moves the point outside."""
-    X = _attachments(bone, on_scapula, girdle, q)
+@partial(jax.jit, static_argnums=0)
+def _lines(which: _Which, thorax, bone, girdle: Girdle, q):
+    """Lengths, contact, attachments, pulls and their arms about SC and AC, as all ended at the scapula.
+
+    -dL/dX is the direction at X, and what moves the point outside.
+    """
+    X = _attachments(bone, which, girdle, q)
     P = jnp.broadcast_to(thorax, X.shape)
-    which = np.flatnonzero(wraps)
-    (outer_P, outer_X, axes), back = jax.vjp(lambda X: _round_ellipsoid(P[:, which], X, girdle), X[:, which])
+    wrap = np.array(which.wrap, int)
+    (outer_P, outer_X, axes), back = jax.vjp(lambda X: _round_ellipsoid(P[:, wrap], X, girdle), X[:, wrap])
     path = shortest_path(outer_P, outer_X, axes)
     (pull,) = back((jnp.zeros_like(outer_P), path.from_q, jnp.zeros_like(axes)))
     straight = jnp.sqrt(jnp.sum((P - X) ** 2, axis=0))
-    length = straight.at[which].set(jnp.where(path.found, path.length_mm, jnp.nan))
-    contact = jnp.zeros_like(length).at[which].set(path.contact_mm)
-    return length, contact, X, ((P - X) / straight[None]).at[:, which].set(pull)
+    length = straight.at[wrap].set(jnp.where(path.found, path.length_mm, jnp.nan))
+    contact = jnp.zeros_like(length).at[wrap].set(path.contact_mm)
+    f = ((P - X) / straight[None]).at[:, wrap].set(pull)
+    AC = chain_landmarks(girdle, *bone_rotations(q)).AC
+    about_sc, about_ac = (jnp.cross(X - joint[:, None], f, axis=0) for joint in (girdle.sc_mm, AC))
+    return length, contact, X, f, about_sc, about_ac
 
 
-_lines = jax.jit(_lines_of, static_argnums=2)
-
-
-def _points_of(thorax, bone, wraps, on_scapula, girdle, q, curved):
-    X = _attachments(bone, on_scapula, girdle, q)
+@partial(jax.jit, static_argnums=0, static_argnames="curved")
+def _points(which: _Which, thorax, bone, girdle: Girdle, q, *, curved: int):
+    X = _attachments(bone, which, girdle, q)
     P = jnp.broadcast_to(thorax, X.shape)
-    which = np.flatnonzero(wraps)
+    wrap = np.array(which.wrap, int)
     share = jnp.linspace(0.0, 1.0, curved + 2).reshape(-1, 1, 1, 1)
-    outer = _round_ellipsoid(P[:, which], X[:, which], girdle)
+    outer = _round_ellipsoid(P[:, wrap], X[:, wrap], girdle)
     wrapped = path_points_mm(*outer, curved) + girdle.centre_mm[:, None]
-    return (P + share * (X - P)).at[:, :, which].set(wrapped)
-
-
-_points = jax.jit(_points_of, static_argnums=(2, 6))
+    return (P + share * (X - P)).at[:, :, wrap].set(wrapped)
 
 
 def _depth_mm(lines: MuscleLines, girdle: Girdle, X) -> Float[np.ndarray, " lines postures"]:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.random import Generator
+from programs import few_runs
 
 from models import load_model
 from models.girdle import Girdle, landmarks
@@ -55,23 +56,22 @@ def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, closed: b
 
 def on_constraints(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
     """Angles (6, frames) near the given ones where A1-A3 hold, by steps q - G' (G G')^-1 g (Gauss-Newton)."""
-    repeated_girdle = repeated(girdle, angles.shape[1])
-    directions = jnp.eye(6)
-
-    @jax.jit
-    def linearised(q):
-        rows = [
-            jax.jvp(repeated_girdle.residuals_mm, (q,), (jnp.broadcast_to(d[:, None], q.shape),)) for d in directions
-        ]
-        return rows[0][0], jnp.stack([row[1] for row in rows], axis=1)
-
+    frames = repeated(girdle, angles.shape[1])
     q = jnp.asarray(angles)
     for _ in range(12):
-        g, G = (np.moveaxis(np.asarray(x), -1, 0) for x in linearised(q))
+        g, G = (np.moveaxis(np.asarray(x), -1, 0) for x in _linearised(frames, q))
         Gt = np.swapaxes(G, 1, 2)
         q = q - (Gt @ np.linalg.solve(G @ Gt, g[..., None]))[..., 0].T
-    assert np.abs(np.asarray(repeated_girdle.residuals_mm(q))).max() < 1e-9
+    assert np.abs(np.asarray(_linearised(frames, q)[0])).max() < 1e-9
     return np.asarray(q)
+
+
+@few_runs
+def _linearised(girdle: Girdle, q):
+    """g and its slopes by the six angles."""
+    units = [jnp.broadcast_to(unit[:, None], q.shape) for unit in jnp.eye(6)]
+    rows = [jax.jvp(girdle.residuals_mm, (q,), (unit,)) for unit in units]
+    return rows[0][0], jnp.stack([row[1] for row in rows], axis=1)
 
 
 def repeated(girdle: Girdle, count: int) -> Girdle:

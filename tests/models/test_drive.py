@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from programs import few_runs
 
 from adapt import fit_postures
 from models import load_model
@@ -164,9 +165,9 @@ def test_slopes_are_those_of_the_implicit_equations():
     def equations(angles):
         return jnp.concatenate([free_coordinates_mm(girdle, angles), constraint_residuals_mm(girdle, angles)])
 
-    expected = np.linalg.inv(np.asarray(jax.jacfwd(equations)(q)))[:, :3]
+    expected = np.linalg.inv(np.asarray(few_runs(jax.jacfwd(equations))(q)))[:, :3]
     for derive in (jax.jacfwd, jax.jacrev):
-        found = jax.jit(derive(lambda at: drive(girdle, at).angles))(coordinates)
+        found = few_runs(derive(lambda at: drive(girdle, at).angles))(coordinates)
         np.testing.assert_allclose(found, expected, rtol=SLOPES, atol=SLOPES * np.abs(expected).max())
 
 
@@ -182,12 +183,13 @@ def test_slopes_in_the_girdle_and_second_slopes_agree_with_differences():
 
     def check(function, x):
         steps = h * jnp.eye(len(x))
-        expected = jnp.stack([(function(x + step) - function(x - step)) / (2.0 * h) for step in steps], axis=-1)
-        found = jax.jit(jax.jacfwd(function))(x)
+        value = few_runs(function)
+        expected = jnp.stack([(value(x + step) - value(x - step)) / (2.0 * h) for step in steps], axis=-1)
+        found = few_runs(jax.jacfwd(function))(x)
         np.testing.assert_allclose(found, expected, rtol=DIFFERENCES, atol=DIFFERENCES * np.abs(expected).max())
 
     check(lambda theta: driven(coordinates, theta), theta)
-    check(jax.jit(jax.jacrev(lambda at: driven(at, theta))), coordinates)
+    check(jax.jacrev(lambda at: driven(at, theta)), coordinates)
 
 
 def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are():
@@ -195,13 +197,14 @@ def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are
     _, angles = closed_postures("R2")
     coordinates = free_coordinates_mm(girdle, angles[:, :3])
     far = coordinates.at[0, 1].add(500.0)
+    middle = coordinates[:, [1, 1, 1]]
 
     def total(theta, at):
         driven = drive(jax.tree.map(jnp.asarray, girdle).with_adapted(theta), at)
         return jnp.sum(jnp.where(driven.status == 0, driven.angles, 0.0))
 
     theta = jnp.asarray(girdle.adapted_mm)
-    slope = jax.jit(jax.grad(total))
-    found, expected = slope(theta, far), slope(theta, coordinates[:, ::2])
+    slope = few_runs(jax.grad(total))
+    found, expected = slope(theta, far), slope(theta, coordinates) - slope(theta, middle) / 3.0
     assert np.abs(expected).max() > 0.0
     np.testing.assert_allclose(found, expected, rtol=SLOPES)
