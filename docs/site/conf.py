@@ -33,6 +33,7 @@ myst_heading_anchors = 3
 html_theme = "furo"
 html_title = "girdle"
 html_copy_source = False
+html_show_copyright = False
 html_extra_path = ["index.html"]
 
 default_role = "code"
