@@ -84,7 +84,9 @@ def write_formula(translator, node: nodes.math | nodes.math_block) -> None:
     """Write MathML, which browsers draw by themselves: no script, no network."""
     block = isinstance(node, nodes.math_block)
     formula = convert(node.astext(), display="block" if block else "inline")
-    translator.body.append(f'<div class="math">{formula}</div>' if block else formula)
+    translator.body.append(
+        f'<div class="math" style="margin: 1em 0; overflow-x: auto">{formula}</div>' if block else formula
+    )
     raise nodes.SkipNode
 
 
