@@ -53,7 +53,7 @@ def test_the_drawing_shows_every_angle_from_both_sides(angle):
         assert f'id="{angle} {view.name}"' in text
 
 
-@pytest.mark.parametrize("view", (ABOVE, BEHIND, RIGHT), ids=lambda view: view.name)
+@pytest.mark.parametrize("view", [ABOVE, BEHIND, RIGHT], ids=lambda view: view.name)
 def test_a_view_is_no_mirror_image(view: View):
     towards_the_reader = np.cross(view.across, view.up)
     at = {"from behind": BACKWARD, "from the right": OUTWARD, "from above": UP}[view.name]
