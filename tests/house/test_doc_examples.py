@@ -24,7 +24,8 @@ SHELL = ("", "sh", "bash")
 """Blocks whose lines a reader types into a terminal."""
 
 PYTHON, SLOW = "python", "python slow"
-"""Blocks of a page are one session. Those that take seconds, or compile, are not run: their calls are held against the functions."""
+"""Blocks of a page are one session. Slow ones, that compile or take seconds, are not run: their calls are held against
+the functions."""
 
 INLINE = re.compile(r"`((?:girdle|make) [^`]+)`")
 
