@@ -64,7 +64,7 @@ rooms: .venv/runtime ## the drawing of the rooms, docs/rooms.svg, from the impor
 	$(BIN)/python scripts/draw_rooms.py
 
 docs: .venv/docs ## the documentation site in out/site, from README, docs/*.md and the docstrings; a broken link is an error
-	$(BIN)/sphinx-build -q -W --keep-going -c docs/site -d out/doctrees . out/site
+	$(BIN)/sphinx-build -q -E -a -W --keep-going -c docs/site -d out/doctrees . out/site
 	@echo "out/site/index.html"
 
 frames: .venv/runtime ## the pictures of frames and signs, docs/frames*.svg, from the parameter set R2

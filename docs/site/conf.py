@@ -41,6 +41,8 @@ autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 python_maximum_signature_line_length = 88
 pygments_style = "default"
+highlight_language = "text"
+"""Of blocks without a language: commands and what they print."""
 
 NAVIGATION = Path(__file__).with_name("navigation.md")
 
