@@ -2,8 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 MOTIONS ?= ../shared/motions/*.csv
+MEANS ?= --mean mean_ludewig2009 --mean mean_oki2012
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets completion thesis questions speed fuzz mutants rooms frames docs clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed fuzz mutants rooms frames docs clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -48,14 +49,16 @@ sets: .venv/runtime ## what depends on the cadaver; of measured motions
 	$(BIN)/python scripts/study_sets.py $(MOTIONS)
 
 completion: .venv/runtime ## how what is not printed of R2, R4 and R6 is best placed: two minutes; of measured motions
-	$(BIN)/python scripts/study_completion.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
+	$(BIN)/python scripts/study_completion.py $(MOTIONS) $(MEANS)
 
-thesis: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
-	$(BIN)/python scripts/compare_thesis.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
-	$(BIN)/python scripts/study_objective.py $(MOTIONS) --leave-out mean_ludewig2009 --leave-out mean_oki2012
+tables: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
+	$(BIN)/python scripts/compare_thesis.py $(MOTIONS) $(MEANS)
+	$(BIN)/python scripts/study_objective.py $(MOTIONS) $(MEANS:--mean=--leave-out)
 
 questions: .venv/runtime ## what measured motions say of the questions of chapter 7: a minute
-	$(BIN)/python scripts/study_chapter7.py $(MOTIONS) --mean mean_ludewig2009 --mean mean_oki2012
+	$(BIN)/python scripts/study_chapter7.py $(MOTIONS) $(MEANS)
+
+thesis: tables completion questions ## all that measured motions say of the thesis: minutes; prints Markdown
 
 speed: .venv/dev ## the fits against IPOPT, SLSQP and jaxopt: minutes; simulated subjects
 	$(BIN)/python scripts/benchmark.py --subjects 1000 --peers 30 --repeats 5

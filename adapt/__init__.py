@@ -3,14 +3,17 @@
 from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
 from adapt.assessment import Trust, assess_trust
 from adapt.diagnosis import Diagnosis, diagnose
+from adapt.model_subjects import Simulated, simulate_model_subjects
 
 __all__ = [
     "Adaptations",
     "Diagnosis",
     "PostureFits",
+    "Simulated",
     "Trust",
     "adapt_subjects",
     "assess_trust",
     "diagnose",
     "fit_postures",
+    "simulate_model_subjects",
 ]

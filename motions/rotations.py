@@ -4,13 +4,12 @@ Arrays are *component first, batch last*: a vector is ``(3, *batch)``, a matrix 
 function is elementwise over the batch, so one posture and a million postures are the same code.
 """
 
-import jax
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 from motions.arrays import Array, xp
 
-DEG = 180.0 / jnp.pi
+DEG = 180.0 / np.pi
 """Degrees in one radian. Files and tables are in degrees, everything inside is in radians."""
 
 
@@ -52,29 +51,29 @@ def compose(R_a_b: Float[Array, " 3 3 *batch"], R_b_c: Float[Array, " 3 3 *#batc
 
 def rotation_from_vector(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
     """Compute exp([v]x): the rotation by |v| radians about v (Rodrigues), smooth through v = 0."""
-    squared = jnp.sum(v * v, axis=0)
+    squared = xp.sum(v * v, axis=0)
     small = squared < _SMALL_ANGLE_SQUARED
-    safe = jnp.where(small, 1.0, squared)
-    angle = jnp.sqrt(safe)
-    sinc = jnp.where(small, 1.0 - squared / 6.0 + squared**2 / 120.0, jnp.sin(angle) / angle)
-    versinc = jnp.where(small, 0.5 - squared / 24.0 + squared**2 / 720.0, (1.0 - jnp.cos(angle)) / safe)
+    safe = xp.where(small, 1.0, squared)
+    angle = xp.sqrt(safe)
+    sinc = xp.where(small, 1.0 - squared / 6.0 + squared**2 / 120.0, xp.sin(angle) / angle)
+    versinc = xp.where(small, 0.5 - squared / 24.0 + squared**2 / 720.0, (1.0 - xp.cos(angle)) / safe)
     outer = v[:, None] * v[None, :]
-    identity = jnp.eye(3).reshape(3, 3, *[1] * squared.ndim)
+    identity = np.eye(3).reshape(3, 3, *[1] * squared.ndim)
     return identity * (1.0 - versinc * squared) + sinc * cross_matrix(v) + versinc * outer
 
 
 def cross_matrix(v: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
     """Compute [v]x, the matrix of the cross product v x u."""
     x, y, z = v
-    zero = jnp.zeros_like(x)
-    return jnp.stack([jnp.stack([zero, -z, y]), jnp.stack([z, zero, -x]), jnp.stack([-y, x, zero])])
+    zero = xp.zeros_like(x)
+    return xp.stack([xp.stack([zero, -z, y]), xp.stack([z, zero, -x]), xp.stack([-y, x, zero])])
 
 
 def rotation_about(axis: Float[Array, " 3 *batch"], angle: Float[Array, " *batch"]) -> Float[Array, " 3 3 *batch"]:
     """Compute the rotation by an angle in radians about a unit vector (Rodrigues)."""
     outer = axis[:, None] * axis[None, :]
-    identity = jnp.eye(3).reshape(3, 3, *[1] * angle.ndim)
-    return outer + (identity - outer) * jnp.cos(angle) + cross_matrix(axis * jnp.sin(angle)[None])
+    identity = np.eye(3).reshape(3, 3, *[1] * angle.ndim)
+    return outer + (identity - outer) * xp.cos(angle) + cross_matrix(axis * xp.sin(angle)[None])
 
 
 def rotation_between(one: Float[Array, " 3 *batch"], other: Float[Array, " 3 *batch"]) -> Float[Array, " 3 3 *batch"]:
@@ -82,16 +81,16 @@ def rotation_between(one: Float[Array, " 3 *batch"], other: Float[Array, " 3 *ba
 
     R = I + [v]x + [v]x^2 / (1 + c), with v = one x other and c = one . other.
     """
-    v, c = jnp.cross(one, other, axis=0), jnp.sum(one * other, axis=0)
-    identity = jnp.eye(3).reshape(3, 3, *[1] * c.ndim)
+    v, c = xp.cross(one, other, axis=0), xp.sum(one * other, axis=0)
+    identity = np.eye(3).reshape(3, 3, *[1] * c.ndim)
     return identity * c + cross_matrix(v) + v[:, None] * v[None, :] / (1.0 + c)
 
 
 def vector_from_rotation(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
     """Compute log R: the axis times the angle in radians, 0 for no rotation; of half a turn the axis is not unique."""
-    axis = 0.5 * jnp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = jnp.sqrt(jnp.sum(axis * axis, axis=0))
-    return axis * jnp.where(sine > 0.0, mean_angle(R) / jnp.where(sine > 0.0, sine, 1.0), 1.0)
+    axis = 0.5 * xp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine = xp.sqrt(xp.sum(axis * axis, axis=0))
+    return axis * xp.where(sine > 0.0, mean_angle(R) / xp.where(sine > 0.0, sine, 1.0), 1.0)
 
 
 _SMALL_ANGLE_SQUARED = 1e-3
@@ -100,7 +99,7 @@ _SMALL_ANGLE_SQUARED = 1e-3
 
 def mean_angle(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " *batch"]:
     """Compute the angle in radians of the rotation R, in [0, pi], accurate near 0 and near pi."""
-    axis = jnp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine2 = jnp.sqrt(jnp.sum(axis * axis, axis=0))
+    axis = xp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine2 = xp.sqrt(xp.sum(axis * axis, axis=0))
     cosine2 = R[0, 0] + R[1, 1] + R[2, 2] - 1.0
-    return jax.lax.atan2(sine2, cosine2)
+    return xp.arctan2(sine2, cosine2)

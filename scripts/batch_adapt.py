@@ -8,6 +8,8 @@ import typer
 
 from adapt.cli import app as cli
 from adapt.cli import options
+from adapt.cli.commands.fit_commands import adapt
+from adapt.cli.ending import EXIT_SOME_NOT_HANDLED
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from motions import InputError
 
@@ -36,9 +38,9 @@ def batch(
     unreachable = [path for path in found if not path.is_file()]
     for path in unreachable:
         print(f"left out: {path}: there is no file behind this name. Remove it.", file=sys.stderr)
-    cli.adapt(files, out, model, models_of, weight, reading, float32=float32, effect=effect)
+    adapt(files, out, model, models_of, weight, reading, float32=float32, effect=effect)
     if unreachable:
-        raise typer.Exit(cli.EXIT_SOME_NOT_HANDLED)
+        raise typer.Exit(EXIT_SOME_NOT_HANDLED)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import MOTION, POSTURES
 from adapt.trust.held_out import Fold, folds, held_out
-from models.effects import AnyGirdle
+from models.effects import EFFECTS, AnyGirdle, Effect
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, weight_factor
 from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
@@ -46,13 +46,19 @@ class BaseGaps:
     """On the postures that are held out."""
 
 
-def adapted_gaps(motions: Motions, model: AnyModel, effects: Amplitudes, person: Mapping[str, int]) -> AdaptedGaps:
+def adapted_gaps(
+    motions: Motions,
+    model: AnyModel,
+    effects: Amplitudes,
+    person: Mapping[str, int],
+    library: Mapping[str, Effect] = EFFECTS,
+) -> AdaptedGaps:
     """Adapt the model to all subjects, and again without each motion and each third of the postures.
 
-    ``person``: the number of the person of each subject, for the intervals.
+    ``person``: the number of the person of each subject, for the intervals. ``library``: the effects by name.
     """
     batch = pack(motions)
-    data = problem_batch(batch, [model], active_effects(effects, motions).at(batch.rows))
+    data = problem_batch(batch, [model], active_effects(effects, motions, library).at(batch.rows))
     weight = WEIGHT * weight_factor(effects)
     adapted = adapt_batch(data, weight)
     measured = np.where(batch.measured & batch.counted, batch.angles, np.nan)

@@ -51,7 +51,7 @@ from adapt.tables.held_out import MOTION, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS, read_amplitudes
+from models.effects.known import THORAX_POINTS, Amplitudes, read_amplitudes
 from models.person.family import AnyModel, as_list
 from motions.table import Motions
 
@@ -93,6 +93,7 @@ class _Study:
 
     def __init__(self, model: AnyModel, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
         self.model, self.shoulders, self.progress = model, shoulders, progress
+        self.library = {one.name: one for one in effects}  # the caller's own among them
         candidates = lay_out(effects, shoulders)
         joint = JointFit(Model.of(model, shoulders.subjects, effects), shoulders, candidates, everybody(shoulders))
         self.search = Search(joint, folds_of(shoulders), progress)
@@ -121,11 +122,11 @@ class _Study:
         sizes = {name: sizes[name] for name in order}
         if sizes and self.relieved:
             sizes[THORAX_POINTS] = thorax_amplitude(search.joint.model.relief)
-        known = read_amplitudes([one.option for one in sizes.values()])
+        known = read_amplitudes([one.option for one in sizes.values()], self.library)
         self.progress("gaps of girdle adapt")
         base = base_gaps(shoulders.motions, self.model, self.person)
         adapted = adapted_gaps(shoulders.motions, self.model, {}, self.person)
-        with_causes = adapted_gaps(shoulders.motions, self.model, known, self.person) if known else adapted
+        with_causes = self._with_causes(known) if known else adapted
         gaps = self._gaps(base, adapted, with_causes, rungs, floor)
         levels = gaps.hardest
         over = left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
@@ -159,6 +160,9 @@ class _Study:
             indistinguishable=indistinguishable(none.linearised),
             next_measurement=propose(search, node, [sets[name].names for name in order]),
         )
+
+    def _with_causes(self, known: Amplitudes) -> AdaptedGaps:
+        return adapted_gaps(self.shoulders.motions, self.model, known, self.person, self.library)
 
     @property
     def relieved(self) -> bool:

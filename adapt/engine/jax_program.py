@@ -16,14 +16,15 @@ import jax
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal
 
+from adapt.engine.machine_code import MachineCodeError
 from adapt.engine.simd_values import SimdValue
 
 Numbers = np.ndarray
 """An array of SIMD values, or of Python's numbers where the program has constants."""
 
 
-class UnknownOperationError(NotImplementedError):
-    """JAX does something for which there is no instruction here."""
+class UnknownOperationError(MachineCodeError):
+    """JAX does something for which there is no instruction here: XLA runs such a function."""
 
 
 def per_problem(function: Callable[..., Any]) -> Callable[..., Any]:

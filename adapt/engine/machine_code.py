@@ -7,7 +7,7 @@ from typing import Any
 
 
 class MachineCodeError(Exception):
-    """llvmlite is missing, does not know this processor, or cannot compile or link for it."""
+    """llvmlite is missing, does not know this processor, or cannot compile or link a text for it."""
 
 
 @contextmanager

@@ -6,8 +6,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-import platformdirs
-
+from adapt.engine.compilation_cache import cache_folder
 from adapt.engine.machine_code import describe_target, emit_object
 from motions.errors import InputError
 from motions.files import atomic_write_bytes
@@ -19,9 +18,19 @@ _ROOT = Path(__file__).parents[2]
 _PACKAGES = ("motions", "models", "adapt")
 
 
+def machine_folder() -> Path:
+    """Return the folder of the object code."""
+    return cache_folder() / "machine"
+
+
+def of_this_version(path: Path) -> bool:
+    """Say whether a file of the folder is for this text, compiler and processor: others are never read again."""
+    return path.name.endswith(f"-{_key()}")
+
+
 def object_code(name: str, text: Callable[[], str]) -> bytes:
     """Return what was kept, or compile the text and keep it. A file that is not as it was written is not used."""
-    path = Path(platformdirs.user_cache_path("girdle")) / "machine" / f"{name}-{_key()}"
+    path = machine_folder() / f"{name}-{_key()}"
     with suppress(OSError):
         content = path.read_bytes()
         digest, made = content[: _DIGEST().digest_size], content[_DIGEST().digest_size :]

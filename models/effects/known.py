@@ -27,23 +27,25 @@ lets them count 1/k: D / k + w mean(J) has its minimum where D + k w mean(J) has
 THORAX_POINTS_WHAT = "points on the thorax are another person's: D counts 1/k"
 
 
-def active_effects(amplitudes: Amplitudes, motions: Motions) -> ActiveEffects:
-    """Return the effects at every posture of the motions, in the order in which they act; InputError where there is no
-    such effect or its numbers do not fit it."""
-    named = (effect_named(name, "effects") for name in amplitudes if name != THORAX_POINTS)
-    effects = sorted(named, key=list(EFFECTS.values()).index)
+def active_effects(amplitudes: Amplitudes, motions: Motions, library: Mapping[str, Effect] = EFFECTS) -> ActiveEffects:
+    """Return the effects at every posture of the motions, in the order in which they act, that of the library.
+
+    library: by name. InputError where there is no such effect in it or its numbers do not fit it.
+    """
+    named = (effect_named(name, "effects", library=library) for name in amplitudes if name != THORAX_POINTS)
+    effects = sorted(named, key=list(library.values()).index)
     for effect in effects:
         _check(effect, amplitudes[effect.name], "effects")
     strengths = (effect.strengths(_amplitude(effect, amplitudes[effect.name]), motions) for effect in effects)
     return ActiveEffects(tuple(strengths), tuple(effects))
 
 
-def read_amplitudes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
+def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECTS) -> dict[str, tuple[float, ...]]:
     """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``; InputError where one is not that."""
     found: dict[str, tuple[float, ...]] = {}
     for word in words:
         name, _, numbers = (part.strip() for part in word.partition("="))
-        effect = None if name == THORAX_POINTS else effect_named(name, OPTION)
+        effect = None if name == THORAX_POINTS else effect_named(name, OPTION, library=library)
         if name in found:
             raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
         try:
@@ -89,14 +91,14 @@ def _vector(size: Sequence[float]) -> str:
     return numbers if len(size) == 1 else f"({numbers})"
 
 
-def effect_named(name: str, place: str, *others: str) -> Effect:
+def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effect] = EFFECTS) -> Effect:
     """Find the effect of this name.
 
     InputError that names the place where there is none, and what else than an effect would do there.
     """
-    if name not in EFFECTS:
-        raise InputError(place, None, f"there is no effect '{name}'", f"Use one of {', '.join([*others, *EFFECTS])}")
-    return EFFECTS[name]
+    if name not in library:
+        raise InputError(place, None, f"there is no effect '{name}'", f"Use one of {', '.join([*others, *library])}")
+    return library[name]
 
 
 def _check(effect: Effect, given: Sequence[float], place: str) -> None:

@@ -1,6 +1,7 @@
 """Any file that holds motions, as a table of postures: the kind is known by its ending, and of a CSV by its columns."""
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from motions.formats.landmark_csv import holds_positions, read_landmark_csv
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
 from motions.formats.trc import read_trc
-from motions.landmarks.mapping import Mapping
+from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
 from motions.motion_csv.cells import SIDES, Side
@@ -23,6 +24,24 @@ from motions.table import Motions
 
 _OF_MARKERS: dict[str, Callable[[Path], Markers]] = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_landmark_csv}
 _OF_ANGLES = (".mot", ".sto")
+
+
+def read_trial(
+    path: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | None = None,
+    subject: str = "",
+    motion: str = "",
+    side: Side = "right",
+    at_deg: Sequence[float] = (),
+) -> Motions:
+    """Read the postures of a trial of one subject (.c3d, .trc, .mot, .sto, .csv), as ``girdle convert`` does.
+
+    mapping: a TOML file with your names of markers and angles, and the unit. subject, motion: the name of the file,
+    where neither it nor you say them. at_deg: elevations of the arm at which positions are sampled; none: each frame
+    is a posture. InputError if the file cannot be read.
+    """
+    labels = Labels(subject, motion, side, tuple(sorted(set(at_deg))))
+    return read_any(Path(path), read_mapping(None if mapping is None else Path(mapping)), labels)
 
 
 def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:

@@ -12,8 +12,8 @@ from matplotlib.backend_bases import KeyEvent, MouseEvent
 from PIL import Image
 from scipy.ndimage import gaussian_filter
 
-from adapt.cli import click_window
-from adapt.cli.click_window import ClickWindow
+from adapt.cli.landmarks import click_window
+from adapt.cli.landmarks.click_window import ClickWindow
 from models.person.contours import image_slices
 from models.person.contours.band import Settings
 from models.person.contours.click_table import Label

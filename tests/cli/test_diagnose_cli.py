@@ -12,7 +12,7 @@ from diagnoses import NOTHING, ONE, TWO, gap_of
 from handmade import adaptations
 
 from adapt import diagnose
-from adapt.cli import app as cli
+from adapt.cli.commands import assess_commands as cli
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.wording import sentence

@@ -435,6 +435,15 @@ def test_what_it_does_not_know_is_said(function):
         built(function, "3")
 
 
+def test_what_it_does_not_know_is_left_to_xla():
+    """An effect of a user may need any function of JAX."""
+    (x,) = given(("3",))
+    kernel = Kernel("tangents", per_problem(jnp.tan), ("3",), "3", 64)
+    with pytest.raises(UnknownOperationError):
+        kernel.by_machine(x)
+    np.testing.assert_allclose(kernel(x), np.tan(x), rtol=RELATIVE)
+
+
 def test_a_matrix_is_no_result():
     with pytest.raises(UnknownOperationError, match="matrix"):
         built(lambda x: x[:, None] * x, "3")

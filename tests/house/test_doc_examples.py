@@ -12,8 +12,10 @@ from typing import Any
 import pytest
 import typer
 from documents import DOCUMENTS, FENCE, documents
+from laboratory import write_c3d
 
 from adapt.cli.app import app
+from scripts.examples.simulated_trial import simulated_landmarks
 from scripts.rooms import ROOT
 
 GIRDLE: Any = typer.main.get_command(app)
@@ -92,11 +94,13 @@ def test_make_has_every_target(document):
 
 
 @pytest.fixture
-def mysubjects(tmp_path, monkeypatch) -> None:
-    """The file of the examples: two of the shipped simulated subjects, in the folder where they run."""
+def files_of_examples(tmp_path, monkeypatch) -> None:
+    """The files that examples read, in the folder where they run: two shipped simulated subjects and a trial."""
     header, *rows = (ROOT / "motions" / "data" / "simulated_subjects.csv").read_text(encoding="utf-8").splitlines()
     chosen = [row for row in rows if row.startswith(("simulated01,", "simulated02,"))]
     (tmp_path / "mysubjects.csv").write_text("\n".join([header, *chosen]) + "\n", encoding="utf-8")
+    write_c3d(tmp_path / "P01.c3d", {name: places.T for name, places in simulated_landmarks("R2").items()})
+    (tmp_path / "lab.toml").write_text('unit = "mm"\n', encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 
 
@@ -116,7 +120,7 @@ def check_calls(code: str, names: dict[str, object]) -> None:
 
 
 @pytest.mark.parametrize("document", [page for page in DOCUMENTS if blocks(page)], ids=lambda page: page.name)
-def test_examples_run(document, mysubjects):
+def test_examples_run(document, files_of_examples):
     names: dict[str, object] = {}
     for kind, code in blocks(document):
         if kind == SLOW:

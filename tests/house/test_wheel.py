@@ -1,9 +1,11 @@
-"""The wheel: built, installed where nothing of the project is, and run outside the repository."""
+"""The sdist and the wheel made of it: installed where nothing of the project is, and run outside the repository."""
 
 import os
 import subprocess
 import sys
 import sysconfig
+import tarfile
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -28,12 +30,17 @@ def run(*command: object, cwd: Path) -> str:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> Path:
-    """A new environment with the wheel, and with the tests' own libraries instead of copies of them.
+    """A new environment with the wheel made of the sdist, and with the tests' own libraries instead of copies.
 
     They come by a ``.pth`` file, whose folder is only searched: an editable install there is not followed.
     """
     folder = tmp_path_factory.mktemp("wheel")
-    run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
+    run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, cwd=ROOT)
+    (sdist,) = folder.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(folder, filter="data")
+    unpacked = folder / sdist.name.removesuffix(".tar.gz")
+    run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=unpacked)
     (wheel,) = folder.glob("*.whl")
     environment = folder / "environment"
     run(sys.executable, "-m", "venv", "--without-pip", environment, cwd=folder)
@@ -56,6 +63,13 @@ def test_every_package_comes_from_the_wheel_with_its_files(installed, tmp_path):
         for root in (packages, ROOT)
     )
     assert in_wheel == in_tree
+
+
+def test_the_command_finds_what_it_needs(installed, tmp_path):
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert run(installed / "bin" / "girdle", "--version", cwd=tmp_path) == f"girdle {version}\n"
+    said = run(installed / "bin" / "girdle", "doctor", cwd=tmp_path)
+    assert said.splitlines()[-1] == "girdle can work."
 
 
 def _is_source(path: Path) -> bool:

@@ -64,7 +64,7 @@ def test_results_do_not_depend_on_the_chunk(motion, whole, tmp_path, chunk):
 
 
 def test_the_report_of_several_parts_says_that_it_is_a_sample(motion, tmp_path, monkeypatch):
-    monkeypatch.setattr("adapt.cli.app.MOST_SHOWN", 3)
+    monkeypatch.setattr("adapt.cli.commands.fit_commands.MOST_SHOWN", 3)
     girdle("adapt", motion, "--model", "R2", "--chunk", 2, "--out", tmp_path)
     page = (tmp_path / "report.html").read_text()
     assert "this page is about 3 of 5 subjects" in page
@@ -99,7 +99,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
             yield made
 
     arguments = ("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path)
-    monkeypatch.setattr("adapt.cli.app.one_after_another", stopped)
+    monkeypatch.setattr("adapt.cli.commands.fit_commands.one_after_another", stopped)
     with pytest.raises(StoppedError):
         girdle(*arguments)
     assert [path.name for path in tmp_path.iterdir()] == [FOLDER]
@@ -112,7 +112,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
             made.append(number)
             yield number, part
 
-    monkeypatch.setattr("adapt.cli.app.one_after_another", counted)
+    monkeypatch.setattr("adapt.cli.commands.fit_commands.one_after_another", counted)
     assert girdle(*arguments).status == 0
     assert made == [2, 3, 4]
     assert_same_tables(tmp_path, whole)

@@ -8,8 +8,11 @@ import pytest
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 RUN = sorted(
-    path for path in SCRIPTS.rglob("*.py") if '\nif __name__ == "__main__"' in path.read_text(encoding="utf-8")
+    path
+    for path in SCRIPTS.rglob("*.py")
+    if '\nif __name__ == "__main__"' in path.read_text(encoding="utf-8") and path.parent.name != "examples"
 )
+"""Not the examples: they take no options, and run as they are (tests/scripts/test_examples.py)."""
 
 
 @pytest.mark.parametrize("script", RUN, ids=lambda path: str(path.relative_to(SCRIPTS)))

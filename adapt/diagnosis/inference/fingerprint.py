@@ -5,13 +5,10 @@ joint least from a rest posture (van der Helm 1994). Such an estimate is a funct
 of the file, which no measurement is. It may differ from the bone's rotation by a constant alone, so no gap shows it.
 """
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.shoulders import Shoulders
-from motions.arrays import Array
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
 
@@ -23,9 +20,6 @@ rotations measured with pins lie 0.5 to 3 deg off their estimate."""
 
 _RESTS = 12
 """The lowest postures of a subject, each tried as the rest posture of the estimate."""
-
-_STEP = 16
-"""Rows are padded to a multiple of this, so that little is compiled."""
 
 _FEWEST = 5
 """Postures with all six angles from which a subject says something."""
@@ -42,26 +36,21 @@ def estimate_misfit_deg(shoulders: Shoulders) -> Float[np.ndarray, " subjects"]:
             continue
         rests = rows[np.argsort(elevation[rows], kind="stable")[:_RESTS]]
         angles = shoulders.measured_deg / DEG
-        width = -(-len(rows) // _STEP) * _STEP
-        padded = np.pad(rows, (0, width - len(rows)), mode="edge")
-        known = np.arange(width) < len(rows)
-        misfits = _misfits(angles[:, padded], np.resize(angles[:, rests].T, (_RESTS, 6)).T, known)
-        found[subject] = float(DEG) * np.min(misfits)
+        found[subject] = float(DEG) * np.min(_misfits(angles[:, rows], angles[:, rests]))
     return found
 
 
-@jax.jit
-def _misfits(angles: Float[Array, "6 rows"], rests: Float[Array, "6 rests"], known) -> Float[Array, "zeros rests"]:
+def _misfits(angles: Float[np.ndarray, "6 rows"], rests: Float[np.ndarray, "6 rests"]) -> list[np.ndarray]:
     """SD of measured less estimated rotation, rad: with the rest posture's own axial rotation, and with zero."""
     found = []
-    for rest_clavicle in (rests[:3], rests[:3].at[2].set(0.0)):
+    for rest_clavicle in (rests[:3], rests[:3] * [[1.0], [1.0], [0.0]]):
         R_clavicle, R_scapula = rotation_from_cardan(rest_clavicle), rotation_from_cardan(rests[3:])
         shape = (*angles.shape[1:], *rests.shape[1:])
-        every = [jnp.broadcast_to(R[:, :, None], (3, 3, *shape)) for R in (R_clavicle, R_scapula)]
-        bones = [jnp.broadcast_to(x[..., None], (len(x), *shape)) for x in (angles[:2], angles[3:])]
+        every = [np.broadcast_to(R[:, :, None], (3, 3, *shape)) for R in (R_clavicle, R_scapula)]
+        bones = [np.broadcast_to(x[..., None], (len(x), *shape)) for x in (angles[:2], angles[3:])]
         apart = angles[2][:, None] - clavicle_axial_rotation(*bones, *every)
-        found.append(jnp.std(apart, axis=0, where=known[:, None]))
-    return jnp.stack(found)
+        found.append(np.std(apart, axis=0))
+    return found
 
 
 def axial_is_computed(shoulders: Shoulders) -> bool:

@@ -1,17 +1,22 @@
 """How far each constraint is from holding at the measured postures: adapted, with the causes, and by noise alone."""
 
+from functools import partial
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from adapt.diagnosis.location.observations import Observed
+from adapt.engine.batching import QUICK_TO_COMPILE, compiled, in_chunks
 from models.effects import AnyGirdle
 from models.girdle import CONSTRAINTS
+from motions.arrays import Array
 from motions.rotations import DEG
 
-_STEP_RAD = 1e-4
-"""Of the differences: their error, 1e-8 of the slope, is nothing beside what noise is known to."""
+_CHUNK = 64
+"""Postures that a compiled program takes: it then serves any number of them."""
 
 
 class ConstraintSpread(NamedTuple):
@@ -34,11 +39,11 @@ def constraint_spread(
     used = data.measured[:6].all(axis=0) & data.counted
     if not used.any():
         return []
-    angles = data.values[:6]
-    before, after = (_rms(np.asarray(chain.residuals_mm(angles))[:, used]) for chain in (adapted, with_causes))
-    slopes = [_slope(with_causes, angles, k)[:, used] for k in range(6)]
-    noise = _rms(np.sqrt(np.sum(np.square(slopes), axis=0))) * noise_deg / float(DEG)
-    sizes = np.stack([before, after, noise], axis=1).tolist()
+    angles = data.values[:6, used]
+    each = [in_chunks(_linearised, _CHUNK, _at(chain, used), angles) for chain in (adapted, with_causes)]
+    (before, _), (after, slopes) = each
+    noise = _rms(np.sqrt(np.sum(np.square(slopes), axis=1))) * noise_deg / float(DEG)
+    sizes = np.stack([_rms(before), _rms(after), noise], axis=1).tolist()
     return [ConstraintSpread(name, *one) for name, one in zip(CONSTRAINTS, sizes, strict=True)]
 
 
@@ -46,9 +51,16 @@ def _rms(values: Float[np.ndarray, "3 postures"]) -> Float[np.ndarray, "3"]:
     return np.sqrt(np.mean(values**2, axis=1))
 
 
-def _slope(chain: AnyGirdle, angles: Float[np.ndarray, "6 postures subjects"], k: int) -> np.ndarray:
-    """Slope of A1-A3 in one angle, mm a rad."""
-    step = np.zeros((6, 1, 1))
-    step[k] = _STEP_RAD
-    up, down = (np.asarray(chain.residuals_mm(angles + sign * step)) for sign in (1.0, -1.0))
-    return (up - down) / (2.0 * _STEP_RAD)
+def _at(chain: AnyGirdle, used: Bool[np.ndarray, "postures subjects"]) -> AnyGirdle:
+    """The chain of each posture."""
+    return jax.tree.map(lambda x: np.broadcast_to(x, (*np.shape(x)[:-2], *used.shape))[..., used], chain)
+
+
+@partial(compiled, on_cpu=QUICK_TO_COMPILE)
+def _linearised(
+    chain: AnyGirdle, angles: Float[Array, " 6 postures"]
+) -> tuple[Float[Array, " 3 postures"], Float[Array, " 3 6 postures"]]:
+    """A1-A3, mm, and their slopes in each angle, mm a rad."""
+    g, along = jax.linearize(chain.residuals_mm, angles)
+    units = jnp.broadcast_to(jnp.eye(6)[:, :, None], (6, *angles.shape))
+    return g, jax.vmap(along, out_axes=1)(units)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
@@ -138,9 +137,9 @@ class _Turns:
 
 def _turns(gaps: AngleGaps, angles: slice) -> _Turns:
     used = gaps.used[angles].all(axis=0)
-    both = (jnp.where(used, x[angles], 0.0) for x in (gaps.data.values, gaps.simulated))
+    both = (np.where(used, x[angles], 0.0) for x in (gaps.data.values, gaps.simulated))
     measured, simulated = map(rotation_from_cardan, both)
-    back = jnp.swapaxes(simulated, 0, 1)
+    back = np.swapaxes(simulated, 0, 1)
     v = np.stack([_vector_deg(compose(measured, back)), _vector_deg(compose(back, measured))])
     return _Turns(
         vectors_deg=np.swapaxes(v[:, :, used], 1, 2),
@@ -153,9 +152,9 @@ def _turns(gaps: AngleGaps, angles: slice) -> _Turns:
 
 def _vector_deg(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
     """log(R) for less than half a turn."""
-    sines = jnp.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    length = jnp.sqrt((sines**2).sum(axis=0))
-    return sines * mean_angle(R) * DEG / jnp.where(length > 0.0, length, 1.0)
+    sines = np.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    length = np.sqrt((sines**2).sum(axis=0))
+    return sines * mean_angle(R) * DEG / np.where(length > 0.0, length, 1.0)
 
 
 def _squares(turns: _Turns) -> Float[np.ndarray, " 7"]:

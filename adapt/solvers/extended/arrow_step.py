@@ -38,6 +38,10 @@ class Quadratic(NamedTuple):
     importance: Float[np.ndarray, " parts"]
     group: Int[np.ndarray, " parts"]
 
+    def of(self, parts: Int[np.ndarray, " some"]) -> "Quadratic":
+        """Take some parts."""
+        return Quadratic(*(one[parts] for one in self))
+
 
 def lowest(
     model: Quadratic,
@@ -48,31 +52,46 @@ def lowest(
 ) -> Step:
     """Find the lowest point; ``room``: how far each parameter may go down (negative) and up."""
     low, high = room
-    gradient, matrix, importance, group = model
-    k = gradient.shape[1] - _N
-    own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
     at_low = low >= -_AT_BOUND_MM
     fixed, value = at_low | (high <= _AT_BOUND_MM), np.where(at_low, low, high)
-    eye, starts = np.eye(_N), np.searchsorted(group, np.arange(groups))
-    dtheta, da = np.zeros(low.shape), np.zeros((groups, k))
+    prior_matrix = np.broadcast_to(prior_matrix, (groups, *prior_matrix.shape[1:]))
+    dtheta, da = np.zeros(low.shape), np.zeros(prior_gradient.shape)
+    parts, some = np.arange(len(low)), np.arange(groups)  # of the groups that are left
     for _ in range(_MOST_CHANGES):
-        free = ~fixed
-        held = np.where(fixed, value, 0.0)
-        inner = np.where(free[:, :, None] & free[:, None, :], own, 0.0) + fixed[:, :, None] * eye
-        right = np.where(fixed, value, -(gradient[:, :_N] + np.einsum("pij,pj->pi", own, held)))
-        solved = np.linalg.solve(inner, np.concatenate([right[..., None], np.where(free[:, :, None], cross, 0.0)], 2))
-        start, slope = solved[..., 0], solved[..., 1:]
-        g = importance[:, None] * (gradient[:, _N:] + np.einsum("pij,pi->pj", cross, start))
-        H = importance[:, None, None] * (shared - np.einsum("pij,pik->pjk", cross, slope))
-        G = prior_gradient + np.add.reduceat(g, starts, axis=0)
-        M = prior_matrix + np.add.reduceat(H, starts, axis=0)
-        da = -np.linalg.solve(M, G[..., None])[..., 0] if k else np.zeros((groups, 0))
-        dtheta = start - np.einsum("pij,pj->pi", slope, da[group])
-        slack = gradient[:, :_N] + np.einsum("pij,pj->pi", own, dtheta) + np.einsum("pij,pj->pi", cross, da[group])
+        found = _lowest_given(model.of(parts), prior_gradient[some], prior_matrix[some], fixed[parts], value[parts])
+        dtheta[parts], da[some], towards = found
         # where the multiplier and the way beyond the bound agree on it (Hintermueller, Ito and Kunisch 2003)
-        towards = dtheta - slack / np.einsum("pii->pi", own)
-        below, above = towards < low - _AT_BOUND_MM, towards > high + _AT_BOUND_MM
-        if np.array_equal(below | above, fixed):
+        below, above = towards < low[parts] - _AT_BOUND_MM, towards > high[parts] + _AT_BOUND_MM
+        changed = ((below | above) != fixed[parts]).any(axis=1)
+        fixed[parts], value[parts] = below | above, np.where(below, low[parts], high[parts])
+        some = np.unique(model.group[parts[changed]])
+        if not len(some):
             break
-        fixed, value = below | above, np.where(below, low, high)
+        parts = parts[np.isin(model.group[parts], some)]
     return Step(np.clip(dtheta, low, high), da)
+
+
+def _lowest_given(model: Quadratic, prior_gradient, prior_matrix, fixed, value) -> tuple[np.ndarray, ...]:
+    """Find the lowest point, dtheta and da, with some parameters held at a value; and dtheta less slack over curvature,
+    which is beyond a bound where it holds."""
+    gradient, matrix, importance, group = model
+    own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
+    free, held = ~fixed, np.where(fixed, value, 0.0)
+    inner = np.where(free[:, :, None] & free[:, None, :], own, 0.0) + fixed[:, :, None] * np.eye(_N)
+    right = np.where(fixed, value, -(gradient[:, :_N] + _times(own, held)))
+    solved = np.linalg.solve(inner, np.concatenate([right[..., None], np.where(free[:, :, None], cross, 0.0)], 2))
+    start, slope = solved[..., 0], solved[..., 1:]
+    across = np.swapaxes(cross, 1, 2)
+    g = importance[:, None] * (gradient[:, _N:] + _times(across, start))
+    H = importance[:, None, None] * (shared - across @ slope)
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    G, M = prior_gradient + np.add.reduceat(g, first, axis=0), prior_matrix + np.add.reduceat(H, first, axis=0)
+    da = -np.linalg.solve(M, G[..., None])[..., 0] if G.shape[1] else G
+    of_part = da[np.cumsum(np.diff(group, prepend=group[:1]) > 0)]
+    dtheta = start - _times(slope, of_part)
+    slack = gradient[:, :_N] + _times(own, dtheta) + _times(cross, of_part)
+    return dtheta, da, dtheta - slack / np.einsum("pii->pi", own)
+
+
+def _times(matrix: Float[np.ndarray, "parts m n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
+    return (matrix @ vector[..., None])[..., 0]

@@ -8,7 +8,6 @@ the highest postures.
 
 from dataclasses import dataclass
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +15,6 @@ from jaxtyping import Float
 from models.effects.effect import Effect, Points, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
-from motions.arrays import Array
 from motions.rotations import DEG, compose, rotate, rotation_from_cardan, rotation_from_vector, vector_from_rotation
 from motions.table import BONES, Motions
 
@@ -55,31 +53,28 @@ def own_way(motions: Motions, lag_deg: Float[np.ndarray, " postures"]) -> Float[
     elevation = np.nan_to_num(motions.humerus_elevation_deg)
     number = {name: k for k, name in enumerate(motions.subjects)}
     subject = np.array([number[name] for name in motions.subject.tolist()])
-    lowest, high = np.zeros(len(number), int), np.zeros((len(number), len(subject)))
+    lowest, high = np.zeros(len(number), int), np.zeros(len(subject))
     for k in range(len(number)):
         rows = np.flatnonzero((subject == k) & known)
         if len(rows):
             lowest[k] = rows[np.argmin(elevation[rows])]
             up = rows[elevation[rows] >= _HIGH * elevation[rows].max()]
-            high[k, up] = 1.0 / len(up)
-    R_measured = rotation_from_cardan(jnp.asarray(np.where(known, scapula, 0.0) / DEG))
-    return np.asarray(_ways(R_measured, lag_deg / DEG, lowest, high))[:, subject]
+            high[up] = 1.0 / len(up)
+    R_measured = rotation_from_cardan(np.where(known, scapula, 0.0) / DEG)
+    return _ways(R_measured, lag_deg / DEG, subject, lowest, high)[:, subject]
 
 
-@jax.jit
-def _ways(R_measured, lag, lowest, high) -> Float[Array, "3 subjects"]:
+def _ways(R_measured, lag, subject, lowest, high) -> Float[np.ndarray, "3 subjects"]:
     """The fixed point u of every subject; lateral rotation where there is no way."""
-
-    def once(_, u):
-        R_lowest = compose(R_measured[..., lowest], rotation_from_vector(u * lag[lowest]))
-        relative = jnp.swapaxes(R_lowest, 0, 1)[..., None]
-        R_high = compose(R_measured[:, :, None], rotation_from_vector(u[..., None] * lag))
-        way = jnp.einsum("csp,sp->cs", vector_from_rotation(compose(relative, R_high)), high)
-        length = jnp.sqrt(jnp.sum(way * way, axis=0))
-        unit = way / jnp.where(length > 0.0, length, 1.0) * jnp.where(way[2] > 0, 1.0, -1.0)
-        return jnp.where(length > 0.0, unit, _LATERAL[:, None])
-
-    return jax.lax.fori_loop(0, _ROUNDS, once, jnp.zeros((3, len(lowest))))
+    u = np.zeros((3, len(lowest)))
+    for _ in range(_ROUNDS):
+        R = compose(R_measured, rotation_from_vector(u[:, subject] * lag))
+        relative = compose(np.swapaxes(R[..., lowest[subject]], 0, 1), R)
+        way = np.stack([np.bincount(subject, high * x, len(lowest)) for x in vector_from_rotation(relative)])
+        length = np.sqrt(np.sum(way * way, axis=0))
+        unit = way / np.where(length > 0.0, length, 1.0) * np.where(way[2] > 0, 1.0, -1.0)
+        u = np.where(length > 0.0, unit, _LATERAL[:, None])
+    return u
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from adapt.cli.person import Written
+from adapt.cli.landmarks.person import Written
 from adapt.cli.print_tables import folding_table
 from motions.files import printable
 

@@ -73,7 +73,7 @@ def write_contours(
 def _clicked(slices: list[ImageSlice], known: list[Click], surface: str, settings: Settings) -> list[Click]:
     import matplotlib.pyplot as plt
 
-    from adapt.cli.click_window import ClickWindow, require_screen
+    from adapt.cli.landmarks.click_window import ClickWindow, require_screen
 
     require_screen()
     window = ClickWindow(slices, known, Label(surface=surface), settings)

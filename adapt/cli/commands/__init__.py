@@ -1,0 +1,1 @@
+"""The commands of ``girdle``, a module a group."""

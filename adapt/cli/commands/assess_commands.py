@@ -1,0 +1,154 @@
+"""``girdle diagnose``, ``girdle trust`` and ``girdle muscles``: what to think of an adaptation."""
+
+from typing import Annotated
+
+import typer
+
+from adapt.api import adapt_subjects
+from adapt.assessment import assess_trust
+from adapt.cli.ending import finish
+from adapt.cli.inputs import asked_models, read_inputs
+from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, Repeat, Weight, console, errors
+from adapt.cli.print_diagnosis import print_diagnosis
+from adapt.cli.print_muscles import print_muscles
+from adapt.cli.print_tables import progress
+from adapt.cli.print_trust import print_trust
+from adapt.diagnosis import Diagnoses, diagnose
+from adapt.diagnosis.fit.noise import LEAST_DEG
+from adapt.diagnosis.json_form import as_json
+from adapt.large_runs.parts import not_adapted
+from adapt.output.muscle_files import write_muscles
+from adapt.output.result_files import raise_without_report, write_adaptations, write_figures, write_report
+from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
+from adapt.solvers.objective import WEIGHT
+from adapt.tables.muscle_tables import BODY_MASS_KG, muscle_tables
+from models.muscles.muscle_lines import muscle_lines_of
+from motions import InputError
+
+MOST_NOISE_DEG = 20.0
+"""Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
+none."""
+
+
+def diagnose_gap(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
+    noise_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="SD of the noise on one measured angle, degrees, if you know it, say from repeated measurements. "
+            "Default: estimated from what no smooth effect could cause.",
+            show_default=False,
+        ),
+    ] = None,
+    repeat: Repeat = None,
+) -> None:
+    """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
+
+    Looks for the causes of `girdle effects`, several at once, that predict motions and persons that were not fitted.
+    The answer is **none** (nothing beyond noise), **effect** (one cause or more, each with the names that these data
+    cannot tell apart) or **unknown** (no candidate predicts better). With it come the probability of each candidate of
+    being at work, the gap budget (what adaptation, each cause and noise take of the gap on unseen motions), the size of
+    each cause, and the measurement that would tell most.
+
+    More subjects and more kinds of motion help most: the same causes are sought in all of them. A subject with fewer
+    than four postures is left out.
+
+    Writes diagnosis.json (everything), budget.svg (what takes the gap away), inclusion.svg (how probably each candidate
+    is at work), gap_heatmap.svg (where the gap is), gaps.svg (how far it shrinks), the tables of `girdle adapt`,
+    run.json and report.html (the page to look at).
+    With several models the figures are those of the model with the smallest gap after adaptation.
+    """
+    if noise_deg is not None and not LEAST_DEG <= noise_deg <= MOST_NOISE_DEG:
+        cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
+        raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
+    table, models, record = read_inputs(motions, asked_models(model, models_of))
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            diagnoses = Diagnoses(diagnose(table, models, noise_deg, progress=report))
+            result = adapt_subjects(table, models, progress=report)
+            report("figures")
+            with transaction(folder) as part:
+                write_figures(part, diagnoses.closest)
+                write_json(as_json(diagnoses), part / "diagnosis.json")
+                write_adaptations(part, result)
+                write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
+                failed = not_adapted(result) | diagnoses.closest.left_out
+                wrong = write_report(part, table, models, result, failed, diagnoses)
+        print_diagnosis(console, diagnoses)
+        raise_without_report(folder, wrong)
+    finish(table, failed)
+
+
+def trust_results(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
+    weight: Weight = WEIGHT,
+    choose_weight: Annotated[
+        bool, typer.Option("--choose-weight", help="Try other w too, and say which is best on held-out motions.")
+    ] = False,
+    repeat: Repeat = None,
+) -> None:
+    """Adapt as `girdle adapt` does, and say how far the result can be trusted.
+
+    Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
+    for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
+    plausibility.csv (are size and place a thorax's; do contact and conoid keep their directions, the serratus its
+    arms?), contact.csv (directions and arms of contact and conoid in each posture), with --choose-weight weights.csv,
+    the tables of `girdle adapt` and run.json.
+    """
+    table, models, record = read_inputs(motions, asked_models(model, models_of))
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            found = assess_trust(table, models, weight, choose_weight, report)
+        with transaction(folder) as part:
+            write_adaptations(part, found.adaptations)
+            for name in ("uncertainty", "plausibility", "contact"):
+                write_table(getattr(found, name), part / f"{name}.csv")
+            write_table(found.subjects, part / "trust.csv")
+            if found.weights is not None:
+                write_table(found.weights, part / "weights.csv")
+            options = {"weight": weight, "choose_weight": choose_weight}
+            write_run(part, "trust", record, options, table.rejected)
+    print_trust(console, found)
+    finish(table, not_adapted(found.adaptations))
+
+
+def muscle_results(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
+    weight: Weight = WEIGHT,
+    body_mass_kg: Annotated[
+        float, typer.Option(min=1.0, help="Of the persons: an arm weighs a twentieth of it.")
+    ] = BODY_MASS_KG,
+    repeat: Repeat = None,
+) -> None:
+    """Adapt as `girdle adapt` does, and compare muscle arms and the forces that balance the arm before and after.
+
+    Writes muscle_arms.csv (one row a subject and muscle), muscles.csv and balance.csv (one row a posture),
+    muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt`, run.json and
+    report.html (the page to look at: lines on the ellipsoid, arms over elevation).
+    """
+    table, models, record = read_inputs(motions, asked_models(model, models_of))
+    for one in models:
+        muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = adapt_subjects(table, models, weight, progress=report)
+            report("muscles")
+            found = muscle_tables(models, result.fits, result.parameters, body_mass_kg)
+            report("writing")
+            with transaction(folder) as part:
+                write_adaptations(part, result)
+                write_muscles(part, found)
+                write_run(part, "muscles", record, {"weight": weight, "body_mass_kg": body_mass_kg}, table.rejected)
+                wrong = write_report(part, table, models, result, not_adapted(result), muscles=found)
+        print_muscles(console, found)
+        raise_without_report(folder, wrong)
+    finish(table, not_adapted(result))

@@ -1,0 +1,145 @@
+"""``girdle fit`` and ``girdle adapt``."""
+
+from dataclasses import replace
+from itertools import chain
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from adapt.api import fit_postures
+from adapt.cli.ending import finish, say_known
+from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, without_subjects
+from adapt.cli.options import (
+    Float32,
+    KnownEffects,
+    Models,
+    ModelsOf,
+    MotionFiles,
+    Out,
+    Reading,
+    Repeat,
+    Weight,
+    console,
+    errors,
+)
+from adapt.cli.print_tables import (
+    print_heldout,
+    print_parameters,
+    print_summary,
+    print_without_landmarks,
+    progress,
+)
+from adapt.large_runs.dask_cluster import on_cluster
+from adapt.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, one_after_another
+from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
+from adapt.output.result_files import raise_without_report, write_fits, write_report
+from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
+from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.tables.results import Tables
+from adapt.trust.held_out import sample
+from models.effects.known import described, read_amplitudes
+from motions import InputError, MotionStream
+
+
+def fit(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
+    float32: Float32 = False,
+    effect: KnownEffects = [],  # noqa: B006
+    repeat: Repeat = None,
+) -> None:
+    """Fit every posture with the models as they are (Tables 6.1 and 6.2).
+
+    Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
+    """
+    effects = read_amplitudes(effect)
+    table, models, record = read_inputs(motions, asked_models(model, models_of))
+    with results_folder(out) as folder:
+        with progress(errors) as report:
+            result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
+        with transaction(folder) as part:
+            write_fits(part, result)
+            write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
+    print_summary(console, result.summary)
+    say_known(described(effects))
+    finish(table, failed_subjects(result.fits))
+
+
+def adapt(
+    motions: MotionFiles,
+    out: Out,
+    model: Models = [],  # noqa: B006 (typer reads it, never changes it)
+    models_of: ModelsOf = [],  # noqa: B006
+    weight: Weight = WEIGHT,
+    reading: Reading = DEFAULT_READING,
+    chunk: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help=f"Subjects worked on at a time; results do not depend on it. Default: {LANES} by number of models.",
+            show_default=False,
+        ),
+    ] = None,
+    dask: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work, as tcp://host:8786.")
+    ] = "",
+    float32: Float32 = False,
+    effect: KnownEffects = [],  # noqa: B006
+    repeat: Repeat = None,
+) -> None:
+    """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
+
+    Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, heldout.csv (the gap on each
+    motion, adapted without it), run.json, report.html (the page to look at) and, in models/, each adapted model as a
+    TOML file that --model takes.
+
+    Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
+    """
+    if reading not in READINGS:
+        raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
+    effects = read_amplitudes(effect)
+    known = described(effects)
+    how = f"w = {weight:g}, reading {reading}" + (f", with {known}" if known else "")
+    named = asked_models(model, models_of)
+    record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
+    options: dict[str, object] = {"weight": weight, "reading": reading, "float32": float32, "effect": effect}
+    missing = subjects_without_set(models, files.subjects)
+    subjects = tuple(name for name in files.subjects if name not in missing)
+    size = chunk or max(1, LANES // len(models))
+    shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
+    work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
+    maker = on_cluster(dask) if dask else one_after_another
+    chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
+    chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
+    with results_folder(out) as folder:
+        parts = Parts(folder, run_key(record, options | {"chunk": size}))
+        with progress(errors) as report:
+            table = parts.make(work, chunks, maker, report)
+            report("writing")
+            with transaction(folder) as part:
+                result, failed = parts.merge(part, models)
+                write_adapted_models(part, models, result.parameters, how)
+                rejected = (*files.rejected, *missing.values())
+                write_run(part, "adapt", record, options, rejected)
+                table = replace(table, rejected=rejected)
+                drawn = result.select(table.subjects)
+                wrong = write_report(
+                    part, table, models, drawn, failed, sampled_from=len(subjects), active_effects=known
+                )
+        parts.remove()
+        remove_models_of_failed(folder, result.parameters)
+        _print_tables(result, len(subjects))
+        say_known(known)
+        if READINGS[reading].landmarks:
+            print_without_landmarks(console, result.parameters)
+        raise_without_report(folder, wrong)
+    finish(table, failed)
+
+
+def _print_tables(result: Tables, subjects: int) -> None:
+    print_summary(console, result.summary)
+    print_parameters(console, result.parameters)
+    print_heldout(console, result.heldout, subjects)

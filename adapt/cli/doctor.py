@@ -1,0 +1,130 @@
+"""``girdle doctor``: what is installed, what is kept between runs, what is missing and how to mend it."""
+
+import os
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, metadata, requires, version
+from pathlib import Path
+from platform import python_version
+
+import typer
+from packaging.requirements import Requirement
+
+from adapt.cli.options import console
+from adapt.cli.print_tables import folding_table
+from adapt.engine.compilation_cache import cache_folder
+from adapt.engine.object_cache import machine_folder, of_this_version
+
+EXIT_NEEDED_IS_MISSING = 1
+
+OK, MISSING, OPTIONAL = "ok", "MISSING", "optional"
+
+USE_OF_EXTRA = {
+    "contour": "girdle contour",
+    "dask": "girdle adapt --dask",
+    "parquet": "girdle convert TABLE.csv TABLE.parquet",
+}
+"""What a person cannot do without an extra of the package."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of what the doctor says. ``remedy``: the command that mends it, if anything is to be mended."""
+
+    what: str
+    found: str
+    state: str = OK
+    remedy: str = ""
+
+
+def doctor() -> None:
+    """Say what is installed, what is kept between runs, and what is missing with the command that mends it.
+
+    Exit status: 0 girdle can work, 1 something that it needs is missing.
+    """
+    findings = [python_found(), *packages_found(requires("girdle") or []), *cache_found(cache_folder())]
+    table = folding_table(f"girdle {version('girdle')} in {Path(__file__).parents[2]}", ("what", "found", "state"))
+    for one in findings:
+        table.add_row(one.what, one.found, one.state)
+    console.print(table)
+    for one in findings:
+        if one.remedy:
+            console.print(f"{one.what}: {one.remedy}", soft_wrap=True)
+    missing = [one.what for one in findings if one.state == MISSING]
+    console.print(f"girdle needs {', '.join(missing)}" if missing else "girdle can work.", soft_wrap=True)
+    if missing:
+        raise typer.Exit(EXIT_NEEDED_IS_MISSING)
+
+
+def python_found() -> Finding:
+    """Compare this Python with the one that the package asks for."""
+    asked = metadata("girdle")["Requires-Python"]
+    right = Requirement(f"python{asked}").specifier.contains(python_version(), prereleases=True)
+    remedy = "" if right else f"make a new environment with Python {asked}"
+    return Finding(f"Python {asked}", python_version(), OK if right else MISSING, remedy)
+
+
+def packages_found(requirements: Sequence[str]) -> Iterator[Finding]:
+    """Look for every package that the installed metadata names: those needed, then those of each extra.
+
+    requirements: as `importlib.metadata.requires` gives them. Those for developers are left out.
+    """
+    by_extra: dict[str, list[Requirement]] = {}
+    for one in map(Requirement, requirements):
+        for extra in ("", *USE_OF_EXTRA):
+            if one.marker is None or one.marker.evaluate({"extra": extra}):
+                by_extra.setdefault(extra, []).append(one)
+                break
+    for extra in sorted(by_extra):
+        for one in by_extra[extra]:
+            yield _package(one, extra)
+
+
+def _package(one: Requirement, extra: str) -> Finding:
+    what = f"{one.name}{one.specifier}" + (f" (extra {extra})" if extra else "")
+    found = _version(one.name)
+    if found and one.specifier.contains(found, prereleases=True):
+        return Finding(what, found)
+    command = f"{shlex.quote(sys.executable)} -m pip install {shlex.quote(f'{one.name}{one.specifier}')}"
+    remedy = f"for {USE_OF_EXTRA[extra]}: {command}" if extra else command
+    return Finding(what, found or "not installed", OPTIONAL if extra else MISSING, remedy)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+def cache_found(folder: Path) -> Iterator[Finding]:
+    """Count what is kept in the cache folder: machine code of this version and of others, XLA's programs."""
+    if not _can_be_written(folder):
+        remedy = "every run compiles anew; set XDG_CACHE_HOME to a folder of your own"
+        yield Finding("cache folder", f"{folder} cannot be written to", OPTIONAL, remedy)
+        return
+    machine, xla = _files(machine_folder()), _files(folder / "jax")
+    mine = [path for path in machine if of_this_version(path)]
+    others = [path for path in machine if not of_this_version(path)]
+    yield Finding("cache folder", str(folder))
+    empty = "" if mine else "the first `girdle adapt` makes it, which takes seconds, and keeps it"
+    yield Finding("machine code of this version", _counted(mine), OK if mine else OPTIONAL, empty)
+    free = f"rm -r {shlex.quote(str(machine_folder()))}  # to free the space; what is needed is made anew"
+    yield Finding("machine code of other versions", _counted(others), remedy=free if others else "")
+    yield Finding("programs of XLA", _counted(xla))
+
+
+def _can_be_written(folder: Path) -> bool:
+    """Whether files can be made there, or the folder itself, which nobody has needed yet."""
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def _counted(files: Sequence[Path]) -> str:
+    return f"{len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB"

@@ -1,0 +1,26 @@
+"""How a command ends: its exit statuses, and what it says at last."""
+
+import typer
+
+from adapt.cli.options import console, errors
+from motions import Motions
+
+EXIT_BAD_INPUT = 2
+EXIT_SOME_NOT_HANDLED = 3
+EXIT_INTERRUPTED = 130
+
+
+def say_known(effects: str) -> None:
+    """Print what ``described`` says of known effects, if there are any."""
+    if effects:
+        console.print(f"With {effects} at work in every subject.", soft_wrap=True)
+
+
+def finish(motions: Motions, failed: dict[str, str]) -> None:
+    """Name who was not handled on stderr and end with the exit status."""
+    for error in motions.rejected:
+        errors.print(f"left out: {error}", soft_wrap=True)
+    for subject, why in failed.items():
+        errors.print(f"not handled: {subject}: {why}", soft_wrap=True)
+    if motions.rejected or failed:
+        raise typer.Exit(EXIT_SOME_NOT_HANDLED)

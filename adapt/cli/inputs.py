@@ -1,0 +1,56 @@
+"""What the commands read: the motions, the parameter sets, and which of the subjects have none."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from adapt.cli.options import DEFAULT_MODEL
+from adapt.output.run_files import Files, inputs_record
+from models.person.family import AnyModel, load_any_model, without_set
+from motions import InputError, Motions, read_motions
+
+
+def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[AnyModel], Files]:
+    """Read the motions and the models, and say what run.json says of their files."""
+    record, sets = inputs_record(motions, models), load_models(models)
+    table = read_motions(*motions)
+    missing = subjects_without_set(sets, table.subjects)
+    return without_subjects(table, missing), sets, record
+
+
+def subjects_without_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:
+    """Name who has no set of its own in a folder. InputError if nobody has."""
+    remedy = "Make one with girdle model, or adapt this subject with --model"
+    errors = {
+        subject: InputError(folder, None, f"there is no parameter set of subject {subject!r}", remedy)
+        for subject, folder in without_set(models, subjects).items()
+    }
+    if errors and len(errors) == len(subjects):
+        raise next(iter(errors.values()))
+    return errors
+
+
+def without_subjects(motions: Motions, missing: dict[str, InputError]) -> Motions:
+    """Return the motions without those of the subjects who have no set; these are named among the rejected."""
+    mine = tuple(error for subject, error in missing.items() if subject in motions.subjects)
+    if not mine:
+        return motions
+    kept = motions.select(~np.isin(motions.subject, list(missing)))
+    return replace(kept, rejected=(*motions.rejected, *mine))
+
+
+def asked_models(model: list[str], models_of: list[Path]) -> list[str]:
+    """Return what was asked for, else the default. A folder stands among the models, as run.json has it."""
+    return [*model, *(str(folder.absolute()) for folder in models_of)] or [DEFAULT_MODEL]
+
+
+def load_models(models: list[str]) -> list[AnyModel]:
+    """Load parameter sets and folders of them. InputError if two have one name."""
+    sets = [load_any_model(name) for name in models]
+    names = [one.name for one in sets]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
+    return sets

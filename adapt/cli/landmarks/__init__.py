@@ -1,0 +1,1 @@
+"""Files of a laboratory, images and persons, on the command line."""

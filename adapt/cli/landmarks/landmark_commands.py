@@ -1,0 +1,166 @@
+"""``girdle convert``, ``girdle model`` and ``girdle contour``: from what a laboratory measures to what is adapted."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from adapt.cli.ending import EXIT_SOME_NOT_HANDLED, finish
+from adapt.cli.options import AaToAc, Names, ScFromIj, Shoulder, console, errors
+from models import load_model
+from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settings
+from motions import InputError, Motions
+from motions.landmarks.acromion import acromion_rotation
+from motions.landmarks.mapping import read_mapping
+from motions.landmarks.sampled_postures import Labels, marked_slips
+from motions.landmarks.stand_ins import sternoclavicular_offset
+from motions.motion_csv.cells import SIDES
+
+MANY_FRAMES = 50
+"""More postures than a palpator records: this is a trial, which is better sampled."""
+
+
+def convert_file(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A file, or the folder of a Spartacus checkout.")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="A file, or a folder for .mot files.")],
+    names: Names = None,
+    subject: Annotated[str, typer.Option(help="Whose motion it is, if the file does not say; else its name.")] = "",
+    motion: Annotated[str, typer.Option(help="What motion it is, if the file does not say; else its name.")] = "",
+    side: Shoulder = "right",
+    at: Annotated[
+        str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
+    ] = "",
+    aa_to_ac: AaToAc = "",
+    sc_from_ij: ScFromIj = "",
+    isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
+) -> None:
+    """Bring files of your laboratory into this project's forms, and results into those of others.
+
+    Landmarks (.c3d, .trc, .csv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which the
+    other commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
+    parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table becomes .parquet.
+    """
+    from adapt.cli.landmarks.convert import convert  # readers of laboratories' files: not for every command
+
+    labels = _labels(subject, motion, side, at, aa_to_ac, sc_from_ij)
+    motions = convert(source, target, read_mapping(names), labels, isb)
+    if motions is None:
+        console.print(f"{target} written", soft_wrap=True)
+        return
+    subjects = len(motions.subjects)
+    console.print(
+        f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
+        soft_wrap=True,
+    )
+    if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
+        console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
+    _say_slipped(motions)
+    finish(motions, {})
+
+
+def model_of_person(
+    source: Annotated[
+        Path, typer.Argument(metavar="PERSON.csv", help="Landmarks (.c3d, .trc, .csv), or a motion file that has them.")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="A file that ends in .toml; a folder for several subjects.")],
+    model: Annotated[
+        str, typer.Option(help="Parameter set that gives what was not measured: a name or a TOML file.")
+    ] = "R2",
+    points: Annotated[
+        Path | None,
+        typer.Option(help="CSV of points: surface (thorax, humeral_head, humeral_shaft, ...), x_mm, y_mm, z_mm."),
+    ] = None,
+    rest: Annotated[
+        str, typer.Option(help="Posture in which the chain closes, by its name. Default: the arm lowest.")
+    ] = "",
+    names: Names = None,
+    subject: Annotated[
+        str, typer.Option(help="Whose landmarks they are, if the file does not say; else its name.")
+    ] = "",
+    side: Shoulder = "right",
+    aa_to_ac: AaToAc = "",
+    sc_from_ij: ScFromIj = "",
+) -> None:
+    """Make a parameter set of a person from landmarks, and from points if there are any (Chapters 4 and 5).
+
+    Lengths are medians over the postures. The thorax is fitted to points on it. What was not measured is that of
+    another set, carried to the person's bones. Every number has its source and its SD; `girdle adapt --model` takes
+    the file, `--models-of` a folder of them.
+    """
+    from adapt.cli.landmarks.person import write_person_sets  # readers of laboratories' files: not for every command
+    from adapt.cli.landmarks.print_person import print_persons
+
+    labels = _labels(subject, "", side, "", aa_to_ac, sc_from_ij)
+    written, rejected = write_person_sets(source, out, load_model(model), read_mapping(names), labels, rest, points)
+    print_persons(console, written)
+    for error in rejected:
+        errors.print(f"left out: {error}", soft_wrap=True)
+    if rejected:
+        raise typer.Exit(EXIT_SOME_NOT_HANDLED)
+
+
+def contours_of_slices(
+    slices: Annotated[list[Path], typer.Argument(metavar="SLICE...", help="DICOM or PNG files, or a folder of them.")],
+    clicks: Annotated[Path, typer.Option(help="CSV of clicks: slice, x_px, y_px; use (draw, correct), surface.")],
+    out: Annotated[Path, typer.Option("--out", help="CSV of points, which `girdle model --points` takes.")],
+    click: Annotated[
+        bool, typer.Option("--click", help="Take clicks in a window first, and add them to --clicks.")
+    ] = False,
+    surface: Annotated[
+        str, typer.Option(help="Of the clicks in the window, as `girdle model --points` names it.")
+    ] = "thorax",
+    inside: Annotated[
+        str, typer.Option(help="What the bone is beside what surrounds it: bright, dark, either.")
+    ] = "either",
+    half_width_px: Annotated[
+        float, typer.Option(min=1.0, help="How far from the clicks, or the slice before, an edge is looked for.")
+    ] = HALF_WIDTH_PX,
+    vector_px: Annotated[
+        float, typer.Option(min=0.0, help="How far the polygon of the points may be from the contour; 0 keeps all.")
+    ] = VECTOR_PX,
+    pixel_mm: Annotated[
+        float | None, typer.Option(min=1e-3, help="Size of a pixel, of images that do not say.", show_default=False)
+    ] = None,
+    slice_mm: Annotated[
+        float | None, typer.Option(help="Distance of slices, of images that do not say.", show_default=False)
+    ] = None,
+) -> None:
+    """Find contours of bones in image slices from a few clicks, and write their points in mm (Chapter 2).
+
+    Between clicks the contour follows the strongest edge near them. It is propagated to the other slices; where that
+    fails, a correction of three clicks, or a new contour, puts it right. Needs the extra `contour` of the package.
+    """
+    from adapt.cli.landmarks.contour import print_contours, write_contours  # readers of images: not for every command
+
+    if inside not in INSIDE:
+        raise InputError("--inside", None, f"there is no '{inside}'", f"Use one of {', '.join(INSIDE)}")
+    if slice_mm == 0.0:
+        raise InputError("--slice-mm", None, "slices 0 mm apart are one", "Give their distance")
+    settings = Settings(inside, half_width_px)  # type: ignore[arg-type]
+    done = write_contours(slices, clicks, out, settings, vector_px, (pixel_mm, slice_mm), surface if click else "")
+    print_contours(console, done, out)
+
+
+def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str) -> Labels:
+    """What the options say of a file of landmarks."""
+    if side not in SIDES:
+        raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
+    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
+    offset = sternoclavicular_offset(sc_from_ij) if sc_from_ij else None
+    return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset)
+
+
+def _say_slipped(motions: Motions) -> None:
+    """Name the landmarks that are not where their bone says."""
+    for row, names in marked_slips(motions).items():
+        where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
+        console.print(f"{names} slipped: {where}", soft_wrap=True)
+
+
+def _elevations(at: str) -> tuple[float, ...]:
+    """The numbers of --at, each once, from low to high."""
+    try:
+        return tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
+    except ValueError:
+        cause = f"'{at}' is not a list of elevations"
+        raise InputError("--at", None, cause, "Give degrees separated by commas, as in --at 30,60,90") from None

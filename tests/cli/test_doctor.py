@@ -1,0 +1,97 @@
+"""``girdle doctor``: what is installed, what is kept, what is missing with the command that mends it."""
+
+import shlex
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import platformdirs
+import pytest
+from command import girdle
+
+from adapt.cli import doctor
+from adapt.engine import object_cache
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch) -> Path:
+    """A user's cache folder of this test alone."""
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda _: tmp_path / "cache")
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def declared(monkeypatch) -> list[str]:
+    """As the metadata of a package built now would have it: that of an installed one may be older."""
+    extras = PROJECT["optional-dependencies"].items()
+    found = [*PROJECT["dependencies"], *(f'{one.split(";")[0]}; extra == "{e}"' for e, all_ in extras for one in all_)]
+    monkeypatch.setattr(doctor, "requires", lambda _: found)
+    return found
+
+
+def test_all_is_well(cache, declared):
+    ended = girdle("doctor")
+    assert (ended.status, ended.err) == (0, "")
+    rows = [line.split() for line in ended.out.splitlines()]
+    for name in ("numpy", "jax", "llvmlite", "scipy"):
+        assert any(row and row[0].startswith(name) and version(name) in row and row[-1] == "ok" for row in rows)
+    assert ended.out.splitlines()[-1] == "girdle can work."
+    assert not any(row and row[0].startswith(("pytest", "ruff")) for row in rows)
+
+
+def test_what_is_needed_and_missing_ends_with_1_and_the_command(cache, declared):
+    declared += ["nosuchpackage>=2", "numpy>=99"]
+    ended = girdle("doctor")
+    assert ended.status == 1
+    lines = ended.out.splitlines()
+    install = f"{shlex.quote(sys.executable)} -m pip install"
+    assert f"nosuchpackage>=2: {install} 'nosuchpackage>=2'" in lines
+    assert f"numpy>=99: {install} 'numpy>=99'" in lines
+    assert lines[-1] == "girdle needs nosuchpackage>=2, numpy>=99"
+
+
+def test_an_extra_that_is_missing_is_no_failure(cache, declared):
+    declared += ['nosuchpackage>=2; extra == "contour"']
+    ended = girdle("doctor")
+    assert ended.status == 0
+    assert "nosuchpackage>=2 (extra contour): for girdle contour: " in ended.out
+
+
+def test_a_python_that_is_too_old_is_named(monkeypatch):
+    assert doctor.python_found().state == doctor.OK
+    monkeypatch.setattr(doctor, "python_version", lambda: "3.10.2")
+    assert doctor.python_found().state == doctor.MISSING
+
+
+def test_every_extra_of_a_user_has_its_use():
+    assert set(doctor.USE_OF_EXTRA) == set(PROJECT["optional-dependencies"]) - {"dev"}
+
+
+def test_what_is_kept_is_counted(cache):
+    def found() -> dict[str, doctor.Finding]:
+        return {one.what: one for one in doctor.cache_found(cache)}
+
+    assert not cache.exists()
+    empty = found()["machine code of this version"]
+    assert (empty.found, empty.state) == ("0 files, 0.0 MB", doctor.OPTIONAL)
+    object_cache.object_code("add", lambda: "define double @add(double %a) {\n  ret double %a\n}\n")
+    assert found()["machine code of this version"].found.startswith("1 files, ")
+    assert found()["machine code of other versions"].remedy == ""
+
+    old = cache / "machine" / "add-of_another_version"
+    old.write_bytes(bytes(2_000_000))
+    stale = found()["machine code of other versions"]
+    assert stale.found == "1 files, 2.0 MB"
+    subprocess.run(shlex.split(stale.remedy, comments=True), check=True)
+    assert not old.exists()
+
+
+def test_a_cache_that_cannot_be_written_is_said(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    (only,) = doctor.cache_found(tmp_path / "file")
+    assert only.state == doctor.OPTIONAL
+    assert "XDG_CACHE_HOME" in only.remedy

@@ -1,0 +1,102 @@
+"""What a new user meets first: ``girdle`` alone, ``--version``, ``--help``, shell completion."""
+
+import os
+import shlex
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+import typer
+from command import girdle
+
+from adapt.cli import app as cli
+
+ROOT = Path(__file__).parents[2]
+
+COMMANDS = (
+    *("fit", "adapt", "diagnose", "trust", "muscles", "convert", "model", "contour", "models", "simulate"),
+    *("effects", "doctor"),
+)
+
+
+def test_alone_it_says_three_lines_that_do_the_main_job_and_where_help_is():
+    ended = girdle()
+    assert (ended.status, ended.err) == (0, "")
+    *job, more = ended.out.splitlines()
+    assert [line.split()[1] for line in job] == ["convert", "adapt", "diagnose"]
+    assert "girdle --help" in more
+
+
+@pytest.mark.parametrize("line", cli.FIRST_LINES.splitlines()[:3])
+def test_the_lines_are_as_the_commands_take_them(line):
+    """An unknown option, or an argument too many, would be refused while the line is read."""
+    name, *arguments = shlex.split(line, comments=True)[1:]
+    command = typer.main.get_command(cli.app).commands[name]  # type: ignore[attr-defined]
+    assert command.make_context(name, arguments).params
+
+
+def test_the_lines_lead_from_one_to_the_next():
+    convert, adapt, diagnose = (shlex.split(line, comments=True) for line in cli.FIRST_LINES.splitlines()[:3])
+    assert convert[3] == adapt[2] == diagnose[2]
+
+
+def test_version():
+    ended = girdle("--version")
+    assert (ended.status, ended.out) == (0, f"girdle {version('girdle')}\n")
+
+
+def test_help_lists_every_command_in_order():
+    ended = girdle("--help")
+    named = [words[1] for words in map(str.split, ended.out.splitlines()) if len(words) > 1]
+    assert ended.status == 0
+    assert [name for name in named if name in COMMANDS] == list(COMMANDS)
+
+
+@pytest.fixture
+def as_a_program(monkeypatch):
+    """As the installed command: not as a module of pytest, whose name would stand in the completion."""
+    monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_show_completion(monkeypatch, as_a_program, shell):
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")  # the shell is named: tests run in none
+    ended = girdle("--show-completion", shell)
+    assert ended.status == 0
+    assert f"_GIRDLE_COMPLETE=complete_{shell}" in ended.out
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("girdle ad", ["adapt"]),
+        ("girdle mo", ["model", "models"]),
+        ("girdle trust --cho", ["--choose-weight"]),
+        ("girdle adapt --cho", []),
+    ],
+)
+def test_what_is_typed_is_completed(monkeypatch, as_a_program, typed, offered):
+    monkeypatch.setenv("_GIRDLE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", typed)
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))
+    assert girdle().out.split() == offered
+
+
+def test_a_real_shell_completes(tmp_path):
+    """The shell that it is called from is found, and what it shows works in it."""
+    program = tmp_path / "girdle"
+    program.write_text(f"#!{sys.executable}\nfrom adapt.cli.app import main\n\nmain()\n")
+    program.chmod(0o700)
+    lines = (
+        'eval "$(girdle --show-completion)"',
+        "COMP_WORDS=(girdle trust --cho) COMP_CWORD=2",
+        '"$(complete -p girdle | sed "s/.*-F \\([^ ]*\\) .*/\\1/")" girdle',
+        "echo ${COMPREPLY[@]}",
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(
+        ["bash", "-c", "\n".join(lines)], capture_output=True, text=True, env=environment, check=True
+    )
+    assert ended.stdout == "--choose-weight\n"

@@ -1,0 +1,116 @@
+"""The examples run, and say what is so: each in this process, as a reader would run it from the shell."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import girdle
+
+from models import load_model
+from motions import read_motions, read_trial
+from scripts.rooms import ROOT
+
+EXAMPLES = sorted((ROOT / "scripts" / "examples").glob("[0-9]*.py"))
+
+ROUNDED_MM = 1e-4
+"""Lengths in a .toml have so many digits."""
+
+ROUNDING_DEG = 1e-9
+"""Of rotations there and back, through positions of 100 mm with all digits."""
+
+H_MM = 1e-3
+"""Of a central difference in the conoid's length."""
+
+
+@pytest.fixture
+def example(monkeypatch):
+    """The names that an example defines, found by its number; `simulated_trial` lies beside it."""
+    monkeypatch.syspath_prepend(str(ROOT / "scripts" / "examples"))
+
+    def load(number: int) -> dict:
+        (path,) = (one for one in EXAMPLES if one.name.startswith(f"{number:02d}_"))
+        return runpy.run_path(str(path))
+
+    return load
+
+
+def test_every_example_is_tried_here():
+    assert [path.name[:2] for path in EXAMPLES] == ["01", "02", "03", "04", "05", "06"]
+
+
+def test_from_a_trial_to_a_report(example, tmp_path):
+    report = example(1)["main"](tmp_path)
+    page = report.read_text()
+    assert "simulated" in page
+    assert "P01" in page
+
+
+def test_the_command_line_does_the_same(example, tmp_path):
+    trial, table = example(1)["write_trc"](tmp_path / "P01.trc"), tmp_path / "P01.csv"
+    ended = girdle("convert", trial, table, "--subject", "P01", "--motion", "abduction", "--at", "10,50,90,130")
+    assert ended.status == 0, ended.err
+    here = read_trial(trial, subject="P01", motion="abduction", at_deg=(130, 10, 50, 90))
+    np.testing.assert_array_equal(read_motions(table).angles_deg, here.angles_deg)
+
+
+def test_the_simulated_trial_has_the_angles_that_it_was_made_of(example, tmp_path):
+    """The reader and the landmark frames against scipy's rotations, which the example places the landmarks by."""
+    names = example(1)
+    read = read_trial(names["write_trc"](tmp_path / "trial.trc"))
+    shipped = example(2)["shipped_subjects"]()
+    rows = (shipped.subject == "simulated01") & (shipped.motion == "abduction") & (shipped.humerus_elevation_deg == 50)
+    frame = np.isclose(read.humerus_elevation_deg, 50.0)
+    measured = [0, 1, 3, 4, 5]  # all but the axial rotation of the clavicle, which landmarks do not give
+    made = shipped.angles_deg[rows][:, measured]
+    assert made.shape == (1, 5)
+    np.testing.assert_allclose(read.angles_deg[frame][:, measured], made, rtol=0.0, atol=ROUNDING_DEG)
+
+
+def test_ten_subjects_and_three_sets(example):
+    gaps_deg, parameters = example(2)["main"]()
+    assert gaps_deg.index.tolist() == ["R2", "R4", "R6"]
+    assert (gaps_deg[("scapula_deg", 1)] < gaps_deg[("scapula_deg", 0)]).all()
+    assert len(parameters) == 30
+
+
+def test_an_effect_of_ones_own_is_found(example):
+    names = example(3)
+    found = names["main"]()
+    effect = names["EXAGGERATED"]
+    assert found.verdict.answer == "effect"
+    assert found.verdict.of_the_chain[0].names == (effect.name,)
+    size = found.amplitude[effect.name].size
+    assert size.low < effect.prior.scale[0] < size.high
+
+
+def test_the_gradient_is_that_of_differences(example):
+    names = example(4)
+    _, slopes = names["main"]()
+    length_mm = load_model("R2").girdle.conoid_length_mm
+    (above, _), (below, _) = (names["of_every_subject"](length_mm + step, names["angles"]()) for step in (H_MM, -H_MM))
+    np.testing.assert_allclose(slopes, (above - below) / (2.0 * H_MM), rtol=1e-5)
+
+
+def test_a_persons_own_model(example, tmp_path):
+    own = example(5)["main"](tmp_path)
+    bones = load_model("R4").girdle
+    assert own.name == "P01"
+    np.testing.assert_allclose(own.girdle.ac_mm, bones.ac_mm, rtol=0.0, atol=ROUNDED_MM)
+    np.testing.assert_allclose(own.girdle.ai_mm, bones.ai_mm, rtol=0.0, atol=ROUNDED_MM)
+
+
+@pytest.mark.filterwarnings("ignore")  # of Dask's processes
+def test_a_cluster(example, tmp_path):
+    pytest.importorskip("distributed")
+    parameters = example(6)["main"](tmp_path)
+    assert parameters["status"].tolist() == ["ok"] * 10
+
+
+def test_examples_use_what_is_public():
+    public = {"adapt", "adapt.report", "adapt.solvers.differentiable", "models", "models.effects", "motions"}
+    public |= {"motions.rotations"}
+    for path in (*EXAMPLES, Path(EXAMPLES[0].parent / "simulated_trial.py")):
+        lines = path.read_text().splitlines()
+        imported = [line.split()[1] for line in lines if line.startswith(("from adapt", "from models", "from motions"))]
+        assert set(imported) <= public, path.name
