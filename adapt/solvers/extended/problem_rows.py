@@ -18,7 +18,7 @@ def rows_of(fixed: Fixed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def row_weights(fixed: Fixed) -> Float[np.ndarray, " rows"]:
-    """Of |y|^2 in E, deg^2."""
+    """Give the weights of |y|^2 in E, deg^2."""
     problem, posture = rows_of(fixed)
     return np.asarray(fixed.problem.weights)[0, posture, problem] / (2.0 * float(DEG) ** 2)
 
