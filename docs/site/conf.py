@@ -16,6 +16,7 @@ from sphinx.util.typing import stringify_annotation
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
+from models.effects.effect import Adjust, Show  # noqa: E402
 from models.effects.known import Amplitudes  # noqa: E402
 from models.person.family import AnyModel  # noqa: E402
 
@@ -49,10 +50,8 @@ NAVIGATION = Path(__file__).with_name("navigation.md")
 MARKED = re.compile(r"(?P<code>``?[^`]+``?)|(?P<role>:\w+:(?=`))|(?P<mark>[*|_\\])")
 """What of a docstring reStructuredText would read as markup: only code and roles are meant."""
 
-ALIASES = {
-    stringify_annotation(alias, "smart"): name
-    for name, alias in {"DTypeLike": DTypeLike, "AnyModel": AnyModel, "Amplitudes": Amplitudes}.items()
-}
+NAMED = {"DTypeLike": DTypeLike, "AnyModel": AnyModel, "Amplitudes": Amplitudes, "Adjust": Adjust, "Show": Show}
+ALIASES = {stringify_annotation(alias, "smart"): name for name, alias in NAMED.items()}
 """Types that have a name, which a signature spells out."""
 
 
@@ -76,7 +75,8 @@ def plain(app: Sphinx, what: str, name: str, thing: object, options: object, lin
 def named_types(
     app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
-    """Write the name of a type in a signature where it has one."""
+    """Write the name of a type in a signature where it has one, and of a function that is a default."""
+    signature = signature and re.sub(r"<function (\w+)>", r"\1", signature)
     for spelled_out, alias in ALIASES.items():
         signature = signature and signature.replace(spelled_out, alias)
     return signature, returned

@@ -101,7 +101,7 @@ def test_the_reference_has_every_public_name():
     named = {
         f"{module}.{name}"
         for module, names in re.findall(r"currentmodule:: (\S+)\n(.*?)```", text, re.DOTALL)
-        for name in re.findall(r"^\.\. auto\w+:: (\w+)", names, re.MULTILINE)
+        for name in re.findall(r"^\.\. (?:auto\w+|py:type):: (\w+)", names, re.MULTILINE)
     }
     for name in named:
         resolved(name)
