@@ -29,6 +29,7 @@ from adapt.report.figure_data import figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.muscle_figures import muscle_sentence
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
+from adapt.report.plain_words import GLOSSARY, explained, with_hover
 from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means
 from adapt.tables.results import Tables
 from models.effects import EFFECTS
@@ -140,7 +141,9 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "deg": _deg,
+        "explained": explained,
         "held_out": held_out_text,
+        "hover": with_hover,
         "largest": _largest,
         "listed": listed,
         "notes": notes,
@@ -155,6 +158,7 @@ def _environment() -> Environment:
         "angle_names": ANGLE_NAMES,
         "constraints": CONSTRAINT_NAMES,
         "effects": EFFECTS,
+        "glossary": GLOSSARY,
         "number": number,
         "with_unit": with_unit,
     }

@@ -30,7 +30,12 @@ def data_of(html: str) -> dict[str, Any]:
 def words_of(html: str) -> str:
     """The text of the page that is there before any script runs, on one line."""
     body = html[html.index("<main>") : html.index("</main>")]
-    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", body)))
+    return one_line(body)
+
+
+def one_line(html: str) -> str:
+    """The text of a part of a page, on one line; what is explained on hover stays part of its sentence."""
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", re.sub(r"</?abbr[^>]*>", "", html))))
 
 
 def simulated(motions: Motions, subjects: int) -> Motions:

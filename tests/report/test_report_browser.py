@@ -15,6 +15,7 @@ from playwright.sync_api import expect
 from adapt.diagnosis.wording import sentence
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS
+from models.effects import EFFECTS
 from motions import InputError, Motions
 from scripts.picture_report import main, picture
 
@@ -195,14 +196,17 @@ def test_a_diagnosis_is_in_the_page(look, window):
     page = seen.page
     assert page.inner_text("h1") == sentence(TWO)
     steps = [name.split("\n")[0] for name in page.locator("#ladder .name").all_inner_texts()]
-    assert steps == ["model as it is", "adapted", "+ ac_translation", "+ scapulothoracic_gap", "noise alone"]
+    causes = ["+ AC joint moves ac_translation", "+ scapula lifts off the thorax scapulothoracic_gap"]
+    assert steps == ["model as it is", "adapted", *causes, "noise alone"]
+    hovered = page.locator("#ladder abbr").first.get_attribute("title")
+    assert hovered == EFFECTS["ac_translation"].what
     widths = [box["width"] for one in page.locator("#ladder .bar").all() if (box := one.bounding_box())]
     np.testing.assert_allclose(np.divide(widths, widths[0]), np.divide([4.1, 2.8, 1.4, 0.9, 0.3], 4.1), atol=0.01)
     words = " ".join(page.inner_text("#why").split())
     assert "conoid_strain and clavicle_axial_estimate" in words, "cannot be told apart"
     assert TWO.next_measurement[0].what in words
     assert "4.0 [3.9, 4.1] mm" in words
-    named = [name.split("\n")[0] for name in page.locator("#why .answer.named .name").all_inner_texts()]
+    named = page.locator("#why .answer.named .name code").all_inner_texts()
     assert named == ["scapulothoracic_gap", "ac_translation", "conoid_strain"]
     assert "2.80 [2.70, 2.90]" in " ".join(page.inner_text("#gap").split())
     (both, *_) = page.locator("#gaps .figure").all()

@@ -1,0 +1,32 @@
+"""Plain names: every cause has one, and nothing from a file becomes markup."""
+
+from dataclasses import replace
+
+from adapt.report.plain_words import PLAIN_NAMES, explained, with_hover
+from models.effects import EFFECTS
+from models.effects.effect import cause_of
+from models.effects.known import THORAX_POINTS
+
+
+def test_every_cause_has_a_plain_name_and_no_other():
+    assert set(PLAIN_NAMES) == {cause_of(name) for name in EFFECTS} | {THORAX_POINTS}
+    assert len(set(PLAIN_NAMES.values())) == len(PLAIN_NAMES)
+
+
+def test_a_name_has_its_description_on_hover_and_its_identifier_beside_it():
+    found = str(explained("conoid_strain:posture"))
+    assert found.startswith(f'<abbr title="{EFFECTS["conoid_strain:posture"].what}">conoid stretches</abbr>')
+    assert found.endswith("<code>conoid_strain:posture</code>")
+    assert str(explained("<b>")) == "<code>&lt;b&gt;</code>"
+
+
+def test_identifiers_in_a_sentence_have_their_plain_name_on_hover():
+    found = str(with_hover("The gap of s_1 & <s_2> shrinks with clavicle_frame_bias (or sc_offset)."))
+    assert '<abbr title="clavicle frame turned">clavicle_frame_bias</abbr>' in found
+    assert '<abbr title="SC joint elsewhere on the thorax">sc_offset</abbr>' in found
+    assert "s_1 &amp; &lt;s_2&gt;" in found
+
+
+def test_an_effect_from_elsewhere_has_its_own_name_alone():
+    own = replace(EFFECTS["conoid_strain"], name="my_effect")
+    assert str(explained(own.name)) == "<code>my_effect</code>"
