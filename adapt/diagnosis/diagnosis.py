@@ -16,7 +16,7 @@ from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import CredibleSet, credible_sets
 from adapt.diagnosis.inference.amplitude import amplitudes, unseen_amplitude
-from adapt.diagnosis.inference.budget import Rung, ladder
+from adapt.diagnosis.inference.budget import Rung
 from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
@@ -116,7 +116,7 @@ class _Study:
         sets = credible_sets(search, named.node)
         weights = weigh(search)  # of all that was fitted on the way
         node = named.node
-        rungs = ladder(search, node)
+        rungs = named.rungs
         sizes = amplitudes(search, node)
         order = [rung.added for rung in rungs[1:]]
         sizes = {name: sizes[name] for name in order}

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.search import Node, Search
 
 LEAST_GAIN = 0.05
@@ -50,6 +51,8 @@ class Named(NamedTuple):
 
     node: Node
     gains: dict[str, Gain]
+    rungs: list[Rung]
+    """Of the gap budget."""
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -60,7 +63,8 @@ class Named(NamedTuple):
 def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the most probable set of causes of which each predicts; noise alone leaves a gap of ``floor_deg``.
 
-    A set that is looked at has its subsets fitted too; one that passes, what could stand in the place of each cause.
+    A set that is looked at has its subsets fitted too; one that passes, what could stand in the place of each cause; last
+    its gap budget by exact refits, which must fall to its end.
     """
     rejected: set[Hypothesis] = set()
     while len(rejected) < _MOST_LOOKED_AT:
@@ -70,9 +74,22 @@ def name_causes(search: Search, floor_deg: float) -> Named:
             rejected.add(node.hypothesis)
             continue
         others = [one for name in node.hypothesis for one in search.in_place_of(node, name).values()]
-        if not any(one.value > node.value and one.hypothesis not in rejected for one in others):
-            return Named(node, gains)
-    return Named(search.nodes[()], {})
+        if any(one.value > node.value and one.hypothesis not in rejected for one in others):
+            continue
+        rungs = ladder(search, node)
+        if _falls(search.folds, rungs):
+            return Named(node, gains, rungs)
+        rejected.add(node.hypothesis)
+    none = search.nodes[()]
+    return Named(none, {}, ladder(search, none))
+
+
+def _falls(folds: Folds, rungs: list[Rung]) -> bool:
+    """Whether the last cause lowers the gap of unseen motions, and of unseen persons, where it is fitted exactly."""
+    if len(rungs) < 2:
+        return True
+    difference = (rungs[-2].gaps_deg - rungs[-1].gaps_deg).mean(axis=1)
+    return all(difference[folds.of_kind(kind)].mean() > 0.0 for kind in folds.kinds)
 
 
 _MOST_LOOKED_AT = 60
