@@ -26,6 +26,7 @@ ORDER = (
     "adapt.report",
     "adapt.output",
     "adapt.large_runs",
+    "adapt.app",
     "adapt.cli",
     "adapt.__main__",
 )

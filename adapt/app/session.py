@@ -10,7 +10,7 @@ from pathlib import Path
 
 from adapt.app.child_runs import Children, Ended
 from adapt.app.marker_names import mapping_toml
-from adapt.app.uploads import Upload, accepted, with_own_names
+from adapt.app.uploads import State, Upload, accepted, with_own_names
 from adapt.app.zipped_folder import zip_folder
 from motions import InputError, Motions, read_motions
 from motions.formats.any_file import read_markers
@@ -76,8 +76,18 @@ class Session:
         """Return the names of the markers of all files, each once."""
         return list(dict.fromkeys(name for one in self.files for name in one.markers))
 
-    async def read(self) -> None:
-        """Bring every file that is not yet read into a motion file, and read them all together."""
+    @property
+    def waiting(self) -> bool:
+        """Whether a file waits to be read."""
+        return any(one.state is State.WAITING for one in self.files)
+
+    @property
+    def altered(self) -> bool:
+        """Whether something was altered since a file was read."""
+        return any(one.state is State.ALTERED for one in self.files)
+
+    async def convert_waiting(self) -> None:
+        """Bring every file that waits into a motion file."""
         text = mapping_toml(self.options.markers, self.options.unit)
         (self.folder / MAPPING).write_text(text, encoding="utf-8")
         free = asyncio.Semaphore(os.cpu_count() or 1)
@@ -86,15 +96,23 @@ class Session:
             async with free:
                 await self._convert(upload)
 
-        await asyncio.gather(*(one_of_them(one) for one in self.files if not one.read))
-        paths = [self.folder / one.motions for one in self.files if one.read]
-        self.motions = await asyncio.to_thread(read_motions, *paths) if paths else None
+        await asyncio.gather(*(one_of_them(one) for one in self.files if one.state is State.WAITING))
 
     async def _convert(self, upload: Upload) -> None:
+        upload.state = State.READING
+        (self.folder / upload.motions).unlink(missing_ok=True)
         ended = await self.children.girdle(convert_arguments(upload, self.options))
-        upload.read = ended.useful
         said = ended.message if not ended.useful or ended.said else ended.out.partition(" in motions/")[0].strip()
         upload.said = self.named(said.removeprefix("error: "))
+        if upload.state is State.READING:  # else it was altered meanwhile
+            upload.state = State.READ if ended.useful else State.REFUSED
+
+    async def read(self) -> None:
+        """Read all motion files together. InputError if nobody in them can be used."""
+        self.motions = None
+        paths = [self.folder / one.motions for one in self.files if one.read]
+        if paths:
+            self.motions = await asyncio.to_thread(read_motions, *paths)
 
     def named(self, text: str) -> str:
         """Put the browser's names of files into a message."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import PurePosixPath, PureWindowsPath
 
 from motions import InputError
@@ -21,6 +22,12 @@ LONGEST_NAME = 100
 
 USUAL_ELEVATIONS = "20,40,60,80,100,120"
 """At which a trial is sampled unless the page says otherwise."""
+
+
+class State(Enum):
+    """How far a file is: it arrives, waits, is being read; was read or refused; its names were altered since."""
+
+    ARRIVING, WAITING, READING, READ, REFUSED, ALTERED = range(6)
 
 
 @dataclass(frozen=True)
@@ -45,7 +52,12 @@ class Upload:
     """Names of the markers, of a file of positions."""
     said: str = ""
     """What `girdle convert` said of it."""
-    read: bool = False
+    state: State = State.ARRIVING
+
+    @property
+    def read(self) -> bool:
+        """Whether there is a motion file of it, made as the page says."""
+        return self.state is State.READ
 
     @property
     def source(self) -> str:
