@@ -29,19 +29,23 @@ MOST_WARNINGS = 30
 """On the page; of more the number is said."""
 
 STYLE = """
-:root { --nicegui-default-padding: 0 }
 body { background: #f6f7f8; color: #1c1c1c; font: 16px/1.5 system-ui, "Segoe UI", Helvetica, Arial, sans-serif }
-.page { max-width: 1180px; margin: 0 auto; width: 100%; padding: 1.4rem 1rem 3rem; gap: 1rem }
+.page { max-width: 1180px; margin: 0 auto; width: 100%; padding: 1rem 1rem 3rem; gap: 1rem }
+.page h1 { font-size: 1.6rem; font-weight: 650; line-height: 1.3; margin: 0 }
 .step { width: 100%; padding: 1rem 1.25rem; gap: .7rem; align-items: stretch }
 .step h2 { font-size: 1.15rem; font-weight: 650; line-height: 1.4; margin: 0 }
 .soft { color: #5c5c5c }
 .wrong { color: #a8200d }
 .said { overflow-wrap: anywhere; white-space: pre-line }
 .file { border-top: 1px solid #dcdcdc; padding: .5rem 0; gap: .25rem .9rem; width: 100% }
-.names { display: grid; grid-template-columns: repeat(auto-fill, minmax(8.5rem, 1fr)); gap: 0 .9rem; width: 100% }
-.step .q-uploader { width: 100%; max-height: none; box-shadow: none; border: 2px dashed #b5b5b5 }
-.step .q-uploader__list { display: none }
-.report { width: 100%; height: 80vh; border: 1px solid #dcdcdc; background: #fff }
+.names { display: grid; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); gap: 0 .9rem; width: 100% }
+.step .q-uploader { width: 100%; min-height: 7rem; max-height: none; border: 2px dashed #9a9a9a; border-radius: 6px }
+.step .q-uploader__header { background: none; color: #0072b2; min-height: 6.75rem; display: grid; align-items: center }
+.step .q-uploader__header > * { width: 100% }
+.step .q-uploader__title { font-size: 1rem }
+.step .q-uploader__subtitle, .step .q-uploader__list { display: none }
+.step .q-table th, .step .q-table td { font-size: .95rem }
+.report { display: block; width: 100%; height: 85vh; border: 1px solid #dcdcdc; background: #fff }
 """
 
 
@@ -63,7 +67,7 @@ class SessionPage:
         ui.colors(primary="#0072b2")
         ui.add_css(STYLE)
         with ui.column().classes("page"):
-            ui.html("<h1 style='font-size:1.6rem;font-weight:650;margin:0'>girdle</h1>", sanitize=False)
+            ui.html("<h1>girdle</h1>", sanitize=False)
             ui.label(
                 "Fits a model of the shoulder girdle to measured motions, adapts it to each person, and says why they "
                 "still differ. Your files stay on this machine and are removed when you close this page."
@@ -82,12 +86,12 @@ class SessionPage:
 
     def _dropzone(self) -> None:
         kinds = ", ".join(ENDINGS)
-        ui.label(f"Drop files here, or choose them with +: motions as CSV, trials or landmarks ({kinds}).")
+        ui.label(f"Motions as CSV; trials or landmarks as {kinds}.")
         ui.upload(
             multiple=True,
             auto_upload=True,
             max_file_size=LARGEST_FILE_BYTES,
-            label="Drop files here",
+            label="Drop files here, or choose them with +",
             on_upload=self._taken,
             on_rejected=lambda: self._say(
                 f"A file was refused: larger than {LARGEST_FILE_BYTES / 1e6:.0f} MB, or no file."
@@ -156,7 +160,7 @@ class SessionPage:
                 ).set_enabled(not self.busy)
                 said = ui.label(upload.said or "reading ...").classes("said").style("flex: 1 0 100%")
                 said.classes("wrong" if upload.state is State.REFUSED else "soft")
-                if not upload.names_itself:
+                if upload.markers or not (upload.names_itself or upload.state is State.REFUSED):
                     self._labels(upload)
 
     def _labels(self, upload: Upload) -> None:
@@ -241,7 +245,7 @@ class SessionPage:
         if self.busy == READING:
             ui.linear_progress(show_value=False).props("indeterminate").classes("w-full")
         elif self.session.altered:
-            ui.button("Read again", icon="refresh", on_click=self._read_again)
+            ui.button("Read again", icon="refresh", on_click=self._read_again).props("no-caps")
 
     @ui.refreshable_method
     def summary(self) -> None:
@@ -282,7 +286,7 @@ class SessionPage:
         ).props("use-chips").style("max-width: 34rem")
         with ui.row().classes("items-center"):
             for text, commands in (("Adapt", COMMANDS[:1]), ("Adapt and diagnose", COMMANDS)):
-                ui.button(text, on_click=lambda commands=commands: self._run(commands)).set_enabled(
+                ui.button(text, on_click=lambda commands=commands: self._run(commands)).props("no-caps").set_enabled(
                     ready and bool(self.models)
                 )
         if self.session.altered:
@@ -301,7 +305,7 @@ class SessionPage:
             self.stage = ui.label(f"{TITLES[self.busy]}: starting").props("role=status")
             clock = ui.label("").classes("soft")
             ui.timer(1.0, lambda: clock.set_text(f"{time.monotonic() - self.since:.0f} s"))
-            ui.button("Cancel", icon="stop", on_click=self.session.children.cancel).props("outline")
+            ui.button("Cancel", icon="stop", on_click=self.session.children.cancel).props("outline no-caps")
 
     async def _run(self, commands: tuple[str, ...]) -> None:
         """Run them one after another; what one of them says wrong ends it."""
@@ -338,10 +342,10 @@ class SessionPage:
         address = f"/session/{self.session.token}"
         with ui.row().classes("items-center justify-between w-full"):
             if len(there) > 1:
-                ui.toggle({one: TITLES[one] for one in there}, value=self.shown, on_change=self._show)
+                ui.toggle({one: TITLES[one] for one in there}, value=self.shown, on_change=self._show).props("no-caps")
             ui.button(
                 "Everything as a zip", icon="download", on_click=lambda: ui.download.from_url(f"{address}/{ZIP}", ZIP)
-            )
+            ).props("no-caps")
         ui.html(
             f'<iframe class="report" title="Report" src="{address}/{self.shown}"></iframe>', sanitize=False
         ).classes("w-full")
