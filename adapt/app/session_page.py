@@ -45,6 +45,17 @@ body { background: #f6f7f8; color: #1c1c1c; font: 16px/1.5 system-ui, "Segoe UI"
 .step .q-uploader__title { font-size: 1rem }
 .step .q-uploader__subtitle, .step .q-uploader__list { display: none }
 .step .q-table th, .step .q-table td { font-size: .95rem }
+.step .q-uploader__header .q-btn:has(~ .col) { display: none }
+@media (max-width: 600px) {
+  .step { padding: 1rem .9rem }
+  .step .q-table thead { display: none }
+  .step .q-table, .step .q-table tbody { display: block }
+  .step .q-table tbody tr { display: block; height: auto; border-top: 1px solid #dcdcdc; padding: .4rem 0 }
+  .step .q-table tbody td { display: block; border: 0; height: auto; padding: 0 }
+  .step .q-table td:nth-child(3)::before { content: "arm " }
+  .step .q-table td:nth-child(3)::after { content: " degrees" }
+  .step .q-table td:nth-child(4)::before { content: "not measured: " }
+}
 .report { display: block; width: 100%; height: 85vh; border: 1px solid #dcdcdc; background: #fff }
 """
 
@@ -252,7 +263,7 @@ class SessionPage:
         """Draw what the motions hold, and what to know before they are used."""
         motions = self.session.motions
         if motions is None:
-            ui.label("Nothing yet.").classes("soft")
+            ui.label("Reading ..." if self.busy else "Nothing yet.").classes("soft")
             return
         postures, subjects = len(motions.posture), len(motions.subjects)
         ui.label(f"{postures} postures of {subjects} subject{'s' if subjects > 1 else ''}").style("font-weight: 600")
@@ -291,7 +302,7 @@ class SessionPage:
                 )
         if self.session.altered:
             ui.label("Names or options have changed: read the files again first.").classes("soft")
-        elif self.session.motions is None:
+        elif self.session.motions is None and not self.busy:
             ui.label("Give files first.").classes("soft")
 
     def _chosen(self, event: object) -> None:
