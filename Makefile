@@ -4,7 +4,7 @@ BIN := .venv/bin
 MOTIONS ?= ../shared/motions/*.csv
 MEANS ?= --mean mean_ludewig2009 --mean mean_oki2012
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed fuzz mutants rooms clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed fuzz mutants rooms frames docs clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -28,6 +28,7 @@ units: .venv/dev
 lock: .venv/dev ## after a change of dependencies in pyproject.toml
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes pyproject.toml -o requirements.lock
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
+	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra docs -c requirements-dev.lock pyproject.toml -o requirements-docs.lock
 
 blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
 	$(BIN)/python scripts/blind_check.py --out out/blind
@@ -65,6 +66,13 @@ speed: .venv/dev ## the fits against IPOPT, SLSQP and jaxopt: minutes; simulated
 rooms: .venv/runtime ## the drawing of the rooms, docs/rooms.svg, from the imports in the source
 	$(BIN)/python scripts/draw_rooms.py
 
+docs: .venv/docs ## the documentation site in out/site, from README, docs/*.md and the docstrings; a broken link is an error
+	$(BIN)/sphinx-build -q -E -a -W --keep-going -c docs/site -d out/doctrees . out/site
+	@echo "out/site/index.html"
+
+frames: .venv/runtime ## the pictures of frames and signs, docs/frames*.svg, from the parameter set R2
+	$(BIN)/python scripts/draw_frames.py
+
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
@@ -75,6 +83,10 @@ rooms: .venv/runtime ## the drawing of the rooms, docs/rooms.svg, from the impor
 
 .venv/dev: .venv/runtime requirements-dev.lock
 	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	touch $@
+
+.venv/docs: .venv/runtime requirements-docs.lock
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-docs.lock
 	touch $@
 
 clean:

@@ -5,14 +5,14 @@ import importlib
 import re
 from pathlib import Path
 
-import pytest
+from documents import DOCUMENTS, FENCE, documents
 
 from scripts.rooms import PACKAGES, ROOT
 
-DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-"""Not the changelog: it names what was."""
-
 MOST_LINES_OF_README = 150
+
+PUBLIC = (*PACKAGES, "adapt.report", "models.effects")
+"""Packages whose exported names are public (docs/python.md)."""
 
 PATH = re.compile(r"(?<![\w./-])(?:adapt|docs|models|motions|scripts|tests)/[\w./*-]*[\w*/]")
 """A path from the root; ``*`` stands for anything."""
@@ -21,9 +21,6 @@ MODULE = re.compile(r"`((?:adapt|models|motions|scripts)(?:\.(?!csv`)\w+)+)`")
 """A dotted name in backticks: a module, or what it holds."""
 
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-
-documents = pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 
 
 def anchors(document: Path) -> set[str]:
@@ -73,8 +70,8 @@ def test_dotted_names_exist(document):
 
 @documents
 def test_imports_of_examples_work(document):
-    for language, code in FENCE.findall(document.read_text(encoding="utf-8")):
-        if language != "python":
+    for kind, code in FENCE.findall(document.read_text(encoding="utf-8")):
+        if not kind.startswith("python"):
             continue
         for node in ast.walk(ast.parse(code)):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] in PACKAGES:
@@ -89,3 +86,24 @@ def test_readme_is_short():
 def test_every_page_is_linked_from_the_readme():
     linked = set(LINK.findall((ROOT / "README.md").read_text(encoding="utf-8")))
     assert {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")} <= linked
+
+
+def test_every_page_is_in_the_navigation_of_the_site():
+    listed = re.findall(
+        r"(\S+?)>?$", (ROOT / "docs" / "site" / "navigation.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    pages = {str(page.relative_to(ROOT).with_suffix("")) for page in DOCUMENTS} - {"README"}
+    assert pages <= {name.removeprefix("<") for name in listed}
+
+
+def test_the_reference_has_every_public_name():
+    text = (ROOT / "docs" / "site" / "api.md").read_text(encoding="utf-8")
+    named = {
+        f"{module}.{name}"
+        for module, names in re.findall(r"currentmodule:: (\S+)\n(.*?)```", text, re.DOTALL)
+        for name in re.findall(r"^\.\. (?:auto\w+|py:type):: (\w+)", names, re.MULTILINE)
+    }
+    for name in named:
+        resolved(name)
+    exported = {f"{package}.{name}" for package in PUBLIC for name in importlib.import_module(package).__all__}
+    assert exported <= named

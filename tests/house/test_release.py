@@ -23,9 +23,9 @@ REQUIRED_OF_CITATION = {"cff-version", "message", "title", "authors"}
 
 
 def run_time() -> list[Requirement]:
-    """Every package that a user may need: the dependencies and those of the extras but `dev`."""
+    """Every package that a user may need: the dependencies and those of the extras but `dev` and `docs`."""
     extras = PROJECT["optional-dependencies"]
-    of_extras = [one for name, packages in extras.items() if name != "dev" for one in packages]
+    of_extras = [one for name, packages in extras.items() if name not in ("dev", "docs") for one in packages]
     return [Requirement(one) for one in (*PROJECT["dependencies"], *of_extras)]
 
 

@@ -64,10 +64,11 @@ def lowest(
         below, above = towards < low[parts] - _AT_BOUND_MM, towards > high[parts] + _AT_BOUND_MM
         changed = ((below | above) != fixed[parts]).any(axis=1)
         fixed[parts], value[parts] = below | above, np.where(below, low[parts], high[parts])
-        some = np.unique(model.group[parts[changed]])
-        if not len(some):
+        left = np.zeros(groups, bool)
+        left[model.group[parts[changed]]] = True
+        if not left.any():
             break
-        parts = parts[np.isin(model.group[parts], some)]
+        parts, some = parts[left[model.group[parts]]], np.flatnonzero(left)
     return Step(np.clip(dtheta, low, high), da)
 
 

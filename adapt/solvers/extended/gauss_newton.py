@@ -41,6 +41,10 @@ ThoraxTerm = Callable[[Float[np.ndarray, "parts adapted"]], tuple[np.ndarray, np
 """D of every part at theta, with its gradient and a positive matrix for its curvature."""
 
 
+Curvature = Callable[[Float[np.ndarray, "parts adapted"], Float[np.ndarray, "6 rows"]], np.ndarray]
+"""d2E/dtheta2 of every part, (parts, adapted, adapted), at theta and the nearest postures there, degrees."""
+
+
 class Shared(NamedTuple):
     """Amplitudes that the parts of a group share."""
 
@@ -113,6 +117,7 @@ class _Objective:
 
     parts: Parts
     shared: Shared
+    curvature: Curvature | None = None
 
     @cached_property
     def used(self) -> Int[np.ndarray, " used"]:
@@ -150,8 +155,11 @@ class _Objective:
     def step(self, at: _Point, Z, gradient, theta, a, damping: Float[np.ndarray, " groups"]) -> Step:
         """Find the lowest point of the damped quadratic model within the bounds."""
         parts, shared = self.parts, self.shared
-        matrix = parts.sums(np.einsum("rik,rij->rkj", self._weighted(Z), Z))
-        matrix[:, :_N, :_N] += at.D_matrix
+        if self.curvature:
+            matrix = self.curvature(theta, at.near.angles_deg.T)
+        else:
+            matrix = parts.sums(np.einsum("rik,rij->rkj", self._weighted(Z), Z))
+            matrix[:, :_N, :_N] += at.D_matrix
         trace = np.einsum("pii->p", matrix[:, :_N, :_N])
         matrix[:, range(_N), range(_N)] += (damping[parts.group] * trace)[:, None]
         lower, upper = parts.bounds_mm
@@ -175,9 +183,14 @@ def minimise(
     finished: Callable[[float, Float[np.ndarray, "parts adapted"]], bool],
     most_steps: int,
     start_deg: Float[np.ndarray, "6 rows"] | None = None,
+    curvature: Curvature | None = None,
 ) -> End:
-    """Step until ``finished`` says so of the last decrease and the slope in theta; each group has its own damping."""
-    objective, (lower, upper) = _Objective(parts, shared), parts.bounds_mm
+    """Step until ``finished`` says so of the last decrease and the slope in theta; each group has its own damping.
+
+    ``curvature``, where no amplitudes are shared, makes them Newton steps. Next to an optimum at which the constraints
+    bend much, Gauss-Newton steps go twice as far as they should, to and fro.
+    """
+    objective, (lower, upper) = _Objective(parts, shared, curvature), parts.bounds_mm
     theta, a = np.clip(theta_mm, lower, upper), np.array(amplitude)
     damping = np.full(len(a), _FIRST_DAMPING)
     at = objective.at(theta, a, start_deg)

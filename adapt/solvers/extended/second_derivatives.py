@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.extended.whole_subjects import parts_of, rows_of
+from adapt.solvers.extended.problem_rows import parts_of, rows_of
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects
 from motions.rotations import DEG
@@ -14,12 +14,18 @@ _STEP_MM = 1e-3
 
 
 def motion_curvature(
-    fixed: Fixed, active_effects: ActiveEffects, theta: Float[np.ndarray, "adapted problems"]
+    fixed: Fixed,
+    active_effects: ActiveEffects,
+    theta: Float[np.ndarray, "adapted problems"],
+    start_deg: Float[np.ndarray, "6 rows"] | None = None,
 ) -> tuple[Float[np.ndarray, "adapted adapted problems"], Float[np.ndarray, "6 postures adapted problems"]]:
-    """Compute d2(w mean J)/dtheta2, and dq/dtheta of every posture, rad a mm; 0 for postures that do not count."""
+    """Compute d2(w mean J)/dtheta2, and dq/dtheta of every posture, rad a mm; 0 for postures that do not count.
+
+    The postures are those nearest to the measured ones that ``start_deg``, by default these themselves, leads to.
+    """
     parts = parts_of(fixed, active_effects)
     problem, posture = rows_of(fixed)
-    start = parts.nearest(theta.T, parts.strengths)
+    start = parts.nearest(theta.T, parts.strengths, start_deg)
     n, (_, postures, count) = len(ADAPTED), fixed.problem.measured.shape
     hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))
     for k in range(n):

@@ -3,13 +3,14 @@
 What does not converge here, and what has angles that were not measured, is left to the reference solver.
 """
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
 from adapt.engine.batching import take_problems
 from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.extended.gauss_newton import End, Parts, Shared, minimise, thorax_terms
+from adapt.solvers.extended.gauss_newton import End, Shared, minimise
+from adapt.solvers.extended.problem_rows import parts_of, row_weights, rows_of
+from adapt.solvers.extended.second_derivatives import motion_curvature
 from adapt.solvers.objective import ThoraxPoints
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from adapt.solvers.reference.subject import THETA_TOLERANCE, Subject
@@ -17,8 +18,9 @@ from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects
 from motions.rotations import DEG
 
-_ROUNDS = (20, 40, 80, 160)
-"""Most steps in each round; each takes those on that have not converged. Measured motions take 10 to 60."""
+_ROUNDS = ((20, False), (40, False), (8, True), (160, False), (8, True))
+"""Most steps in each round, and whether they are Newton's; each takes those on that have not converged. Measured
+motions take 10 to 60 Gauss-Newton steps; a Newton step costs 13 of them."""
 
 
 def solve_extended(
@@ -31,11 +33,11 @@ def solve_extended(
     found = _unsolved(theta, angles)
     measured = np.all((fixed.problem.weights > 0.0) | ~fixed.problem.counted, axis=(0, 1))
     left = np.flatnonzero(measured)
-    for steps in _ROUNDS:
+    for steps, newton in _ROUNDS:
         if not len(left):
             break
         some, active = take_problems((fixed, active_effects), left)
-        end = _steps(some, active, found.theta[:, left], found.angles[..., left], steps)
+        end = _steps(some, active, found.theta[:, left], found.angles[..., left], steps, newton)
         _put(found, left, some, end)
         left = left[~found.converged[left]]
     return found
@@ -58,39 +60,7 @@ def _unsolved(theta, angles) -> Subject:
     )
 
 
-def rows_of(fixed: Fixed) -> tuple[np.ndarray, np.ndarray]:
-    """Find problem and posture of every row that counts, problem by problem."""
-    problem, posture = np.nonzero(np.asarray(fixed.problem.counted).T)
-    return problem, posture
-
-
-def _weights(fixed: Fixed) -> Float[np.ndarray, " rows"]:
-    """Of |y|^2 in E, deg^2."""
-    problem, posture = rows_of(fixed)
-    return np.asarray(fixed.problem.weights)[0, posture, problem] / (2.0 * float(DEG) ** 2)
-
-
-def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
-    """Lay the postures that count out as rows, each problem a part and a group of its own."""
-    problem, posture = rows_of(fixed)
-    count = fixed.problem.measured.shape[-1]
-    points = ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.point_weights, fixed.levels_mm)
-    return Parts(
-        girdle=jax.tree.map(np.asarray, fixed.girdle),
-        thorax=lambda theta_mm: thorax_terms(points, theta_mm),
-        bounds_mm=(np.asarray(fixed.problem.lower).T, np.asarray(fixed.problem.upper).T),
-        effects=active_effects.effects,
-        strengths=np.concatenate([np.asarray(one)[:, posture, problem] for one in active_effects.strengths]),
-        measured_deg=np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG),
-        sd=np.ones((6, len(problem))),
-        weights=_weights(fixed),
-        part=problem,
-        group=np.arange(count),
-        importance=np.ones(count),
-    )
-
-
-def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_steps: int) -> End:
+def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_steps: int, newton: bool) -> End:
     problem, posture = rows_of(fixed)
     count, parts = theta.shape[1], parts_of(fixed, active_effects)
     nothing = Shared(np.zeros((0, len(parts.strengths), len(problem))), np.zeros(0), np.zeros(0))
@@ -99,14 +69,20 @@ def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_step
         return bool((np.abs(slope) <= THETA_TOLERANCE).all())
 
     start = angles[:, posture, problem] * float(DEG)
-    return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, most_steps, start)
+
+    def curvature(theta_mm, near_deg) -> np.ndarray:
+        of_motion, _ = motion_curvature(fixed, active_effects, theta_mm.T, near_deg)
+        return np.moveaxis(ThoraxPoints(*fixed[:4]).curvature(theta_mm.T) + of_motion, -1, 0)
+
+    known = curvature if newton else None
+    return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, most_steps, start, known)
 
 
 def _put(found: Subject, left, fixed: Fixed, end: End) -> None:
     """Write the ends of some problems into their places, with their conditions."""
     problem, posture = rows_of(fixed)
     at = left[problem]
-    near, weights = end.nearest, _weights(fixed)
+    near, weights = end.nearest, row_weights(fixed)
     measured_deg = np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG)
     moved = near.angles_deg.T - measured_deg + np.einsum("rka,rk->ar", near.B, near.y)
     found.theta[:, left] = end.theta_mm.T

@@ -1,0 +1,43 @@
+"""Whole-subject problems with effects at work as rows of postures: each problem a part and a group of its own."""
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from adapt.solvers.batched.subject import Fixed
+from adapt.solvers.extended.gauss_newton import Parts, thorax_terms
+from adapt.solvers.objective import ThoraxPoints
+from models.effects import ActiveEffects
+from motions.rotations import DEG
+
+
+def rows_of(fixed: Fixed) -> tuple[np.ndarray, np.ndarray]:
+    """Find problem and posture of every row that counts, problem by problem."""
+    problem, posture = np.nonzero(np.asarray(fixed.problem.counted).T)
+    return problem, posture
+
+
+def row_weights(fixed: Fixed) -> Float[np.ndarray, " rows"]:
+    """Give the weights of |y|^2 in E, deg^2."""
+    problem, posture = rows_of(fixed)
+    return np.asarray(fixed.problem.weights)[0, posture, problem] / (2.0 * float(DEG) ** 2)
+
+
+def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
+    """Lay the postures that count out as rows, each problem a part and a group of its own."""
+    problem, posture = rows_of(fixed)
+    count = fixed.problem.measured.shape[-1]
+    points = ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.point_weights, fixed.levels_mm)
+    return Parts(
+        girdle=jax.tree.map(np.asarray, fixed.girdle),
+        thorax=lambda theta_mm: thorax_terms(points, theta_mm),
+        bounds_mm=(np.asarray(fixed.problem.lower).T, np.asarray(fixed.problem.upper).T),
+        effects=active_effects.effects,
+        strengths=np.concatenate([np.asarray(one)[:, posture, problem] for one in active_effects.strengths]),
+        measured_deg=np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG),
+        sd=np.ones((6, len(problem))),
+        weights=row_weights(fixed),
+        part=problem,
+        group=np.arange(count),
+        importance=np.ones(count),
+    )
