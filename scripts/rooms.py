@@ -26,7 +26,6 @@ ORDER = (
     "adapt.report",
     "adapt.output",
     "adapt.large_runs",
-    "adapt.app",
     "adapt.cli",
     "adapt.__main__",
 )

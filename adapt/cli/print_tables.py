@@ -16,7 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
 from rich.table import Table
 
-from adapt.app.child_runs import PROGRESS, PROGRESS_LINES
+from adapt.cli.local_page.child_runs import PROGRESS, PROGRESS_LINES
 from adapt.solvers import status
 from adapt.tables.held_out import MOTION, by_model, by_subject
 from adapt.tables.results import ALL_MOTIONS, STATISTICS, parameter_statistics

@@ -34,7 +34,7 @@ PATIENCE_S = 30.0
 RECONNECT_S = 0.2
 
 START = (
-    "from adapt.app.server import free_port, serve; port = free_port(); print(port, flush=True); "
+    "from adapt.cli.local_page.server import free_port, serve; port = free_port(); print(port, flush=True); "
     f"serve(port, False, reconnect_s={RECONNECT_S})"
 )
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from handmade import motions_of, rising
 
-from adapt.app import uploads
-from adapt.app.child_runs import Children
-from adapt.app.marker_names import guessed, mapping_toml
-from adapt.app.session import MAPPING, LaboratoryOptions, Session, convert_arguments
-from adapt.app.uploads import State, TrialLabels, Upload, accepted, shown_name, with_own_names
-from adapt.app.what_was_read import subjects_read, warnings
+from adapt.cli.local_page import uploads
+from adapt.cli.local_page.child_runs import Children
+from adapt.cli.local_page.marker_names import guessed, mapping_toml
+from adapt.cli.local_page.session import MAPPING, LaboratoryOptions, Session, convert_arguments
+from adapt.cli.local_page.uploads import State, TrialLabels, Upload, accepted, shown_name, with_own_names
+from adapt.cli.local_page.what_was_read import subjects_read, warnings
 from motions import InputError
 
 

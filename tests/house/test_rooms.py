@@ -32,7 +32,7 @@ ONLY_IN = {
     "jinja2": ("adapt.report",),
     "llvmlite": ("adapt.engine",),
     "matplotlib": ("adapt.output", "adapt.cli"),
-    "nicegui": ("adapt.app",),
+    "nicegui": ("adapt.cli",),
     "plotly": ("adapt.report",),
     "pydicom": ("models",),
     "rich": ("adapt.cli",),

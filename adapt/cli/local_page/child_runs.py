@@ -18,7 +18,7 @@ PROGRESS = "progress: "
 SOME_NOT_HANDLED = 3
 """The exit status of a command that wrote its results, but not of everybody."""
 
-_ROOT = Path(__file__).parents[2]
+_ROOT = Path(__file__).parents[3]
 _LONGEST_LINE_BYTES = 1_000_000
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile
 
-from adapt.app.uploads import Upload
+from adapt.cli.local_page.uploads import Upload
 
 FILES_TABLE = "files.csv"
 """In the zip: which number is which file of the person's."""

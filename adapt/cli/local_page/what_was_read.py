@@ -53,7 +53,7 @@ def _missing(mine: Motions) -> Iterator[str]:
 def warnings(motions: Motions) -> list[str]:
     """Say what a person should know before the motions are used: who was left out, estimates, slips, few postures."""
     found = [f"Left out: {error}" for error in motions.rejected]
-    if ESTIMATED in motions.extra and (motions.extra[ESTIMATED] == "yes").any():
+    if ESTIMATED in motions.extra and "yes" in motions.extra[ESTIMATED].to_numpy(str):
         found.append("The axial rotation of the clavicle is an estimate: two landmarks do not determine it.")
     for row, names in marked_slips(motions).items():
         where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"

@@ -12,9 +12,9 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from adapt.app.session import ZIP, Session
-from adapt.app.session_page import SessionPage
-from adapt.app.uploads import LARGEST_FILE_BYTES
+from adapt.cli.local_page.session import ZIP, Session
+from adapt.cli.local_page.session_page import SessionPage
+from adapt.cli.local_page.uploads import LARGEST_FILE_BYTES
 from motions import InputError
 
 LOOPBACK = "127.0.0.1"

@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from adapt.app.child_runs import Children, Ended
-from adapt.app.marker_names import mapping_toml
-from adapt.app.uploads import State, Upload, accepted, with_own_names
-from adapt.app.zipped_folder import zip_folder
+from adapt.cli.local_page.child_runs import Children, Ended
+from adapt.cli.local_page.marker_names import mapping_toml
+from adapt.cli.local_page.uploads import State, Upload, accepted, with_own_names
+from adapt.cli.local_page.zipped_folder import zip_folder
 from motions import InputError, Motions, read_motions
 from motions.formats.any_file import read_markers
 

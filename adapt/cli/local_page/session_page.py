@@ -4,14 +4,15 @@ import asyncio
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from nicegui import ui
 from nicegui.events import UploadEventArguments
 
-from adapt.app.marker_names import guessed
-from adapt.app.session import COMMANDS, ZIP, Session
-from adapt.app.uploads import ENDINGS, LARGEST_FILE_BYTES, State, Upload
-from adapt.app.what_was_read import subjects_read, warnings
+from adapt.cli.local_page.marker_names import guessed
+from adapt.cli.local_page.session import COMMANDS, ZIP, Session
+from adapt.cli.local_page.uploads import ENDINGS, LARGEST_FILE_BYTES, State, Upload
+from adapt.cli.local_page.what_was_read import subjects_read, warnings
 from models import model_names
 from motions import InputError
 from motions.landmarks.acromion import ROTATIONS
@@ -166,7 +167,7 @@ class SessionPage:
                 continue
             with ui.row().classes("file items-center"):
                 ui.label(upload.own_name).classes("said").style("font-weight: 600; flex: 1 1 12rem")
-                ui.button(icon="close", on_click=lambda upload=upload: self._remove(upload)).props(
+                ui.button(icon="close", on_click=partial(self._remove, upload)).props(
                     f'flat dense round aria-label="remove {_attribute(upload.own_name)}"'
                 ).set_enabled(not self.busy)
                 said = ui.label(upload.said or "reading ...").classes("said").style("flex: 1 0 100%")
@@ -297,7 +298,7 @@ class SessionPage:
         ).props("use-chips").style("max-width: 34rem")
         with ui.row().classes("items-center"):
             for text, commands in (("Adapt", COMMANDS[:1]), ("Adapt and diagnose", COMMANDS)):
-                ui.button(text, on_click=lambda commands=commands: self._run(commands)).props("no-caps").set_enabled(
+                ui.button(text, on_click=partial(self._run, commands)).props("no-caps").set_enabled(
                     ready and bool(self.models)
                 )
         if self.session.altered:
