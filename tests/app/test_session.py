@@ -1,15 +1,17 @@
 """What the page does without a browser: names of uploads, limits, mapping, what was read, child processes, the zip."""
 
 import asyncio
+import socket
 import tomllib
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
+from command import girdle, refused, shipped_lines, written
 from handmade import motions_of, rising
 
 from adapt.cli.local_page import uploads
-from adapt.cli.local_page.child_runs import Children
+from adapt.cli.local_page.child_runs import PROGRESS, PROGRESS_LINES, Children
 from adapt.cli.local_page.marker_names import guessed, mapping_toml
 from adapt.cli.local_page.session import MAPPING, LaboratoryOptions, Session, convert_arguments
 from adapt.cli.local_page.uploads import State, TrialLabels, Upload, accepted, shown_name, with_own_names
@@ -156,3 +158,27 @@ def test_a_child_says_how_it_ended_and_can_be_cancelled(tmp_path):
     assert not cancelled.useful
     assert cancelled.message == "Cancelled. Nothing was kept of this run."
     assert not children._running
+
+
+def test_a_command_tells_the_page_its_stages(monkeypatch, tmp_path):
+    """Through the pipe that the page reads, and only then."""
+    motions, out = written(tmp_path, shipped_lines(1)), tmp_path / "out"
+    assert not [line for line in girdle("fit", motions, "--out", out).messages if line.startswith(PROGRESS)]
+    monkeypatch.setenv(PROGRESS_LINES, "1")
+    assert f"{PROGRESS}posture fits" in girdle("fit", motions, "--out", out).messages
+
+
+def test_without_its_extra_the_command_says_what_to_install(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    refused(girdle("app"), "girdle app", "nicegui, which is not installed", "pip install 'girdle[app]'")
+
+
+def test_a_port_that_is_taken_is_named():
+    pytest.importorskip("nicegui", reason="nicegui, of the extra app, is not installed")
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        refused(
+            girdle("app", "--port", port, "--no-browser"), "--port", f"port {port} cannot be used", "Choose another"
+        )
