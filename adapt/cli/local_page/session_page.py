@@ -53,6 +53,7 @@ body { background: #f6f7f8; color: #1c1c1c; font: 16px/1.5 system-ui, "Segoe UI"
   .step .q-table, .step .q-table tbody { display: block }
   .step .q-table tbody tr { display: block; height: auto; border-top: 1px solid #dcdcdc; padding: .4rem 0 }
   .step .q-table tbody td { display: block; border: 0; height: auto; padding: 0 }
+  .step .q-table tbody td::before, .step .q-table tbody td::after { position: static; background: none }
   .step .q-table td:nth-child(3)::before { content: "arm " }
   .step .q-table td:nth-child(3)::after { content: " degrees" }
   .step .q-table td:nth-child(4)::before { content: "not measured: " }
