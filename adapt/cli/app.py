@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from adapt.cli.commands.app_command import open_app
 from adapt.cli.commands.assess_commands import diagnose_gap, muscle_results, trust_results
 from adapt.cli.commands.fit_commands import adapt, fit
 from adapt.cli.commands.list_commands import list_effects, list_models, simulate
@@ -47,6 +48,7 @@ for name, command in {
     "models": list_models,
     "simulate": simulate,
     "effects": list_effects,
+    "app": open_app,
     "doctor": doctor,
 }.items():
     app.command(name)(command)

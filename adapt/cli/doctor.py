@@ -22,6 +22,7 @@ EXIT_NEEDED_IS_MISSING = 1
 OK, MISSING, OPTIONAL = "ok", "MISSING", "optional"
 
 USE_OF_EXTRA = {
+    "app": "girdle app",
     "contour": "girdle contour",
     "dask": "girdle adapt --dask",
     "parquet": "girdle convert TABLE.csv TABLE.parquet",

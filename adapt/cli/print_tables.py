@@ -3,6 +3,8 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """What a person sees on the terminal: progress while it runs, tables when it is done."""
 
+import os
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -14,6 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
 from rich.table import Table
 
+from adapt.cli.local_page.child_runs import PROGRESS, PROGRESS_LINES
 from adapt.solvers import status
 from adapt.tables.held_out import MOTION, by_model, by_subject
 from adapt.tables.results import ALL_MOTIONS, STATISTICS, parameter_statistics
@@ -41,7 +44,13 @@ class PlainConsole(Console):
 
 @contextmanager
 def progress(errors: Console) -> Iterator[Callable[[str], None]]:
-    """Show a line on stderr, if that is a terminal, that says what is being done and for how long."""
+    """Show a line on stderr, if that is a terminal, that says what is being done and for how long.
+
+    Where `girdle app` runs the command, each stage is a line of its own.
+    """
+    if os.environ.get(PROGRESS_LINES):
+        yield lambda stage: print(f"{PROGRESS}{printable(stage)}", file=sys.stderr, flush=True)
+        return
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
     with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
         task = bar.add_task("starting", total=None)

@@ -32,6 +32,7 @@ ONLY_IN = {
     "jinja2": ("adapt.report",),
     "llvmlite": ("adapt.engine",),
     "matplotlib": ("adapt.output", "adapt.cli"),
+    "nicegui": ("adapt.cli",),
     "plotly": ("adapt.report",),
     "pydicom": ("models",),
     "rich": ("adapt.cli",),

@@ -1,0 +1,28 @@
+"""``girdle app``: the local page."""
+
+import importlib.util
+from typing import Annotated
+
+import typer
+
+from adapt.cli.options import console
+from motions import InputError
+
+
+def open_app(
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Where the page is; 0: any that is free.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+) -> None:
+    """Open a local page: drop files, see what was read, adapt and diagnose, take everything as a zip.
+
+    Nobody but this machine can reach it (127.0.0.1). What it keeps is in a temporary folder, which ends with the page.
+    Needs the extra `app` of the package. Ctrl-C ends it.
+    """
+    if importlib.util.find_spec("nicegui") is None:
+        cause = "the page needs nicegui, which is not installed"
+        raise InputError("girdle app", None, cause, "Install it: pip install 'girdle[app]'")
+    from adapt.cli.local_page.server import free_port, serve  # a web server: not for every command
+
+    chosen = free_port(port)
+    console.print(f"girdle app at http://127.0.0.1:{chosen} (Ctrl-C ends it)", soft_wrap=True)
+    serve(chosen, browser)

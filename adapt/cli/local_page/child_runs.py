@@ -1,0 +1,107 @@
+"""Commands of girdle in a process of their own: one that hangs or dies takes nothing with it, and can be cancelled."""
+
+import asyncio
+import os
+import signal
+import sys
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+PROGRESS_LINES = "GIRDLE_PROGRESS_LINES"
+"""The environment variable with which a command prints each stage as a line on stderr, although that is no terminal."""
+
+PROGRESS = "progress: "
+"""How such a line begins."""
+
+SOME_NOT_HANDLED = 3
+"""The exit status of a command that wrote its results, but not of everybody."""
+
+_ROOT = Path(__file__).parents[3]
+_LONGEST_LINE_BYTES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A command that ended. ``said``: its lines on stderr, those of progress left out."""
+
+    status: int
+    out: str
+    said: tuple[str, ...]
+    cancelled: bool = False
+
+    @property
+    def useful(self) -> bool:
+        """Whether it wrote results."""
+        return self.status in (0, SOME_NOT_HANDLED)
+
+    @property
+    def message(self) -> str:
+        """Return what it said last, or that it ended without a word."""
+        if self.cancelled:
+            return "Cancelled. Nothing was kept of this run."
+        return "\n".join(self.said[-3:]) or f"The command ended with status {self.status} and said nothing."
+
+
+class Children:
+    """The commands of a session that are running, all in its folder."""
+
+    def __init__(self, folder: Path) -> None:
+        """Take the folder in which they run, which is also that of their temporary files."""
+        self._folder = folder
+        self._running: set[Process] = set()
+        self._cancelled: set[Process] = set()
+
+    async def girdle(self, arguments: Sequence[str], progress: Callable[[str], None] = lambda _: None) -> Ended:
+        """Run ``girdle ARGUMENTS`` and wait for it; ``progress`` is told each of its stages."""
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-P", "-m", "adapt", *arguments),
+            cwd=self._folder,
+            env=self._environment(),
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=PIPE,
+            stderr=PIPE,
+            start_new_session=True,  # so that what it starts itself is ended with it
+            limit=_LONGEST_LINE_BYTES,
+        )
+        self._running.add(process)
+        try:
+            out, said = await asyncio.gather(_all(process.stdout), _lines(process.stderr, progress))
+            status = await process.wait()
+        finally:
+            self._running.discard(process)
+        return Ended(status, out, tuple(said), process in self._cancelled)
+
+    def cancel(self) -> None:
+        """End all of them at once."""
+        for process in tuple(self._running):
+            self._cancelled.add(process)
+            try:
+                if hasattr(os, "killpg"):
+                    os.killpg(process.pid, signal.SIGKILL)
+                else:
+                    process.kill()
+            except ProcessLookupError:
+                continue  # it has just ended by itself
+
+    def _environment(self) -> dict[str, str]:
+        """That of the page, but that the same code is imported, and that temporary files are the session's."""
+        path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH", ""))))
+        own = {PROGRESS_LINES: "1", "PYTHONPATH": path, "TMPDIR": str(self._folder), "COLUMNS": "200"}
+        return {**os.environ, **own}
+
+
+async def _all(stream: asyncio.StreamReader | None) -> str:
+    return (await stream.read()).decode(errors="replace") if stream else ""
+
+
+async def _lines(stream: asyncio.StreamReader | None, progress: Callable[[str], None]) -> list[str]:
+    """The lines that are not of progress."""
+    said = []
+    while stream and (line := (await stream.readline()).decode(errors="replace")):
+        if line.startswith(PROGRESS):
+            progress(line.removeprefix(PROGRESS).strip())
+        elif line.strip():
+            said.append(line.rstrip())
+    return said

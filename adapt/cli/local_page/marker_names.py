@@ -1,0 +1,29 @@
+"""Which marker is which landmark: a first guess, and the mapping file that `girdle convert` takes."""
+
+import json
+from collections.abc import Iterable, Mapping
+
+from motions.landmarks.mapping import MARKERS
+
+
+def guessed(names: Iterable[str]) -> dict[str, str]:
+    """Find the landmarks among the names of markers: called so, or so behind a prefix, as ``P01:IJ``."""
+    found = {}
+    for landmark in MARKERS:
+        ends = {name for name in names if name.rpartition(":")[2].strip().upper() == landmark}
+        exact = {landmark} & ends
+        if len(exact or ends) == 1:
+            (found[landmark],) = exact or ends
+    return found
+
+
+def mapping_toml(markers: Mapping[str, str], unit: str = "") -> str:
+    """Write the mapping file. markers: the laboratory's name, or a formula, by landmark; an empty one is left out."""
+    lines = [f"unit = {_quoted(unit)}"] if unit else []
+    lines += ["[markers]", *(f"{landmark} = {_quoted(name)}" for landmark, name in markers.items() if name)]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """A basic string of TOML: as JSON's, but that DEL is escaped too."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

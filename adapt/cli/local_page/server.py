@@ -1,0 +1,127 @@
+"""The web server of the page: this machine only, requests of a limited size, a temporary folder that ends with it."""
+
+import shutil
+import socket
+import tempfile
+from pathlib import Path
+
+from fastapi import HTTPException
+from fastapi.responses import FileResponse
+from nicegui import app, ui
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from adapt.cli.local_page.session import ZIP, Session
+from adapt.cli.local_page.session_page import SessionPage
+from adapt.cli.local_page.uploads import LARGEST_FILE_BYTES
+from motions import InputError
+
+LOOPBACK = "127.0.0.1"
+
+RECONNECT_S = 600.0
+"""How long the files of a page stay after its browser was last heard of: a laptop may sleep for a while."""
+
+PATIENCE_S = 2
+"""How long open connections may take to end after Ctrl-C."""
+
+LARGEST_BODY_BYTES = LARGEST_FILE_BYTES + 1_000_000
+"""Of a request: a file and what its form says of it."""
+
+SANDBOX = "sandbox allow-scripts allow-downloads allow-popups allow-modals"
+"""A report may run its scripts, but they reach neither the page nor its session."""
+
+
+class LimitedBody:
+    """Refuses a request that says it is too large, or does not say how large it is, before its body is read."""
+
+    def __init__(self, inner: ASGIApp) -> None:
+        """Wrap an application."""
+        self.inner = inner
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer with 411 or 413, or let the application answer."""
+        if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD", "OPTIONS"):
+            length = dict(scope["headers"]).get(b"content-length", b"")
+            status = 411 if not length.isdigit() else 413 if int(length) > LARGEST_BODY_BYTES else 0
+            if status:
+                await PlainTextResponse("The file is too large", status)(scope, receive, send)
+                return
+        await self.inner(scope, receive, send)
+
+
+def free_port(port: int = 0) -> int:
+    """Return the port if it is free, any free one for 0. InputError if it is taken."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind((LOOPBACK, port))
+        except OSError as error:
+            raise InputError(
+                "--port", None, f"port {port} cannot be used ({error.strerror})", "Choose another"
+            ) from error
+        return one.getsockname()[1]
+
+
+def serve(port: int, browser: bool = True, reconnect_s: float = RECONNECT_S) -> None:
+    """Serve the page on the loopback address until Ctrl-C.
+
+    browser: whether to open it. reconnect_s: how long the files of a closed page are kept.
+    """
+    sessions: dict[str, Session] = {}
+    with tempfile.TemporaryDirectory(prefix="girdle-app-", ignore_cleanup_errors=True) as folder:
+        tempfile.tempdir = folder  # large uploads wait in files of the framework
+        _add_routes(sessions)
+
+        def page() -> None:
+            session = Session(Path(folder))
+            sessions[session.token] = session
+            ui.context.client.on_delete(lambda: sessions.pop(session.token).close())
+            SessionPage(session).build()
+
+        def close_all() -> None:
+            """Clean up here already: a terminating signal is raised again when the server has ended."""
+            for session in sessions.values():
+                session.close()
+            shutil.rmtree(folder, ignore_errors=True)
+
+        app.on_shutdown(close_all)
+        app.add_middleware(LimitedBody)
+        app.add_middleware(TrustedHostMiddleware, allowed_hosts=[LOOPBACK, "localhost"])  # no other name leads here
+        ui.run(
+            page,
+            host=LOOPBACK,
+            port=port,
+            title="girdle",
+            favicon=_ICON,
+            language="en-US",
+            show=browser,
+            reload=False,
+            show_welcome_message=False,
+            reconnect_timeout=reconnect_s,
+            timeout_graceful_shutdown=PATIENCE_S,
+        )
+    tempfile.tempdir = None
+
+
+def _add_routes(sessions: dict[str, Session]) -> None:
+    """Give out the reports and the zip of a session to who knows its name, and no other file."""
+
+    @app.get("/session/{token}/{what}")
+    def given(token: str, what: str) -> FileResponse:
+        session = sessions.get(token)
+        if session is None:
+            raise HTTPException(404)
+        if what == ZIP:
+            return FileResponse(session.zipped(), filename=ZIP)
+        path = session.report(what)
+        if path is None:
+            raise HTTPException(404)
+        return FileResponse(path, media_type="text/html", headers={"Content-Security-Policy": SANDBOX})
+
+
+_ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><path d="M2 3 L13 5 L10 14 Z" fill="none" '
+    'stroke="#0072b2" stroke-width="2" stroke-linejoin="round"/></svg>'
+)
+"""A scapula."""

@@ -1,0 +1,157 @@
+"""A session of the page: its folder, the files in it, what was read, the runs and their results."""
+
+import asyncio
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from adapt.cli.local_page.child_runs import Children, Ended
+from adapt.cli.local_page.marker_names import mapping_toml
+from adapt.cli.local_page.uploads import State, Upload, accepted, with_own_names
+from adapt.cli.local_page.zipped_folder import zip_folder
+from motions import InputError, Motions, read_motions
+from motions.formats.any_file import read_markers
+
+COMMANDS = ("adapt", "diagnose")
+"""What the page runs, in this order; each writes into the folder of its name."""
+
+MAPPING = "map.toml"
+ZIP = "girdle.zip"
+
+
+@dataclass
+class LaboratoryOptions:
+    """What the page says of all files of positions."""
+
+    markers: dict[str, str]
+    unit: str = ""
+    aa_to_ac: str = ""
+    sc_from_ij: str = ""
+
+
+class Session:
+    """One opened page. Everything is in a folder of its own, which ends with it."""
+
+    def __init__(self, root: Path) -> None:
+        """Make the folder, with a name that nobody can guess, inside ``root``."""
+        self.token = secrets.token_urlsafe(16)
+        self.folder = root / f"session-{self.token}"
+        for name in ("uploads", "motions"):
+            (self.folder / name).mkdir(parents=True)
+        self.files: list[Upload] = []
+        self.options = LaboratoryOptions({})
+        self.motions: Motions | None = None
+        self.children = Children(self.folder)
+
+    def close(self) -> None:
+        """End what runs and remove the folder."""
+        self.children.cancel()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def place(self, client_name: str, size: int) -> Upload:
+        """Take a file up; its content belongs at ``folder / source``. InputError if it is refused."""
+        upload = accepted(client_name, size, self.files)
+        self.files.append(upload)
+        return upload
+
+    def look_at(self, upload: Upload) -> None:
+        """Read the names of its markers, if it is a file of positions; what is wrong is said when it is converted."""
+        try:
+            markers = read_markers(self.folder / upload.source)
+        except InputError:
+            return
+        upload.markers = tuple(dict.fromkeys(markers.names)) if markers else ()
+
+    def remove(self, upload: Upload) -> None:
+        """Forget a file."""
+        self.files.remove(upload)
+        for place in (upload.source, upload.motions):
+            (self.folder / place).unlink(missing_ok=True)
+
+    @property
+    def marker_names(self) -> list[str]:
+        """Return the names of the markers of all files, each once."""
+        return list(dict.fromkeys(name for one in self.files for name in one.markers))
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a file waits to be read."""
+        return any(one.state is State.WAITING for one in self.files)
+
+    @property
+    def altered(self) -> bool:
+        """Whether something was altered since a file was read."""
+        return any(one.state is State.ALTERED for one in self.files)
+
+    async def convert_waiting(self) -> None:
+        """Bring every file that waits into a motion file."""
+        text = mapping_toml(self.options.markers, self.options.unit)
+        (self.folder / MAPPING).write_text(text, encoding="utf-8")
+        free = asyncio.Semaphore(os.cpu_count() or 1)
+
+        async def one_of_them(upload: Upload) -> None:
+            async with free:
+                await self._convert(upload)
+
+        await asyncio.gather(*(one_of_them(one) for one in self.files if one.state is State.WAITING))
+
+    async def _convert(self, upload: Upload) -> None:
+        upload.state = State.READING
+        (self.folder / upload.motions).unlink(missing_ok=True)
+        ended = await self.children.girdle(convert_arguments(upload, self.options))
+        said = ended.message if not ended.useful or ended.said else ended.out.partition(" in motions/")[0].strip()
+        upload.said = self.named(said.removeprefix("error: "))
+        if upload.state is State.READING:  # else it was altered meanwhile
+            upload.state = State.READ if ended.useful else State.REFUSED
+
+    async def read(self) -> None:
+        """Read all motion files together. InputError if nobody in them can be used."""
+        self.motions = None
+        paths = [self.folder / one.motions for one in self.files if one.read]
+        if paths:
+            self.motions = await asyncio.to_thread(read_motions, *paths)
+
+    def named(self, text: str) -> str:
+        """Put the browser's names of files into a message."""
+        return with_own_names(text.replace(f"{self.folder}{os.sep}", ""), self.files)
+
+    async def run(self, command: str, models: Sequence[str], progress: Callable[[str], None]) -> Ended:
+        """Run ``girdle adapt`` or ``girdle diagnose`` on the motions that were read."""
+        shutil.rmtree(self.folder / command, ignore_errors=True)
+        files = [one.motions for one in self.files if one.read]
+        chosen = [f"--model={name}" for name in models]
+        ended = await self.children.girdle([command, *files, *chosen, f"--out={command}"], progress)
+        if not ended.useful:
+            shutil.rmtree(self.folder / command, ignore_errors=True)
+        return ended
+
+    def clear_results(self) -> None:
+        """Remove what earlier runs wrote: it is not of the files that are there now."""
+        for name in COMMANDS:
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+
+    def report(self, command: str) -> Path | None:
+        """Return the report of a command, if it wrote one."""
+        path = self.folder / command / "report.html"
+        return path if command in COMMANDS and path.is_file() else None
+
+    def zipped(self) -> Path:
+        """Put everything of the session into one zip."""
+        target = self.folder / ZIP
+        zip_folder(self.folder, ("uploads", "motions", MAPPING, *COMMANDS), self.files, target)
+        return target
+
+
+def convert_arguments(upload: Upload, options: LaboratoryOptions) -> list[str]:
+    """Say to ``girdle convert`` what the page says of a file."""
+    arguments = ["convert", upload.source, upload.motions]
+    if upload.names_itself:
+        return arguments
+    labels = upload.labels
+    said = {"subject": labels.subject, "motion": labels.motion, "side": labels.side}
+    if upload.markers:
+        said |= {"at": labels.at, "map": MAPPING, "aa-to-ac": options.aa_to_ac, "sc-from-ij": options.sc_from_ij}
+    return [*arguments, *(f"--{name}={value}" for name, value in said.items() if value)]

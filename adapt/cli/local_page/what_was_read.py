@@ -1,0 +1,67 @@
+"""What stands in the motions, for a person to look at before anything is fitted."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from adapt.diagnosis.fit.shoulders import FEWEST_POSTURES
+from motions import Motions
+from motions.landmarks.sampled_postures import ESTIMATED, marked_slips
+from motions.table import ANGLE_NAMES, ANGLES
+
+
+@dataclass(frozen=True)
+class SubjectRead:
+    """A line of the table on the page, as text. ``missing``: the angles that were not measured in every posture."""
+
+    subject: str
+    motions: str
+    postures: int
+    elevation: str
+    missing: str
+
+
+def subjects_read(motions: Motions) -> list[SubjectRead]:
+    """Describe each subject: its motions with their postures, elevations in degrees, and what is missing."""
+    return [_described(name, motions.select(motions.subject == name)) for name in motions.subjects]
+
+
+def _described(name: str, mine: Motions) -> SubjectRead:
+    kinds = {str(kind): int(np.sum(mine.motion == kind)) for kind in dict.fromkeys(mine.motion)}
+    return SubjectRead(
+        name,
+        ", ".join(f"{kind} ({count})" for kind, count in kinds.items()),
+        len(mine.posture),
+        _range(mine.humerus_elevation_deg),
+        "; ".join(_missing(mine)) or "nothing",
+    )
+
+
+def _range(elevation_deg: np.ndarray) -> str:
+    known = elevation_deg[np.isfinite(elevation_deg)]
+    return f"{known.min():.0f} to {known.max():.0f}" if len(known) else "not measured"
+
+
+def _missing(mine: Motions) -> Iterator[str]:
+    count = len(mine.posture)
+    for angle, gaps in zip(ANGLES, np.sum(~np.isfinite(mine.angles_deg), axis=0), strict=True):
+        if gaps:
+            yield f"{ANGLE_NAMES[angle]}{'' if gaps == count else f' in {gaps} of {count}'}"
+
+
+def warnings(motions: Motions) -> list[str]:
+    """Say what a person should know before the motions are used: who was left out, estimates, slips, few postures."""
+    found = [f"Left out: {error}" for error in motions.rejected]
+    if ESTIMATED in motions.extra and "yes" in motions.extra[ESTIMATED].to_numpy(str):
+        found.append("The axial rotation of the clavicle is an estimate: two landmarks do not determine it.")
+    for row, names in marked_slips(motions).items():
+        where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
+        found.append(f"{names} slipped: {where}. The diagnosis leaves this posture out.")
+    for subject in motions.subjects:
+        mine = motions.subject == subject
+        if np.sum(mine) < FEWEST_POSTURES:
+            found.append(f"{subject} has fewer than {FEWEST_POSTURES} postures: the diagnosis leaves it out.")
+        elif len(set(motions.motion[mine])) == 1:
+            found.append(f"{subject} has one motion only: more kinds of motion tell more.")
+    return found

@@ -1,0 +1,35 @@
+"""Everything of a session as one zip."""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile
+
+from adapt.cli.local_page.uploads import Upload
+
+FILES_TABLE = "files.csv"
+"""In the zip: which number is which file of the person's."""
+
+
+def zip_folder(folder: Path, parts: Sequence[str], uploads: Sequence[Upload], target: Path) -> None:
+    """Write the parts of a folder, those that are there, and the table of the uploads' names into a zip."""
+    with ZipFile(target, "w", ZIP_DEFLATED) as archive:
+        archive.writestr(FILES_TABLE, files_table(uploads))
+        for path in _files(folder, parts):
+            archive.write(path, path.relative_to(folder).as_posix())
+
+
+def files_table(uploads: Sequence[Upload]) -> str:
+    """Write which name here is which of the person's, as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("file", "your name of it", "motion file"))
+    writer.writerows((one.source, one.own_name, one.motions if one.read else "") for one in uploads)
+    return text.getvalue()
+
+
+def _files(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
+    for part in parts:
+        place = folder / part
+        yield from sorted(path for path in (place, *place.rglob("*")) if path.is_file())
