@@ -63,8 +63,8 @@ class Named(NamedTuple):
 def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the most probable set of causes of which each predicts; noise alone leaves a gap of ``floor_deg``.
 
-    A set that is looked at has its subsets fitted too; one that passes, what could stand in the place of each cause; last
-    its gap budget by exact refits, which must fall to its end.
+    A set that is looked at has its subsets fitted too; one that passes, what could stand in the place of each cause;
+    last its gap budget by exact refits, which must fall to its end.
     """
     rejected: set[Hypothesis] = set()
     while len(rejected) < _MOST_LOOKED_AT:
