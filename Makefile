@@ -29,6 +29,7 @@ lock: .venv/dev ## after a change of dependencies in pyproject.toml
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes pyproject.toml -o requirements.lock
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra docs -c requirements-dev.lock pyproject.toml -o requirements-docs.lock
+	echo uv | $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes -c requirements-dev.lock - -o requirements-uv.lock
 
 blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
 	$(BIN)/python scripts/blind_check.py --out out/blind
@@ -76,17 +77,24 @@ frames: .venv/runtime ## the pictures of frames and signs, docs/frames*.svg, fro
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
-.venv/runtime: .venv/bin/python requirements.lock pyproject.toml
-	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/pip install -q --disable-pip-version-check --no-deps -e .
+# uv installs what the lock files name in a tenth of pip's time.
+.venv/uv: .venv/bin/python requirements-uv.lock
+	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-uv.lock
+	touch $@
+
+INSTALL := $(BIN)/uv pip install -q --python $(BIN)/python
+
+.venv/runtime: .venv/uv requirements.lock pyproject.toml
+	$(INSTALL) --require-hashes -r requirements.lock
+	$(INSTALL) --no-deps -e .
 	touch $@
 
 .venv/dev: .venv/runtime requirements-dev.lock
-	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	$(INSTALL) --require-hashes -r requirements-dev.lock
 	touch $@
 
 .venv/docs: .venv/runtime requirements-docs.lock
-	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	$(INSTALL) --require-hashes -r requirements-docs.lock
 	touch $@
 
 clean:
