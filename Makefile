@@ -1,6 +1,8 @@
 # Two commands on a bare machine with Python 3.11+, pip and make: `make adapt` and `make test`.
 PYTHON ?= python3
 BIN := .venv/bin
+# uv takes a tenth of the time of pip.
+INSTALL := $(BIN)/uv pip install -q --python $(BIN)/python
 MOTIONS ?= ../shared/motions/*.csv
 MEANS ?= --mean mean_ludewig2009 --mean mean_oki2012
 
@@ -77,12 +79,9 @@ frames: .venv/runtime ## the pictures of frames and signs, docs/frames*.svg, fro
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
-# uv installs what the lock files name in a tenth of pip's time.
 .venv/uv: .venv/bin/python requirements-uv.lock
 	$(BIN)/pip install -q --disable-pip-version-check --require-hashes -r requirements-uv.lock
 	touch $@
-
-INSTALL := $(BIN)/uv pip install -q --python $(BIN)/python
 
 .venv/runtime: .venv/uv requirements.lock pyproject.toml
 	$(INSTALL) --require-hashes -r requirements.lock
