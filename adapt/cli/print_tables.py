@@ -16,7 +16,6 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
 from rich.table import Table
 
-from adapt.cli.local_page.child_runs import PROGRESS, PROGRESS_LINES
 from adapt.solvers import status
 from adapt.tables.held_out import MOTION, by_model, by_subject
 from adapt.tables.results import ALL_MOTIONS, STATISTICS, parameter_statistics
@@ -40,6 +39,13 @@ class PlainConsole(Console):
         """Pass every printed text through ``printable``, all but the control codes of rich itself."""
         for segment in super().render(*arguments, **options):
             yield segment if segment.control else segment._replace(text=printable(segment.text))
+
+
+PROGRESS_LINES = "GIRDLE_PROGRESS_LINES"
+"""The environment variable with which a command prints each stage as a line on stderr, although that is no terminal."""
+
+PROGRESS = "progress: "
+"""How such a line begins."""
 
 
 @contextmanager

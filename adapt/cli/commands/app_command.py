@@ -21,8 +21,8 @@ def open_app(
     if importlib.util.find_spec("nicegui") is None:
         cause = "the page needs nicegui, which is not installed"
         raise InputError("girdle app", None, cause, "Install it: pip install 'girdle[app]'")
-    from adapt.cli.local_page.server import free_port, serve  # a web server: not for every command
+    from adapt.cli.local_page.server import LOOPBACK, free_port, serve  # a web server: not for every command
 
     chosen = free_port(port)
-    console.print(f"girdle app at http://127.0.0.1:{chosen} (Ctrl-C ends it)", soft_wrap=True)
+    console.print(f"girdle app at http://{LOOPBACK}:{chosen} (Ctrl-C ends it)", soft_wrap=True)
     serve(chosen, browser)

@@ -9,14 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-PROGRESS_LINES = "GIRDLE_PROGRESS_LINES"
-"""The environment variable with which a command prints each stage as a line on stderr, although that is no terminal."""
-
-PROGRESS = "progress: "
-"""How such a line begins."""
-
-SOME_NOT_HANDLED = 3
-"""The exit status of a command that wrote its results, but not of everybody."""
+from adapt.cli.ending import EXIT_SOME_NOT_HANDLED
+from adapt.cli.print_tables import PROGRESS, PROGRESS_LINES
 
 _ROOT = Path(__file__).parents[3]
 _LONGEST_LINE_BYTES = 1_000_000
@@ -34,7 +28,7 @@ class Ended:
     @property
     def useful(self) -> bool:
         """Whether it wrote results."""
-        return self.status in (0, SOME_NOT_HANDLED)
+        return self.status in (0, EXIT_SOME_NOT_HANDLED)
 
     @property
     def message(self) -> str:

@@ -141,8 +141,7 @@ class SessionPage:
         if self.busy:
             return
         self.busy = READING
-        self.session.clear_results()
-        self.outcome, self.shown = [], ""
+        self._forget_results()
         self._refresh()
         while self.session.waiting:
             await self.session.convert_waiting()
@@ -153,6 +152,10 @@ class SessionPage:
             self._say(self.session.named(str(error)))
         self.busy = ""
         self._refresh()
+
+    def _forget_results(self) -> None:
+        self.session.clear_results()
+        self.outcome, self.shown = [], ""
 
     def _refresh(self) -> None:
         for part in (self.files, self.names, self.reading, self.summary, self.choices, self.results):
@@ -324,12 +327,11 @@ class SessionPage:
         """Run them one after another; what one of them says wrong ends it."""
         if self.busy:
             return
-        self.session.clear_results()
-        self.outcome, self.shown = [], ""
+        self._forget_results()
         for command in commands:
             self.busy, self.since = command, time.monotonic()
             self._refresh()
-            ended = await self.session.run(command, self.models, lambda stage: self._stage(stage))
+            ended = await self.session.run(command, self.models, self._stage)
             self.busy = ""
             if not ended.useful or ended.said:
                 self.outcome.append(f"{TITLES[command]}: {self.session.named(ended.message)}")

@@ -1,12 +1,11 @@
 """Everything of a session as one zip."""
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile
 
 from adapt.cli.local_page.uploads import Upload
+from motions.motion_csv.writing import csv_text
 
 FILES_TABLE = "files.csv"
 """In the zip: which number is which file of the person's."""
@@ -22,11 +21,8 @@ def zip_folder(folder: Path, parts: Sequence[str], uploads: Sequence[Upload], ta
 
 def files_table(uploads: Sequence[Upload]) -> str:
     """Write which name here is which of the person's, as CSV."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("file", "your name of it", "motion file"))
-    writer.writerows((one.source, one.own_name, one.motions if one.read else "") for one in uploads)
-    return text.getvalue()
+    rows = ((one.source, one.own_name, one.motions if one.read else "") for one in uploads)
+    return csv_text((("file", "your name of it", "motion file"), *rows))
 
 
 def _files(folder: Path, parts: Sequence[str]) -> Iterator[Path]:
