@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from adapt.diagnosis.location.gap_location import SAME_ELEVATION_DEG, AngleGaps, groups_of_postures
-from motions.rotations import DEG, compose, mean_angle, rotation_from_cardan
+from motions.rotations import DEG, compose, rotation_from_cardan, vector_from_rotation
 from motions.table import BONES
 
 _TERMS = 4
@@ -140,7 +140,7 @@ def _turns(gaps: AngleGaps, angles: slice) -> _Turns:
     both = (np.where(used, x[angles], 0.0) for x in (gaps.data.values, gaps.simulated))
     measured, simulated = map(rotation_from_cardan, both)
     back = np.swapaxes(simulated, 0, 1)
-    v = np.stack([_vector_deg(compose(measured, back)), _vector_deg(compose(back, measured))])
+    v = DEG * np.stack([vector_from_rotation(R) for R in (compose(measured, back), compose(back, measured))])
     return _Turns(
         vectors_deg=np.swapaxes(v[:, :, used], 1, 2),
         subject=np.nonzero(used)[1],
@@ -148,13 +148,6 @@ def _turns(gaps: AngleGaps, angles: slice) -> _Turns:
         elevation_deg=gaps.data.elevation_deg[used],
         noise_deg2=gaps.noise_deg2[angles][:, used],
     )
-
-
-def _vector_deg(R: Float[Array, " 3 3 *batch"]) -> Float[Array, " 3 *batch"]:
-    """log(R) for less than half a turn."""
-    sines = np.stack([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    length = np.sqrt((sines**2).sum(axis=0))
-    return sines * mean_angle(R) * DEG / np.where(length > 0.0, length, 1.0)
 
 
 def _squares(turns: _Turns) -> Float[np.ndarray, " 7"]:
