@@ -85,10 +85,11 @@ def _lowest_given(model: Quadratic, prior_gradient, prior_matrix, fixed, value) 
     across = np.swapaxes(cross, 1, 2)
     g = importance[:, None] * (gradient[:, _N:] + _times(across, start))
     H = importance[:, None, None] * (shared - across @ slope)
-    first = np.flatnonzero(np.diff(group, prepend=-1))
+    begins = np.diff(group, prepend=-1) > 0
+    first = np.flatnonzero(begins)
     G, M = prior_gradient + np.add.reduceat(g, first, axis=0), prior_matrix + np.add.reduceat(H, first, axis=0)
     da = -np.linalg.solve(M, G[..., None])[..., 0] if G.shape[1] else G
-    of_part = da[np.cumsum(np.diff(group, prepend=group[:1]) > 0)]
+    of_part = da[np.cumsum(begins) - 1]
     dtheta = start - _times(slope, of_part)
     slack = gradient[:, :_N] + _times(own, dtheta) + _times(cross, of_part)
     return dtheta, da, dtheta - slack / np.einsum("pii->pi", own)

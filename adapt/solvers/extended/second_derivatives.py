@@ -17,15 +17,16 @@ def motion_curvature(
     fixed: Fixed,
     active_effects: ActiveEffects,
     theta: Float[np.ndarray, "adapted problems"],
-    start_deg: Float[np.ndarray, "6 rows"] | None = None,
+    near_deg: Float[np.ndarray, "6 rows"] | None = None,
 ) -> tuple[Float[np.ndarray, "adapted adapted problems"], Float[np.ndarray, "6 postures adapted problems"]]:
     """Compute d2(w mean J)/dtheta2, and dq/dtheta of every posture, rad a mm; 0 for postures that do not count.
 
-    The postures are those nearest to the measured ones that ``start_deg``, by default these themselves, leads to.
+    ``near_deg``: the nearest postures at theta; by default those that are found from the measured ones.
     """
     parts = parts_of(fixed, active_effects)
     problem, posture = rows_of(fixed)
-    start = parts.nearest(theta.T, parts.strengths, start_deg)
+    if near_deg is None:
+        near_deg = parts.nearest(theta.T, parts.strengths).angles_deg.T
     n, (_, postures, count) = len(ADAPTED), fixed.problem.measured.shape
     hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))
     for k in range(n):
@@ -33,7 +34,7 @@ def motion_curvature(
         for sign in (1.0, -1.0):
             shifted = theta.T.copy()
             shifted[:, k] += sign * _STEP_MM
-            near = parts.nearest(shifted, parts.strengths, start.angles_deg.T)
+            near = parts.nearest(shifted, parts.strengths, near_deg)
             slope = 2.0 * parts.weights[:, None] * np.einsum("rki,rk->ri", near.by_theta, near.y)
             ends.append((parts.sums(slope), near.angles_deg))
         hessian[:, k] = ((ends[0][0] - ends[1][0]) / (2.0 * _STEP_MM)).T
