@@ -1,4 +1,4 @@
-"""The one error of a user's input: where it is, what is wrong, what to do about it."""
+"""The one error of a user's input, and the one warning: where it is, what is wrong, what to do about it."""
 
 
 class InputError(ValueError):
@@ -19,3 +19,7 @@ class InputError(ValueError):
         where = self.file if self.row is None else f"{self.file}, line {self.row}"
         said = f"{where}: {self.cause.rstrip('.')}. {self.remedy.rstrip('.')}."
         return "".join(c if c.isprintable() else "?" for c in said)  # it may quote a file: one line, whatever is in it
+
+
+class InputWarning(UserWarning):
+    """A file is used as it is, but one may want to look at it. Its text is that of an :class:`InputError`."""

@@ -2,8 +2,9 @@
 
 import gc
 import sys
+import warnings
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -17,6 +18,7 @@ from adapt.cli.landmarks.landmark_commands import contours_of_slices, convert_fi
 from adapt.cli.options import console, errors
 from adapt.engine.compilation_cache import keep_compiled
 from motions import InputError
+from motions.errors import InputWarning
 
 FIRST_LINES = """\
 girdle convert TRIAL.trc motions.csv       # landmarks of your laboratory to angles of clavicle and scapula
@@ -72,12 +74,25 @@ def first_lines(
         console.print(FIRST_LINES, soft_wrap=True)
 
 
+def _show_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
+    """Say what a person should look at in one line; show any other warning as Python does."""
+    if issubclass(category, InputWarning):
+        errors.print(f"warning: {message}", soft_wrap=True)
+    else:
+        _python_shows(message, category, *where)
+
+
+_python_shows = warnings.showwarning
+
+
 def main(application: typer.Typer = app) -> None:
     """Run the command line: keep compiled code between runs; bad input is one message and exit status 2."""
     keep_compiled()
     gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     try:
-        application()
+        with warnings.catch_warnings(action="always", category=InputWarning):
+            warnings.showwarning = _show_warning
+            application()
     except InputError as error:
         errors.print(f"error: {error}", soft_wrap=True)
         sys.exit(EXIT_BAD_INPUT)

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from adapt.engine.batching import QUICK_TO_COMPILE as QUICK_TO_COMPILE  # for gradients that run a few times
 from adapt.solvers.objective import thorax_distance_mm2
 from adapt.solvers.reference.constraints import ByHand, Differentiated
 from adapt.solvers.reference.elimination import eliminate

@@ -4,12 +4,13 @@ Not read with trc-data-reader: its 0.4.1 splits lines at any white space, so tha
 writes a gap, shifts all markers to its right by one place without a word.
 """
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError
+from motions.errors import InputError, InputWarning
 from motions.files import read_text
 from motions.formats.gaps import zeros_as_gaps
 from motions.formats.text import numbers
@@ -23,10 +24,12 @@ _NAMES_LINE, _FIRST_DATA_LINE = 4, 6
 def read_trc(path: Path) -> Markers:
     """Read all markers of a .trc file; an empty cell, nan or a marker at exactly (0, 0, 0) is a gap.
 
-    InputError if the file is none, or if it has not the frames and markers that its header says.
+    InputError if the file is none, has not the markers that its header says, or ends within a line. InputWarning if it
+    has not the frames that its header says: programs that crop a trial often leave that number as it was.
     """
     file = str(path)
-    lines = read_text(path, _EXPORT).splitlines()
+    text = read_text(path, _EXPORT)
+    lines = text.splitlines()
     if len(lines) < _FIRST_DATA_LINE or not lines[0].startswith("PathFileType"):
         raise InputError(file, None, "this is not a .trc file", _EXPORT)
     header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
@@ -35,8 +38,15 @@ def read_trc(path: Path) -> Markers:
         raise InputError(file, _NAMES_LINE, "the line does not start with Frame#", _EXPORT)
     markers = _marker_names(names, file)
     table = _table(lines, 2 + 3 * len(markers), file)
-    _check_count(header, "NumMarkers", len(markers), "markers", file)
-    _check_count(header, "NumFrames", len(table), "frames", file)
+    said = _said(header, "NumMarkers", file)
+    if said != len(markers):
+        raise _miscounted(file, "NumMarkers", said, len(markers), "markers")
+    said = _said(header, "NumFrames", file)
+    if said != len(table):
+        found = _miscounted(file, "NumFrames", said, len(table), "frames")
+        if len(table) < said and not text.endswith("\n"):
+            raise found
+        warnings.warn(InputWarning(str(found)), stacklevel=2)
     positions = table[:, 2:].T.reshape(len(markers), 3, -1)
     return Markers(file, tuple(markers), zeros_as_gaps(positions), header.get("Units"), {})
 
@@ -70,12 +80,13 @@ def _table(lines: list[str], columns: int, file: str) -> Float[np.ndarray, "fram
     return numbers(np.array(table, dtype=object), rows, file)
 
 
-def _check_count(header: dict[str, str], key: str, found: int, what: str, file: str) -> None:
-    """InputError if the header says another number than the file has."""
+def _said(header: dict[str, str], key: str, file: str) -> int:
     said = header.get(key, "")
     if not said.isdigit():
         raise InputError(file, 3, f"the header does not say {key}", _EXPORT)
-    if int(said) != found:
-        cause = f"the header says {said} {what} ({key}) but the file has {found}"
-        remedy = f"Export it again if it was cut off; if it is complete, write {found} for {key}"
-        raise InputError(file, 3, cause, remedy)
+    return int(said)
+
+
+def _miscounted(file: str, key: str, said: int, found: int, what: str) -> InputError:
+    cause = f"the header says {said} {what} ({key}) but the file has {found}"
+    return InputError(file, 3, cause, f"Export it again if it was cut off; if it is complete, write {found} for {key}")

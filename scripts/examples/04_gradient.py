@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from simulated_trial import shipped_subjects
 
-from adapt.solvers.differentiable import posture_fit
+from adapt.solvers.differentiable import QUICK_TO_COMPILE, posture_fit
 from models import load_model
 
 
@@ -21,7 +21,8 @@ def gap_deg2(conoid_length_mm, angles):
     return jnp.mean(posture_fit(girdle, angles).j_deg2)
 
 
-of_every_subject = jax.jit(jax.vmap(jax.value_and_grad(gap_deg2), in_axes=(None, 0)))
+# Half the seconds on the first call, most of which is compilation; leave the options out where it runs a thousand times.
+of_every_subject = jax.jit(jax.vmap(jax.value_and_grad(gap_deg2), in_axes=(None, 0)), compiler_options=QUICK_TO_COMPILE)
 
 
 def angles() -> np.ndarray:

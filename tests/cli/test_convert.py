@@ -229,6 +229,15 @@ def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, t
     assert "--at 30,60,90" in ended.out
 
 
+def test_a_cropped_trial_is_converted_with_a_warning(trials, tmp_path):
+    """Its header still has the number of frames before it was cropped."""
+    lab = {name: xyz[:, :40] for name, xyz in trials[0.0].thorax_mm.items()}
+    (tmp_path / "t.trc").write_text("\n".join(trc_lines(lab, frames_said=600)) + "\n")
+    ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv")
+    assert ended.out.startswith("40 postures of 1 subject")
+    assert ended.err.startswith(f"warning: {tmp_path / 't.trc'}, line 3: the header says 600 frames (NumFrames)")
+
+
 def test_a_folder_that_is_no_checkout(tmp_path):
     refused(girdle("convert", tmp_path, tmp_path / "o.csv"), str(tmp_path), "not a checkout", "Name one file")
 

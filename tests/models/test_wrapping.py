@@ -58,6 +58,20 @@ def apart(p, q, axes, most_deg: float = 130.0):
     return np.degrees(np.arccos(cosine)) < most_deg
 
 
+SIDE_BY_SIDE = 512
+"""Paths in one program: it is compiled once for all tests but that of shapes, which takes the project's own."""
+
+
+def paths(p, q, axes):
+    """Shortest paths of (3, paths) ends, filled with copies of the last."""
+    rows = np.minimum(np.arange(SIDE_BY_SIDE), p.shape[1] - 1)
+    filled = (np.broadcast_to(np.asarray(x), p.shape)[:, rows] for x in (p, q, axes))
+    return jax.tree.map(lambda x: np.asarray(x)[..., : p.shape[1]], _paths(*filled))
+
+
+_paths = few_runs(shortest_path)
+
+
 def test_on_a_sphere_the_path_is_two_tangents_and_a_great_circle():
     radius = 100.0
     axes = np.full(3, radius)
@@ -67,7 +81,7 @@ def test_on_a_sphere_the_path_is_two_tangents_and_a_great_circle():
     arc = angle - np.arccos(radius / rho_p) - np.arccos(radius / rho_q)
     curved = radius * arc + np.sqrt(rho_p**2 - radius**2) + np.sqrt(rho_q**2 - radius**2)
     expected = np.where(arc > 0.0, curved, np.linalg.norm(p - q, axis=0))
-    path = shortest_path(p, q, axes[:, None])
+    path = paths(p, q, axes[:, None])
     assert np.asarray(path.found).all()
     assert 0.2 < np.mean(arc > 0.0) < 0.9
     np.testing.assert_allclose(path.length_mm, expected, atol=GREAT_CIRCLE_MM)
@@ -91,7 +105,7 @@ def test_the_slope_of_the_length_is_that_of_differences(axes):
             else:
                 clear = ((p[:, near] / axes[:, None]) ** 2).sum(axis=0) > 1.001
                 clear &= ((q[:, near] / axes[:, None]) ** 2).sum(axis=0) > 1.001
-            difference = np.asarray(shortest_path(*more).length_mm - shortest_path(*less).length_mm) / (2 * h)
+            difference = np.asarray(paths(*more).length_mm - paths(*less).length_mm) / (2 * h)
             np.testing.assert_allclose(np.asarray(slopes[which])[axis][clear], difference[clear], atol=SLOPE * 10)
             assert np.median(abs(np.asarray(slopes[which])[axis] - difference)[clear]) < SLOPE
 
@@ -114,7 +128,7 @@ def test_the_bend_of_the_length_is_that_of_differences_of_its_slope():
     p, q = (1.05 * around(40, BRETELER, seed) for seed in (14, 15))
     near = apart(p, q, BRETELER, 100.0)
     found, difference, length, x = bends(p[:, near], q[:, near], BRETELER)
-    contact = np.asarray(shortest_path(p[:, near], q[:, near], BRETELER[:, None]).contact_mm)
+    contact = np.asarray(paths(p[:, near], q[:, near], BRETELER[:, None]).contact_mm)
     assert (contact == 0.0).any()
     assert (contact > 10.0).any()
     clear = (contact == 0.0) | (contact > 1.0)  # differences do not see a step next to lift-off
@@ -162,7 +176,7 @@ def polygon_mm(p, q, axes, corners: int = 80) -> float:
 
 def test_no_polygon_on_the_surface_is_shorter():
     p, q = around(6, BRETELER, 4), around(6, BRETELER, 5)
-    path = shortest_path(p, q, BRETELER[:, None])
+    path = paths(p, q, BRETELER[:, None])
     touching = np.flatnonzero(apart(p, q, BRETELER) & (np.asarray(path.contact_mm) > 20.0))
     assert len(touching) >= 2
     for k in touching:
@@ -173,7 +187,7 @@ def test_no_polygon_on_the_surface_is_shorter():
 def test_the_points_of_a_path_are_on_the_surface_and_as_far_apart_as_it_is_long():
     p, q = around(50, R2, 6), around(50, R2, 7)
     near = apart(p, q, R2)
-    path = shortest_path(p[:, near], q[:, near], R2[:, None])
+    path = paths(p[:, near], q[:, near], R2[:, None])
     points = np.asarray(path_points_mm(p[:, near], q[:, near], R2[:, None], 400))
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum(axis=0)
     np.testing.assert_allclose(length, path.length_mm, rtol=1e-5)  # chords of a 400th
@@ -188,7 +202,7 @@ def test_contact_comes_and_goes_continuously():
     p = jnp.stack([jnp.full_like(height, -120.0), 85.4 + height, jnp.full_like(height, 5.0)])
     q = jnp.stack([jnp.full_like(height, 120.0), 85.4 + height, jnp.full_like(height, -5.0)])
     axes = jnp.asarray([139.1, 85.4, 198.2])[:, None]
-    path = shortest_path(p, q, axes)
+    path = paths(p, q, axes)
     contact = np.asarray(path.contact_mm) > 0.0
     assert contact[0]
     assert not contact[-1]
@@ -206,8 +220,8 @@ def test_a_mirrored_problem_has_the_mirrored_path():
     p, q = around(60, R2, 8), around(60, R2, 9)
     near = apart(p, q, R2)
     mirror = np.array([-1.0, 1.0, 1.0])[:, None]
-    right = shortest_path(p[:, near], q[:, near], R2[:, None])
-    left = shortest_path(mirror * p[:, near], mirror * q[:, near], R2[:, None])
+    right = paths(p[:, near], q[:, near], R2[:, None])
+    left = paths(mirror * p[:, near], mirror * q[:, near], R2[:, None])
     np.testing.assert_allclose(left.length_mm, right.length_mm, atol=1e-9)
     np.testing.assert_allclose(left.from_p, mirror * np.asarray(right.from_p), atol=1e-9)
 
@@ -215,8 +229,8 @@ def test_a_mirrored_problem_has_the_mirrored_path():
 def test_a_path_reads_the_same_from_both_ends():
     p, q = around(60, R2, 10), around(60, R2, 11)
     near = apart(p, q, R2)
-    there = shortest_path(p[:, near], q[:, near], R2[:, None])
-    back = shortest_path(q[:, near], p[:, near], R2[:, None])
+    there = paths(p[:, near], q[:, near], R2[:, None])
+    back = paths(q[:, near], p[:, near], R2[:, None])
     np.testing.assert_allclose(back.length_mm, there.length_mm, atol=1e-7)
     np.testing.assert_allclose(back.from_q, there.from_p, atol=1e-7)
 
@@ -231,7 +245,7 @@ def test_a_point_inside_counts_as_its_closest_point_of_the_surface():
 
 def test_what_is_missing_has_no_path():
     p, q = np.array([[200.0], [np.nan], [0.0]]), np.array([[-100.0], [0.0], [150.0]])
-    path = shortest_path(p, q, R2[:, None])
+    path = paths(p, q, R2[:, None])
     assert not bool(path.found[0])
     assert np.isnan(float(path_length_mm(jnp.asarray(p), jnp.asarray(q), jnp.asarray(R2)[:, None])[0]))
 
@@ -256,7 +270,7 @@ def test_opensim_wraps_the_serratus_as_long(tmp_path: Path):
         AC = landmarks(model.girdle, angles).AC
         X = AC[:, None] + rotate(rotation_from_cardan(angles[3:])[..., None], lines.bone_mm)
         p, q = (np.asarray(outside(x - centre, axes)) * 1.001 for x in (X, lines.thorax_mm))  # OpenSim: none on it
-        ours.append(np.asarray(shortest_path(p, q, axes).length_mm))
+        ours.append(np.asarray(paths(p, q, axes).length_mm))
         names += [f"{name}, {line}" for line in lines.name]
         problems += [[(x / 1000.0).tolist() for x in (p[:, k], q[:, k], axes[:, 0])] for k in range(p.shape[1])]
     file = tmp_path / "problems.json"

@@ -23,7 +23,7 @@ from motions.landmarks.girdle_angles import estimated_axial_deg, frame_angles
 from motions.motion_csv.cells import Side
 
 EXACT = 1e-9
-"""mm and degrees: what the issue asks of every round trip; rounding of coordinates of 1000 mm is 1e-13."""
+"""mm and degrees, of every round trip; rounding of coordinates of 1000 mm is 1e-13."""
 
 ROUNDED_DEG = 0.002
 """The measured motions are rounded to a thousandth of a degree, in both frames."""

@@ -4,6 +4,7 @@ import asyncio
 import os
 import secrets
 import shutil
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from adapt.cli.local_page.marker_names import mapping_toml
 from adapt.cli.local_page.uploads import State, Upload, accepted, with_own_names
 from adapt.cli.local_page.zipped_folder import zip_folder
 from motions import InputError, Motions, read_motions
+from motions.errors import InputWarning
 from motions.formats.any_file import read_markers
 
 COMMANDS = ("adapt", "diagnose")
@@ -60,7 +62,8 @@ class Session:
     def look_at(self, upload: Upload) -> None:
         """Read the names of its markers, if it is a file of positions; what is wrong is said when it is converted."""
         try:
-            markers = read_markers(self.folder / upload.source)
+            with warnings.catch_warnings(action="ignore", category=InputWarning):
+                markers = read_markers(self.folder / upload.source)
         except InputError:
             return
         upload.markers = tuple(dict.fromkeys(markers.names)) if markers else ()
