@@ -1,8 +1,11 @@
 """How a command ends: its exit statuses, and what it says at last."""
 
+from pathlib import Path
+
 import typer
 
 from adapt.cli.options import console, errors
+from adapt.output.result_files import REPORT, raise_without_report
 from motions import Motions
 
 EXIT_BAD_INPUT = 2
@@ -14,6 +17,12 @@ def say_known(effects: str) -> None:
     """Print what ``described`` says of known effects, if there are any."""
     if effects:
         console.print(f"With {effects} at work in every subject.", soft_wrap=True)
+
+
+def say_report(folder: Path, wrong: Exception | None) -> None:
+    """Say which page to open; raise what went wrong with it, if anything did."""
+    raise_without_report(folder, wrong)
+    console.print(f"Open {folder / REPORT}", soft_wrap=True)
 
 
 def finish(motions: Motions, failed: dict[str, str]) -> None:

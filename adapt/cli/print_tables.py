@@ -88,6 +88,8 @@ def print_summary(console: Console, summary: pd.DataFrame) -> None:
         if subjects > _MOST_PRINTED:
             console.print(f"{subjects} subjects: of each alone in summary.csv")
             rows, subjects = rows.tail(len(STATISTICS)), 0
+        elif subjects == 1:  # its own mean, least and most, all the same
+            rows = rows.head(1)
         for number, row in enumerate(rows.to_dict("records")):
             values = [row[f"{name}_deg"] for name in (*ANGLES, "clavicle", "scapula")]
             table.add_row(row["subject"], *(f"{v:.1f}" for v in values), end_section=number == subjects - 1)

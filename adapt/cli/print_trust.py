@@ -9,12 +9,13 @@ from rich.console import Console
 
 from adapt.assessment import Trust
 from adapt.cli.print_tables import folding_table
+from adapt.output.trust_words import trust_sentences
 from adapt.trust.thorax_plausibility import PASS, WARNING
 from models.adapted_parameters import ADAPTED
 
 
 def print_trust(console: Console, found: Trust) -> None:
-    """Print parameters with their intervals, gaps seen and unseen, what to be careful with, and which checks pass."""
+    """Print parameters with their intervals, gaps seen and unseen, which checks pass, and last what may be used."""
     for model, mine in found.uncertainty.groupby("model", sort=False):
         _print_parameters(console, str(model), mine)
     _print_gaps(console, found.subjects)
@@ -27,6 +28,10 @@ def print_trust(console: Console, found: Trust) -> None:
     _print_checks(console, found.plausibility)
     if found.weights is not None:
         print_weights(console, found.weights)
+    for model, mine in found.subjects.groupby("model", sort=False):
+        console.print(f"\n{model}", soft_wrap=True)
+        for line in trust_sentences(mine):
+            console.print(f"- {line}", soft_wrap=True)
 
 
 def _print_checks(console: Console, checks: pd.DataFrame) -> None:
@@ -63,9 +68,10 @@ def _interval(row: dict) -> str:
 def _print_gaps(console: Console, subjects: pd.DataFrame) -> None:
     title = (
         "Mean |simulated - measured|, degrees: before and after adaptation (seen), and on each motion and third of\n"
-        "the postures held out from it; steps without a jump; what the thorax points forbid of the fall of mean J"
+        "the postures held out from it; steps between postures without a jump to another solution; how much of the\n"
+        "possible fall of mean J the points on the thorax prevent"
     )
-    numbers = ("before", "seen", "motion", "postures", "smooth", "forbidden")
+    numbers = ("before", "seen", "motion", "postures", "no jump", "prevented")
     table = folding_table(title, ("model", "subject"), numbers)
     gaps = [f"gap_{word}_deg" for word in ("before", "in_sample", "unseen_motion", "unseen_postures")]
     for row in subjects.to_dict("records"):

@@ -83,7 +83,9 @@ def test_the_terminal_shows_the_gap_budget_first_and_then_the_causes(asked, tmp_
     assert ["ac_translation", "0.62", "50", "%", "4.0", "[3.9,", "4.1]", "mm", "3.0", "mm"] in rows
     assert ["or", "conoid_strain", "0.31"] in rows
     assert "(!)" in said
-    assert said.rstrip().endswith(" ".join(f"--effect {option}" for option in TWO.options))
+    *_, option_line, page_line = said.rstrip().splitlines()
+    assert option_line.endswith(" ".join(f"--effect {option}" for option in TWO.options))
+    assert page_line == f"Open {tmp_path / 'out' / 'report.html'}"
 
 
 def test_without_a_cause_there_is_no_table_of_causes(monkeypatch, asked, tmp_path):

@@ -8,6 +8,7 @@ from handmade import adaptations, motions_of, rising
 from adapt.assessment import improvement_blocked_by_points, jump_free_share
 from adapt.cli.print_tables import PlainConsole
 from adapt.cli.print_trust import print_weights
+from adapt.output.trust_words import trust_sentences
 from adapt.solvers.padded_batch import pack
 from adapt.tables.held_out import COLUMNS, MOTION, OTHER, POSTURES, by_model, by_subject
 from adapt.trust.covariance import NORMAL_95
@@ -192,6 +193,41 @@ def test_a_weight_at_the_end_of_those_tried_is_not_called_chosen(best, chosen, c
     out = capsys.readouterr().out
     assert f"{best:g}*" in out
     assert ("these motions choose none" not in out) == chosen
+
+
+def trust_rows(**columns: list) -> pd.DataFrame:
+    rows = {"gap_before_deg": [5.0, 6.0, 4.0], "gap_unseen_motion_deg": [3.0, 4.0, 5.0]}
+    rows |= {
+        "gap_unseen_postures_deg": [2.0, 3.0, 4.0],
+        "at_bound": ["", "A_y", ""],
+        "flat": ["", "", "M_y loose: 20 mm"],
+    }
+    return pd.DataFrame(rows | {"plausibility": ["pass", "pass", "warning"]} | columns)
+
+
+@pytest.mark.parametrize(
+    ("columns", "place", "said"),
+    [
+        (
+            {},
+            0,
+            "adapted model; the gap on unseen motions goes from 5.0 to 4.0 deg, smaller in 2 of 3 subjects.",
+        ),
+        (
+            {"gap_unseen_motion_deg": [9.0, 9.0, 3.0]},
+            0,
+            "use the model as it is; the gap on unseen motions goes from 5.0",
+        ),
+        ({"gap_unseen_motion_deg": [np.nan] * 3}, 0, "the gap on unseen postures goes from 5.0 to 3.0 deg"),
+        ({"gap_unseen_motion_deg": [np.nan] * 3, "gap_unseen_postures_deg": [np.nan] * 3}, 0, "nothing was held out"),
+        ({}, 1, "do not read M_y (1 of 3), A_y (1 of 3): at a bound, or only together with another."),
+        ({"at_bound": [""] * 3, "flat": [""] * 3}, 1, "all are determined"),
+        ({}, 2, "look before you use it; outside the limits in 1 of 3 subjects."),
+        ({"plausibility": ["pass"] * 3}, 2, "within all limits"),
+    ],
+)
+def test_what_may_be_used_is_said_in_three_sentences(columns, place, said):
+    assert said in trust_sentences(trust_rows(**columns))[place]
 
 
 # --- studies -------------------------------------------------------------------------------------------------------

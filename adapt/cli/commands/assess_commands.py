@@ -6,7 +6,7 @@ import typer
 
 from adapt.api import adapt_subjects
 from adapt.assessment import assess_trust
-from adapt.cli.ending import finish
+from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, read_inputs
 from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, Repeat, Weight, console, errors
 from adapt.cli.print_diagnosis import print_diagnosis
@@ -18,7 +18,7 @@ from adapt.diagnosis.fit.noise import LEAST_DEG
 from adapt.diagnosis.json_form import as_json
 from adapt.large_runs.parts import not_adapted
 from adapt.output.muscle_files import write_muscles
-from adapt.output.result_files import raise_without_report, write_adaptations, write_figures, write_report
+from adapt.output.result_files import write_adaptations, write_figures, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
 from adapt.solvers.objective import WEIGHT
 from adapt.tables.muscle_tables import BODY_MASS_KG, muscle_tables
@@ -78,7 +78,7 @@ def diagnose_gap(
                 failed = not_adapted(result) | diagnoses.closest.left_out
                 wrong = write_report(part, table, models, result, failed, diagnoses)
         print_diagnosis(console, diagnoses)
-        raise_without_report(folder, wrong)
+        say_report(folder, wrong)
     finish(table, failed)
 
 
@@ -150,5 +150,5 @@ def muscle_results(
                 write_run(part, "muscles", record, {"weight": weight, "body_mass_kg": body_mass_kg}, table.rejected)
                 wrong = write_report(part, table, models, result, not_adapted(result), muscles=found)
         print_muscles(console, found)
-        raise_without_report(folder, wrong)
+        say_report(folder, wrong)
     finish(table, not_adapted(result))

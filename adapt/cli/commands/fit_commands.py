@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from adapt.api import fit_postures
-from adapt.cli.ending import finish, say_known
+from adapt.cli.ending import finish, say_known, say_report
 from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, without_subjects
 from adapt.cli.options import (
     Float32,
@@ -33,7 +33,7 @@ from adapt.cli.print_tables import (
 from adapt.large_runs.dask_cluster import on_cluster
 from adapt.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, one_after_another
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
-from adapt.output.result_files import raise_without_report, write_fits, write_report
+from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.tables.results import Tables
@@ -135,7 +135,7 @@ def adapt(
         say_known(known)
         if READINGS[reading].landmarks:
             print_without_landmarks(console, result.parameters)
-        raise_without_report(folder, wrong)
+        say_report(folder, wrong)
     finish(table, failed)
 
 
