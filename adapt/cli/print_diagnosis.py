@@ -42,6 +42,8 @@ def print_diagnosis(console: Console, diagnoses: Diagnoses) -> None:
     for title, table in _tables(diagnoses).items():
         console.print(title, soft_wrap=True)
         console.print(table)
+    if len({one.verdict.names for one in diagnoses.by_model.values()}) > 1:
+        console.print("The parameter sets name different causes: one that all name is surer.", soft_wrap=True)
     for one in closest.lacking:
         console.print(f"Measure {one}.", soft_wrap=True)
     for note in notes(closest):

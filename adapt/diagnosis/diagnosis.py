@@ -114,7 +114,7 @@ class _Study:
         noise = estimate_noise(shoulders, best.linearised.y, noise_deg)
         floor = floor_deg(noise, shoulders, none.linearised.B)
         named = name_causes(search, float(np.nanmean(floor))) if shoulders.can_test else nothing_named(search)
-        sets = credible_sets(search, named.node)
+        sets = credible_sets(search, named.node, named.set_aside)
         weights = weigh(search)  # of all that was fitted on the way
         node = named.node
         sizes = amplitudes(search, node)

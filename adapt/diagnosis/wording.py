@@ -1,7 +1,7 @@
 """A diagnosis in words: the verdict in one sentence of plain English, and how its numbers are written."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from adapt.diagnosis.result import (
     ADAPTED_STEP,
@@ -41,7 +41,8 @@ def sentence(diagnosis: Diagnosis) -> str:
     verb = "shrinks" if diagnosis.gaps.shrinkage > 0.0 else "goes"
     goes = f"the gap of {subjects_text(diagnosis)} {verb} from {adapted} to {with_effect} deg"
     start, end = f"On {unseen_text(diagnosis.gaps)} {goes} with", f"noise alone leaves {floor}."
-    *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict)]
+    too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
+    *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
     return next((one for one in said if len(one.split()) <= MOST_WORDS), shortest)
 
 
@@ -137,13 +138,26 @@ def held_out_text(gaps: Gaps) -> str:
     return f"{part}, with causes found in other persons" if gaps.other_person else part
 
 
-def _ever_shorter(verdict: Verdict) -> Iterator[str]:
-    """The causes in ever fewer words: with all names that each may have, with two, with one, the first few of them."""
+def _ever_shorter(verdict: Verdict, too_large: Collection[str] = ()) -> Iterator[str]:
+    """The causes in ever fewer words: with all names that each may have, with two, with one, the first few of them.
+
+    One that is larger than such an effect is, is only what acts like it.
+    """
     each = [cause_names(cause) for cause in verdict.causes]
+    as_is = [_ACTS_LIKE if cause.names[0] in too_large else "" for cause in verdict.causes]
+
+    def all_of(way: Callable[[tuple[str, ...]], str]) -> list[str]:
+        return [said + way(names) for said, names in zip(as_is, each, strict=True)]
+
     ways: Sequence[Callable[[tuple[str, ...]], str]] = (_all_names, _two_names, lambda names: names[0])
-    yield from (listed([way(names) for names in each], "and") for way in ways)
-    first = [names[0] for names in each[:_MOST_NAMES]]
+    yield from (listed(all_of(way), "and") for way in ways)
+    first = all_of(lambda names: names[0])[:_MOST_NAMES]
     yield listed([*first, f"{len(each) - len(first)} more"] if len(each) > len(first) else first, "and")
+    names = [one[0] for one in each[:_MOST_NAMES]]
+    yield listed([*names, f"{len(each) - len(names)} more"] if len(each) > len(names) else names, "and")
+
+
+_ACTS_LIKE = "what acts like "
 
 
 def _all_names(names: tuple[str, ...]) -> str:

@@ -29,7 +29,7 @@ SENTENCES = {
     "one": "On unseen motions the gap of 6 shoulders shrinks from 2.8 to 0.9 deg with scapula_landmark_bias; noise "
     "alone leaves 0.3.",
     "two": "On unseen motions the gap of 6 shoulders shrinks from 2.8 to 0.9 deg with ac_translation (or "
-    "conoid_strain) and scapulothoracic_gap; noise alone leaves 0.3.",
+    "conoid_strain) and what acts like scapulothoracic_gap; noise alone leaves 0.3.",
     "many": "On unseen motions the gap of 6 shoulders shrinks from 2.8 to 0.9 deg with ac_translation, "
     "scapulothoracic_gap, clavicle_length, scapula_size and clavicle_frame_bias; noise alone leaves 0.3.",
     "nothing": "Nothing beyond noise: on unseen motions the gap of 1 shoulder stays at 0.5 deg; noise alone "

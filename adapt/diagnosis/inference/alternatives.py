@@ -1,11 +1,14 @@
 """Names that may stand in place of one another: what the data cannot tell apart."""
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.prediction import Linearised
+from adapt.diagnosis.inference.budget import refitted
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
 from models.adapted_parameters import ADAPTED
@@ -19,6 +22,14 @@ _LEAST_SHARE = 0.05
 """A name that is less probable than this in its place is not worth a measurement."""
 
 
+class Alternative(NamedTuple):
+    """A set with another cause in the place of one, or with its own."""
+
+    node: Node
+    share: float
+    """Probability in this place."""
+
+
 class CredibleSet(NamedTuple):
     """One cause at work: the names it may have, most probable first, and the probability of each in this place."""
 
@@ -26,27 +37,35 @@ class CredibleSet(NamedTuple):
     shares: tuple[float, ...]
 
 
-def credible_sets(search: Search, named: Node) -> dict[str, CredibleSet]:
+def credible_sets(
+    search: Search, named: Node, set_aside: Collection[Hypothesis] = frozenset()
+) -> dict[str, CredibleSet]:
     """Find, for each named candidate, the causes that do as well in its place beside the others; by name."""
-    return {name: _in_place_of(search, named, name) for name in named.hypothesis}
+    return {name: _credible(in_place_of(search, named, name, set_aside)) for name in named.hypothesis}
 
 
-def _in_place_of(search: Search, named: Node, own: str) -> CredibleSet:
+def in_place_of(search: Search, named: Node, own: str, set_aside: Collection[Hypothesis]) -> dict[str, Alternative]:
+    """Weigh the causes that the linear prediction finds in the place of one, and its own, by exact fits; by name.
+
+    Sets that are ``set_aside`` are left out.
+    """
     nodes = search.in_place_of(named, own)
-    shares = dict(zip(nodes, probabilities(search, list(nodes.values())), strict=True))
-    return _credible(search.joint.candidates.causes[own], shares)
+    linear = dict(zip(nodes, probabilities(search, list(nodes.values())), strict=True))
+    own_cause = search.joint.candidates.causes[own]
+    hopeful = {name: node for name, node in nodes.items() if name == own_cause or linear[name] >= _LEAST_SHARE}
+    kept = {name: node for name, node in hopeful.items() if node.hypothesis not in set_aside}
+    shares = probabilities(search, [refitted(search, node) for node in kept.values()])
+    return {name: Alternative(node, float(share)) for (name, node), share in zip(kept.items(), shares, strict=True)}
 
 
-def _credible(own: str, shares: dict[str, float]) -> CredibleSet:
-    """The cause that is named comes first: it predicts in the set that is named."""
-    order = sorted(shares, key=lambda name: (name != own, -shares[name]))
+def _credible(found: dict[str, Alternative]) -> CredibleSet:
     names, kept, reached = [], [], 0.0
-    for name in order:
-        if reached >= _LEVEL or (names and shares[name] < _LEAST_SHARE):
+    for name in sorted(found, key=lambda name: -found[name].share):
+        if reached >= _LEVEL or (names and found[name].share < _LEAST_SHARE):
             break
         names.append(name)
-        kept.append(shares[name])
-        reached += shares[name]
+        kept.append(found[name].share)
+        reached += found[name].share
     return CredibleSet(tuple(names), tuple(kept))
 
 

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
+from adapt.diagnosis.fit.prediction import Predicted
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
@@ -31,7 +32,8 @@ def ladder(search: Search, named: Node) -> list[Rung]:
         nodes.append(less[dropped])
     added = ["", *reversed(order)]
     return [
-        Rung(name, node.hypothesis, refitted(search, node)) for name, node in zip(added, reversed(nodes), strict=True)
+        Rung(name, node.hypothesis, refitted(search, node).predicted.gaps_deg)
+        for name, node in zip(added, reversed(nodes), strict=True)
     ]
 
 
@@ -39,8 +41,14 @@ def _mean_gap_deg(folds: Folds, node: Node) -> float:
     return float(folds.by_fold(known_mean(node.predicted.gaps_deg)).mean())
 
 
-def refitted(search: Search, node: Node) -> Float[np.ndarray, "tests 6"]:
-    """Fit a hypothesis exactly without each fold; give its gaps there, mean |simulated - measured|."""
+def refitted(search: Search, node: Node) -> Node:
+    """Fit a hypothesis exactly without each fold, once; give it with what it then predicts there."""
+    if node.hypothesis not in search.refits:
+        search.refits[node.hypothesis] = _predicted_exactly(search, node)
+    return node._replace(predicted=search.refits[node.hypothesis])
+
+
+def _predicted_exactly(search: Search, node: Node) -> Predicted:
     folds, joint = search.folds, search.joint
     every = JointFit(joint.model, joint.shoulders, joint.candidates, folds.parts)
     fitted = every.fit(node.hypothesis, node.predicted.theta_mm, node.predicted.amplitude)
@@ -53,4 +61,5 @@ def refitted(search: Search, node: Node) -> Float[np.ndarray, "tests 6"]:
     there = Fitted(fitted.theta_mm[folds.part], fitted.amplitude[group], fitted.E[folds.part], fitted.converged)
     near = unseen.nearest(node.hypothesis, there)
     gaps = np.abs(near.angles_deg - joint.shoulders.measured_deg[:, folds.rows].T)
-    return folds.measured_means(gaps, joint.shoulders)
+    squares = folds.means((near.y**2).sum(axis=1))
+    return Predicted(fitted.amplitude, fitted.theta_mm, squares, folds.measured_means(gaps, joint.shoulders))

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.inference.alternatives import Alternative, in_place_of
 from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
@@ -54,6 +55,8 @@ class Named(NamedTuple):
     gains: dict[str, Gain]
     rungs: list[Rung]
     """Of the gap budget."""
+    set_aside: frozenset[Hypothesis] = frozenset()
+    """Sets with another cause in the place of one, with which the budget does not fall."""
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -70,7 +73,7 @@ def name_causes(search: Search, floor_deg: float) -> Named:
     rejected: set[Hypothesis] = set()
     while len(rejected) < _MOST_LOOKED_AT:
         node = max((one for one in search.usable if one.hypothesis not in rejected), key=lambda one: one.value)
-        gains = {name: _gain_of(search, node, name, floor_deg) for name in node.hypothesis}
+        gains = _gains(search, node, floor_deg)
         if not all(one.enough for one in gains.values()):
             rejected.add(node.hypothesis)
             continue
@@ -79,7 +82,7 @@ def name_causes(search: Search, floor_deg: float) -> Named:
             continue
         rungs = ladder(search, node)
         if _falls(search.folds, rungs):
-            return Named(node, gains, rungs)
+            return settle(search, Named(node, gains, rungs), floor_deg)
         rejected.add(node.hypothesis)
     return nothing_named(search)
 
@@ -88,6 +91,28 @@ def nothing_named(search: Search) -> Named:
     """Name no cause."""
     none = search.nodes[()]
     return Named(none, {}, ladder(search, none))
+
+
+def settle(search: Search, named: Named, floor_deg: float) -> Named:
+    """Put in the place of each cause the one that exact fits find most probable there; one with which the budget does
+    not fall is set aside."""
+    seen, set_aside = {named.hypothesis}, set[Hypothesis]()
+    while True:
+        every = [_best(in_place_of(search, named.node, name, set_aside)) for name in named.hypothesis]
+        better = next((node for node in every if node.hypothesis not in seen), None)
+        if better is None:
+            beaten = {node.hypothesis for node in every} - {named.hypothesis}
+            return named._replace(set_aside=frozenset(set_aside | beaten))
+        seen.add(better.hypothesis)
+        rungs = ladder(search, better)
+        if _falls(search.folds, rungs):
+            named = Named(better, _gains(search, better, floor_deg), rungs)
+        else:
+            set_aside.add(better.hypothesis)
+
+
+def _best(alternatives: dict[str, Alternative]) -> Node:
+    return max(alternatives.values(), key=lambda one: one.share).node
 
 
 def _falls(folds: Folds, rungs: list[Rung]) -> bool:
@@ -102,6 +127,9 @@ _MOST_LOOKED_AT = 60
 """Sets, the most probable first; of measured motions the first ten have one that holds."""
 
 
-def _gain_of(search: Search, node: Node, name: str, floor_deg: float) -> Gain:
-    less = search.without(node, name)
-    return gain(search.folds, less.predicted.gaps_deg, node.predicted.gaps_deg, floor_deg)
+def _gains(search: Search, node: Node, floor_deg: float) -> dict[str, Gain]:
+    def of(name: str) -> Gain:
+        less = search.without(node, name)
+        return gain(search.folds, less.predicted.gaps_deg, node.predicted.gaps_deg, floor_deg)
+
+    return {name: of(name) for name in node.hypothesis}

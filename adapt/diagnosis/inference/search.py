@@ -61,6 +61,8 @@ class Search:
     progress: Callable[[str], None] = lambda _: None
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
     predictions: dict[tuple[Hypothesis, Hypothesis], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    refits: dict[Hypothesis, Predicted] = field(default_factory=dict)
+    """By exact fits without each fold, of the few sets of which they were made (``inference.budget``)."""
     numbers: float = float(len(CONSTRAINTS))
     """Independent numbers that a fold tells (``inference.correlation``)."""
 
