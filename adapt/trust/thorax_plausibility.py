@@ -49,9 +49,9 @@ ribs under the scapula by 7.9 (SD 1.9) mm rms, ribs 2 to 5, and 10.1 (1.9), 5 to
 Defining the shape of the scapulothoracic gliding surface, Surg. Radiol. Anat. 41, 2019)."""
 
 CONTACT_MM = (DEEPEST_MM, 45.7 * (1 + _MARGIN))
-"""Of TS and AI to the ellipsoid, which the constraints A1 and A2 hold: not inside it, and a tenth beyond the largest of the
-shipped sets (TS of breteler_mri). An adaptation does not change it; a set made from landmarks and another person's thorax
-can have any."""
+"""Of TS and AI to the ellipsoid (constraints A1 and A2): not inside it, and a tenth beyond the largest of the shipped
+sets (TS of breteler_mri). An adaptation does not change it; in a set of landmarks and another person's thorax it can
+be anything."""
 
 CONOID_MM = (1.0, 12.3 + 2 * 6.6)
 """The conoid of men is 12.3 mm long (SD 6.6; eorif.com, AC anatomy; the thesis, 3.3.1, says 13): two SDs. In 52 fresh

@@ -43,7 +43,7 @@ class Size:
 
 
 def size_of(values_mm: Float[np.ndarray, " postures"], least_sd_mm: float) -> Size:
-    """Take the median of the postures in which it was measured (the others are NaN); its SD is not below a least one."""
+    """Take the median of the postures in which it was measured (the others are NaN), with at least this SD."""
     known = values_mm[np.isfinite(values_mm)]
     if len(known) == 1:
         return Size(float(known[0]), np.nan, ONE_POSTURE_MM, 1)

@@ -89,11 +89,13 @@ def _warn_inside(person: PersonLandmarks, built: PersonSet, generic: str, rest: 
     """InputWarning where TS or AI is inside the thorax in the posture taken for rest."""
     distances = {"TS": float(built.girdle.ts_distance_mm), "AI": float(built.girdle.ai_distance_mm)}
     inside = [f"{name} {-mm:.0f} mm" for name, mm in distances.items() if mm < DEEPEST_MM]
-    if inside:
-        whose = f"of {generic}" if built.thorax is None else "fitted to the points"
-        cause = f"subject {person.subject!r}: at rest ({rest}) {' and '.join(inside)} inside the thorax {whose}"
-        remedy = "Give points on the person's thorax (--points), or take another set for it (--model; docs/person.md)"
-        warn_input(person.file, cause, remedy)
+    if not inside:
+        return
+    whose, remedy = f"of {generic}", "Give points on the person's thorax (--points), or take another set (--model)"
+    if built.thorax is not None:
+        whose, remedy = "fitted to the points", "Check points and landmarks, and the posture taken for rest (--rest)"
+    cause = f"subject {person.subject!r}: at rest ({rest}) {' and '.join(inside)} inside the thorax {whose}"
+    warn_input(person.file, cause, remedy)
 
 
 def _lowest(person: PersonLandmarks) -> int:
