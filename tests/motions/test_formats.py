@@ -466,6 +466,8 @@ def test_isb_angles_are_through_aa_unless_the_file_says_ac(tmp_path):
         ('axes = ["x", "y"]', "axes is", '"-z"'),
         ('axes = ["x", "y", "y"]', "axes is", '"-z"'),
         ('units = "mm"', "key 'units' is unknown", "Known: unit"),
+        ('IJ = "Jug"', r"IJ stands outside \[markers\]", "Put the line [markers] above it"),
+        ('unit = "mm"\nPX_T8 = "mid"', r"PX_T8 stands outside \[markers\]", "Put the line [markers] above it"),
         ("unit = ", "not a TOML file", "unit"),
     ],
 )
