@@ -30,7 +30,7 @@ from adapt.output.run_files import inputs_record, write_run
 from models.parameter_sets import FOLDER, load_model
 from models.person.contours.click_table import by_slice, read_clicks
 from models.person.contours.image_slices import ImageSlice
-from motions.errors import InputError
+from motions.errors import InputError, InputWarning
 from motions.formats.angle_table import table_from_motions
 from motions.formats.any_file import read_any
 from motions.formats.mot import write_mot
@@ -151,6 +151,7 @@ def outcome(kind: Kind, content: bytes, folder: Path) -> str:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
+            warnings.simplefilter("ignore", InputWarning)  # it is said to a person, and the file is read
             kind.read(path)
     except InputError as error:
         said = str(error)

@@ -42,6 +42,8 @@ def print_diagnosis(console: Console, diagnoses: Diagnoses) -> None:
     for title, table in _tables(diagnoses).items():
         console.print(title, soft_wrap=True)
         console.print(table)
+    for one in closest.lacking:
+        console.print(f"Measure {one}.", soft_wrap=True)
     for note in notes(closest):
         console.print(f"- {note}", soft_wrap=True)
 
@@ -106,7 +108,7 @@ def _causes(diagnosis: Diagnosis) -> Table:
 def _gaps(diagnosis: Diagnosis) -> Table:
     gaps, table = diagnosis.gaps, _table([""], _COLUMNS)
     kinds: dict[GapKind, str] = {"noise_floor": "noise alone", "base": "model as it is", "adapted": "adapted"}
-    if diagnosis.verdict.causes:
+    if diagnosis.options:
         kinds["with_effect"] = "with the causes"
     parts: dict[str, GapLevels | None] = {
         "other person": gaps.other_person,
@@ -134,7 +136,7 @@ def _where(diagnosis: Diagnosis) -> Table:
 
 
 def _constraints(diagnosis: Diagnosis) -> Table:
-    known = bool(diagnosis.verdict.causes)
+    known = bool(diagnosis.options)
     table = _table(["constraint"], ["adapted", *(["with the causes"] if known else []), "noise alone"])
     for one in diagnosis.constraint_spread:
         sizes = (one.adapted_mm, *([one.with_causes_mm] if known else []), one.noise_mm)

@@ -1,5 +1,9 @@
 """What a motion file says of itself: effects that its angles have by the way they were made."""
 
+import numpy as np
+from jaxtyping import Bool
+
+from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.landmarks.sampled_postures import CLAVICLE_PLACED, ESTIMATED, SCAPULA_ROTATED
 from motions.table import Motions
 
@@ -13,9 +17,17 @@ _MADE_SO = (
 
 
 def declared_effects(motions: Motions) -> tuple[str, ...]:
-    """Name the effects that most postures are marked with."""
+    """Name the effects that most postures are marked with; an estimate only where the angle is there."""
     return tuple(
         effect
         for column, mark, effect in _MADE_SO
-        if column in motions.extra and motions.extra[column].str.startswith(mark).mean() > 0.5
+        if column in motions.extra and _marked(motions, column, mark).mean() > _MOST
     )
+
+
+def _marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " postures"]:
+    marked = motions.extra[column].str.startswith(mark).to_numpy(bool)
+    return marked & np.isfinite(motions.angles_deg[:, CLAVICLE_X]) if column == ESTIMATED else marked
+
+
+_MOST = 0.5

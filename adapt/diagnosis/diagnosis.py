@@ -1,16 +1,16 @@
 """The diagnosis: where the gap lies, which causes predict what was not fitted, how far they take it down."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps
 from adapt.diagnosis.declared_effects import declared_effects
-from adapt.diagnosis.design.next_measurement import indistinguishable, propose
+from adapt.diagnosis.design.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.fit.candidates import candidate_effects, lay_out
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
-from adapt.diagnosis.fit.noise import estimate_noise, floor_deg
+from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
@@ -18,9 +18,9 @@ from adapt.diagnosis.inference.alternatives import CredibleSet, credible_sets
 from adapt.diagnosis.inference.amplitude import amplitudes, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung
 from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
-from adapt.diagnosis.inference.intervals import by_bone, interval
+from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
-from adapt.diagnosis.inference.naming import Named, name_causes
+from adapt.diagnosis.inference.naming import LEAST_GAIN, Named, name_causes, nothing_named
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.constraint_spread import constraint_spread
@@ -35,6 +35,7 @@ from adapt.diagnosis.result import (
     NOISE,
     NONE,
     UNKNOWN,
+    Answer,
     BoneGaps,
     Cause,
     CauseAmplitude,
@@ -51,7 +52,7 @@ from adapt.tables.held_out import MOTION, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS, Amplitudes, read_amplitudes
+from models.effects.known import THORAX_POINTS, read_amplitudes
 from models.person.family import AnyModel, as_list
 from motions.table import Motions
 
@@ -112,26 +113,28 @@ class _Study:
         none, best = search.nodes[()], max(search.usable, key=lambda node: node.value)
         noise = estimate_noise(shoulders, best.linearised.y, noise_deg)
         floor = floor_deg(noise, shoulders, none.linearised.B)
-        named = name_causes(search, float(np.nanmean(floor)))
+        named = name_causes(search, float(np.nanmean(floor))) if shoulders.can_test else nothing_named(search)
         sets = credible_sets(search, named.node)
         weights = weigh(search)  # of all that was fitted on the way
         node = named.node
-        rungs = named.rungs
         sizes = amplitudes(search, node)
-        order = [rung.added for rung in rungs[1:]]
+        order = [rung.added for rung in named.rungs[1:]]
         sizes = {name: sizes[name] for name in order}
-        if sizes and self.relieved:
+        if self.relieved:
             sizes[THORAX_POINTS] = thorax_amplitude(search.joint.model.relief)
-        known = read_amplitudes([one.option for one in sizes.values()], self.library)
         self.progress("gaps of girdle adapt")
         base = base_gaps(shoulders.motions, self.model, self.person)
         adapted = adapted_gaps(shoulders.motions, self.model, {}, self.person)
-        with_causes = self._with_causes(known) if known else adapted
-        gaps = self._gaps(base, adapted, with_causes, rungs, floor)
-        levels = gaps.hardest
-        over = left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
-        budget = self._budget(gaps, rungs)
-        verdict = self._verdict(self._causes(named, sets, order, budget), weights, over, computed, noise)
+        with_causes = self._with_causes(sizes) if sizes else adapted
+        gaps = self._gaps(base, adapted, with_causes, named.rungs, floor)
+        if (
+            not order and not 1.0 - _left_over(gaps) >= LEAST_GAIN
+        ):  # nor does another person's thorax alone take it away
+            sizes, with_causes = {}, adapted
+            gaps = self._gaps(base, adapted, adapted, named.rungs, floor)
+        budget = self._budget(gaps, named.rungs)
+        causes = self._causes(named, sets, order, budget) if sizes else []
+        verdict = self._verdict(causes, weights, gaps, computed, noise)
         data = observe(shoulders.motions, adapted.batch)
         angle_gaps = _angle_gaps(data, adapted, floor)
         return Diagnosis(
@@ -149,7 +152,7 @@ class _Study:
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
             budget=budget,
-            left_over_share=over,
+            left_over_share=_left_over(gaps),
             gaps=gaps,
             parameters=_changes(adapted, with_causes),
             cells=cells(angle_gaps),
@@ -158,10 +161,12 @@ class _Study:
             constraints=constraint_residuals_mm(data, np.asarray(adapted.chain.residuals_mm(data.values[:6]))),
             constraint_spread=constraint_spread(data, adapted.chain, with_causes.chain, noise.angle_deg),
             indistinguishable=indistinguishable(none.linearised),
+            lacking=lacking(len(shoulders.kinds), shoulders.persons, THORAX_POINTS in sizes),
             next_measurement=propose(search, node, [sets[name].names for name in order]),
         )
 
-    def _with_causes(self, known: Amplitudes) -> AdaptedGaps:
+    def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
+        known = read_amplitudes([one.option for one in sizes.values()], self.library)
         return adapted_gaps(self.shoulders.motions, self.model, known, self.person, self.library)
 
     @property
@@ -182,42 +187,48 @@ class _Study:
     ) -> list[Cause]:
         """What is named, in this order, and last another person's thorax."""
         causes = [Cause(*sets[name], named.gains[name].share, named.gains[name].t) for name in order]
-        if causes and self.relieved:
+        if self.relieved:
             level = {step.step: step.gap_deg.value for step in budget}
             causes.append(thorax_cause(level[ADAPTED_STEP], level[THORAX_POINTS], level[NOISE]))
         return causes
 
-    def _verdict(self, causes: list[Cause], weights: Weights, over: float, computed: bool, noise: Noise) -> Verdict:
-        search = self.search
+    def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, computed: bool, noise: Noise) -> Verdict:
+        answer = self._answer(causes, gaps, noise)
         inclusion = dict(weights.inclusion)
         if computed and ESTIMATE in inclusion:
             inclusion = {ESTIMATE: 1.0} | {name: p for name, p in inclusion.items() if name != ESTIMATE}
             if not any(cause.names[0] == ESTIMATE for cause in causes):
                 causes.append(Cause((ESTIMATE,), (1.0,), 0.0, np.nan))
-        none = search.nodes[()]
-        noisy = not more_than_noise(none.linearised.y, search.folds, noise)
-        answer = EFFECT if causes else NONE if noisy else UNKNOWN
-        return Verdict(answer, tuple(causes), inclusion, _probability(weights, inclusion, answer, over))
+        return Verdict(answer, tuple(causes), inclusion, _probability(weights, inclusion, answer, _left_over(gaps)))
 
-    def _gaps(self, base: BaseGaps, adapted: AdaptedGaps, with_causes: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:
+    def _answer(self, causes: list[Cause], gaps: Gaps, noise: Noise) -> Answer:
+        """The thorax of the person is no answer by itself; noise that was assumed shows nothing that is larger."""
+        if any(cause.names != (THORAX_POINTS,) for cause in causes):
+            return EFFECT
+        left = gaps.hardest["with_effect"][ALL].value
+        shown = noise.source != ASSUMED or left <= gaps.hardest["noise_floor"][ALL].value
+        beyond = more_than_noise(self.search.nodes[()].linearised.y, self.search.folds, noise)
+        return NONE if shown and not beyond else UNKNOWN
+
+    def _gaps(self, base: BaseGaps, adapted: AdaptedGaps, with_effect: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:
         """The four levels of each kind of gap."""
         folds, person = self.search.folds, self.shoulders.person
-        of_subject = np.array([np.nanmean(floor[self.shoulders.rows_of(s)], axis=0) for s in range(len(person))])
+        of_subject = np.array([known_mean(floor[self.shoulders.rows_of(s)].T) for s in range(len(person))])
         noise_floor = by_bone(of_subject, person)
 
         def levels(kind: str) -> GapLevels | None:
             if kind not in base.unseen:
                 return None
-            return _levels(noise_floor, base.unseen[kind], adapted.unseen[kind], with_causes.unseen[kind])
+            return _levels(noise_floor, base.unseen[kind], adapted.unseen[kind], with_effect.unseen[kind])
 
         other_motion = levels(MOTION)
         other_person = None
         if PERSON in folds.kinds and other_motion:
             chosen = folds.of_kind(PERSON)
             unseen = by_bone(rungs[-1].gaps_deg[chosen], person[folds.subject])
-            without = other_motion["adapted"]
-            other_person = _levels(noise_floor, other_motion["base"], without, unseen if len(rungs) > 1 else without)
-        in_sample = _levels(noise_floor, base.in_sample, adapted.in_sample, with_causes.in_sample)
+            with_causes = unseen if len(rungs) > 1 else other_motion["with_effect"]
+            other_person = _levels(noise_floor, other_motion["base"], other_motion["adapted"], with_causes)
+        in_sample = _levels(noise_floor, base.in_sample, adapted.in_sample, with_effect.in_sample)
         return Gaps(in_sample, levels(POSTURES) or in_sample, other_motion, other_person)
 
     def _budget(self, gaps: Gaps, rungs: list[Rung]) -> tuple[Step, ...]:
@@ -226,9 +237,14 @@ class _Study:
         steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
         chosen = folds.of_kind(MOTION)
         for rung in rungs if self.relieved else rungs[1:]:
-            gap = interval(rung.gaps_deg[chosen].mean(axis=1), person[folds.subject])
+            gap = interval(known_mean(rung.gaps_deg[chosen]), person[folds.subject])
             steps.append(Step(cause_of(rung.added) or THORAX_POINTS, gap))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
+
+
+def _left_over(gaps: Gaps) -> float:
+    levels = gaps.hardest
+    return left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
 
 
 def _levels(noise_floor: BoneGaps, base: BoneGaps, adapted: BoneGaps, with_effect: BoneGaps) -> GapLevels:

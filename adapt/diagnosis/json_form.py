@@ -47,6 +47,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "constraint_spread": [one._asdict() for one in diagnosis.constraint_spread],
             "parameters": diagnosis.parameters,
             "indistinguishable": diagnosis.indistinguishable,
+            "lacking": diagnosis.lacking,
             "next_measurement": diagnosis.next_measurement,
             "noise": diagnosis.noise,
             "expected": diagnosis.declared_effects,

@@ -12,11 +12,12 @@ from models.effects.known import OPTION, THORAX_POINTS
 def notes(diagnosis: Diagnosis) -> list[str]:
     """Say what the numbers of a diagnosis rest on, what they do not say, and how to adapt with the causes."""
     candidates = set(diagnosis.verdict.inclusion)
+    sized = [name for name, one in diagnosis.amplitude.items() if one.option]
     too_large = [name for name, one in diagnosis.amplitude.items() if one.too_large]
     return [
         f"Parameter set {diagnosis.model}.",
         _noise(diagnosis.noise),
-        *(f"The motions are marked with {name}: they were made so." for name in diagnosis.declared_effects),
+        *(f"The motion file says of its angles that {name} is at work." for name in diagnosis.declared_effects),
         *([_AXIAL] if diagnosis.axial_is_computed else []),
         *_limits(diagnosis),
         *_thorax(diagnosis),
@@ -24,7 +25,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
         *(f"Left out: {slip}." for slip in diagnosis.slips),
-        *([_how_to_adapt(diagnosis.verdict.names, diagnosis.options)] if diagnosis.options else []),
+        *([_how_to_adapt(sized, diagnosis.options)] if diagnosis.options else []),
     ]
 
 
@@ -54,10 +55,11 @@ def _noise(noise: Noise) -> str:
 
 def _limits(diagnosis: Diagnosis) -> list[str]:
     """What data of one motion, or of one person, cannot say."""
-    one_motion, one_person = diagnosis.gaps.other_motion is None, diagnosis.gaps.other_person is None
+    one_motion, one_person = diagnosis.gaps.other_motion is None, diagnosis.persons == 1
     return [
         *(["One kind of motion: nothing can be said of unseen motions."] if one_motion else []),
         *(["One person: nothing can be said of unseen persons."] if one_person else []),
+        *([] if diagnosis.can_test else ["Probabilities of candidates rest on postures between others: no answer."]),
     ]
 
 

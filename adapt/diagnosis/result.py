@@ -56,7 +56,8 @@ class Verdict:
 
     answer: Answer
     causes: tuple[Cause, ...]
-    """Those that predict motions and persons that were not fitted, the one that takes most of the gap first."""
+    """Those that predict motions and persons that were not fitted, the one that takes most of the gap first; then
+    another person's thorax, which is no answer by itself, and an estimate that the angles show themselves."""
     inclusion: dict[str, float]
     """Probability of every candidate of being at work, alone or with others; the most probable first."""
     probability: dict[str, float]
@@ -93,7 +94,7 @@ class CauseAmplitude:
     directions: dict[str, Interval]
     """Its amplitudes, in the unit of the option."""
     option: str
-    """The cause as ``girdle adapt --effect`` takes it."""
+    """The cause as ``girdle adapt --effect`` takes it; empty where no gap shows how large it is."""
 
     @property
     def too_large(self) -> bool:
@@ -216,12 +217,20 @@ class Diagnosis:
     constraint_spread: list[ConstraintSpread]
     indistinguishable: list[list[str]]
     """Candidates that do the same to these data, whatever is at work."""
+    lacking: tuple[str, ...]
+    """What to measure first, whatever is at work."""
     next_measurement: list[Proposal]
+    """What would tell names of a cause apart."""
 
     @property
     def options(self) -> tuple[str, ...]:
-        """All causes as ``girdle adapt --effect`` takes them."""
-        return tuple(one.option for one in self.amplitude.values())
+        """All causes whose size a gap shows, as ``girdle adapt --effect`` takes them."""
+        return tuple(one.option for one in self.amplitude.values() if one.option)
+
+    @property
+    def can_test(self) -> bool:
+        """Whether there is another motion, or person, to test a cause on that it was not fitted to."""
+        return len(self.kinds) > 1 or self.persons > 1
 
 
 @dataclass(frozen=True)

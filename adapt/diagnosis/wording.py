@@ -18,6 +18,7 @@ from adapt.diagnosis.result import (
     Verdict,
 )
 from models.effects.effect import cause_of
+from models.effects.known import THORAX_POINTS
 
 MOST_WORDS = 30
 """Of the sentence."""
@@ -34,18 +35,28 @@ _MOST_NAMES = 3
 
 def sentence(diagnosis: Diagnosis) -> str:
     """Say the verdict as a biomechanist reads it first, in at most MOST_WORDS words."""
-    verdict, subjects = diagnosis.verdict, subjects_text(diagnosis)
+    if diagnosis.verdict.answer != EFFECT:
+        return _without_cause(diagnosis)
     adapted, with_effect, floor = _levels(diagnosis)
-    stays = f"the gap of {subjects} stays at {adapted} deg; noise alone leaves {floor}."
-    if verdict.answer == NONE:
-        return f"Nothing beyond noise: on {unseen_text(diagnosis.gaps)} {stays}"
-    if verdict.answer != EFFECT:
-        return f"No candidate predicts {unseen_text(diagnosis.gaps)} better: {stays}"
     verb = "shrinks" if diagnosis.gaps.shrinkage > 0.0 else "goes"
-    start = f"On {unseen_text(diagnosis.gaps)} the gap of {subjects} {verb} from {adapted} to {with_effect} deg with"
-    sentences = (f"{start} {names}; noise alone leaves {floor}." for names in _ever_shorter(verdict))
-    *_, shortest = said = list(sentences)
+    goes = f"the gap of {subjects_text(diagnosis)} {verb} from {adapted} to {with_effect} deg"
+    start, end = f"On {unseen_text(diagnosis.gaps)} {goes} with", f"noise alone leaves {floor}."
+    *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict)]
     return next((one for one in said if len(one.split()) <= MOST_WORDS), shortest)
+
+
+def _without_cause(diagnosis: Diagnosis) -> str:
+    """Say that none is named, and what another person's thorax takes away."""
+    adapted, with_effect, floor = _levels(diagnosis)
+    unseen, subjects = unseen_text(diagnosis.gaps), subjects_text(diagnosis)
+    thorax = bool(diagnosis.options)
+    goes = f"goes from {adapted} to {with_effect} deg with {THORAX_POINTS}" if thorax else f"stays at {adapted} deg"
+    gap = f"the gap of {subjects} {goes}; noise alone leaves {floor}."
+    if not diagnosis.can_test:
+        return f"One motion of one person cannot show a cause: on {unseen} {gap}"
+    if diagnosis.verdict.answer == NONE:
+        return f"Nothing beyond noise{' but the thorax' if thorax else ''}: on {unseen} {gap}"
+    return f"No candidate {'but the thorax ' if thorax else ''}predicts {unseen} better: {gap}"
 
 
 def number(value: float | None, coarse: float | None = None) -> str:
@@ -101,7 +112,7 @@ def cause_names(cause: Cause) -> tuple[str, ...]:
 
 def answer_text(verdict: Verdict) -> str:
     """Write the answer of a verdict: 'a (or b) and c', 'none', 'unknown'."""
-    return next(_ever_shorter(verdict)) if verdict.causes else verdict.answer
+    return next(_ever_shorter(verdict)) if verdict.answer == EFFECT else verdict.answer
 
 
 def step_text(step: str) -> str:

@@ -150,7 +150,7 @@ def inclusion(diagnosis: Diagnosis) -> Figure:
 def gaps(diagnosis: Diagnosis) -> Figure:
     """Draw the noise floor and the gap of the model as it is, adapted, and with the causes, one panel per bone."""
     kinds: dict[GapKind, str] = {"base": "model as it is", "adapted": "adapted"}
-    if diagnosis.verdict.causes:
+    if diagnosis.options:
         kinds["with_effect"] = "with the causes"
     kinds["noise_floor"] = "noise alone"
     figure = Figure(figsize=(8.0, 1.1 + 0.34 * len(kinds)), layout="constrained")

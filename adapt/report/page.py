@@ -119,7 +119,7 @@ def _gaps(diagnosis: Diagnosis) -> JsonObject:
 
     def shown(levels: GapLevels) -> JsonObject:
         known = levels_as_json(levels) or {}
-        return {kind: one for kind, one in known.items() if diagnosis.verdict.causes or kind != "with_effect"}
+        return {kind: one for kind, one in known.items() if diagnosis.options or kind != "with_effect"}
 
     gaps = diagnosis.gaps
     return {"unseen": shown(gaps.hardest), "in_sample": shown(gaps.in_sample), "what": unseen_text(gaps)}

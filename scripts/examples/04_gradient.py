@@ -21,7 +21,7 @@ def gap_deg2(conoid_length_mm, angles):
     return jnp.mean(posture_fit(girdle, angles).j_deg2)
 
 
-# Half the seconds on the first call, most of which is compilation; leave the options out where it runs a thousand times.
+# Half the seconds on the first call, most of which is compilation. Leave the options out where it runs many times.
 of_every_subject = jax.jit(jax.vmap(jax.value_and_grad(gap_deg2), in_axes=(None, 0)), compiler_options=QUICK_TO_COMPILE)
 
 

@@ -9,14 +9,17 @@ import pytest
 from small_worlds import CANDIDATES, simulated
 
 from adapt import adapt_subjects, diagnose
+from adapt.diagnosis.fit.noise import ASSUMED
+from adapt.diagnosis.inference.fingerprint import ESTIMATE
 from adapt.diagnosis.notes import notes
-from adapt.diagnosis.result import ALL, EFFECT, NONE
+from adapt.diagnosis.result import ALL, EFFECT, NONE, UNKNOWN
 from adapt.tables.held_out import MOTION
 from models import load_model
 from models.effects import EFFECTS
 from models.effects.known import read_amplitudes
 from motions import read_motions
-from motions.landmarks.sampled_postures import SLIPPED
+from motions.landmarks.girdle_angles import estimated_axial_deg
+from motions.landmarks.sampled_postures import ESTIMATED, SLIPPED
 from motions.table import ANGLES
 
 BIAS = "scapula_landmark_bias"
@@ -100,8 +103,73 @@ def test_nothing_is_found_where_nothing_is_hidden():
     motions = simulated(noise_deg=1.5).motions
     found = diagnose(motions, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
     assert found.verdict.answer == NONE
-    assert found.options == ()
-    assert "thorax_points" in [step.step for step in found.budget], "it is no answer, and is shown"
+    assert found.verdict.of_the_chain == ()
+    assert found.options == ("thorax_points=30",), "R2 has another person's points on the thorax"
+
+
+def test_another_persons_thorax_alone_takes_what_girdle_adapt_takes_with_it():
+    """No answer by itself, but adapted with it the gap falls by what the budget says."""
+    motions, model = simulated(noise_deg=1.5).motions, load_model("R4")
+    found = diagnose(motions, model, effects=[EFFECTS[name] for name in CANDIDATES])["R4"]
+    assert (found.verdict.answer, found.verdict.names) == (NONE, ("thorax_points",))
+    rows = adapt_subjects(motions, model, effects=read_amplitudes(found.options)).heldout
+    unseen = rows[rows["kind"] == MOTION]["gap_unseen_deg"].mean()
+    levels = found.gaps.hardest
+    assert levels["with_effect"][ALL].value == pytest.approx(unseen, abs=SAME_DEG)
+    assert unseen < levels["adapted"][ALL].value
+    assert found.left_over_share < 0.95
+
+
+def test_one_motion_of_one_person_names_no_cause():
+    """Postures between others are interpolated by what is not there."""
+    motions = simulated(BIAS).motions
+    one = motions.select((motions.subject == motions.subject[0]) & (motions.motion == motions.motion[0]))
+    found = diagnose(one, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
+    assert not found.can_test
+    assert found.verdict.answer == UNKNOWN
+    assert found.verdict.of_the_chain == ()
+    assert [one.split(":")[0] for one in found.lacking[:2]] == ["another kind of motion", "more persons"]
+
+
+def test_noise_that_was_assumed_does_not_make_a_gap_none():
+    """Six postures of one person, four times what noise alone would leave, are not 'nothing beyond noise'."""
+    motions = simulated(BIAS).motions
+    one = motions.select((motions.subject == motions.subject[0]) & (motions.posture <= 6))
+    one = one.select(one.motion == one.motion[0])
+    found = diagnose(one, load_model("breteler_mri"), effects=[EFFECTS[BIAS]])["breteler_mri"]
+    levels = found.gaps.hardest
+    assert found.noise.source == ASSUMED
+    assert levels["with_effect"][ALL].value > levels["noise_floor"][ALL].value
+    assert found.verdict.answer == UNKNOWN
+
+
+def test_an_estimate_of_the_axial_rotation_alone_is_no_answer():
+    """The angles show that it is one; nothing shows how large it is, so there is no option to adapt with."""
+    motions = simulated(noise_deg=1.5).motions
+    angles_deg = motions.angles_deg.copy()
+    for subject in motions.subjects:
+        rows = motions.subject == subject
+        at_rest = angles_deg[rows][np.argmin(motions.humerus_elevation_deg[rows])]
+        angles_deg[rows, 2] = estimated_axial_deg(angles_deg[rows], at_rest)
+    effects = [EFFECTS[name] for name in (*CANDIDATES, ESTIMATE)]
+    found = diagnose(replace(motions, angles_deg=angles_deg), load_model("R2"), effects=effects)["R2"]
+    assert found.axial_is_computed
+    assert found.verdict.names[-1] == ESTIMATE
+    assert found.verdict.answer != EFFECT
+    assert not [one for one in found.options if one.startswith(ESTIMATE)]
+
+
+def test_an_angle_that_was_not_measured_counts_nowhere():
+    """Of the budget, the steps before and after the thorax are then of the same angles; no mark speaks of the angle."""
+    motions = simulated(noise_deg=1.5).motions
+    angles_deg = motions.angles_deg.copy()
+    angles_deg[:, 2] = np.nan
+    extra = motions.extra.assign(**{ESTIMATED: ["yes"] * len(motions.posture)})
+    found = diagnose(replace(motions, angles_deg=angles_deg, extra=extra), load_model("R4"), effects=[EFFECTS[BIAS]])
+    by_step = {step.step: step.gap_deg.value for step in found["R4"].budget}
+    with_it = found["R4"].gaps.hardest["with_effect"][ALL].value
+    assert by_step["thorax_points"] == pytest.approx(with_it, rel=0.08), "counted as 0 it would be a sixth less"
+    assert found["R4"].declared_effects == ()
 
 
 def test_points_on_the_thorax_of_the_person_are_not_doubted():

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from diagnoses import BLIND, BY_KIND, LONE, MANY, NOTHING, ONE, OUTSIDE, TWO, cause, gap_of, verdict
+from diagnoses import BLIND, BY_KIND, LONE, MANY, NOTHING, ONE, OUTSIDE, THORAX, TWO, UNTESTED, cause, gap_of, verdict
 
 from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import EFFECT, Gaps, Interval, Noise
@@ -38,6 +38,14 @@ SENTENCES = {
     "leaves 0.3.",
     "lone": "On unseen postures the gap of 6 shoulders shrinks from 2.6 to 0.7 deg with scapula_landmark_bias; noise "
     "alone leaves 0.3.",
+    "thorax": "Nothing beyond noise but the thorax: on unseen motions the gap of 6 shoulders goes from 1.3 to 0.9 deg "
+    "with thorax_points; noise alone leaves 0.3.",
+    "outside thorax": "No candidate but the thorax predicts unseen motions better: the gap of 6 shoulders goes from "
+    "2.8 to 2.0 deg with thorax_points; noise alone leaves 0.3.",
+    "untested": "One motion of one person cannot show a cause: on unseen postures the gap of 6 shoulders stays at 2.6 "
+    "deg; noise alone leaves 0.3.",
+    "untested thorax": "One motion of one person cannot show a cause: on unseen postures the gap of 6 shoulders goes "
+    "from 2.6 to 0.7 deg with thorax_points; noise alone leaves 0.3.",
     "blind": "Nothing beyond noise: on unseen motions the gap of 1 shoulder stays at - deg; noise alone leaves 0.3.",
 }
 
@@ -77,6 +85,7 @@ def test_the_sentence_has_a_second_digit_where_the_first_shows_no_difference():
         (TWO, "ac_translation (or conoid_strain) and scapulothoracic_gap"),
         (NOTHING, "none"),
         (OUTSIDE, "unknown"),
+        (THORAX, "none"),
     ],
 )
 def test_the_answer_in_a_table_names_everything(diagnosis, said):
@@ -125,7 +134,7 @@ def test_the_notes_say_what_the_numbers_rest_on():
     assert notes(marked) == [
         "Parameter set R2.",
         "Noise: 1.40 deg an angle, estimated from 166 degrees of freedom.",
-        "The motions are marked with scapula_landmark_bias: they were made so.",
+        "The motion file says of its angles that scapula_landmark_bias is at work.",
         "The clavicle's axial rotation is computed from the other angles: an estimate, no measurement.",
         "scapulothoracic_gap: larger than such an effect is: something that acts like it.",
         "These data cannot tell apart conoid_strain and clavicle_axial_estimate.",
@@ -142,7 +151,7 @@ def test_no_adaptation_is_proposed_where_no_cause_is_named(other):
 
 def test_the_notes_say_what_one_motion_and_one_person_cannot_tell():
     motion, person = "nothing can be said of unseen motions", "nothing can be said of unseen persons"
-    for diagnosis, said in ((ONE, []), (NOTHING, [person]), (LONE, [motion, person])):
+    for diagnosis, said in ((ONE, []), (NOTHING, [person]), (LONE, [motion]), (UNTESTED, [motion, person])):
         found = " ".join(notes(diagnosis))
         assert [one for one in (motion, person) if one in found] == said
 

@@ -29,8 +29,10 @@ from adapt.diagnosis.result import (
     Step,
     Verdict,
 )
+from adapt.diagnosis.thorax_points import thorax_amplitude
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
+from models.effects.known import THORAX_POINTS
 from motions.table import BONES
 
 CAUSES = tuple(dict.fromkeys(effect.cause for effect in EFFECTS.values()))
@@ -72,7 +74,7 @@ def verdict(answer: Answer, *causes: Cause, **inclusion: float) -> Verdict:
     """The probabilities of being at work given; that of every other candidate is 0.02."""
     every = dict.fromkeys(CAUSES, 0.02) | inclusion
     ordered = dict(sorted(every.items(), key=lambda one: -one[1]))
-    answers = {name: 0.9 / len(causes) for name in (cause.names[0] for cause in causes)} or {answer: 0.9}
+    answers = {cause.names[0]: 0.9 / len(causes) for cause in causes} if answer == EFFECT else {answer: 0.9}
     rest = (1.0 - sum(answers.values())) / len(ANSWERS - set(answers))
     return Verdict(answer, causes, ordered, dict.fromkeys(sorted(ANSWERS), rest) | answers)
 
@@ -124,6 +126,7 @@ ONE = Diagnosis(
     constraints=[ConstraintResidual("A1", None, 84, 0.1, None, -2.0, 2.0, None)],
     constraint_spread=[ConstraintSpread("A1", 4.1, 1.2, 0.8), ConstraintSpread("A3", 9.7, 1.1, 0.9)],
     indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
+    lacking=("points on the thorax",),
     next_measurement=PROPOSALS,
 )
 """Six shoulders of five persons, two kinds of motion, one cause."""
@@ -187,14 +190,32 @@ OUTSIDE = replace(
 )
 """A gap that no candidate takes away."""
 
-LONE = replace(ONE, kinds=("abduction",), persons=1, gaps=replace(ONE.gaps, other_motion=None, other_person=None))
-"""One kind of motion of one person."""
+LONE = replace(ONE, kinds=("abduction",), gaps=replace(ONE.gaps, other_motion=None, other_person=None))
+"""One kind of motion."""
+
+THORAX = replace(
+    ONE,
+    verdict=verdict(NONE, cause(THORAX_POINTS)),
+    amplitude={THORAX_POINTS: thorax_amplitude(30.0)},
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 1.3, THORAX_POINTS: 0.9, NOISE: 0.3}),
+    gaps=gap_of(1.3, 0.9),
+)
+"""Nothing beyond noise but another person's thorax."""
+
+OUTSIDE_THORAX = replace(THORAX, verdict=verdict(UNKNOWN, cause(THORAX_POINTS)), gaps=gap_of(2.8, 2.0))
+"""A gap of which another person's thorax takes a part."""
+
+UNTESTED = replace(LONE, persons=1, verdict=verdict(UNKNOWN), amplitude={}, budget=OUTSIDE.budget)
+"""One kind of motion of one person: no cause can be tested."""
+
+UNTESTED_THORAX = replace(UNTESTED, verdict=OUTSIDE_THORAX.verdict, amplitude=THORAX.amplitude, budget=THORAX.budget)
 
 BLIND = replace(
     NOTHING,
     budget=ladder(**{BASE: math.nan, ADAPTED_STEP: math.nan, NOISE: math.nan}),
     gaps=gap_of(math.nan, math.nan),
     indistinguishable=[],
+    lacking=(),
     next_measurement=[],
 )
 """Nothing could be told."""
@@ -206,6 +227,10 @@ BY_KIND = {
     "nothing": NOTHING,
     "outside": OUTSIDE,
     "lone": LONE,
+    "thorax": THORAX,
+    "outside thorax": OUTSIDE_THORAX,
+    "untested": UNTESTED,
+    "untested thorax": UNTESTED_THORAX,
     "blind": BLIND,
 }
 

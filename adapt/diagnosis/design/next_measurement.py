@@ -1,4 +1,5 @@
-"""Which candidates do the same to these data, and which measurement would tell the names of a cause apart."""
+"""Which candidates do the same to these data, what these data lack, and which measurement would tell the names of a
+cause apart."""
 
 from collections.abc import Sequence
 
@@ -26,6 +27,20 @@ def indistinguishable(at: Linearised) -> list[list[str]]:
         else:
             group.append(name)
     return [group for group in groups if len(group) > 1]
+
+
+_ANOTHER_MOTION = "another kind of motion: a cause is named if it predicts motions that it was not fitted to"
+_MORE_PERSONS = "more persons: a cause is named if it predicts persons that it was not fitted to"
+_THORAX = "points on the thorax (girdle model --points): another person's hold the ellipsoid here"
+
+
+def lacking(kinds: int, persons: int, thorax: bool) -> tuple[str, ...]:
+    """Say what the data lack, whatever is at work; ``thorax``: another person's points cost something here."""
+    return (
+        *([_ANOTHER_MOTION] if kinds == 1 else []),
+        *([_MORE_PERSONS] if persons == 1 else []),
+        *([_THORAX] if thorax else []),
+    )
 
 
 def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> list[Proposal]:

@@ -13,6 +13,8 @@ from adapt.diagnosis.result import Noise
 _ASSUMED_DEG = 1.5
 """Where neither the data nor the user say: one palpated posture has 2-3 deg, the mean of repeats less."""
 
+ASSUMED = "assumed"
+
 LEAST_DEG = 0.1
 """Noise below this is rounding of the files, not measurement."""
 
@@ -36,7 +38,7 @@ def estimate_noise(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"], given_d
             squares.append((np.diff(y[rows], _ORDER, axis=0) ** 2 / _VARIANCE).ravel())
     every = np.concatenate([np.zeros(0), *squares])
     if len(every) < _FEWEST:
-        return Noise(_ASSUMED_DEG, "assumed", float(_FEWEST))
+        return Noise(_ASSUMED_DEG, ASSUMED, float(_FEWEST))
     return Noise(max(LEAST_DEG, float(np.sqrt(every.mean()))), "estimated", float(_INDEPENDENT * len(every)))
 
 

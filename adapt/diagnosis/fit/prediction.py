@@ -29,7 +29,7 @@ class Predicted(NamedTuple):
     squares: Float[np.ndarray, " tests"]
     """Mean |y|^2, deg^2: the sum of the squares of six angles."""
     gaps_deg: Float[np.ndarray, "tests 6"]
-    """Mean |simulated - measured| of each angle."""
+    """Mean |simulated - measured| of each angle; NaN of one that was not measured."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,12 @@ class Linearised:
         y = self.y[rows] + np.einsum("rij,rj->ri", self.Z[rows][..., :_N], step.theta[part])
         if len(where):
             y = y + np.einsum("rij,rj->ri", self.Z[rows][..., _N + where], step.amplitude[group[part]])
-        gaps = np.abs(np.einsum("rij,ri->rj", self.B[rows], y)) * (joint.shoulders.sd[:, rows].T == 1.0)
+        gaps = np.abs(np.einsum("rij,ri->rj", self.B[rows], y))
         return Predicted(
             now + step.amplitude,
             theta + step.theta,
             self.folds.means((y**2).sum(axis=1)),
-            self.folds.means(gaps),
+            self.folds.measured_means(gaps, joint.shoulders),
         )
 
 

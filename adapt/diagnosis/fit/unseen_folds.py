@@ -84,6 +84,16 @@ class Folds:
         count = np.bincount(self.test_of).reshape(-1, *(1,) * (values.ndim - 1))
         return np.add.reduceat(values, starts, axis=0) / count
 
+    def measured_means(
+        self, values: Float[np.ndarray, "tested 6"], shoulders: Shoulders
+    ) -> Float[np.ndarray, "tests 6"]:
+        """Average the rows of each test in which the angle was measured; NaN where it was in none."""
+        measured = shoulders.sd[:, self.rows].T == 1.0
+        share = self.means(measured.astype(float))
+        return np.where(
+            share > 0.0, self.means(np.where(measured, values, 0.0)) / np.where(share > 0.0, share, 1.0), np.nan
+        )
+
     def by_fold(self, of_tests: Float[np.ndarray, "tests ..."]) -> Float[np.ndarray, "folds ..."]:
         """Average a fold over the kinds of tests."""
         return np.mean([of_tests[self.of_kind(kind)] for kind in self.kinds], axis=0)

@@ -59,13 +59,11 @@ def amplitudes(search: Search, node: Node) -> dict[str, CauseAmplitude]:
 
 
 def unseen_amplitude(effect: Effect) -> CauseAmplitude:
-    """Describe an effect that is at work without showing in any gap: its option leaves everything as it is."""
-    unknown, zero = Interval(np.nan, np.nan, np.nan), np.zeros(effect.amplitudes)
+    """Describe an effect that is at work without showing in any gap: there is no size to adapt with."""
+    unknown = Interval(np.nan, np.nan, np.nan)
     typical = float(np.linalg.norm(effect.prior.scale))
     directions = dict.fromkeys(effect.directions, unknown)
-    return CauseAmplitude(
-        effect.what, effect.course.word, _unit(effect), unknown, typical, directions, as_option(effect, zero.tolist())
-    )
+    return CauseAmplitude(effect.what, effect.course.word, _unit(effect), unknown, typical, directions, "")
 
 
 def _described(effect: Effect, value, draws, candidates: Candidates, shoulders: Shoulders) -> CauseAmplitude:

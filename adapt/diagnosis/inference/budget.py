@@ -7,6 +7,8 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
+from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 
 
@@ -24,9 +26,7 @@ def ladder(search: Search, named: Node) -> list[Rung]:
     nodes, order = [named], []
     while nodes[-1].hypothesis:
         less = {name: search.without(nodes[-1], name) for name in nodes[-1].hypothesis}
-        dropped = min(
-            less, key=lambda name: float(search.folds.by_fold(less[name].predicted.gaps_deg.mean(axis=1)).mean())
-        )
+        dropped = min(less, key=lambda name: _mean_gap_deg(search.folds, less[name]))
         order.append(dropped)
         nodes.append(less[dropped])
     added = ["", *reversed(order)]
@@ -35,8 +35,12 @@ def ladder(search: Search, named: Node) -> list[Rung]:
     ]
 
 
+def _mean_gap_deg(folds: Folds, node: Node) -> float:
+    return float(folds.by_fold(known_mean(node.predicted.gaps_deg)).mean())
+
+
 def refitted(search: Search, node: Node) -> Float[np.ndarray, "tests 6"]:
-    """Fit a hypothesis exactly without each fold; give its gaps there, mean |simulated - measured| of each angle."""
+    """Fit a hypothesis exactly without each fold; give its gaps there, mean |simulated - measured|."""
     folds, joint = search.folds, search.joint
     every = JointFit(joint.model, joint.shoulders, joint.candidates, folds.parts)
     fitted = every.fit(node.hypothesis, node.predicted.theta_mm, node.predicted.amplitude)
@@ -48,6 +52,5 @@ def refitted(search: Search, node: Node) -> Float[np.ndarray, "tests 6"]:
     unseen = JointFit(joint.model, joint.shoulders, joint.candidates, parts)
     there = Fitted(fitted.theta_mm[folds.part], fitted.amplitude[group], fitted.E[folds.part], fitted.converged)
     near = unseen.nearest(node.hypothesis, there)
-    measured = joint.shoulders.sd[:, folds.rows].T == 1.0
     gaps = np.abs(near.angles_deg - joint.shoulders.measured_deg[:, folds.rows].T)
-    return folds.means(np.where(measured, gaps, 0.0)) / np.maximum(folds.means(measured.astype(float)), 1e-9)
+    return folds.measured_means(gaps, joint.shoulders)

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.inference.budget import Rung, ladder
+from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 
 LEAST_GAIN = 0.05
@@ -37,11 +38,11 @@ def gain(
     folds: Folds, without: Float[np.ndarray, "tests 6"], with_it: Float[np.ndarray, "tests 6"], floor_deg: float
 ) -> Gain:
     """Compare the gaps of two hypotheses, fold by fold; noise alone leaves ``floor_deg``."""
-    difference = (without - with_it).mean(axis=1)
+    difference = known_mean(without - with_it)
     by_fold = folds.by_fold(difference)
     error = by_fold.std(ddof=1) / np.sqrt(len(by_fold)) if len(by_fold) > 1 else np.inf
     worst = min(difference[folds.of_kind(kind)].mean() for kind in folds.kinds)
-    beyond = folds.by_fold(without.mean(axis=1)).mean() - floor_deg
+    beyond = folds.by_fold(known_mean(without)).mean() - floor_deg
     share = by_fold.mean() / max(beyond, by_fold.mean(), 1e-9)
     return Gain(float(share), float(by_fold.mean() / error) if error > 0 else np.inf, float(worst))
 
@@ -80,6 +81,11 @@ def name_causes(search: Search, floor_deg: float) -> Named:
         if _falls(search.folds, rungs):
             return Named(node, gains, rungs)
         rejected.add(node.hypothesis)
+    return nothing_named(search)
+
+
+def nothing_named(search: Search) -> Named:
+    """Name no cause."""
     none = search.nodes[()]
     return Named(none, {}, ladder(search, none))
 
@@ -88,7 +94,7 @@ def _falls(folds: Folds, rungs: list[Rung]) -> bool:
     """Whether the last cause lowers the gap of unseen motions, and of unseen persons, where it is fitted exactly."""
     if len(rungs) < 2:
         return True
-    difference = (rungs[-2].gaps_deg - rungs[-1].gaps_deg).mean(axis=1)
+    difference = known_mean(rungs[-2].gaps_deg - rungs[-1].gaps_deg)
     return all(difference[folds.of_kind(kind)].mean() > 0.0 for kind in folds.kinds)
 
 
