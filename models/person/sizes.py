@@ -21,8 +21,8 @@ that is taken for a place beside it in one posture is so in the others."""
 PALPATOR_LENGTH_MM = PALPATOR_MM * float(np.sqrt(2.0))
 """The same of a length between two landmarks."""
 
-DEEPEST_MM = -ONE_POSTURE_MM
-"""Of TS or AI, as a distance to the thorax: deeper than palpation is off no landmark is inside it."""
+DEEPEST_MM = -2.0 * ONE_POSTURE_MM
+"""Of TS or AI, as a distance to the thorax: deeper than two SDs of a landmark palpated once, none is inside it."""
 
 
 @dataclass(frozen=True)
