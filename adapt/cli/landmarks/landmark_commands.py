@@ -1,5 +1,6 @@
 """``girdle convert``, ``girdle model`` and ``girdle contour``: from what a laboratory measures to what is adapted."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -157,8 +158,8 @@ def _say_estimated(motions: Motions) -> None:
         return
     said = "clavicle_x_deg (axial rotation) is an estimate"
     if ESTIMATE_ZERO in motions.extra:
-        zeros = sorted({float(word) for word in motions.extra[ESTIMATE_ZERO] if word})
-        span = f"{zeros[0]:.0f} to {zeros[-1]:.0f}" if len(zeros) > 1 else "".join(f"{zero:.0f}" for zero in zeros)
+        zeros = sorted({float(word) for word in motions.extra[ESTIMATE_ZERO] if re.fullmatch(r"\d+\.?\d*", word)})
+        span = " to ".join(dict.fromkeys(f"{zero:.0f}" for zero in zeros[:1] + zeros[-1:]))
         said += f"; it is 0 {f'with the arm lowest, at {span} degrees' if zeros else 'in the first posture'}"
     console.print(said, soft_wrap=True)
 
