@@ -1,5 +1,7 @@
 """The one error of a user's input, and the one warning: where it is, what is wrong, what to do about it."""
 
+import warnings
+
 
 class InputError(ValueError):
     """A file or folder named by the user cannot be used as it is.
@@ -23,3 +25,8 @@ class InputError(ValueError):
 
 class InputWarning(UserWarning):
     """A file is used as it is, but one may want to look at it. Its text is that of an :class:`InputError`."""
+
+
+def warn_input(file: str, cause: str, remedy: str) -> None:
+    """Warn of a file that is used as it is: InputWarning, in the words of an InputError."""
+    warnings.warn(InputWarning(str(InputError(file, None, cause, remedy))), stacklevel=3)

@@ -15,6 +15,7 @@ from adapt.solvers.posture_fits import fit_batch
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM
 from models.girdle import Girdle, landmarks
 from models.parameter_sets import ParameterSet
+from models.person.sizes import PALPATOR_MM
 from motions.rhythm_subjects import add_noise, noise_free_subjects
 from motions.rotations import DEG
 from motions.table import Motions
@@ -25,9 +26,6 @@ OTHER_SIZE = (0.08, 0.16)
 _DRAWN = 2
 """As many persons are drawn as are wanted, times this: of bones that fit each other badly no chain closes, and such a
 person is left out."""
-
-PALPATOR_MM = 0.96
-"""SD of a coordinate of a palpated landmark (thesis 5.2.1)."""
 
 THORAX_MM = {"IJ": (0.0, 0.0, 0.0), "C7": (0.0, 40.0, 120.0), "PX": (0.0, -170.0, -10.0), "T8": (0.0, -150.0, 130.0)}
 """Landmarks whose thorax frame is the identity at the origin."""

@@ -8,8 +8,11 @@ import numpy as np
 
 from adapt.cli.options import DEFAULT_MODEL
 from adapt.output.run_files import Files, inputs_record
-from models.person.family import AnyModel, load_any_model, without_set
+from models.person.family import AnyModel, PersonalSets, load_any_model, without_set
 from motions import InputError, Motions, read_motions
+
+_MOST_NAMED = 10
+"""Names in a message."""
 
 
 def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[AnyModel], Files]:
@@ -21,15 +24,25 @@ def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[A
 
 
 def subjects_without_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:
-    """Name who has no set of its own in a folder. InputError if nobody has."""
-    remedy = "Make one with girdle model, or adapt this subject with --model"
+    """Name who has no set of its own in a folder, and whose sets it has. InputError if nobody has."""
+    names = {model.name: tuple(model.by_subject) for model in models if isinstance(model, PersonalSets)}
     errors = {
-        subject: InputError(folder, None, f"there is no parameter set of subject {subject!r}", remedy)
+        subject: InputError(
+            folder, None, f"there is no parameter set of subject {subject!r}", _whose_sets(subject, names[folder])
+        )
         for subject, folder in without_set(models, subjects).items()
     }
     if errors and len(errors) == len(subjects):
         raise next(iter(errors.values()))
     return errors
+
+
+def _whose_sets(subject: str, found: Sequence[str]) -> str:
+    listed = ", ".join(found[:_MOST_NAMED]) + (", ..." if len(found) > _MOST_NAMED else "")
+    return (
+        f"It has sets of {listed}: the line name = ... of a file is the subject. Make one with girdle model --subject "
+        f"{subject}, or adapt this subject with --model"
+    )
 
 
 def without_subjects(motions: Motions, missing: dict[str, InputError]) -> Motions:
@@ -52,5 +65,8 @@ def load_models(models: list[str]) -> list[AnyModel]:
     names = [one.name for one in sets]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError("--model", None, f"two models are called '{twice}'", "Give each one a name of its own")
+        remedy = (
+            f'Give each one a name of its own: the line name = "{twice}" of its TOML file, or the name of its folder'
+        )
+        raise InputError("--model", None, f"two models are called '{twice}'", remedy)
     return sets

@@ -1,5 +1,5 @@
-"""Whether the size of an adapted ellipsoid, its distance to the thorax points and the conoid's length could be a
-person's.
+"""Whether the size of an adapted ellipsoid, its distances to thorax points, TS and AI, and the conoid's length
+could be a person's.
 
 Each check has limits with a reason. Outside of them is a warning, not a failure: the fit stands, but the ellipsoid is
 then a device that lets the scapula move as measured and no longer a thorax. Within them it need not be one: its shape
@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from models.ellipsoid import signed_distance_mm
 from models.parameter_sets import ParameterSet
+from models.person.sizes import DEEPEST_MM
 
 PASS, WARNING = "pass", "warning"
 
@@ -46,6 +47,11 @@ REGION_MM = 15.0
 region: farther off it is another thorax. Nor does a smooth surface follow ribs much closer: the best sphere leaves the
 ribs under the scapula by 7.9 (SD 1.9) mm rms, ribs 2 to 5, and 10.1 (1.9), 5 to 8, in 50 patients (T. Paquet et al.,
 Defining the shape of the scapulothoracic gliding surface, Surg. Radiol. Anat. 41, 2019)."""
+
+CONTACT_MM = (DEEPEST_MM, 45.7 * (1 + _MARGIN))
+"""Of TS and AI to the ellipsoid (constraints A1 and A2): not inside it, and a tenth beyond the largest of the shipped
+sets (TS of breteler_mri). An adaptation does not change it; in a set of landmarks and another person's thorax it can
+be anything."""
 
 CONOID_MM = (1.0, 12.3 + 2 * 6.6)
 """The conoid of men is 12.3 mm long (SD 6.6; eorif.com, AC anatomy; the thesis, 3.3.1, says 13): two SDs. In 52 fresh
@@ -86,6 +92,9 @@ def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list
         Check("volume", volume, *VOLUME_L, "l", f"4/3 pi A_x A_y A_z; {_ELLIPSOIDS}"),
         Check("conoid", conoid, *CONOID_MM, "mm", "length of the ligament in men, 12.3 (SD 6.6) mm, two SDs"),
     ]
+    reason = "distance to the ellipsoid that the set holds; negative is inside the thorax"
+    for name, distance in (("TS", adapted.ts_distance_mm), ("AI", adapted.ai_distance_mm)):
+        found.append(Check(f"distance of {name}", float(distance), *CONTACT_MM, "mm", reason))
     if model.name in CHEST_DEPTH_MM:
         ratio = 2.0 * A_z / CHEST_DEPTH_MM[model.name]
         reason = f"2 A_z over the chest depth of {model.name} (Table 3.1); R2's own is 1.32"

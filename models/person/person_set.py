@@ -26,7 +26,7 @@ from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
 from models.parameter_sets import FLATTEST_SCAPULA_MM, ParameterSet
 from models.person.attachments import ATTACHMENT_SD_MM, CONOID_SD_MM, with_carried_conoid
-from models.person.sizes import ONE_POSTURE_MM, Size, bone_sizes, size_of
+from models.person.sizes import ONE_POSTURE_MM, PALPATOR_MM, Size, bone_sizes, size_of
 from models.person.thorax_ellipsoid import ThoraxFit, fit_thorax
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.landmarks.rigidity import Rigidity, check_rigidity
@@ -50,8 +50,6 @@ class PersonSet:
     girdle: Girdle
     points_mm: Float[np.ndarray, "3 points"]
     source: dict[str, str]
-    rest: str
-    """Name of the posture in which it closes."""
     rigidity: Rigidity
     sizes: dict[tuple[str, str], Size]
     thorax: ThoraxFit | None
@@ -77,7 +75,7 @@ def person_set(
     of_bones = bone_sizes(check_rigidity({name: p.T for name, p in landmarks_mm.items()}, (("SC", "AC"), *_TRIAD)))
     of_bones |= {pair: size for pair, size in bone_sizes(rigidity).items() if pair in of_bones}
     ts, ai = _scapula(*(of_bones[pair].value_mm for pair in _TRIAD))
-    SC = [size_of(row) for row in landmarks_mm["SC"]]
+    SC = [size_of(row, PALPATOR_MM) for row in landmarks_mm["SC"]]
     thorax = None if thorax_points_mm is None else fit_thorax(thorax_points_mm, generic.girdle)
     if thorax is not None and thorax.centre_mm[2] <= 0.0:
         raise ValueError(
@@ -99,7 +97,6 @@ def person_set(
         girdle=girdle,
         points_mm=generic.points_mm if thorax_points_mm is None else thorax_points_mm,
         source=_sources(generic, of_bones, SC, thorax, thorax_points_mm, posture_names[rest], stand_ins, carried_mm),
-        rest=posture_names[rest],
         rigidity=rigidity,
         sizes=of_bones,
         thorax=thorax,

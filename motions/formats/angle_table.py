@@ -10,7 +10,7 @@ from motions.formats.isb import ISB_ANGLES, isb_from_thesis, thesis_from_isb
 from motions.formats.mot import AngleTable
 from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
-from motions.landmarks.resampling import resample
+from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
@@ -63,10 +63,8 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     elevation_deg = table.columns.get(mapping.column(ELEVATION), missing)
     numbers = _numbers(table)
     if labels.at_deg:
-        sampled = resample(elevation_deg, angles_deg, np.array(labels.at_deg))
-        if not len(sampled.at_deg):
-            cause = f"{mapping.column(ELEVATION)} has too few frames near the elevations of --at"
-            raise InputError(table.file, None, cause, "Choose elevations that the trial passes through")
+        whose = mapping.column(ELEVATION)
+        sampled = resample_trial(elevation_deg, angles_deg, np.array(labels.at_deg), table.file, whose)
         angles_deg, elevation_deg = sampled.values, sampled.at_deg
         numbers = np.arange(1, len(elevation_deg) + 1)
         spread = {spread_column(angle): [f"{x:.4g}" for x in sampled.spread[:, k]] for k, angle in enumerate(ANGLES)}

@@ -14,6 +14,7 @@ from motions.formats.landmark_csv import holds_positions, read_landmark_csv
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
 from motions.formats.trc import read_trc
+from motions.landmarks.at_rest import lowest_frames, unlike_rest, warn_unlike_rest
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
@@ -38,7 +39,7 @@ def read_trial(
 
     mapping: a TOML file with your names of markers and angles, and the unit. subject, motion: the name of the file,
     where neither it nor you say them. at_deg: elevations of the arm at which positions are sampled; none: each frame
-    is a posture. InputError if the file cannot be read.
+    is a posture. InputError if the file cannot be read; InputWarning if its angles with the arm lowest are no person's.
     """
     labels = Labels(subject, motion, side, tuple(sorted(set(at_deg))))
     return read_any(Path(path), read_mapping(None if mapping is None else Path(mapping)), labels)
@@ -60,10 +61,10 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
     if markers is not None:
         return _of_markers(markers, mapping, labels_of_file(labels, path))
     if kind in _OF_ANGLES:
-        return _with_names(motions_from_table(read_mot(path), mapping, labels), path)
+        return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), path), path)
     if kind == ".csv":
         _check_unused(labels, path, "subjects, motions and postures")
-        return read_motions(path)
+        return _checked(read_motions(path), path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
 
@@ -91,6 +92,15 @@ def labels_of_file(labels: Labels, path: Path) -> Labels:
 def _with_names(motions: Motions, path: Path) -> Motions:
     subject, motion = (np.where(names == "", path.stem, names) for names in (motions.subject, motions.motion))
     return replace(motions, subject=subject, motion=motion)
+
+
+def _checked(motions: Motions, path: Path) -> Motions:
+    """The motions; InputWarning for each subject whose angles with the arm lowest are unlike a person's at rest."""
+    for subject in motions.subjects:
+        mine = motions.select(motions.subject == subject)
+        rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
+        warn_unlike_rest(str(path), subject, rest, unlike_rest(rest, mine.landmarks_mm))
+    return motions
 
 
 def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:

@@ -50,6 +50,11 @@ class PersonLandmarks:
     """Landmarks that were not measured, and where they are from."""
     points_mm: dict[str, Float[np.ndarray, "3 points"]] = field(default_factory=dict)
 
+    def described(self, posture: int) -> str:
+        """Name a posture with its elevation of the arm."""
+        height = self.elevation_deg[posture]
+        return self.postures[posture] + ("" if np.isnan(height) else f", arm at {height:.0f} degrees")
+
     def named(self, posture: str) -> int:
         """Find a posture by its name, or by its number alone. InputError if there is none or if several have it."""
         found = [k for k, name in enumerate(self.postures) if posture in (name, name.rpartition(" ")[2])]

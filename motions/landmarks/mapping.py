@@ -71,9 +71,7 @@ def read_mapping(path: Path | None) -> Mapping:
         raise InputError(file, None, cause, "Check the name of the mapping file") from error
     except (ValueError, RecursionError) as error:
         raise InputError(file, None, f"this is not a TOML file ({error})", _EXAMPLE) from error
-    for key in document:
-        if key not in _KEYS:
-            raise InputError(file, None, f"the key {key!r} is unknown", f"Known: {', '.join(_KEYS)}. {_EXAMPLE}")
+    _check_keys(document, file)
     unit, axes = document.get("unit"), document.get("axes", ["x", "y", "z"])
     if unit is not None and unit not in tuple(UNITS_MM):  # it may be anything that TOML can say
         raise InputError(file, None, f"unit is {unit!r}", f"Write one of {', '.join(UNITS_MM)}")
@@ -81,6 +79,15 @@ def read_mapping(path: Path | None) -> Mapping:
         remedy = 'Name x, y and z once each, negated where it must be, as in axes = ["x", "y", "-z"]'
         raise InputError(file, None, f"axes is {axes!r}", remedy)
     return Mapping(unit, tuple(axes), _names(document, "markers", file), _names(document, "columns", file))
+
+
+def _check_keys(document: dict, file: str) -> None:
+    """InputError if a key is unknown, or if it is a landmark, which belongs under [markers]."""
+    for key in document:
+        if key in (*MARKERS, *MIDDLES):
+            raise InputError(file, None, f"{key} stands outside [markers]", "Put the line [markers] above it")
+        if key not in _KEYS:
+            raise InputError(file, None, f"the key {key!r} is unknown", f"Known: {', '.join(_KEYS)}. {_EXAMPLE}")
 
 
 def _is_frame(axes: object) -> bool:

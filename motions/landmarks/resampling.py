@@ -3,7 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+
+from motions.errors import InputError, warn_input
 
 WINDOW_DEG = 5.0
 """Frames within this much of a chosen elevation count. The rhythm bends by less than 0.2 degrees over it."""
@@ -32,15 +34,18 @@ def resample(
 ) -> Sampled:
     """Compute the values on the least-squares line through the frames within WINDOW_DEG of each chosen elevation.
 
+    Where the trial ends within the window and leaves fewer than FEWEST_FRAMES in it, it reaches farther into the trial,
+    to 2 WINDOW_DEG at most.
     Frames with a gap in a column do not count there; raising and lowering count alike. Chosen elevations that the
     trial did not reach, or at which no column has FEWEST_FRAMES, are left out.
     """
     known = elevation_deg[np.isfinite(elevation_deg)]
     rows = []
     for at in at_deg:
-        near = np.abs(elevation_deg - at) <= WINDOW_DEG
-        reached = known.size > 0 and known.min() - REACH_DEG <= at <= known.max() + REACH_DEG
-        columns = [_at(elevation_deg[near] - at, column[near]) for column in values.T] if reached else []
+        if not known.size or not known.min() - REACH_DEG <= at <= known.max() + REACH_DEG:
+            continue
+        near = _near(elevation_deg, at)
+        columns = [_at(elevation_deg[near] - at, column[near]) for column in values.T]
         if any(count >= FEWEST_FRAMES for _, _, count in columns):
             value, spread, count = map(np.array, zip(*columns, strict=True))
             rows.append((at, value, spread, int(count.max())))
@@ -51,6 +56,41 @@ def resample(
         np.stack([row[2] for row in rows]) if rows else empty,
         np.array([row[3] for row in rows], dtype=np.int64),
     )
+
+
+def resample_trial(
+    elevation_deg: Float[np.ndarray, " frames"],
+    values: Float[np.ndarray, "frames columns"],
+    at_deg: Float[np.ndarray, " chosen"],
+    file: str,
+    whose: str,
+) -> Sampled:
+    """Sample a trial as ``resample``; InputWarning that names the elevations left out, InputError if all are."""
+    sampled = resample(elevation_deg, values, at_deg)
+    left_out = [f"{at:g}" for at in at_deg if at not in sampled.at_deg]
+    if not left_out:
+        return sampled
+    known = elevation_deg[np.isfinite(elevation_deg)]
+    goes = f"the arm goes from {known.min():.0f} to {known.max():.0f} degrees" if known.size else "it has no elevations"
+    cause = (
+        f"{whose}: no posture at {', '.join(left_out)} degrees of --at: {goes}, and a posture needs {FEWEST_FRAMES} "
+        f"frames within {WINDOW_DEG:g} degrees, or within {2 * WINDOW_DEG:g} of an end"
+    )
+    remedy = "Choose elevations that the trial passes through"
+    if not len(sampled.at_deg):
+        raise InputError(file, None, cause, remedy)
+    warn_input(file, cause, remedy)
+    return sampled
+
+
+def _near(elevation_deg: Float[np.ndarray, " frames"], at: float) -> Bool[np.ndarray, " frames"]:
+    """The frames within WINDOW_DEG of an elevation; at an end of the trial, as many more as make FEWEST_FRAMES."""
+    away = np.abs(elevation_deg - at)
+    near = away <= WINDOW_DEG
+    beyond = np.nanmin(elevation_deg) > at - WINDOW_DEG or np.nanmax(elevation_deg) < at + WINDOW_DEG
+    if not beyond or np.sum(near) >= FEWEST_FRAMES or len(away) < FEWEST_FRAMES:
+        return near
+    return away <= min(np.sort(away)[FEWEST_FRAMES - 1], 2.0 * WINDOW_DEG)
 
 
 def _at(from_chosen_deg: Float[np.ndarray, " near"], values: Float[np.ndarray, " near"]) -> tuple[float, float, int]:

@@ -10,8 +10,9 @@ from jaxtyping import Float
 
 from motions.errors import InputError
 from motions.landmarks.acromion import AcromionRotation
+from motions.landmarks.at_rest import HIGHEST_REST_DEG, Rest, likely_swap, lowest_frames, unlike_rest, warn_unlike_rest
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
-from motions.landmarks.resampling import resample
+from motions.landmarks.resampling import resample_trial
 from motions.landmarks.rigidity import check_rigidity
 from motions.landmarks.stand_ins import SternoclavicularOffset
 from motions.motion_csv.cells import Side
@@ -20,6 +21,9 @@ from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
 ESTIMATED = "clavicle_x_estimated"
 """The extra column that says, with `yes`, that the clavicle's axial rotation is an estimate and not measured."""
+
+ESTIMATE_ZERO = "clavicle_x_zero_at_deg"
+"""The extra column with the elevation at which this estimate is 0; empty where the humerus was not measured."""
 
 SCAPULA_ROTATED = "scapula_frame"
 """The extra column that names the mean rotation by which a scapula through AA was brought to AC."""
@@ -64,13 +68,18 @@ def postures_from_landmarks(
 ) -> Motions:
     """Compute the postures of one subject, numbered from 1 in the order of the frames.
 
-    lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the posture with the
-    arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures with too few
-    angles are left out. InputError if none is left.
+    lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the frames of the whole
+    trial with the arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures
+    with too few angles are left out. InputError if none is left; InputWarning if the arm lowest is unlike a person's.
     """
-    frames = frame_angles(dict(lab_mm), labels.side, file, labels.aa_to_ac, labels.sc_from_ij)
+    frames = _frames(dict(lab_mm), labels, file)
+    rest = lowest_frames(frames.angles_deg, frames.humerus_deg[:, 1])
+    _check_rest(dict(lab_mm), frames, rest, labels, file)
+    angles_deg = frames.angles_deg.copy()
+    angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, rest.angles_deg)
+    frames = replace(frames, angles_deg=angles_deg)
     table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
-    table = _with_marks(table, frames.stand_ins)
+    table = _with_marks(table, frames.stand_ins, rest.elevation_deg)
     measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= FEWEST_ANGLES
     if not measured.any():
         cause = f"no posture has {FEWEST_ANGLES} angles: landmarks are missing in every one"
@@ -78,9 +87,33 @@ def postures_from_landmarks(
     return table.select(measured)
 
 
-def _with_marks(table: Motions, stand_ins: Dictionary[str, str]) -> Motions:
-    """The table, marked where a landmark slipped or was not measured."""
+def _frames(lab_mm: dict[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str) -> FrameAngles:
+    return frame_angles(lab_mm, labels.side, file, labels.aa_to_ac, labels.sc_from_ij)
+
+
+def _check_rest(
+    lab_mm: dict[str, Float[np.ndarray, "3 frames"]], frames: FrameAngles, rest: Rest, labels: Labels, file: str
+) -> None:
+    """InputWarning if the arm lowest is unlike a person's at rest, with the landmarks that are likely swapped."""
+
+    def unlike_with(exchanged: dict[str, Float[np.ndarray, "3 frames"]]) -> list[str]:
+        other = _frames(exchanged, labels, file)
+        lowest = lowest_frames(other.angles_deg, other.humerus_deg[:, 1])
+        if lowest.elevation_deg > max(rest.elevation_deg, HIGHEST_REST_DEG):
+            return ["the arm is never low"]  # so that nothing can be said of its angles at rest
+        return unlike_rest(lowest, other.landmarks_mm)
+
+    unlike = unlike_rest(rest, frames.landmarks_mm)
+    swap = likely_swap(lab_mm, unlike_with) if unlike else None
+    warn_unlike_rest(file, f"{labels.subject}, {labels.motion}", rest, unlike, swap)
+
+
+def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: float) -> Motions:
+    """The table, marked where an angle is an estimate, and where a landmark slipped or was not measured."""
     count, extra = len(table.posture), table.extra.copy()
+    estimated = np.isfinite(table.angles_deg[:, CLAVICLE_X])
+    extra[ESTIMATED] = np.where(estimated, "yes", "")
+    extra[ESTIMATE_ZERO] = np.where(estimated & np.isfinite(zero_at_deg), f"{zero_at_deg:.1f}", "")
     if stand_ins:
         extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in stand_ins.items())] * count
     slips = check_rigidity(table.landmarks_mm).slips
@@ -94,41 +127,25 @@ def _with_marks(table: Motions, stand_ins: Dictionary[str, str]) -> Motions:
 
 def _as_they_are(frames: FrameAngles, labels: Labels) -> Motions:
     """Each frame a posture."""
-    angles_deg = frames.angles_deg.copy()
-    elevation_deg = frames.humerus_deg[:, 1]
-    angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, angles_deg[_rest(angles_deg, elevation_deg)])
-    return _table(labels, elevation_deg, angles_deg, frames.landmarks_mm, {})
+    return _table(labels, frames.humerus_deg[:, 1], frames.angles_deg, frames.landmarks_mm, {})
 
 
 def _sampled(frames: FrameAngles, labels: Labels, file: str) -> Motions:
-    """The trial at the chosen elevations. The estimate starts from the lowest of them, sampled first without it."""
-    elevation_deg, angles_deg = frames.humerus_deg[:, 1], frames.angles_deg.copy()
+    """The trial at the chosen elevations."""
+    elevation_deg = frames.humerus_deg[:, 1]
     if not np.isfinite(elevation_deg).any():
         cause = "the humerus was not measured (GH, EM and EL), so there are no elevations to sample at"
         raise InputError(file, None, cause, "Leave out --at: then each frame is a posture")
-    at_deg = np.array(labels.at_deg)
-    first = resample(elevation_deg, angles_deg, at_deg)
-    if not len(first.at_deg):
-        low, high = np.nanmin(elevation_deg), np.nanmax(elevation_deg)
-        cause = f"the arm goes from {low:.0f} to {high:.0f} degrees and has too few frames near those of --at"
-        raise InputError(file, None, cause, "Choose elevations that the trial passes through")
-    angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, first.values[_rest(first.values, first.at_deg)])
     positions = list(frames.landmarks_mm.values())
-    sampled = resample(elevation_deg, np.concatenate([angles_deg, *positions], axis=1), at_deg)
+    values = np.concatenate([frames.angles_deg, *positions], axis=1)
+    whose = f"{labels.subject}, {labels.motion}"
+    sampled = resample_trial(elevation_deg, values, np.array(labels.at_deg), file, whose)
     landmarks_mm = {
         name: _whole(sampled.values[:, 6 + 3 * place : 9 + 3 * place]) for place, name in enumerate(frames.landmarks_mm)
     }
     extra = {spread_column(angle): _texts(sampled.spread[:, place]) for place, angle in enumerate(ANGLES)}
     extra[FRAMES] = [str(count) for count in sampled.frames.tolist()]
     return _table(labels, sampled.at_deg, sampled.values[:, :6], landmarks_mm, extra)
-
-
-def _rest(angles_deg: Float[np.ndarray, "postures 6"], elevation_deg: Float[np.ndarray, " postures"]) -> int:
-    """The row with the arm lowest among those whose clavicle and scapula are known; the first of all if none is."""
-    without_axial = np.delete(angles_deg, CLAVICLE_X, axis=1)
-    known = np.isfinite(without_axial).all(axis=1)
-    height = np.where(np.isnan(elevation_deg), np.inf, elevation_deg)
-    return int(np.lexsort((height, ~known))[0])
 
 
 def _table(
@@ -140,7 +157,6 @@ def _table(
 ) -> Motions:
     count = len(elevation_deg)
     extra = dict(extra)
-    extra[ESTIMATED] = ["yes" if known else "" for known in np.isfinite(angles_deg[:, CLAVICLE_X])]
     if labels.aa_to_ac is not None and "AC" not in landmarks_mm:
         said = f"AA brought to AC by {labels.aa_to_ac_name} +- {labels.aa_to_ac.uncertainty_deg:g} deg"
         extra[SCAPULA_ROTATED] = [said] * count

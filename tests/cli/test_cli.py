@@ -411,7 +411,7 @@ def test_two_files_with_models_of_one_name_are_refused(tmp_path, motion):
         (tmp_path / name).write_text((FOLDER / "R4.toml").read_text())
     models = ["--model", tmp_path / "first.toml", "--model", tmp_path / "second.toml"]
     ended = girdle("fit", motion, *models, "--out", tmp_path / "out")
-    refused(ended, "--model", "two models are called 'R4'", "Give each one a name of its own")
+    refused(ended, "--model", "two models are called 'R4'", 'the line name = "R4" of its TOML file')
     assert not (tmp_path / "out").exists()
 
 

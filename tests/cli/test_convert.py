@@ -229,6 +229,35 @@ def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, t
     assert "--at 30,60,90" in ended.out
 
 
+def test_an_estimate_and_what_is_left_out_are_said(trials, tmp_path):
+    (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
+    ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv", "--at", "0,60,140,160")
+    assert ended.status == 0
+    said = "clavicle_x_deg (axial rotation) is an estimate; it is 0 with the arm lowest, at 0 degrees"
+    assert ended.out.splitlines().count(said) == 1
+    assert ended.out.startswith("3 postures")
+    (warned,) = ended.err.splitlines()
+    assert warned.startswith(
+        f"warning: {tmp_path / 't.trc'}: t, t: no posture at 160 degrees of --at: the arm goes from 0"
+    )
+    motions = read_motions(tmp_path / "t.csv")
+    assert motions.humerus_elevation_deg.tolist() == [0.0, 60.0, 140.0]
+    write_mot_again = girdle("convert", tmp_path / "t.csv", tmp_path / "t.mot")
+    assert "clavicle_x_deg (axial rotation) is an estimate; it is 0" in write_mot_again.out
+    without_zero = girdle("convert", tmp_path / "t.mot", tmp_path / "again.csv")
+    assert "clavicle_x_deg (axial rotation) is an estimate\n" in without_zero.out
+
+
+def test_a_map_with_ts_and_ai_swapped_is_converted_with_a_warning(trials, tmp_path):
+    (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
+    (tmp_path / "lab.toml").write_text('[markers]\nTS = "AI"\nAI = "TS"\n')
+    ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv", "--map", tmp_path / "lab.toml", "--at", "20,60")
+    assert ended.status == 0
+    assert ended.err.startswith(f"warning: {tmp_path / 't.trc'}: t, t: with the arm at 0 degrees scapula_")
+    assert "scapula_x_deg is 1" in ended.err
+    assert "TS lies below AI. Are TS and AI swapped?" in ended.err
+
+
 def test_a_cropped_trial_is_converted_with_a_warning(trials, tmp_path):
     """Its header still has the number of frames before it was cropped."""
     lab = {name: xyz[:, :40] for name, xyz in trials[0.0].thorax_mm.items()}

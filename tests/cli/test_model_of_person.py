@@ -8,10 +8,12 @@ import pytest
 
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
+from models.parameter_sets import FOLDER
 from models.person.family import load_personal_sets
 from motions import write_motions
 from scripts.simulated_persons import landmark_table, point_table, simulate_persons
 from tests.helpers.command import girdle
+from tests.helpers.laboratory import simulated_trial, trc_lines
 from tests.helpers.round_points import cylinder_points, sphere_points
 from tests.helpers.thesis_tables import DISSECTION
 
@@ -66,6 +68,7 @@ def test_who_has_no_set_is_left_out_by_name(folder, persons):
     ran = girdle("adapt", folder / "motions.csv", "--models-of", folder / "few", "--out", folder / "partly")
     assert ran.status == 3
     assert f"there is no parameter set of subject '{persons.motions.subjects[1]}'" in ran.err
+    assert f"It has sets of {first}: the line name = ... of a file is the subject" in ran.err
     nobody = girdle("fit", folder / "motions.csv", "--models-of", folder, "--out", folder / "nothing")
     assert nobody.status == 2
     assert "no .toml file" in nobody.err
@@ -177,6 +180,35 @@ def test_sc_from_ij_says_so_in_the_file(tmp_path):
     source = load_model(tmp_path / "person.toml").source
     assert "SC from IJ by a stated offset" in source["clavicle.length_mm"]
     assert source["scapula.ts_mm"].startswith("measured")
+
+
+def test_a_thorax_that_ts_or_ai_is_inside_of_is_warned_of(persons, tmp_path):
+    """Landmarks of a person who is like R2, in a thorax that is 30 mm wider and deeper than R2's."""
+    text = (FOLDER / "R2.toml").read_text()
+    x, y, z = load_model("R2").girdle.semi_axes_mm
+    line = next(line for line in text.splitlines() if line.startswith("semi_axes_mm"))
+    wider = text.replace(line, f"semi_axes_mm = [{x + 30.0}, {y}, {z + 30.0}]")
+    (tmp_path / "wide.toml").write_text(wider.replace('name = "R2"', 'name = "wide"'))
+    landmark_table(persons, [persons.motions.subjects[0]]).to_csv(tmp_path / "one.csv", index=False)
+    made = [
+        girdle("model", tmp_path / "one.csv", "--model", model, "--out", tmp_path / "one.toml")
+        for model in ("R2", tmp_path / "wide.toml")
+    ]
+    assert [one.status for one in made] == [0, 0]
+    assert made[0].err == ""
+    assert "inside the thorax of wide. Give points on the person's thorax" in made[1].err
+    assert made[1].err.startswith(f"warning: {tmp_path / 'one.csv'}: subject '{persons.motions.subjects[0]}': at rest")
+    assert float(load_model(tmp_path / "one.toml").girdle.ai_distance_mm) < -6.0
+
+
+def test_the_elevation_at_rest_and_the_name_of_the_set_are_said(tmp_path):
+    trial = simulated_trial(np.linspace(20.0, 120.0, 11))
+    (tmp_path / "trial.trc").write_text("\n".join(trc_lines(trial.thorax_mm)) + "\n")
+    ran = girdle("model", tmp_path / "trial.trc", "--out", tmp_path / "S07.toml")
+    assert ran.status == 0, ran.err
+    assert "1, arm at 20" in " ".join(ran.out.split())
+    assert f"{tmp_path / 'S07.toml'} written; its name is trial (--subject gives another)\n" in ran.out
+    assert "# Taken for rest: 1, arm at 20 degrees." in (tmp_path / "S07.toml").read_text()
 
 
 def test_two_sets_of_one_name_are_refused(folder):

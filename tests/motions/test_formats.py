@@ -338,7 +338,8 @@ def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
     trial = simulated_trial(np.linspace(10.0, 70.0, 61))
     lab = in_laboratory(trial.thorax_mm, Z_UP, ORIGIN_MM)
     labels = Labels("P01", "abduction", at_deg=(10.5, 40.5, 69.5, 120.0))
-    motions = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
+    with pytest.warns(InputWarning, match="no posture at 120 degrees of --at: the arm goes from 10 to 70 degrees"):
+        motions = read_any(trc(tmp_path, trc_lines(lab)), Mapping(), labels)
     assert motions.humerus_elevation_deg.tolist() == [10.5, 40.5, 69.5]
     at = motions.humerus_elevation_deg
     expected = np.stack([np.interp(at, trial.elevation_deg, column) for column in true(trial).T], axis=1)
@@ -350,6 +351,22 @@ def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
     refused(
         tmp_path / "trial.trc", "the arm goes from 10 to 70", "passes through", labels=Labels("P", "m", at_deg=(90.0,))
     )
+
+
+@pytest.mark.parametrize("step_deg", [2.0, 3.0])
+def test_both_ends_of_a_trial_of_few_frames_are_sampled(tmp_path, step_deg):
+    """Fewer frames lie within 5 degrees of an end than a line needs: the next ones inside the trial count too."""
+    elevation_deg = np.arange(0.0, 121.0, step_deg)
+    trial = simulated_trial(elevation_deg)
+    labels = Labels("P01", "abduction", at_deg=(0.0, 120.0))
+    motions = read_any(trc(tmp_path, trc_lines(trial.thorax_mm)), Mapping(), labels)
+    assert motions.humerus_elevation_deg.tolist() == [0.0, 120.0]
+    assert motions.extra[FRAMES].tolist() == ["4", "4"]
+    bend_deg = 0.01  # of the angles over 9 degrees of the arm: the rhythm is straight, landmarks add rounding
+    np.testing.assert_allclose(known(motions), true(trial)[[0, -1]], rtol=0.0, atol=bend_deg)
+    sparse = simulated_trial(np.arange(0.0, 121.0, 4.0))
+    cause = r"no posture at 0, 120 degrees .* needs 4 frames within 5 degrees, or within 10 of an end"
+    refused(trc(tmp_path, trc_lines(sparse.thorax_mm)), cause, "passes through", labels=labels)
 
 
 def test_raising_and_lowering_that_differ_show_in_the_spread(tmp_path):
@@ -449,6 +466,8 @@ def test_isb_angles_are_through_aa_unless_the_file_says_ac(tmp_path):
         ('axes = ["x", "y"]', "axes is", '"-z"'),
         ('axes = ["x", "y", "y"]', "axes is", '"-z"'),
         ('units = "mm"', "key 'units' is unknown", "Known: unit"),
+        ('IJ = "Jug"', r"IJ stands outside \[markers\]", "Put the line [markers] above it"),
+        ('unit = "mm"\nPX_T8 = "mid"', r"PX_T8 stands outside \[markers\]", "Put the line [markers] above it"),
         ("unit = ", "not a TOML file", "unit"),
     ],
 )

@@ -14,11 +14,12 @@ from models.girdle import Girdle, constraint_residuals_mm
 from models.parameter_sets import parameter_document, parameter_set
 from models.person.attachments import scapular_map, with_carried_conoid
 from models.person.person_set import person_set
+from models.person.sizes import PALPATOR_LENGTH_MM, PALPATOR_MM
 from models.person.thorax_ellipsoid import thorax_sd_mm
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation
-from scripts.simulated_persons import PALPATOR_MM, sized
+from scripts.simulated_persons import sized
 from tests.helpers.laboratory import on_constraints, simulated_trial, trial_of
 from tests.helpers.thesis_tables import DISSECTION, MRI
 
@@ -85,13 +86,30 @@ def test_landmarks_of_a_girdle_give_it_back(sizes):
     assert not built.notes
 
 
-def test_noise_moves_the_lengths_as_their_sds_say():
+def test_noise_moves_the_lengths_as_their_spreads_say():
     truth, z = person(0.95, 1.05), []
     for seed in range(40):
         built = person_set(trial_landmarks(truth, seed), load_model("R2"), 0, NAMES, {})
         for pair, true in ((("SC", "AC"), truth.ac_mm[0]), (("AC", "TS"), -truth.ts_mm[0])):
-            z.append((built.sizes[pair].value_mm - float(true)) / built.sizes[pair].sd_mm)
+            size = built.sizes[pair]
+            sd_of_median_mm = 1.2533 * size.spread_mm / np.sqrt(8.0)
+            z.append((size.value_mm - float(true)) / sd_of_median_mm)
+            assert size.sd_mm == max(sd_of_median_mm, PALPATOR_LENGTH_MM)
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.5  # 80 values of about SD 1; the SD of 8 postures is itself off
+
+
+def test_a_landmark_palpated_wrong_alike_in_every_posture_is_within_its_sd():
+    """Without any spread: a marker that was put beside the landmark once. AC and TS, along the line between them."""
+    truth, z = person(0.95, 1.05), []
+    for seed in range(40):
+        landmarks, rng = trial_landmarks(truth), np.random.default_rng(seed)
+        along = (landmarks["TS"] - landmarks["AC"]) / -float(truth.ts_mm[0])
+        for name in ("AC", "TS"):
+            landmarks[name] = landmarks[name] + PALPATOR_MM * rng.standard_normal() * along
+        size = person_set(landmarks, load_model("R2"), 0, NAMES, {}).sizes["AC", "TS"]
+        z.append((size.value_mm + float(truth.ts_mm[0])) / size.sd_mm)
+        assert size.spread_mm < ROUND_TRIP_MM
+    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.3  # 40 values of SD 1: within 2.7 standard errors
 
 
 def test_the_chain_closes_at_rest_with_measured_angles():

@@ -1,5 +1,7 @@
 """What the trust of an adaptation is made of, in cases worked by hand: no solver, or one posture fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -179,7 +181,19 @@ def test_a_thorax_that_is_none_is_warned_of():
         theta[k] *= factor
         assert name in {check.name for check in checks(model, theta) if check.verdict == WARNING}
     nothing = checks(model, np.full(6, np.nan))
-    assert {check.verdict for check in nothing} == {WARNING}
+    of_the_set = {"distance of TS", "distance of AI"}  # they do not depend on what is adapted
+    assert {check.name for check in nothing if check.verdict != WARNING} == of_the_set
+
+
+@pytest.mark.parametrize(
+    ("ts_mm", "ai_mm", "warned"), [(0.0, 0.0, []), (-11.5, 30.0, ["TS"]), (60.0, -36.9, ["TS", "AI"])]
+)
+def test_a_scapula_inside_the_thorax_is_warned_of(ts_mm, ai_mm, warned):
+    R2 = load_model("R2")
+    model = replace(R2, girdle=replace(R2.girdle, ts_distance_mm=np.asarray(ts_mm), ai_distance_mm=np.asarray(ai_mm)))
+    found = checks(model, np.asarray(model.girdle.adapted_mm))
+    named = [check.name for check in found if check.name.startswith("distance of") and check.verdict == WARNING]
+    assert named == [f"distance of {name}" for name in warned]
 
 
 @pytest.mark.parametrize(("best", "chosen"), [(10.0, True), (1.0, False), (100.0, False)])

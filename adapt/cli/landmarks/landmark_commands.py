@@ -1,5 +1,6 @@
 """``girdle convert``, ``girdle model`` and ``girdle contour``: from what a laboratory measures to what is adapted."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +13,7 @@ from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settin
 from motions import InputError, Motions
 from motions.landmarks.acromion import acromion_rotation
 from motions.landmarks.mapping import read_mapping
-from motions.landmarks.sampled_postures import Labels, marked_slips
+from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, marked_slips
 from motions.landmarks.stand_ins import sternoclavicular_offset
 from motions.motion_csv.cells import SIDES
 
@@ -54,6 +55,7 @@ def convert_file(
     )
     if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
         console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
+    _say_estimated(motions)
     _say_slipped(motions)
     finish(motions, {})
 
@@ -148,6 +150,18 @@ def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_fro
     rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
     offset = sternoclavicular_offset(sc_from_ij) if sc_from_ij else None
     return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset)
+
+
+def _say_estimated(motions: Motions) -> None:
+    """Say that the axial rotation of the clavicle is an estimate, and with which elevation of the arm it is 0."""
+    if ESTIMATED not in motions.extra or "yes" not in motions.extra[ESTIMATED].tolist():
+        return
+    said = "clavicle_x_deg (axial rotation) is an estimate"
+    if ESTIMATE_ZERO in motions.extra:
+        zeros = sorted({float(word) for word in motions.extra[ESTIMATE_ZERO] if re.fullmatch(r"\d+\.?\d*", word)})
+        span = " to ".join(dict.fromkeys(f"{zero:.0f}" for zero in zeros[:1] + zeros[-1:]))
+        said += f"; it is 0 {f'with the arm lowest, at {span} degrees' if zeros else 'in the first posture'}"
+    console.print(said, soft_wrap=True)
 
 
 def _say_slipped(motions: Motions) -> None:

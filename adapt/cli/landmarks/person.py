@@ -10,7 +10,8 @@ from models.export.toml import parameters_toml
 from models.parameter_sets import ParameterSet, parameter_document, parameter_set
 from models.person.bony_contours import described_contours
 from models.person.person_set import PersonSet, person_set
-from motions.errors import InputError
+from models.person.sizes import DEEPEST_MM
+from motions.errors import InputError, warn_input
 from motions.files import atomic_write, file_names, printable
 from motions.formats.person_file import PersonLandmarks, read_persons
 from motions.landmarks.mapping import Mapping
@@ -27,6 +28,8 @@ class Written:
     path: Path
     built: PersonSet
     contours: tuple[str, ...]
+    rest: str
+    """The posture in which it closes, with the elevation of the arm."""
 
 
 def write_person_sets(
@@ -43,14 +46,16 @@ def write_person_sets(
     written = []
     for person, path in zip(persons, _paths(persons, target), strict=True):
         try:
-            built, contours = _built(person, generic, rest)
-            text = person_toml(person.subject, built, contours, generic.name)
+            at = person.named(rest) if rest else _lowest(person)
+            built, contours = _built(person, generic, at)
+            text = person_toml(person.subject, built, contours, person.described(at), generic.name)
             parameter_set(parameter_document(text, person.file), person.file)  # what --model would refuse
         except InputError as error:
             rejected.append(error)
             continue
         atomic_write(path, text)
-        written.append(Written(person.subject, path, built, contours))
+        written.append(Written(person.subject, path, built, contours, person.described(at)))
+        _warn_inside(person, built, generic.name, person.described(at))
     if not written:
         raise rejected[0]
     return written, rejected
@@ -69,8 +74,7 @@ def _paths(persons: list[PersonLandmarks], target: Path) -> Iterator[Path]:
         yield target / f"{name}{TOML}"
 
 
-def _built(person: PersonLandmarks, generic: ParameterSet, rest: str) -> tuple[PersonSet, tuple[str, ...]]:
-    at = person.named(rest) if rest else _lowest(person)
+def _built(person: PersonLandmarks, generic: ParameterSet, at: int) -> tuple[PersonSet, tuple[str, ...]]:
     try:
         built = person_set(
             person.landmarks_mm, generic, at, person.postures, person.stand_ins, person.points_mm.get("thorax")
@@ -81,6 +85,19 @@ def _built(person: PersonLandmarks, generic: ParameterSet, rest: str) -> tuple[P
         raise InputError(person.file, None, f"subject {person.subject!r}: {error}", remedy) from error
 
 
+def _warn_inside(person: PersonLandmarks, built: PersonSet, generic: str, rest: str) -> None:
+    """InputWarning where TS or AI is inside the thorax in the posture taken for rest."""
+    distances = {"TS": float(built.girdle.ts_distance_mm), "AI": float(built.girdle.ai_distance_mm)}
+    inside = [f"{name} {-mm:.0f} mm" for name, mm in distances.items() if mm < DEEPEST_MM]
+    if not inside:
+        return
+    whose, remedy = f"of {generic}", "Give points on the person's thorax (--points), or take another set (--model)"
+    if built.thorax is not None:
+        whose, remedy = "fitted to the points", "Check points and landmarks, and the posture taken for rest (--rest)"
+    cause = f"subject {person.subject!r}: at rest ({rest}) {' and '.join(inside)} inside the thorax {whose}"
+    warn_input(person.file, cause, remedy)
+
+
 def _lowest(person: PersonLandmarks) -> int:
     """The posture with the arm lowest among those with all landmarks; the first of them where none was measured."""
     whole = np.all([np.isfinite(person.landmarks_mm[name]).all(axis=0) for name in ("SC", "AC", "TS", "AI")], axis=0)
@@ -88,11 +105,12 @@ def _lowest(person: PersonLandmarks) -> int:
     return int(np.lexsort((height, ~whole))[0])
 
 
-def person_toml(subject: str, built: PersonSet, contours: tuple[str, ...], generic: str) -> str:
+def person_toml(subject: str, built: PersonSet, contours: tuple[str, ...], rest: str, generic: str) -> str:
     """Format the set as the text of a TOML file that ``--model`` takes."""
     lines = [
         f"{subject}, from landmarks; what was not measured is that of {generic}.",
         "Written by girdle model. Right shoulder, mm; frames as in the thesis, Appendix A.",
+        f"Taken for rest: {rest}.",
         *contours,
         *built.notes,
     ]

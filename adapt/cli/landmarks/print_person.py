@@ -13,14 +13,14 @@ _PAIRS = (("SC", "AC"), ("AC", "TS"), ("AC", "AI"), ("TS", "AI"))
 
 def print_persons(console: Console, written: Sequence[Written]) -> None:
     """Print the lengths of every person with their SDs, and in words what to be careful with."""
-    title = "Lengths, mm +- SD of the median (spread over the postures); posture in which the chain closes"
+    title = "Lengths, mm +- SD of the median (spread over the postures); posture taken for rest, where the chain closes"
     table = folding_table(title, ("subject", *("-".join(pair) for pair in _PAIRS), "at rest"))
     for one in written:
         sizes = [one.built.sizes[pair] for pair in _PAIRS]
         lengths = [
             f"{s.value_mm:.1f} +- {s.sd_mm:.1f}" + (f" ({s.spread_mm:.1f})" if s.postures > 1 else "") for s in sizes
         ]
-        table.add_row(printable(one.subject), *lengths, printable(one.built.rest))
+        table.add_row(printable(one.subject), *lengths, printable(one.rest))
     console.print(table)
     for one in written:
         for line in (*one.contours, *one.built.notes):
@@ -30,4 +30,5 @@ def print_persons(console: Console, written: Sequence[Written]) -> None:
     )
     first = written[0].path
     where = str(first) if len(written) == 1 else f"{first.parent}, {len(written)} files"
-    console.print(f"{where} written", soft_wrap=True)
+    names = f"; its name is {printable(written[0].subject)} (--subject gives another)" if len(written) == 1 else ""
+    console.print(f"{where} written{names}", soft_wrap=True)

@@ -1,0 +1,98 @@
+"""The frames with the arm lowest: their angles, and whether those could be a person's at rest."""
+
+from collections.abc import Callable, Mapping
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from motions.errors import InputError, warn_input
+from motions.landmarks.girdle_angles import CLAVICLE_X
+from motions.rhythm import REST_DEG
+from motions.table import ANGLES
+
+LOWEST_SHARE = 0.01
+"""Of the frames, those that may be lower than the lowest elevation: a marker that jumps. None of up to 100."""
+
+NEAR_DEG = 2.0
+"""Frames this much above the lowest elevation are at rest too: the scapula turns by 0.4 degrees a degree of the arm (de
+Groot & Brand 2001), over it by less than a palpated frame scatters."""
+
+FARTHEST_DEG: Float[np.ndarray, "6"] = np.array([30.0, 25.0, np.inf, 45.0, 30.0, 30.0])
+"""How far ANGLES at rest may be from REST_DEG. Assumed, generous: eight measured shoulders with the arm at 50 degrees
+or lower are at most 11, 7, 25, 37, 17 and 7 away. The zero of the axial rotation of the clavicle is a convention."""
+
+HIGHEST_REST_DEG = 50.0
+"""With the arm never lower than this, the angles at rest say nothing: the scapula alone turns by 20 degrees to here."""
+
+Positions = dict[str, Float[np.ndarray, "3 frames"]]
+FindUnlike = Callable[[Positions], list[str]]
+
+
+class Rest(NamedTuple):
+    """The frames with the arm lowest and the median over them; the elevation is NaN where it was not measured."""
+
+    rows: Int[np.ndarray, " rows"]
+    angles_deg: Float[np.ndarray, "6"]
+    elevation_deg: float
+
+
+def lowest_frames(angles_deg: Float[np.ndarray, "frames 6"], elevation_deg: Float[np.ndarray, " frames"]) -> Rest:
+    """Find the frames with the arm lowest, among those in which most of clavicle and scapula is known.
+
+    The first of them stands alone where the humerus was not measured. The axial rotation of the clavicle is not asked
+    for, as it may be an estimate that starts here.
+    """
+    known = np.isfinite(np.delete(angles_deg, CLAVICLE_X, axis=1)).sum(axis=1)
+    rows = np.flatnonzero(known == known.max())
+    measured = rows[np.isfinite(elevation_deg[rows])]
+    if not len(measured):
+        return Rest(rows[:1], angles_deg[rows[0]], np.nan)
+    lowest = np.quantile(elevation_deg[measured], LOWEST_SHARE, method="inverted_cdf")
+    rows = measured[elevation_deg[measured] <= lowest + NEAR_DEG]
+    return Rest(rows, np.median(angles_deg[rows], axis=0), float(np.median(elevation_deg[rows])))
+
+
+def unlike_rest(rest: Rest, landmarks_mm: Mapping[str, Float[np.ndarray, "frames 3"]]) -> list[str]:
+    """Say what of the angles with the arm lowest no person has at rest; and if TS is not above AI (thorax frame)."""
+    found = []
+    if not rest.elevation_deg > HIGHEST_REST_DEG:
+        away = np.abs(rest.angles_deg - REST_DEG)
+        for k in np.flatnonzero(away > FARTHEST_DEG):  # NaN was not measured
+            low, high = REST_DEG[k] - FARTHEST_DEG[k], REST_DEG[k] + FARTHEST_DEG[k]
+            found.append(f"{ANGLES[k]}_deg is {rest.angles_deg[k]:.0f}, at rest a person's is {low:.0f} to {high:.0f}")
+    if "TS" in landmarks_mm and "AI" in landmarks_mm:
+        above_mm = (landmarks_mm["TS"] - landmarks_mm["AI"])[rest.rows, 1]
+        if np.median(above_mm) < 0.0:
+            found.append("TS lies below AI")
+    return found
+
+
+def likely_swap(lab_mm: Positions, find_unlike: FindUnlike) -> tuple[str, str] | None:
+    """Find the two landmarks that leave nothing unlike rest when they are exchanged; None if not exactly one pair does.
+
+    find_unlike: what is unlike rest in these landmarks; InputError if they are not those of a shoulder at all.
+    """
+
+    def mends(a: str, b: str) -> bool:
+        try:
+            return not find_unlike(lab_mm | {a: lab_mm[b], b: lab_mm[a]})
+        except InputError:
+            return False
+
+    found = [pair for pair in combinations(lab_mm, 2) if mends(*pair)]
+    return found[0] if len(found) == 1 else None
+
+
+def warn_unlike_rest(file: str, whose: str, rest: Rest, unlike: list[str], swap: tuple[str, str] | None = None) -> None:
+    """Warn of what is unlike rest, if there is anything, and name two landmarks that are likely swapped."""
+    if not unlike:
+        return
+    where = (
+        "in the first posture" if np.isnan(rest.elevation_deg) else f"with the arm at {rest.elevation_deg:.0f} degrees"
+    )
+    remedy = "Check the names of the landmarks, the axes and the signs (docs/frames.md)"
+    if swap is not None:
+        remedy = f"Are {swap[0]} and {swap[1]} swapped? With them exchanged nothing of this is left"
+    warn_input(file, f"{whose}: {where} {'; '.join(unlike)}", remedy)
