@@ -14,12 +14,24 @@ needs_browser = pytest.mark.skipif(installed_browser() is None, reason=f"none of
 DESK = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}
 
-SETTLED_MS = 500
-"""The longest pause between two frames of a turning view that was seen on a machine with every core taken."""
-
-SETTLING_READS = 40
+SETTLED_FRAMES = 4
+"""The view follows the mouse by a few ms: after as many frames alike it rests, however long a frame takes."""
 
 EYE = "document.getElementById('view')._fullLayout.scene._scene.getCamera().eye"
+
+SETTLED = f"""
+(frames) => new Promise((done) => {{
+  let last = "", alike = 0;
+  const look = () => {{
+    const now = JSON.stringify({EYE});
+    alike = now === last ? alike + 1 : 0;
+    last = now;
+    if (alike < frames) requestAnimationFrame(look);
+    else done(JSON.parse(now));
+  }};
+  look();
+}})
+"""
 
 
 @dataclass
@@ -29,6 +41,7 @@ class Seen:
     page: Page
     errors: list[str] = field(default_factory=list)
     requests: list[str] = field(default_factory=list)
+    chosen: dict[str, Any] = field(default_factory=dict)
 
     def traces(self, place: str = "view") -> list[dict[str, Any]]:
         """What is drawn there."""
@@ -37,19 +50,22 @@ class Seen:
     def data(self) -> dict[str, Any]:
         return json.loads(self.page.inner_text("#data") or self.page.text_content("#data") or "")
 
-    def eye(self) -> dict[str, float]:
-        """Where the 3-D view is seen from."""
-        return self.page.evaluate(EYE)
-
     def settled_eye(self) -> dict[str, float]:
-        """The same once the view has come to rest: on a busy machine it still turns long after the mouse is let go."""
-        now = self.eye()
-        for _ in range(SETTLING_READS):
-            self.page.wait_for_timeout(SETTLED_MS)
-            last, now = now, self.eye()
-            if now == last:
-                return now
-        raise AssertionError(f"the view still turns after {SETTLING_READS * SETTLED_MS} ms")
+        """Where the 3-D view is seen from once it has come to rest."""
+        return self.page.evaluate(SETTLED, SETTLED_FRAMES)
+
+    def remember(self) -> None:
+        """What is chosen when the page opens."""
+        self.chosen = self.page.evaluate("({...at})")
+
+    def start_anew(self, window: dict[str, int]) -> None:
+        """As opened in a window of this size: all of it is drawn again."""
+        if self.page.viewport_size != window:
+            self.page.set_viewport_size(window)  # type: ignore[arg-type]
+            self.page.evaluate("Promise.all([...document.querySelectorAll('.figure')].map(Plotly.Plots.resize))")
+        self.page.evaluate("chosen => go({...chosen, looks: at.looks + 1})", self.chosen)
+        self.errors.clear()
+        self.requests.clear()
 
     def assert_quiet(self) -> None:
         """No error, nothing asked of a network, nothing wider than the window."""

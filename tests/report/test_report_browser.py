@@ -2,16 +2,18 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from browsing import DESK, EYE, PHONE, Seen, needs_browser
-from diagnoses import NOTHING, TWO, alone
+from diagnoses import NOTHING, TWO, gap_of
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
 from playwright.sync_api import expect
 
+from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.wording import sentence
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS
@@ -35,6 +37,30 @@ def two_motions(subjects: int = 2) -> Motions:
     return Motions.concatenate(parts)
 
 
+M_X_MM = 7.0
+GIRDLE = replace(R2[0].girdle, centre_mm=np.array([M_X_MM, *R2[0].girdle.centre_mm[1:]]))
+SETS = [replace(R2[0], girdle=GIRDLE), MODELS[1]]
+"""M_x moved, as a file of the user's own may have it."""
+
+
+@cache
+def adapted() -> str:
+    """Two subjects, two motions, two parameter sets."""
+    motions = two_motions()
+    return report_html(motions, SETS, adaptations(motions, SETS))
+
+
+STILL = replace(NOTHING, model="R4", gaps=replace(gap_of(3.0, 3.0), other_person=None))
+"""No cause, and a gap that leaves the verdict to the other model."""
+
+
+@cache
+def diagnosed() -> str:
+    """Two causes with R2, none with R4."""
+    motions = two_motions(10)
+    return report_html(motions, MODELS, adaptations(motions, MODELS), {}, Diagnoses({"R2": TWO, "R4": STILL}))
+
+
 def drawn_scapula(seen: Seen, name: str) -> np.ndarray:
     """AC, TS, AI and AC again, (lateral, up, backward) as in the thorax frame."""
     (line,) = [one for one in seen.traces() if one.get("name") == f"{name}: scapula"]
@@ -49,11 +75,52 @@ def landmarks_of(columns: list[list[float]], names: list[str], row: int) -> np.n
 TRIANGLE = ["AC", "TS", "AI", "AC"]
 
 
+def test_model_subject_motion_and_state_can_be_chosen(look):
+    seen = look(adapted())
+    page, data = seen.page, seen.data()
+    page.select_option("#model", label="R4")
+    page.select_option("#subject", label="s2")
+    page.select_option("#motion", label="flexion")
+    page.click("#show-before")
+    page.fill("#posture", "2")
+    row = data["subjects"][1]["motions"][1]["rows"][0] + 2
+    model = next(one for one in data["models"] if one["name"] == "R4")
+    simulated_mm = landmarks_of(model["states"]["before"]["simulated_points_mm"], TRIANGLE, row)
+    np.testing.assert_allclose(drawn_scapula(seen, "model as it is"), simulated_mm, rtol=0.0, atol=DRAWN_MM)
+    headings = page.locator("h2 [data-name]").all_inner_texts()
+    assert {"R4", "s2", "flexion"} <= set(headings)
+    (dots,) = [
+        one
+        for one in json.loads(page.evaluate("JSON.stringify(document.querySelector('#angles .figure').data)"))
+        if one["mode"] == "markers"
+    ]
+    assert dots["y"] == data["measured_deg"][0][slice(*data["subjects"][1]["motions"][1]["rows"])]
+    page.click("#subject-table tbody tr:first-child")
+    assert page.input_value("#subject") == "0"
+    page.select_option("#heat-motion", label="flexion")
+    page.click("#play")
+    expect(page.locator("#posture")).to_have_value("3")
+    page.click("#play")
+    seen.assert_quiet()
+
+
+def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
+    """Every drawn point of the surface is on it."""
+    seen = look(adapted())
+    for state, moved_mm in (("before", 0.0 * MOVED_MM), ("after", MOVED_MM)):
+        seen.page.click(f"#show-{state}")
+        (surface,) = [one for one in seen.traces() if one["type"] == "surface"]
+        x, forward, up = (np.array(surface[axis]) for axis in "xyz")
+        M_y, M_z, A_x, A_y, A_z, _ = np.asarray(GIRDLE.adapted_mm) + moved_mm
+        squares = ((x - M_X_MM) / A_x) ** 2 + ((up - M_y) / A_y) ** 2 + ((-forward - M_z) / A_z) ** 2
+        np.testing.assert_allclose(squares, 1.0, rtol=0.0, atol=DRAWN_SHARE)
+    seen.assert_quiet()
+
+
 @pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
 def test_the_view_steps_through_the_postures_and_turns(look, window):
     """What is drawn is the girdle of the posture that the slider is at, measured in black, adapted in blue."""
-    motions = two_motions()
-    seen = look(report_html(motions, MODELS, adaptations(motions, MODELS)), window)
+    seen = look(adapted(), window)
     page, data = seen.page, seen.data()
     model = data["models"][data["first_model"]]
     for step in range(3):
@@ -84,54 +151,25 @@ def test_the_view_steps_through_the_postures_and_turns(look, window):
     seen.assert_quiet()
 
 
-def test_model_subject_motion_and_state_can_be_chosen(look):
-    motions = two_motions()
-    seen = look(report_html(motions, MODELS, adaptations(motions, MODELS)))
-    page, data = seen.page, seen.data()
-    page.select_option("#model", label="R4")
-    page.select_option("#subject", label="s2")
-    page.select_option("#motion", label="flexion")
-    page.click("#show-before")
-    page.fill("#posture", "2")
-    row = data["subjects"][1]["motions"][1]["rows"][0] + 2
-    model = next(one for one in data["models"] if one["name"] == "R4")
-    simulated_mm = landmarks_of(model["states"]["before"]["simulated_points_mm"], TRIANGLE, row)
-    np.testing.assert_allclose(drawn_scapula(seen, "model as it is"), simulated_mm, rtol=0.0, atol=DRAWN_MM)
-    headings = page.locator("h2 [data-name]").all_inner_texts()
-    assert {"R4", "s2", "flexion"} <= set(headings)
-    (dots,) = [
-        one
-        for one in json.loads(page.evaluate("JSON.stringify(document.querySelector('#angles .figure').data)"))
-        if one["mode"] == "markers"
-    ]
-    assert dots["y"] == data["measured_deg"][0][slice(*data["subjects"][1]["motions"][1]["rows"])]
-    page.click("#subject-table tbody tr:first-child")
-    assert page.input_value("#subject") == "0"
-    page.select_option("#heat-motion", label="flexion")
-    page.click("#play")
-    expect(page.locator("#posture")).to_have_value("3")
-    page.click("#play")
-    seen.assert_quiet()
+ODD = [EVIL, "no elevation", "failed", "one elevation", "one posture"]
+"""The subjects of whom something is missing; of the first one, the scapula."""
 
 
-def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
-    """Every drawn point of the surface is on it: M_x moved, as a file of the user's own may have it."""
-    girdle = replace(R2[0].girdle, centre_mm=np.array([7.0, *R2[0].girdle.centre_mm[1:]]))
-    model, motions = replace(R2[0], girdle=girdle), two_motions(1)
-    seen = look(report_html(motions, [model], adaptations(motions, [model])))
-    for state, moved_mm in (("before", 0.0 * MOVED_MM), ("after", MOVED_MM)):
-        seen.page.click(f"#show-{state}")
-        (surface,) = [one for one in seen.traces() if one["type"] == "surface"]
-        x, forward, up = (np.array(surface[axis]) for axis in "xyz")
-        M_y, M_z, A_x, A_y, A_z, _ = np.asarray(girdle.adapted_mm) + moved_mm
-        squares = ((x - 7.0) / A_x) ** 2 + ((up - M_y) / A_y) ** 2 + ((-forward - M_z) / A_z) ** 2
-        np.testing.assert_allclose(squares, 1.0, rtol=0.0, atol=DRAWN_SHARE)
-    seen.assert_quiet()
+@cache
+def odd() -> str:
+    angles_deg = rising(4, 4)
+    angles_deg[0, :, 3:] = np.nan
+    motions = motions_of(angles_deg, names=ODD[:4], motion=EVIL)
+    motions.humerus_elevation_deg[4:8] = np.nan
+    motions.humerus_elevation_deg[12:] = 30.0
+    motions = Motions.concatenate([motions, motions_of(rising(1, 1), names=ODD[4:])])
+    motions = simulated(motions, len(ODD))
+    why = {EVIL: "adaptation not_converged", "failed": "failed"}
+    return report_html(motions, R2, adaptations(motions, R2, failed=["failed"]), why)
 
 
 def test_a_name_that_would_run_is_shown_as_text(look):
-    motions = simulated(motions_of(rising(2, 4), names=[EVIL], motion=EVIL), 2)
-    seen = look(report_html(motions, R2, adaptations(motions, R2), {EVIL: "adaptation not_converged"}))
+    seen = look(odd())
     assert seen.page.locator("#subject option").first.text_content() == EVIL
     assert seen.page.locator("#motion option").first.text_content() == EVIL
     assert seen.page.locator("#subject-table tbody th").first.text_content() == EVIL
@@ -140,40 +178,20 @@ def test_a_name_that_would_run_is_shown_as_text(look):
     seen.assert_quiet()
 
 
-def nothing_measured() -> Motions:
-    """The scapula of the first subject and the elevations of the second one were not measured."""
-    angles_deg = rising(2, 4)
-    angles_deg[0, :, 3:] = np.nan
-    motions = motions_of(angles_deg)
-    motions.humerus_elevation_deg[4:] = np.nan
-    return motions
-
-
-ODD = {
-    "one posture": (motions_of(rising(1, 1)), []),
-    "not measured": (nothing_measured(), []),
-    "one failed": (motions_of(rising(3, 4)), ["s1"]),
-    "all failed": (motions_of(rising(2, 4)), ["s1", "s2"]),
-}
-
-
-@pytest.mark.parametrize("kind", ODD)
-def test_odd_results_are_drawn_without_an_error(look, kind):
-    motions, failed = ODD[kind]
-    seen = look(report_html(motions, R2, adaptations(motions, R2, failed=failed), dict.fromkeys(failed, "failed")))
+def test_odd_subjects_are_drawn_without_an_error(look):
+    seen = look(odd())
     page = seen.page
-    page.click("#next")
-    page.click("#show-before")
-    for subject in range(len(motions.subjects) if len(motions.subjects) > 1 else 0):
-        page.select_option("#subject", str(subject))
-    assert page.inner_text("#readout").startswith("Posture ")
+    for k, name in enumerate(ODD):
+        page.select_option("#subject", label=name)
+        page.click("#next")
+        page.click("#show-before" if k % 2 == 0 else "#show-after")
+        assert page.inner_text("#readout").startswith("Posture ")
     seen.assert_quiet()
 
 
 def test_a_motion_at_one_elevation_is_drawn_posture_by_posture(look):
-    motions = motions_of(rising(1, 4))
-    motions.humerus_elevation_deg[:] = 30.0
-    seen = look(report_html(motions, R2, adaptations(motions, R2)))
+    seen = look(odd())
+    seen.page.select_option("#subject", label="one elevation")
     first = seen.page.locator("#angles .figure").first
     drawn = "one => [one.data[0].x, one.layout.xaxis.title.text]"
     assert first.evaluate(drawn) == [[1, 2, 3, 4], "posture"]
@@ -181,26 +199,41 @@ def test_a_motion_at_one_elevation_is_drawn_posture_by_posture(look):
 
 
 def test_a_failed_subject_says_so_and_has_no_adapted_ellipsoid(look):
-    motions, failed = ODD["one failed"]
-    seen = look(report_html(motions, R2, adaptations(motions, R2, failed=failed)))
+    seen = look(odd())
+    seen.page.select_option("#subject", label="failed")
     assert "adaptation not_converged · fit adapted: not_converged" in seen.page.inner_text("#readout")
     assert not [one for one in seen.traces() if one["type"] == "surface"]
     seen.page.click("#show-before")
     assert [one for one in seen.traces() if one["type"] == "surface"]
 
 
-@pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
+POOR = {"one posture": (motions_of(rising(1, 1)), []), "all failed": (motions_of(rising(2, 4)), ["s1", "s2"])}
+
+
+@pytest.mark.parametrize("kind", POOR)
+def test_poor_results_are_drawn_without_an_error(look, kind):
+    motions, failed = POOR[kind]
+    seen = look(report_html(motions, R2, adaptations(motions, R2, failed=failed), dict.fromkeys(failed, "failed")))
+    page = seen.page
+    page.click("#next")
+    page.click("#show-before")
+    for subject in range(1, len(motions.subjects)):
+        page.select_option("#subject", str(subject))
+    assert page.inner_text("#readout").startswith("Posture ")
+    seen.assert_quiet()
+
+
+@pytest.mark.parametrize("window", [PHONE, DESK], ids=["phone", "desk"])  # a page opened on a phone
 def test_a_diagnosis_is_in_the_page(look, window):
-    motions = two_motions(10)
-    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, alone(TWO)), window)
+    seen = look(diagnosed(), window)
     page = seen.page
     assert page.inner_text("h1") == sentence(TWO)
-    steps = [name.split("\n")[0] for name in page.locator("#ladder .name").all_inner_texts()]
+    steps = [name.split("\n")[0] for name in page.locator("#ladder [data-model=R2] .name").all_inner_texts()]
     causes = ["+ AC joint moves ac_translation", "+ scapula lifts off the thorax scapulothoracic_gap"]
     assert steps == ["model as it is", "adapted", *causes, "noise alone"]
-    hovered = page.locator("#ladder abbr").first.get_attribute("title")
+    hovered = page.locator("#ladder [data-model=R2] abbr").first.get_attribute("title")
     assert hovered == EFFECTS["ac_translation"].what
-    widths = [box["width"] for one in page.locator("#ladder .bar").all() if (box := one.bounding_box())]
+    widths = [box["width"] for one in page.locator("#ladder [data-model=R2] .bar").all() if (box := one.bounding_box())]
     np.testing.assert_allclose(np.divide(widths, widths[0]), np.divide([4.1, 2.8, 1.4, 0.9, 0.3], 4.1), atol=0.01)
     words = " ".join(page.inner_text("#why").split())
     assert "conoid_strain and clavicle_axial_estimate" in words, "cannot be told apart"
@@ -225,18 +258,17 @@ def test_a_diagnosis_is_in_the_page(look, window):
 
 
 def test_without_an_effect_there_is_no_gap_with_it(look):
-    motions = two_motions(1)
-    seen = look(report_html(motions, R2, adaptations(motions, R2), {}, alone(NOTHING)))
+    seen = look(diagnosed())
+    seen.page.select_option("#model", label="R4")
     unseen, _ = json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#gaps .figure').data)"))
-    assert unseen["x"] == [4.1, 0.5, 0.3]
-    assert "with" not in seen.page.inner_text("#gap tbody")
+    assert unseen["x"] == [4.1, 2.9, 0.3]
+    assert "with" not in seen.page.inner_text("#gap [data-model=R4] tbody")
     seen.assert_quiet()
 
 
 def test_the_picture_of_a_report_is_small(started, tmp_path):
-    motions = two_motions()
     report, out = tmp_path / "report.html", tmp_path / "report.png"
-    report.write_text(report_html(motions, MODELS, adaptations(motions, MODELS)), encoding="utf-8")
+    report.write_text(adapted(), encoding="utf-8")
     picture(started, report, 3, {"width": 1240, "height": 1310}).save(out, optimize=True)
     assert out.stat().st_size < LARGEST_PICTURE_BYTES
     with Image.open(out) as drawn:
