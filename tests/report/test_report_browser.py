@@ -137,7 +137,7 @@ def test_the_view_steps_through_the_postures_and_turns(look, window):
     assert box
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.down()
-    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.55 * box["height"], steps=6)
+    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.55 * box["height"], steps=3)
     seen.settled_eye()  # as a person does: what is let go is what is seen
     page.mouse.up()
     turned = seen.settled_eye()
