@@ -42,5 +42,5 @@ const motion = () => subject().motions[at.motion];
 const row = () => motion().rows[0] + at.posture;
 const inMotion = (column) => column.slice(...motion().rows);
 const finite = (values) => values.filter((value) => value !== null);
-const narrow = () => window.innerWidth < 700;
+const narrow = () => document.querySelector("main").clientWidth < 700;
 const degrees = (value) => (value === null ? "–" : value.toFixed(1));
