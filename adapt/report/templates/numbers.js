@@ -14,6 +14,7 @@ function byColumn(columns) {
   return [columns.map(([name]) => name), ...rows];
 }
 
+const NUMBER_DIGITS = 3;
 const STATES = { before: "as it is", after: "adapted" };
 const inStates = (name, unit, of) =>
   Object.entries(STATES).map(([state, word]) => [`${name}, ${word}, ${unit}`, inMotion(of(model().states[state], state))]);
@@ -58,7 +59,7 @@ function heatNumbers() {
 function gapNumbers() {
   const { unseen, in_sample, what } = data.gap[model().name];
   const rows = Object.entries(BONES).flatMap(([bone, name]) =>
-    Object.keys(unseen).map((kind) => {
+    gapKinds().map((kind) => {
       const each = [unseen, in_sample].map((levels) => levels[kind][bone]);
       return [name, GAPS[kind], ...each.flatMap(({ value, low, high }) => [value, low, high])];
     }),
@@ -87,7 +88,7 @@ const NUMBERS = {
   constraints: constraintNumbers,
   gaps: gapNumbers,
 };
-const written = (value) => (value === null || value === undefined ? "" : `${value}`);
+const written = (value) => (typeof value === "number" ? Number(value.toFixed(NUMBER_DIGITS)) : (value ?? ""));
 
 function writeTable(table, [headings, ...rows]) {
   const line = (kind, values) => {

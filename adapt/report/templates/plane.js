@@ -176,9 +176,9 @@ function drawHeat() {
     const layout = {
       title: title(NAME[state]),
       plot_bgcolor: "#dddddd",
-      margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: narrow() ? 70 : 44 },
+      margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: narrow() ? 88 : 44 },
       xaxis: {
-        title: { text: "humerus elevation, °", standoff: 6 },
+        title: { text: "humerus elevation, °", standoff: narrow() ? 14 : 6 },
         type: "category",
         tickangle: narrow() ? -60 : 0,
         ticks: "",
@@ -192,11 +192,12 @@ function drawHeat() {
 
 const GAPS = { base: "as it is", adapted: "adapted", with_effect: "with causes", noise_floor: "noise alone" };
 const BONES = { all: "both bones", clavicle: "clavicle", scapula: "scapula" };
+const gapKinds = () => Object.keys(GAPS).filter((kind) => kind in data.gap[model().name].unseen);
 
 function drawGaps() {
   const gap = data.gap[model().name];
   if (!gap) return;
-  const kinds = Object.keys(GAPS).filter((kind) => kind in gap.unseen);
+  const kinds = gapKinds();
   panels("gaps", 3).forEach((place, k) => {
     const bone = Object.keys(BONES)[k];
     const dots = (levels, name, marker, shift) => {
