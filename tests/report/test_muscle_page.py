@@ -8,9 +8,10 @@ import pandas as pd
 import pytest
 from browsing import DESK, PHONE, needs_browser
 from handmade import adaptations, motions_of, rising
-from pages import MODELS, R2, data_of, words_of
+from pages import MODELS, R2, data_of, sentences_of, words_of
 
 from adapt import Adaptations
+from adapt.diagnosis.wording import MOST_WORDS
 from adapt.report import muscle_figures as figures
 from adapt.report import report_html
 from adapt.tables.muscle_tables import JOINTS, MuscleTables, muscle_means, muscle_tables
@@ -96,6 +97,7 @@ def test_the_page_says_what_adaptation_does_to_the_serratus_and_gives_all_means(
     row = muscle_means(found).loc[("R2", SERRATUS)]
     assert f"takes the arm of the serratus anterior about SC from {row['about_sc_before_mm']:.0f} to" in words
     assert f"serratus anterior {row['about_sc_before_mm']:.1f} → {row['about_sc_after_mm']:.1f}" in words
+    assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
     assert "drawn at 12 of 12 postures. Grey dots" in words
     assert "sets with contact points instead (das3) have none" in words
 
