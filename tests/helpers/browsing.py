@@ -11,6 +11,7 @@ from scripts.picture_report import BROWSERS, installed_browser
 
 needs_browser = pytest.mark.skipif(installed_browser() is None, reason=f"none of {', '.join(BROWSERS)} is installed")
 
+WIDE = {"width": 1400, "height": 900}
 DESK = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}
 
@@ -31,6 +32,14 @@ SETTLED = f"""
   }};
   look();
 }})
+"""
+
+START = """
+(chosen) => {
+  document.querySelectorAll("details[open]").forEach((one) => (one.open = false));
+  ["model", "lines", "joint"].filter(element).forEach((key) => (element(key).value = chosen[key]));
+  go({ ...chosen, looks: at.looks + 1 });
+}
 """
 
 
@@ -63,7 +72,7 @@ class Seen:
         if self.page.viewport_size != window:
             self.page.set_viewport_size(window)  # type: ignore[arg-type]
             self.page.evaluate("Promise.all([...document.querySelectorAll('.figure')].map(Plotly.Plots.resize))")
-        self.page.evaluate("chosen => go({...chosen, looks: at.looks + 1})", self.chosen)
+        self.page.evaluate(START, self.chosen)
         self.errors.clear()
         self.requests.clear()
 
@@ -73,3 +82,19 @@ class Seen:
         assert [url for url in self.requests if not url.startswith(("file:", "blob:", "data:"))] == []
         width, window = self.page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
         assert width <= window
+
+
+def numbers_of(seen: Seen, chart: str) -> list[list[str]]:
+    """The table beside a chart: its headings, then its rows."""
+    numbers = seen.page.locator(f".numbers[data-of={chart}]:visible")
+    if numbers.get_attribute("open") is None:
+        numbers.locator("summary").click()
+        numbers.locator("td").first.wait_for()
+    return numbers.evaluate("one => [...one.querySelectorAll('tr')].map(row => [...row.cells].map(cell => cell.textContent))")
+
+
+def column(table: list[list[str]], heading: str) -> list[float | None]:
+    """One of its columns, None where a cell is empty."""
+    headings, *rows = table
+    at = headings.index(heading)
+    return [float(row[at]) if row[at] else None for row in rows]

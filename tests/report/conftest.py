@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from browsing import DESK, Seen
+from browsing import WIDE, Seen
 from playwright.sync_api import BrowserContext
 
 from scripts.picture_report import browser, open_report
@@ -26,7 +26,7 @@ def look(started, tmp_path_factory) -> Iterator[Any]:
     folder = tmp_path_factory.mktemp("reports")
     shown: dict[str, Seen] = {}
 
-    def opened(html: str, window: dict[str, int] = DESK) -> Seen:
+    def opened(html: str, window: dict[str, int] = WIDE) -> Seen:
         if html not in shown:
             for other in shown.values():
                 other.page.close()

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from browsing import DESK, PHONE, needs_browser
+from browsing import PHONE, WIDE, column, needs_browser, numbers_of
 from handmade import adaptations, motions_of, rising
 from pages import MODELS, R2, data_of, sentences_of, words_of
 
@@ -154,7 +154,7 @@ def drawn(seen, name: str) -> list[list[float | None]]:
 
 
 @needs_browser
-@pytest.mark.parametrize("window", [PHONE, DESK], ids=["phone", "desk"])
+@pytest.mark.parametrize("window", [PHONE, WIDE], ids=["phone", "desk"])
 def test_the_view_has_the_lines_of_the_posture_and_the_state(look, three, window):
     seen = look(three[1], window)
     tab, data = seen.page, seen.data()
@@ -188,6 +188,8 @@ def test_arms_are_drawn_over_elevation_before_and_after(look, three):
             assert before["y"] == states["before"]["arms_mm"][n][k][:4]
             assert after["y"] == states["after"]["arms_mm"][n][k][:4]
             assert after["x"] == [0, 50, 100, 150]
+    shown = numbers_of(seen, "arms")
+    assert column(shown, "serratus anterior, adapted, mm") == states["after"]["arms_mm"][1][0][:4]
     tab.select_option("#subject", label="s3")
     assert json.loads(tab.evaluate(panels))[0][0]["y"] == states["before"]["arms_mm"][1][0][8:]
     seen.assert_quiet()

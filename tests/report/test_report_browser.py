@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from browsing import DESK, EYE, PHONE, Seen, needs_browser
+from browsing import EYE, PHONE, WIDE, Seen, column, needs_browser, numbers_of
 from diagnoses import NOTHING, TWO, gap_of
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
 from playwright.sync_api import expect
+from reaching import A4_INSIDE, contrast, grave_faults, on_paper, too_small_for_a_finger, unreached_by_tab
 
 from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.wording import sentence
@@ -30,6 +31,16 @@ DRAWN_SHARE = 2e-3
 """Twice those tenths as a share of a semi-axis of 100 mm."""
 
 LARGEST_PICTURE_BYTES = 250_000
+
+TABLET = {"width": 800, "height": 900}
+
+HEAT = "document.querySelector('#heat-maps .figure').data[0]"
+
+LEAST_CONTRAST = 4.5
+"""Of text, WCAG 2 AA."""
+
+MOST_INK = 0.1
+"""Share of a printed page: text and lines are less, a dark background is more."""
 
 
 def two_motions(subjects: int = 2) -> Motions:
@@ -117,7 +128,79 @@ def test_the_ellipsoid_is_that_of_the_subject_and_state(look):
     seen.assert_quiet()
 
 
-@pytest.mark.parametrize("window", [DESK, PHONE], ids=["desk", "phone"])
+def test_every_choice_can_be_made_by_keys(look):
+    seen = look(adapted())
+    page = seen.page
+
+    def press(where: str, key: str) -> None:
+        page.locator(where).first.focus()
+        page.keyboard.press(key)
+
+    press("#model", "ArrowUp" if page.input_value("#model") == "1" else "ArrowDown")
+    assert page.input_value("#model") != str(seen.chosen["model"])
+    assert page.inner_text("#parameters [data-name=model]") == page.inner_text("#model option:checked")
+    press("#posture", "ArrowRight")
+    press("#next", "Enter")
+    assert page.inner_text("#readout").startswith("Posture 3 of 5")
+    press("#show-before", "Space")
+    assert page.get_attribute("#show-before", "aria-pressed") == "true"
+    press("[data-view=front]", "Enter")
+    page.wait_for_function(f"{EYE}.y > 1.0")
+    press("#subject-table tr:nth-child(2) .person", "Enter")
+    assert page.input_value("#subject") == "1"
+    assert page.evaluate("document.activeElement.id") == "subject", "where the eyes are taken, the keys go"
+    press("[data-of=heat] summary", "Enter")
+    expect(page.locator("[data-of=heat] table")).to_be_visible()
+    seen.assert_quiet()
+
+
+def test_the_numbers_of_every_chart_are_in_its_table(look):
+    seen = look(adapted())
+    seen.page.select_option("#subject", label="s2")
+    words = {"measured": "measured", "model as it is": "as it is", "adapted": "adapted"}
+    for place, unit in (("angles", "°"), ("constraints", "mm")):
+        table = numbers_of(seen, place)
+        for figure in seen.page.locator(f"#{place} .figure").all():
+            title, traces = json.loads(figure.evaluate("one => JSON.stringify([one.layout.title.text, one.data])"))
+            for trace in traces:
+                assert column(table, f"{title}, {words[trace['name']]}, {unit}") == trace["y"]
+                assert column(table, "humerus elevation, °") == trace["x"]
+    maps = seen.page.evaluate("[...document.querySelectorAll('#heat-maps .figure')].map((one) => one.data[0].z)")
+    assert [[float(cell) for cell in row[2:]] for row in numbers_of(seen, "heat")[1:]] == [*maps[0], *maps[1]]
+    data = seen.data()
+    first_mm = landmarks_of(data["models"][seen.chosen["model"]]["measured_points_mm"], ["TS"], 9)
+    (ts,) = [row for row in numbers_of(seen, "view") if row[0] == "TS"]
+    assert [float(cell) for cell in ts[1:4]] == first_mm.ravel().tolist()
+    seen.assert_quiet()
+
+
+def test_a_table_goes_to_the_clipboard_as_a_spreadsheet_takes_it(look, started):
+    started.grant_permissions(["clipboard-read", "clipboard-write"])
+    seen = look(adapted())
+    table = numbers_of(seen, "angles")
+    seen.page.click(".numbers[data-of=angles] button")
+    expect(seen.page.locator(".numbers[data-of=angles] [role=status]")).to_have_text("copied")
+    copied = seen.page.evaluate("navigator.clipboard.readText()")
+    assert [line.split("\t") for line in copied.split("\n")] == table
+    seen.assert_quiet()
+
+
+def test_on_a_desk_an_adaptation_has_no_grave_fault(look):
+    seen = look(adapted())
+    numbers_of(seen, "angles")
+    assert grave_faults(seen) == []
+    seen.assert_quiet()
+
+
+def test_the_numbers_in_a_heat_map_can_be_read_on_every_colour(look):
+    seen = look(adapted())
+    text, scale = seen.page.evaluate("(({ textfont, colorscale }) => [textfont.color, colorscale])(%s)" % HEAT)
+    assert min(contrast(text, colour) for _, colour in scale) >= LEAST_CONTRAST
+    drawn = seen.page.locator("#heat-maps .heatmap-label text").first
+    assert drawn.evaluate("one => getComputedStyle(one).fill") == "rgb(17, 17, 17)"
+
+
+@pytest.mark.parametrize("window", [WIDE, PHONE], ids=["desk", "phone"])
 def test_the_view_steps_through_the_postures_and_turns(look, window):
     """What is drawn is the girdle of the posture that the slider is at, measured in black, adapted in blue."""
     seen = look(adapted(), window)
@@ -148,6 +231,16 @@ def test_the_view_steps_through_the_postures_and_turns(look, window):
     page.wait_for_function(f"{EYE}.y > 1.0")
     page.click("#previous")
     assert seen.settled_eye()["y"] > 1.0, "stepping keeps the view that was asked for"
+    seen.assert_quiet()
+
+
+def test_on_a_phone_an_adaptation_has_no_grave_fault(look):
+    seen = look(adapted(), PHONE)
+    numbers_of(seen, "angles")
+    assert grave_faults(seen) == []
+    assert too_small_for_a_finger(seen) == []
+    seen.assert_quiet()
+    seen.page.set_viewport_size(TABLET)
     seen.assert_quiet()
 
 
@@ -223,7 +316,15 @@ def test_poor_results_are_drawn_without_an_error(look, kind):
     seen.assert_quiet()
 
 
-@pytest.mark.parametrize("window", [PHONE, DESK], ids=["phone", "desk"])  # a page opened on a phone
+def test_on_a_phone_a_diagnosis_has_no_grave_fault(look):
+    seen = look(diagnosed(), PHONE)
+    numbers_of(seen, "ranking")
+    assert grave_faults(seen) == []
+    assert too_small_for_a_finger(seen) == []
+    seen.assert_quiet()
+
+
+@pytest.mark.parametrize("window", [PHONE, WIDE], ids=["phone", "desk"])
 def test_a_diagnosis_is_in_the_page(look, window):
     seen = look(diagnosed(), window)
     page = seen.page
@@ -257,6 +358,13 @@ def test_a_diagnosis_is_in_the_page(look, window):
     seen.assert_quiet()
 
 
+def test_on_a_desk_a_diagnosis_has_no_grave_fault(look):
+    seen = look(diagnosed())
+    numbers_of(seen, "ranking")
+    assert grave_faults(seen) == []
+    seen.assert_quiet()
+
+
 def test_without_an_effect_there_is_no_gap_with_it(look):
     seen = look(diagnosed())
     seen.page.select_option("#model", label="R4")
@@ -264,6 +372,46 @@ def test_without_an_effect_there_is_no_gap_with_it(look):
     assert unseen["x"] == [4.1, 2.9, 0.3]
     assert "with" not in seen.page.inner_text("#gap [data-model=R4] tbody")
     seen.assert_quiet()
+
+
+def test_bars_and_unseen_gaps_have_their_tables(look):
+    seen = look(diagnosed())
+    assert column(numbers_of(seen, "ladder"), "gap, °") == [4.1, 2.8, 1.4, 0.9, 0.3]
+    assert column(numbers_of(seen, "ladder"), "high") == [4.2, 2.9, 1.5, 1.0, 0.4]
+    assert numbers_of(seen, "ranking")[1] == ["scapula lifts off the thorax scapulothoracic_gap", "0.88"]
+    unseen, in_sample = seen.page.evaluate("document.querySelector('#gaps .figure').data.map((one) => one.x)")
+    gaps = numbers_of(seen, "gaps")
+    both = [gaps[0], *(row for row in gaps if row[0] == "both bones")]
+    assert column(both, "unseen motions, °") == unseen
+    assert column(both, "in sample, °") == pytest.approx(in_sample)
+    seen.assert_quiet()
+
+
+def test_every_control_and_explanation_is_reached_by_tab_and_seen(look):
+    seen = look(diagnosed())
+    count, unreached, unseen = unreached_by_tab(seen, "h1 abbr")
+    assert count > 60
+    assert unreached == []
+    assert unseen == []
+    seen.page.focus("#ladder abbr")
+    seen.page.keyboard.press("Escape")
+    assert seen.page.evaluate("document.activeElement === document.body")
+    seen.assert_quiet()
+
+
+def test_on_paper_nothing_is_cut_and_no_control_is_left(look):
+    seen = look(diagnosed())
+    width = "document.querySelector('#angles .main-svg').clientWidth"
+    before = seen.page.evaluate(width)
+    pdf = seen.page.pdf(format="A4")
+    assert pdf.count(b"/Subtype /Image") >= 1, "the 3-D view"
+    assert seen.page.evaluate(width) == before, "and back on the screen as it was"
+    found, dark = on_paper(seen)
+    nothing = dict.fromkeys(("cut", "other_width", "controls", "headings_alone"), [])
+    assert found | nothing == found
+    assert found["pictures"] == [True]
+    assert found["budget_ends"] < A4_INSIDE["height"], "verdict and budget are on the first page"
+    assert dark < MOST_INK
 
 
 def test_the_picture_of_a_report_is_small(started, tmp_path):

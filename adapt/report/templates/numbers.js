@@ -70,8 +70,10 @@ function gapNumbers() {
 
 // Of bars that the page holds as text: the value, and its interval where it has one.
 function barNumbers(headings, bars) {
+  const text = (bar, part) =>
+    [...bar.querySelector(part).childNodes].map((one) => (one.nodeName === "SMALL" ? "" : one.textContent)).join("");
   const rows = [...bars].map((bar) => {
-    const [name, value] = ["name", "value"].map((part) => bar.querySelector(`.${part}`).textContent);
+    const [name, value] = [text(bar, ".name"), text(bar, ".value")];
     return [name.trim().replace(/\s+/g, " "), ...value.replace(/[[\],]/g, " ").trim().split(/\s+/)];
   });
   return [headings, ...rows];

@@ -166,6 +166,7 @@ function drawHeat() {
       zmax: most,
       colorscale: LIGHT_TO_DARK,
       texttemplate: "%{z:.1f}",
+      textfont: { color: "#111111" },
       hovertemplate: "%{y}, %{x}°: %{z:.1f}°<extra></extra>",
       xgap: 1,
       ygap: 1,

@@ -24,10 +24,10 @@ const NAME = {
   wrapped: "muscle round the ellipsoid",
   straight: "straight muscle",
 };
+// Not darker than dark text on it can be read.
 const LIGHT_TO_DARK = [
-  [0, "#f3f8fd"],
-  [0.5, "#6baed6"],
-  [1, "#08306b"],
+  [0, "#f7fbff"],
+  [1, "#4292c6"],
 ];
 const FONT = { family: "system-ui, 'Segoe UI', Helvetica, Arial, sans-serif", size: 12, color: "#222222" };
 const TWO_SIDED_95 = 1.96;
