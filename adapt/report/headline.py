@@ -44,19 +44,16 @@ def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
     bones = [bone for bone in _IN_ORDER if np.isfinite(after[f"{bone}_deg"])]
     if not bones:
         return f"No posture of {people} could be fitted."
-    parts = [
-        f"{bone}’s{gap} from {before[f'{bone}_deg']:.1f} to {after[f'{bone}_deg']:.1f}°{_unseen(after[HELD_OUT[bone]], what)}"
-        for bone, gap, what in zip(bones, (" gap", ""), (f" on unseen {_held_out(kinds)}", ""), strict=False)
-    ]
-    takes = f"to {people} takes the {' and the '.join(parts)}."
+    unseen = [bone for bone in bones if np.isfinite(after[HELD_OUT[bone]])]
+    what = f" on unseen {'motions' if set(kinds) == {MOTION} else 'postures'}"
+
+    def fall(bone: str) -> str:
+        said = f"{bone}’s{' gap' if bone == bones[0] else ''}"
+        said += f" from {before[f'{bone}_deg']:.1f} to {after[f'{bone}_deg']:.1f}°"
+        if bone not in unseen:
+            return said
+        return f"{said} ({after[HELD_OUT[bone]]:.1f}{what if bone == unseen[0] else ''})"
+
+    takes = f"to {people} takes the {' and the '.join(map(fall, bones))}."
     said = f"Adapting {best}, closest of {len(models)} sets, {takes}", f"Adapting {best} {takes}"
     return said[0] if models[1:] and len(said[0].split()) <= MOST_WORDS else said[1]
-
-
-def _held_out(kinds: Collection[str]) -> str:
-    return "motions" if set(kinds) == {MOTION} else "postures"
-
-
-def _unseen(gap_deg: float, what: str) -> str:
-    """' (4.1 on unseen motions)' of a bone that has such a gap."""
-    return f" ({gap_deg:.1f}{what})" if np.isfinite(gap_deg) else ""

@@ -90,7 +90,8 @@ def numbers_of(seen: Seen, chart: str) -> list[list[str]]:
     if numbers.get_attribute("open") is None:
         numbers.locator("summary").click()
         numbers.locator("td").first.wait_for()
-    return numbers.evaluate("one => [...one.querySelectorAll('tr')].map(row => [...row.cells].map(cell => cell.textContent))")
+    rows = "one => [...one.querySelectorAll('tr')].map(row => [...row.cells].map(cell => cell.textContent))"
+    return numbers.evaluate(rows)
 
 
 def column(table: list[list[str]], heading: str) -> list[float | None]:

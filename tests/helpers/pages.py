@@ -35,7 +35,9 @@ def words_of(html: str) -> str:
 
 def sentences_of(html: str) -> list[str]:
     """Every sentence of the page's headings, paragraphs and lists."""
-    parts = re.findall(r"<(h1|h2|h3|p|li|dd)\b[^>]*>(.*?)</\1>", html[html.index("<main>") : html.index("</main>")], re.DOTALL)
+    parts = re.findall(
+        r"<(h1|h2|h3|p|li|dd)\b[^>]*>(.*?)</\1>", html[html.index("<main>") : html.index("</main>")], re.DOTALL
+    )
     return [one for _, part in parts for one in re.split(r"(?<=[.!?]) ", one_line(part).strip())]
 
 

@@ -27,11 +27,15 @@ _REACH = """
   window.unreached = new Set([...document.querySelectorAll(wanted)].filter((one) => one.checkVisibility()));
   document.addEventListener("focusin", ({ target }) => {
     unreached.delete(target);
-    const shown = [parseFloat(getComputedStyle(target).outlineWidth) >= 1 && getComputedStyle(target).outlineStyle];
-    if (target.matches("abbr")) shown.push(getComputedStyle(target, "::after").content === JSON.stringify(target.title));
+    const { outlineStyle, outlineWidth } = getComputedStyle(target);
+    const explained = getComputedStyle(target, "::after").content === JSON.stringify(target.title);
     const group = target.closest(".modebar-group");
-    if (group) shown.push(getComputedStyle(group).opacity === "1");
-    hidden[shown.includes(false) || shown.includes("none") ? "add" : "delete"](target);
+    const seen = [
+      outlineStyle !== "none" && parseFloat(outlineWidth) >= 1,
+      explained || !target.matches("abbr"),
+      !group || getComputedStyle(group).opacity === "1",
+    ];
+    hidden[seen.includes(false) ? "add" : "delete"](target);
   });
   return unreached.size;
 }
@@ -41,7 +45,8 @@ _ON_PAPER = """
 () => {
   const all = (what) => [...document.querySelectorAll(what)].filter((one) => one.checkVisibility());
   const name = (one) => one.outerHTML.slice(0, 120);
-  const inside = (one) => one.getBoundingClientRect().right <= innerWidth + 0.5 && one.scrollWidth <= one.clientWidth + 1;
+  const fits = (one) => one.scrollWidth <= one.clientWidth + 1;
+  const inside = (one) => one.getBoundingClientRect().right <= innerWidth + 0.5 && fits(one);
   const filled = (one) => Math.abs(one.querySelector(".main-svg").clientWidth - one.clientWidth) <= 1;
   return {
     cut: all("main, section, .scroll, .figure, .answer, img").filter((one) => !inside(one)).map(name),

@@ -1,7 +1,6 @@
 """Pages opened in a real browser, for the tests of the report."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import pytest
 from browsing import WIDE, Seen
@@ -18,7 +17,7 @@ def started() -> Iterator[BrowserContext]:
 
 
 @pytest.fixture(scope="module")
-def look(started, tmp_path_factory) -> Iterator[Any]:
+def look(started, tmp_path_factory) -> Callable[..., Seen]:
     """Show a report's text in a window; the same report again is not loaded again, it starts anew.
 
     To load one takes seconds of a core, most of them in the library that draws.
@@ -47,4 +46,4 @@ def look(started, tmp_path_factory) -> Iterator[Any]:
             shown[html].start_anew(window)
         return shown[html]
 
-    yield opened
+    return opened

@@ -200,7 +200,10 @@ def test_a_subject_that_failed_has_arms_of_neither_state_and_no_error(look, thre
     seen = look(three[1])
     seen.page.select_option("#subject", label="s2")
     assert "no muscle lines drawn here" in seen.page.inner_text("#readout")
-    assert json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#arms .figure').data[0].y)")) == [None] * 4
+    assert (
+        json.loads(seen.page.evaluate("JSON.stringify(document.querySelector('#arms .figure').data[0].y)"))
+        == [None] * 4
+    )
     seen.page.click("#show-before")
     assert len(drawn(seen, "serratus anterior")) > 0
     seen.assert_quiet()

@@ -15,7 +15,8 @@ def test_every_cause_has_a_plain_name_and_no_other():
 
 def test_a_name_has_its_description_on_hover_and_focus_and_its_identifier_beside_it():
     found = str(explained("conoid_strain:posture"))
-    assert found.startswith(f'<abbr tabindex="0" title="{EFFECTS["conoid_strain:posture"].what}">conoid stretches</abbr>')
+    what = EFFECTS["conoid_strain:posture"].what
+    assert found.startswith(f'<abbr tabindex="0" title="{what}">conoid stretches</abbr>')
     assert found.endswith("<code>conoid_strain:posture</code>")
     assert str(explained("<b>")) == "<code>&lt;b&gt;</code>"
 

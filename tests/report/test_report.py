@@ -226,9 +226,7 @@ def test_the_sentence_leaves_out_a_bone_that_was_not_measured():
     angles_deg = rising(2, 4)
     angles_deg[..., 3:] = np.nan
     sentence = headline(adaptations(motions_of(angles_deg), R2).summary, "2 subjects", {MOTION})
-    assert sentence == (
-        "Adapting R2 to 2 subjects takes the clavicle’s gap from 6.0 to 2.0° (3.0 on unseen motions)."
-    )
+    assert sentence == ("Adapting R2 to 2 subjects takes the clavicle’s gap from 6.0 to 2.0° (3.0 on unseen motions).")
 
 
 def test_the_sentence_says_when_nothing_could_be_fitted():
