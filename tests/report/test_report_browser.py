@@ -171,6 +171,9 @@ def test_the_numbers_of_every_chart_are_in_its_table(look):
     first_mm = landmarks_of(data["models"][seen.chosen["model"]]["measured_points_mm"], ["TS"], 9)
     (ts,) = [row for row in numbers_of(seen, "view") if row[0] == "TS"]
     assert [float(cell) for cell in ts[1:4]] == first_mm.ravel().tolist()
+    seen.page.select_option("#subject", label="s1")
+    measured = column(numbers_of(seen, "angles"), f"{data['angles'][0]['name']}, measured, °")
+    assert measured == data["measured_deg"][0][:5], "an open table follows the choice"
     seen.assert_quiet()
 
 
