@@ -1,10 +1,11 @@
 """One sentence: how far the adaptation brings the best parameter set to the measured bones."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 import numpy as np
 import pandas as pd
 
+from adapt.diagnosis.wording import MOST_WORDS
 from adapt.report.fit_states import STATES, state_rows
 from adapt.tables.held_out import MOTION
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
@@ -33,30 +34,26 @@ def closest(summary: pd.DataFrame) -> str:
 
 
 def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
-    """Say in one sentence how the mean gaps of the bones, degrees, fall with adaptation of the closest model.
+    """Say in at most MOST_WORDS words how the mean gaps of the bones fall with adaptation of the closest model.
 
     ``people`` says who they are: '10 simulated subjects'; ``kinds``, what was held out of them.
     """
     models = list(dict.fromkeys(summary["model"]))
     best = closest(summary)
     before, after = (statistic(summary, best, state) for state in STATES)
-    parts = [
-        f"{bone} from {before[f'{bone}_deg']:.1f} to {after[f'{bone}_deg']:.1f}"
-        for bone in _IN_ORDER
-        if np.isfinite(after[f"{bone}_deg"])
-    ]
-    if not parts:
+    bones = [bone for bone in _IN_ORDER if np.isfinite(after[f"{bone}_deg"])]
+    if not bones:
         return f"No posture of {people} could be fitted."
-    start = f"Of {len(models)} parameter sets {best} comes closest: adapting it" if models[1:] else f"Adapting {best}"
-    return (
-        f"{start} to {people} takes the mean gap of the {' and that of the '.join(parts)} degrees"
-        f"{_unseen(after, kinds)}."
-    )
+    unseen = [bone for bone in bones if np.isfinite(after[HELD_OUT[bone]])]
+    what = f" on unseen {'motions' if set(kinds) == {MOTION} else 'postures'}"
 
+    def fall(bone: str) -> str:
+        said = f"{bone}’s{' gap' if bone == bones[0] else ''}"
+        said += f" from {before[f'{bone}_deg']:.1f} to {after[f'{bone}_deg']:.1f}°"
+        if bone not in unseen:
+            return said
+        return f"{said} ({after[HELD_OUT[bone]]:.1f}{what if bone == unseen[0] else ''})"
 
-def _unseen(after: Mapping[str, float], kinds: Collection[str]) -> str:
-    """', and to 4.1 and 3.9 on motions that it has not seen', of the bones that have such a gap."""
-    gaps = [after[HELD_OUT[bone]] for bone in _IN_ORDER]
-    known = [f"{gap:.1f}" for gap in gaps if np.isfinite(gap)]
-    what = "motions" if set(kinds) == {MOTION} else "postures"
-    return f", and to {' and '.join(known)} on {what} that it has not seen" if known else ""
+    takes = f"to {people} takes the {' and the '.join(map(fall, bones))}."
+    said = f"Adapting {best}, closest of {len(models)} sets, {takes}", f"Adapting {best} {takes}"
+    return said[0] if models[1:] and len(said[0].split()) <= MOST_WORDS else said[1]

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The muscle lines and arms that a report of ``girdle muscles`` draws, and the sentence it opens with."""
+"""The muscle lines and arms that a report of ``girdle muscles`` draws, and the sentences it opens with."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -48,13 +48,17 @@ def most_with_lines(postures: int, models: int) -> int:
 
 
 def muscle_sentence(found: MuscleTables, model: str, people: str) -> str:
-    """Say how the adaptation of one model changes the arms of the serratus, and how much muscle force moves."""
+    """Say how the adaptation of one model changes the arms of the serratus."""
     row = muscle_means(found).loc[(model, SERRATUS)]
     arms = [f"{row[f'about_{joint}_before_mm']:.0f} to {row[f'about_{joint}_after_mm']:.0f} mm" for joint in JOINTS]
+    start = f"Adapting {model} to {people} takes the arm of the serratus anterior"
+    return f"{start} about SC from {arms[0]} and about AC from {arms[1]}."
+
+
+def force_sentence(found: MuscleTables, model: str) -> str:
+    """Say how much muscle force the adaptation of one model moves; nothing where no posture has forces."""
     moved = found.balance.loc[found.balance["model"] == model, "moved_share"].mean()
-    said = f"Adapting {model} to {people} takes the arm of the serratus anterior about SC from {arms[0]}"
-    forces = f"; {100 * moved:.0f} % of the force that holds the arm moves between muscles" if moved == moved else ""
-    return f"{said} and about AC from {arms[1]}{forces}."
+    return f"{100 * moved:.0f} % of the force that holds the arm moves between muscles." if moved == moved else ""
 
 
 def _of_model(motions: Motions, model: AnyModel, result: Tables, muscles: pd.DataFrame, rows, places) -> dict[str, Any]:

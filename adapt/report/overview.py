@@ -80,8 +80,8 @@ def simulated_subjects(motions: Motions) -> tuple[str, ...]:
 
 
 def people(subjects: int, simulated: int) -> str:
-    """Say who the subjects are: '10 simulated subjects'; '10 subjects (3 of them simulated)'."""
+    """Say who the subjects are: '10 simulated subjects'; '10 subjects (3 simulated)'."""
     word = f"subject{'s' if subjects != 1 else ''}"
     if simulated == subjects:
         return f"{subjects} simulated {word}"
-    return f"{subjects} {word} ({simulated} of them simulated)" if simulated else f"{subjects} {word}"
+    return f"{subjects} {word} ({simulated} simulated)" if simulated else f"{subjects} {word}"

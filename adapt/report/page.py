@@ -27,7 +27,7 @@ from adapt.diagnosis.wording import (
 )
 from adapt.report.figure_data import figure_data
 from adapt.report.headline import closest, headline
-from adapt.report.muscle_figures import muscle_sentence
+from adapt.report.muscle_figures import force_sentence, muscle_sentence
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
 from adapt.report.plain_words import GLOSSARY, explained, with_hover
 from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means
@@ -39,7 +39,7 @@ from motions.table import ANGLE_NAMES, Motions
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
-_SCRIPTS = ("shared.js", "plane.js", "muscles.js", "space.js", "choices.js")
+_SCRIPTS = ("shared.js", "plane.js", "muscles.js", "space.js", "numbers.js", "reach.js", "choices.js")
 """In this order: each uses what stands before it."""
 
 
@@ -82,6 +82,7 @@ def report_html(
             kind=kind,
             sentence=said,
             adaptation=adapted,
+            forces_moved=force_sentence(muscles, first) if muscles else "",
             diagnosed=diagnoses is not None,
             by_model=by_model,
             who=who,

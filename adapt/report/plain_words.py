@@ -43,7 +43,7 @@ GLOSSARY = {
     "tipping": "tilting of the scapula about its spine; backward is positive",
     "gap": "mean absolute difference between simulated and measured angles, degrees",
     "adaptation": "ellipsoid and conoid length are changed until the model comes closest to this person",
-    "unseen": "of motions or persons that the numbers were not fitted to",
+    "unseen": "of motions, postures or persons that the numbers were not fitted to",
     "noise alone": "what would be left if the model were right and the measurement had this noise",
 }
 
@@ -51,22 +51,22 @@ _IDENTIFIER = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 
 
 def explained(name: str) -> Markup:
-    """Write a candidate's plain name with its description on hover, and its identifier beside it."""
+    """Write a candidate's plain name with its description on hover and focus, and its identifier beside it."""
     cause = cause_of(name)
     if cause not in PLAIN_NAMES:
         return Markup("<code>{}</code>").format(name)
-    plain = Markup('<abbr title="{}">{}</abbr>').format(_what(name), PLAIN_NAMES[cause])
+    plain = Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(_what(name), PLAIN_NAMES[cause])
     return plain + Markup(" <code>{}</code>").format(name)
 
 
 def with_hover(text: str) -> Markup:
-    """Give every identifier in a sentence its plain name on hover."""
+    """Give every identifier in a sentence its plain name on hover and focus."""
 
     def one(found: re.Match[str]) -> str:
         name = found.group()
         if name not in PLAIN_NAMES:
             return name
-        return str(Markup('<abbr title="{}">{}</abbr>').format(PLAIN_NAMES[name], name))
+        return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(PLAIN_NAMES[name], name))
 
     return Markup(_IDENTIFIER.sub(one, str(escape(text))))  # escaped first; identifiers have no marks
 

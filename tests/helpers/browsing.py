@@ -11,15 +11,36 @@ from scripts.picture_report import BROWSERS, installed_browser
 
 needs_browser = pytest.mark.skipif(installed_browser() is None, reason=f"none of {', '.join(BROWSERS)} is installed")
 
+WIDE = {"width": 1400, "height": 900}
 DESK = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}
 
-SETTLED_MS = 500
-"""The longest pause between two frames of a turning view that was seen on a machine with every core taken."""
-
-SETTLING_READS = 40
+SETTLED_FRAMES = 4
+"""The view follows the mouse by a few ms: after as many frames alike it rests, however long a frame takes."""
 
 EYE = "document.getElementById('view')._fullLayout.scene._scene.getCamera().eye"
+
+SETTLED = f"""
+(frames) => new Promise((done) => {{
+  let last = "", alike = 0;
+  const look = () => {{
+    const now = JSON.stringify({EYE});
+    alike = now === last ? alike + 1 : 0;
+    last = now;
+    if (alike < frames) requestAnimationFrame(look);
+    else done(JSON.parse(now));
+  }};
+  look();
+}})
+"""
+
+START = """
+(chosen) => {
+  document.querySelectorAll("details[open]").forEach((one) => (one.open = false));
+  ["model", "lines", "joint"].filter(element).forEach((key) => (element(key).value = chosen[key]));
+  go({ ...chosen, looks: at.looks + 1 });
+}
+"""
 
 
 @dataclass
@@ -29,6 +50,7 @@ class Seen:
     page: Page
     errors: list[str] = field(default_factory=list)
     requests: list[str] = field(default_factory=list)
+    chosen: dict[str, Any] = field(default_factory=dict)
 
     def traces(self, place: str = "view") -> list[dict[str, Any]]:
         """What is drawn there."""
@@ -37,19 +59,22 @@ class Seen:
     def data(self) -> dict[str, Any]:
         return json.loads(self.page.inner_text("#data") or self.page.text_content("#data") or "")
 
-    def eye(self) -> dict[str, float]:
-        """Where the 3-D view is seen from."""
-        return self.page.evaluate(EYE)
-
     def settled_eye(self) -> dict[str, float]:
-        """The same once the view has come to rest: on a busy machine it still turns long after the mouse is let go."""
-        now = self.eye()
-        for _ in range(SETTLING_READS):
-            self.page.wait_for_timeout(SETTLED_MS)
-            last, now = now, self.eye()
-            if now == last:
-                return now
-        raise AssertionError(f"the view still turns after {SETTLING_READS * SETTLED_MS} ms")
+        """Where the 3-D view is seen from once it has come to rest."""
+        return self.page.evaluate(SETTLED, SETTLED_FRAMES)
+
+    def remember(self) -> None:
+        """What is chosen when the page opens."""
+        self.chosen = self.page.evaluate("({...at})")
+
+    def start_anew(self, window: dict[str, int]) -> None:
+        """As opened in a window of this size: all of it is drawn again."""
+        if self.page.viewport_size != window:
+            self.page.set_viewport_size(window)  # type: ignore[arg-type]
+            self.page.evaluate("Promise.all([...document.querySelectorAll('.figure')].map(Plotly.Plots.resize))")
+        self.page.evaluate(START, self.chosen)
+        self.errors.clear()
+        self.requests.clear()
 
     def assert_quiet(self) -> None:
         """No error, nothing asked of a network, nothing wider than the window."""
@@ -57,3 +82,20 @@ class Seen:
         assert [url for url in self.requests if not url.startswith(("file:", "blob:", "data:"))] == []
         width, window = self.page.evaluate("[document.documentElement.scrollWidth, window.innerWidth]")
         assert width <= window
+
+
+def numbers_of(seen: Seen, chart: str) -> list[list[str]]:
+    """The table beside a chart: its headings, then its rows."""
+    numbers = seen.page.locator(f".numbers[data-of={chart}]:visible")
+    if numbers.get_attribute("open") is None:
+        numbers.locator("summary").click()
+        numbers.locator("td").first.wait_for()
+    rows = "one => [...one.querySelectorAll('tr')].map(row => [...row.cells].map(cell => cell.textContent))"
+    return numbers.evaluate(rows)
+
+
+def column(table: list[list[str]], heading: str) -> list[float | None]:
+    """One of its columns, None where a cell is empty."""
+    headings, *rows = table
+    at = headings.index(heading)
+    return [float(row[at]) if row[at] else None for row in rows]

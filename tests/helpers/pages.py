@@ -33,6 +33,14 @@ def words_of(html: str) -> str:
     return one_line(body)
 
 
+def sentences_of(html: str) -> list[str]:
+    """Every sentence of the page's headings, paragraphs and lists."""
+    parts = re.findall(
+        r"<(h1|h2|h3|p|li|dd)\b[^>]*>(.*?)</\1>", html[html.index("<main>") : html.index("</main>")], re.DOTALL
+    )
+    return [one for _, part in parts for one in re.split(r"(?<=[.!?]) ", one_line(part).strip())]
+
+
 def one_line(html: str) -> str:
     """The text of a part of a page, on one line; what is explained on hover stays part of its sentence."""
     return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]*>", " ", re.sub(r"</?abbr[^>]*>", "", html))))

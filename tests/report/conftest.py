@@ -1,11 +1,10 @@
 """Pages opened in a real browser, for the tests of the report."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import pytest
-from browsing import DESK, Seen
-from playwright.sync_api import BrowserContext, Page
+from browsing import WIDE, Seen
+from playwright.sync_api import BrowserContext
 
 from scripts.picture_report import browser, open_report
 
@@ -17,25 +16,34 @@ def started() -> Iterator[BrowserContext]:
         yield one.new_context()
 
 
-@pytest.fixture
-def look(started, tmp_path) -> Iterator[Any]:
-    """Open a report's text in a window of its own."""
-    pages: list[Page] = []
+@pytest.fixture(scope="module")
+def look(started, tmp_path_factory) -> Callable[..., Seen]:
+    """Show a report's text in a window; the same report again is not loaded again, it starts anew.
 
-    def opened(html: str, window: dict[str, int] = DESK) -> Seen:
-        path = tmp_path / f"report{len(pages)}.html"
-        path.write_text(html, encoding="utf-8")
-        page = started.new_page()
-        page.set_viewport_size(window)
-        pages.append(page)
-        seen = Seen(page)
-        page.on("console", lambda said: seen.errors.append(said.text) if said.type == "error" else None)
-        page.on("pageerror", lambda error: seen.errors.append(str(error)))
-        page.on("dialog", lambda dialog: (seen.errors.append(f"dialog {dialog.message}"), dialog.dismiss()))
-        page.on("request", lambda request: seen.requests.append(request.url))
-        open_report(page, path)
-        return seen
+    To load one takes seconds of a core, most of them in the library that draws.
+    """
+    folder = tmp_path_factory.mktemp("reports")
+    shown: dict[str, Seen] = {}
 
-    yield opened
-    for page in pages:
-        page.close()
+    def opened(html: str, window: dict[str, int] = WIDE) -> Seen:
+        if html not in shown:
+            for other in shown.values():
+                other.page.close()
+            shown.clear()
+            path = folder / "report.html"
+            path.write_text(html, encoding="utf-8")
+            page = started.new_page()
+            page.set_viewport_size(window)
+            seen = Seen(page)
+            page.on("console", lambda said: seen.errors.append(said.text) if said.type == "error" else None)
+            page.on("pageerror", lambda error: seen.errors.append(str(error)))
+            page.on("dialog", lambda dialog: (seen.errors.append(f"dialog {dialog.message}"), dialog.dismiss()))
+            page.on("request", lambda request: seen.requests.append(request.url))
+            open_report(page, path)
+            shown[html] = seen
+            seen.remember()
+        else:
+            shown[html].start_anew(window)
+        return shown[html]
+
+    return opened

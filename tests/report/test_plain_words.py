@@ -13,17 +13,18 @@ def test_every_cause_has_a_plain_name_and_no_other():
     assert len(set(PLAIN_NAMES.values())) == len(PLAIN_NAMES)
 
 
-def test_a_name_has_its_description_on_hover_and_its_identifier_beside_it():
+def test_a_name_has_its_description_on_hover_and_focus_and_its_identifier_beside_it():
     found = str(explained("conoid_strain:posture"))
-    assert found.startswith(f'<abbr title="{EFFECTS["conoid_strain:posture"].what}">conoid stretches</abbr>')
+    what = EFFECTS["conoid_strain:posture"].what
+    assert found.startswith(f'<abbr tabindex="0" title="{what}">conoid stretches</abbr>')
     assert found.endswith("<code>conoid_strain:posture</code>")
     assert str(explained("<b>")) == "<code>&lt;b&gt;</code>"
 
 
 def test_identifiers_in_a_sentence_have_their_plain_name_on_hover():
     found = str(with_hover("The gap of s_1 & <s_2> shrinks with clavicle_frame_bias (or sc_offset)."))
-    assert '<abbr title="clavicle frame turned">clavicle_frame_bias</abbr>' in found
-    assert '<abbr title="SC joint elsewhere on the thorax">sc_offset</abbr>' in found
+    assert '<abbr tabindex="0" title="clavicle frame turned">clavicle_frame_bias</abbr>' in found
+    assert '<abbr tabindex="0" title="SC joint elsewhere on the thorax">sc_offset</abbr>' in found
     assert "s_1 &amp; &lt;s_2&gt;" in found
 
 

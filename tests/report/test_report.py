@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from diagnoses import BLIND, BY_KIND, ONE, TWO, alone, gap_of
 from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
-from pages import EVIL, MODELS, R2, data_of, one_line, simulated, words_of
+from pages import EVIL, MODELS, R2, data_of, one_line, sentences_of, simulated, words_of
 
 from adapt.diagnosis.result import Diagnoses
-from adapt.diagnosis.wording import amplitude_text, sentence, step_text
+from adapt.diagnosis.wording import MOST_WORDS, amplitude_text, sentence, step_text
 from adapt.report import drawn_postures as chosen
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS, bones_mm
@@ -188,6 +188,7 @@ def test_two_hundred_subjects_stay_small_and_the_page_says_what_is_left_out():
     drawn = len(data_of(html)["subjects"])
     assert 100 < drawn < 200
     assert f"Not all is drawn here, to keep this file small: {drawn} of 200 subjects" in words_of(html)
+    assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
 
 
 # --- words ---------------------------------------------------------------------------------------------------------
@@ -197,18 +198,17 @@ def test_the_sentence_says_before_and_after():
     motions = motions_of(rising(2, 4))
     summary = summary_table(adaptations(motions, R2).fits)
     assert headline(summary, "2 subjects", ()) == (
-        "Adapting R2 to 2 subjects takes the mean gap of the scapula from 6.0 to 2.0 and that of the clavicle "
-        "from 6.0 to 2.0 degrees."
+        "Adapting R2 to 2 subjects takes the scapula’s gap from 6.0 to 2.0° and the clavicle’s from 6.0 to 2.0°."
     )
 
 
 def test_the_sentence_says_what_is_left_on_motions_that_were_held_out():
     summary = adaptations(motions_of(rising(2, 4)), R2).summary
     sentence = headline(summary, "2 subjects", {MOTION})
-    assert sentence.endswith("from 6.0 to 2.0 degrees, and to 3.0 and 3.0 on motions that it has not seen.")
+    assert sentence.endswith("from 6.0 to 2.0° (3.0 on unseen motions) and the clavicle’s from 6.0 to 2.0° (3.0).")
     for kinds in ({POSTURES}, {MOTION, POSTURES}):
         thirds = headline(summary, "2 subjects", kinds)
-        assert thirds.endswith("and to 3.0 and 3.0 on postures that it has not seen.")
+        assert thirds.endswith("(3.0 on unseen postures) and the clavicle’s from 6.0 to 2.0° (3.0).")
 
 
 def test_the_sentence_names_the_closest_of_several_sets():
@@ -218,18 +218,15 @@ def test_the_sentence_names_the_closest_of_several_sets():
     summary.loc[better, [f"{angle}_deg" for angle in (*ANGLES, "clavicle", "scapula")]] -= 0.5
     assert closest(summary) == "R4"
     sentence = headline(summary, "2 subjects", {MOTION})
-    assert sentence.startswith("Of 2 parameter sets R4 comes closest: adapting it to 2 subjects")
-    assert "from 6.0 to 1.5 degrees, and to 3.0" in sentence
+    assert sentence.startswith("Adapting R4, closest of 2 sets, to 2 subjects takes")
+    assert "from 6.0 to 1.5° (3.0 on unseen motions)" in sentence
 
 
 def test_the_sentence_leaves_out_a_bone_that_was_not_measured():
     angles_deg = rising(2, 4)
     angles_deg[..., 3:] = np.nan
     sentence = headline(adaptations(motions_of(angles_deg), R2).summary, "2 subjects", {MOTION})
-    assert sentence == (
-        "Adapting R2 to 2 subjects takes the mean gap of the clavicle from 6.0 to 2.0 degrees, "
-        "and to 3.0 on motions that it has not seen."
-    )
+    assert sentence == ("Adapting R2 to 2 subjects takes the clavicle’s gap from 6.0 to 2.0° (3.0 on unseen motions).")
 
 
 def test_the_sentence_says_when_nothing_could_be_fitted():
@@ -238,9 +235,16 @@ def test_the_sentence_says_when_nothing_could_be_fitted():
     assert headline(summary, "1 subject", {MOTION}) == "No posture of 1 subject could be fitted."
 
 
+def test_the_sentence_has_at_most_thirty_words_whoever_the_subjects_are():
+    summary = adaptations(motions_of(rising(2, 4)), MODELS).summary
+    said = [headline(summary, people(20, simulated), {MOTION}) for simulated in (0, 5, 20)]
+    assert max(len(one.split()) for one in said) <= MOST_WORDS
+    assert ["closest of 2 sets" in one for one in said] == [True, False, True], "no room for it"
+
+
 @pytest.mark.parametrize(
     ("subjects", "simulated", "said"),
-    [(1, 0, "1 subject"), (3, 3, "3 simulated subjects"), (3, 1, "3 subjects (1 of them simulated)")],
+    [(1, 0, "1 subject"), (3, 3, "3 simulated subjects"), (3, 1, "3 subjects (1 simulated)")],
 )
 def test_simulated_people_are_called_so(subjects, simulated, said):
     assert people(subjects, simulated) == said
@@ -343,6 +347,7 @@ def test_every_kind_of_answer_has_its_page(kind):
         assert name in words
     assert all(one.what in words for one in diagnosis.next_measurement)
     assert data_of(html)["models"][0]["noise_deg"] == diagnosis.noise.angle_deg
+    assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
 
 
 def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them():

@@ -14,7 +14,10 @@ function fill(select, names, chosen) {
 }
 
 function writeWords() {
-  const words = { model: model().name, subject: subject().name, motion: motion().name };
+  const words = {
+    ...{ model: model().name, subject: subject().name, motion: motion().name },
+    ...{ heat: heatMap() ? heatMap().motion : "", joint: data.joints[at.joint] },
+  };
   document.querySelectorAll("[data-name]").forEach((one) => {
     one.textContent = words[one.dataset.name];
   });
@@ -65,8 +68,10 @@ function writeSubjects() {
   const body = document.createElement("tbody");
   data.subjects.forEach(({ name }, n) => {
     const line = body.appendChild(document.createElement("tr"));
+    const person = cell("th", "");
+    person.appendChild(Object.assign(cell("button", name), { type: "button", className: "person" }));
     line.append(
-      cell("th", name),
+      person,
       ...data.columns.map((_, k) => {
         const one = document.createElement("td");
         one.append(
@@ -82,6 +87,7 @@ function writeSubjects() {
     line.addEventListener("click", () => {
       go({ subject: n });
       element("explore").scrollIntoView({ behavior: "smooth" });
+      element("subject").focus({ preventScroll: true }); // the row that was chosen is written anew
     });
   });
   element("subject-table").replaceChildren(head, body);
@@ -102,7 +108,6 @@ function go(change) {
     );
     element("subject").value = at.subject;
     element("posture").max = last;
-    writeWords();
     writeSubjects();
   }
   element("posture").value = at.posture;
@@ -124,6 +129,9 @@ function go(change) {
   }
   if ("model" in change || "heat" in change) drawHeat();
   if ("joint" in change) drawArms();
+  writeWords();
+  writeNumbers();
+  if (wider) reachScrollers();
 }
 
 let playing = null;
@@ -137,6 +145,7 @@ function play() {
   }
   element("play").textContent = stop ? "play" : "stop";
   element("play").setAttribute("aria-pressed", !stop);
+  element("readout").setAttribute("aria-live", stop ? "polite" : "off");
 }
 
 fill(

@@ -26,6 +26,8 @@ function draw(place, traces, layout) {
     modeBarButtons: [["toImage"]],
     toImageButtonOptions: { format: "svg" },
   };
+  place.setAttribute("role", "group");
+  place.setAttribute("aria-label", layout.title.text);
   return Plotly.react(place, traces, { ...base, ...layout, ...axes }, buttons);
 }
 
@@ -145,12 +147,14 @@ function whenClicked(place) {
   place.on("plotly_click", (event) => go({ posture: event.points[0].pointIndex }));
 }
 
+const heatMap = () => model().heat.maps[Math.min(at.heat, model().heat.maps.length - 1)];
+const heatBins = () => model().heat.low_deg.map((low) => `${low}–${low + model().heat.bin_deg}`);
+
 function drawHeat() {
-  const { maps, low_deg, bin_deg } = model().heat;
-  const chosen = maps[Math.min(at.heat, maps.length - 1)];
+  const chosen = heatMap();
   if (!chosen) return;
   const most = Math.max(...finite([...chosen.before, ...chosen.after].flat()), 0);
-  const bins = low_deg.map((low) => `${low}–${low + bin_deg}`);
+  const bins = heatBins();
   panels("heat-maps", 2).forEach((place, k) => {
     const state = ["before", "after"][k];
     const heat = {
@@ -162,6 +166,7 @@ function drawHeat() {
       zmax: most,
       colorscale: LIGHT_TO_DARK,
       texttemplate: "%{z:.1f}",
+      textfont: { color: "#111111" },
       hovertemplate: "%{y}, %{x}°: %{z:.1f}°<extra></extra>",
       xgap: 1,
       ygap: 1,
@@ -172,9 +177,9 @@ function drawHeat() {
     const layout = {
       title: title(NAME[state]),
       plot_bgcolor: "#dddddd",
-      margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: narrow() ? 70 : 44 },
+      margin: { l: narrow() ? 132 : 150, r: 10, t: 30, b: narrow() ? 88 : 44 },
       xaxis: {
-        title: { text: "humerus elevation, °", standoff: 6 },
+        title: { text: "humerus elevation, °", standoff: narrow() ? 14 : 6 },
         type: "category",
         tickangle: narrow() ? -60 : 0,
         ticks: "",
@@ -186,14 +191,16 @@ function drawHeat() {
   });
 }
 
+const GAPS = { base: "as it is", adapted: "adapted", with_effect: "with causes", noise_floor: "noise alone" };
+const BONES = { all: "both bones", clavicle: "clavicle", scapula: "scapula" };
+const gapKinds = () => Object.keys(GAPS).filter((kind) => kind in data.gap[model().name].unseen);
+
 function drawGaps() {
   const gap = data.gap[model().name];
   if (!gap) return;
-  const names = { base: "as it is", adapted: "adapted", with_effect: "with causes", noise_floor: "noise alone" };
-  const kinds = Object.keys(names).filter((kind) => kind in gap.unseen);
-  const bones = { all: "both bones", clavicle: "clavicle", scapula: "scapula" };
+  const kinds = gapKinds();
   panels("gaps", 3).forEach((place, k) => {
-    const bone = Object.keys(bones)[k];
+    const bone = Object.keys(BONES)[k];
     const dots = (levels, name, marker, shift) => {
       const each = kinds.map((kind) => levels[kind][bone]);
       const error = (sign) =>
@@ -222,12 +229,12 @@ function drawGaps() {
       dots(gap.in_sample, "in sample", { color: "white", size: 8, line: { color: "#777777", width: 1.5 } }, 0.16),
     ];
     const layout = {
-      title: title(bones[bone]),
+      title: title(BONES[bone]),
       margin: { l: 84, r: 10, t: 30, b: 38 },
       xaxis: { rangemode: "tozero", title: { text: "mean |gap|, °", standoff: 6 } },
       yaxis: {
         tickvals: [...kinds.keys()],
-        ticktext: kinds.map((kind) => names[kind]),
+        ticktext: kinds.map((kind) => GAPS[kind]),
         range: [kinds.length - 0.5, -0.5],
         showgrid: false,
         ticks: "",

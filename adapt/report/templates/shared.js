@@ -24,10 +24,10 @@ const NAME = {
   wrapped: "muscle round the ellipsoid",
   straight: "straight muscle",
 };
+// Not darker than dark text on it can be read.
 const LIGHT_TO_DARK = [
-  [0, "#f3f8fd"],
-  [0.5, "#6baed6"],
-  [1, "#08306b"],
+  [0, "#f7fbff"],
+  [1, "#4292c6"],
 ];
 const FONT = { family: "system-ui, 'Segoe UI', Helvetica, Arial, sans-serif", size: 12, color: "#222222" };
 const TWO_SIDED_95 = 1.96;
@@ -42,5 +42,5 @@ const motion = () => subject().motions[at.motion];
 const row = () => motion().rows[0] + at.posture;
 const inMotion = (column) => column.slice(...motion().rows);
 const finite = (values) => values.filter((value) => value !== null);
-const narrow = () => window.innerWidth < 700;
+const narrow = () => document.querySelector("main").clientWidth < 700;
 const degrees = (value) => (value === null ? "–" : value.toFixed(1));
