@@ -10,6 +10,7 @@ from adapt.cli.options import DEFAULT_MODEL
 from adapt.output.run_files import Files, inputs_record
 from models.person.family import AnyModel, PersonalSets, load_any_model, without_set
 from motions import InputError, Motions, read_motions
+from motions.landmarks.at_rest import warn_of_subjects
 
 _MOST_NAMED = 10
 """Names in a message."""
@@ -19,6 +20,7 @@ def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[A
     """Read the motions and the models, and say what run.json says of their files."""
     record, sets = inputs_record(motions, models), load_models(models)
     table = read_motions(*motions)
+    warn_of_subjects(table, "the motions")
     missing = subjects_without_set(sets, table.subjects)
     return without_subjects(table, missing), sets, record
 

@@ -1,5 +1,6 @@
 """Effects that are known to be at work, by the numbers that a caller or a command line gives."""
 
+import difflib
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
@@ -45,7 +46,7 @@ def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECT
     found: dict[str, tuple[float, ...]] = {}
     for word in words:
         name, _, numbers = (part.strip() for part in word.partition("="))
-        effect = None if name == THORAX_POINTS else effect_named(name, OPTION, library=library)
+        effect = None if name == THORAX_POINTS else effect_named(name, OPTION, THORAX_POINTS, library=library)
         if name in found:
             raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
         try:
@@ -97,7 +98,10 @@ def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effe
     InputError that names the place where there is none, and what else than an effect would do there.
     """
     if name not in library:
-        raise InputError(place, None, f"there is no effect '{name}'", f"Use one of {', '.join([*others, *library])}")
+        known = [*others, *library]
+        near = difflib.get_close_matches(name, known, n=1)
+        remedy = f"Is it '{near[0]}'?" if near else f"Use one of {', '.join(known)}"
+        raise InputError(place, None, f"there is no effect '{name}'", remedy)
     return library[name]
 
 

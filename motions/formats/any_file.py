@@ -14,7 +14,7 @@ from motions.formats.landmark_csv import holds_positions, read_landmark_csv
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
 from motions.formats.trc import read_trc
-from motions.landmarks.at_rest import lowest_frames, unlike_rest, warn_unlike_rest
+from motions.landmarks.at_rest import warn_of_subjects
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
@@ -95,11 +95,7 @@ def _with_names(motions: Motions, path: Path) -> Motions:
 
 
 def _checked(motions: Motions, path: Path) -> Motions:
-    """The motions; InputWarning for each subject whose angles with the arm lowest are unlike a person's at rest."""
-    for subject in motions.subjects:
-        mine = motions.select(motions.subject == subject)
-        rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
-        warn_unlike_rest(str(path), subject, rest, unlike_rest(rest, mine.landmarks_mm))
+    warn_of_subjects(motions, str(path))
     return motions
 
 

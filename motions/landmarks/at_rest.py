@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from motions.errors import InputError, warn_input
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.rhythm import REST_DEG
-from motions.table import ANGLES
+from motions.table import ANGLES, Motions
 
 LOWEST_SHARE = 0.01
 """Of the frames, those that may be lower than the lowest elevation: a marker that jumps. None of up to 100."""
@@ -96,3 +96,21 @@ def warn_unlike_rest(file: str, whose: str, rest: Rest, unlike: list[str], swap:
     if swap is not None:
         remedy = f"Are {swap[0]} and {swap[1]} swapped? With them exchanged nothing of this is left"
     warn_input(file, f"{whose}: {where} {'; '.join(unlike)}", remedy)
+
+
+MOST_NAMED = 10
+"""Subjects that are warned of by name."""
+
+
+def warn_of_subjects(motions: Motions, file: str) -> None:
+    """Warn of subjects whose angles no person has with the arm lowest: another sign, radians, another frame."""
+    unlike: list[tuple[str, Rest, list[str]]] = []
+    for subject in motions.subjects:
+        mine = motions.select(motions.subject == subject)
+        rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
+        if found := unlike_rest(rest, mine.landmarks_mm):
+            unlike.append((subject, rest, found))
+    for one in unlike[:MOST_NAMED]:
+        warn_unlike_rest(file, *one)
+    if len(unlike) > MOST_NAMED:
+        warn_input(file, f"{len(unlike) - MOST_NAMED} more subjects are like this", "Check signs and units")

@@ -1,7 +1,8 @@
 """One CSV file as rows of text, each with its line; all that can be wrong with a whole file."""
 
 import csv
-from collections.abc import Callable, Iterator
+import difflib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,10 +117,7 @@ def _check_header(columns: list[str], file: str, line: int) -> None:
         if missing and any(separator in name for name in columns):
             raise error(f"the cells are separated by {word}, not by commas", _SAVE_AS)
     if missing:
-        cause = f"column {missing[0]} is missing"
-        if len(missing) > 1:
-            cause = f"columns {', '.join(missing)} are missing"
-        raise error(cause, "Add it to the header; leave the cells of an angle empty where it was not measured")
+        raise error(*_missing(missing, columns))
     _check_names(columns, file, line)
     for name in LANDMARKS:
         absent = [column for column in landmark_columns(name) if column not in columns]
@@ -129,6 +127,19 @@ def _check_header(columns: list[str], file: str, line: int) -> None:
     if SIDE in columns and SIDE_MEASURED in columns:
         cause = f"there are both {SIDE} and {SIDE_MEASURED}, so the angles were mirrored before"
         raise error(cause, f"Remove the column {SIDE}")
+
+
+def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
+    """Cause and remedy: near names that are there, and of angles that a cell may be empty."""
+    several = len(missing) > 1
+    cause = f"columns {', '.join(missing)} are missing" if several else f"column {missing[0]} is missing"
+    by_lower = {name.lower(): name for name in columns if name not in KNOWN}
+    near = [by_lower[one] for name in missing for one in difflib.get_close_matches(name, by_lower, n=1, cutoff=0.9)]
+    if near:
+        return cause, f"Rename {', '.join(dict.fromkeys(near))}"
+    angle = any(name.endswith("_deg") for name in missing)
+    add = f"Add {'them' if several else 'it'} to the header"
+    return cause, f"{add}; leave the cells of an angle empty where it was not measured" if angle else add
 
 
 def _check_names(columns: list[str], file: str, line: int) -> None:

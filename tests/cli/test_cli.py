@@ -370,6 +370,12 @@ RADIANS = [f"P1,abduction,{k},{30 * k},-0.52,0.21,0.12,0.56,0.{k},-0.17" for k i
 METRES = [f"{row},0.17,0.02,0.05" for row in ROWS]
 
 BAD_MOTIONS = {
+    "column in capitals": (
+        [HEADER.replace("scapula_x_deg", "Scapula_X_deg"), *ROWS],
+        1,
+        "column scapula_x_deg is missing",
+        "Rename Scapula_X_deg",
+    ),
     "missing column": ([HEADER.replace(",scapula_x_deg", ""), *ROWS], 1, "column scapula_x_deg is missing", "Add it"),
     "radians": ([HEADER, *RADIANS], 2, "look like radians", "in degrees"),
     "metres": ([HEADER + ",AC_x_mm,AC_y_mm,AC_z_mm", *METRES], 2, "look like metres", "in mm"),

@@ -197,3 +197,16 @@ def test_a_model_that_is_no_girdle_is_status_2(tmp_path, old, new, cause):
     result = girdle("adapt", motion, "--model", model, "--out", tmp_path / "x")
     refused(result, str(model), cause, "")
     assert not (tmp_path / "x").exists()
+
+
+def test_a_wrong_sign_is_a_warning_of_so_many_subjects(tmp_path):
+    """Adapted they would look well enough; no person's scapula points so with the arm down."""
+    header, *rows = shipped_lines(10)
+    flipped = [",".join([*cells[:7], f"-{cells[7]}", *cells[8:]]) for cells in (row.split(",") for row in rows)]
+    twice = [row.replace("simulated", "again") for row in flipped]
+    for command in ("adapt", "fit"):
+        said = girdle(command, written(tmp_path, [header, *flipped, *twice]), "--out", tmp_path / command).messages
+        assert len(said) == 11
+        assert re.match(r"warning: the motions: simulated01: .* scapula_y_deg is -\d+, at rest a person's is", said[0])
+        assert said[10].startswith("warning: the motions: 10 more subjects are like this")
+    assert girdle("fit", written(tmp_path, [header, *rows]), "--out", tmp_path / "right").messages == []

@@ -9,10 +9,12 @@ import pytest
 from oracles import bones, constraints
 from programs import few_runs
 
+from adapt import fit_postures
 from adapt.solvers.differentiable import posture_fit
 from models import load_model
 from models.girdle import Girdle, constraint_residuals_mm
-from motions.rhythm_subjects import simulate_subjects
+from motions import read_motions
+from motions.rhythm_subjects import DATA_FILE, simulate_subjects
 from motions.rotations import DEG
 
 FD_TOLERANCE = 1e-6
@@ -131,3 +133,20 @@ def test_a_posture_that_fails_is_nan_alone():
     assert np.isnan(np.asarray(angles)[:, 1]).all()
     assert float(j) == pytest.approx(float(expected[9]), rel=EXACT)
     assert_close(slope[:, 0], reverse(GIRDLE, ONE)[1][9], EXACT)
+
+
+def test_from_the_angles_of_fit_postures_it_is_where_they_are():
+    """Three postures of the shipped subjects of which two starts end in a higher valley; slopes are those of there."""
+    model, rows = load_model("R2"), [33, 40, 41]
+    motions = read_motions(DATA_FILE)
+    fitted = fit_postures(motions, model).by_model["R2"]
+    s, start = motions.angles_deg[rows].T / DEG, fitted.angles[:, rows]
+    fit = few_runs(lambda girdle, s, start: posture_fit(girdle, s, start=start))(model.girdle, s, start)
+    np.testing.assert_allclose(fit.j_deg2, fitted.j_deg2[rows], rtol=SAME_J)
+    np.testing.assert_allclose(fit.angles, start, rtol=0.0, atol=SAME_J)
+    alone = few_runs(posture_fit)(model.girdle, s)
+    assert (np.asarray(alone.j_deg2) > 2.0 * fitted.j_deg2[rows]).all(), "else the start is not needed here"
+
+
+SAME_J = 1e-9
+"""Relative, and rad: both end at a stationarity of 1e-9."""

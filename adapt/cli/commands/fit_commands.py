@@ -9,7 +9,13 @@ import typer
 
 from adapt.api import fit_postures
 from adapt.cli.ending import finish, say_known, say_report
-from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, without_subjects
+from adapt.cli.inputs import (
+    asked_models,
+    load_models,
+    read_inputs,
+    subjects_without_set,
+    without_subjects,
+)
 from adapt.cli.options import (
     Float32,
     KnownEffects,
@@ -40,6 +46,7 @@ from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
 from models.effects.known import described, read_amplitudes
 from motions import InputError, MotionStream
+from motions.landmarks.at_rest import warn_of_subjects
 
 
 def fit(
@@ -113,7 +120,9 @@ def adapt(
     work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
     maker = on_cluster(dask) if dask else one_after_another
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
-    chunks = chain([next(chunks)], chunks)  # bad input is found before a folder is made for it
+    first = next(chunks)  # bad input is found before a folder is made for it
+    warn_of_subjects(first, "the motions")
+    chunks = chain([first], chunks)
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
         with progress(errors) as report:
