@@ -63,9 +63,9 @@ def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECT
 def weight_factor(amplitudes: Amplitudes) -> float:
     """Give what w of E is multiplied by: k of ``thorax_points``, else 1; InputError where it is no positive number."""
     given = amplitudes.get(THORAX_POINTS, (1.0,))
-    if len(given) != 1 or not np.isfinite(given[0]) or given[0] <= 0.0:
-        remedy = f"Give {THORAX_POINTS}=30, say: the points then count a thirtieth"
-        raise InputError(OPTION, None, f"{THORAX_POINTS} has {list(given)}", remedy)
+    if np.shape(given) != (1,) or not np.isfinite(given[0]) or given[0] <= 0.0:
+        remedy = f"Give one number, 30 say: the points then count a thirtieth ({THORAX_POINTS}=30)"
+        raise InputError(OPTION, None, f"{THORAX_POINTS} has {given if np.ndim(given) == 0 else list(given)}", remedy)
     return float(given[0])
 
 
@@ -108,7 +108,7 @@ def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effe
 def _check(effect: Effect, given: Sequence[float], place: str) -> None:
     values = np.asarray(given, float)
     if values.shape not in {(len(effect.directions),), (effect.amplitudes,)} or not np.isfinite(values).all():
-        cause = f"{effect.name} has {list(given)}"
+        cause = f"{effect.name} has {given if np.ndim(given) == 0 else list(given)}"
         remedy = f"Give {len(effect.directions)}, in {effect.unit}: {', '.join(effect.directions)}"
         raise InputError(place, None, cause, remedy)
 

@@ -32,8 +32,12 @@ AnyModel = ParameterSet | PersonalSets
 
 
 def as_list(models: AnyModel | Sequence[AnyModel]) -> list[AnyModel]:
-    """List the models; of one alone, that one."""
-    return [models] if isinstance(models, AnyModel) else list(models)
+    """List the models; of one alone, that one. InputError where one is only a name."""
+    every = [models] if isinstance(models, AnyModel) else list(models)
+    for one in every:
+        if not isinstance(one, AnyModel):
+            raise InputError("models", None, f"{one!r} is no parameter set", "Load it: models.load_model(name or file)")
+    return every
 
 
 def set_files(folder: str | os.PathLike[str]) -> list[Path]:

@@ -149,12 +149,21 @@ def test_all_terms_of_each_direction_may_be_given():
         ({"thorax_extension": (8.0,)}, r"thorax_extension has \[8.0\]", "Give 3, in deg: about x, about y, about z"),
         ({"thorax_extension": (8.0,) * 6}, "thorax_extension has", "Give 3, in deg: about x, about y, about z"),
         ({"thorax_asymmetry": (np.nan,)}, "thorax_asymmetry has", "Give 1, in mm"),
+        ({"thorax_asymmetry": 5.0}, "thorax_asymmetry has 5.0", "Give 1, in mm"),
     ],
 )
 def test_numbers_that_do_not_fit_an_effect_are_named(effects, cause, remedy):
     with pytest.raises(InputError, match=cause) as error:
         active_effects(effects, over(0.0, 90.0))
     assert remedy in str(error.value)
+
+
+def test_a_number_alone_and_a_name_alone_are_named_from_python():
+    motions = over(0.0, 90.0)
+    with pytest.raises(InputError, match="thorax_points has 30"):
+        adapt_subjects(motions, load_model("R2"), effects={"thorax_points": 30.0})  # type: ignore[dict-item]
+    with pytest.raises(InputError, match=r"'R6' is no parameter set\. Load it: models\.load_model"):
+        adapt_subjects(motions, ["R6"])  # type: ignore[list-item]
 
 
 def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_path):
