@@ -16,18 +16,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from oracles import WEIGHT  # pyright: ignore[reportMissingImports]
 
-from scripts.peers.cases import Answer, Cases, cases
 from scripts.peers.casadi_compiled import COMPILER
+from scripts.peers.cases import Answer, Cases, cases
 from scripts.peers.shares import Share, on_all_cores, timed_share
 
 _OPEN_MM = 1e-8
 _CLOSINGS = 6
 """Calls of ``closed`` until an evaluation gives up, which makes Ceres try a shorter step."""
 
-_FARTHEST_DEG = 60.0
+_CLOSING_STEPS, _LONGEST_STEP_DEG, _FARTHEST_DEG = 60, 15.0, 60.0
 _FIRST, _LAST = 1e-4, 1e-13
-"""Relative decrease of E at which Ceres stops: in the first round, which finds the parameters at a bound, and in others."""
+"""Relative decrease of E at which Ceres stops: in the first round, which finds the parameters at a bound, and later."""
 
 _ROUNDS = 8
 
@@ -61,19 +62,20 @@ def _blocks() -> tuple[type, type]:
             super().__init__()
             self.set_num_residuals(6)
             self.set_parameter_block_sizes([3, 6])
-            self.target, self.scale = target, np.sqrt(10.0 / (6 * postures))
+            self.target, self.scale = target, np.sqrt(WEIGHT / (6 * postures))
             self.good, G = _nearest_closed(chain, target, theta)
             _, _, basis = np.linalg.svd(G)
-            self.N, self.u = basis[3:].copy(), np.zeros(3)
-            self.q, self.theta, R = np.zeros(6), np.zeros(6), basis[:3].copy()
+            self.R, self.N, self.u = basis[:3].copy(), basis[3:].copy(), np.zeros(3)
+            self.q, self.theta = np.zeros(6), np.zeros(6)
             self.x, self.g, self.along, self.slopes = np.zeros(6), np.zeros(3), np.zeros(18), np.zeros(36)
             self.buffer, self.call = closed.buffer()
-            for k, array in enumerate((self.q, self.theta, R.ravel(), self.N.ravel())):
-                self.buffer.set_arg(k, memoryview(array))
+            # The buffer keeps no reference to the arrays.
+            for k, array in enumerate((self.q, self.theta, self.R.reshape(-1), self.N.reshape(-1))):
+                self.buffer.set_arg(k, array.data)
             for k, array in enumerate((self.x, self.g, self.along, self.slopes)):
-                self.buffer.set_res(k, memoryview(array))
+                self.buffer.set_res(k, array.data)
 
-        def evaluate(self, parameters, residuals, jacobians) -> bool:
+        def Evaluate(self, parameters, residuals, jacobians) -> bool:
             """From where the chain was last closed."""
             u, self.theta[:] = parameters
             self.q[:] = self.good + (u - self.u) @ self.N
@@ -101,11 +103,11 @@ def _blocks() -> tuple[type, type]:
             self.scale = 1.0 / np.sqrt(points)
             self.theta, self.d, self.slopes = np.zeros(6), np.zeros(points), np.zeros(6 * points)
             self.buffer, self.call = thorax.buffer()
-            self.buffer.set_arg(0, memoryview(self.theta))
-            self.buffer.set_res(0, memoryview(self.d))
-            self.buffer.set_res(1, memoryview(self.slopes))
+            self.buffer.set_arg(0, self.theta.data)
+            self.buffer.set_res(0, self.d.data)
+            self.buffer.set_res(1, self.slopes.data)
 
-        def evaluate(self, parameters, residuals, jacobians) -> bool:
+        def Evaluate(self, parameters, residuals, jacobians) -> bool:
             """Every point at once."""
             self.theta[:] = parameters[0]
             self.call()
@@ -124,13 +126,13 @@ def _fill(jacobians, values, scale: float) -> None:
 
 def _nearest_closed(chain, target, theta) -> tuple[np.ndarray, np.ndarray]:
     """The posture that Gauss-Newton steps of least length reach from the measured angles, and G there."""
-    q = target.copy()
-    for _ in range(60):
+    q, Gt = target.copy(), np.zeros((6, 3))
+    for _ in range(_CLOSING_STEPS):
         g, Gt, _ = (np.array(x) for x in chain(q, theta))
         if np.abs(g).max() < _OPEN_MM:
             break
         step = np.linalg.lstsq(Gt.T, g.ravel(), rcond=None)[0]
-        q -= step * min(1.0, 15.0 / np.abs(step).max())
+        q -= step * min(1.0, _LONGEST_STEP_DEG / np.abs(step).max())
     return q, Gt.T
 
 
@@ -180,8 +182,8 @@ def _slope(postures, free, points, theta) -> np.ndarray:
     """dE/dtheta / 2, and every posture at its last point."""
     slope, residuals, slopes = np.zeros(6), np.zeros(6), np.zeros(36)
     for posture, u in zip(postures, free, strict=True):
-        posture.evaluate([u, theta], residuals, [None, slopes])
+        posture.Evaluate([u, theta], residuals, [None, slopes])
         slope += residuals @ slopes.reshape(6, 6)
     residuals, slopes = np.zeros(len(points.d)), np.zeros(len(points.slopes))
-    points.evaluate([theta], residuals, [slopes])
+    points.Evaluate([theta], residuals, [slopes])
     return slope + residuals @ slopes.reshape(-1, 6)

@@ -68,7 +68,7 @@ class _Distances:
 
 
 def _chain(fixed: np.ndarray) -> Any:
-    """(q in degrees, theta) -> A1-A3 and their slopes in q and in theta, each transposed: rows of CasADi are columns."""
+    """(q in degrees, theta) -> A1-A3 and their slopes in q and in theta, transposed: CasADi stores columns."""
     q, theta = ca.SX.sym("q", 6), ca.SX.sym("theta", 6)
     sc, ac, cc, ts, ai, sconoid = (fixed[3 * k : 3 * k + 3] for k in range(6))
     centre, axes = ca.vertcat(fixed[18], theta[:2]), theta[2:5]

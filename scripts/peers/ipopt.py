@@ -1,7 +1,7 @@
 """CasADi and IPOPT on the whole-subject problem, one process a core.
 
 Fair: exact first and second derivatives, the closest points as variables, which keeps everything sparse, the function
-built once and warm. CasADi's virtual machine evaluates it, as by default; ``scripts.peers.casadi_compiled`` compiles it.
+built once and warm. CasADi's virtual machine evaluates it, as by default; ``casadi_compiled`` beside this compiles it.
 """
 
 import time

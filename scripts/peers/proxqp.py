@@ -1,13 +1,14 @@
 """ProxQP (proxsuite, dense) on the quadratic subproblems of an SQP, one process a core, each subject's QP warm-started.
 
-Fair in what ProxQP does: a dense QP of 90 variables, 42 equalities and 6 bounds in each iteration, from exact derivatives
-by JAX, all subjects at once and block by block. It is not told that theta alone couples the postures: it has no such
-interface, and eliminating them first would be our method with another solver for six variables. The SQP around it is
-ours, in NumPy: ``Share.library`` is the part of the time in ProxQP.
+Fair in what ProxQP does: a dense QP of 90 variables, 42 equalities and 6 bounds in each iteration, from exact
+derivatives by JAX, all subjects at once and block by block. It is not told that theta alone couples the postures: it has
+no such interface, and eliminating them first would be our method with another solver for six variables. The SQP around
+it is ours, in NumPy: ``Share.library`` is the part of the time in ProxQP. Its batch in threads (``BatchQP``) speeds up
+this part alone, so each core has a process.
 """
 
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -64,9 +65,14 @@ class _Sqp:
         def thorax(theta):
             return problem.D(theta), jax.grad(problem.D)(theta), jax.hessian(problem.D)(theta)
 
+        def tried(angles, theta):
+            return problem.D(theta), jax.vmap(problem.chain, (0, None))(angles, theta)
+
         self.postures = jax.jit(jax.vmap(jax.vmap(posture, (0, None, 0))))
         self.thorax = jax.jit(jax.vmap(thorax))
-        self.tried = jax.jit(jax.vmap(lambda angles, theta: (problem.D(theta), jax.vmap(problem.chain, (0, None))(angles, theta))))
+        self.tried = jax.jit(
+            jax.vmap(lambda angles, theta: (problem.D(theta), jax.vmap(problem.chain, (0, None))(angles, theta)))
+        )
 
     def solve(self) -> list[Answer]:
         """From the geometric fit and the measured angles."""
@@ -122,7 +128,9 @@ class _Sqp:
         for _ in range(_HALVINGS):
             q = angles + length[:, None, None] * step[:, :-6].reshape(angles.shape)
             D, g = map(np.asarray, self.tried(q, theta + length[:, None] * step[:, -6:]))
-            tried = D + 0.5 * self.weight * ((q - self.target) ** 2).sum(axis=(1, 2)) + penalty * np.abs(g).sum(axis=(1, 2))
+            tried = (
+                D + 0.5 * self.weight * ((q - self.target) ** 2).sum(axis=(1, 2)) + penalty * np.abs(g).sum(axis=(1, 2))
+            )
             bad = ~(tried <= merit + _SUFFICIENT * length * slope + 1e-10 * np.abs(merit))
             if not bad.any():
                 break
