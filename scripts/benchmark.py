@@ -13,7 +13,6 @@ iterations (``machine_code_vs_xla``; CONTRIBUTING says at which ratio the compil
 
 import importlib.util
 import json
-import math
 import os
 import resource
 import subprocess
@@ -35,7 +34,6 @@ import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
-from adapt.engine.kernel import Kernel  # noqa: E402
 from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
 from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
 from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
@@ -44,7 +42,6 @@ from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
 from adapt.solvers.problem_batch import fixed_problem, problem_batch, select_problems  # noqa: E402
 from models import load_model  # noqa: E402
-from motions.arrays import repeat  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from scripts import measure_float32 as float32  # noqa: E402
@@ -52,6 +49,8 @@ from scripts.peers import casadi_compiled, ceres, ipopt, nested_jaxopt, proxqp, 
 from scripts.peers.cases import SEED  # noqa: E402
 from scripts.peers.shares import Share  # noqa: E402
 from scripts.reporting import timed  # noqa: E402
+from scripts.roofline.counted import operations_of_iteration  # noqa: E402
+from scripts.roofline.reached import peak_gflops  # noqa: E402
 
 SAME_E = 1e-6
 """Relative: two optima are one. IPOPT stops at 1e-10 of its scaled conditions."""
@@ -104,41 +103,6 @@ def values_of(data: Any, solved: Any) -> np.ndarray:
 def prepared(model: str, subjects: int):
     """The problems of simulated subjects."""
     return problem_batch(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
-
-
-def operations_of_iteration(postures: int, points: int) -> int:
-    """Additions, multiplications, divisions and roots of one iteration of one subject, counted in its machine code."""
-    lengths = {"posture": postures, "point": points, "while": 1}  # a second factor of a posture is seldom needed
-    total = 0
-    for path, count in subjects_kernel.build().count_operations().items():
-        if path[:2] == ("block", "while"):
-            times = [lengths[word] if word in lengths else int(word.split(".")[1]) for word in path[2:]]
-            total += count * math.prod(times)
-    return total
-
-
-def _chains(x: Any) -> list[Any]:
-    def longer(values: list[Any]) -> list[Any]:
-        for _ in range(_LINKS):
-            values = [0.999 * value + 0.5 for value in values]
-        return values
-
-    return repeat(_PEAK_ROUNDS, longer, [x + float(k) for k in range(_CHAINS)])
-
-
-_CHAINS, _LINKS, _PEAK_ROUNDS = 12, 32, 1000
-"""Independent multiply-adds, enough to hide that each takes four cycles; those between two looks at memory; and how
-often."""
-
-PEAK = Kernel("peak", _chains, ("",), str(_CHAINS), 64)
-"""Nothing but multiply-adds of registers, by the compiler and the threads of the fits."""
-
-
-def peak_gflops() -> float:
-    """What this machine reaches at best, while the benchmark runs."""
-    x = np.ones(64 * 8 * (os.cpu_count() or 1))
-    PEAK.by_machine(x)
-    return len(x) * _CHAINS * _LINKS * _PEAK_ROUNDS * 2 / timed(lambda: PEAK.by_machine(x)) / 1e9
 
 
 def sweep_gflops(data: Any, operations: int) -> float:

@@ -56,7 +56,7 @@ def run_fatrop(model: str, count: int, total: int) -> Share:
     given = cases(model, count, total)
     postures, points = given.targets_deg[0].shape[1], given.points_mm.shape[1]
     solver = _compiled("fatrop", postures, points)
-    calls = [_fatrop_call(given, target) for target in given.targets_deg]
+    calls = [fatrop_call(given, target) for target in given.targets_deg]
 
     def answer(x: np.ndarray) -> Answer:
         stages = x[: _STAGE * postures].reshape(postures, _STAGE)
@@ -81,12 +81,12 @@ def _compiled(solver: str, postures: int, points: int) -> Any:
     options = {"jit": True, "compiler": "shell", "jit_options": flags, "print_time": False}
     if solver == "ipopt":
         return ca.nlpsol("ipopt", "ipopt", subject_problem(postures, points), options | {"ipopt": IPOPT_OPTIONS})
-    problem, stages = _in_stages(postures, points)
+    problem, stages = in_stages(postures, points)
     fatrop = {"print_level": 0, "tol": 1e-10, "max_iter": 500}
     return ca.nlpsol("fatrop", "fatrop", problem, options | stages | {"fatrop": fatrop})
 
 
-def _in_stages(P: int, N: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def in_stages(P: int, N: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """``oracles.subject_problem`` with a copy of theta beside every posture, and a last one beside the thorax points;
     and its stages."""
     import casadi as ca
@@ -123,7 +123,8 @@ def _in_stages(P: int, N: int) -> tuple[dict[str, Any], dict[str, Any]]:
     return problem, stages | {"equality": [True] * problem["g"].numel()}
 
 
-def _fatrop_call(given: Cases, target: np.ndarray) -> dict[str, Any]:
+def fatrop_call(given: Cases, target: np.ndarray) -> dict[str, Any]:
+    """The arguments of Fatrop for one subject."""
     P = target.shape[1]
     t = foot_point_multipliers(given.bones, given.points_mm, given.theta_mm, target) / T_SCALE_MM2
     theta = np.broadcast_to(given.theta_mm, (P, 6))

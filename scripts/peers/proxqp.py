@@ -1,10 +1,10 @@
 """ProxQP (proxsuite, dense) on the quadratic subproblems of an SQP, one process a core, each subject's QP warm-started.
 
 Fair in what ProxQP does: a dense QP of 90 variables, 42 equalities and 6 bounds in each iteration, from exact
-derivatives by JAX, all subjects at once and block by block. It is not told that theta alone couples the postures: it has
-no such interface, and eliminating them first would be our method with another solver for six variables. The SQP around
-it is ours, in NumPy: ``Share.library`` is the part of the time in ProxQP. Its batch in threads (``BatchQP``) speeds up
-this part alone, so each core has a process.
+derivatives by JAX, all subjects at once and block by block. It is not told that theta alone couples the postures: it
+has no such interface, and eliminating them first would be our method with another solver for six variables. The SQP
+around it is ours, in NumPy: ``Share.library`` is the part of the time in ProxQP. Its batch in threads (``BatchQP``)
+speeds up this part alone, so each core has a process.
 """
 
 import time

@@ -40,6 +40,8 @@ def on_all_cores(share: Callable[[str, int, int, int, int], Share], model: str, 
     cores = min(os.cpu_count() or 1, count)
     with multiprocessing.get_context("spawn").Pool(cores) as pool:
         parts = pool.starmap(share, [(model, count, total, first, cores) for first in range(cores)])
+        pool.close()
+        pool.join()  # to be terminated makes Ceres print a page
     values = np.empty(count)
     for first, part in enumerate(parts):
         values[first::cores] = part.values
