@@ -13,6 +13,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from adapt.engine.compilation_cache import keep_compiled
 from adapt.solvers.objective import WEIGHT
 from scripts.peers.cases import Answer, Cases, cases
 from scripts.peers.in_jax import InJax
@@ -31,6 +32,7 @@ def run(model: str, count: int, total: int) -> Share:
 
 
 def _share(model: str, count: int, total: int, first: int, step: int) -> Share:
+    keep_compiled()
     given = cases(model, count, total, first, step)
     sqp = _Sqp(InJax(model), given)
     return timed_share(given, sqp.solve, lambda: sqp.proxqp_s)

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from adapt.engine.compilation_cache import keep_compiled
 from scripts.peers.cases import Answer, cases
 from scripts.peers.in_jax import InJax
 from scripts.peers.shares import Share, on_all_cores, timed_share
@@ -34,6 +35,7 @@ def run(model: str, count: int, total: int) -> Share:
 
 
 def _share(model: str, count: int, total: int, first: int, step: int) -> Share:
+    keep_compiled()
     given = cases(model, count, total, first, step)
     solver = _solver(InJax(model), given.targets_deg[0].size, given.bounds_mm)
 

@@ -25,6 +25,23 @@ _KINDS = (
 """By the beginning of their names; the first that fits."""
 
 
+_NAME = re.compile(r"%[\w.]+")
+_LATENCY = {
+    "fdiv": 24.0,
+    "@llvm.sqrt": 32.0,
+    "fmul": 4.0,
+    "fadd": 4.0,
+    "fsub": 4.0,
+    "@llvm.": 4.0,
+    "fcmp": 4.0,
+    "select": 2.0,
+    "load <8 x double>": 7.0,
+    "": 0.0,
+}
+"""Cycles until the value of an instruction on eight numbers is there, by the word in it (Fog, Instruction tables, 2025, Sapphire
+Rapids); addresses and counters wait for nothing."""
+
+
 def times_an_iteration(path: tuple[str, ...], postures: int, points: int) -> int:
     """How often the loops of this path run in one iteration; 0 outside the iterations."""
     if path[:2] != ("block", "while"):
@@ -100,3 +117,20 @@ def _assembly() -> str:
         cpu=llvm.get_host_cpu_name(), features=features, opt=2, jit=True
     )  # as in adapt/engine/machine_code.py
     return machine.emit_assembly(llvm.parse_assembly("\n".join(lines)))
+
+
+def longest_chain_cycles(postures: int, points: int) -> float:
+    """Cycles of an iteration of a block if each piece of the text took as long as its longest chain of values that need
+    each other, and pieces came one after another; products that become part of a multiply-add take nothing."""
+    ready: dict[str, float] = {}
+    total, piece, deepest, times = 0.0, (), 0.0, 0
+    for path, line in _with_paths():
+        if path != piece or _LABEL.match(line):
+            total += deepest * times
+            ready, deepest, piece, times = {}, 0.0, path, times_an_iteration(path, postures, points)
+        name, is_value, instruction = line.strip().partition(" = ")
+        if is_value:
+            start = max((ready.get(one, 0.0) for one in _NAME.findall(instruction)), default=0.0)
+            ready[name] = start + next(cycles for word, cycles in _LATENCY.items() if word in instruction)
+            deepest = max(deepest, ready[name])
+    return total + deepest * times
