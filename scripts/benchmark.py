@@ -50,7 +50,7 @@ from scripts.peers.cases import SEED  # noqa: E402
 from scripts.peers.shares import Share  # noqa: E402
 from scripts.reporting import timed  # noqa: E402
 from scripts.roofline.counted import operations_of_iteration  # noqa: E402
-from scripts.roofline.reached import peak_gflops  # noqa: E402
+from scripts.roofline.reached import core_seconds, peak_gflops  # noqa: E402
 
 SAME_E = 1e-6
 """Relative: two optima are one. IPOPT stops at 1e-10 of its scaled conditions."""
@@ -110,7 +110,7 @@ def sweep_gflops(data: Any, operations: int) -> float:
     their block are not counted."""
     given = first_iterations(data)
     done = subjects_kernel.by_machine(*given).iterations.sum()
-    return float(done) * operations / timed(lambda: subjects_kernel.by_machine(*given)) / 1e9
+    return float(done) * operations / core_seconds(lambda: subjects_kernel.by_machine(*given)) / 1e9
 
 
 def first_iterations(data: Any) -> tuple[Fixed, Start, np.ndarray]:

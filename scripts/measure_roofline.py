@@ -4,9 +4,9 @@ Counted: the instructions of one iteration of a block of eight subjects, by kind
 kernel, each with how often its loop runs (``scripts/roofline/counted.py``). Loads and stores that LLVM's text does not
 ask for are spills.
 
-Measured, by the same compiler and threads: what the machine reaches (``scripts/roofline/reached.py``), the kernel, and
-the kernel with other instructions of AVX-512 in the place of its divisions and square roots. With those of 28 bits only
-the time of an iteration is of use.
+Measured in CPU time, by the same compiler and threads: what the machine reaches (``scripts/roofline/reached.py``), the
+kernel, and the kernel with other instructions of AVX-512 in the place of its divisions and square roots. With those of
+28 bits only the time of an iteration is of use.
 """
 
 import copy
@@ -29,7 +29,7 @@ from adapt.engine.kernel import Kernel  # noqa: E402
 from adapt.engine.simd_values import REGISTER_BYTES  # noqa: E402
 from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
 from scripts.benchmark import first_iterations, prepared  # noqa: E402
-from scripts.reporting import markdown, timed  # noqa: E402
+from scripts.reporting import markdown  # noqa: E402
 from scripts.roofline import counted, reached  # noqa: E402
 
 BLOCK = 8
@@ -116,7 +116,7 @@ def variant(edit: Callable[[str], str]) -> Kernel:
 def iteration_us(kernel: Kernel, given: Any) -> float:
     """Microseconds that a core takes for one iteration of a block, which goes on until its last subject has ended."""
     blocks = kernel.by_machine(*given).iterations.reshape(-1, BLOCK).max(axis=1).sum()
-    return timed(lambda: kernel.by_machine(*given)) * (os.cpu_count() or 1) / float(blocks) * 1e6
+    return reached.core_seconds(lambda: kernel.by_machine(*given)) * (os.cpu_count() or 1) / float(blocks) * 1e6
 
 
 def spread(values: list[float]) -> str:
@@ -154,7 +154,8 @@ def roofline(
             rows[name].append(iteration_us(kernel, given))
 
     print(markdown(("instructions of an iteration of a block", "number"), [(k, f"{n}") for k, n in machine.items()]))
-    print(f"\n{operations} operations a subject\n")
+    chain = counted.longest_chain_cycles(postures, points)
+    print(f"\n{operations} operations a subject; the longest chains of a block take {chain:.0f} cycles\n")
     for what, counts in (("loaded and stored a block", machine), ("of which the text asks for", asked)):
         moved = REGISTER_BYTES * (counts["load"] + counts["store"])
         print(f"{what}: {moved / 1024:.0f} KiB, {operations * BLOCK / moved:.2f} operations a byte\n")

@@ -38,8 +38,8 @@ _LATENCY = {
     "load <8 x double>": 7.0,
     "": 0.0,
 }
-"""Cycles until the value of an instruction on eight numbers is there, by the word in it (Fog, Instruction tables, 2025, Sapphire
-Rapids); addresses and counters wait for nothing."""
+"""Cycles until the value of an instruction on eight numbers is there, by the word in it: about those of Intel's cores
+with AVX-512 (Fog, Instruction tables, Ice Lake); addresses and counters wait for nothing."""
 
 
 def times_an_iteration(path: tuple[str, ...], postures: int, points: int) -> int:
@@ -121,7 +121,7 @@ def _assembly() -> str:
 
 def longest_chain_cycles(postures: int, points: int) -> float:
     """Cycles of an iteration of a block if each piece of the text took as long as its longest chain of values that need
-    each other, and pieces came one after another; products that become part of a multiply-add take nothing."""
+    each other, and pieces came one after another. A product that becomes part of a multiply-add counts by itself."""
     ready: dict[str, float] = {}
     total, piece, deepest, times = 0.0, (), 0.0, 0
     for path, line in _with_paths():
