@@ -27,6 +27,7 @@ import typer  # noqa: E402
 
 from adapt.engine.kernel import Kernel  # noqa: E402
 from adapt.engine.simd_values import REGISTER_BYTES  # noqa: E402
+from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
 from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
 from scripts.benchmark import first_iterations, prepared  # noqa: E402
 from scripts.reporting import markdown  # noqa: E402
@@ -119,9 +120,31 @@ def iteration_us(kernel: Kernel, given: Any) -> float:
     return reached.core_seconds(lambda: kernel.by_machine(*given)) * (os.cpu_count() or 1) / float(blocks) * 1e6
 
 
+def without_padding(given: tuple[Fixed, Start, np.ndarray]) -> tuple[Fixed, Start, np.ndarray]:
+    """The same without the postures that count for no subject."""
+    fixed, start, iterations = given
+    last = int(np.any(fixed.problem.counted, axis=-1).sum())
+
+    def cut(named: Any, *fields: str) -> Any:
+        return named._replace(**{field: getattr(named, field)[..., :last, :] for field in fields})
+
+    problem = cut(fixed.problem, "measured", "weights", "counted")
+    return fixed._replace(problem=problem), cut(start, "angles", "multipliers"), iterations
+
+
 def spread(values: list[float]) -> str:
     """The median, the least and the most."""
     return f"{np.median(values):.3g} ({min(values):.3g}-{max(values):.3g})"
+
+
+REACHED: dict[str, Callable[[], float]] = {
+    "multiply-adds, GFLOP/s": reached.peak_gflops,
+    "a division, ns a core": reached.division_ns,
+    "a square root, ns a core": reached.root_ns,
+    "first cache, GB/s": lambda: reached.cache_gb_s(24),
+    "second cache, GB/s": lambda: reached.cache_gb_s(600),
+    "memory, GB/s": reached.memory_gb_s,
+}
 
 
 @app.command()
@@ -133,51 +156,40 @@ def roofline(
     """Count, measure and print."""
     data = prepared(model, subjects // BLOCK * BLOCK)
     given = first_iterations(data)
-    postures, points = data.counted.shape[0], data.point_weights.shape[0]
-    operations = counted.operations_of_iteration(postures, points)
-    machine = counted.machine_counts(postures, points)
-    asked = counted.text_memory(postures, points)
-    kernels = {name: variant(edit) for name, edit in VARIANTS.items()}
-    reach = {
-        "multiply-adds, GFLOP/s": reached.peak_gflops,
-        "a division, ns a core": reached.division_ns,
-        "a square root, ns a core": reached.root_ns,
-        "first cache, GB/s": lambda: reached.cache_gb_s(24),
-        "second cache, GB/s": lambda: reached.cache_gb_s(600),
-        "memory, GB/s": reached.memory_gb_s,
-    }
-    rows: dict[str, list[float]] = {name: [] for name in [*reach, *kernels]}
+    runs = {name: (variant(edit), given) for name, edit in VARIANTS.items()}
+    runs["without padding postures"] = subjects_kernel, without_padding(given)
+    rows: dict[str, list[float]] = {name: [] for name in [*REACHED, *runs]}
     for _ in range(repeats):
-        for name, measure in reach.items():
+        for name, measure in REACHED.items():
             rows[name].append(measure())
-        for name, kernel in kernels.items():
-            rows[name].append(iteration_us(kernel, given))
+        for name, run in runs.items():
+            rows[name].append(iteration_us(*run))
+    postures, points = data.counted.shape[0], data.point_weights.shape[0]
+    print_counts(postures, points)
+    print(markdown(("what the machine reaches", "median (range)"), [(k, spread(rows[k])) for k in REACHED]), "\n")
+    header = ("the kernel", "us an iteration of a block", "times as fast", "share of the peak")
+    print(markdown(header, [(name, *speeds(rows, name, given, points)) for name, (_, given) in runs.items()]))
 
-    print(markdown(("instructions of an iteration of a block", "number"), [(k, f"{n}") for k, n in machine.items()]))
+
+def print_counts(postures: int, points: int) -> None:
+    """What an iteration consists of."""
+    machine, asked = counted.machine_counts(postures, points), counted.text_memory(postures, points)
+    operations = counted.operations_of_iteration(postures, points)
     chain = counted.longest_chain_cycles(postures, points)
+    print(markdown(("instructions of an iteration of a block", "number"), [(k, f"{n}") for k, n in machine.items()]))
     print(f"\n{operations} operations a subject; the longest chains of a block take {chain:.0f} cycles\n")
     for what, counts in (("loaded and stored a block", machine), ("of which the text asks for", asked)):
         moved = REGISTER_BYTES * (counts["load"] + counts["store"])
         print(f"{what}: {moved / 1024:.0f} KiB, {operations * BLOCK / moved:.2f} operations a byte\n")
-    print(markdown(("what the machine reaches", "median (range)"), [(k, spread(rows[k])) for k in reach]))
-    peak = rows["multiply-adds, GFLOP/s"]
-    ideal_us = [operations * BLOCK * (os.cpu_count() or 1) / x / 1e3 for x in peak]
-    faster = rows["as it is"]
-    print()
-    print(
-        markdown(
-            ("the kernel", "us an iteration of a block", "times as fast", "share of the peak"),
-            [
-                (
-                    name,
-                    spread(rows[name]),
-                    spread([a / b for a, b in zip(faster, rows[name], strict=True)]),
-                    spread([a / b for a, b in zip(ideal_us, rows[name], strict=True)]),
-                )
-                for name in kernels
-            ],
-        )
-    )
+
+
+def speeds(rows: dict[str, list[float]], name: str, given: Any, points: int) -> tuple[str, str, str]:
+    """Microseconds, how many times as fast as the kernel as it is, and its share of the peak."""
+    operations = counted.operations_of_iteration(given[0].problem.counted.shape[0], points) * BLOCK
+    faster = [a / b for a, b in zip(rows["as it is"], rows[name], strict=True)]
+    per_core = [gflops / (os.cpu_count() or 1) for gflops in rows["multiply-adds, GFLOP/s"]]
+    share = [operations / us / 1e3 / peak for us, peak in zip(rows[name], per_core, strict=True)]
+    return spread(rows[name]), spread(faster), spread(share)
 
 
 if __name__ == "__main__":
