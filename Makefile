@@ -30,6 +30,7 @@ units: .venv/dev
 lock: .venv/dev ## after a change of dependencies in pyproject.toml
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes pyproject.toml -o requirements.lock
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra dev -c requirements.lock pyproject.toml -o requirements-dev.lock
+	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra peers -c requirements-dev.lock pyproject.toml -o requirements-peers.lock
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra docs -c requirements-dev.lock pyproject.toml -o requirements-docs.lock
 	echo uv | $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes -c requirements-dev.lock - -o requirements-uv.lock
 
@@ -63,8 +64,9 @@ questions: .venv/runtime ## what measured motions say of the questions of chapte
 
 thesis: tables completion questions ## all that measured motions say of the thesis: minutes; prints Markdown
 
-speed: .venv/dev ## the fits against IPOPT, SLSQP and jaxopt: minutes; simulated subjects
+speed: .venv/dev .venv/peers ## the fits against other solvers, and where their time goes: a quarter of an hour; simulated subjects
 	$(BIN)/python scripts/benchmark.py --subjects 1000 --peers 30 --repeats 5
+	$(BIN)/python scripts/measure_roofline.py
 
 rooms: .venv/runtime ## the drawing of the rooms, docs/rooms.svg, from the imports in the source
 	$(BIN)/python scripts/draw_rooms.py
@@ -90,6 +92,11 @@ frames: .venv/runtime ## the pictures of frames and signs, docs/frames*.svg, fro
 
 .venv/dev: .venv/runtime requirements-dev.lock
 	$(INSTALL) --require-hashes -r requirements-dev.lock
+	touch $@
+
+# Some peers have no wheel for some systems: the benchmark says what it leaves out.
+.venv/peers: .venv/dev requirements-peers.lock
+	-$(INSTALL) --require-hashes -r requirements-peers.lock
 	touch $@
 
 .venv/docs: .venv/runtime requirements-docs.lock

@@ -1,29 +1,30 @@
 """Our fits and the peers side by side in one run, on the same simulated subjects and from the same start.
 
-Peers in their best practical form: CasADi/IPOPT on the whole-subject problem with exact derivatives, its function built
-once and warm, one process a core; SciPy's SLSQP with analytic derivatives, one process a core; SciPy's L-BFGS-B through
-jaxopt on the nested objective, compiled. Every time excludes building, compilation and the preparation of inputs. E of
-both is compared subject by subject. Ratios are medians over the repeats, beside the least and the most.
+Peers in their best practical form: ``scripts/peers`` has a file for each, whose docstring says why the comparison is
+fair or not. Every time excludes building, compilation and the preparation of inputs. Ours has all subjects at once; a
+peer has the first few of them, as many as it takes to be measured, and is compared by subjects a second: of wall time,
+and of CPU time, which other work on the machine moves less. E is compared subject by subject. Ratios are medians over
+the repeats, beside the least and the most. A peer that is not installed is left out, with a line that says so
+(``pip install '.[peers]'``).
 
 The machine code of ``adapt.engine`` has a peer of its own: XLA, given the same text of the subject sweep and the same
 iterations (``machine_code_vs_xla``; CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
 """
 
+import importlib.util
 import json
-import math
-import multiprocessing
 import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("GLOG_minloglevel", "3")  # Ceres says of every step that it could not evaluate
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "helpers")]
 
@@ -31,81 +32,65 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import typer  # noqa: E402
-from oracles import bones, ipopt_call, slsqp  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
-from adapt.engine.kernel import Kernel  # noqa: E402
 from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
 from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
 from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
-from adapt.solvers.differentiable import nested_objective  # noqa: E402
-from adapt.solvers.objective import WEIGHT, jitted_geometric_fit, thorax_distance_mm2  # noqa: E402
+from adapt.solvers.objective import WEIGHT, thorax_distance_mm2  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
 from adapt.solvers.problem_batch import fixed_problem, problem_batch, select_problems  # noqa: E402
 from models import load_model  # noqa: E402
-from motions.arrays import repeat  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from scripts import measure_float32 as float32  # noqa: E402
+from scripts.peers import casadi_compiled, ceres, ipopt, nested_jaxopt, proxqp, septal_sqp, slsqp  # noqa: E402
+from scripts.peers.cases import SEED  # noqa: E402
+from scripts.peers.shares import Share  # noqa: E402
 from scripts.reporting import timed  # noqa: E402
+from scripts.roofline.counted import operations_of_iteration  # noqa: E402
+from scripts.roofline.reached import core_seconds, peak_gflops  # noqa: E402
 
 SAME_E = 1e-6
 """Relative: two optima are one. IPOPT stops at 1e-10 of its scaled conditions."""
 
-SEED = 5
+SAME_TO_ROUNDING = 1e-9
+"""Relative: two optima are one that both solvers met to rounding."""
+
+
+class Peer(NamedTuple):
+    """A solver of the whole subject, what it needs, and by how much fewer subjects it gets than IPOPT."""
+
+    run: Callable[[str, int, int], Share]
+    package: str = "casadi"
+    fewer: int = 1
+    compiler: bool = False
+
+
+PEERS = {
+    "ipopt": Peer(ipopt.run),
+    "ipopt_compiled": Peer(casadi_compiled.run_ipopt, compiler=True),
+    "fatrop_compiled": Peer(casadi_compiled.run_fatrop, compiler=True),
+    "proxqp": Peer(proxqp.run, "proxsuite"),
+    "ceres": Peer(ceres.run, "pyceres", fewer=2, compiler=True),
+    "septal": Peer(septal_sqp.run, "septal", fewer=4),
+}
 
 app = typer.Typer(add_completion=False)
 
 
-def ipopt_share(model: str, subjects: int, total: int, first: int, step: int) -> tuple[float, list[float]]:
-    """In a process of its own: seconds for every step-th subject from ``first``, and E of each (NaN: failed)."""
-    calls = list(_ipopt_calls(model, subjects, total))[first::step]
-    solver, arguments = calls[0]
-    for _ in range(3):
-        solver(**arguments)
-    values = []
-    start = time.perf_counter()
-    for solver, arguments in calls:
-        found = solver(**arguments)
-        values.append(float(found["f"]) if solver.stats()["success"] else np.nan)
-    return time.perf_counter() - start, values
-
-
-def _ipopt_calls(model: str, subjects: int, total: int):
-    chosen = load_model(model)
-    girdle = jitted_geometric_fit(chosen.girdle, jnp.asarray(chosen.points_mm))
-    motions = simulate_subjects(total, seed=SEED)
-    points, bounds, theta = (np.asarray(x) for x in (chosen.points_mm, chosen.bounds_mm, girdle.adapted_mm))
-    for name in motions.subjects[:subjects]:
-        target = motions.angles_deg[motions.subject == name].T
-        yield ipopt_call(bones(girdle), points, target, theta, target, bounds)
-
-
-def slsqp_share(model: str, postures: int, total: int, first: int, step: int) -> tuple[float, list[float]]:
-    """In a process of its own: seconds for every step-th posture, and J of each."""
-    known = bones(load_model(model).girdle)
-    targets = simulate_subjects(total, seed=SEED).angles_deg[:postures][first::step]
-    slsqp(known, targets[0], targets[0])
-    values = []
-    start = time.perf_counter()
-    for target in targets:
-        found = slsqp(known, target, target)
-        values.append(found.j_deg2 if found.success else np.nan)
-    return time.perf_counter() - start, values
-
-
-def on_all_cores(
-    share: Callable[..., tuple[float, list[float]]], model: str, count: int, total: int
-) -> tuple[float, np.ndarray]:
-    """Seconds of the slowest core, and the values of the first ``count`` of ``total`` simulated subjects in order."""
-    cores = os.cpu_count() or 1
-    with multiprocessing.get_context("spawn").Pool(cores) as pool:
-        parts = pool.starmap(share, [(model, count, total, first, cores) for first in range(cores)])
-    values = np.empty(count)
-    for first, (_, part) in enumerate(parts):
-        values[first::cores] = part
-    return max(seconds for seconds, _ in parts), values
+def installed_peers() -> dict[str, Peer]:
+    """Those whose package and compiler are here; a line for each other."""
+    found = {}
+    for name, peer in PEERS.items():
+        if importlib.util.find_spec(peer.package) is None:
+            print(f"{name} is left out: {peer.package} is not installed", file=sys.stderr)
+        elif peer.compiler and casadi_compiled.COMPILER is None:
+            print(f"{name} is left out: no gcc or clang on this machine", file=sys.stderr)
+        else:
+            found[name] = peer
+    return found
 
 
 def values_of(data: Any, solved: Any) -> np.ndarray:
@@ -120,75 +105,12 @@ def prepared(model: str, subjects: int):
     return problem_batch(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
 
 
-def nested_seconds(model: str, subjects: int) -> float:
-    """Seconds a subject of L-BFGS-B on the nested objective (posture fits inside), from the geometric fit."""
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import jaxopt
-
-    chosen = load_model(model)
-    points = jnp.asarray(chosen.points_mm)
-    girdle = jitted_geometric_fit(chosen.girdle, points)
-
-    def nested(theta, angles):
-        return nested_objective(theta, girdle, points, angles, jnp.ones(angles.shape, bool), WEIGHT)
-
-    both = jax.jit(jax.value_and_grad(nested))
-    motions = simulate_subjects(subjects, seed=SEED)
-    every = [jnp.asarray(motions.angles_deg[motions.subject == name].T / DEG) for name in motions.subjects]
-    both(girdle.adapted_mm, every[0])
-    bounds = tuple(jnp.asarray(b) for b in chosen.bounds_mm)
-
-    def run():
-        for angles in every:
-            solver = jaxopt.ScipyBoundedMinimize(
-                method="L-BFGS-B", fun=lambda theta, angles=angles: both(theta, angles), value_and_grad=True, jit=False
-            )
-            solver.run(girdle.adapted_mm, bounds=bounds)
-
-    return timed(run) / subjects
-
-
-def operations_of_iteration(postures: int, points: int) -> int:
-    """Additions, multiplications, divisions and roots of one iteration of one subject, counted in its machine code."""
-    lengths = {"posture": postures, "point": points, "while": 1}  # a second factor of a posture is seldom needed
-    total = 0
-    for path, count in subjects_kernel.build().count_operations().items():
-        if path[:2] == ("block", "while"):
-            times = [lengths[word] if word in lengths else int(word.split(".")[1]) for word in path[2:]]
-            total += count * math.prod(times)
-    return total
-
-
-def _chains(x: Any) -> list[Any]:
-    def longer(values: list[Any]) -> list[Any]:
-        for _ in range(_LINKS):
-            values = [0.999 * value + 0.5 for value in values]
-        return values
-
-    return repeat(_PEAK_ROUNDS, longer, [x + float(k) for k in range(_CHAINS)])
-
-
-_CHAINS, _LINKS, _PEAK_ROUNDS = 12, 32, 1000
-"""Independent multiply-adds, enough to hide that each takes four cycles; those between two looks at memory; and how
-often."""
-
-PEAK = Kernel("peak", _chains, ("",), str(_CHAINS), 64)
-"""Nothing but multiply-adds of registers, by the compiler and the threads of the fits."""
-
-
-def peak_gflops() -> float:
-    """What this machine reaches at best, while the benchmark runs."""
-    x = np.ones(64 * 8 * (os.cpu_count() or 1))
-    PEAK.by_machine(x)
-    return len(x) * _CHAINS * _LINKS * _PEAK_ROUNDS * 2 / timed(lambda: PEAK.by_machine(x)) / 1e9
-
-
 def sweep_gflops(data: Any, operations: int) -> float:
     """Of the first iterations of every subject, of so many operations each; those of subjects that wait for others of
     their block are not counted."""
     given = first_iterations(data)
     done = subjects_kernel.by_machine(*given).iterations.sum()
-    return float(done) * operations / timed(lambda: subjects_kernel.by_machine(*given)) / 1e9
+    return float(done) * operations / core_seconds(lambda: subjects_kernel.by_machine(*given)) / 1e9
 
 
 def first_iterations(data: Any) -> tuple[Fixed, Start, np.ndarray]:
@@ -197,6 +119,11 @@ def first_iterations(data: Any) -> tuple[Fixed, Start, np.ndarray]:
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
     return fixed_problem(data, np.full(count, WEIGHT)), start, np.full(count, 10.0)
+
+
+def quotients(ours: list[float], theirs: list[float]) -> list[float]:
+    """Repeat by repeat."""
+    return [a / b for a, b in zip(ours, theirs, strict=True)]
 
 
 def spread(values: list[float]) -> dict[str, float]:
@@ -215,16 +142,24 @@ def warm_wall_s() -> tuple[float, float]:
         return timed(run), timed(run)
 
 
-def against_ipopt(off: np.ndarray) -> dict[str, float]:
-    """Shares of the subjects by the relative difference of E."""
-    same = np.abs(off) <= SAME_E
+def compared(E: np.ndarray, peer: np.ndarray) -> dict[str, float]:
+    """Shares of the peer's subjects by the relative difference of our E to its."""
+    off = E[: len(peer)] / peer - 1.0
     return {
-        "same_as_ipopt": float(np.mean(same)),
-        "lower": float(np.mean(off < -SAME_E)),
-        "higher": float(np.mean(off > SAME_E)),
-        "ipopt_failed": float(np.mean(np.isnan(off))),
-        "largest_difference_of_the_same": float(np.nanmax(np.where(same, np.abs(off), 0.0))),
+        "subjects": float(len(peer)),
+        "same": float(np.mean(np.abs(off) <= SAME_E)),
+        "same_to_rounding": float(np.mean(np.abs(off) <= SAME_TO_ROUNDING)),
+        "ours_lower": float(np.mean(off < -SAME_E)),
+        "ours_higher": float(np.mean(off > SAME_E)),
+        "peer_failed": float(np.mean(np.isnan(off))),
     }
+
+
+def rates(run: Callable[[], object], subjects: int) -> tuple[float, float]:
+    """Subjects a second of wall time, and of CPU time of all threads."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    run()
+    return subjects / (time.perf_counter() - wall), subjects / (time.process_time() - cpu)
 
 
 @app.command()
@@ -249,20 +184,27 @@ def benchmark(
     known = np.isfinite(measured)
     fitted = fit_batch(girdles, measured, known)
 
-    keys = ("adapt", "ipopt", "single", "fit", "slsqp", "gflops", "peak_gflops", "sweep", "sweep_by_xla")
-    rows: dict[str, list[float]] = {key: [] for key in keys}
+    solvers = installed_peers()
+    keys = ["adapt", "single", "fit", "slsqp", "gflops", "peak_gflops", "sweep", "sweep_by_xla", *solvers]
+    rows: dict[str, list[float]] = {key: [] for key in [*keys, "adapt_cpu", *(f"{name}_cpu" for name in solvers)]}
     operations = operations_of_iteration(data.counted.shape[0], data.point_weights.shape[0])
     sweep = first_iterations(data)
     subjects_kernel.by_jax(*sweep)  # compiles
-    E_ipopt, J_slsqp = np.empty(0), np.empty(0)
+    last: dict[str, Share] = {}
+    fits = Share(0.0, 0.0, np.empty(0))
     for _ in range(repeats):
-        rows["adapt"].append(subjects / timed(lambda: solved_from_geometric_fit(data)))
-        seconds, E_ipopt = on_all_cores(ipopt_share, model, peers, subjects)
-        rows["ipopt"].append(peers / seconds)
+        wall, cpu = rates(lambda: solved_from_geometric_fit(data), subjects)
+        rows["adapt"].append(wall)
+        rows["adapt_cpu"].append(cpu)
+        for name, peer in solvers.items():
+            few = max(2, peers // peer.fewer)
+            last[name] = peer.run(model, few, subjects)
+            rows[name].append(few / last[name].wall_s)
+            rows[f"{name}_cpu"].append(few / last[name].cpu_s)
         rows["single"].append(1.0 / timed(lambda: solved_from_geometric_fit(one)))
         rows["fit"].append(count / timed(lambda: fit_batch(girdles, measured, known)))
-        seconds, J_slsqp = on_all_cores(slsqp_share, model, 2 * peers, subjects)
-        rows["slsqp"].append(2 * peers / seconds)
+        fits = slsqp.run(model, 2 * peers, subjects)
+        rows["slsqp"].append(2 * peers / fits.wall_s)
         rows["gflops"].append(sweep_gflops(data, operations))
         rows["peak_gflops"].append(peak_gflops())
         rows["sweep"].append(subjects / timed(lambda: subjects_kernel.by_machine(*sweep)))
@@ -271,12 +213,13 @@ def benchmark(
     sizes = [n for n in (250, 1000, 4000, 16000, 64000) if n < largest] + [largest]
     seconds = {n: _seconds(model, n) for n in sizes}
     cold, warm = warm_wall_s()
-    ratio = {
-        "adapt_vs_ipopt": [a / b for a, b in zip(rows["adapt"], rows["ipopt"], strict=True)],
+    ratio = {f"adapt_vs_{name}": quotients(rows["adapt"], rows[name]) for name in solvers}
+    ratio |= {f"adapt_vs_{name}_by_cpu": quotients(rows["adapt_cpu"], rows[f"{name}_cpu"]) for name in solvers}
+    ratio |= {
         "adapt_single_vs_ipopt": [a / (b / cores) for a, b in zip(rows["single"], rows["ipopt"], strict=True)],
-        "fit_vs_slsqp": [a / b for a, b in zip(rows["fit"], rows["slsqp"], strict=True)],
-        "share_of_peak": [a / b for a, b in zip(rows["gflops"], rows["peak_gflops"], strict=True)],
-        "machine_code_vs_xla": [a / b for a, b in zip(rows["sweep"], rows["sweep_by_xla"], strict=True)],
+        "fit_vs_slsqp": quotients(rows["fit"], rows["slsqp"]),
+        "share_of_peak": quotients(rows["gflops"], rows["peak_gflops"]),
+        "machine_code_vs_xla": quotients(rows["sweep"], rows["sweep_by_xla"]),
     }
     result = {
         **{key: float(np.median(values)) for key, values in ratio.items()},
@@ -286,14 +229,15 @@ def benchmark(
         "warm_wall_s": warm,
         "first_wall_s": cold,
         "spread": {key: spread(values) for key, values in (ratio | rows).items()},
-        "subjects_vs_nested_jaxopt": float(np.median(rows["adapt"])) * nested_seconds(model, 3),
+        "subjects_vs_nested_jaxopt": float(np.median(rows["adapt"])) * nested_jaxopt.seconds_a_subject(model, 3),
         "seconds_of_subjects": seconds,
         "operations_of_one_iteration": operations,
         "agreement": {
             "converged": float(np.mean(ours.converged)),
-            **against_ipopt(values_of(data, ours)[:peers] / E_ipopt - 1.0),
-            "fits_not_above_slsqp": float(np.mean(~(fitted.j_deg2[: 2 * peers] > J_slsqp + 1e-6))),
+            **{name: compared(values_of(data, ours), share.values) for name, share in last.items()},
+            "fits_not_above_slsqp": float(np.mean(~(fitted.j_deg2[: 2 * peers] > fits.values + 1e-6))),
         },
+        "time_in_the_library": {name: share.library for name, share in last.items()},
         "float32": {
             "times_as_fast": float32.speeds(data, repeats),
             "again_in_float64": float32.shares_in_float64(data),

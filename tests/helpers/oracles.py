@@ -148,8 +148,11 @@ class Subject:
     success: bool
 
 
-_T_SCALE = 1e4
+T_SCALE_MM2 = 1e4
 """The foot point multipliers t are of the size of distance times semi-axis, mm^2: scaled to the size of 1."""
+
+
+IPOPT_OPTIONS = {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 500, "bound_relax_factor": 0.0}
 
 
 def ipopt(
@@ -179,11 +182,11 @@ def ipopt(
 def ipopt_call(b: Bones, points_mm, target_deg, theta_mm, angles_deg, bounds_mm) -> tuple[Any, dict[str, Any]]:
     """The solver of :func:`ipopt` and the arguments of its one call."""
     P, N = target_deg.shape[1], points_mm.shape[1]
-    start_t = _multipliers(b, points_mm, theta_mm, angles_deg)
-    x0 = np.concatenate([angles_deg.T.ravel(), theta_mm, start_t / _T_SCALE])
+    start_t = foot_point_multipliers(b, points_mm, theta_mm, angles_deg)
+    x0 = np.concatenate([angles_deg.T.ravel(), theta_mm, start_t / T_SCALE_MM2])
     lower, upper = np.full((2, len(x0)), [[-np.inf], [np.inf]])
     lower[6 * P : 6 * P + 6], upper[6 * P : 6 * P + 6] = bounds_mm
-    parameters = np.concatenate([_fixed(b), points_mm.T.ravel(), target_deg.T.ravel()])
+    parameters = np.concatenate([fixed_numbers(b), points_mm.T.ravel(), target_deg.T.ravel()])
     return _whole_subject(P, N), {"x0": x0, "p": parameters, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
 
 
@@ -201,12 +204,13 @@ def whole_objective(b: Bones, points_mm, target_deg, theta, angles_deg, weight=W
     return float(D + weight * np.mean((angles_deg - target_deg) ** 2)), float(max(gaps))
 
 
-def _fixed(b: Bones) -> np.ndarray:
+def fixed_numbers(b: Bones) -> np.ndarray:
+    """What no variable changes, as parameters of the problem in CasADi."""
     vectors = (b.sc_mm, b.ac_mm, b.clavicle_conoid_mm, b.ts_mm, b.ai_mm, b.scapula_conoid_mm)
     return np.concatenate([*vectors, [b.centre_mm[0], b.ts_distance_mm, b.ai_distance_mm]])
 
 
-def _multipliers(b: Bones, points_mm, theta, angles_deg) -> np.ndarray:
+def foot_point_multipliers(b: Bones, points_mm, theta, angles_deg) -> np.ndarray:
     """t of TS and AI of every posture, then of the thorax points."""
     moved = with_theta(b, theta)
     on_bones = []
@@ -229,6 +233,13 @@ def _whole_subject(P: int, N: int) -> Any:
     """The IPOPT solver of a subject with P postures and N thorax points."""
     import casadi as ca
 
+    return ca.nlpsol("subject", "ipopt", subject_problem(P, N), {"print_time": False, "ipopt": IPOPT_OPTIONS})
+
+
+def subject_problem(P: int, N: int) -> dict[str, Any]:
+    """The problem of a subject with P postures and N thorax points in CasADi's symbols."""
+    import casadi as ca
+
     q, theta, t = ca.SX.sym("q", 6, P), ca.SX.sym("theta", 6), ca.SX.sym("t", 2 * P + N)
     fixed, points, target = ca.SX.sym("fixed", 21), ca.SX.sym("points", 3, N), ca.SX.sym("target", 6, P)
     sc, ac, cc, ts, ai, sconoid = (fixed[3 * k : 3 * k + 3] for k in range(6))
@@ -236,28 +247,27 @@ def _whole_subject(P: int, N: int) -> Any:
     equations = []
 
     def distance(point, multiplier):
-        n = (point - centre) / (multiplier * _T_SCALE + axes**2)
+        n = (point - centre) / (multiplier * T_SCALE_MM2 + axes**2)
         equations.append(ca.sumsqr(axes * n) - 1.0)
-        return multiplier * _T_SCALE * ca.norm_2(n)
+        return multiplier * T_SCALE_MM2 * ca.norm_2(n)
 
     for k in range(P):
-        R_C, R_S = _casadi_cardan(ca, q[:3, k]), _casadi_cardan(ca, q[3:, k])
+        R_C, R_S = casadi_cardan(ca, q[:3, k]), casadi_cardan(ca, q[3:, k])
         AC = sc + R_C @ ac
         equations.append(distance(AC + R_S @ ts, t[2 * k]) - fixed[19])
         equations.append(distance(AC + R_S @ ai, t[2 * k + 1]) - fixed[20])
         equations.append(ca.norm_2(AC + R_S @ sconoid - sc - R_C @ cc) - theta[5])
     D = sum(distance(points[:, k], t[2 * P + k]) ** 2 for k in range(N)) / N
-    problem = {
+    return {
         "x": ca.vertcat(ca.vec(q), theta, t),
         "p": ca.vertcat(fixed, ca.vec(points), ca.vec(target)),
         "f": D + WEIGHT * ca.sumsqr(q - target) / (6 * P),
         "g": ca.vertcat(*equations),
     }
-    ipopt = {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 500, "bound_relax_factor": 0.0}
-    return ca.nlpsol("subject", "ipopt", problem, {"print_time": False, "ipopt": ipopt})
 
 
-def _casadi_cardan(ca, angles_deg):
+def casadi_cardan(ca, angles_deg):
+    """R = Ry Rz Rx in CasADi's symbols."""
     a, b, c = (angles_deg[k] * np.pi / 180.0 for k in range(3))
     Ry = ca.vertcat(ca.horzcat(ca.cos(a), 0, ca.sin(a)), ca.DM([[0, 1, 0]]), ca.horzcat(-ca.sin(a), 0, ca.cos(a)))
     Rz = ca.vertcat(ca.horzcat(ca.cos(b), -ca.sin(b), 0), ca.horzcat(ca.sin(b), ca.cos(b), 0), ca.DM([[0, 0, 1]]))

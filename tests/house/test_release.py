@@ -23,9 +23,9 @@ REQUIRED_OF_CITATION = {"cff-version", "message", "title", "authors"}
 
 
 def run_time() -> list[Requirement]:
-    """Every package that a user may need: the dependencies and those of the extras but `dev` and `docs`."""
+    """Every package that a user may need: the dependencies and those of the extras but `dev`, `docs` and `peers`."""
     extras = PROJECT["optional-dependencies"]
-    of_extras = [one for name, packages in extras.items() if name not in ("dev", "docs") for one in packages]
+    of_extras = [one for name, packages in extras.items() if name not in ("dev", "docs", "peers") for one in packages]
     return [Requirement(one) for one in (*PROJECT["dependencies"], *of_extras)]
 
 
