@@ -5,7 +5,7 @@ Fair: exact derivatives, sparse; nothing is interpreted. IPOPT factorises with M
 Fatrop is an interior-point method for problems in stages: the postures are its stages, theta is the state that each
 hands on unchanged, so its Riccati recursion eliminates posture after posture as ours does. It relaxes bounds by 1e-8 of
 their size, which lowers E by some 1e-9 of it. CasADi's own SQP does not converge here: with its ``regularize`` in 60
-iterations for no subject, without convexification not at all.
+iterations for no subject, without convexification it was stopped after ten minutes.
 """
 
 import functools
