@@ -127,9 +127,8 @@ class _Study:
         adapted = adapted_gaps(shoulders.motions, self.model, {}, self.person)
         with_causes = self._with_causes(sizes) if sizes else adapted
         gaps = self._gaps(base, adapted, with_causes, named.rungs, floor)
-        if (
-            not order and not 1.0 - _left_over(gaps) >= LEAST_GAIN
-        ):  # nor does another person's thorax alone take it away
+        worth = 1.0 - _left_over(gaps) >= LEAST_GAIN  # False where there is no gap beyond noise
+        if not order and not worth:
             sizes, with_causes = {}, adapted
             gaps = self._gaps(base, adapted, adapted, named.rungs, floor)
         budget = self._budget(gaps, named.rungs)
