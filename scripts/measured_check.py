@@ -17,7 +17,7 @@ from adapt.diagnosis.fit.shoulders import usable
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import read_amplitudes
-from motions import Motions, read_motions
+from motions import InputError, Motions, read_motions
 from scripts.reporting import CADAVER_SETS
 
 _BONES = ("scapula", "clavicle")
@@ -32,7 +32,10 @@ def main() -> None:
     parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
     parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(CADAVER_SETS)}")
     options = parser.parse_args()
-    motions = read_motions(*options.motions)
+    try:
+        motions = read_motions(*options.motions)
+    except InputError as error:
+        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
     unseen = "motion unseen | sizes without the person | names and sizes without the person"
     print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
     print("|---|---|---|---|---|---|")

@@ -65,6 +65,16 @@ class Effect:
     """Bone angles that it may follow in place of the elevation of the arm: then it has a second course
     (:func:`models.effects.by_posture.by_posture`)."""
 
+    def __post_init__(self) -> None:
+        """Check the prior. ValueError if scales or signs are not one a direction, or a scale is not above 0."""
+        count = len(self.directions)
+        if len(self.prior.scale) != count or len(self.prior.sign) not in (0, count):
+            raise ValueError(
+                f"effect {self.name!r}: prior.scale and prior.sign need one value for each of {count} directions"
+            )
+        if not all(scale > 0.0 for scale in self.prior.scale):
+            raise ValueError(f"effect {self.name!r}: prior.scale is {self.prior.scale}, and an SD is above 0")
+
     @property
     def cause(self) -> str:
         """What is at work, whatever its course: the name up to the colon."""

@@ -68,7 +68,7 @@ def _angles_deg(row: Row) -> Float[np.ndarray, "6"]:
     angles_deg = [angle_in(row, column) for column in ANGLE_COLUMNS]
     measured = sum(not math.isnan(angle) for angle in angles_deg)
     if measured == 0:
-        raise row.error("no angle was measured", "Delete the row or fill it in")
+        raise row.error("no angle was measured", "Delete the row or fill it in, and the subject is taken")
     if measured < FEWEST_ANGLES:
         cause = f"{measured} of the six angles measured are too few: the girdle has three degrees of freedom"
         raise row.error(cause, "Fill in at least three angles or delete the row")

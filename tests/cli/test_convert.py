@@ -222,6 +222,10 @@ def test_what_cannot_be_converted(tmp_path, monkeypatch, arguments, where, cause
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_parameter_set_becomes_a_model_of_opensim_alone(tmp_path):
+    refused(girdle("convert", FOLDER / "R2.toml", tmp_path / "o.stl"), str(tmp_path / "o.stl"), "becomes", ".osim")
+
+
 def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, tmp_path):
     (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
     ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv")

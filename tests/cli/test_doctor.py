@@ -68,7 +68,7 @@ def test_a_python_that_is_too_old_is_named(monkeypatch):
 
 
 def test_every_extra_of_a_user_has_its_use():
-    assert set(doctor.USE_OF_EXTRA) == set(PROJECT["optional-dependencies"]) - {"dev", "docs"}
+    assert set(doctor.USE_OF_EXTRA) == set(PROJECT["optional-dependencies"]) - {"dev", "docs", "peers"}
 
 
 def test_what_is_kept_is_counted(cache):

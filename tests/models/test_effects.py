@@ -577,3 +577,10 @@ def test_whoever_lists_effects_in_whatever_order_they_act_in_their_own():
     assert [effect.name for effect in one.effects] == [effect.name for effect in other.effects] == names
     for ours, theirs in zip(one.strengths, other.strengths, strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("change", [{"scale": (1.0, 1.0)}, {"scale": (-3.0,)}, {"sign": (1, 1)}])
+def test_a_prior_that_does_not_fit_its_directions_is_refused(change):
+    effect = EFFECTS["thorax_asymmetry"]
+    with pytest.raises(ValueError, match="effect 'thorax_asymmetry': prior"):
+        replace(effect, prior=replace(effect.prior, **change))

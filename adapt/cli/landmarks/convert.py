@@ -35,6 +35,9 @@ def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: b
     if kind == ".osim":
         atomic_write(target, opensim_model(load_model(str(source))))
         return None
+    if source.suffix.lower() == ".toml":
+        cause = f"a parameter set becomes a model of OpenSim, not a file that ends in {kind!r}"
+        raise InputError(str(target), None, cause, "Name a file that ends in .osim")
     if kind == ".parquet":
         write_parquet(source, target)
         return None
