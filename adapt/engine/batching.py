@@ -71,14 +71,28 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
 
 def in_threads(function: Callable[..., Any], *items: Iterable[Any], threads: int | None = None) -> list[Any]:
     """Do what ``map`` does, by default with a thread a core: for work in numpy, which lets other threads run."""
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+    with ThreadPoolExecutor(threads or cores()) as pool:
         return list(pool.map(function, *items))
+
+
+_most_cores: int | None = None
+
+
+def cores() -> int:
+    """Tell on how many cores this process works: all of the machine, unless it is one of several."""
+    return _most_cores or os.cpu_count() or 1
+
+
+def use_cores(number: int) -> None:
+    """Let this process work on so many cores, because others share the machine with it."""
+    global _most_cores
+    _most_cores = number
 
 
 def _workers(devices: list[Any]) -> int:
     """Count threads: two chunks a device in flight hide the transfers; a CPU is one device with several cores."""
     if devices[0].platform == "cpu":
-        return max(len(devices), os.cpu_count() or 1)
+        return max(len(devices), cores())
     return 2 * len(devices)
 
 

@@ -9,7 +9,6 @@ code because llvmlite is missing or fails: the results agree to rounding, but ta
 
 import ctypes
 import logging
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -18,7 +17,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from adapt.engine.batching import compiled, in_chunks
+from adapt.engine.batching import compiled, cores, in_chunks
 from adapt.engine.function_builder import FunctionBuilder
 from adapt.engine.machine_code import MachineCodeError, link
 from adapt.engine.object_cache import object_code
@@ -128,7 +127,7 @@ class Kernel:
             for first in turns:  # each goes to the thread that asks first
                 function(pointers, lengths, first, min(first + _BLOCKS_A_TURN, blocks), scratch.ctypes.data)
 
-        others = min(_cores(), -(-blocks // _BLOCKS_A_TURN)) - 1  # this thread works too
+        others = min(cores(), -(-blocks // _BLOCKS_A_TURN)) - 1  # this thread works too
         waiting = [_threads().submit(run) for _ in range(others)]
         run()
         for one in waiting:
@@ -204,9 +203,4 @@ def has_accelerator() -> bool:
 
 @cache
 def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(_cores())
-
-
-@cache
-def _cores() -> int:
-    return os.cpu_count() or 1
+    return ThreadPoolExecutor(cores())

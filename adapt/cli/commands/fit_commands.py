@@ -37,6 +37,7 @@ from adapt.cli.print_tables import (
     progress,
 )
 from adapt.large_runs.dask_cluster import on_cluster
+from adapt.large_runs.local_processes import in_processes
 from adapt.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, one_after_another
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.output.result_files import write_fits, write_report
@@ -118,7 +119,7 @@ def adapt(
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
     work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
-    maker = on_cluster(dask) if dask else one_after_another
+    maker = on_cluster(dask) if dask else in_processes if __import__('os').environ.get('PP') else one_after_another
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
     warn_of_subjects(first, "the motions")

@@ -1,0 +1,41 @@
+"""Parts made by several processes of this machine: where a run has many, tables and files take as long as the fits."""
+
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import get_context
+
+from adapt.engine.batching import cores, use_cores
+from adapt.engine.compilation_cache import keep_compiled
+from adapt.large_runs.parts import Chunks, Work
+from motions.table import Motions
+
+_WAITING = 2
+"""Parts asked for, a process: one that it makes and one that it goes on with; more would only fill memory."""
+
+_work: Work
+
+
+def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
+    """Make the parts in one process a core, each on one core. BrokenProcessPool if one of them is killed."""
+    processes = cores()
+    with ProcessPoolExecutor(processes, get_context("spawn"), _begin, (work,)) as pool:
+        asked: deque[tuple[int, Future[bytes]]] = deque()
+        for number, motions in chunks:
+            asked.append((number, pool.submit(_part, motions)))
+            if len(asked) >= _WAITING * processes:
+                number, part = asked.popleft()
+                yield number, part.result()
+        for number, part in asked:
+            yield number, part.result()
+
+
+def _begin(work: Work) -> None:
+    global _work
+    _work = work
+    use_cores(1)
+    keep_compiled()
+
+
+def _part(motions: Motions) -> bytes:
+    return _work.part(motions)
