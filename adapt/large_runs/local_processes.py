@@ -3,12 +3,17 @@
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
 from adapt.engine.batching import cores, use_cores
 from adapt.engine.compilation_cache import keep_compiled
 from adapt.large_runs.parts import Chunks, Work
+from motions.errors import InputError
 from motions.table import Motions
+
+MANY_PARTS = 8
+"""From so many on: a process takes 3 s to start, a part 3 s."""
 
 _WAITING = 2
 """Parts asked for, a process: one that it makes and one that it goes on with; more would only fill memory."""
@@ -17,17 +22,22 @@ _work: Work
 
 
 def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
-    """Make the parts in one process a core, each on one core. BrokenProcessPool if one of them is killed."""
+    """Make the parts in one process a core, each on one core. InputError if the system ends one of them."""
     processes = cores()
-    with ProcessPoolExecutor(processes, get_context("spawn"), _begin, (work,)) as pool:
-        asked: deque[tuple[int, Future[bytes]]] = deque()
-        for number, motions in chunks:
-            asked.append((number, pool.submit(_part, motions)))
-            if len(asked) >= _WAITING * processes:
-                number, part = asked.popleft()
+    asked: deque[tuple[int, Future[bytes]]] = deque()
+    try:
+        with ProcessPoolExecutor(processes, get_context("spawn"), _begin, (work,)) as pool:
+            for number, motions in chunks:
+                asked.append((number, pool.submit(_part, motions)))
+                if len(asked) >= _WAITING * processes:
+                    number, part = asked.popleft()
+                    yield number, part.result()
+            for number, part in asked:
                 yield number, part.result()
-        for number, part in asked:
-            yield number, part.result()
+    except BrokenProcessPool as error:
+        cause = "the system ended a process, most likely because memory ran out"
+        remedy = "Start it again: it continues where it was. A smaller --chunk takes less memory"
+        raise InputError("the adaptation", None, cause, remedy) from error
 
 
 def _begin(work: Work) -> None:

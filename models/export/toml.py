@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from functools import cache, lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -25,7 +26,7 @@ def parameters_toml(
     """
     g = girdle
     above = "".join(f"# {line}\n" for line in comment.splitlines())
-    points = "".join(f"    {_toml(point)},\n" for point in points_mm.T)
+    points = _points_lines(np.asarray(points_mm, float).tobytes(), points_mm.shape[1])
     bounds = "".join(f"{key} = {_toml(width)}\n" for key, width in (bounds_mm or {}).items())
     sources = "".join(f'"{key}" = {_text(words)}\n' for key, words in source.items())
     return f"""\
@@ -56,10 +57,18 @@ conoid_length_mm = {_toml(g.conoid_length_mm)}
 {sources}"""
 
 
+@cache
+def _points_lines(points_mm: bytes, count: int) -> str:
+    """Of many adapted sets the points, half of the text, are those of one model."""
+    points = np.frombuffer(points_mm).reshape(3, count)
+    return "".join(f"    {_toml(point)},\n" for point in points.T)
+
+
 def _toml(value: object) -> str:
     return json.dumps(np.asarray(value, dtype=float).tolist())
 
 
+@lru_cache(maxsize=1024)
 def _text(words: str) -> str:
     """A TOML basic string; JSON's escapes are TOML's, but for the delete character."""
     return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -3,22 +3,27 @@
 """Batches in parts: any chunk, a stop and a cluster give the same results; nothing lost, nothing doubled."""
 
 import importlib.util
+import io
 import os
 import signal
+import zipfile
 from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from command import girdle
+from dying_work import DyingWork
 
 from adapt.api import adapt_subjects
 from adapt.large_runs import parts as parts_module
+from adapt.large_runs.local_processes import in_processes
 from adapt.large_runs.parts import FOLDER, Chunks, Parts, Work, one_after_another
 from adapt.output.run_files import inputs_record, run_key
 from models import load_model
-from motions import MotionStream, read_motions, write_motions
+from motions import InputError, MotionStream, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
 
 SAME = 1e-9
@@ -207,3 +212,40 @@ def test_a_run_of_a_pipe_goes_on_with_no_other(motion, tmp_path):
     of_file, of_pipe = (inputs_record([path], ["R2"]) for path in (motion, pipe))
     assert run_key(of_file, {}) == run_key(of_file, {})
     assert run_key(of_pipe, {}) != run_key(of_pipe, {})
+
+
+def content(part: bytes) -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(part)) as file:
+        return {name: file.read(name) for name in file.namelist()}
+
+
+def test_processes_make_the_parts_that_one_makes(motion):
+    chunks = list(enumerate(MotionStream(motion).in_chunks(2)))
+    expected, found = (list(maker(work(), iter(chunks))) for maker in (one_after_another, in_processes))
+    assert [number for number, _ in found] == [0, 1, 2]
+    for (_, one), (_, other) in zip(found, expected, strict=True):
+        assert content(one) == content(other)
+
+
+def test_a_process_that_the_system_ends_is_named_with_what_to_do(motion):
+    chunks = enumerate(MotionStream(motion).in_chunks(5))
+    dying = DyingWork(*(getattr(work(), field.name) for field in fields(Work)))
+    with pytest.raises(InputError, match=r"the system ended a process.* continues where it was\. A smaller --chunk"):
+        list(in_processes(dying, chunks))
+
+
+def test_a_run_of_many_parts_is_shared_between_processes(motion, whole, tmp_path, monkeypatch):
+    """As the command decides it; on one core there is nothing to share."""
+    made = []
+
+    def maker(given: Work, chunks: Chunks):
+        made.append("processes")
+        return one_after_another(given, chunks)
+
+    monkeypatch.setattr("adapt.cli.commands.fit_commands.in_processes", maker)
+    monkeypatch.setattr("adapt.cli.commands.fit_commands.MANY_PARTS", 5)
+    for cores, expected in ((1, []), (2, ["processes"])):
+        monkeypatch.setattr("adapt.cli.commands.fit_commands.cores", lambda cores=cores: cores)
+        girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path / str(cores))
+        assert made == expected
+        assert_same_tables(tmp_path / str(cores), whole)

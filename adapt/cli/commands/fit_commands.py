@@ -36,8 +36,10 @@ from adapt.cli.print_tables import (
     print_without_landmarks,
     progress,
 )
+from adapt.engine.batching import cores
+from adapt.engine.kernel import has_accelerator
 from adapt.large_runs.dask_cluster import on_cluster
-from adapt.large_runs.local_processes import in_processes
+from adapt.large_runs.local_processes import MANY_PARTS, in_processes
 from adapt.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, one_after_another
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.output.result_files import write_fits, write_report
@@ -119,7 +121,8 @@ def adapt(
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
     work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
-    maker = on_cluster(dask) if dask else in_processes if __import__('os').environ.get('PP') else one_after_another
+    many = len(subjects) >= MANY_PARTS * size and cores() > 1 and not has_accelerator()
+    maker = on_cluster(dask) if dask else in_processes if many else one_after_another
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
     warn_of_subjects(first, "the motions")
