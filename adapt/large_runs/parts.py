@@ -30,8 +30,9 @@ from motions.table import Motions
 FOLDER = "unfinished"
 """Below the folder of the results, while it is."""
 
-LANES = 1024
-"""Subjects times models of a part: four of the chunks that stay in a core's cache, and 0.5 GB of memory."""
+LANES = 512
+"""Subjects times models of a part: two of the chunks that stay in a core's cache, and 0.3 GB of memory. Measured with 1024:
+100 000 subjects 3 % faster, in a tenth more memory."""
 
 MOST_SHOWN = 400
 """Subjects of which the report of a run of several parts is made."""
