@@ -27,6 +27,6 @@ class InputWarning(UserWarning):
     """A file is used as it is, but one may want to look at it. Its text is that of an :class:`InputError`."""
 
 
-def warn_input(file: str, cause: str, remedy: str) -> None:
-    """Warn of a file that is used as it is: InputWarning, in the words of an InputError."""
-    warnings.warn(InputWarning(str(InputError(file, None, cause, remedy))), stacklevel=3)
+def warn_input(doubt: InputError) -> None:
+    """Warn of a file that is used as it is: InputWarning, in the words of an error that is not raised."""
+    warnings.warn(InputWarning(str(doubt)), stacklevel=3)

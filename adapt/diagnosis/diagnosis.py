@@ -14,7 +14,6 @@ from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
-from adapt.diagnosis.inference.alternatives import CredibleSet, credible_sets
 from adapt.diagnosis.inference.amplitude import amplitudes, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung
 from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
@@ -46,6 +45,7 @@ from adapt.diagnosis.result import (
     ParameterMeans,
     Step,
     Verdict,
+    can_test,
 )
 from adapt.diagnosis.thorax_points import thorax_amplitude, thorax_cause
 from adapt.tables.held_out import MOTION, POSTURES
@@ -113,8 +113,8 @@ class _Study:
         none, best = search.nodes[()], max(search.usable, key=lambda node: node.value)
         noise = estimate_noise(shoulders, best.linearised.y, noise_deg)
         floor = floor_deg(noise, shoulders, none.linearised.B)
-        named = name_causes(search, float(np.nanmean(floor))) if shoulders.can_test else nothing_named(search)
-        sets = credible_sets(search, named.node, named.set_aside)
+        tested = can_test(shoulders.kinds, shoulders.persons)
+        named = name_causes(search, float(np.nanmean(floor))) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
         node = named.node
         sizes = amplitudes(search, node)
@@ -132,7 +132,7 @@ class _Study:
             sizes, with_causes = {}, adapted
             gaps = self._gaps(base, adapted, adapted, named.rungs, floor)
         budget = self._budget(gaps, named.rungs)
-        causes = self._causes(named, sets, order, budget) if sizes else []
+        causes = self._causes(named, order, budget) if sizes else []
         verdict = self._verdict(causes, weights, gaps, computed, noise)
         data = observe(shoulders.motions, adapted.batch)
         angle_gaps = _angle_gaps(data, adapted, floor)
@@ -161,7 +161,7 @@ class _Study:
             constraint_spread=constraint_spread(data, adapted.chain, with_causes.chain, noise.angle_deg),
             indistinguishable=indistinguishable(none.linearised),
             lacking=lacking(len(shoulders.kinds), shoulders.persons, THORAX_POINTS in sizes),
-            next_measurement=propose(search, node, [sets[name].names for name in order]),
+            next_measurement=propose(search, node, [named.sets[name].names for name in order]),
         )
 
     def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
@@ -181,11 +181,9 @@ class _Study:
             found[effect.name] = unseen_amplitude(effect)
         return found
 
-    def _causes(
-        self, named: Named, sets: dict[str, CredibleSet], order: Sequence[str], budget: tuple[Step, ...]
-    ) -> list[Cause]:
+    def _causes(self, named: Named, order: Sequence[str], budget: tuple[Step, ...]) -> list[Cause]:
         """What is named, in this order, and last another person's thorax."""
-        causes = [Cause(*sets[name], named.gains[name].share, named.gains[name].t) for name in order]
+        causes = [Cause(*named.sets[name], named.gains[name].share, named.gains[name].t) for name in order]
         if self.relieved:
             level = {step.step: step.gap_deg.value for step in budget}
             causes.append(thorax_cause(level[ADAPTED_STEP], level[THORAX_POINTS], level[NOISE]))

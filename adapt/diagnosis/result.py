@@ -4,7 +4,7 @@ Numbers that are not known are NaN or None, as each field says; JSON has null fo
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -180,6 +180,11 @@ class Proposal:
         return self.separation_then >= TOLD_APART
 
 
+def can_test(kinds: Sequence[str], persons: int) -> bool:
+    """Tell whether a cause can be tested on what it was not fitted to: another kind of motion, or another person."""
+    return len(kinds) > 1 or persons > 1
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """What one model says of the gap of all subjects given."""
@@ -230,7 +235,7 @@ class Diagnosis:
     @property
     def can_test(self) -> bool:
         """Whether there is another motion, or person, to test a cause on that it was not fitted to."""
-        return len(self.kinds) > 1 or self.persons > 1
+        return can_test(self.kinds, self.persons)
 
 
 @dataclass(frozen=True)

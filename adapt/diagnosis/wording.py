@@ -151,10 +151,13 @@ def _ever_shorter(verdict: Verdict, too_large: Collection[str] = ()) -> Iterator
 
     ways: Sequence[Callable[[tuple[str, ...]], str]] = (_all_names, _two_names, lambda names: names[0])
     yield from (listed(all_of(way), "and") for way in ways)
-    first = all_of(lambda names: names[0])[:_MOST_NAMES]
-    yield listed([*first, f"{len(each) - len(first)} more"] if len(each) > len(first) else first, "and")
-    names = [one[0] for one in each[:_MOST_NAMES]]
-    yield listed([*names, f"{len(each) - len(names)} more"] if len(each) > len(names) else names, "and")
+    yield _first_few(all_of(lambda names: names[0]))
+    yield _first_few([names[0] for names in each])
+
+
+def _first_few(names: list[str]) -> str:
+    more = len(names) - _MOST_NAMES
+    return listed([*names[:_MOST_NAMES], f"{more} more"] if more > 0 else names, "and")
 
 
 _ACTS_LIKE = "what acts like "

@@ -8,7 +8,8 @@ from multiprocessing import get_context
 
 from adapt.engine.batching import cores, use_cores
 from adapt.engine.compilation_cache import keep_compiled
-from adapt.large_runs.parts import Chunks, Work
+from adapt.engine.kernel import has_accelerator
+from adapt.large_runs.parts import Chunks, Maker, Work, one_after_another
 from motions.errors import InputError
 from motions.table import Motions
 
@@ -19,6 +20,11 @@ _WAITING = 2
 """Parts asked for, a process: one that it makes and one that it goes on with; more would only fill memory."""
 
 _work: Work
+
+
+def on_this_machine(parts: int) -> Maker:
+    """Choose how to make so many parts: by processes where there are many, and cores but no accelerator to share."""
+    return in_processes if parts >= MANY_PARTS and cores() > 1 and not has_accelerator() else one_after_another
 
 
 def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -57,7 +57,7 @@ conoid_length_mm = {_toml(g.conoid_length_mm)}
 {sources}"""
 
 
-@cache
+@lru_cache(maxsize=16)
 def _points_lines(points_mm: bytes, count: int) -> str:
     """Of many adapted sets the points, half of the text, are those of one model."""
     points = np.frombuffer(points_mm).reshape(3, count)

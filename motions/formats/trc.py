@@ -4,13 +4,12 @@ Not read with trc-data-reader: its 0.4.1 splits lines at any white space, so tha
 writes a gap, shifts all markers to its right by one place without a word.
 """
 
-import warnings
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError, InputWarning
+from motions.errors import InputError, warn_input
 from motions.files import read_text
 from motions.formats.gaps import zeros_as_gaps
 from motions.formats.text import numbers
@@ -46,7 +45,7 @@ def read_trc(path: Path) -> Markers:
         found = _miscounted(file, "NumFrames", said, len(table), "frames")
         if len(table) < said and not text.endswith("\n"):
             raise found
-        warnings.warn(InputWarning(str(found)), stacklevel=2)
+        warn_input(found)
     positions = table[:, 2:].T.reshape(len(markers), 3, -1)
     return Markers(file, tuple(markers), zeros_as_gaps(positions), header.get("Units"), {})
 

@@ -95,7 +95,7 @@ def warn_unlike_rest(file: str, whose: str, rest: Rest, unlike: list[str], swap:
     remedy = "Check the names of the landmarks, the axes and the signs (docs/frames.md)"
     if swap is not None:
         remedy = f"Are {swap[0]} and {swap[1]} swapped? With them exchanged nothing of this is left"
-    warn_input(file, f"{whose}: {where} {'; '.join(unlike)}", remedy)
+    warn_input(InputError(file, None, f"{whose}: {where} {'; '.join(unlike)}", remedy))
 
 
 MOST_NAMED = 10
@@ -105,12 +105,16 @@ MOST_NAMED = 10
 def warn_of_subjects(motions: Motions, file: str) -> None:
     """Warn of subjects whose angles no person has with the arm lowest: another sign, radians, another frame."""
     unlike: list[tuple[str, Rest, list[str]]] = []
+    names, number = np.unique(motions.subject, return_inverse=True)
+    rows_of = np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1])
+    rows = dict(zip(names.tolist(), rows_of, strict=True))
     for subject in motions.subjects:
-        mine = motions.select(motions.subject == subject)
-        rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
-        if found := unlike_rest(rest, mine.landmarks_mm):
+        mine = rows[subject]
+        rest = lowest_frames(motions.angles_deg[mine], motions.humerus_elevation_deg[mine])
+        if found := unlike_rest(rest, {name: place[mine] for name, place in motions.landmarks_mm.items()}):
             unlike.append((subject, rest, found))
     for one in unlike[:MOST_NAMED]:
         warn_unlike_rest(file, *one)
     if len(unlike) > MOST_NAMED:
-        warn_input(file, f"{len(unlike) - MOST_NAMED} more subjects are like this", "Check signs and units")
+        cause = f"{len(unlike) - MOST_NAMED} more subjects are like this"
+        warn_input(InputError(file, None, cause, "Check signs and units"))

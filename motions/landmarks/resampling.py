@@ -76,10 +76,10 @@ def resample_trial(
         f"{whose}: no posture at {', '.join(left_out)} degrees of --at: {goes}, and a posture needs {FEWEST_FRAMES} "
         f"frames within {WINDOW_DEG:g} degrees, or within {2 * WINDOW_DEG:g} of an end"
     )
-    remedy = "Choose elevations that the trial passes through"
+    error = InputError(file, None, cause, "Choose elevations that the trial passes through")
     if not len(sampled.at_deg):
-        raise InputError(file, None, cause, remedy)
-    warn_input(file, cause, remedy)
+        raise error
+    warn_input(error)
     return sampled
 
 

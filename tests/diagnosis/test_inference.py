@@ -10,7 +10,7 @@ from small_worlds import joint_fit, searched, simulated
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.shoulders import shoulders_of
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
-from adapt.diagnosis.inference.alternatives import credible_sets, in_place_of, similarity
+from adapt.diagnosis.inference.alternatives import in_place_of, similarity
 from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.budget import ladder, refitted
 from adapt.diagnosis.inference.correlation import numbers_per_fold
@@ -65,7 +65,7 @@ def test_a_hidden_bias_is_named_with_its_size():
     steps = ladder(search, named.node)
     assert [rung.added for rung in steps][:2] == ["", BIAS]
     assert steps[1].gaps_deg.mean() < 0.7 * steps[0].gaps_deg.mean()
-    assert credible_sets(search, named.node, named.set_aside)[BIAS].names[0] == BIAS
+    assert named.sets[BIAS].names[0] == BIAS
 
 
 def test_nothing_is_named_where_nothing_is_hidden():
@@ -153,10 +153,11 @@ def test_the_first_name_of_each_cause_is_the_most_probable_and_the_one_that_is_s
     search = searched(BIAS)
     named = name_causes(search, 0.1)
     causes = search.joint.candidates.causes
-    for name, one in credible_sets(search, named.node, named.set_aside).items():
+    assert set(named.sets) == set(named.hypothesis)
+    for name, one in named.sets.items():
         assert one.names[0] == causes[name]
         assert list(one.shares) == sorted(one.shares, reverse=True)
-        alternatives = in_place_of(search, named.node, name, named.set_aside)
+        alternatives = in_place_of(search, named.node, name, ())
         assert sum(other.share for other in alternatives.values()) == pytest.approx(1.0)
         assert all(other.node.hypothesis in search.refits for other in alternatives.values())
 

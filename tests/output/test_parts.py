@@ -104,7 +104,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
             yield made
 
     arguments = ("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path)
-    monkeypatch.setattr("adapt.cli.commands.fit_commands.one_after_another", stopped)
+    monkeypatch.setattr("adapt.large_runs.local_processes.one_after_another", stopped)
     with pytest.raises(StoppedError):
         girdle(*arguments)
     assert [path.name for path in tmp_path.iterdir()] == [FOLDER]
@@ -117,7 +117,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
             made.append(number)
             yield number, part
 
-    monkeypatch.setattr("adapt.cli.commands.fit_commands.one_after_another", counted)
+    monkeypatch.setattr("adapt.large_runs.local_processes.one_after_another", counted)
     assert girdle(*arguments).status == 0
     assert made == [2, 3, 4]
     assert_same_tables(tmp_path, whole)
@@ -242,10 +242,10 @@ def test_a_run_of_many_parts_is_shared_between_processes(motion, whole, tmp_path
         made.append("processes")
         return one_after_another(given, chunks)
 
-    monkeypatch.setattr("adapt.cli.commands.fit_commands.in_processes", maker)
-    monkeypatch.setattr("adapt.cli.commands.fit_commands.MANY_PARTS", 5)
+    monkeypatch.setattr("adapt.large_runs.local_processes.in_processes", maker)
+    monkeypatch.setattr("adapt.large_runs.local_processes.MANY_PARTS", 5)
     for cores, expected in ((1, []), (2, ["processes"])):
-        monkeypatch.setattr("adapt.cli.commands.fit_commands.cores", lambda cores=cores: cores)
+        monkeypatch.setattr("adapt.large_runs.local_processes.cores", lambda cores=cores: cores)
         girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path / str(cores))
         assert made == expected
         assert_same_tables(tmp_path / str(cores), whole)

@@ -9,13 +9,7 @@ import typer
 
 from adapt.api import fit_postures
 from adapt.cli.ending import finish, say_known, say_report
-from adapt.cli.inputs import (
-    asked_models,
-    load_models,
-    read_inputs,
-    subjects_without_set,
-    without_subjects,
-)
+from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, without_subjects
 from adapt.cli.options import (
     Float32,
     KnownEffects,
@@ -36,11 +30,9 @@ from adapt.cli.print_tables import (
     print_without_landmarks,
     progress,
 )
-from adapt.engine.batching import cores
-from adapt.engine.kernel import has_accelerator
 from adapt.large_runs.dask_cluster import on_cluster
-from adapt.large_runs.local_processes import MANY_PARTS, in_processes
-from adapt.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects, one_after_another
+from adapt.large_runs.local_processes import on_this_machine
+from adapt.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
@@ -121,8 +113,7 @@ def adapt(
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
     work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
-    many = len(subjects) >= MANY_PARTS * size and cores() > 1 and not has_accelerator()
-    maker = on_cluster(dask) if dask else in_processes if many else one_after_another
+    maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
     warn_of_subjects(first, "the motions")

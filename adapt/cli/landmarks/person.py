@@ -95,7 +95,7 @@ def _warn_inside(person: PersonLandmarks, built: PersonSet, generic: str, rest: 
     if built.thorax is not None:
         whose, remedy = "fitted to the points", "Check points and landmarks, and the posture taken for rest (--rest)"
     cause = f"subject {person.subject!r}: at rest ({rest}) {' and '.join(inside)} inside the thorax {whose}"
-    warn_input(person.file, cause, remedy)
+    warn_input(InputError(person.file, None, cause, remedy))
 
 
 def _lowest(person: PersonLandmarks) -> int:

@@ -49,11 +49,6 @@ class Shoulders:
         """How many persons there are."""
         return int(self.person.max()) + 1
 
-    @property
-    def can_test(self) -> bool:
-        """Whether a cause can be tested on what it was not fitted to: another kind of motion, or another person."""
-        return len(self.kinds) > 1 or self.persons > 1
-
     def rows_of(self, subject: int, motion: int | None = None) -> Int[np.ndarray, " chosen"]:
         """Find the rows of a subject, in all or in one kind of motion."""
         return np.flatnonzero((self.subject == subject) & (True if motion is None else self.motion == motion))

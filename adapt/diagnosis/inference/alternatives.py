@@ -37,13 +37,6 @@ class CredibleSet(NamedTuple):
     shares: tuple[float, ...]
 
 
-def credible_sets(
-    search: Search, named: Node, set_aside: Collection[Hypothesis] = frozenset()
-) -> dict[str, CredibleSet]:
-    """Find, for each named candidate, the causes that do as well in its place beside the others; by name."""
-    return {name: _credible(in_place_of(search, named, name, set_aside)) for name in named.hypothesis}
-
-
 def in_place_of(search: Search, named: Node, own: str, set_aside: Collection[Hypothesis]) -> dict[str, Alternative]:
     """Weigh the causes that the linear prediction finds in the place of one, and its own, by exact fits; by name.
 
@@ -58,7 +51,8 @@ def in_place_of(search: Search, named: Node, own: str, set_aside: Collection[Hyp
     return {name: Alternative(node, float(share)) for (name, node), share in zip(kept.items(), shares, strict=True)}
 
 
-def _credible(found: dict[str, Alternative]) -> CredibleSet:
+def credible_set(found: dict[str, Alternative]) -> CredibleSet:
+    """Find the causes that do as well in the place of one, its own among them."""
     names, kept, reached = [], [], 0.0
     for name in sorted(found, key=lambda name: -found[name].share):
         if reached >= _LEVEL or (names and found[name].share < _LEAST_SHARE):

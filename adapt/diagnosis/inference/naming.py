@@ -1,5 +1,7 @@
 """Which causes are named: those that are probable, and without which unseen motions and persons are predicted worse."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -7,7 +9,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.unseen_folds import Folds
-from adapt.diagnosis.inference.alternatives import Alternative, in_place_of
+from adapt.diagnosis.inference.alternatives import Alternative, CredibleSet, credible_set, in_place_of
 from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
@@ -55,8 +57,8 @@ class Named(NamedTuple):
     gains: dict[str, Gain]
     rungs: list[Rung]
     """Of the gap budget."""
-    set_aside: frozenset[Hypothesis] = frozenset()
-    """Sets with another cause in the place of one, with which the budget does not fall."""
+    sets: Mapping[str, CredibleSet] = MappingProxyType({})
+    """The names that each cause may have."""
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -96,19 +98,18 @@ def nothing_named(search: Search) -> Named:
 def settle(search: Search, named: Named, floor_deg: float) -> Named:
     """Put in the place of each cause the one that exact fits find most probable there; one with which the budget does
     not fall is set aside."""
-    seen, set_aside = {named.hypothesis}, set[Hypothesis]()
+    tried, set_aside = {named.hypothesis}, set[Hypothesis]()
     while True:
-        every = [_best(in_place_of(search, named.node, name, set_aside)) for name in named.hypothesis]
-        better = next((node for node in every if node.hypothesis not in seen), None)
+        places = {name: in_place_of(search, named.node, name, set_aside) for name in named.hypothesis}
+        better = next((one for one in map(_best, places.values()) if one.hypothesis != named.hypothesis), None)
         if better is None:
-            beaten = {node.hypothesis for node in every} - {named.hypothesis}
-            return named._replace(set_aside=frozenset(set_aside | beaten))
-        seen.add(better.hypothesis)
+            return named._replace(sets={name: credible_set(found) for name, found in places.items()})
         rungs = ladder(search, better)
-        if _falls(search.folds, rungs):
-            named = Named(better, _gains(search, better, floor_deg), rungs)
-        else:
+        if better.hypothesis in tried or not _falls(search.folds, rungs):
             set_aside.add(better.hypothesis)
+        else:
+            named = Named(better, _gains(search, better, floor_deg), rungs)
+            tried.add(better.hypothesis)
 
 
 def _best(alternatives: dict[str, Alternative]) -> Node:
