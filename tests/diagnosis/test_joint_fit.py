@@ -140,6 +140,10 @@ def test_machine_code_and_xla_agree():
     channels = joint.candidates.columns.shape[1]
     measured = joint.shoulders.measured_deg[:, rows]
     arguments = girdle, girdle.adapted_mm, np.zeros((channels, 8)), measured, np.ones_like(measured), measured
-    kernel = _kernel(joint.model.effects)
-    for one, other in zip(kernel.by_machine(*arguments), kernel.by_jax(*arguments), strict=True):
+    kernel = _kernel(joint.model.effects, False)
+    by_machine = kernel.by_machine(*arguments)
+    for one, other in zip(by_machine, kernel.by_jax(*arguments), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9)
+    *others, _ = by_machine
+    for one, other in zip(_kernel(joint.model.effects, True).by_machine(*arguments), others, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)  # strengths that are known

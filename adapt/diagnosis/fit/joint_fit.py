@@ -7,7 +7,7 @@ side: all postures, or all but those held out. A part is one subject in one grou
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +16,10 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.gauss_newton import End, Parts, Shared, ThoraxTerm, minimise, thorax_terms
+from adapt.solvers.extended.gauss_newton import End, Parts, Shared, minimise
 from adapt.solvers.extended.nearest_posture import Nearest
-from adapt.solvers.objective import WEIGHT, ThoraxPoints
+from adapt.solvers.extended.thorax_term import Thorax
+from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import SetArrays, set_arrays
 from models.adapted_parameters import STARTS_MM
 from models.effects import Effect
@@ -101,12 +102,12 @@ class Model:
         """Lower and upper bounds."""
         return np.moveaxis(self.sets.bounds_mm, -1, 1)
 
-    def thorax(self, subject: Int[np.ndarray, " parts"]) -> ThoraxTerm:
-        """Give D of parts of these subjects, with its gradient and Gauss-Newton matrix, as a function of theta."""
+    def thorax(self, subject: Int[np.ndarray, " parts"]) -> Thorax:
+        """Give the points on the thorax of parts of these subjects."""
         girdle, points, weights = take_problems(
             (self.sets.girdle, self.sets.points_mm, self.sets.point_weights), subject
         )
-        return partial(thorax_terms, ThoraxPoints(girdle, points, weights))
+        return Thorax(girdle, points, weights, np.zeros(weights.shape))
 
 
 @dataclass(frozen=True)

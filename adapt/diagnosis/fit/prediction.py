@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
+from adapt.solvers.extended.thorax_term import ThoraxPart
 from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
@@ -48,8 +49,8 @@ class Linearised:
     """2 w (Z y)'(Z y) of the rows of each subject that are held out together; m = n + 1."""
     shares: Float[np.ndarray, "parts cells"]
     """1 over the rows of the part where it has those of the cell, else 0."""
-    thorax_gradient: Float[np.ndarray, "subjects adapted"]
-    thorax_matrix: Float[np.ndarray, "subjects adapted adapted"]
+    thorax: ThoraxPart
+    """Of every subject."""
 
     def amplitudes(self, hypothesis: Sequence[str]) -> Float[np.ndarray, " own"]:
         """Give the amplitudes of a hypothesis here: 0 of what is not in the fit."""
@@ -62,8 +63,8 @@ class Linearised:
         chosen = np.concatenate([np.arange(_N), _N + where, [-1]])
         every = np.tensordot(self.shares, self.products[:, chosen[:, None], chosen], axes=1)
         gradient, matrix = every[:, :-1, -1], every[:, :-1, :-1]
-        gradient[:, :_N] += self.thorax_gradient[self.folds.arrays.subject]
-        matrix[:, :_N, :_N] += self.thorax_matrix[self.folds.arrays.subject]
+        gradient[:, :_N] += self.thorax.gradient[self.folds.arrays.subject]
+        matrix[:, :_N, :_N] += self.thorax.matrix[self.folds.arrays.subject]
         return gradient, matrix
 
     def predict(self, hypothesis: Sequence[str]) -> Predicted:
@@ -115,7 +116,7 @@ def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: 
         B,
         np.array([_product(extended[cell == one]) for one in cells]),
         np.array(shares),
-        *joint.model.thorax(joint.arrays.subject)(fitted.theta_mm)[1:],
+        joint.model.thorax(joint.arrays.subject)(fitted.theta_mm),
     )
 
 

@@ -3,8 +3,9 @@
     a* = argmin_a sum_i v_i min_theta E_i(theta, a) + sum ((a - mean) / scale)^2,   E_i = D + w mean(J_p) within bounds
 
 J_p is the squared distance to the nearest closed posture, so its slope in theta and a needs no derivative of that
-posture (envelope theorem), and damped Gauss-Newton steps with y of ``extended.nearest_posture`` follow. Part i is one
-subject with the postures that it is adapted to; the parts of a group share a.
+posture (envelope theorem), and damped Gauss-Newton steps with y of ``extended.nearest_posture`` follow; the rest of
+the curvature is learnt on the way (``extended.secant``). Part i is one subject with the postures that it is adapted to;
+the parts of a group share a.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,8 @@ from jaxtyping import Float, Int
 
 from adapt.solvers.extended.arrow_step import Quadratic, Step, lowest
 from adapt.solvers.extended.nearest_posture import Nearest, nearest_postures
-from adapt.solvers.objective import ThoraxPoints
+from adapt.solvers.extended.secant import secant
+from adapt.solvers.extended.thorax_term import Thorax, ThoraxPart
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.girdle import Girdle
@@ -37,13 +39,6 @@ _STUCK = 0.1
 _SAME = 1e-12
 """Relative rounding of E: a step that changes it by less is no step up."""
 
-ThoraxTerm = Callable[[Float[np.ndarray, "parts adapted"]], tuple[np.ndarray, np.ndarray, np.ndarray]]
-"""D of every part at theta, with its gradient and a positive matrix for its curvature."""
-
-
-Curvature = Callable[[Float[np.ndarray, "parts adapted"], Float[np.ndarray, "6 rows"]], np.ndarray]
-"""d2E/dtheta2 of every part, (parts, adapted, adapted), at theta and the nearest postures there, degrees."""
-
 
 class Shared(NamedTuple):
     """Amplitudes that the parts of a group share."""
@@ -61,7 +56,7 @@ class Parts:
 
     girdle: Girdle
     """(component, parts)."""
-    thorax: ThoraxTerm
+    thorax: Thorax
     bounds_mm: tuple[Float[np.ndarray, "#parts adapted"], Float[np.ndarray, "#parts adapted"]]
     effects: tuple[Effect, ...]
     strengths: Float[np.ndarray, "channels rows"]
@@ -74,6 +69,8 @@ class Parts:
     group: Int[np.ndarray, " parts"]
     importance: Float[np.ndarray, " parts"]
     """v: of E in what the amplitudes minimise."""
+    strengths_are_known: bool = False
+    """Nothing asks for slopes in them."""
 
     @cached_property
     def _starts(self) -> Int[np.ndarray, " parts"]:
@@ -87,7 +84,9 @@ class Parts:
         """Find the nearest postures of all rows at these parameters, (parts, adapted)."""
         adapted = self.girdle.with_adapted(np.ascontiguousarray(theta_mm.T))
         of_rows = jax.tree.map(lambda x: np.ascontiguousarray(x[..., self.part]), adapted)
-        return nearest_postures(of_rows, self.effects, strengths, self.measured_deg, self.sd, start_deg)
+        return nearest_postures(
+            of_rows, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known
+        )
 
 
 class End(NamedTuple):
@@ -107,8 +106,7 @@ class _Point(NamedTuple):
     near: Nearest
     E: np.ndarray
     total: np.ndarray
-    D_gradient: np.ndarray
-    D_matrix: np.ndarray
+    thorax: ThoraxPart
 
 
 @dataclass(frozen=True)
@@ -117,7 +115,6 @@ class _Objective:
 
     parts: Parts
     shared: Shared
-    curvature: Curvature | None = None
 
     @cached_property
     def used(self) -> Int[np.ndarray, " used"]:
@@ -136,30 +133,31 @@ class _Objective:
             strengths = strengths.copy()
             strengths[self.used] += np.einsum("rk,kcr->cr", a[parts.group][parts.part], self.columns)
         near = parts.nearest(theta, strengths, start_deg)
-        D, gradient, matrix = parts.thorax(theta)
+        thorax = parts.thorax(theta)
         opened = np.where(near.open_mm > _OPEN_MM, np.minimum(near.open_mm, 1.0) ** 2, 0.0)
-        E = D + parts.sums(parts.weights * (near.y**2).sum(axis=1) + _OPEN_COST * opened)
+        E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=1) + _OPEN_COST * opened)
         E = np.where(np.isfinite(E), E, np.inf)
         prior = (((a - self.shared.mean) / self.shared.scale) ** 2).sum(axis=1)
         total = np.bincount(parts.group, E * parts.importance, len(a)) + prior
-        return _Point(near, E, total, gradient, matrix)
+        return _Point(near, E, total, thorax)
 
     def slopes(self, at: _Point) -> tuple[Float[np.ndarray, "rows 3 n"], Float[np.ndarray, "parts n"]]:
         """Give Z, dy in theta and the amplitudes, and the gradient of E of every part in them."""
         by_amplitude = np.einsum("ric,kcr->rik", at.near.by_channel[:, :, self.used], self.columns)
         Z = np.concatenate([at.near.by_theta, by_amplitude], axis=2)
-        gradient = self.parts.sums(np.einsum("rik,ri->rk", self._weighted(Z), at.near.y))
-        gradient[:, :_N] += at.D_gradient
+        gradient = self.parts.sums((at.near.y[:, None, :] @ self._weighted(Z))[:, 0])
+        gradient[:, :_N] += at.thorax.gradient
         return Z, gradient
 
-    def step(self, at: _Point, Z, gradient, theta, a, damping: Float[np.ndarray, " groups"]) -> Step:
-        """Find the lowest point of the damped quadratic model within the bounds."""
+    def matrix(self, at: _Point, Z) -> Float[np.ndarray, "parts n n"]:
+        """Compute the Gauss-Newton matrix of E of every part."""
+        matrix = self.parts.sums(np.swapaxes(self._weighted(Z), 1, 2) @ Z)
+        matrix[:, :_N, :_N] += at.thorax.matrix
+        return matrix
+
+    def step(self, gradient, matrix, theta, a, damping: Float[np.ndarray, " groups"]) -> Step:
+        """Find the lowest point of the damped quadratic model within the bounds; the matrix is changed."""
         parts, shared = self.parts, self.shared
-        if self.curvature:
-            matrix = self.curvature(theta, at.near.angles_deg.T)
-        else:
-            matrix = parts.sums(np.einsum("rik,rij->rkj", self._weighted(Z), Z))
-            matrix[:, :_N, :_N] += at.D_matrix
         trace = np.einsum("pii->p", matrix[:, :_N, :_N])
         matrix[:, range(_N), range(_N)] += (damping[parts.group] * trace)[:, None]
         lower, upper = parts.bounds_mm
@@ -183,17 +181,15 @@ def minimise(
     finished: Callable[[float, Float[np.ndarray, "parts adapted"]], bool],
     most_steps: int,
     start_deg: Float[np.ndarray, "6 rows"] | None = None,
-    curvature: Curvature | None = None,
 ) -> End:
-    """Step until ``finished`` says so of the last decrease and the slope in theta; each group has its own damping.
-
-    ``curvature``, where no amplitudes are shared, makes them Newton steps. Next to an optimum at which the constraints
-    bend much, Gauss-Newton steps go twice as far as they should, to and fro.
-    """
-    objective, (lower, upper) = _Objective(parts, shared, curvature), parts.bounds_mm
+    """Step until ``finished`` says so of the last decrease and the slope in theta; each group has its own damping."""
+    objective, (lower, upper) = _Objective(parts, shared), parts.bounds_mm
     theta, a = np.clip(theta_mm, lower, upper), np.array(amplitude)
     damping = np.full(len(a), _FIRST_DAMPING)
     at = objective.at(theta, a, start_deg)
+    rest = np.zeros((len(theta), _N + a.shape[1], _N + a.shape[1]))  # of the curvature, beside Gauss-Newton's
+    moved = before = np.zeros(rest.shape[:2])  # by the last step; and its gradient
+    taken = np.zeros(len(theta), bool)
     settled, gain, step_number, slope = False, np.inf, 0, np.zeros_like(theta)
     for step_number in range(most_steps + 1):
         Z, gradient = objective.slopes(at)
@@ -202,12 +198,15 @@ def minimise(
         settled = finished(gain, slope) and bool((damping < _STUCK).all())
         if settled or step_number == most_steps:
             break
-        step = objective.step(at, Z, gradient, theta, a, damping)
+        matrix = objective.matrix(at, Z)
+        rest = np.where(taken[:, None, None], secant(rest, matrix, moved, gradient - before), 0.0)
+        step, before = objective.step(gradient, matrix + rest, theta, a, damping), gradient
         tried = objective.at(theta + step.theta, a + step.amplitude, at.near.angles_deg.T)
         better = tried.total <= at.total + _SAME * np.abs(at.total)
         damping = np.where(better, damping * _LESS, np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE))
         gain = float(np.where(better, at.total - tried.total, np.inf).max())
-        theta = np.where(better[parts.group][:, None], theta + step.theta, theta)
+        taken, moved = better[parts.group], np.concatenate([step.theta, step.amplitude[parts.group]], axis=1)
+        theta = np.where(taken[:, None], theta + step.theta, theta)
         a = np.where(better[:, None], a + step.amplitude, a)
         at = _chosen(parts, better, at, tried)
     return End(theta, a, at.E, at.near, slope, step_number, settled)
@@ -220,15 +219,9 @@ def _chosen(parts: Parts, better, old: _Point, new: _Point) -> _Point:
         old.near.where(part[parts.part], new.near),
         np.where(part, new.E, old.E),
         np.where(better, new.total, old.total),
-        np.where(part[:, None], new.D_gradient, old.D_gradient),
-        np.where(part[:, None, None], new.D_matrix, old.D_matrix),
+        ThoraxPart(
+            old.thorax.D,  # is part of E
+            np.where(part[:, None], new.thorax.gradient, old.thorax.gradient),
+            np.where(part[:, None, None], new.thorax.matrix, old.thorax.matrix),
+        ),
     )
-
-
-def thorax_terms(points: ThoraxPoints, theta_mm: Float[np.ndarray, "parts adapted"]):
-    """Compute D of every part, mm^2, with its gradient and Gauss-Newton matrix (``ThoraxTerm``)."""
-    at, slopes = points.distances(np.ascontiguousarray(theta_mm.T))
-    slope = np.stack([np.broadcast_to(x, at.d.shape) for x in slopes])
-    weighted = 2.0 * np.broadcast_to(points.point_weights, at.d.shape) * slope
-    gradient = np.einsum("jnp,np->pj", weighted, at.d)
-    return (points.point_weights * at.d**2).sum(axis=0), gradient, np.einsum("inp,jnp->pij", weighted, slope)

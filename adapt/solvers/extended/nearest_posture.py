@@ -59,7 +59,7 @@ class Nearest:
     by_theta: Float[np.ndarray, "rows 3 adapted"]
     """dy a mm of each adapted parameter."""
     by_channel: Float[np.ndarray, "rows 3 channels"]
-    """dy a unit of strength in each channel of each effect."""
+    """dy a unit of strength in each channel of each effect; no channels where their strengths are known."""
     B: Float[np.ndarray, "rows 3 6"]
     g_mm: Float[np.ndarray, "rows 3"]
     """A1-A3 at x: not 0 where no closed posture was found."""
@@ -87,35 +87,37 @@ def nearest_postures(
     measured_deg: Float[np.ndarray, "6 rows"],
     sd: Float[np.ndarray, "6 rows"],
     start_deg: Float[np.ndarray, "6 rows"] | None = None,
+    strengths_are_known: bool = False,
 ) -> Nearest:
     """Find the nearest closed posture of every row, by projections from ``start_deg``, else from the measured angles.
 
-    ``girdle``: (component, rows), adapted. ``sd`` is 1 where an angle was measured.
+    ``girdle``: (component, rows), adapted. ``sd`` is 1 where an angle was measured. Strengths that are known need no
+    slopes.
     """
     start = measured_deg if start_deg is None else start_deg
-    found = _kernel(effects)(girdle, girdle.adapted_mm, strengths, measured_deg, sd, start)
-    x, y, by_theta, by_channel, B, g, h = (np.moveaxis(one, -1, 0) for one in found)
-    count = len(x)
-    T, C, B = (one.reshape(count, 3, -1) for one in (by_theta, by_channel, B))
-    return Nearest(x, y, T, C, B, g, h)
+    found = _kernel(effects, strengths_are_known)(girdle, girdle.adapted_mm, strengths, measured_deg, sd, start)
+    x, y, B, g, h, by_theta, *by_channel = (np.moveaxis(one, -1, 0) for one in found)
+    B, T, *C = (one.reshape(len(x), 3, -1) for one in (B, by_theta, *by_channel))
+    return Nearest(x, y, T, C[0] if C else np.zeros((len(x), 3, 0)), B, g, h)
 
 
 @cache
-def _kernel(effects: tuple[Effect, ...]) -> Kernel:
-    """The compiled function of these effects."""
+def _kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> Kernel:
+    """The compiled function of these effects; last of its results, if wanted, the slopes in their strengths."""
     channels = [one.course.channels(len(one.directions)) for one in effects]
     splits, count = np.cumsum(channels).tolist(), sum(channels) or NO_CHANNELS
 
     def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start):
-        def g(x, theta, strengths):
+        def g(x, theta, strengths=strengths):
             active = ActiveEffects(tuple(jnp.split(strengths, splits)[: len(effects)]), effects)
             return active.on(girdle.with_adapted(theta)).residuals_mm(x / DEG)
 
-        return _nearest(g, theta_mm, strengths, s, sd, start)
+        at = (theta_mm,) if strengths_are_known else (theta_mm, strengths)
+        return _nearest(g, at, s, sd, start)
 
     inputs = GIRDLE, str(len(ADAPTED)), str(count), "6", "6", "6"
-    name = f"nearest_{_digest(effects, nearest, count)}"
-    outputs = "6", "3", str(3 * len(ADAPTED)), str(3 * count), "18", "3", "3"
+    name = f"nearest_{'known_' * strengths_are_known}{_digest(effects, nearest, count)}"
+    outputs = "6", "3", "18", "3", "3", str(3 * len(ADAPTED)), *([] if strengths_are_known else [str(3 * count)])
     return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
 
 
@@ -129,12 +131,12 @@ def _digest(effects: tuple[Effect, ...], nearest, count: int) -> str:
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 
-def _nearest(g, theta_mm, strengths, s, sd, start):
-    """Project until nothing moves, then all slopes; of one row."""
+def _nearest(g, at, s, sd, start):
+    """Project until g(x, *at) is 0 and nothing moves, then all slopes; of one row."""
 
     def project(state):
         number, x, step_before, along_before, _ = state
-        value, (G,) = _with_slopes(lambda q: g(q, theta_mm, strengths), x)
+        value, (G,) = _with_slopes(lambda q: g(q, *at), x)
         GS = G * sd
         root = _inverse_root(GS @ GS.T)
 
@@ -152,12 +154,12 @@ def _nearest(g, theta_mm, strengths, s, sd, start):
 
     one, nothing = jnp.ones(()), 0.0 * start
     _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, nothing, nothing, _FAR_DEG * one))
-    value, (G, T, C) = _with_slopes(g, x, theta_mm, strengths)
+    value, (G, *slopes) = _with_slopes(g, x, *at)
     GS = G * sd
     root = _inverse_root(GS @ GS.T)
     y = root @ (value + G @ (s - x))
-    B, by_theta, by_channel = ((root @ one).ravel() for one in (G, T, C))
-    return x, y, by_theta, by_channel, B, value, root.T @ y
+    B, *slopes = ((root @ one).ravel() for one in (G, *slopes))
+    return x, y, B, value, root.T @ y, *slopes
 
 
 def _part_of(along, step_before, along_before, sd):

@@ -27,8 +27,9 @@ def fit_extended(
     strengths = [np.broadcast_to(np.asarray(one), (len(one), count)) for one in active.strengths]
     every = np.concatenate(strengths) if strengths else np.zeros((NO_CHANNELS, count))
     first = None if start is None else np.asarray(start) * float(DEG)
-    near = nearest_postures(base, active.effects, every, np.asarray(target) * float(DEG), np.ones((6, count)), first)
-    apart = near.angles_deg.T - np.asarray(target) * float(DEG)
+    target_deg = np.asarray(target) * float(DEG)
+    near = nearest_postures(base, active.effects, every, target_deg, np.ones((6, count)), first, True)
+    apart = near.angles_deg.T - target_deg
     per_deg2 = weights.max(axis=0) / float(DEG) ** 2
     stationarity = per_deg2 * np.abs(apart + np.einsum("rka,rk->ar", near.B, near.y)).max(axis=0)
     residual = np.ascontiguousarray(near.g_mm.T)

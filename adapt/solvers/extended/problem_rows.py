@@ -5,8 +5,8 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.extended.gauss_newton import Parts, thorax_terms
-from adapt.solvers.objective import ThoraxPoints
+from adapt.solvers.extended.gauss_newton import Parts
+from adapt.solvers.extended.thorax_term import Thorax
 from models.effects import ActiveEffects
 from motions.rotations import DEG
 
@@ -27,10 +27,10 @@ def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
     """Lay the postures that count out as rows, each problem a part and a group of its own."""
     problem, posture = rows_of(fixed)
     count = fixed.problem.measured.shape[-1]
-    points = ThoraxPoints(fixed.girdle, fixed.points_mm, fixed.point_weights, fixed.levels_mm)
+    girdle = jax.tree.map(np.asarray, fixed.girdle)
     return Parts(
-        girdle=jax.tree.map(np.asarray, fixed.girdle),
-        thorax=lambda theta_mm: thorax_terms(points, theta_mm),
+        girdle=girdle,
+        thorax=Thorax(girdle, fixed.points_mm, fixed.point_weights, fixed.levels_mm),
         bounds_mm=(np.asarray(fixed.problem.lower).T, np.asarray(fixed.problem.upper).T),
         effects=active_effects.effects,
         strengths=np.concatenate([np.asarray(one)[:, posture, problem] for one in active_effects.strengths]),
@@ -40,4 +40,5 @@ def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
         part=problem,
         group=np.arange(count),
         importance=np.ones(count),
+        strengths_are_known=True,
     )

@@ -10,17 +10,14 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.extended.gauss_newton import End, Shared, minimise
 from adapt.solvers.extended.problem_rows import parts_of, row_weights, rows_of
-from adapt.solvers.extended.second_derivatives import motion_curvature
-from adapt.solvers.objective import ThoraxPoints
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from adapt.solvers.reference.subject import THETA_TOLERANCE, Subject
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects
 from motions.rotations import DEG
 
-_ROUNDS = ((20, False), (40, False), (8, True), (160, False), (8, True))
-"""Most steps in each round, and whether they are Newton's; each takes those on that have not converged. Measured
-motions take 10 to 60 Gauss-Newton steps; a Newton step costs 13 of them."""
+_ROUNDS = (11, 5, 8, 40, 160)
+"""Most steps in each round; each takes those on that have not converged."""
 
 
 def solve_extended(
@@ -33,11 +30,11 @@ def solve_extended(
     found = _unsolved(theta, angles)
     measured = np.all((fixed.problem.weights > 0.0) | ~fixed.problem.counted, axis=(0, 1))
     left = np.flatnonzero(measured)
-    for steps, newton in _ROUNDS:
+    for steps in _ROUNDS:
         if not len(left):
             break
         some, active = take_problems((fixed, active_effects), left)
-        end = _steps(some, active, found.theta[:, left], found.angles[..., left], steps, newton)
+        end = _steps(some, active, found.theta[:, left], found.angles[..., left], steps)
         _put(found, left, some, end)
         left = left[~found.converged[left]]
     return found
@@ -60,7 +57,7 @@ def _unsolved(theta, angles) -> Subject:
     )
 
 
-def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_steps: int, newton: bool) -> End:
+def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_steps: int) -> End:
     problem, posture = rows_of(fixed)
     count, parts = theta.shape[1], parts_of(fixed, active_effects)
     nothing = Shared(np.zeros((0, len(parts.strengths), len(problem))), np.zeros(0), np.zeros(0))
@@ -70,12 +67,7 @@ def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_step
 
     start = angles[:, posture, problem] * float(DEG)
 
-    def curvature(theta_mm, near_deg) -> np.ndarray:
-        of_motion, _ = motion_curvature(fixed, active_effects, theta_mm.T, near_deg)
-        return np.moveaxis(ThoraxPoints(*fixed[:4]).curvature(theta_mm.T) + of_motion, -1, 0)
-
-    known = curvature if newton else None
-    return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, most_steps, start, known)
+    return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, most_steps, start)
 
 
 def _put(found: Subject, left, fixed: Fixed, end: End) -> None:

@@ -1,0 +1,65 @@
+"""D of many parts at once, with its gradient and the Gauss-Newton matrix for its curvature, on the engine."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.engine.axes import along, stacked
+from adapt.engine.kernel import Kernel
+from adapt.solvers.batched.posture_kernels import GIRDLE
+from models.adapted_parameters import ADAPTED, ellipsoid_components
+from models.derivatives import distance, ellipsoid_slope
+from models.ellipsoid import closest_point_multiplier
+from models.girdle import Girdle
+
+_N = len(ADAPTED)
+
+_CHUNK = 4096
+"""Parts that XLA works on at a time."""
+
+
+class ThoraxPart(NamedTuple):
+    """D of every part and what it adds to the quadratic model in theta."""
+
+    D: Float[np.ndarray, " parts"]
+    gradient: Float[np.ndarray, "parts adapted"]
+    matrix: Float[np.ndarray, "parts adapted adapted"]
+
+
+class Thorax(NamedTuple):
+    """Points on the thorax of every part, or other points at their levels, mm (``objective.ThoraxPoints``)."""
+
+    girdle: Girdle
+    points_mm: Float[np.ndarray, "3 points parts"]
+    point_weights: Float[np.ndarray, "points parts"]
+    levels_mm: Float[np.ndarray, "points parts"]
+
+    def __call__(self, theta_mm: Float[np.ndarray, "parts adapted"]) -> ThoraxPart:
+        """Compute D, mm^2, of every part at theta."""
+        D, gradient, matrix = _kernel(*self, theta_mm.T)
+        return ThoraxPart(D, gradient.T, matrix.T.reshape(-1, _N, _N))
+
+
+def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):
+    """sum u (d - level)^2, its gradient, and 2 sum u d' d'^T, of one part."""
+
+    def of_point(point, weight, level):
+        centre, semi_axes = ellipsoid_components(girdle, theta)
+        p = point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]
+        at = distance(p, semi_axes, closest_point_multiplier(p, semi_axes))
+        slope, off = [*ellipsoid_slope(at), 0.0 * at.d], at.d - level
+        weighted = [2.0 * weight * x for x in slope]
+        return (weight * off**2, [off * x for x in weighted], [x * y for x in weighted for y in slope]), (), ()
+
+    (D, gradient, matrix), *_ = along(point_weights).reduced(of_point, points_mm, point_weights, levels_mm)
+    return D, stacked(gradient), stacked(matrix)
+
+
+_kernel = Kernel(
+    "thorax",
+    _terms,
+    (GIRDLE, "3 points", "points", "points", f"{_N}"),
+    ("", f"{_N}", f"{_N * _N}"),
+    _CHUNK,
+)

@@ -1,0 +1,80 @@
+"""The parts of the fast path with effects: D on the engine, and the curvature that is learnt from the steps."""
+
+import numpy as np
+import pytest
+
+from adapt.solvers.extended import thorax_term
+from adapt.solvers.extended.secant import secant
+from adapt.solvers.extended.thorax_term import Thorax
+from adapt.solvers.objective import ThoraxPoints
+from adapt.solvers.problem_batch import set_arrays
+from models import load_model
+from models.adapted_parameters import ADAPTED
+
+SAME = 1e-9
+"""mm^2 a mm, of numbers up to 100: rounding of two texts."""
+
+
+@pytest.fixture(scope="module")
+def thorax() -> tuple[Thorax, np.ndarray]:
+    """The points of R2 off nine ellipsoids, at levels off their surface."""
+    sets = set_arrays([load_model("R2")], [f"s{number}" for number in range(9)])
+    generator = np.random.default_rng(2)
+    theta = np.asarray(sets.girdle.adapted_mm) + 8.0 * generator.standard_normal((len(ADAPTED), 9))
+    levels = 5.0 * generator.standard_normal(sets.point_weights.shape)
+    return Thorax(sets.girdle, sets.points_mm, sets.point_weights, levels), theta
+
+
+def test_d_of_parts_is_that_of_the_objective(thorax):
+    points, theta = thorax
+    found, by_hand = points(theta.T), ThoraxPoints(*points)
+    np.testing.assert_allclose(found.D, by_hand.value(theta), rtol=1e-12)
+    np.testing.assert_allclose(found.gradient.T, by_hand.slope(theta), atol=SAME)
+
+
+def test_its_matrix_is_the_curvature_of_d_where_the_points_lie_on_their_levels(thorax):
+    points, theta = thorax
+    at, _ = ThoraxPoints(*points).distances(theta)
+    on_level = points._replace(levels_mm=points.levels_mm + at.d)
+    found = on_level(theta.T)
+    np.testing.assert_allclose(found.D, 0.0, atol=SAME)
+    np.testing.assert_allclose(np.moveaxis(found.matrix, 0, -1), ThoraxPoints(*on_level).curvature(theta), atol=SAME)
+
+
+def test_machine_code_and_xla_give_the_same_d(thorax):
+    points, theta = thorax
+    one, other = (run(*points, theta) for run in (thorax_term._kernel.by_machine, thorax_term._kernel.by_jax))
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_allclose(a, b, atol=SAME)
+
+
+def matrices(count: int, seed: int) -> np.ndarray:
+    """Positive ones, 3 by 3."""
+    root = np.random.default_rng(seed).standard_normal((count, 5, 3))
+    return np.swapaxes(root, 1, 2) @ root
+
+
+def test_the_learnt_curvature_explains_the_last_change_of_the_gradient():
+    H, M, S = matrices(4, 0), 0.5 * matrices(4, 1), 0.3 * matrices(4, 2)
+    step = np.random.default_rng(3).standard_normal((4, 3))
+    change = (H @ step[..., None])[..., 0]
+    found = secant(S, M, step, change)
+    np.testing.assert_allclose(((M + found) @ step[..., None])[..., 0], change, atol=1e-12)
+    np.testing.assert_allclose(found, np.swapaxes(found, 1, 2), atol=1e-12)
+
+
+def test_in_one_dimension_it_is_what_gauss_newton_leaves_out():
+    one = np.ones((1, 1, 1))
+    assert secant(0.0 * one, 2.0 * one, np.array([[0.1]]), np.array([[0.5]])) == pytest.approx(3.0)
+
+
+def test_where_gauss_newton_leaves_nothing_out_it_is_forgotten():
+    M, step = matrices(2, 5), np.random.default_rng(6).standard_normal((2, 3))
+    found = secant(matrices(2, 7), M, step, (M @ step[..., None])[..., 0])
+    np.testing.assert_allclose(found, 0.0, atol=1e-12)
+
+
+def test_a_gradient_that_falls_along_the_step_adds_no_curvature():
+    S, step = 0.1 * matrices(1, 8), np.array([[1.0, 0.0, 0.0]])
+    found = secant(S, matrices(1, 9), step, -step)
+    np.testing.assert_allclose(found, S)
