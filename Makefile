@@ -6,6 +6,9 @@ INSTALL := $(BIN)/uv pip install -q --python $(BIN)/python
 MOTIONS ?= ../shared/motions/*.csv
 MEANS ?= --mean mean_ludewig2009 --mean mean_oki2012
 
+# Where it is set, every process compiles all that it imports anew: three seconds each, and the tests start hundreds.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed fuzz mutants rooms frames docs clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
