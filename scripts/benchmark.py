@@ -7,8 +7,9 @@ and of CPU time, which other work on the machine moves less. E is compared subje
 the repeats, beside the least and the most. A peer that is not installed is left out, with a line that says so
 (``pip install '.[peers]'``).
 
-The machine code of ``adapt.engine`` has a peer of its own: XLA, given the same text of the subject sweep and the same
-iterations (``machine_code_vs_xla``; CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
+``time_with_effect``: how many times as long as a plain adaptation (three starts, lowest postures) one with a known
+effect takes. ``machine_code_vs_xla``: the machine code of ``adapt.engine`` against XLA, given the same text of the
+subject sweep and the same iterations (CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
 """
 
 import importlib.util
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -34,14 +36,17 @@ import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
-from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
+from adapt.solvers.adaptation import adapt_batch, solved_from_geometric_fit  # noqa: E402
 from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
 from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
-from adapt.solvers.problem_batch import fixed_problem, problem_batch, select_problems  # noqa: E402
+from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, problem_batch, select_problems  # noqa: E402
+from adapt.solvers.reference.subject import Subject  # noqa: E402
 from models import load_model  # noqa: E402
+from models.effects.known import active_effects, read_amplitudes  # noqa: E402
+from models.girdle import Girdle  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from scripts import measure_float32 as float32  # noqa: E402
@@ -51,6 +56,9 @@ from scripts.peers.shares import Share  # noqa: E402
 from scripts.reporting import timed  # noqa: E402
 from scripts.roofline.counted import operations_of_iteration  # noqa: E402
 from scripts.roofline.reached import core_seconds, peak_gflops  # noqa: E402
+
+EFFECT = "clavicle_frame_bias=10,5,-3"
+"""What is at work where an adaptation with a known effect is measured; any other takes as long."""
 
 SAME_E = 1e-6
 """Relative: two optima are one. IPOPT stops at 1e-10 of its scaled conditions."""
@@ -100,9 +108,12 @@ def values_of(data: Any, solved: Any) -> np.ndarray:
     return np.asarray(D + WEIGHT * jnp.sum(jnp.where(data.counted, j, 0.0), axis=0) / jnp.sum(data.counted, axis=0))
 
 
-def prepared(model: str, subjects: int):
-    """The problems of simulated subjects."""
-    return problem_batch(pack(simulate_subjects(subjects, seed=SEED)), [load_model(model)])
+def prepared(model: str, subjects: int, effects: tuple[str, ...] = ()):
+    """The problems of simulated subjects, with known effects as options of the command line."""
+    motions = simulate_subjects(subjects, seed=SEED)
+    batch = pack(motions)
+    known = active_effects(read_amplitudes(effects), motions).at(batch.rows)
+    return problem_batch(batch, [load_model(model)], known)
 
 
 def sweep_gflops(data: Any, operations: int) -> float:
@@ -162,6 +173,89 @@ def rates(run: Callable[[], object], subjects: int) -> tuple[float, float]:
     return subjects / (time.perf_counter() - wall), subjects / (time.process_time() - cpu)
 
 
+class Cases(NamedTuple):
+    """What our solvers are given, everything compiled, and what they find."""
+
+    model: str
+    data: ProblemBatch
+    extended: ProblemBatch
+    """With a known effect."""
+    one: ProblemBatch
+    """The first subject alone."""
+    postures: tuple[Girdle, np.ndarray, np.ndarray]
+    """Girdles, measured angles (rad) and which of them are known, of all posture fits."""
+    sweep: tuple[Fixed, Start, np.ndarray]
+    operations: int
+    """Of one iteration of a subject."""
+    solved: Subject
+    fitted_j_deg2: np.ndarray
+
+
+def prepared_cases(model: str, subjects: int) -> Cases:
+    """Prepare and compile everything, and solve it once."""
+    data = prepared(model, subjects)
+    angles = np.asarray(simulate_subjects(subjects, seed=SEED).angles_deg.T) / DEG
+    postures = load_model(model).girdle.repeated(angles.shape[1]), angles, np.isfinite(angles)
+    cases = Cases(
+        model,
+        data,
+        prepared(model, subjects, (EFFECT,)),
+        select_problems(data, np.arange(1)),
+        postures,
+        first_iterations(data),
+        operations_of_iteration(data.counted.shape[0], data.point_weights.shape[0]),
+        solved_from_geometric_fit(data),
+        fit_batch(*postures).j_deg2,
+    )
+    solved_from_geometric_fit(cases.one)
+    adapt_batch(cases.extended)
+    subjects_kernel.by_jax(*cases.sweep)
+    return cases
+
+
+def measured(
+    cases: Cases, solvers: dict[str, Peer], peers: int, repeats: int
+) -> tuple[dict[str, list[float]], dict[str, Share], Share]:
+    """Measure rates (subjects, posture fits or GFLOP a second) in every repeat; the last results of the peers, and of
+    SLSQP."""
+    subjects, rows = cases.data.counted.shape[1], defaultdict[str, list[float]](list)
+    last: dict[str, Share] = {}
+    fits = Share(0.0, 0.0, np.empty(0))
+    for _ in range(repeats):
+        wall, cpu = rates(lambda: solved_from_geometric_fit(cases.data), subjects)
+        rows["adapt"].append(wall)
+        rows["adapt_cpu"].append(cpu)
+        for name, peer in solvers.items():
+            few = max(2, peers // peer.fewer)
+            last[name] = peer.run(cases.model, few, subjects)
+            rows[name].append(few / last[name].wall_s)
+            rows[f"{name}_cpu"].append(few / last[name].cpu_s)
+        rows["adapted"].append(subjects / timed(lambda: adapt_batch(cases.data)))
+        rows["adapted_with_effect"].append(subjects / timed(lambda: adapt_batch(cases.extended)))
+        rows["single"].append(1.0 / timed(lambda: solved_from_geometric_fit(cases.one)))
+        rows["fit"].append(len(cases.fitted_j_deg2) / timed(lambda: fit_batch(*cases.postures)))
+        fits = slsqp.run(cases.model, 2 * peers, subjects)
+        rows["slsqp"].append(2 * peers / fits.wall_s)
+        rows["gflops"].append(sweep_gflops(cases.data, cases.operations))
+        rows["peak_gflops"].append(peak_gflops())
+        rows["sweep"].append(subjects / timed(lambda: subjects_kernel.by_machine(*cases.sweep)))
+        rows["sweep_by_xla"].append(subjects / timed(lambda: subjects_kernel.by_jax(*cases.sweep)))
+    return dict(rows), last, fits
+
+
+def ratios(rows: dict[str, list[float]], solvers: list[str], cores: int) -> dict[str, list[float]]:
+    """Compare the rates, repeat by repeat."""
+    found = {f"adapt_vs_{name}": quotients(rows["adapt"], rows[name]) for name in solvers}
+    found |= {f"adapt_vs_{name}_by_cpu": quotients(rows["adapt_cpu"], rows[f"{name}_cpu"]) for name in solvers}
+    return found | {
+        "adapt_single_vs_ipopt": [a / (b / cores) for a, b in zip(rows["single"], rows["ipopt"], strict=True)],
+        "time_with_effect": quotients(rows["adapted"], rows["adapted_with_effect"]),
+        "fit_vs_slsqp": quotients(rows["fit"], rows["slsqp"]),
+        "share_of_peak": quotients(rows["gflops"], rows["peak_gflops"]),
+        "machine_code_vs_xla": quotients(rows["sweep"], rows["sweep_by_xla"]),
+    }
+
+
 @app.command()
 def benchmark(
     model: str = "R2",
@@ -173,54 +267,14 @@ def benchmark(
 ) -> None:
     """Measure and compare."""
     keep_compiled()
-    data = prepared(model, subjects)
-    one = select_problems(data, np.arange(1))
-    ours = solved_from_geometric_fit(data)
-    solved_from_geometric_fit(one)
-    measured = np.asarray(simulate_subjects(subjects, seed=SEED).angles_deg.T) / DEG
-    girdle = load_model(model).girdle
-    count = measured.shape[1]
-    girdles = jax.tree.map(lambda x: np.broadcast_to(np.asarray(x)[..., None], (*x.shape, count)), girdle)
-    known = np.isfinite(measured)
-    fitted = fit_batch(girdles, measured, known)
-
     solvers = installed_peers()
-    keys = ["adapt", "single", "fit", "slsqp", "gflops", "peak_gflops", "sweep", "sweep_by_xla", *solvers]
-    rows: dict[str, list[float]] = {key: [] for key in [*keys, "adapt_cpu", *(f"{name}_cpu" for name in solvers)]}
-    operations = operations_of_iteration(data.counted.shape[0], data.point_weights.shape[0])
-    sweep = first_iterations(data)
-    subjects_kernel.by_jax(*sweep)  # compiles
-    last: dict[str, Share] = {}
-    fits = Share(0.0, 0.0, np.empty(0))
-    for _ in range(repeats):
-        wall, cpu = rates(lambda: solved_from_geometric_fit(data), subjects)
-        rows["adapt"].append(wall)
-        rows["adapt_cpu"].append(cpu)
-        for name, peer in solvers.items():
-            few = max(2, peers // peer.fewer)
-            last[name] = peer.run(model, few, subjects)
-            rows[name].append(few / last[name].wall_s)
-            rows[f"{name}_cpu"].append(few / last[name].cpu_s)
-        rows["single"].append(1.0 / timed(lambda: solved_from_geometric_fit(one)))
-        rows["fit"].append(count / timed(lambda: fit_batch(girdles, measured, known)))
-        fits = slsqp.run(model, 2 * peers, subjects)
-        rows["slsqp"].append(2 * peers / fits.wall_s)
-        rows["gflops"].append(sweep_gflops(data, operations))
-        rows["peak_gflops"].append(peak_gflops())
-        rows["sweep"].append(subjects / timed(lambda: subjects_kernel.by_machine(*sweep)))
-        rows["sweep_by_xla"].append(subjects / timed(lambda: subjects_kernel.by_jax(*sweep)))
+    cases = prepared_cases(model, subjects)
+    rows, last, fits = measured(cases, solvers, peers, repeats)
     cores = os.cpu_count() or 1
     sizes = [n for n in (250, 1000, 4000, 16000, 64000) if n < largest] + [largest]
     seconds = {n: _seconds(model, n) for n in sizes}
     cold, warm = warm_wall_s()
-    ratio = {f"adapt_vs_{name}": quotients(rows["adapt"], rows[name]) for name in solvers}
-    ratio |= {f"adapt_vs_{name}_by_cpu": quotients(rows["adapt_cpu"], rows[f"{name}_cpu"]) for name in solvers}
-    ratio |= {
-        "adapt_single_vs_ipopt": [a / (b / cores) for a, b in zip(rows["single"], rows["ipopt"], strict=True)],
-        "fit_vs_slsqp": quotients(rows["fit"], rows["slsqp"]),
-        "share_of_peak": quotients(rows["gflops"], rows["peak_gflops"]),
-        "machine_code_vs_xla": quotients(rows["sweep"], rows["sweep_by_xla"]),
-    }
+    ratio = ratios(rows, list(solvers), cores)
     result = {
         **{key: float(np.median(values)) for key, values in ratio.items()},
         "subjects_per_second": float(np.median(rows["adapt"])),
@@ -231,16 +285,16 @@ def benchmark(
         "spread": {key: spread(values) for key, values in (ratio | rows).items()},
         "subjects_vs_nested_jaxopt": float(np.median(rows["adapt"])) * nested_jaxopt.seconds_a_subject(model, 3),
         "seconds_of_subjects": seconds,
-        "operations_of_one_iteration": operations,
+        "operations_of_one_iteration": cases.operations,
         "agreement": {
-            "converged": float(np.mean(ours.converged)),
-            **{name: compared(values_of(data, ours), share.values) for name, share in last.items()},
-            "fits_not_above_slsqp": float(np.mean(~(fitted.j_deg2[: 2 * peers] > fits.values + 1e-6))),
+            "converged": float(np.mean(cases.solved.converged)),
+            **{name: compared(values_of(cases.data, cases.solved), share.values) for name, share in last.items()},
+            "fits_not_above_slsqp": float(np.mean(~(cases.fitted_j_deg2[: len(fits.values)] > fits.values + 1e-6))),
         },
         "time_in_the_library": {name: share.library for name, share in last.items()},
         "float32": {
-            "times_as_fast": float32.speeds(data, repeats),
-            "again_in_float64": float32.shares_in_float64(data),
+            "times_as_fast": float32.speeds(cases.data, repeats),
+            "again_in_float64": float32.shares_in_float64(cases.data),
             "changes": float32.errors(simulate_subjects(subjects, seed=SEED), [load_model(model)]),
         },
         "machine": {"cores": cores, "devices": [str(d) for d in jax.devices()], "load": os.getloadavg()},

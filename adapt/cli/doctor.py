@@ -45,7 +45,12 @@ def doctor() -> None:
 
     Exit status: 0 girdle can work, 1 something that it needs is missing.
     """
-    findings = [python_found(), *packages_found(requires("girdle") or []), *cache_found(cache_folder())]
+    findings = [
+        python_found(),
+        compiled_found(),
+        *packages_found(requires("girdle") or []),
+        *cache_found(cache_folder()),
+    ]
     table = folding_table(f"girdle {version('girdle')} in {Path(__file__).parents[2]}", ("what", "found", "state"))
     for one in findings:
         table.add_row(one.what, one.found, one.state)
@@ -65,6 +70,14 @@ def python_found() -> Finding:
     right = Requirement(f"python{asked}").specifier.contains(python_version(), prereleases=True)
     remedy = "" if right else f"make a new environment with Python {asked}"
     return Finding(f"Python {asked}", python_version(), OK if right else MISSING, remedy)
+
+
+def compiled_found() -> Finding:
+    """Tell whether Python keeps what it has compiled of its sources."""
+    what = "compiled Python files"
+    if not sys.dont_write_bytecode:
+        return Finding(what, "kept")
+    return Finding(what, "not kept", OPTIONAL, "every command starts 3 s later; unset PYTHONDONTWRITEBYTECODE")
 
 
 def packages_found(requirements: Sequence[str]) -> Iterator[Finding]:

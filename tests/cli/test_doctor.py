@@ -43,6 +43,14 @@ def test_all_is_well(cache, declared):
     assert not any(row and row[0].startswith(("pytest", "ruff")) for row in rows)
 
 
+@pytest.mark.parametrize("not_kept", [False, True])
+def test_python_that_compiles_everything_anew_is_said(cache, declared, monkeypatch, not_kept):
+    monkeypatch.setattr(sys, "dont_write_bytecode", not_kept)
+    ended = girdle("doctor")
+    assert ended.status == 0
+    assert ("unset PYTHONDONTWRITEBYTECODE" in ended.out) is not_kept
+
+
 def test_what_is_needed_and_missing_ends_with_1_and_the_command(cache, declared):
     declared += ["nosuchpackage>=2", "numpy>=99"]
     ended = girdle("doctor")
