@@ -14,6 +14,7 @@ from adapt.solvers import status
 from adapt.solvers.posture_fits import fit_batch
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM
 from models.effects import ActiveEffects, Effect, ExtendedGirdle
+from models.effects.own_effects import check_own_effects
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions.rhythm_subjects import add_noise, noise_free_subjects
@@ -47,7 +48,9 @@ def simulate_model_subjects(
     effect is ``size`` times its scale (or its mean, where that is not 0) in each of its directions, without bends, with
     signs common to all subjects (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters
     differ by ``spread`` times PERSON_SD_MM. A posture that its chain cannot take is left out.
+    Raises ValueError for an effect of one's own that does nothing, or something at amplitude 0.
     """
+    check_own_effects(() if effect is None else (effect,), model.girdle)
     generator = Generator(PCG64(seed))
     wanted = noise_free_subjects(subjects, generator)
     apart = spread * PERSON_SD_MM[:, None] * generator.standard_normal((len(ADAPTED), subjects))

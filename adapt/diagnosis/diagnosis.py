@@ -53,7 +53,8 @@ from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import cause_of
 from models.effects.known import THORAX_POINTS, read_amplitudes
-from models.person.family import AnyModel, as_list
+from models.effects.own_effects import check_own_effects
+from models.person.family import AnyModel, as_list, unique_sets
 from motions.table import Motions
 
 Progress = Callable[[str], None]
@@ -70,11 +71,14 @@ def diagnose(
 
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
     all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
-    Raises InputError where no subject has enough postures.
+    Raises InputError where no subject has enough postures, ValueError for an effect of one's own that does nothing, or
+    something at amplitude 0.
     """
     models = as_list(models)
     motions, slips = without_slips(motions)
     shoulders, left_out = usable(motions)
+    for one in unique_sets(models, shoulders.subjects)[0]:
+        check_own_effects(effects or (), one.girdle)
     declared = declared_effects(motions)
     computed = axial_is_computed(shoulders)
     with threadpool_limits(1, "blas"):  # of small matrices, more threads wait for each other longer than they work

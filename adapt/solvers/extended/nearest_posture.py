@@ -18,7 +18,8 @@ from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
 from adapt.solvers.batched.posture_kernels import GIRDLE
 from models.adapted_parameters import ADAPTED
-from models.effects import EFFECTS, ActiveEffects, Effect
+from models.effects import ActiveEffects, Effect
+from models.effects.own_effects import is_own
 from models.girdle import Girdle
 from motions.arrays import Array
 from motions.rotations import DEG
@@ -125,7 +126,7 @@ def _digest(effects: tuple[Effect, ...], nearest, count: int) -> str:
     """One word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
     source the cache of machine code does not know, by all that JAX traces."""
     words = " ".join(one.name for one in effects)
-    if any(one.name not in EFFECTS or EFFECTS[one.name].adjust is not one.adjust for one in effects):
+    if any(map(is_own, effects)):
         girdle = jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)
         words += str(jax.make_jaxpr(nearest)(girdle, *(np.zeros(k) for k in (len(ADAPTED), count, 6, 6, 6))))
     return hashlib.sha256(words.encode()).hexdigest()[:12]

@@ -1,0 +1,55 @@
+"""Whether an effect of somebody's own is what the fits take it for."""
+
+from collections.abc import Iterable
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from models.effects import EFFECTS, Effect
+from models.effects.extended_girdle import ActiveEffects
+from models.girdle import Girdle
+from motions.rhythm import REST_DEG
+from motions.rotations import DEG
+
+_AWAY_DEG = 25.0
+"""From rest, where an effect of a raised arm is felt too."""
+
+_ROUNDING_MM = 1e-9
+
+_FELT_MM = 1e-6
+
+
+def is_own(effect: Effect) -> bool:
+    """Tell whether an effect is none of those that are listed, by what it does."""
+    return effect.name not in EFFECTS or EFFECTS[effect.name].adjust is not effect.adjust
+
+
+def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
+    """Evaluate A1-A3 with each effect that is not listed at strength 0 and at its scale, at rest and off it.
+
+    Raises ValueError if ``adjust`` or what it returns is of no use: it fails, is not finite, does something at strength
+    0, or nothing at its scale.
+    """
+    postures = [np.asarray(REST_DEG + away) / DEG for away in (0.0, _AWAY_DEG)]
+    base = np.array([girdle.residuals_mm(jnp.asarray(angles)) for angles in postures])
+    for effect in filter(is_own, effects):
+        channels = effect.course.channels(len(effect.directions))
+        scale = np.resize(effect.prior.scale, channels)
+        at_zero = _residuals_mm(effect, girdle, postures, np.zeros(channels))
+        if np.abs(at_zero - base).max() > _ROUNDING_MM:
+            raise ValueError(f"effect {effect.name!r}: adjust changes A1-A3 at strength 0, the model without it")
+        if np.abs(_residuals_mm(effect, girdle, postures, scale) - base).max() < _FELT_MM:
+            raise ValueError(f"effect {effect.name!r}: adjust changes nothing at its scale {effect.prior.scale}")
+
+
+def _residuals_mm(effect: Effect, girdle: Girdle, postures, strength) -> Float[np.ndarray, "postures 3"]:
+    chain = ActiveEffects((jnp.asarray(strength),), (effect,)).on(girdle)
+    try:
+        found = np.array([chain.residuals_mm(jnp.asarray(angles)) for angles in postures])
+    except Exception as error:
+        returns = "(girdle, (R_thorax_clavicle, R_thorax_scapula)), as it is given them"
+        raise ValueError(f"effect {effect.name!r}: adjust fails: {error}. It returns {returns}") from error
+    if not np.isfinite(found).all():
+        raise ValueError(f"effect {effect.name!r}: adjust makes A1-A3 {found.ravel()} at strength {strength}")
+    return found
