@@ -58,18 +58,27 @@ def apart(p, q, axes, most_deg: float = 130.0):
     return np.degrees(np.arccos(cosine)) < most_deg
 
 
-SIDE_BY_SIDE = 512
+SIDE_BY_SIDE = 64
 """Paths in one program: it is compiled once for all tests but that of shapes, which takes the project's own."""
 
 
-def paths(p, q, axes):
-    """Shortest paths of (3, paths) ends, filled with copies of the last."""
-    rows = np.minimum(np.arange(SIDE_BY_SIDE), p.shape[1] - 1)
-    filled = (np.broadcast_to(np.asarray(x), p.shape)[:, rows] for x in (p, q, axes))
-    return jax.tree.map(lambda x: np.asarray(x)[..., : p.shape[1]], _paths(*filled))
+def side_by_side(function):
+    """A program of (3, paths) ends and axes, filled with copies of the last."""
+    program = few_runs(function)
+
+    def run(p, q, axes):
+        count = p.shape[1]
+        rows = np.minimum(np.arange(-(-count // SIDE_BY_SIDE) * SIDE_BY_SIDE), count - 1).reshape(-1, SIDE_BY_SIDE)
+        given = [np.broadcast_to(np.asarray(x), p.shape) for x in (p, q, axes)]
+        parts = [program(*(x[:, some] for x in given)) for some in rows]
+        return jax.tree.map(lambda *x: np.concatenate(x, axis=-1)[..., :count], *parts)
+
+    return run
 
 
-_paths = few_runs(shortest_path)
+paths = side_by_side(shortest_path)
+
+slopes_of_length = side_by_side(jax.grad(lambda p, q, axes: path_length_mm(p, q, axes).sum(), argnums=(0, 1, 2)))
 
 
 def test_on_a_sphere_the_path_is_two_tangents_and_a_great_circle():
@@ -93,7 +102,7 @@ def test_the_slope_of_the_length_is_that_of_differences(axes):
     p, q = around(200, axes, 2), around(200, axes, 3)
     near = apart(p, q, axes)
     arguments = [p[:, near], q[:, near], np.repeat(axes[:, None], near.sum(), axis=1)]
-    slopes = few_runs(jax.grad(lambda *x: path_length_mm(*x).sum(), argnums=(0, 1, 2)))(*map(jnp.asarray, arguments))
+    slopes = slopes_of_length(*arguments)
     h = 1e-3
     for which in range(3):
         for axis in range(3):
@@ -106,8 +115,8 @@ def test_the_slope_of_the_length_is_that_of_differences(axes):
                 clear = ((p[:, near] / axes[:, None]) ** 2).sum(axis=0) > 1.001
                 clear &= ((q[:, near] / axes[:, None]) ** 2).sum(axis=0) > 1.001
             difference = np.asarray(paths(*more).length_mm - paths(*less).length_mm) / (2 * h)
-            np.testing.assert_allclose(np.asarray(slopes[which])[axis][clear], difference[clear], atol=SLOPE * 10)
-            assert np.median(abs(np.asarray(slopes[which])[axis] - difference)[clear]) < SLOPE
+            np.testing.assert_allclose(slopes[which][axis][clear], difference[clear], atol=SLOPE * 10)
+            assert np.median(abs(slopes[which][axis] - difference)[clear]) < SLOPE
 
 
 def bends(p, q, axes):
@@ -117,7 +126,9 @@ def bends(p, q, axes):
     def length(x):
         return path_length_mm(*x.reshape(3, 3, 1))[0]
 
-    slope = few_runs(jax.vmap(jax.grad(length)))
+    def slope(x):
+        return np.concatenate(slopes_of_length(*x.T.reshape(3, 3, -1))).T
+
     h = 1e-3
     difference = np.stack([(slope(x + h * unit) - slope(x - h * unit)) / (2 * h) for unit in np.eye(9)], axis=-1)
     return np.asarray(few_runs(jax.vmap(jax.hessian(length)))(x)), difference, length, x
@@ -211,9 +222,8 @@ def test_contact_comes_and_goes_continuously():
     assert steps.max() < 0.01 * 0.6  # a step of 0.01 mm in height, of which no direction here takes more than 0.6
     turned = np.linalg.norm(np.diff(np.asarray(path.from_p), axis=1), axis=0)
     assert turned.max() < 3e-4  # 0.01 mm over 120 mm, and the bend of the surface
-    up = jnp.array([[0.0], [1.0], [0.0]])
-    slope = np.asarray(few_runs(jax.grad(lambda h: path_length_mm(p + h * up, q, axes).sum()))(jnp.zeros(401)))
-    assert np.abs(np.diff(slope)).max() < 3e-4
+    _, upwards, _ = slopes_of_length(p, q, axes)[0]
+    assert np.abs(np.diff(upwards)).max() < 3e-4
 
 
 def test_a_mirrored_problem_has_the_mirrored_path():
