@@ -3,6 +3,8 @@
 Sphinx rather than MkDocs: MkDocs 1 has had no release since 2024, and the Material theme ends in May 2027.
 """
 
+import importlib
+import pkgutil
 import re
 import sys
 from pathlib import Path
@@ -16,6 +18,7 @@ from sphinx.util.typing import stringify_annotation
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
+import adapt  # noqa: E402
 from models.effects.effect import Adjust, Show  # noqa: E402
 from models.effects.known import Amplitudes  # noqa: E402
 from models.person.family import AnyModel  # noqa: E402
@@ -53,6 +56,40 @@ MARKED = re.compile(r"(?P<code>``?[^`]+``?)|(?P<role>:\w+:(?=`))|(?P<mark>[*|_\\
 NAMED = {"DTypeLike": DTypeLike, "AnyModel": AnyModel, "Amplitudes": Amplitudes, "Adjust": Adjust, "Show": Show}
 ALIASES = {stringify_annotation(alias, "smart"): name for name, alias in NAMED.items()}
 """Types that have a name, which a signature spells out."""
+
+
+DOTTED = re.compile(r"`((?:adapt|models|motions)(?:\.\w+)+)`")
+"""A name in a page."""
+
+
+def directive(name: str) -> str:
+    """Write what documents a function, class, method or module of this name."""
+    try:
+        found, kind = importlib.import_module(name), "automodule"
+    except ModuleNotFoundError:
+        owner, _, last = name.rpartition(".")
+        found = getattr(pkgutil.resolve_name(owner), last)
+        in_class = isinstance(pkgutil.resolve_name(owner), type)
+        kind = "autoclass" if isinstance(found, type) else "automethod" if in_class else "autofunction"
+    return f".. {kind}:: {name}\n"
+
+
+def add_functions(app: Sphinx, page: str, source: list[str]) -> None:
+    """Document what the page with the equations names, but for what the reference of the API has."""
+    if page == "docs/site/functions":
+        text = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
+        names = sorted(set(DOTTED.findall(text)) - {f"adapt.{name}" for name in adapt.__all__})
+        source[0] += f"\n```{{eval-rst}}\n{''.join(map(directive, names))}```\n"
+
+
+def link_names(app: Sphinx, tree: nodes.document, page: str) -> None:
+    """Make a link of each name in a text that is documented here."""
+    known = app.env.get_domain("py").objects
+    for literal in list(tree.findall(nodes.literal)):
+        entry = known.get(literal.astext())
+        if entry and not isinstance(literal.parent, nodes.reference) and entry.docname != page:
+            target = f"{app.builder.get_relative_uri(page, entry.docname)}#{entry.node_id}"
+            literal.replace_self(nodes.reference("", "", literal.deepcopy(), internal=True, refuri=target))
 
 
 def add_navigation(app: Sphinx, page: str, source: list[str]) -> None:
@@ -95,6 +132,8 @@ def write_formula(translator, node: nodes.math | nodes.math_block) -> None:
 def setup(app: Sphinx) -> None:
     """Register what this site does beyond its extensions."""
     app.connect("source-read", add_navigation)
+    app.connect("source-read", add_functions)
+    app.connect("doctree-resolved", link_names)
     app.connect("autodoc-process-docstring", plain)
     app.connect("autodoc-process-signature", named_types)
     app.add_node(nodes.math, override=True, html=(write_formula, None))

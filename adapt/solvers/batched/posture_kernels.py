@@ -32,6 +32,9 @@ _FAR_DEG2 = 200.0
 """From such a J on (14 deg rms) valleys are many, and which one a path ends in is chance: it starts from more places.
 Measured postures leave 64 with R2 as it is; with das3, which does not close at rest, 440."""
 
+_WIDER = 2.0
+"""Times as far for an angle that was not measured, whose fit begins at rest: a raised arm is up to 80 degrees off."""
+
 _CLOSING_STEPS, _FAR_CLOSING_STEPS = 3.0, 6.0
 """Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of
 what is left: 0.001 mm at simulated angles after three, 1e-12 mm 15 degrees off them after six."""
@@ -60,17 +63,19 @@ def fitted_from_places(problem: Problem, around: bool) -> SweptPostures:
     # one step from the measured angles: closing is what a fit begins with there
     first = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
     found, settled = first.swept, first.settled
-    needed = ~first.settled | first.apart | ~found.converged | (found.j_deg2 >= _FAR_DEG2) | around
+    begins_at_rest = (problem[2] <= 0.0).any(axis=0)  # in an angle that was not measured
+    needed = ~first.settled | first.apart | ~found.converged | (found.j_deg2 >= _FAR_DEG2) | begins_at_rest | around
     for offsets in OFFSETS_DEG.reshape(-1, 2, 6):
         again = np.flatnonzero(needed)
         if not len(again):
             break
         part = take_problems(problem, again)
-        one, other = (part[1] + offset[:, None] / DEG for offset in offsets)
+        wider = np.where(part[2] > 0.0, 1.0, _WIDER)
+        one, other = (part[1] + wider * offset[:, None] / DEG for offset in offsets)
         further = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
         put_lower(found, again, further.swept)
         settled[again] &= further.settled
-        needed &= found.j_deg2 >= _FAR_DEG2  # the first two places do for all others
+        needed &= begins_at_rest | (found.j_deg2 >= _FAR_DEG2)  # the first two places do for all others
     return found._replace(converged=found.converged & settled) if target.dtype == np.float32 else found
 
 
