@@ -13,7 +13,7 @@ from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.batched.subject_kernels import sweep_from
 from adapt.solvers.extended.whole_subjects import solve_extended
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, AtOptimum, Reading, ThoraxPoints
-from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.posture_fits import fit_batch, nearby_angles
 from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, measured_landmarks
 from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
@@ -30,6 +30,9 @@ _ROUNDS = 4
 
 _LOWER_DEG2 = ByType(1e-6, 1e-3)
 """A fresh posture fit lower by less than this is the same one."""
+
+_SAME_E = 1e-9
+"""Relative: two starts whose E differ by less have led to one optimum."""
 
 _REWEIGHTED = 1000
 """Most fixed-point iterations of the weights of a reading with roots or lengths: 18 measured problems took 10-500."""
@@ -153,44 +156,61 @@ def _in_terms_of(data: ProblemBatch, weight: float, reading: Reading, adapted: A
 
 
 def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
-    """All starts of all problems side by side, then the best of each problem; what no start solves with effects at work
-    goes on with the reference solver."""
-    starts, count = len(STARTS_MM), len(equivalent)
-    with_effects = bool(data.active_effects.effects)
-    lower, upper = data.bounds_mm
-    theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
-    every = np.tile(np.arange(count), starts)
-    found = _from_theta(
-        take_problems(data, every),
+    """All starts of all problems side by side; each optimum goes on until its postures are the lowest."""
+    fixed = fixed_problem(data, equivalent, reading.landmarks)
+    theta, angles = _starts(data)
+    count = len(equivalent)
+    every = np.tile(np.arange(count), theta.shape[-1] // count)
+    progress("round 1")
+    some, active_effects = take_problems((fixed, data.active_effects), every)
+    found = fast_path(some, active_effects, theta, angles)
+    E = _as_adapted(take_problems(data, every), weight, reading, equivalent[every], found).E
+    kept = np.flatnonzero(_distinct(np.where(found.converged & np.isfinite(E), E, np.inf).reshape(-1, count)))
+    problem = every[kept]
+    ended = _to_the_lowest_postures(
+        take_problems(data, problem),
         weight,
         reading,
-        equivalent[every],
-        np.concatenate(theta, axis=-1),
+        equivalent[problem],
+        take_problems(fixed, problem),
+        take_problems(found, kept),
         progress,
-        not with_effects,
     )
-    best, *others = (found.take(slice(k * count, (k + 1) * count)) for k in range(starts))
-    for other in others:
-        best = _better(best, other)
-    unsolved = np.flatnonzero((best.status == status.NOT_CONVERGED) & with_effects)
-    if len(unsolved):
-        part = take_problems(data, unsolved)
-        further = _from_theta(part, weight, reading, equivalent[unsolved], best.theta_mm[:, unsolved], progress)
-        best = best.replaced(unsolved, further)
-    return best
+    order = np.lexsort((np.where(ended.status == status.NOT_CONVERGED, np.inf, ended.E), problem))
+    return ended.take(order[np.unique(problem[order], return_index=True)[1]])
 
 
-def _better(one: Adapted, other: Adapted) -> Adapted:
-    """Problem by problem the converged one, then the one with the lower E."""
-    gains = (other.status == status.OK) & ((one.status != status.OK) | (other.E < one.E))
-    return one.replaced(np.flatnonzero(gains), other.take(gains))
+def _distinct(E: Float[np.ndarray, "starts problems"]) -> Bool[np.ndarray, "starts problems"]:
+    """Which starts have led to an optimum (finite E) of their own; the first, where none has led to any."""
+    order = E.argsort(axis=0, kind="stable")
+    ordered = np.take_along_axis(E, order, axis=0)
+    with np.errstate(invalid="ignore"):
+        new = np.diff(ordered, axis=0, prepend=-np.inf) > _SAME_E * np.abs(ordered)
+    kept = np.zeros(E.shape, bool)
+    np.put_along_axis(kept, order, new & np.isfinite(ordered), axis=0)
+    kept[0] |= ~np.isfinite(E).any(axis=0)
+    return kept
+
+
+def _starts(data: ProblemBatch) -> tuple[Float[np.ndarray, "adapted starts"], Float[np.ndarray, "6 postures starts"]]:
+    """Theta at every offset to the geometric fit, with the postures that are fitted there and with the measured angles;
+    with effects at work, which close the chains themselves, with the measured angles alone."""
+    lower, upper = data.bounds_mm
+    theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
+    angles = [np.asarray(data.angles)]
+    if not data.active_effects.effects:
+        girdle = take_problems(data.girdle.with_adapted(theta[0]), np.nonzero(data.counted)[1])
+        angles.insert(0, _over_postures(data, nearby_angles(girdle, *_of_rows(data))))
+    pairs = [(one, other) for other in angles for one in theta]
+    return tuple(np.concatenate(of_starts, axis=-1) for of_starts in zip(*pairs, strict=True))  # type: ignore[return-value]
 
 
 def solved_from_geometric_fit(data: ProblemBatch) -> Subject:
     """Solve from one start alone, the geometric fit and the measured angles, with the default weight: what benchmarks
     compare."""
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
-    return solved_from(fixed_problem(data, np.full(data.counted.shape[1:], WEIGHT)), theta, data.angles)
+    fixed = fixed_problem(data, np.full(data.counted.shape[1:], WEIGHT))
+    return _without_failures(fixed, NO_ACTIVE_EFFECTS, fast_path(fixed, NO_ACTIVE_EFFECTS, theta, data.angles))
 
 
 def adapted_from(
@@ -205,21 +225,22 @@ def adapted_from(
     return _from_theta(data, weight, reading, equivalent, theta, lambda _: None)
 
 
-def _from_theta(
-    data: ProblemBatch, weight, reading: Reading, equivalent, theta, progress: Progress, last_resort: bool = True
-) -> Adapted:
-    """``last_resort``: whether problems with effects at work go on that the fast path leaves, with the reference
-    solver."""
+def _from_theta(data: ProblemBatch, weight, reading: Reading, equivalent, theta, progress: Progress) -> Adapted:
+    """The optimum reached from theta and the postures that are fitted there."""
     fixed = fixed_problem(data, equivalent, reading.landmarks)
     progress("round 1")
-    start = (
-        data.angles if data.active_effects.effects else fitted_angles(data, theta)
-    )  # theirs closes the chains itself
-    result = _solved(fixed, data.active_effects, theta, start, last_resort)
-    left = np.flatnonzero(result.converged | last_resort)
+    start = data.angles if data.active_effects.effects else fitted_angles(data, theta)
+    found = fast_path(fixed, data.active_effects, theta, start)
+    return _to_the_lowest_postures(data, weight, reading, equivalent, fixed, found, progress)
+
+
+def _to_the_lowest_postures(
+    data: ProblemBatch, weight, reading: Reading, equivalent, fixed: Fixed, result: Subject, progress: Progress
+) -> Adapted:
+    """Go on with what has not converged by the reference solver, and with a posture in the higher of two valleys."""
+    result = _without_failures(fixed, data.active_effects, result)
+    left = np.arange(len(result.converged))
     for number in range(2, _ROUNDS + 1):
-        if not len(left):
-            break
         angles, lower = _lower_postures(take_problems(data, left), take_problems(result, left))
         again = ~result.converged[left] | lower
         left = left[again]
@@ -227,44 +248,39 @@ def _from_theta(
             break
         progress(f"round {number}")
         part = take_problems((fixed, data.active_effects), left)
-        further = _solved(*part, result.theta[:, left], angles[..., again], last_resort)
+        further = _without_failures(*part, fast_path(*part, result.theta[:, left], angles[..., again]))
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
         result = with_problems(result, left, take_problems(further, gains))
+        if not len(left):
+            break
     return _as_adapted(as_type(data, float), weight, reading, equivalent, result)
 
 
-def _solved(fixed: Fixed, active_effects: ActiveEffects, theta, angles, last_resort: bool) -> Subject:
-    """The optima reached from here; with active effects by their own fast path, then by the reference solver, which
-    takes half a minute to compile."""
-    if not active_effects.effects:
-        return solved_from(fixed, theta, angles)
-    result = solve_extended(fixed, active_effects, theta, angles)
-    left = np.flatnonzero(~result.converged)
-    if len(left) and last_resort:
-        further = take_problems((fixed, result.theta, result.angles, active_effects), left)
-        solved = in_chunks(_solve, _SMALL_CHUNK, *further[0], *further[1:])
-        result = with_problems(result, left, solved)
-    return result
+def fast_path(fixed: Fixed, active_effects: ActiveEffects, theta, angles) -> Subject:
+    """Find the optima reached from here by machine code; look at ``converged``. What float32 leaves goes on in float64.
 
-
-def solved_from(fixed: Fixed, theta, angles) -> Subject:
-    """Solve from one start: by the fast path, then by the reference solver for the problems that need it; after a fast
-    path in float32 (where the measured angles are) first by that in float64.
-
-    All judge the end of every problem by the conditions of ``adapt.solvers.reference.subject``, with g and the closest
-    points computed anew.
+    All paths judge the end of every problem by the conditions of ``adapt.solvers.reference.subject``, with g and the
+    closest points computed anew.
     """
+    if active_effects.effects:
+        return solve_extended(fixed, active_effects, theta, angles)
     result = sweep_from(fixed, theta, angles)
     left = np.flatnonzero(~result.converged)
-    if len(left):
+    if len(left) and fixed.problem.measured.dtype == np.float32:
         again = take_problems((fixed, theta, angles), left)
-        if fixed.problem.measured.dtype == np.float32:
-            further = solved_from(*as_type(again, float))
-        else:
-            further = in_chunks(_solve, _SMALL_CHUNK, *again[0], *again[1:], at_once=_SMALL_AT_ONCE)
-        result = with_problems(result, left, further)
+        result = with_problems(result, left, sweep_from(*as_type(again, float)))
     return result
+
+
+def _without_failures(fixed: Fixed, active_effects: ActiveEffects, result: Subject) -> Subject:
+    """Go on by the reference solver, which takes half a minute to compile, with what has not converged."""
+    left = np.flatnonzero(~result.converged)
+    if not len(left):
+        return result
+    given, *rest = as_type(take_problems((fixed, result.theta, result.angles, active_effects), left), float)
+    at_once = 0 if active_effects.effects else _SMALL_AT_ONCE
+    return with_problems(result, left, in_chunks(_solve, _SMALL_CHUNK, *given, *rest, at_once=at_once))
 
 
 def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np.ndarray]:
@@ -281,16 +297,21 @@ def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np
 
 def fitted_angles(data: ProblemBatch, theta: Float[Array, " adapted problems"]) -> Float[Array, " 6 postures problems"]:
     """Fit the postures of every problem with its own girdle at theta; padding is a copy of the last that counts."""
+    girdles = data.girdles_at(theta, *np.nonzero(data.counted))
+    return _over_postures(data, fit_batch(girdles, *_of_rows(data), around=True).angles)
+
+
+def _of_rows(data: ProblemBatch) -> tuple[Float[np.ndarray, "6 rows"], Bool[np.ndarray, "6 rows"]]:
+    """Measured angles of every posture that counts, and which are known."""
     posture, problem = np.nonzero(data.counted)
-    fitted = fit_batch(
-        data.girdles_at(theta, posture, problem),
-        np.asarray(data.angles)[:, posture, problem],
-        np.asarray(data.measured)[:, posture, problem],
-        around=True,
-    )
+    return np.asarray(data.angles)[:, posture, problem], np.asarray(data.measured)[:, posture, problem]
+
+
+def _over_postures(data: ProblemBatch, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 postures problems"]:
+    """Lay the angles of the postures that count out; padding is a copy of the last."""
     place = np.zeros(data.counted.shape, int)
-    place[posture, problem] = np.arange(len(posture))
-    return fitted.angles[:, np.maximum.accumulate(place, axis=0)]
+    place[np.nonzero(data.counted)] = np.arange(angles.shape[1])
+    return angles[:, np.maximum.accumulate(place, axis=0)]
 
 
 def subject_conditions(

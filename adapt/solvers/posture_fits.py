@@ -105,6 +105,16 @@ def fit_batch(
     return fitted
 
 
+def nearby_angles(
+    girdle: Girdle, angles: Float[np.ndarray, "6 problems"], measured: Bool[np.ndarray, "6 problems"]
+) -> Float[np.ndarray, "6 problems"]:
+    """Fit postures by the fast path alone, for a start: where that does not converge, the angles (rad) that it ends
+    with, or the measured ones if they are not finite."""
+    target = np.where(measured, angles, (REST_DEG[:, None] / DEG).astype(angles.dtype))
+    found = fitted_from_places((girdle, target, objective_weights(measured)), around=False).angles
+    return np.where(np.isfinite(found).all(axis=0), found, target)
+
+
 def _start_again(fitted: Fitted, least_open, again, problem, places) -> None:
     """Fit the problems ``again`` from where they close next to each of the places, and put in the first that converges.
 

@@ -10,7 +10,7 @@ from command import girdle
 
 from adapt.engine.batching import as_type
 from adapt.solvers import status
-from adapt.solvers.adaptation import solved_from
+from adapt.solvers.adaptation import fast_path
 from adapt.solvers.batched import posture_kernels as quick_fit
 from adapt.solvers.batched.posture_kernels import fitted_from_places
 from adapt.solvers.batched.subject_kernels import sweep_from
@@ -20,6 +20,7 @@ from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import fixed_problem, problem_batch
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
+from models.effects import NO_ACTIVE_EFFECTS
 from models.parameter_sets import FOLDER
 from motions import ANGLES, Motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
@@ -89,7 +90,7 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
     )
     done = sweep_from(*given).converged
     assert 0.1 < done.mean() < 0.9
-    found, double = solved_from(*given), solved_from(*as_type(given, float))
+    found, double = (fast_path(fixed, NO_ACTIVE_EFFECTS, *start) for fixed, *start in (given, as_type(given, float)))
     assert found.theta.dtype == float
     np.testing.assert_array_equal(found.converged, double.converged)
     assert_float64_where_not_done(found, double, ("theta", "angles", "residual_mm", "slope"), done)
@@ -99,7 +100,7 @@ def test_a_parameter_at_its_bound_is_at_it():
     """What float32 makes of a bound is not beside it."""
     data = as_type(problem_batch(pack(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
     given = fixed_problem(data, np.full(SUBJECTS, WEIGHT))
-    theta = solved_from(given, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
+    theta = fast_path(given, NO_ACTIVE_EFFECTS, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
     lower, upper = data.bounds_mm.astype(float)
     assert np.all((theta >= lower) & (theta <= upper))
     assert (theta == upper)[3].mean() > 0.1  # A_y's
