@@ -13,7 +13,7 @@ from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.batched.subject_kernels import sweep_from
 from adapt.solvers.extended.whole_subjects import solve_extended
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, AtOptimum, Reading, ThoraxPoints
-from adapt.solvers.posture_fits import fit_batch, nearby_angles
+from adapt.solvers.posture_fits import at_rest_where_unknown, fit_batch, nearby_angles
 from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, measured_landmarks
 from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
@@ -32,7 +32,8 @@ _LOWER_DEG2 = ByType(1e-6, 1e-3)
 """A fresh posture fit lower by less than this is the same one."""
 
 _SAME_E = 1e-9
-"""Relative: two starts whose E differ by less have led to one optimum."""
+"""Relative: two starts whose E differ by less have led to one optimum. That of the first is taken, so that what E does
+not depend on stays where it is."""
 
 _REWEIGHTED = 1000
 """Most fixed-point iterations of the weights of a reading with roots or lengths: 18 measured problems took 10-500."""
@@ -176,18 +177,20 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
         take_problems(found, kept),
         progress,
     )
-    order = np.lexsort((np.where(ended.status == status.NOT_CONVERGED, np.inf, ended.E), problem))
-    return ended.take(order[np.unique(problem[order], return_index=True)[1]])
+    E = np.where(ended.status == status.NOT_CONVERGED, np.inf, ended.E)
+    lowest = np.full(count, np.inf)
+    np.minimum.at(lowest, problem, E)
+    among_lowest = np.flatnonzero(lowest[problem] * (1.0 + _SAME_E) >= E)
+    return ended.take(among_lowest[np.unique(problem[among_lowest], return_index=True)[1]])
 
 
 def _distinct(E: Float[np.ndarray, "starts problems"]) -> Bool[np.ndarray, "starts problems"]:
-    """Which starts have led to an optimum (finite E) of their own; the first, where none has led to any."""
-    order = E.argsort(axis=0, kind="stable")
-    ordered = np.take_along_axis(E, order, axis=0)
-    with np.errstate(invalid="ignore"):
-        new = np.diff(ordered, axis=0, prepend=-np.inf) > _SAME_E * np.abs(ordered)
+    """Which starts have led to an optimum (finite E) that none before has; the first, where none has led to any."""
     kept = np.zeros(E.shape, bool)
-    np.put_along_axis(kept, order, new & np.isfinite(ordered), axis=0)
+    for number, one in enumerate(E):
+        with np.errstate(invalid="ignore"):
+            same = np.abs(E[:number] - one) <= _SAME_E * np.abs(one)
+        kept[number] = np.isfinite(one) & ~(kept[:number] & same).any(axis=0)
     kept[0] |= ~np.isfinite(E).any(axis=0)
     return kept
 
@@ -197,12 +200,12 @@ def _starts(data: ProblemBatch) -> tuple[Float[np.ndarray, "adapted starts"], Fl
     with effects at work, which close the chains themselves, with the measured angles alone."""
     lower, upper = data.bounds_mm
     theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
-    angles = [np.asarray(data.angles)]
+    angles = [at_rest_where_unknown(data.angles, data.measured)]
     if not data.active_effects.effects:
         girdle = take_problems(data.girdle.with_adapted(theta[0]), np.nonzero(data.counted)[1])
         angles.insert(0, _over_postures(data, nearby_angles(girdle, *_of_rows(data))))
-    pairs = [(one, other) for other in angles for one in theta]
-    return tuple(np.concatenate(of_starts, axis=-1) for of_starts in zip(*pairs, strict=True))  # type: ignore[return-value]
+    each_theta, each_angles = zip(*[(one, other) for other in angles for one in theta], strict=True)
+    return np.concatenate(each_theta, axis=-1), np.concatenate(each_angles, axis=-1)
 
 
 def solved_from_geometric_fit(data: ProblemBatch) -> Subject:

@@ -16,7 +16,7 @@ from motions.table import Motions
 ON_THE_THORAX = ("TS", "AI")
 """The landmarks whose distance to the ellipsoid the model keeps, in the order of A1 and A2."""
 
-_POSTURE_STEP = 4
+_POSTURE_STEP = 2
 """Postures are padded to a multiple of this."""
 
 

@@ -83,11 +83,10 @@ def fit_batch(
 
     Angles in float32 are fitted in float32, and in float64 where that does not converge.
     """
-    rest = (REST_DEG[:, None] / DEG).astype(angles.dtype)
-    target = np.where(measured, angles, rest)
+    target = at_rest_where_unknown(angles, measured)
     weights = objective_weights(measured)
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0) & _finite(girdle)
-    target = np.where(determined, target, rest)
+    target = at_rest_where_unknown(target, determined)
     fitted = as_fitted(_solved(girdle, target, weights, start, around))
     girdle, target = as_type((girdle, target), float)
     fitted.status[~determined] = status.INVALID
@@ -105,12 +104,20 @@ def fit_batch(
     return fitted
 
 
+def at_rest_where_unknown(
+    angles: Float[np.ndarray, " 6 *batch"], known: Bool[np.ndarray, " *any"]
+) -> Float[np.ndarray, " 6 *batch"]:
+    """Replace angles (rad) that are not known by those of the arm at rest."""
+    rest = (REST_DEG / DEG).astype(angles.dtype).reshape(6, *(1,) * (angles.ndim - 1))
+    return np.where(known, angles, rest)
+
+
 def nearby_angles(
     girdle: Girdle, angles: Float[np.ndarray, "6 problems"], measured: Bool[np.ndarray, "6 problems"]
 ) -> Float[np.ndarray, "6 problems"]:
     """Fit postures by the fast path alone, for a start: where that does not converge, the angles (rad) that it ends
     with, or the measured ones if they are not finite."""
-    target = np.where(measured, angles, (REST_DEG[:, None] / DEG).astype(angles.dtype))
+    target = at_rest_where_unknown(angles, measured)
     found = fitted_from_places((girdle, target, objective_weights(measured)), around=False).angles
     return np.where(np.isfinite(found).all(axis=0), found, target)
 

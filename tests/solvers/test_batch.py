@@ -38,10 +38,10 @@ def batch() -> Batch:
 
 
 def test_shapes_are_rounded_up_and_subjects_keep_their_order(batch):
-    """5 postures to 8."""
+    """5 postures to 6."""
     assert batch.subjects == ("c", "a", "b")
-    assert batch.angles.shape == batch.measured.shape == (6, 8, 3)
-    assert batch.counted.shape == batch.rows.shape == (8, 3)
+    assert batch.angles.shape == batch.measured.shape == (6, 6, 3)
+    assert batch.counted.shape == batch.rows.shape == (6, 3)
 
 
 def test_a_subjects_postures_are_its_rows_in_their_order(batch):
@@ -63,8 +63,8 @@ def test_unpack_undoes_pack(subject):
 def test_unpack_keeps_axes_and_types(batch):
     words = np.where(np.asarray(batch.counted), "ok", "padding")
     assert batch.unpack(words).tolist() == ["ok"] * len(RAGGED)
-    assert batch.unpack(np.ones((2, 3, 8, 3), bool)).shape == (2, 3, len(RAGGED))
-    assert batch.unpack(np.ones((8, 3), bool)).dtype == bool
+    assert batch.unpack(np.ones((2, 3, 6, 3), bool)).shape == (2, 3, len(RAGGED))
+    assert batch.unpack(np.ones((6, 3), bool)).dtype == bool
 
 
 def test_padding_is_a_copy_that_does_not_count(batch):
@@ -76,7 +76,7 @@ def test_padding_is_a_copy_that_does_not_count(batch):
 
 def test_values_in_the_padding_never_come_back(batch):
     values = np.where(padding(batch), np.nan, batch.rows)
-    assert padding(batch).sum() == 8 * 3 - len(RAGGED)
+    assert padding(batch).sum() == 6 * 3 - len(RAGGED)
     assert np.isfinite(batch.unpack(values)).all()
 
 
