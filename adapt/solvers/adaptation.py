@@ -177,7 +177,7 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
         take_problems(found, kept),
         progress,
     )
-    E = np.where(ended.status == status.NOT_CONVERGED, np.inf, ended.E)
+    E = np.where((ended.status != status.NOT_CONVERGED) & np.isfinite(ended.E), ended.E, np.inf)
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, problem, E)
     among_lowest = np.flatnonzero(lowest[problem] * (1.0 + _SAME_E) >= E)
