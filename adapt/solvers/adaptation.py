@@ -31,7 +31,7 @@ _ROUNDS = 4
 _LOWER_DEG2 = ByType(1e-6, 1e-3)
 """A fresh posture fit lower by less than this is the same one."""
 
-_SAME_E = 1e-9
+_SAME_E = ByType(1e-9, 1e-5)
 """Relative: two starts whose E differ by less have led to one optimum. That of the first is taken, so that what E does
 not depend on stays where it is."""
 
@@ -166,7 +166,8 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
     some, active_effects = take_problems((fixed, data.active_effects), every)
     found = fast_path(some, active_effects, theta, angles)
     E = _as_adapted(take_problems(data, every), weight, reading, equivalent[every], found).E
-    kept = np.flatnonzero(_distinct(np.where(found.converged & np.isfinite(E), E, np.inf).reshape(-1, count)))
+    same = _SAME_E.for_dtype_of(data.angles)
+    kept = np.flatnonzero(_distinct(np.where(found.converged & np.isfinite(E), E, np.inf).reshape(-1, count), same))
     problem = every[kept]
     ended = _to_the_lowest_postures(
         take_problems(data, problem),
@@ -180,17 +181,17 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
     E = np.where((ended.status != status.NOT_CONVERGED) & np.isfinite(ended.E), ended.E, np.inf)
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, problem, E)
-    among_lowest = np.flatnonzero(lowest[problem] * (1.0 + _SAME_E) >= E)
+    among_lowest = np.flatnonzero(lowest[problem] * (1.0 + same) >= E)
     return ended.take(among_lowest[np.unique(problem[among_lowest], return_index=True)[1]])
 
 
-def _distinct(E: Float[np.ndarray, "starts problems"]) -> Bool[np.ndarray, "starts problems"]:
+def _distinct(E: Float[np.ndarray, "starts problems"], same: float) -> Bool[np.ndarray, "starts problems"]:
     """Which starts have led to an optimum (finite E) that none before has; the first, where none has led to any."""
     kept = np.zeros(E.shape, bool)
     for number, one in enumerate(E):
         with np.errstate(invalid="ignore"):
-            same = np.abs(E[:number] - one) <= _SAME_E * np.abs(one)
-        kept[number] = np.isfinite(one) & ~(kept[:number] & same).any(axis=0)
+            equal = np.abs(E[:number] - one) <= same * np.abs(one)
+        kept[number] = np.isfinite(one) & ~(kept[:number] & equal).any(axis=0)
     kept[0] |= ~np.isfinite(E).any(axis=0)
     return kept
 

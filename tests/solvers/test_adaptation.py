@@ -11,7 +11,7 @@ from nested import values_and_slopes
 from oracles import bones, ipopt, whole_objective
 
 from adapt.solvers import status
-from adapt.solvers.adaptation import STARTS_MM, Adapted, adapt_batch, adapted_from, fitted_angles
+from adapt.solvers.adaptation import STARTS_MM, Adapted, _distinct, adapt_batch, adapted_from, fitted_angles
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
 from models import ParameterSet, load_model, model_names
@@ -310,3 +310,10 @@ def test_order_and_company_of_the_subjects_do_not_matter(simulated):
             off_e = max(off_e, abs(simulated.adapted.E[mine] / other.adapted.E[theirs] - 1.0))
     print(f"order and company: theta {off:.1e}, E {off_e:.1e} relative")
     assert max(off, off_e) <= PARTNERS
+
+
+def test_starts_that_lead_to_one_optimum_count_once():
+    """Three starts of four problems: one optimum, two, none, and a first start that fails."""
+    E = np.array([[2.0, 3.0, np.inf, np.inf], [2.0 + 1e-12, 2.0, np.inf, 5.0], [2.0, 3.0, np.inf, 5.0]])
+    expected = [[True, True, True, False], [False, True, False, True], [False, False, False, False]]
+    np.testing.assert_array_equal(_distinct(E, 1e-9), expected)
