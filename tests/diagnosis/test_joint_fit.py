@@ -7,7 +7,8 @@ from scipy.optimize import minimize
 from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
-from adapt.diagnosis.fit.joint_fit import RELIEF, Part
+from adapt.diagnosis.fit import joint_fit as joint_fits
+from adapt.diagnosis.fit.joint_fit import RELIEF, SETTLED, Part
 from adapt.engine.batching import take_problems
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
 from adapt.solvers.extended.nearest_posture import nearest_postures
@@ -147,3 +148,18 @@ def test_machine_code_and_xla_agree():
     *others, _ = by_machine
     for one, other in zip(_kernel(joint.model.effects, True).by_machine(*arguments), others, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)  # strengths that are known
+
+
+def test_groups_that_go_on_alone_end_where_they_do_together(monkeypatch):
+    joint = joint_fit("scapula_landmark_bias")
+    name, start = ("scapula_landmark_bias",), joint.from_starts().theta_mm
+    parts = tuple(Part(p.subject, g, p.rows[g:]) for g in range(2) for p in joint.parts)
+    two = type(joint)(joint.model, joint.shoulders, joint.candidates, parts)
+    given = name, np.tile(start, (2, 1)), np.zeros((2, 3))
+    together = two.fit(*given)
+    monkeypatch.setattr(joint_fits, "_STEPS_TOGETHER", 2)
+    alone = two.fit(*given)
+    assert together.converged
+    assert alone.converged
+    np.testing.assert_allclose(alone.E, together.E, atol=10.0 * SETTLED)
+    np.testing.assert_allclose(alone.amplitude, together.amplitude, atol=0.05)

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.gauss_newton import End, Parts, Shared, minimise
+from adapt.solvers.extended.gauss_newton import Parts, Shared, minimise
 from adapt.solvers.extended.nearest_posture import Nearest
 from adapt.solvers.extended.thorax_term import Thorax
 from adapt.solvers.objective import WEIGHT
@@ -28,6 +28,9 @@ from models.person.thorax_ellipsoid import has_own_thorax
 
 _MOST_STEPS = 200
 """The fits of measured motions take 5 to 30 steps, the hardest 60 to 200."""
+
+_STEPS_TOGETHER = 30
+"""Steps that several groups take side by side; those that need more go on alone."""
 
 SETTLED = 1e-4
 """Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""
@@ -171,12 +174,25 @@ class JointFit:
         settled: float = SETTLED,
     ) -> Fitted:
         """Minimise from here."""
+        if self.groups == 1:
+            return self._minimised(hypothesis, theta_mm, amplitude, settled, _MOST_STEPS)
+        together = self._minimised(hypothesis, theta_mm, amplitude, settled, _STEPS_TOGETHER)
+        if together.converged:
+            return together
+        ends = []
+        for group in range(self.groups):
+            own = self.arrays.group == group
+            alone = replace(self, parts=tuple(part._replace(group=0) for part in self.parts if part.group == group))
+            ends.append(alone.fit(hypothesis, together.theta_mm[own], together.amplitude[[group]], settled))
+        theta, a, E = (np.concatenate([getattr(one, name) for one in ends]) for name in ("theta_mm", "amplitude", "E"))
+        return Fitted(theta, a, E, all(one.converged for one in ends))
 
+    def _minimised(self, hypothesis, theta_mm, amplitude, settled: float, most_steps: int) -> Fitted:
         def finished(gain: float, _) -> bool:
             return gain < settled
 
-        end = minimise(self._parts, self._shared(hypothesis), theta_mm, amplitude, finished, _MOST_STEPS)
-        return _fitted(end)
+        end = minimise(self._parts, self._shared(hypothesis), theta_mm, amplitude, finished, most_steps)
+        return Fitted(end.theta_mm, end.amplitude, end.E, end.settled)
 
     def from_starts(self) -> Fitted:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
@@ -188,10 +204,6 @@ class JointFit:
             theta = np.where(lower[:, None], other.theta_mm, best.theta_mm)
             best = replace(best, theta_mm=theta, E=np.minimum(best.E, other.E))
         return best
-
-
-def _fitted(end: End) -> Fitted:
-    return Fitted(end.theta_mm, end.amplitude, end.E, end.settled)
 
 
 def everybody(shoulders: Shoulders) -> tuple[Part, ...]:
