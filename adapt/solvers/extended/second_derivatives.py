@@ -17,16 +17,11 @@ def motion_curvature(
     fixed: Fixed,
     active_effects: ActiveEffects,
     theta: Float[np.ndarray, "adapted problems"],
-    near_deg: Float[np.ndarray, "6 rows"] | None = None,
 ) -> tuple[Float[np.ndarray, "adapted adapted problems"], Float[np.ndarray, "6 postures adapted problems"]]:
-    """Compute d2(w mean J)/dtheta2, and dq/dtheta of every posture, rad a mm; 0 for postures that do not count.
-
-    ``near_deg``: the nearest postures at theta; by default those that are found from the measured ones.
-    """
+    """Compute d2(w mean J)/dtheta2, and dq/dtheta of every posture, rad a mm; 0 for postures that do not count."""
     parts = parts_of(fixed, active_effects)
     problem, posture = rows_of(fixed)
-    if near_deg is None:
-        near_deg = parts.nearest(theta.T, parts.strengths).angles_deg.T
+    near_deg = parts.nearest(theta.T, parts.strengths).angles_deg.T
     n, (_, postures, count) = len(ADAPTED), fixed.problem.measured.shape
     hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))
     for k in range(n):

@@ -66,7 +66,6 @@ def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles, most_step
         return bool((np.abs(slope) <= THETA_TOLERANCE).all())
 
     start = angles[:, posture, problem] * float(DEG)
-
     return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, most_steps, start)
 
 
