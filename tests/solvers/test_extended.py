@@ -74,6 +74,12 @@ def test_where_gauss_newton_leaves_nothing_out_it_is_forgotten():
     np.testing.assert_allclose(found, 0.0, atol=1e-12)
 
 
+def test_a_step_that_tells_nothing_raises_no_warning():
+    nothing, step = np.zeros((1, 3, 3)), np.array([[1.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(secant(nothing, nothing, step, 0.0 * step), nothing)
+    assert np.isfinite(secant(nothing, nothing, step, 1e10 * step)).all()
+
+
 def test_a_gradient_that_falls_along_the_step_adds_no_curvature():
     S, step = 0.1 * matrices(1, 8), np.array([[1.0, 0.0, 0.0]])
     found = secant(S, matrices(1, 9), step, -step)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 _LEAST = 1e-300
+"""In place of 0 where nothing is there and nothing wanted."""
 
 
 def secant(
@@ -19,8 +20,8 @@ def secant(
     """Update S of every part; M is that at the end of the step. Where the gradient has fallen along it, S is only made
     smaller."""
     wanted = change - _times(M, step)
-    along = _dot(step, _times(S, step))
-    S = S * np.minimum(1.0, np.abs(_dot(step, wanted)) / np.maximum(np.abs(along), _LEAST))[:, None, None]
+    there, wanted_there = (np.abs(_dot(step, one)) for one in (_times(S, step), wanted))
+    S = S * (wanted_there / np.maximum(np.maximum(there, wanted_there), _LEAST))[:, None, None]
     missing = wanted - _times(S, step)
     risen = _dot(change, step)
     v = change / np.where(risen > 0.0, risen, np.inf)[:, None]
