@@ -7,9 +7,9 @@ and of CPU time, which other work on the machine moves less. E is compared subje
 the repeats, beside the least and the most. A peer that is not installed is left out, with a line that says so
 (``pip install '.[peers]'``).
 
-``time_with_effect``: how many times as long as a plain adaptation (three starts, lowest postures) one with a known
-effect takes. ``machine_code_vs_xla``: the machine code of ``adapt.engine`` against XLA, given the same text of the
-subject sweep and the same iterations (CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
+``time_with_effect``: how many times as long as a plain adaptation of ``girdle adapt`` one with a known effect takes.
+``machine_code_vs_xla``: the machine code of ``adapt.engine`` against XLA, given the same text of the subject sweep and
+the same iterations (CONTRIBUTING says at which ratio the compiler of ``adapt.engine`` goes).
 """
 
 import importlib.util

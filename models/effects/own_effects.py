@@ -31,9 +31,12 @@ def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
     Raises ValueError if ``adjust`` or what it returns is of no use: it fails, is not finite, does something at strength
     0, or nothing at its scale.
     """
+    own = list(filter(is_own, effects))
+    if not own:
+        return
     postures = [np.asarray(REST_DEG + away) / DEG for away in (0.0, _AWAY_DEG)]
     base = np.array([girdle.residuals_mm(jnp.asarray(angles)) for angles in postures])
-    for effect in filter(is_own, effects):
+    for effect in own:
         channels = effect.course.channels(len(effect.directions))
         scale = np.resize(effect.prior.scale, channels)
         at_zero = _residuals_mm(effect, girdle, postures, np.zeros(channels))

@@ -220,19 +220,19 @@ def _closed_and_stationary(violation: Array, rest: Array, free_slope: Components
     return closed & (largest(free_slope) <= _FLAT.for_dtype_of(violation))
 
 
-def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vector]:
-    """The point from the ellipsoid's centre, and the semi-axes."""
+def from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vector]:
+    """Give the point from the ellipsoid's centre at theta, and the semi-axes there, mm."""
     centre, semi_axes = ellipsoid_components(girdle, theta)
     return (point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]), semi_axes
 
 
 def _exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
-    return closest_point_multiplier(*_from_centre(girdle, theta, point))
+    return closest_point_multiplier(*from_centre(girdle, theta, point))
 
 
 def _thorax(girdle: Girdle, theta: Components, point, point_weight, level, t) -> tuple[_Sums, Array]:
     """A point's part of sum share_i (d_i - level_i)^2 with its derivatives, and the t of its closest point."""
-    p, axes = _from_centre(girdle, theta, point)
+    p, axes = from_centre(girdle, theta, point)
     at = distance(p, axes, closest_point_multiplier_near(p, axes, t))
     slope, curvature = ellipsoid_slope(at), ellipsoid_curvature(at)
     off = at.d - level

@@ -86,21 +86,22 @@ def _lowest_given(model: Quadratic, prior_gradient, prior_matrix, fixed, value) 
     own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
     free, held = ~fixed, np.where(fixed, value, 0.0)
     inner = np.where(free[:, :, None] & free[:, None, :], own, 0.0) + fixed[:, :, None] * np.eye(_N)
-    right = np.where(fixed, value, -(gradient[:, :_N] + _times(own, held)))
+    right = np.where(fixed, value, -(gradient[:, :_N] + times(own, held)))
     solved = np.linalg.solve(inner, np.concatenate([right[..., None], np.where(free[:, :, None], cross, 0.0)], 2))
     start, slope = solved[..., 0], solved[..., 1:]
     across = np.swapaxes(cross, 1, 2)
-    g = importance[:, None] * (gradient[:, _N:] + _times(across, start))
+    g = importance[:, None] * (gradient[:, _N:] + times(across, start))
     H = importance[:, None, None] * (shared - across @ slope)
     begins = np.diff(group, prepend=-1) > 0
     first = np.flatnonzero(begins)
     G, M = prior_gradient + np.add.reduceat(g, first, axis=0), prior_matrix + np.add.reduceat(H, first, axis=0)
     da = -np.linalg.solve(M, G[..., None])[..., 0] if G.shape[1] else G
     of_part = da[np.cumsum(begins) - 1]
-    dtheta = start - _times(slope, of_part)
-    slack = gradient[:, :_N] + _times(own, dtheta) + _times(cross, of_part)
+    dtheta = start - times(slope, of_part)
+    slack = gradient[:, :_N] + times(own, dtheta) + times(cross, of_part)
     return dtheta, da, dtheta - slack / np.einsum("pii->pi", own)
 
 
-def _times(matrix: Float[np.ndarray, "parts m n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
+def times(matrix: Float[np.ndarray, "parts m n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
+    """Multiply the matrix of every part with its vector: (parts, m)."""
     return (matrix @ vector[..., None])[..., 0]

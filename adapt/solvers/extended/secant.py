@@ -7,6 +7,8 @@ where it was too large along the last step s, then changed as little as makes (M
 import numpy as np
 from jaxtyping import Float
 
+from adapt.solvers.extended.arrow_step import times
+
 _LEAST = 1e-300
 """In place of 0 where nothing is there and nothing wanted."""
 
@@ -19,10 +21,10 @@ def secant(
 ) -> Float[np.ndarray, "parts n n"]:
     """Update S of every part; M is that at the end of the step. Where the gradient has fallen along it, S is only made
     smaller."""
-    wanted = change - _times(M, step)
-    there, wanted_there = (np.abs(_dot(step, one)) for one in (_times(S, step), wanted))
+    wanted = change - times(M, step)
+    there, wanted_there = (np.abs(_dot(step, one)) for one in (times(S, step), wanted))
     S = S * (wanted_there / np.maximum(np.maximum(there, wanted_there), _LEAST))[:, None, None]
-    missing = wanted - _times(S, step)
+    missing = wanted - times(S, step)
     risen = _dot(change, step)
     v = change / np.where(risen > 0.0, risen, np.inf)[:, None]
     both = missing[:, :, None] * v[:, None, :]
@@ -31,7 +33,3 @@ def secant(
 
 def _dot(a: Float[np.ndarray, "parts n"], b: Float[np.ndarray, "parts n"]) -> Float[np.ndarray, " parts"]:
     return (a * b).sum(axis=1)
-
-
-def _times(matrix: Float[np.ndarray, "parts n n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
-    return (matrix @ vector[..., None])[..., 0]

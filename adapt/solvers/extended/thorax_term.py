@@ -8,7 +8,8 @@ from jaxtyping import Float
 from adapt.engine.axes import along, stacked
 from adapt.engine.kernel import Kernel
 from adapt.solvers.batched.posture_kernels import GIRDLE
-from models.adapted_parameters import ADAPTED, ellipsoid_components
+from adapt.solvers.batched.subject import from_centre
+from models.adapted_parameters import ADAPTED
 from models.derivatives import distance, ellipsoid_slope
 from models.ellipsoid import closest_point_multiplier
 from models.girdle import Girdle
@@ -45,8 +46,7 @@ def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):
     """sum u (d - level)^2, its gradient, and 2 sum u d' d'^T, of one part."""
 
     def of_point(point, weight, level):
-        centre, semi_axes = ellipsoid_components(girdle, theta)
-        p = point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]
+        p, semi_axes = from_centre(girdle, theta, point)
         at = distance(p, semi_axes, closest_point_multiplier(p, semi_axes))
         slope, off = [*ellipsoid_slope(at), 0.0 * at.d], at.d - level
         weighted = [2.0 * weight * x for x in slope]
