@@ -3,14 +3,19 @@
 The motion file is made a block of subjects at a time, and the command runs in processes of its own. Their memory is
 looked at twice a second: the largest of one, and of all together, what they share counted once (Linux). Prints a line a
 number and the exponent of time against number (1 is linear).
+
+With ``--dask`` the parts are made by so many workers of a Dask cluster on this machine. ``--kill`` ends one of them as
+a machine that fails would; every subject must be in the table of parameters once.
 """
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +23,7 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT)]
 
 import numpy as np  # noqa: E402
+import pandas as pd  # noqa: E402
 import typer  # noqa: E402
 
 from motions.motion_csv.writing import write_motions  # noqa: E402
@@ -42,11 +48,28 @@ def write_subjects(count: int, path: Path) -> None:
     block_file.unlink()
 
 
-def watched(run: subprocess.Popen) -> tuple[float, float]:
-    """Wait for a run; the most memory of one process and of all together, MiB. CalledProcessError if it fails."""
+@contextmanager
+def cluster(workers: int) -> Iterator[tuple[str, list[int]]]:
+    """The address of a Dask scheduler on this machine, and its workers' processes."""
+    from distributed import Client, LocalCluster
+
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as here, Client(here) as client:
+        yield here.scheduler_address, list(client.run(os.getpid).values())
+
+
+def watched(run: subprocess.Popen, kill: tuple[int, float] | None = None) -> tuple[float, float]:
+    """Wait for a run; the most memory of one of this script's processes and of all together, MiB.
+
+    ``kill``: a process to end, and when, s. CalledProcessError if the run fails.
+    """
     one = together = 0.0
+    start = time.perf_counter()
     while run.poll() is None:
-        sizes = [memory_mib(process) for process in family(run.pid)]
+        if kill and time.perf_counter() - start > kill[1]:
+            os.kill(kill[0], signal.SIGKILL)
+            print(f"a worker was ended after {kill[1]:.0f} s", flush=True)
+            kill = None
+        sizes = [memory_mib(process) for process in family(os.getpid())]
         one, together = max(one, *sizes), max(together, sum(sizes))
         time.sleep(_LOOK_S)
     if run.returncode:
@@ -79,6 +102,8 @@ _LOOK_S = 0.5
 def measure(
     sizes: Annotated[str, typer.Option(help="Numbers of simulated subjects, smallest first.")] = "1000,10000,100000",
     model: str = "R2",
+    dask: Annotated[int, typer.Option(help="Workers of a Dask cluster on this machine; 0 for none.")] = 0,
+    kill: Annotated[float | None, typer.Option(help="End a worker so many seconds after the last size began.")] = None,
 ) -> None:
     """Measure."""
     counts = [int(word) for word in sizes.split(",")]
@@ -88,9 +113,16 @@ def measure(
             motions = Path(folder) / "motions.csv"
             write_subjects(count, motions)
             command = [sys.executable, "-m", "adapt", "adapt", str(motions), "--model", model, "--out", f"{folder}/out"]
-            start = time.perf_counter()
-            one, together = watched(subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL))
-            seconds.append(time.perf_counter() - start)
+            with cluster(dask) if dask else nullcontext(("", [])) as (address, workers):
+                start = time.perf_counter()
+                run = subprocess.Popen(
+                    [*command, *(["--dask", address] if dask else [])], cwd=ROOT, stdout=subprocess.DEVNULL
+                )
+                ended = (workers[0], kill) if workers and kill and count == counts[-1] else None
+                one, together = watched(run, ended)
+                seconds.append(time.perf_counter() - start)
+            subjects = pd.read_csv(f"{folder}/out/parameters.csv", usecols=["subject"])["subject"]
+            assert len(subjects) == subjects.nunique() == count, f"{subjects.nunique()} of {count} subjects"
         print(
             f"{count} simulated subjects: {seconds[-1]:.0f} s ({count / seconds[-1]:.0f} a second), peak {one:.0f} MiB "
             f"of a process, {together:.0f} of all, load {os.getloadavg()[0]:.1f}",
