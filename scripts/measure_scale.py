@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT)]
@@ -51,10 +51,11 @@ def write_subjects(count: int, path: Path) -> None:
 @contextmanager
 def cluster(workers: int) -> Iterator[tuple[str, list[int]]]:
     """The address of a Dask scheduler on this machine, and its workers' processes."""
-    from distributed import Client, LocalCluster
+    from distributed import LocalCluster
 
-    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as here, Client(here) as client:
-        yield here.scheduler_address, list(client.run(os.getpid).values())
+    here: Any = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
+    with here:
+        yield here.scheduler_address, [nanny.pid for nanny in here.workers.values()]
 
 
 def watched(run: subprocess.Popen, kill: tuple[int, float] | None = None) -> tuple[float, float]:

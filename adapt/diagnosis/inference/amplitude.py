@@ -23,15 +23,16 @@ _REACHED = 95.0
 """Percentile of the postures at which the size of an effect is stated: the largest that it is but for outliers."""
 
 
-def covariance(search: Search, node: Node) -> Float[np.ndarray, "own own"]:
-    """Compute the covariance of the amplitudes of a fit, the adapted parameters of every subject taken out.
+def draws_of(search: Search, node: Node) -> Float[np.ndarray, "draws own"]:
+    """Draw amplitudes of a fit from their posterior, the adapted parameters of every subject taken out.
 
     E is read as -2 log of a posterior in which each motion of a person tells one number of each constraint, with the
     variance that the unseen folds show.
     """
     linearised = node.linearised
     where = search.joint.candidates.where(node.hypothesis)
-    total = np.diag(2.0 / search.joint.candidates.scale[where] ** 2)
+    scale = search.joint.candidates.scale[where]
+    total = np.diag(2.0 / scale**2)
     _, matrices = linearised.normal_equations(where)
     for k in range(len(search.joint.shoulders.subjects)):
         matrix, (lower, upper) = matrices[k], search.joint.model.bounds_mm[:, k]
@@ -42,15 +43,18 @@ def covariance(search: Search, node: Node) -> Float[np.ndarray, "own own"]:
     count = len(CONSTRAINTS)
     variance = float(search.folds.by_fold(node.predicted.squares).mean()) / count
     motions = len(search.folds.subject) / len(search.joint.shoulders.subjects)
-    return 2.0 * np.linalg.inv(total) * search.joint.model.weight * variance / (2.0 * count * motions)
+    # in units of the prior the matrix is at least 2 I, whatever the data hold
+    root = np.linalg.cholesky(total * np.outer(scale, scale))
+    normal = np.random.default_rng(_SEED).standard_normal((len(scale), _DRAWS))
+    spread = np.sqrt(search.joint.model.weight * variance / (count * motions))
+    return node.fitted.amplitude[0] + spread * scale * np.linalg.solve(root.T, normal).T
 
 
 def amplitudes(search: Search, node: Node) -> dict[str, CauseAmplitude]:
     """Describe each effect of a fit, by name."""
     if not node.hypothesis:
         return {}
-    spread = covariance(search, node)
-    draws = np.random.default_rng(_SEED).multivariate_normal(node.fitted.amplitude[0], spread, _DRAWS)
+    draws = draws_of(search, node)
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
     return {
         effect.name: _described(effect, node.fitted.amplitude[0][own], draws[:, own], candidates, shoulders)

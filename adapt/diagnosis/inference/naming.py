@@ -5,7 +5,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.unseen_folds import Folds
@@ -13,13 +12,13 @@ from adapt.diagnosis.inference.alternatives import Alternative, CredibleSet, cre
 from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
+from adapt.diagnosis.inference.weights import probabilities
 
 LEAST_GAIN = 0.05
 """Share of the unseen gap beyond noise that a named cause takes away: less is no answer to anybody."""
 
-LEAST_T = 3.0
-"""Paired difference of the folds in its standard errors: what one of some twenty-five candidates reaches by chance in
-one of twenty data sets."""
+LEAST_PROBABILITY = 0.9
+"""That a cause is at work beside the others of its set, over the bootstrap of persons and motions."""
 
 
 class Gain(NamedTuple):
@@ -28,26 +27,29 @@ class Gain(NamedTuple):
     share: float
     """Of the gap without it, beyond what noise leaves."""
     t: float
+    """Of the paired differences of the folds, in their standard errors."""
     worst_deg: float
     """The smaller of the mean differences of motions, and of persons and motions."""
+    probability: float
+    """That the cause is at work, of the set with it and the set without it."""
 
     @property
     def enough(self) -> bool:
         """Whether the cause may be named."""
-        return self.share >= LEAST_GAIN and self.t >= LEAST_T and self.worst_deg > 0.0
+        return self.share >= LEAST_GAIN and self.probability >= LEAST_PROBABILITY and self.worst_deg > 0.0
 
 
-def gain(
-    folds: Folds, without: Float[np.ndarray, "tests 6"], with_it: Float[np.ndarray, "tests 6"], floor_deg: float
-) -> Gain:
-    """Compare the gaps of two hypotheses, fold by fold; noise alone leaves ``floor_deg``."""
-    difference = known_mean(without - with_it)
+def gain(search: Search, less: Node, node: Node, floor_deg: float) -> Gain:
+    """Compare the unseen gaps of two hypotheses, fold by fold; noise alone leaves ``floor_deg``."""
+    folds, without = search.folds, less.predicted.gaps_deg
+    difference = known_mean(without - node.predicted.gaps_deg)
     by_fold = folds.by_fold(difference)
     error = by_fold.std(ddof=1) / np.sqrt(len(by_fold)) if len(by_fold) > 1 else np.inf
     worst = min(difference[folds.of_kind(kind)].mean() for kind in folds.kinds)
     beyond = folds.by_fold(known_mean(without)).mean() - floor_deg
     share = by_fold.mean() / max(beyond, by_fold.mean(), 1e-9)
-    return Gain(float(share), float(by_fold.mean() / error) if error > 0 else np.inf, float(worst))
+    t = float(by_fold.mean() / error) if error > 0 else np.inf
+    return Gain(float(share), t, float(worst), float(probabilities(search, [less, node])[1]))
 
 
 class Named(NamedTuple):
@@ -76,17 +78,22 @@ def name_causes(search: Search, floor_deg: float) -> Named:
     while len(rejected) < _MOST_LOOKED_AT:
         node = max((one for one in search.usable if one.hypothesis not in rejected), key=lambda one: one.value)
         gains = _gains(search, node, floor_deg)
-        if not all(one.enough for one in gains.values()):
-            rejected.add(node.hypothesis)
-            continue
-        others = [one for name in node.hypothesis for one in search.in_place_of(node, name).values()]
-        if any(one.value > node.value and one.hypothesis not in rejected for one in others):
-            continue
-        rungs = ladder(search, node)
-        if _falls(search.folds, rungs):
-            return settle(search, Named(node, gains, rungs), floor_deg)
+        if all(one.enough for one in gains.values()):
+            others = [one for name in node.hypothesis for one in search.in_place_of(node, name).values()]
+            if any(one.value > node.value and one.hypothesis not in rejected for one in others):
+                continue
+            if named := _with_budget(search, node, gains):
+                return settle(search, named, floor_deg)
         rejected.add(node.hypothesis)
     return nothing_named(search)
+
+
+def _with_budget(search: Search, node: Node, gains: dict[str, Gain]) -> Named | None:
+    """Give what a set names, if each of its causes predicts and its budget falls."""
+    if not all(one.enough for one in gains.values()):
+        return None
+    rungs = ladder(search, node)
+    return Named(node, gains, rungs) if _falls(search.folds, rungs) else None
 
 
 def nothing_named(search: Search) -> Named:
@@ -96,20 +103,20 @@ def nothing_named(search: Search) -> Named:
 
 
 def settle(search: Search, named: Named, floor_deg: float) -> Named:
-    """Put in the place of each cause the one that exact fits find most probable there; one with which the budget does
-    not fall is set aside."""
+    """Put in the place of each cause the one that exact fits find most probable there; a set of which a cause does not
+    predict, or with which the budget does not fall, is set aside."""
     tried, set_aside = {named.hypothesis}, set[Hypothesis]()
     while True:
         places = {name: in_place_of(search, named.node, name, set_aside) for name in named.hypothesis}
         better = next((one for one in map(_best, places.values()) if one.hypothesis != named.hypothesis), None)
         if better is None:
             return named._replace(sets={name: credible_set(found) for name, found in places.items()})
-        rungs = ladder(search, better)
-        if better.hypothesis in tried or not _falls(search.folds, rungs):
-            set_aside.add(better.hypothesis)
-        else:
-            named = Named(better, _gains(search, better, floor_deg), rungs)
+        new = better.hypothesis not in tried
+        if new and (found := _with_budget(search, better, _gains(search, better, floor_deg))):
+            named = found
             tried.add(better.hypothesis)
+        else:
+            set_aside.add(better.hypothesis)
 
 
 def _best(alternatives: dict[str, Alternative]) -> Node:
@@ -129,8 +136,4 @@ _MOST_LOOKED_AT = 60
 
 
 def _gains(search: Search, node: Node, floor_deg: float) -> dict[str, Gain]:
-    def of(name: str) -> Gain:
-        less = search.without(node, name)
-        return gain(search.folds, less.predicted.gaps_deg, node.predicted.gaps_deg, floor_deg)
-
-    return {name: of(name) for name in node.hypothesis}
+    return {name: gain(search, search.without(node, name), node, floor_deg) for name in node.hypothesis}
