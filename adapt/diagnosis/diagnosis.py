@@ -10,11 +10,12 @@ from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.design.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.fit.candidates import candidate_effects, lay_out
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
+from adapt.diagnosis.fit.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
-from adapt.diagnosis.inference.amplitude import amplitudes, unseen_amplitude
+from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung
 from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
@@ -99,8 +100,10 @@ class _Study:
     def __init__(self, model: AnyModel, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
         self.model, self.shoulders, self.progress = model, shoulders, progress
         self.library = {one.name: one for one in effects}  # the caller's own among them
-        candidates = lay_out(effects, shoulders)
-        joint = JointFit(Model.of(model, shoulders.subjects, effects), shoulders, candidates, everybody(shoulders))
+        fitted = Model.of(model, shoulders.subjects, effects)
+        self.sizes = measured_sizes(shoulders, fitted.sets.girdle, effects)
+        candidates = lay_out(effects, shoulders, self.sizes)
+        joint = JointFit(fitted, shoulders, candidates, everybody(shoulders))
         self.search = Search(joint, folds_of(shoulders), progress)
         self.person = {name: int(p) for name, p in zip(shoulders.subjects, shoulders.person, strict=True)}
 
@@ -154,6 +157,9 @@ class _Study:
             axial_is_computed=computed,
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
+            landmark_sizes={
+                name: of_landmarks(self.search.joint.candidates.effect(name), one) for name, one in self.sizes.items()
+            },
             budget=budget,
             left_over_share=_left_over(gaps),
             gaps=gaps,

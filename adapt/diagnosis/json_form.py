@@ -37,6 +37,10 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "inclusion": diagnosis.verdict.inclusion,
             "probability": diagnosis.verdict.probability,
             "amplitude": {name: _amplitude(one) for name, one in diagnosis.amplitude.items()},
+            "landmark_sizes": {
+                name: {direction: _interval(one) for direction, one in sizes.items()}
+                for name, sizes in diagnosis.landmark_sizes.items()
+            },
             "budget": [_step(one) for one in diagnosis.budget],
             "left_over_share": diagnosis.left_over_share,
             "gap_deg": _gaps(diagnosis.gaps),

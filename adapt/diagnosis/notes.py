@@ -19,6 +19,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         _noise(diagnosis.noise),
         *(f"The motion file says of its angles that {name} is at work." for name in diagnosis.declared_effects),
         *([_AXIAL] if diagnosis.axial_is_computed else []),
+        *_landmark_sizes(diagnosis),
         *_limits(diagnosis),
         *_thorax(diagnosis),
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
@@ -39,6 +40,18 @@ def _thorax(diagnosis: Diagnosis) -> list[str]:
         f"The points on the thorax are another person's: {adapted_with} {gap_text(relieved[0])} deg. "
         "Better measure the person's own (girdle model --points)."
     ]
+
+
+def _landmark_sizes(diagnosis: Diagnosis) -> list[str]:
+    """What landmarks show to be of another size than in the set."""
+    other = [
+        f"{name}={','.join(f'{one.value:.3g}' for one in sizes.values())}"
+        for name, sizes in diagnosis.landmark_sizes.items()
+        if any(one.low > 0.0 or one.high < 0.0 for one in sizes.values())
+    ]
+    if not other:
+        return []
+    return [f"Landmarks show bones unlike the set's: {listed(other, 'and')}. girdle model makes a set of each person."]
 
 
 _AXIAL = "The clavicle's axial rotation is computed from the other angles: an estimate, no measurement."

@@ -209,6 +209,9 @@ class Diagnosis:
     verdict: Verdict
     amplitude: dict[str, CauseAmplitude]
     """By the most probable name of each cause."""
+    landmark_sizes: dict[str, dict[str, Interval]]
+    """By name and direction, what landmarks say of the sizes that candidates change, against the set: the diagnosis
+    starts from it. Empty without landmarks."""
     budget: tuple[Step, ...]
     """The gap on motions not seen: as it is, adapted, with one cause after the other, from noise alone."""
     left_over_share: float

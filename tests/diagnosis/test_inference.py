@@ -79,14 +79,26 @@ def test_a_candidate_is_the_same_as_itself():
     assert similarity(at, BIAS, "thorax_tilt") == pytest.approx(similarity(at, "thorax_tilt", BIAS))
 
 
-def test_a_gain_that_is_the_same_in_every_fold_is_sure_and_one_that_is_noise_is_not():
-    folds = searched().folds
-    without = np.full((len(folds.tests), 6), 2.0)
+def test_a_gain_that_is_the_same_in_every_fold_is_probable_and_one_that_is_noise_is_not():
+    """Of one set in the place of two, so that their priors are alike but for one cause."""
+    search = searched(BIAS)
+    less, node = search.nodes[()], search.nodes[(BIAS,)]
+    none = np.zeros_like(node.fitted.amplitude)
+    tests = len(search.folds.tests)
     generator = np.random.default_rng(0)
-    sure = gain(folds, without, without - 0.5 + 0.01 * generator.standard_normal(without.shape), 1.0)
-    assert sure.share == pytest.approx(0.5, abs=0.02)
+
+    def with_gaps(share_left: float, scatter: float):
+        factor = share_left * (1.0 + scatter * generator.standard_normal(tests))
+        gaps = np.full((tests, 6), 2.0) * factor[:, None]
+        return node.predicted._replace(gaps_deg=gaps, squares=6.0 * gaps[:, 0] ** 2)
+
+    before = less._replace(predicted=with_gaps(1.0, 0.0))
+    alike = node._replace(fitted=replace(node.fitted, amplitude=none), predicted=with_gaps(0.5, 0.01))
+    sure = gain(search, before, alike, 1.0)
+    assert sure.share == pytest.approx(1.0, abs=0.02)
     assert sure.enough
-    assert not gain(folds, without, without + 0.3 * generator.standard_normal(without.shape), 1.0).enough
+    noise = alike._replace(predicted=with_gaps(1.0, 0.3))
+    assert not gain(search, before, noise, 1.0).enough
 
 
 def test_fold_weights_sum_to_the_folds_and_hold_persons_together():

@@ -116,6 +116,7 @@ ONE = Diagnosis(
     axial_is_computed=False,
     verdict=verdict(EFFECT, cause("scapula_landmark_bias", gain=0.6), scapula_landmark_bias=0.97),
     amplitude={"scapula_landmark_bias": amplitude("scapula_landmark_bias", 7.0, 5.0)},
+    landmark_sizes={},
     budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
     left_over_share=0.24,
     gaps=gap_of(2.8, 0.9),

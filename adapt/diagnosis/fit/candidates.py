@@ -1,12 +1,14 @@
 """The candidates: every effect with its strength in each channel at each posture, and what is believed about it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.solvers.extended.nearest_posture import strengths_of
 from models.effects import EFFECTS, Effect
@@ -114,11 +116,13 @@ class Candidates:
         return -0.5 * float((((amplitude - self.mean[where]) / self.scale[where]) ** 2).sum())
 
 
-def lay_out(effects: Sequence[Effect], shoulders: Shoulders) -> Candidates:
-    """Lay the effects out for these postures."""
+def lay_out(
+    effects: Sequence[Effect], shoulders: Shoulders, sizes: Mapping[str, MeasuredSize] = MappingProxyType({})
+) -> Candidates:
+    """Lay the effects out for these postures; ``sizes``: what landmarks say of amplitudes, by name."""
     columns = [effect.columns(shoulders.motions) for effect in effects]
-    scale = [_scale(effect, shoulders) for effect in effects]
-    mean = [effect.prior_mean for effect in effects]
+    scale = [sizes[effect.name].sd if effect.name in sizes else _scale(effect, shoulders) for effect in effects]
+    mean = [sizes[effect.name].mean if effect.name in sizes else effect.prior_mean for effect in effects]
     return Candidates(tuple(effects), strengths_of(columns), np.concatenate(scale), np.concatenate(mean))
 
 

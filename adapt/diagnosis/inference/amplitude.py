@@ -4,9 +4,11 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import CauseAmplitude, Interval
+from adapt.trust.covariance import NORMAL_95
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.by_posture import UNIT_DEG, ByPosture
@@ -68,6 +70,15 @@ def unseen_amplitude(effect: Effect) -> CauseAmplitude:
     typical = float(np.linalg.norm(effect.prior.scale))
     directions = dict.fromkeys(effect.directions, unknown)
     return CauseAmplitude(effect.what, effect.course.word, _unit(effect), unknown, typical, directions, "")
+
+
+def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
+    """Give by direction what landmarks say of a size, in the unit of the effect."""
+    low, high = size.mean - NORMAL_95 * size.sd, size.mean + NORMAL_95 * size.sd
+    return {
+        direction: Interval(float(size.mean[k]), float(low[k]), float(high[k]))
+        for k, direction in enumerate(effect.directions)
+    }
 
 
 def _described(effect: Effect, value, draws, candidates: Candidates, shoulders: Shoulders) -> CauseAmplitude:

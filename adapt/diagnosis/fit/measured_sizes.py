@@ -1,0 +1,118 @@
+"""What positions of landmarks say of the sizes that candidates change, before any angle is looked at.
+
+Each subject s has the medians over its postures of n = (SC, |SC-AC|, TS_x, AI_x, AI_y), the last three in the frame of
+the scapula (thesis, Appendix A). A candidate that changes the bones by a constant a has, alone,
+
+    a_s = argmin |W (n_s - n - J a)|^2,   J = dn/da,
+
+n and J those of the subject's parameter set, W one over the SDs of the medians. The diagnosis believes of an amplitude
+that all subjects share the mean of a_s, with the SD of that mean. How one subject differs from another is not in it: a
+set of each person (``girdle model``) has it.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.fit.shoulders import Shoulders
+from models.effects import Effect
+from models.effects.course import CONSTANT
+from models.effects.effect import SHOWN
+from models.girdle import Girdle
+from models.person.sizes import PALPATOR_LENGTH_MM, PALPATOR_MM, size_of
+from motions.arrays import Array
+from motions.landmarks.frames import scapula_frame, transposed
+from motions.landmarks.sampled_postures import CLAVICLE_PLACED
+from motions.rotations import rotate
+from motions.table import Motions
+
+_MEASURED = ("sc_mm", "ac_mm", "ts_mm", "ai_mm")
+"""What of a girdle landmarks measure."""
+
+_NO_ROTATION = np.eye(3)
+
+
+class MeasuredSize(NamedTuple):
+    """What is believed of the amplitudes of one candidate."""
+
+    mean: Float[np.ndarray, " own"]
+    sd: Float[np.ndarray, " own"]
+
+
+def measured_sizes(shoulders: Shoulders, girdle: Girdle, effects: Sequence[Effect]) -> dict[str, MeasuredSize]:
+    """Measure every size that landmarks determine, by name of the candidate; ``girdle``: (component, subjects)."""
+    subjects = range(len(shoulders.subjects))
+    of_subjects = [_numbers_of(shoulders.motions.select(shoulders.subject == s)) for s in subjects]
+    found = {}
+    if not any(np.isfinite(n).any() for n, _ in of_subjects):
+        return found
+    for effect in effects:
+        if not _resizes(effect, girdle):
+            continue
+        of_set, slopes = _of_sets(effect, girdle)
+        alone = [_alone(n - of_set[s], sd, slopes[s]) for s, (n, sd) in enumerate(of_subjects)]
+        measured = [one for one in alone if one is not None]
+        if measured:
+            a, variance = (np.array(every) for every in zip(*measured, strict=True))
+            between = a.var(axis=0, ddof=1) if len(a) > 1 else 0.0
+            sd = np.sqrt(np.maximum(between, variance.mean(axis=0)) / len(a))
+            found[effect.name] = MeasuredSize(a.mean(axis=0), sd)
+    return found
+
+
+def _numbers_of(motions: Motions) -> tuple[Float[np.ndarray, "7"], Float[np.ndarray, "7"]]:
+    """n of one subject and its SDs, NaN where not measured."""
+    where = dict(motions.landmarks_mm)
+    placed = motions.extra.get(CLAVICLE_PLACED)
+    for name in ("SC", "AC"):  # one that was placed was not measured
+        if placed is not None and placed.str.contains(f"{name} from").any():
+            where.pop(name, None)
+    SC, AC, TS, AI = (where.get(name, np.full((len(motions.posture), 3), np.nan)).T for name in SHOWN)
+    ts_x = -np.linalg.norm(AC - TS, axis=0)
+    ai_x, ai_y, _ = rotate(transposed(scapula_frame(AC, TS, AI)), AI - AC)
+    lengths = np.linalg.norm(SC - AC, axis=0), ts_x, ai_x, ai_y
+    columns = [*((row, PALPATOR_MM) for row in SC), *((row, PALPATOR_LENGTH_MM) for row in lengths)]
+    sizes = [size_of(row, least) if np.isfinite(row).any() else None for row, least in columns]
+    return (
+        np.array([np.nan if one is None else one.value_mm for one in sizes]),
+        np.array([np.nan if one is None else one.sd_mm for one in sizes]),
+    )
+
+
+def _resizes(effect: Effect, girdle: Girdle) -> bool:
+    """Tell whether an effect changes what landmarks measure, the same in every posture."""
+    if effect.course is not CONSTANT:
+        return False
+    rotation = _NO_ROTATION[..., None]
+    changed, _ = effect.adjust(girdle, (rotation, rotation), np.zeros((len(effect.directions), 1)))
+    return any(getattr(changed, one) is not getattr(girdle, one) for one in _MEASURED)
+
+
+def _of_sets(effect: Effect, girdle: Girdle) -> tuple[np.ndarray, np.ndarray]:
+    """n (subjects, 7) of the parameter sets and its slopes J (subjects, 7, own)."""
+
+    def numbers(a, girdle: Girdle) -> Float[Array, "7"]:
+        changed, _ = effect.adjust(girdle, (_NO_ROTATION, _NO_ROTATION), a)
+        return jnp.stack([*changed.sc_mm, changed.ac_mm[0], changed.ts_mm[0], *changed.ai_mm[:2]])
+
+    none = jnp.zeros(len(effect.directions))
+    both = jax.vmap(lambda one: (numbers(none, one), jax.jacfwd(numbers)(none, one)), in_axes=-1)(girdle)
+    return np.asarray(both[0]), np.asarray(both[1])
+
+
+def _alone(more_mm, sd_mm, slopes) -> tuple[np.ndarray, np.ndarray] | None:
+    """The amplitudes of one subject and their variances; None where landmarks do not determine them."""
+    known = np.isfinite(more_mm)
+    J = slopes[known] / sd_mm[known, None]
+    if np.linalg.matrix_rank(J, _NOTHING) < J.shape[1]:
+        return None
+    covariance = np.linalg.inv(J.T @ J)
+    return covariance @ J.T @ (more_mm[known] / sd_mm[known]), np.diag(covariance)
+
+
+_NOTHING = 1e-9
+"""SDs of the numbers a unit of amplitude: an effect that changes them by less does not show in them."""

@@ -1,0 +1,82 @@
+"""What landmarks say of sizes: exact where the positions are, and nothing without them."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import pytest
+
+from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.measured_sizes import measured_sizes
+from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
+from models import load_model
+from models.effects import EFFECTS, ActiveEffects, ExtendedGirdle
+from models.effects.effect import SHOWN
+from models.girdle import Girdle
+from models.person.sizes import PALPATOR_LENGTH_MM
+from motions.landmarks.sampled_postures import CLAVICLE_PLACED
+from motions.rhythm_subjects import simulate_subjects
+
+SUBJECTS = 3
+SIZES = ("clavicle_length", "scapula_size", "sc_offset", "ts_offset", "ai_offset")
+BASE = load_model("R2").girdle
+
+
+def girdles() -> Girdle:
+    return BASE.repeated(SUBJECTS)
+
+
+def shoulders(**amplitudes: tuple[float, ...]) -> Shoulders:
+    """Postures of a rhythm with the landmarks of R2, changed by these effects."""
+    motions = simulate_subjects(SUBJECTS, seed=1)
+    count = len(motions.posture)
+    strengths = tuple(np.repeat(np.array(a)[:, None], count, 1) for a in amplitudes.values())
+    active = ActiveEffects(strengths, tuple(EFFECTS[name] for name in amplitudes))
+    angles = jnp.asarray(np.deg2rad(motions.angles_deg.T))
+    changed = ExtendedGirdle(jax.tree.map(jnp.asarray, BASE.repeated(count)), active)
+    points = np.asarray(changed.landmarks_mm(angles))
+    return shoulders_of(replace(motions, landmarks_mm={name: points[:, k].T for k, name in enumerate(SHOWN)}))
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("clavicle_length", (-7.0,)),
+        ("scapula_size", (6.0,)),
+        ("sc_offset", (3.0, -4.0, 5.0)),
+        ("ai_offset", (2.0, -8.0)),
+    ],
+)
+def test_a_size_that_landmarks_show_is_found_exactly(name, size):
+    found = measured_sizes(shoulders(**{name: size}), girdles(), tuple(EFFECTS.values()))
+    assert found[name].mean == pytest.approx(size, abs=1e-9)  # the numbers are linear in every size
+    assert set(found) == set(SIZES)
+
+
+def test_the_sd_is_that_of_a_palpated_length_over_the_subjects():
+    """All subjects are alike, so what is left is the palpator's."""
+    found = measured_sizes(shoulders(), girdles(), (EFFECTS["clavicle_length"],))["clavicle_length"]
+    percent_per_mm = 100.0 / float(np.linalg.norm(BASE.ac_mm))
+    assert found.sd == pytest.approx(percent_per_mm * PALPATOR_LENGTH_MM / np.sqrt(SUBJECTS))
+
+
+def test_what_was_placed_or_not_measured_says_nothing():
+    of_landmarks = shoulders(clavicle_length=(5.0,))
+    motions = of_landmarks.motions
+    effects = tuple(EFFECTS.values())
+    assert measured_sizes(replace(of_landmarks, motions=replace(motions, landmarks_mm={})), girdles(), effects) == {}
+    marks = pd.DataFrame({CLAVICLE_PLACED: ["SC from IJ"] * len(motions.posture)})
+    placed = measured_sizes(replace(of_landmarks, motions=replace(motions, extra=marks)), girdles(), effects)
+    assert set(placed) == {"scapula_size", "ts_offset", "ai_offset"}
+
+
+def test_the_diagnosis_starts_from_what_landmarks_say():
+    there = shoulders(clavicle_length=(5.0,))
+    effects = (EFFECTS["clavicle_length"], EFFECTS["thorax_tilt"])
+    sizes = measured_sizes(there, girdles(), effects)
+    candidates = lay_out(effects, there, sizes)
+    own = candidates.places["clavicle_length"]
+    assert (candidates.mean[own], candidates.scale[own]) == sizes["clavicle_length"]
+    assert (candidates.mean[candidates.places["thorax_tilt"]] == 0.0).all()
