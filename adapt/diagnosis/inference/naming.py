@@ -71,14 +71,16 @@ class Named(NamedTuple):
 def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the most probable set of causes of which each predicts; noise alone leaves a gap of ``floor_deg``.
 
-    A set that is looked at has its subsets fitted too; one that passes, what could stand in the place of each cause;
+    Of a set that is looked at subsets are fitted too; of one that passes, what could stand in the place of each cause;
     last its gap budget by exact refits, which must fall to its end.
     """
     rejected: set[Hypothesis] = set()
     while len(rejected) < _MOST_LOOKED_AT:
         node = max((one for one in search.usable if one.hypothesis not in rejected), key=lambda one: one.value)
+        if not node.hypothesis:
+            break
         gains = _gains(search, node, floor_deg)
-        if all(one.enough for one in gains.values()):
+        if gains:
             others = [one for name in node.hypothesis for one in search.in_place_of(node, name).values()]
             if any(one.value > node.value and one.hypothesis not in rejected for one in others):
                 continue
@@ -90,10 +92,8 @@ def name_causes(search: Search, floor_deg: float) -> Named:
 
 def _with_budget(search: Search, node: Node, gains: dict[str, Gain]) -> Named | None:
     """Give what a set names, if each of its causes predicts and its budget falls."""
-    if not all(one.enough for one in gains.values()):
-        return None
-    rungs = ladder(search, node)
-    return Named(node, gains, rungs) if _falls(search.folds, rungs) else None
+    rungs = ladder(search, node) if gains else []
+    return Named(node, gains, rungs) if rungs and _falls(search.folds, rungs) else None
 
 
 def nothing_named(search: Search) -> Named:
@@ -136,4 +136,12 @@ _MOST_LOOKED_AT = 60
 
 
 def _gains(search: Search, node: Node, floor_deg: float) -> dict[str, Gain]:
-    return {name: gain(search, search.without(node, name), node, floor_deg) for name in node.hypothesis}
+    """Give what each cause of a set adds to the others; nothing if one of them is not enough."""
+    causes = node.hypothesis
+    fitted = {name: tuple(one for one in causes if one != name) in search.nodes for name in causes}
+    found = {}
+    for name in sorted(causes, key=lambda name: not fitted[name]):  # one that is not enough saves the other fits
+        found[name] = gain(search, search.without(node, name), node, floor_deg)
+        if not found[name].enough:
+            return {}
+    return {name: found[name] for name in causes}
