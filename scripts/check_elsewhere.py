@@ -23,6 +23,7 @@ from scripts.blind.cases import Case
 from scripts.blind.lines import line_of
 from scripts.blind.report import confusion_matrix, report
 from scripts.blind.runs import Line, read_lines, run_missing
+from scripts.blind.several import several_report
 
 MOTIONS, TRUTH = "motions.csv", "truth.json"
 
@@ -73,6 +74,7 @@ def main(
     lines = read_lines(out / "cases.jsonl")
     print(report(lines))
     print("\n## Confusion matrix\n\n" + confusion_matrix([x for x in lines if "failed" not in x]))
+    print("\n## Causes\n\n" + several_report(lines))
 
 
 if __name__ == "__main__":

@@ -38,9 +38,9 @@ UNSEEN_MOTION = "scapular_plane"
 
 
 def kind(label: str) -> str:
-    """'none', 'effect', 'pair' or 'outside'."""
+    """'none', 'effect', 'pair', 'several' or 'outside'."""
     if "+" in label:
-        return "pair"
+        return "pair" if label.count("+") == 1 else "several"
     return "none" if label == NONE else "outside" if label.startswith("outside_") else "effect"
 
 

@@ -18,7 +18,11 @@ ANGLES = ["clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "s
 LANDMARKS = ["SC", "AC", "TS", "AI"]
 MODELS = ["R2", "R4", "R6", "breteler_dissection"]
 MODELS_FOLDER = Path(__file__).parents[2] / "models" / "sets"
-Condition = Literal["ten", "three", "landmarks", "half", "one", "mixed"]
+Condition = Literal["ten", "three", "landmarks", "half", "one", "mixed", "several"]
+COURSE_LENGTH = 40.0  # deg of elevation
+DISCREPANCY_DEG = 0.7
+SEVERAL = (1, 2, 3, 4)
+WORLDS_OF_SEVERAL = 4  # with so many causes each
 PAIRS = [
     ("skin_artefact", "clavicle_length"),
     ("scapulothoracic_gap", "sc_translation"),
@@ -38,6 +42,7 @@ class Case:
     scale: float = 1.0
     mixed: bool = False
     landmark_noise_mm: float | None = None
+    discrepancy_deg: float = 0.0  # SD of a smooth course of each angle over each motion that nothing explains
 
 
 @dataclass(frozen=True)
@@ -134,6 +139,7 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
     for number in range(case.subjects):
         subject, mover = f"simulated_{number + 1:02d}", draw_mover(world, number, rng)
         angles, places = measure(mover, rng)
+        angles = angles + case.discrepancy_deg * smooth_courses(mover.elevation, rng)
         angles = angles + case.noise_deg * rng.normal(size=angles.shape)
         places = places + (case.landmark_noise_mm or 0.0) * rng.normal(size=places.shape)
         for row in range(len(angles)):
@@ -156,6 +162,12 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
     (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
 
 
+def smooth_courses(elevation: Array, rng: np.random.Generator) -> Array:
+    """Six courses over each motion with SD 1, alike within some COURSE_LENGTH of elevation (postures, 6)."""
+    alike = np.exp(-0.5 * ((elevation[:, None] - elevation) / COURSE_LENGTH) ** 2) * (MOTION[:, None] == MOTION)
+    return np.linalg.cholesky(alike + 1e-9 * np.eye(len(elevation))) @ rng.normal(size=(len(elevation), 6))
+
+
 def truth_of(mover: Mover) -> dict[str, object]:
     """What is behind a subject's postures, for truth.json."""
     person = mover.person
@@ -175,10 +187,16 @@ def truth_of(mover: Mover) -> dict[str, object]:
 def write_condition(condition: Condition, out: Path, seed: int, noise_deg: float) -> None:
     """All cases of one condition; parameter sets take turns."""
     nones = {"ten": 4, "half": 0, "mixed": 0}.get(condition, 3)
-    cases: list[list[str]] = [*([name] for name in SIZES), *([] for _ in range(nones))]
+    rng = np.random.default_rng([seed, zlib.crc32(condition.encode())])
+    turn = int(rng.integers(len(MODELS)))
+    cases: list[list[str]] = [[] for _ in range(nones)]
+    if condition == "several":
+        every = [count for count in SEVERAL for _ in range(WORLDS_OF_SEVERAL)]
+        cases = [sorted(rng.permutation(list(SIZES))[:count].tolist()) for count in every] + cases
+    else:
+        cases = [[name] for name in SIZES] + cases
     if condition == "ten":
         cases += [*([name] for name in OUTSIDE_SIZES), *(list(pair) for pair in PAIRS)]
-    turn = int(np.random.default_rng([seed, zlib.crc32(condition.encode())]).integers(len(MODELS)))
     seen: dict[str, int] = {}
     for number, names in enumerate(cases):
         label = "+".join(names) or "none"
@@ -191,5 +209,6 @@ def write_condition(condition: Condition, out: Path, seed: int, noise_deg: float
             scale=0.5 if condition == "half" else 1.0,
             mixed=condition == "mixed",
             landmark_noise_mm=2.0 if condition == "landmarks" else None,
+            discrepancy_deg=DISCREPANCY_DEG if condition == "several" else 0.0,
         )
         write_case(out / condition / f"{label}_{seen[label]}", names, case)

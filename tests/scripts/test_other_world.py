@@ -1,6 +1,7 @@
 """The second simulated world: closed where nothing is wrong, open for the base model where an effect is at work."""
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,14 @@ from motions.rotations import DEG
 from scripts.check_elsewhere import worlds
 from scripts.other_world.effects import SIZES
 from scripts.other_world.mistakes import OUTSIDE_SIZES
-from scripts.other_world.worlds import Case, write_case, write_condition
+from scripts.other_world.worlds import (
+    COURSE_LENGTH,
+    DISCREPANCY_DEG,
+    Case,
+    smooth_courses,
+    write_case,
+    write_condition,
+)
 
 SAME_MM = 1e-3
 """Angles are written with four decimals: 1e-4 degrees at arms of up to 200 mm, several of them."""
@@ -70,3 +78,21 @@ def test_a_condition_is_found_by_the_check(tmp_path):
     found = worlds(tmp_path)
     assert {case.label for case in found} == {*SIZES, "none"}
     assert {case.model for case in found} == {"R2", "R4", "R6", "breteler_dissection"}
+
+
+def test_worlds_of_several_causes_have_each_number_of_them_and_smooth_courses_beside(tmp_path):
+    write_condition("several", tmp_path, 5, 0.0)
+    truths = [json.loads(path.read_text()) for path in sorted(tmp_path.rglob("truth.json"))]
+    counts = Counter(0 if truth["label"] == "none" else len(truth["label"].split("+")) for truth in truths)
+    assert counts == {0: 3, 1: 4, 2: 4, 3: 4, 4: 4}
+    assert {truth["discrepancy_deg"] for truth in truths} == {DISCREPANCY_DEG}
+
+
+def test_a_smooth_course_has_sd_1_and_neighbours_that_are_alike():
+    rng = np.random.default_rng(0)
+    elevation = np.tile(np.linspace(20.0, 140.0, 7), 2)
+    courses = np.concatenate([smooth_courses(elevation, rng) for _ in range(1000)], axis=1)
+    assert courses.std() == pytest.approx(1.0, abs=0.03)
+    apart = np.corrcoef(courses)
+    assert apart[0, 1] == pytest.approx(np.exp(-0.5 * (20.0 / COURSE_LENGTH) ** 2), abs=0.03)
+    assert apart[6, 7] == pytest.approx(0.0, abs=0.05), "another motion has a course of its own"

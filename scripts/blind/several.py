@@ -1,0 +1,83 @@
+"""Figures of worlds with several causes, from the lines of their cases: precision and recall by cause, as Markdown.
+
+A cause that is named is right if one of its names is at work. A cause at work is found if it is a name of one that is
+named. Every candidate of every world has a probability of being at work: so many answers are calibrated.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from scripts.blind.report import CAUSES, at_work, error_by_chance, expected_calibration_error, named, names_of, rate
+from scripts.blind.runs import Line
+from scripts.reporting import markdown
+
+
+def several_report(lines: Sequence[Line]) -> str:
+    """Figures by the number of causes at work, and by cause."""
+    sound = [line for line in lines if "failed" not in line and not line["label"].startswith("outside")]
+    counts = sorted({_count(line) for line in sound})
+    by_count = {f"{count} at work": [line for line in sound if _count(line) == count] for count in counts}
+    columns = {**by_count, "all": sound}
+    measures: dict[str, Callable[[list[Line]], str]] = {
+        "worlds": lambda chosen: str(len(chosen)),
+        "causes named that are at work (precision)": lambda chosen: rate(map(_right, *_flat(chosen))),
+        "causes at work that are found (recall)": lambda chosen: rate(_found(chosen)),
+        "names of a cause that is right": _names,
+        "nothing at work: one blamed": lambda chosen: rate(named(line) for line in chosen if not _count(line)),
+        "calibration error of 'at work'": _calibration,
+    }
+    by_measure = [[name, *(measure(chosen) for chosen in columns.values())] for name, measure in measures.items()]
+    by_cause = [[name, *_of_cause(name, sound)] for name in CAUSES if any(name in at_work(line) for line in sound)]
+    return "\n\n".join(
+        [
+            markdown(["", *columns], by_measure),
+            markdown(
+                ["cause", "found where at work", "first names that are right", "other names that are right"], by_cause
+            ),
+        ]
+    )
+
+
+def _count(line: Line) -> int:
+    return len(at_work(line) - {"none"})
+
+
+def _flat(lines: Iterable[Line]) -> tuple[list[Line], list[list[str]]]:
+    """Every cause that is named, with its world."""
+    pairs = [(line, names) for line in lines if named(line) for names in line["causes"]]
+    return [line for line, _ in pairs], [names for _, names in pairs]
+
+
+def _right(line: Line, names: Sequence[str]) -> bool:
+    return bool(at_work(line) & set(names))
+
+
+def _found(lines: Iterable[Line]) -> list[bool]:
+    return [
+        named(line) and cause in names_of(line) for line in lines if _count(line) for cause in sorted(at_work(line))
+    ]
+
+
+def _names(lines: list[Line]) -> str:
+    sizes = [len(names) for line, names in zip(*_flat(lines), strict=True) if _right(line, names)]
+    return f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-"
+
+
+def _calibration(lines: list[Line]) -> str:
+    answers = [(p, name in at_work(line)) for line in lines for name, p in line["inclusion"].items()]
+    if not answers:
+        return "-"
+    sure, right = zip(*answers, strict=True)
+    return f"{expected_calibration_error(sure, right):.3f} ({error_by_chance(sure):.3f} by chance; {len(answers)})"
+
+
+def _of_cause(name: str, lines: list[Line]) -> list[str]:
+    worlds, causes = _flat(lines)
+    first = [name in at_work(line) for line, names in zip(worlds, causes, strict=True) if names[0] == name]
+    other = [name in at_work(line) for line, names in zip(worlds, causes, strict=True) if name in names[1:]]
+    return [
+        rate(named(line) and name in names_of(line) for line in lines if name in at_work(line)),
+        rate(first),
+        rate(other),
+    ]
