@@ -93,6 +93,6 @@ def test_a_smooth_course_has_sd_1_and_neighbours_that_are_alike():
     elevation = np.tile(np.linspace(20.0, 140.0, 7), 2)
     courses = np.concatenate([smooth_courses(elevation, rng) for _ in range(1000)], axis=1)
     assert courses.std() == pytest.approx(1.0, abs=0.03)
-    apart = np.corrcoef(courses)
+    apart = np.asarray(np.corrcoef(courses))
     assert apart[0, 1] == pytest.approx(np.exp(-0.5 * (20.0 / COURSE_LENGTH) ** 2), abs=0.03)
     assert apart[6, 7] == pytest.approx(0.0, abs=0.05), "another motion has a course of its own"

@@ -26,15 +26,21 @@ def ladder(search: Search, named: Node) -> list[Rung]:
     """Add the named causes one by one, the one that takes most of the unseen gap first."""
     nodes, order = [named], []
     while nodes[-1].hypothesis:
-        less = {name: search.without(nodes[-1], name) for name in nodes[-1].hypothesis}
-        dropped = min(less, key=lambda name: _mean_gap_deg(search.folds, less[name]))
+        dropped, less = without_the_weakest(search, nodes[-1])
         order.append(dropped)
-        nodes.append(less[dropped])
+        nodes.append(less)
     added = ["", *reversed(order)]
     return [
         Rung(name, node.hypothesis, refitted(search, node).predicted.gaps_deg)
         for name, node in zip(added, reversed(nodes), strict=True)
     ]
+
+
+def without_the_weakest(search: Search, node: Node) -> tuple[str, Node]:
+    """Find the cause that takes least of the unseen gap beside the others, and fit the set without it."""
+    less = {name: search.without(node, name) for name in node.hypothesis}
+    name = min(less, key=lambda name: _mean_gap_deg(search.folds, less[name]))
+    return name, less[name]
 
 
 def _mean_gap_deg(folds: Folds, node: Node) -> float:

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.inference.alternatives import Alternative, CredibleSet, credible_set, in_place_of
-from adapt.diagnosis.inference.budget import Rung, ladder
+from adapt.diagnosis.inference.budget import Rung, ladder, refitted, without_the_weakest
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -92,8 +91,7 @@ def name_causes(search: Search, floor_deg: float) -> Named:
 
 def _with_budget(search: Search, node: Node, gains: dict[str, Gain]) -> Named | None:
     """Give what a set names, if each of its causes predicts and its budget falls."""
-    rungs = ladder(search, node) if gains else []
-    return Named(node, gains, rungs) if rungs and _falls(search.folds, rungs) else None
+    return Named(node, gains, ladder(search, node)) if gains and _falls(search, node) else None
 
 
 def nothing_named(search: Search) -> Named:
@@ -123,12 +121,13 @@ def _best(alternatives: dict[str, Alternative]) -> Node:
     return max(alternatives.values(), key=lambda one: one.share).node
 
 
-def _falls(folds: Folds, rungs: list[Rung]) -> bool:
-    """Whether the last cause lowers the gap of unseen motions, and of unseen persons, where it is fitted exactly."""
-    if len(rungs) < 2:
-        return True
-    difference = known_mean(rungs[-2].gaps_deg - rungs[-1].gaps_deg)
-    return all(difference[folds.of_kind(kind)].mean() > 0.0 for kind in folds.kinds)
+def _falls(search: Search, node: Node) -> bool:
+    """Whether the last cause of the budget lowers the gap of unseen motions, and of unseen persons, where it is fitted
+    exactly."""
+    _, less = without_the_weakest(search, node)
+    before, after = (refitted(search, one).predicted.gaps_deg for one in (less, node))
+    difference = known_mean(before - after)
+    return all(difference[search.folds.of_kind(kind)].mean() > 0.0 for kind in search.folds.kinds)
 
 
 _MOST_LOOKED_AT = 60
