@@ -1,5 +1,8 @@
 """The joint fit against the fits of `girdle adapt` and finite differences, its quadratic steps against SciPy."""
 
+from dataclasses import replace
+from itertools import count
+
 import jax
 import numpy as np
 import pytest
@@ -7,9 +10,9 @@ from scipy.optimize import minimize
 from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
-from adapt.diagnosis.fit import joint_fit as joint_fits
-from adapt.diagnosis.fit.joint_fit import RELIEF, SETTLED, Part
+from adapt.diagnosis.fit.joint_fit import RELIEF, Part
 from adapt.engine.batching import take_problems
+from adapt.solvers.extended import gauss_newton
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
 from adapt.solvers.extended.nearest_posture import nearest_postures
 from adapt.solvers.posture_fits import reference_fit
@@ -52,7 +55,7 @@ def test_known_effects_give_the_optimum_of_girdle_adapt():
     assert not np.allclose(fixed.E, adapted.E, atol=1.0)
 
 
-@pytest.mark.parametrize("strength", [0.0, 1.0])
+@pytest.mark.parametrize("strength", [0.0, 0.99])
 def test_the_nearest_posture_is_that_of_the_reference_solver(strength):
     joint = joint_fit()
     rows = np.arange(0, len(joint.shoulders.subject), 9)
@@ -150,16 +153,36 @@ def test_machine_code_and_xla_agree():
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)  # strengths that are known
 
 
-def test_groups_that_go_on_alone_end_where_they_do_together(monkeypatch):
+@pytest.mark.parametrize("few", [0.0, 0.99])
+def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few, monkeypatch):
+    """But for rounding: a group that has finished stays, and each has its own damping."""
     joint = joint_fit("scapula_landmark_bias")
     name, start = ("scapula_landmark_bias",), joint.from_starts().theta_mm
     parts = tuple(Part(p.subject, g, p.rows[g:]) for g in range(2) for p in joint.parts)
     two = type(joint)(joint.model, joint.shoulders, joint.candidates, parts)
     given = name, np.tile(start, (2, 1)), np.zeros((2, 3))
-    together = two.fit(*given)
-    monkeypatch.setattr(joint_fits, "_STEPS_TOGETHER", 2)
-    alone = two.fit(*given)
-    assert together.converged
-    assert alone.converged
-    np.testing.assert_allclose(alone.E, together.E, atol=10.0 * SETTLED)
-    np.testing.assert_allclose(alone.amplitude, together.amplitude, atol=0.05)
+    monkeypatch.setattr(gauss_newton, "_FEW", few)
+    both = two.fit(*given)
+    assert both.converged
+    for group in range(2):
+        own = tuple(part._replace(group=0) for part in parts if part.group == group)
+        alone = replace(two, parts=own).fit(name, start, np.zeros((1, 3)))
+        assert alone.converged
+        np.testing.assert_allclose(alone.E, both.E[two.arrays.group == group], rtol=1e-9)
+        np.testing.assert_allclose(alone.amplitude[0], both.amplitude[group], rtol=1e-6)
+
+
+def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
+    """Whatever it tries is higher than what was before."""
+    joint, higher, evaluate = joint_fit("scapula_landmark_bias"), count(), gauss_newton._Objective.at
+
+    def at(*given):
+        point = evaluate(*given)
+        return point._replace(total=point.total + 1e6 * next(higher))
+
+    monkeypatch.setattr(gauss_newton._Objective, "at", at)
+    start = joint.model.theta_mm
+    walled = joint.fit((), start, np.zeros((1, 0)))
+    assert not walled.converged
+    np.testing.assert_array_equal(walled.theta_mm, start)
+    assert next(higher) < 20

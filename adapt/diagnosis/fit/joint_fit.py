@@ -11,13 +11,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.gauss_newton import Parts, Shared, minimise
+from adapt.solvers.extended.gauss_newton import minimise
 from adapt.solvers.extended.nearest_posture import Nearest
+from adapt.solvers.extended.parts import Parts, Shared
 from adapt.solvers.extended.thorax_term import Thorax
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import SetArrays, set_arrays
@@ -28,9 +29,6 @@ from models.person.thorax_ellipsoid import has_own_thorax
 
 _MOST_STEPS = 200
 """The fits of measured motions take 5 to 30 steps, the hardest 60 to 200."""
-
-_STEPS_TOGETHER = 30
-"""Steps that several groups take side by side; those that need more go on alone."""
 
 SETTLED = 1e-4
 """Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""
@@ -174,25 +172,12 @@ class JointFit:
         settled: float = SETTLED,
     ) -> Fitted:
         """Minimise from here."""
-        if self.groups == 1:
-            return self._minimised(hypothesis, theta_mm, amplitude, settled, _MOST_STEPS)
-        together = self._minimised(hypothesis, theta_mm, amplitude, settled, _STEPS_TOGETHER)
-        if together.converged:
-            return together
-        ends = []
-        for group in range(self.groups):
-            own = self.arrays.group == group
-            alone = replace(self, parts=tuple(part._replace(group=0) for part in self.parts if part.group == group))
-            ends.append(alone.fit(hypothesis, together.theta_mm[own], together.amplitude[[group]], settled))
-        theta, a, E = (np.concatenate([getattr(one, name) for one in ends]) for name in ("theta_mm", "amplitude", "E"))
-        return Fitted(theta, a, E, all(one.converged for one in ends))
 
-    def _minimised(self, hypothesis, theta_mm, amplitude, settled: float, most_steps: int) -> Fitted:
-        def finished(gain: float, _) -> bool:
+        def finished(gain: Float[np.ndarray, " groups"], _) -> Bool[np.ndarray, " groups"]:
             return gain < settled
 
-        end = minimise(self._parts, self._shared(hypothesis), theta_mm, amplitude, finished, most_steps)
-        return Fitted(end.theta_mm, end.amplitude, end.E, end.settled)
+        end = minimise(self._parts, self._shared(hypothesis), theta_mm, amplitude, finished, _MOST_STEPS)
+        return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
 
     def from_starts(self) -> Fitted:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""

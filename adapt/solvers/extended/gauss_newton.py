@@ -13,17 +13,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.solvers.extended.arrow_step import Quadratic, Step, lowest
-from adapt.solvers.extended.nearest_posture import Nearest, nearest_postures
+from adapt.solvers.extended.nearest_posture import Nearest
+from adapt.solvers.extended.parts import Parts, Shared
 from adapt.solvers.extended.secant import secant
-from adapt.solvers.extended.thorax_term import Thorax, ThoraxPart
+from adapt.solvers.extended.thorax_term import ThoraxPart
 from models.adapted_parameters import ADAPTED
-from models.effects import Effect
-from models.girdle import Girdle
 
 _N = len(ADAPTED)
 
@@ -36,57 +34,14 @@ _FIRST_DAMPING, _LESS, _MORE, _LEAST_AFTER_FAILURE = 1e-3, 0.1, 30.0, 1e-2
 _STUCK = 0.1
 """A step with more damping than this is short because it must be, not because it is the last."""
 
+_HOPELESS = 1e8
+"""A group that needs more damping than this stands at a wall: it ends there, not settled."""
+
 _SAME = 1e-12
 """Relative rounding of E: a step that changes it by less is no step up."""
 
-
-class Shared(NamedTuple):
-    """Amplitudes that the parts of a group share."""
-
-    columns: Float[np.ndarray, "own channels rows"]
-    """Strength in each channel at each row of an amplitude of 1."""
-    scale: Float[np.ndarray, " own"]
-    mean: Float[np.ndarray, " own"]
-    """Of their prior."""
-
-
-@dataclass(frozen=True)
-class Parts:
-    """The rows of all parts, one part after the other."""
-
-    girdle: Girdle
-    """(component, parts)."""
-    thorax: Thorax
-    bounds_mm: tuple[Float[np.ndarray, "#parts adapted"], Float[np.ndarray, "#parts adapted"]]
-    effects: tuple[Effect, ...]
-    strengths: Float[np.ndarray, "channels rows"]
-    """Of what is given."""
-    measured_deg: Float[np.ndarray, "6 rows"]
-    sd: Float[np.ndarray, "6 rows"]
-    weights: Float[np.ndarray, " rows"]
-    """Of |y|^2 in E."""
-    part: Int[np.ndarray, " rows"]
-    group: Int[np.ndarray, " parts"]
-    importance: Float[np.ndarray, " parts"]
-    """v: of E in what the amplitudes minimise."""
-    strengths_are_known: bool = False
-    """Nothing asks for slopes in them."""
-
-    @cached_property
-    def _starts(self) -> Int[np.ndarray, " parts"]:
-        return np.searchsorted(self.part, np.arange(len(self.group)))
-
-    def sums(self, values: Float[np.ndarray, "rows ..."]) -> Float[np.ndarray, "parts ..."]:
-        """Add up the rows of each part."""
-        return np.add.reduceat(values, self._starts, axis=0)
-
-    def nearest(self, theta_mm, strengths, start_deg=None) -> Nearest:
-        """Find the nearest postures of all rows at these parameters, (parts, adapted)."""
-        adapted = self.girdle.with_adapted(np.ascontiguousarray(theta_mm.T))
-        of_rows = jax.tree.map(lambda x: np.ascontiguousarray(x[..., self.part]), adapted)
-        return nearest_postures(
-            of_rows, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known
-        )
+_FEW = 0.75
+"""Share of the groups below which those that are going on do so without the others: leaving them costs a copy."""
 
 
 class End(NamedTuple):
@@ -98,15 +53,47 @@ class End(NamedTuple):
     nearest: Nearest
     slope: Float[np.ndarray, "parts adapted"]
     """dE/dtheta, 0 where a bound holds it."""
-    steps: int
-    settled: bool
+    steps: Int[np.ndarray, " groups"]
+    settled: Bool[np.ndarray, " groups"]
+
+
+Finished = Callable[[Float[np.ndarray, " groups"], Float[np.ndarray, "parts adapted"]], Bool[np.ndarray, " groups"]]
+"""Which groups are, by the last decrease of each and the slopes in theta of their parts."""
 
 
 class _Point(NamedTuple):
     near: Nearest
-    E: np.ndarray
-    total: np.ndarray
+    E: Float[np.ndarray, " parts"]
+    total: Float[np.ndarray, " groups"]
     thorax: ThoraxPart
+
+
+class _State(NamedTuple):
+    """Where the steps are, and what they have learnt."""
+
+    at: _Point
+    theta: Float[np.ndarray, "parts adapted"]
+    a: Float[np.ndarray, "groups own"]
+    damping: Float[np.ndarray, " groups"]
+    gain: Float[np.ndarray, " groups"]
+    """By the last step."""
+    rest: Float[np.ndarray, "parts n n"]
+    """Of the curvature, beside Gauss-Newton's."""
+    moved: Float[np.ndarray, "parts n"]
+    """By the last step; and the gradient before it."""
+    before: Float[np.ndarray, "parts n"]
+    taken: Bool[np.ndarray, " parts"]
+    """Whether the last step was."""
+    steps: Int[np.ndarray, " groups"]
+
+    def of(self, groups: Bool[np.ndarray, " groups"], whole: Parts) -> "_State":
+        """Take some groups."""
+        parts = groups[whole.group]
+        near, E, total, thorax = self.at
+        at = _Point(near.of(parts[whole.part]), E[parts], total[groups], ThoraxPart(*(one[parts] for one in thorax)))
+        of_groups = {name: getattr(self, name)[groups] for name in ("a", "damping", "gain", "steps")}
+        of_parts = {name: getattr(self, name)[parts] for name in ("theta", "rest", "moved", "before", "taken")}
+        return _State(at=at, **of_groups, **of_parts)
 
 
 @dataclass(frozen=True)
@@ -125,6 +112,11 @@ class _Objective:
     def columns(self) -> Float[np.ndarray, "own used rows"]:
         """Strength in these channels of an amplitude of 1."""
         return self.shared.columns[:, self.used]
+
+    def of(self, groups: Bool[np.ndarray, " groups"]) -> "_Objective":
+        """Take some groups."""
+        rows = groups[self.parts.group][self.parts.part]
+        return _Objective(self.parts.of(groups), self.shared._replace(columns=self.shared.columns[..., rows]))
 
     def at(self, theta, a, start_deg) -> _Point:
         """Evaluate it."""
@@ -178,38 +170,93 @@ def minimise(
     shared: Shared,
     theta_mm: Float[np.ndarray, "parts adapted"],
     amplitude: Float[np.ndarray, "groups own"],
-    finished: Callable[[float, Float[np.ndarray, "parts adapted"]], bool],
+    finished: Finished,
     most_steps: int,
     start_deg: Float[np.ndarray, "6 rows"] | None = None,
 ) -> End:
-    """Step until ``finished`` says so of the last decrease and the slope in theta; each group has its own damping."""
-    objective, (lower, upper) = _Objective(parts, shared), parts.bounds_mm
-    theta, a = np.clip(theta_mm, lower, upper), np.array(amplitude)
-    damping = np.full(len(a), _FIRST_DAMPING)
-    at = objective.at(theta, a, start_deg)
-    rest = np.zeros((len(theta), _N + a.shape[1], _N + a.shape[1]))  # of the curvature, beside Gauss-Newton's
-    moved = before = np.zeros(rest.shape[:2])  # by the last step; and its gradient
-    taken = np.zeros(len(theta), bool)
-    settled, gain, step_number, slope = False, np.inf, 0, np.zeros_like(theta)
-    for step_number in range(most_steps + 1):
-        Z, gradient = objective.slopes(at)
-        held = ((theta <= lower) & (gradient[:, :_N] > 0)) | ((theta >= upper) & (gradient[:, :_N] < 0))
-        slope = np.where(held, 0.0, gradient[:, :_N])
-        settled = finished(gain, slope) and bool((damping < _STUCK).all())
-        if settled or step_number == most_steps:
-            break
-        matrix = objective.matrix(at, Z)
-        rest = np.where(taken[:, None, None], secant(rest, matrix, moved, gradient - before), 0.0)
-        step, before = objective.step(gradient, matrix + rest, theta, a, damping), gradient
-        tried = objective.at(theta + step.theta, a + step.amplitude, at.near.angles_deg.T)
-        better = tried.total <= at.total + _SAME * np.abs(at.total)
-        damping = np.where(better, damping * _LESS, np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE))
-        gain = float(np.where(better, at.total - tried.total, np.inf).max())
-        taken, moved = better[parts.group], np.concatenate([step.theta, step.amplitude[parts.group]], axis=1)
-        theta = np.where(taken[:, None], theta + step.theta, theta)
-        a = np.where(better[:, None], a + step.amplitude, a)
-        at = _chosen(parts, better, at, tried)
-    return End(theta, a, at.E, at.near, slope, step_number, settled)
+    """Step until every group is ``finished``; each has its own damping, and stays where it is then."""
+    objective = _Objective(parts, shared)
+    theta, a = np.clip(theta_mm, *parts.bounds_mm), np.array(amplitude)
+    (count, _), (groups, own) = theta.shape, a.shape
+    nothing = np.zeros((count, _N + own))
+    begin = _State(
+        at=objective.at(theta, a, start_deg),
+        theta=theta,
+        a=a,
+        damping=np.full(groups, _FIRST_DAMPING),
+        gain=np.full(groups, np.inf),
+        rest=np.zeros((count, _N + own, _N + own)),
+        moved=nothing,
+        before=nothing,
+        taken=np.zeros(count, bool),
+        steps=np.zeros(groups, int),
+    )
+    return _steps(objective, begin, finished, most_steps)
+
+
+def _steps(objective: _Objective, state: _State, finished: Finished, most_steps: int) -> End:
+    """Take at most so many steps; once enough groups have ended the others go on without them."""
+    parts, (lower, upper) = objective.parts, objective.parts.bounds_mm
+    left = most_steps
+    while True:
+        Z, gradient = objective.slopes(state.at)
+        own = gradient[:, :_N]
+        held = ((state.theta <= lower) & (own > 0)) | ((state.theta >= upper) & (own < 0))
+        slope = np.where(held, 0.0, own)
+        settled = finished(state.gain, slope) & (state.damping < _STUCK)
+        end = End(state.theta, state.a, state.at.E, state.at.near, slope, state.steps, settled)
+        going = ~settled & (state.damping < _HOPELESS)
+        if not going.any() or not left:
+            return end
+        if going.mean() <= _FEW:
+            others = _steps(objective.of(going), state.of(going, parts), finished, left)
+            return _joined(end, going, others, parts)
+        state = _stepped(objective, state, Z, gradient, going)
+        left -= 1
+
+
+def _stepped(objective: _Objective, state: _State, Z, gradient, going: Bool[np.ndarray, " groups"]) -> _State:
+    """Take a step in every group that is going on, if it leads down; else damp it more."""
+    parts, at, damping = objective.parts, state.at, state.damping
+    matrix = objective.matrix(at, Z)
+    learnt = secant(state.rest, matrix, state.moved, gradient - state.before)
+    rest = np.where(state.taken[:, None, None], learnt, 0.0)
+    step = objective.step(gradient, matrix + rest, state.theta, state.a, damping)
+    tried = objective.at(state.theta + step.theta, state.a + step.amplitude, at.near.angles_deg.T)
+    better = (tried.total <= at.total + _SAME * np.abs(at.total)) & going
+    changed = np.where(better, damping * _LESS, np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE))
+    taken = better[parts.group]
+    return _State(
+        at=_chosen(parts, better, at, tried),
+        theta=np.where(taken[:, None], state.theta + step.theta, state.theta),
+        a=np.where(better[:, None], state.a + step.amplitude, state.a),
+        damping=np.where(going, changed, damping),
+        gain=np.where(better, at.total - tried.total, np.where(going, np.inf, state.gain)),
+        rest=rest,
+        moved=np.concatenate([step.theta, step.amplitude[parts.group]], axis=1),
+        before=gradient,
+        taken=taken,
+        steps=state.steps + going,
+    )
+
+
+def _joined(every: End, groups: Bool[np.ndarray, " groups"], others: End, parts: Parts) -> End:
+    """Put the ends of some groups in the places that they have among all."""
+    of_parts = groups[parts.group]
+    places = {
+        **dict.fromkeys(("theta_mm", "E", "slope"), of_parts),
+        **dict.fromkeys(("amplitude", "steps", "settled"), groups),
+    }
+    put = {name: _put(getattr(every, name), where, getattr(others, name)) for name, where in places.items()}
+    rows = of_parts[parts.part]
+    pairs = zip(vars(every.nearest).values(), vars(others.nearest).values(), strict=True)
+    return End(nearest=Nearest(*(_put(whole, rows, some) for whole, some in pairs)), **put)
+
+
+def _put(whole: np.ndarray, places: Bool[np.ndarray, " some"], values: np.ndarray) -> np.ndarray:
+    found = np.array(whole)
+    found[places] = values
+    return found
 
 
 def _chosen(parts: Parts, better, old: _Point, new: _Point) -> _Point:

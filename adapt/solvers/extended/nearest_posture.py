@@ -72,6 +72,10 @@ class Nearest:
         """How far the chain is open at most."""
         return np.abs(self.g_mm).max(axis=1)
 
+    def of(self, rows: np.ndarray) -> "Nearest":
+        """Take some rows."""
+        return Nearest(*(one[rows] for one in vars(self).values()))
+
     def where(self, chosen: np.ndarray, other: "Nearest") -> "Nearest":
         """Take the chosen rows of the other."""
 
