@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.gauss_newton import minimise
+from adapt.solvers.extended.gauss_newton import End, minimise
+from adapt.solvers.extended.joint_parts import Parts, Shared
 from adapt.solvers.extended.nearest_posture import Nearest
-from adapt.solvers.extended.parts import Parts, Shared
 from adapt.solvers.extended.thorax_term import Thorax
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import SetArrays, set_arrays
@@ -153,14 +153,21 @@ class JointFit:
             importance=self.arrays.importance,
         )
 
-    def _shared(self, hypothesis: Sequence[str]) -> Shared:
-        where = self.candidates.where(hypothesis)
-        columns = self.candidates.columns[where][:, :, self.rows]
-        return Shared(columns, self.candidates.scale[where], self.candidates.mean[where])
+    def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:
+        """Lay out the amplitudes of each group's hypothesis; a group that has fewer than another has some idle ones."""
+        places = [self.candidates.where(one) for one in hypotheses]
+        most, group_of_row = max(map(len, places)), self.arrays.group[self._parts.part]
+        columns = np.zeros((most, self.candidates.columns.shape[1], len(self.rows)))
+        scale, mean = np.ones((self.groups, most)), np.zeros((self.groups, most))
+        for group, where in enumerate(places):
+            at, own = np.flatnonzero(group_of_row == group), slice(len(where))
+            columns[own, :, at[0] : at[-1] + 1] = self.candidates.columns[where][:, :, self.rows[at]]
+            scale[group, own], mean[group, own] = self.candidates.scale[where], self.candidates.mean[where]
+        return Shared(columns, scale, mean)
 
     def nearest(self, hypothesis: Sequence[str], fitted: Fitted) -> Nearest:
         """Find the nearest postures of all rows where a fit ended."""
-        shared, parts = self._shared(hypothesis), self._parts
+        shared, parts = self._shared([tuple(hypothesis)] * self.groups), self._parts
         strengths = np.einsum("rk,kcr->cr", fitted.amplitude[parts.group][parts.part], shared.columns)
         return parts.nearest(fitted.theta_mm, strengths)
 
@@ -172,12 +179,34 @@ class JointFit:
         settled: float = SETTLED,
     ) -> Fitted:
         """Minimise from here."""
+        end = self._minimised([tuple(hypothesis)] * self.groups, theta_mm, amplitude, settled)
+        return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
 
+    def fit_side_by_side(
+        self,
+        hypotheses: Sequence[Hypothesis],
+        thetas_mm: Sequence[Float[np.ndarray, "parts adapted"]],
+        amplitudes: Sequence[Float[np.ndarray, " own"]],
+        settled: float = SETTLED,
+    ) -> list[Fitted]:
+        """Minimise several hypotheses, each from a start of its own, as ``fit`` does one; this fit has one group."""
+        groups, count = range(len(hypotheses)), len(self.parts)
+        every = replace(self, parts=tuple(part._replace(group=group) for group in groups for part in self.parts))
+        start = np.zeros((len(hypotheses), max(map(len, amplitudes))))
+        for group, amplitude in enumerate(amplitudes):
+            start[group, : len(amplitude)] = amplitude
+        end = every._minimised(hypotheses, np.concatenate(thetas_mm), start, settled)
+        own = [slice(group * count, (group + 1) * count) for group in groups]
+        return [
+            Fitted(end.theta_mm[at], end.amplitude[[group], : len(a)], end.E[at], bool(end.settled[group]))
+            for group, (at, a) in enumerate(zip(own, amplitudes, strict=True))
+        ]
+
+    def _minimised(self, hypotheses: Sequence[Hypothesis], theta_mm, amplitude, settled: float) -> End:
         def finished(gain: Float[np.ndarray, " groups"], _) -> Bool[np.ndarray, " groups"]:
             return gain < settled
 
-        end = minimise(self._parts, self._shared(hypothesis), theta_mm, amplitude, finished, _MOST_STEPS)
-        return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
+        return minimise(self._parts, self._shared(hypotheses), theta_mm, amplitude, finished, _MOST_STEPS)
 
     def from_starts(self) -> Fitted:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""

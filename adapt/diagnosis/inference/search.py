@@ -83,18 +83,33 @@ class Search:
         return len(hypothesis) * self.log_odds + self.joint.candidates.log_prior(hypothesis, amplitude)
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
-        """Fit a hypothesis exactly, from the fit of another one."""
-        candidates = self.joint.candidates
-        hypothesis = candidates.ordered(names)
+        """Fit a hypothesis exactly, from the fit of another one; without one, no cause."""
+        hypothesis = self.joint.candidates.ordered(names)
         if hypothesis in self.nodes:
             return self.nodes[hypothesis]
         if start is None:
-            fitted = self.joint.from_starts()
-        else:
-            a = candidates.mean.copy()
-            a[candidates.where(start.hypothesis)] = start.fitted.amplitude[0]
-            first = a[candidates.where(hypothesis)][None]
-            fitted = self.joint.fit(hypothesis, start.fitted.theta_mm, first, _ENOUGH)
+            return self._add(hypothesis, self.joint.from_starts())
+        return self.fit_all([(hypothesis, start)])[0]
+
+    def fit_all(self, starts: Sequence[tuple[Hypothesis, Node]]) -> list[Node]:
+        """Fit hypotheses side by side, each from the fit of another one."""
+        missing = {hypothesis: start for hypothesis, start in starts if hypothesis not in self.nodes}
+        if missing:
+            thetas = [start.fitted.theta_mm for start in missing.values()]
+            amplitudes = [self._amplitude_at(start, hypothesis) for hypothesis, start in missing.items()]
+            found = self.joint.fit_side_by_side(list(missing), thetas, amplitudes, _ENOUGH)
+            for hypothesis, fitted in zip(missing, found, strict=True):
+                self._add(hypothesis, fitted)
+        return [self.nodes[hypothesis] for hypothesis, _ in starts]
+
+    def _amplitude_at(self, start: Node, hypothesis: Hypothesis) -> Float[np.ndarray, " own"]:
+        """Where the amplitudes of a hypothesis begin: as in the fit, else where they are believed to be."""
+        candidates = self.joint.candidates
+        a = candidates.mean.copy()
+        a[candidates.where(start.hypothesis)] = start.fitted.amplitude[0]
+        return a[candidates.where(hypothesis)]
+
+    def _add(self, hypothesis: Hypothesis, fitted: Fitted) -> Node:
         linearised = linearise(self.joint, self.folds, hypothesis, fitted)
         predicted = linearised.predict(hypothesis)
         value = self._value(hypothesis, fitted.amplitude[0], predicted.squares)
@@ -144,7 +159,7 @@ class Search:
                     if one[1] not in hopeful or hopeful[one[1]][0] < one[0]:
                         hopeful[one[1]] = one
             chosen = sorted(hopeful.values(), key=lambda one: -one[0])[: exact // 2 if first else exact]
-            level = [self.fit(hypothesis, node) for value, hypothesis, node in chosen if value > _WORST]
+            level = self.fit_all([(hypothesis, node) for value, hypothesis, node in chosen if value > _WORST])
             if not level:
                 return
             highest = max(node.value for node in level)
@@ -175,8 +190,7 @@ class Search:
         """Fit the most hopeful sets with another cause in the place of one; the best of each cause, its own among
         them."""
         less = self.without(node, own)
-        for _, hypothesis, start in self.widened(less)[:_TRIED]:
-            self.fit(hypothesis, start)
+        self.fit_all([(hypothesis, start) for _, hypothesis, start in self.widened(less)[:_TRIED]])
         others = set(less.hypothesis)
         found: dict[str, Node] = {}
         for one in sorted(self.usable, key=lambda one: one.value):

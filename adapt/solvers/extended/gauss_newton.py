@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.solvers.extended.arrow_step import Quadratic, Step, lowest
+from adapt.solvers.extended.joint_parts import Parts, Shared
 from adapt.solvers.extended.nearest_posture import Nearest
-from adapt.solvers.extended.parts import Parts, Shared
 from adapt.solvers.extended.secant import secant
 from adapt.solvers.extended.thorax_term import ThoraxPart
 from models.adapted_parameters import ADAPTED
@@ -116,7 +116,7 @@ class _Objective:
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "_Objective":
         """Take some groups."""
         rows = groups[self.parts.group][self.parts.part]
-        return _Objective(self.parts.of(groups), self.shared._replace(columns=self.shared.columns[..., rows]))
+        return _Objective(self.parts.of(groups), self.shared.of(groups, rows))
 
     def at(self, theta, a, start_deg) -> _Point:
         """Evaluate it."""
@@ -157,7 +157,7 @@ class _Objective:
             Quadratic(gradient, matrix, parts.importance, parts.group),
             len(a),
             2.0 * (a - shared.mean) / shared.scale**2,
-            np.eye(len(shared.scale)) * (2.0 / shared.scale**2) * (1.0 + damping[:, None, None]),
+            np.eye(a.shape[1]) * (2.0 / shared.scale**2 * (1.0 + damping[:, None]))[:, None, :],
             (lower - theta, upper - theta),
         )
 

@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.extended.parts import Parts
+from adapt.solvers.extended.joint_parts import Parts
 from adapt.solvers.extended.thorax_term import Thorax
 from models.effects import ActiveEffects
 from motions.rotations import DEG

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from adapt.engine.batching import take_problems
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.extended.gauss_newton import End, minimise
-from adapt.solvers.extended.parts import Shared
+from adapt.solvers.extended.joint_parts import Shared
 from adapt.solvers.extended.problem_rows import parts_of, row_weights, rows_of
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from adapt.solvers.reference.subject import THETA_TOLERANCE, Subject
@@ -64,7 +64,7 @@ def _unsolved(theta, angles) -> Subject:
 def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles) -> End:
     problem, posture = rows_of(fixed)
     count, parts = theta.shape[1], parts_of(fixed, active_effects)
-    nothing = Shared(np.zeros((0, len(parts.strengths), len(problem))), np.zeros(0), np.zeros(0))
+    nothing = Shared(np.zeros((0, len(parts.strengths), len(problem))), np.zeros((count, 0)), np.zeros((count, 0)))
 
     def finished(_, slope: Float[np.ndarray, "parts adapted"]) -> Bool[np.ndarray, " parts"]:
         return np.abs(slope).max(axis=1) <= THETA_TOLERANCE

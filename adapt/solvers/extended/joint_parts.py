@@ -1,0 +1,89 @@
+"""Parts of a joint fit: each is one subject with the postures that it is adapted to; the parts of a group share
+amplitudes."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.solvers.extended.nearest_posture import Nearest, nearest_postures
+from adapt.solvers.extended.thorax_term import Thorax
+from models.effects import Effect
+from models.girdle import Girdle
+
+
+class Shared(NamedTuple):
+    """Amplitudes that the parts of a group share. What they are may differ between groups: one that a group does not
+    have does nothing at its rows."""
+
+    columns: Float[np.ndarray, "own channels rows"]
+    """Strength in each channel at each row of an amplitude of 1."""
+    scale: Float[np.ndarray, "groups own"]
+    mean: Float[np.ndarray, "groups own"]
+    """Of their prior."""
+
+    def of(self, groups: Bool[np.ndarray, " groups"], rows: Bool[np.ndarray, " rows"]) -> "Shared":
+        """Take some groups, whose rows these are."""
+        return Shared(self.columns[..., rows], self.scale[groups], self.mean[groups])
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The rows of all parts, one part after the other."""
+
+    girdle: Girdle
+    """(component, parts)."""
+    thorax: Thorax
+    bounds_mm: tuple[Float[np.ndarray, "#parts adapted"], Float[np.ndarray, "#parts adapted"]]
+    effects: tuple[Effect, ...]
+    strengths: Float[np.ndarray, "channels rows"]
+    """Of what is given."""
+    measured_deg: Float[np.ndarray, "6 rows"]
+    sd: Float[np.ndarray, "6 rows"]
+    weights: Float[np.ndarray, " rows"]
+    """Of |y|^2 in E."""
+    part: Int[np.ndarray, " rows"]
+    group: Int[np.ndarray, " parts"]
+    importance: Float[np.ndarray, " parts"]
+    """v: of E in what the amplitudes minimise."""
+    strengths_are_known: bool = False
+    """Nothing asks for slopes in them."""
+
+    @cached_property
+    def _starts(self) -> Int[np.ndarray, " parts"]:
+        return np.searchsorted(self.part, np.arange(len(self.group)))
+
+    def sums(self, values: Float[np.ndarray, "rows ..."]) -> Float[np.ndarray, "parts ..."]:
+        """Add up the rows of each part."""
+        return np.add.reduceat(values, self._starts, axis=0)
+
+    def nearest(self, theta_mm, strengths, start_deg=None) -> Nearest:
+        """Find the nearest postures of all rows at these parameters, (parts, adapted)."""
+        adapted = self.girdle.with_adapted(np.ascontiguousarray(theta_mm.T))
+        of_rows = jax.tree.map(lambda x: np.ascontiguousarray(x[..., self.part]), adapted)
+        return nearest_postures(
+            of_rows, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known
+        )
+
+    def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":
+        """Take some groups."""
+        parts = groups[self.group]
+        rows = parts[self.part]
+        girdle, thorax = jax.tree.map(lambda x: x[..., parts], (self.girdle, self.thorax))
+        lower, upper = (np.broadcast_to(one, (len(parts), one.shape[1]))[parts] for one in self.bounds_mm)
+        return replace(
+            self,
+            girdle=girdle,
+            thorax=thorax,
+            bounds_mm=(lower, upper),
+            strengths=self.strengths[:, rows],
+            measured_deg=self.measured_deg[:, rows],
+            sd=self.sd[:, rows],
+            weights=self.weights[rows],
+            part=np.cumsum(parts)[self.part[rows]] - 1,
+            group=np.cumsum(groups)[self.group[parts]] - 1,
+            importance=self.importance[parts],
+        )
