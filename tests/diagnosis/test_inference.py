@@ -182,3 +182,11 @@ def test_a_stand_in_gives_way_to_what_exact_fits_find_more_probable():
     found = settle(search, Named(stand_in, {}, rungs), 0.1)
     assert found.hypothesis == (BIAS,)
     assert found.rungs[-1].added == BIAS
+
+
+def test_whatever_is_set_aside_the_named_cause_stays_in_its_place():
+    search = searched(BIAS)
+    node = search.nodes[(BIAS,)]
+    every = {one.hypothesis for one in search.usable} - {node.hypothesis}
+    (only,) = in_place_of(search, node, BIAS, every).values()
+    assert (only.node.hypothesis, only.share) == (node.hypothesis, pytest.approx(1.0))

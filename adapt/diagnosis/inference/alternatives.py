@@ -40,13 +40,12 @@ class CredibleSet(NamedTuple):
 def in_place_of(search: Search, named: Node, own: str, set_aside: Collection[Hypothesis]) -> dict[str, Alternative]:
     """Weigh the causes that the linear prediction finds in the place of one, and its own, by exact fits; by name.
 
-    Sets that are ``set_aside`` are left out.
+    Sets that are ``set_aside`` are left out; the one that is named is none of them.
     """
-    nodes = search.in_place_of(named, own)
+    nodes = search.in_place_of(named, own, set_aside)
     linear = dict(zip(nodes, probabilities(search, list(nodes.values())), strict=True))
     own_cause = search.joint.candidates.causes[own]
-    hopeful = {name: node for name, node in nodes.items() if name == own_cause or linear[name] >= _LEAST_SHARE}
-    kept = {name: node for name, node in hopeful.items() if node.hypothesis not in set_aside}
+    kept = {name: node for name, node in nodes.items() if name == own_cause or linear[name] >= _LEAST_SHARE}
     shares = probabilities(search, [refitted(search, node) for node in kept.values()])
     return {name: Alternative(node, float(share)) for (name, node), share in zip(kept.items(), shares, strict=True)}
 

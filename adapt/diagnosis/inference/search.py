@@ -6,7 +6,7 @@ q_f is the mean |y|^2 of fold f, unseen. N = folds x the independent numbers tha
 one of each constraint, then what ``inference.correlation`` finds, because neighbouring postures are not independent.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -186,15 +186,16 @@ class Search:
             value = self._value(hypothesis, node.fitted.amplitude[0], node.predicted.squares)
             self.nodes[hypothesis] = node._replace(value=value)
 
-    def in_place_of(self, node: Node, own: str) -> dict[str, Node]:
+    def in_place_of(self, node: Node, own: str, set_aside: Collection[Hypothesis] = ()) -> dict[str, Node]:
         """Fit the most hopeful sets with another cause in the place of one; the best of each cause, its own among
-        them."""
+        them, but for those ``set_aside``."""
         less = self.without(node, own)
         self.fit_all([(hypothesis, start) for _, hypothesis, start in self.widened(less)[:_TRIED]])
         others = set(less.hypothesis)
         found: dict[str, Node] = {}
         for one in sorted(self.usable, key=lambda one: one.value):
-            if len(one.hypothesis) == len(node.hypothesis) and others < set(one.hypothesis):
+            fits = len(one.hypothesis) == len(node.hypothesis) and others < set(one.hypothesis)
+            if fits and one.hypothesis not in set_aside:
                 (name,) = set(one.hypothesis) - others
                 found[self.joint.candidates.causes[name]] = one
         return found
