@@ -16,7 +16,7 @@ from adapt.diagnosis.inference.weights import probabilities
 LEAST_GAIN = 0.05
 """Share of the unseen gap beyond noise that a named cause takes away: less is no answer to anybody."""
 
-LEAST_PROBABILITY = 0.8
+LEAST_PROBABILITY = 0.9
 """That a cause is at work beside the others of its set, over the bootstrap of persons and motions."""
 
 
