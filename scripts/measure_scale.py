@@ -58,8 +58,10 @@ def cluster(workers: int) -> Iterator[tuple[str, list[int]]]:
         yield here.scheduler_address, [nanny.pid for nanny in here.workers.values()]
 
 
-def watched(run: subprocess.Popen, kill: tuple[int, float] | None = None) -> tuple[float, float]:
-    """Wait for a run; the most memory of one of this script's processes and of all together, MiB.
+def watched(
+    run: subprocess.Popen, parent: int | None = None, kill: tuple[int, float] | None = None
+) -> tuple[float, float]:
+    """Wait for a run; the most memory of one process and of all that ``parent`` began (default: of the run), MiB.
 
     ``kill``: a process to end, and when, s. CalledProcessError if the run fails.
     """
@@ -70,7 +72,7 @@ def watched(run: subprocess.Popen, kill: tuple[int, float] | None = None) -> tup
             os.kill(kill[0], signal.SIGKILL)
             print(f"a worker was ended after {kill[1]:.0f} s", flush=True)
             kill = None
-        sizes = [memory_mib(process) for process in family(os.getpid())]
+        sizes = [memory_mib(process) for process in family(parent or run.pid)]
         one, together = max(one, *sizes), max(together, sum(sizes))
         time.sleep(_LOOK_S)
     if run.returncode:
@@ -120,7 +122,7 @@ def measure(
                     [*command, *(["--dask", address] if dask else [])], cwd=ROOT, stdout=subprocess.DEVNULL
                 )
                 ended = (workers[0], kill) if workers and kill and count == counts[-1] else None
-                one, together = watched(run, ended)
+                one, together = watched(run, os.getpid() if dask else None, ended)
                 seconds.append(time.perf_counter() - start)
             subjects = pd.read_csv(f"{folder}/out/parameters.csv", usecols=["subject"])["subject"]
             assert len(subjects) == subjects.nunique() == count, f"{subjects.nunique()} of {count} subjects"
