@@ -139,7 +139,8 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
     for number in range(case.subjects):
         subject, mover = f"simulated_{number + 1:02d}", draw_mover(world, number, rng)
         angles, places = measure(mover, rng)
-        angles = angles + case.discrepancy_deg * smooth_courses(mover.elevation, rng)
+        if case.discrepancy_deg:  # a world without one has the random numbers that it always had
+            angles = angles + case.discrepancy_deg * smooth_courses(mover.elevation, rng)
         angles = angles + case.noise_deg * rng.normal(size=angles.shape)
         places = places + (case.landmark_noise_mm or 0.0) * rng.normal(size=places.shape)
         for row in range(len(angles)):

@@ -11,6 +11,7 @@ from models import load_model
 from motions import read_motions
 from motions.rotations import DEG
 from scripts.check_elsewhere import worlds
+from scripts.other_world import worlds as worlds_made
 from scripts.other_world.effects import SIZES
 from scripts.other_world.mistakes import OUTSIDE_SIZES
 from scripts.other_world.worlds import (
@@ -86,6 +87,12 @@ def test_worlds_of_several_causes_have_each_number_of_them_and_smooth_courses_be
     counts = Counter(0 if truth["label"] == "none" else len(truth["label"].split("+")) for truth in truths)
     assert counts == {0: 3, 1: 4, 2: 4, 3: 4, 4: 4}
     assert {truth["discrepancy_deg"] for truth in truths} == {DISCREPANCY_DEG}
+
+
+def test_a_world_without_a_discrepancy_draws_nothing_for_it(tmp_path, monkeypatch):
+    """Or its noise would not be that of the worlds that were reported by seed."""
+    monkeypatch.setattr(worlds_made, "smooth_courses", lambda *_: pytest.fail("drew"))
+    made(tmp_path, "skin_artefact")
 
 
 def test_a_smooth_course_has_sd_1_and_neighbours_that_are_alike():
