@@ -157,9 +157,7 @@ class _Study:
             axial_is_computed=computed,
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
-            landmark_sizes={
-                name: of_landmarks(self.search.joint.candidates.effect(name), one) for name, one in self.sizes.items()
-            },
+            landmark_sizes={name: of_landmarks(self.library[name], one) for name, one in self.sizes.items()},
             budget=budget,
             left_over_share=_left_over(gaps),
             gaps=gaps,

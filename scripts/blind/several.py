@@ -29,14 +29,8 @@ def several_report(lines: Sequence[Line]) -> str:
     }
     by_measure = [[name, *(measure(chosen) for chosen in columns.values())] for name, measure in measures.items()]
     by_cause = [[name, *_of_cause(name, sound)] for name in CAUSES if any(name in at_work(line) for line in sound)]
-    return "\n\n".join(
-        [
-            markdown(["", *columns], by_measure),
-            markdown(
-                ["cause", "found where at work", "first names that are right", "other names that are right"], by_cause
-            ),
-        ]
-    )
+    header = ["cause", "found where at work", "first names that are right", "other names that are right"]
+    return "\n\n".join([markdown(["", *columns], by_measure), markdown(header, by_cause)])
 
 
 def _count(line: Line) -> int:
@@ -53,10 +47,12 @@ def _right(line: Line, names: Sequence[str]) -> bool:
     return bool(at_work(line) & set(names))
 
 
+def _finds(line: Line, cause: str) -> bool:
+    return named(line) and cause in names_of(line)
+
+
 def _found(lines: Iterable[Line]) -> list[bool]:
-    return [
-        named(line) and cause in names_of(line) for line in lines if _count(line) for cause in sorted(at_work(line))
-    ]
+    return [_finds(line, cause) for line in lines if _count(line) for cause in at_work(line)]
 
 
 def _names(lines: list[Line]) -> str:
@@ -76,8 +72,4 @@ def _of_cause(name: str, lines: list[Line]) -> list[str]:
     worlds, causes = _flat(lines)
     first = [name in at_work(line) for line, names in zip(worlds, causes, strict=True) if names[0] == name]
     other = [name in at_work(line) for line, names in zip(worlds, causes, strict=True) if name in names[1:]]
-    return [
-        rate(named(line) and name in names_of(line) for line in lines if name in at_work(line)),
-        rate(first),
-        rate(other),
-    ]
+    return [rate(_finds(line, name) for line in lines if name in at_work(line)), rate(first), rate(other)]
