@@ -67,6 +67,12 @@ class Linearised:
         matrix[:, :_N, :_N] += self.thorax.matrix[self.folds.arrays.subject]
         return gradient, matrix
 
+    def gradients(self, where: Int[np.ndarray, " own"]) -> list[Float[np.ndarray, "motions n"]]:
+        """Give, for each subject, the gradient of the motions in its E by what is held out together."""
+        chosen = np.concatenate([np.arange(_N), _N + where])
+        everybody = self.shares[: len(self.joint.shoulders.subjects)]
+        return [share[share > 0.0, None] * self.products[share > 0.0][:, chosen, -1] for share in everybody]
+
     def predict(self, hypothesis: Sequence[str]) -> Predicted:
         """Predict every fold under a hypothesis that has the one of the fit in it."""
         joint = self.joint

@@ -6,50 +6,18 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.diagnosis.inference.amplitude_draws import draws_of
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
-from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.by_posture import UNIT_DEG, ByPosture
 from models.effects.known import as_option
-from models.girdle import CONSTRAINTS
 from motions.rhythm import REST_DEG
 from motions.table import ANGLES
 
-_N = len(ADAPTED)
-
-_DRAWS, _SEED = 400, 5
-
 _REACHED = 95.0
 """Percentile of the postures at which the size of an effect is stated: the largest that it is but for outliers."""
-
-
-def draws_of(search: Search, node: Node) -> Float[np.ndarray, "draws own"]:
-    """Draw amplitudes of a fit from their posterior, the adapted parameters of every subject taken out.
-
-    E is read as -2 log of a posterior in which each motion of a person tells one number of each constraint, with the
-    variance that the unseen folds show.
-    """
-    linearised = node.linearised
-    where = search.joint.candidates.where(node.hypothesis)
-    scale = search.joint.candidates.scale[where]
-    total = np.diag(2.0 / scale**2)
-    _, matrices = linearised.normal_equations(where)
-    for k in range(len(search.joint.shoulders.subjects)):
-        matrix, (lower, upper) = matrices[k], search.joint.model.bounds_mm[:, k]
-        theta = node.fitted.theta_mm[k]
-        free = np.flatnonzero((theta > lower) & (theta < upper))
-        own, cross, shared = matrix[np.ix_(free, free)], matrix[free, _N:], matrix[_N:, _N:]
-        total = total + shared - cross.T @ np.linalg.solve(own, cross)
-    count = len(CONSTRAINTS)
-    variance = float(search.folds.by_fold(node.predicted.squares).mean()) / count
-    motions = len(search.folds.subject) / len(search.joint.shoulders.subjects)
-    # in units of the prior the matrix is at least 2 I, whatever the data hold
-    root = np.linalg.cholesky(total * np.outer(scale, scale))
-    normal = np.random.default_rng(_SEED).standard_normal((len(scale), _DRAWS))
-    spread = np.sqrt(search.joint.model.weight * variance / (count * motions))
-    return node.fitted.amplitude[0] + spread * scale * np.linalg.solve(root.T, normal).T
 
 
 def amplitudes(search: Search, node: Node) -> dict[str, CauseAmplitude]:
