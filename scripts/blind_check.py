@@ -31,6 +31,7 @@ from scripts.blind.cases import (
     SINGLE,
     UNSEEN_MOTION,
     Case,
+    Condition,
     plan,
     world_of,
     written,
@@ -44,7 +45,7 @@ from scripts.reporting import check_known
 def examine(case: Case) -> Line:
     """The verdict on a case's world, and only then the truth."""
     world, model, how = world_of(case), load_model(case.model), CONDITIONS[case.condition]
-    effects = tuple(e for e in EFFECTS.values() if not (how.left_out and cause_of(e.name) == case.label))
+    effects = tuple(e for e in EFFECTS.values() if _in_library(how, at_work=cause_of(e.name) == case.label))
     with tempfile.TemporaryDirectory() as folder:
         shown = written(world.table, SHOWN_MOTIONS, Path(folder) / "motions.csv")
         found = diagnose(read_motions(shown), model, effects=effects)[model.name]
@@ -53,6 +54,10 @@ def examine(case: Case) -> Line:
             every = written(world.table, (*SHOWN_MOTIONS, UNSEEN_MOTION), Path(folder) / "every.csv")
             recorded["realised_deg"] = realised_gaps(found, model, read_motions(every))
     return recorded | with_truth(found, world.truth)
+
+
+def _in_library(how: Condition, at_work: bool) -> bool:
+    return how.library == "all" or at_work == (how.library == "alone")
 
 
 def _seeds(text: str) -> range:

@@ -8,6 +8,7 @@ shown the first two.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import pandas as pd
 
@@ -72,8 +73,8 @@ class Condition:
     size: float = 1.0
     mixed_sign: bool = False
     landmarks: bool = False
-    left_out: bool = False
-    """The effect at work is taken from the library before the diagnosis."""
+    library: Literal["all", "without", "alone"] = "all"
+    """All candidates; without the effect at work; or that alone: who misses it then could not have found it."""
     third_motion: bool = False
     """Of worlds with one listed effect."""
 
@@ -81,19 +82,23 @@ class Condition:
 SINGLE = ("none", *LISTED, *OUTSIDE)
 CONDITIONS = {
     "standard": Condition((*SINGLE, *PAIRS), third_motion=True),
-    "loo": Condition(LISTED, left_out=True, third_motion=True),
+    "loo": Condition(LISTED, library="without", third_motion=True),
     "half": Condition((*LISTED, *OUTSIDE), size=0.5),
     "three": Condition(SINGLE, subjects=3),
     "one": Condition(SINGLE, subjects=1),
     "mixed": Condition((*LISTED, *OUTSIDE), mixed_sign=True),
     "landmarks_three": Condition(SINGLE, subjects=3, landmarks=True),
     "noise_3": Condition(SINGLE, noise_deg=3.0),
+    "alone": Condition(LISTED, library="alone", third_motion=True),
+    "alone_half": Condition(LISTED, size=0.5, library="alone"),
+    "alone_three": Condition(LISTED, subjects=3, library="alone"),
+    "alone_one": Condition(LISTED, subjects=1, library="alone"),
     "power_0.25": Condition(LISTED, size=0.25),
     "power_1.5": Condition(LISTED, size=1.5),
     "power_2": Condition(LISTED, size=2.0),
 }
-"""`loo` has the worlds of `standard`. Without an effect, its size and sign change nothing. `power` means all three; the
-power curve's other two sizes are `half` and `standard`."""
+"""`loo` and `alone` have the worlds of `standard`, `alone_half` those of `half`, and so on. Without an effect, its size
+and sign change nothing. `power` means all three; the power curve's other two sizes are `half` and `standard`."""
 
 
 @dataclass(frozen=True)

@@ -270,6 +270,9 @@ def test_the_plan_has_each_case_once_and_every_label_with_more_of_none() -> None
 def test_the_left_out_effect_is_in_the_data_of_the_standard_condition() -> None:
     first, second = (world_of(Case(c, OTHER, 3)).table for c in ("standard", "loo"))
     pd.testing.assert_frame_equal(first, second, check_exact=True)
+    for condition in ("half", "three", "one"):
+        first, second = (world_of(Case(c, OTHER, 3)).table for c in (condition, f"alone_{condition}"))
+        pd.testing.assert_frame_equal(first, second, check_exact=True)
     none, again = (world_of(Case("three", "none", 3, repeat)).table for repeat in (0, 1))
     assert not np.allclose(none["scapula_x_deg"], again["scapula_x_deg"])
 
@@ -415,7 +418,10 @@ def test_one_case_from_its_world_to_its_report(
     assert capsys.readouterr().out == printed
 
 
-def test_the_left_out_effect_is_taken_from_the_library_with_all_its_courses(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("condition", ["loo", "alone"])
+def test_the_library_is_all_but_the_effect_at_work_with_its_courses_or_that_alone(
+    condition: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     given: list[str] = []
 
     def diagnose(motions: Motions, model: ParameterSet, effects: Sequence[Effect]) -> dict[str, Any]:
@@ -424,5 +430,6 @@ def test_the_left_out_effect_is_taken_from_the_library_with_all_its_courses(monk
         return {model.name: diagnosed(subjects=subjects)}
 
     monkeypatch.setattr(blind_check, "diagnose", diagnose)
-    assert blind_check.examine(Case("loo", TRUE, 1))["answer"] == "none"
-    assert set(given) == set(EFFECTS) - {TRUE, f"{TRUE}:posture"}
+    assert blind_check.examine(Case(condition, TRUE, 1))["answer"] == "none"
+    own = {TRUE, f"{TRUE}:posture"} & set(EFFECTS)
+    assert set(given) == (own if condition == "alone" else set(EFFECTS) - own)
