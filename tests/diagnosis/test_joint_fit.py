@@ -68,10 +68,10 @@ def test_the_nearest_posture_is_that_of_the_reference_solver(strength):
     counts = [one.course.channels(len(one.directions)) for one in joint.model.effects]
     active = ActiveEffects(tuple(np.split(strengths, np.cumsum(counts)[:-1])), joint.model.effects)
     weights = objective_weights(np.ones((6, len(rows)), bool))
-    other = reference_fit(active.on(girdle), measured / DEG, weights, near.angles_deg.T / DEG)
+    other = reference_fit(active.on(girdle), measured / DEG, weights, near.angles_deg / DEG)
     assert other.converged.all()
-    np.testing.assert_allclose(near.angles_deg.T, np.asarray(other.angles) * DEG, atol=SAME_DEG)
-    np.testing.assert_allclose((near.y**2).sum(axis=1) / 6.0, other.j_deg2, rtol=1e-9)
+    np.testing.assert_allclose(near.angles_deg, np.asarray(other.angles) * DEG, atol=SAME_DEG)
+    np.testing.assert_allclose((near.y**2).sum(axis=0) / 6.0, other.j_deg2, rtol=1e-9)
 
 
 def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
@@ -86,12 +86,12 @@ def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
         return parts.nearest(theta, strengths)
 
     near = squares(a)
-    by_amplitude = np.einsum("ric,kcr->rik", near.by_channel, shared.columns)
-    slope = 2.0 * np.einsum("r,rik,ri->k", parts.weights, by_amplitude, near.y)
+    by_amplitude = np.einsum("icr,kcr->ikr", near.by_channel, shared.columns)
+    slope = 2.0 * np.einsum("r,ikr,ir->k", parts.weights, by_amplitude, near.y)
     for k, scale in enumerate(joint.candidates.scale[where]):
         step = np.zeros(len(a))
         step[k] = FD * scale
-        up, down = (float((parts.weights * (squares(a + s).y ** 2).sum(axis=1)).sum()) for s in (step, -step))
+        up, down = (float((parts.weights * (squares(a + s).y ** 2).sum(axis=0)).sum()) for s in (step, -step))
         assert slope[k] * scale == pytest.approx((up - down) / (2.0 * FD), rel=1e-4, abs=1e-4)
 
 

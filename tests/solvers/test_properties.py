@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from laboratory import repeated
 
@@ -70,6 +70,7 @@ def mirrored(girdle: Girdle) -> Girdle:
 
 @few
 @given(seed=seeds)
+@example(seed=1241)  # of a gap of 22 degrees the two end in different valleys
 def test_a_left_shoulder_is_the_mirror_image_in_constraints_and_fits(seed):
     angles, mirror = measured(seed), MIRROR_ANGLES[:, None]
     right, left = repeated(R2, POSTURES), repeated(mirrored(R2), POSTURES)
@@ -78,8 +79,9 @@ def test_a_left_shoulder_is_the_mirror_image_in_constraints_and_fits(seed):
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING_MM)
     one, other = fitted(R2, angles), fitted(mirrored(R2), angles * mirror)
     assert one.status.tolist() == other.status.tolist()
-    np.testing.assert_allclose(other.angles, one.angles * mirror, rtol=0.0, atol=SAME_FIT_RAD)
-    np.testing.assert_allclose(other.multipliers, one.multipliers, rtol=1e-6, atol=1e-8)
+    near = one.j_deg2 < FEW_VALLEYS_DEG2
+    np.testing.assert_allclose(other.angles[:, near], (one.angles * mirror)[:, near], rtol=0.0, atol=SAME_FIT_RAD)
+    np.testing.assert_allclose(other.multipliers[:, near], one.multipliers[:, near], rtol=1e-6, atol=1e-8)
 
 
 def test_a_file_of_a_left_shoulder_is_read_as_the_right_one_that_it_mirrors(tmp_path):

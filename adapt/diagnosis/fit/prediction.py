@@ -104,7 +104,8 @@ def linearise(joint: JointFit, folds: Folds, hypothesis: Sequence[str], fitted: 
     candidates, shoulders = joint.candidates, joint.shoulders
     near = joint.nearest(hypothesis, fitted)
     order = np.argsort(joint.rows)
-    y, by_theta, by_channel, B = (x[order] for x in (near.y, near.by_theta, near.by_channel, near.B))
+    rows_first = (np.moveaxis(x, -1, 0) for x in (near.y, near.by_theta, near.by_channel, near.B))
+    y, by_theta, by_channel, B = (x[order] for x in rows_first)
     Z = np.concatenate([by_theta, candidates.by_amplitude(by_channel)], axis=2)
     root = np.sqrt(2.0 * joint.model.weight * shoulders.weights)
     extended = np.concatenate([Z, y[:, :, None]], axis=2) * root[:, None, None]

@@ -66,6 +66,6 @@ def _predicted_exactly(search: Search, node: Node) -> Predicted:
     unseen = JointFit(joint.model, joint.shoulders, joint.candidates, parts)
     there = Fitted(fitted.theta_mm[folds.part], fitted.amplitude[group], fitted.E[folds.part], fitted.converged)
     near = unseen.nearest(node.hypothesis, there)
-    gaps = np.abs(near.angles_deg - joint.shoulders.measured_deg[:, folds.rows].T)
-    squares = folds.means((near.y**2).sum(axis=1))
+    gaps = np.abs(near.angles_deg - joint.shoulders.measured_deg[:, folds.rows]).T
+    squares = folds.means((near.y**2).sum(axis=0))
     return Predicted(fitted.amplitude, fitted.theta_mm, squares, folds.measured_means(gaps, joint.shoulders))

@@ -127,23 +127,23 @@ class _Objective:
         near = parts.nearest(theta, strengths, start_deg)
         thorax = parts.thorax(theta)
         opened = np.where(near.open_mm > _OPEN_MM, np.minimum(near.open_mm, 1.0) ** 2, 0.0)
-        E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=1) + _OPEN_COST * opened)
+        E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + _OPEN_COST * opened)
         E = np.where(np.isfinite(E), E, np.inf)
         prior = (((a - self.shared.mean) / self.shared.scale) ** 2).sum(axis=1)
         total = np.bincount(parts.group, E * parts.importance, len(a)) + prior
         return _Point(near, E, total, thorax)
 
-    def slopes(self, at: _Point) -> tuple[Float[np.ndarray, "rows 3 n"], Float[np.ndarray, "parts n"]]:
+    def slopes(self, at: _Point) -> tuple[Float[np.ndarray, "3 n rows"], Float[np.ndarray, "parts n"]]:
         """Give Z, dy in theta and the amplitudes, and the gradient of E of every part in them."""
-        by_amplitude = np.einsum("ric,kcr->rik", at.near.by_channel[:, :, self.used], self.columns)
-        Z = np.concatenate([at.near.by_theta, by_amplitude], axis=2)
-        gradient = self.parts.sums((at.near.y[:, None, :] @ self._weighted(Z))[:, 0])
+        by_amplitude = np.einsum("icr,kcr->ikr", at.near.by_channel[:, self.used], self.columns)
+        Z = np.concatenate([at.near.by_theta, by_amplitude], axis=1)
+        gradient = self.parts.sums(np.einsum("iar,ir->ar", self._weighted(Z), at.near.y)).T
         gradient[:, :_N] += at.thorax.gradient
         return Z, gradient
 
     def matrix(self, at: _Point, Z) -> Float[np.ndarray, "parts n n"]:
         """Compute the Gauss-Newton matrix of E of every part."""
-        matrix = self.parts.sums(np.swapaxes(self._weighted(Z), 1, 2) @ Z)
+        matrix = np.moveaxis(self.parts.sums(np.einsum("iar,ibr->abr", self._weighted(Z), Z)), -1, 0).copy()
         matrix[:, :_N, :_N] += at.thorax.matrix
         return matrix
 
@@ -162,7 +162,7 @@ class _Objective:
         )
 
     def _weighted(self, Z):
-        return 2.0 * self.parts.weights[:, None, None] * Z
+        return 2.0 * self.parts.weights * Z
 
 
 def minimise(
@@ -222,7 +222,7 @@ def _stepped(objective: _Objective, state: _State, Z, gradient, going: Bool[np.n
     learnt = secant(state.rest, matrix, state.moved, gradient - state.before)
     rest = np.where(state.taken[:, None, None], learnt, 0.0)
     step = objective.step(gradient, matrix + rest, state.theta, state.a, damping)
-    tried = objective.at(state.theta + step.theta, state.a + step.amplitude, at.near.angles_deg.T)
+    tried = objective.at(state.theta + step.theta, state.a + step.amplitude, at.near.angles_deg)
     better = (tried.total <= at.total + _SAME * np.abs(at.total)) & going
     changed = np.where(better, damping * _LESS, np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE))
     taken = better[parts.group]
@@ -249,8 +249,7 @@ def _joined(every: End, groups: Bool[np.ndarray, " groups"], others: End, parts:
     }
     put = {name: _put(getattr(every, name), where, getattr(others, name)) for name, where in places.items()}
     rows = of_parts[parts.part]
-    pairs = zip(vars(every.nearest).values(), vars(others.nearest).values(), strict=True)
-    return End(nearest=Nearest(*(_put(whole, rows, some) for whole, some in pairs)), **put)
+    return End(nearest=every.nearest.with_rows(rows, others.nearest), **put)
 
 
 def _put(whole: np.ndarray, places: Bool[np.ndarray, " some"], values: np.ndarray) -> np.ndarray:

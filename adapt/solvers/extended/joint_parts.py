@@ -9,6 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from adapt.engine.batching import take_problems
 from adapt.solvers.extended.nearest_posture import Nearest, nearest_postures
 from adapt.solvers.extended.thorax_term import Thorax
 from models.effects import Effect
@@ -56,16 +57,19 @@ class Parts:
     def _starts(self) -> Int[np.ndarray, " parts"]:
         return np.searchsorted(self.part, np.arange(len(self.group)))
 
-    def sums(self, values: Float[np.ndarray, "rows ..."]) -> Float[np.ndarray, "parts ..."]:
+    @cached_property
+    def _girdle_of_rows(self) -> Girdle:
+        return take_problems(self.girdle, self.part)
+
+    def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... parts"]:
         """Add up the rows of each part."""
-        return np.add.reduceat(values, self._starts, axis=0)
+        return np.add.reduceat(values, self._starts, axis=-1)
 
     def nearest(self, theta_mm, strengths, start_deg=None) -> Nearest:
         """Find the nearest postures of all rows at these parameters, (parts, adapted)."""
-        adapted = self.girdle.with_adapted(np.ascontiguousarray(theta_mm.T))
-        of_rows = jax.tree.map(lambda x: np.ascontiguousarray(x[..., self.part]), adapted)
+        girdle = self._girdle_of_rows.with_adapted(theta_mm.T[:, self.part])
         return nearest_postures(
-            of_rows, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known
+            girdle, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known
         )
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":

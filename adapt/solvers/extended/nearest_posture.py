@@ -49,40 +49,44 @@ _CHUNK = 256
 
 @dataclass(frozen=True)
 class Nearest:
-    """The closed postures x nearest to measured ones s, rows first.
+    """The closed postures x nearest to measured ones s.
 
     y = V^-1/2 (g + G (s - x)) with V = G S^2 G', all at x: |y|^2 is the squared distance in units of the SDs S, and
     x = s - S^2 B' y with B = V^-1/2 G.
     """
 
-    angles_deg: Float[np.ndarray, "rows 6"]
-    y: Float[np.ndarray, "rows 3"]
-    by_theta: Float[np.ndarray, "rows 3 adapted"]
+    angles_deg: Float[np.ndarray, "6 rows"]
+    y: Float[np.ndarray, "3 rows"]
+    by_theta: Float[np.ndarray, "3 adapted rows"]
     """dy a mm of each adapted parameter."""
-    by_channel: Float[np.ndarray, "rows 3 channels"]
+    by_channel: Float[np.ndarray, "3 channels rows"]
     """dy a unit of strength in each channel of each effect; no channels where their strengths are known."""
-    B: Float[np.ndarray, "rows 3 6"]
-    g_mm: Float[np.ndarray, "rows 3"]
+    B: Float[np.ndarray, "3 6 rows"]
+    g_mm: Float[np.ndarray, "3 rows"]
     """A1-A3 at x: not 0 where no closed posture was found."""
-    h: Float[np.ndarray, "rows 3"]
+    h: Float[np.ndarray, "3 rows"]
     """V^-1/2' y: what one millimetre of each constraint costs of |y|^2 / 2."""
 
     @property
     def open_mm(self) -> Float[np.ndarray, " rows"]:
         """How far the chain is open at most."""
-        return np.abs(self.g_mm).max(axis=1)
+        return np.abs(self.g_mm).max(axis=0)
 
     def of(self, rows: np.ndarray) -> "Nearest":
         """Take some rows."""
-        return Nearest(*(one[rows] for one in vars(self).values()))
+        return Nearest(*(one[..., rows] for one in vars(self).values()))
+
+    def with_rows(self, rows: np.ndarray, some: "Nearest") -> "Nearest":
+        """Replace some rows."""
+        found = Nearest(*(one.copy() for one in vars(self).values()))
+        for mine, theirs in zip(vars(found).values(), vars(some).values(), strict=True):
+            mine[..., rows] = theirs
+        return found
 
     def where(self, chosen: np.ndarray, other: "Nearest") -> "Nearest":
         """Take the chosen rows of the other."""
-
-        def one(mine, theirs):
-            return np.where(chosen.reshape(-1, *(1,) * (mine.ndim - 1)), theirs, mine)
-
-        return Nearest(*(one(*pair) for pair in zip(vars(self).values(), vars(other).values(), strict=True)))
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Nearest(*(np.where(chosen, theirs, mine) for mine, theirs in pairs))
 
 
 def nearest_postures(
@@ -101,9 +105,10 @@ def nearest_postures(
     """
     start = measured_deg if start_deg is None else start_deg
     found = _kernel(effects, strengths_are_known)(girdle, girdle.adapted_mm, strengths, measured_deg, sd, start)
-    x, y, B, g, h, by_theta, *by_channel = (np.moveaxis(one, -1, 0) for one in found)
-    B, T, *C = (one.reshape(len(x), 3, -1) for one in (B, by_theta, *by_channel))
-    return Nearest(x, y, T, C[0] if C else np.zeros((len(x), 3, 0)), B, g, h)
+    x, y, B, g, h, by_theta, *by_channel = found
+    count = x.shape[1]
+    B, T, *C = (one.reshape(3, -1, count) for one in (B, by_theta, *by_channel))
+    return Nearest(x, y, T, C[0] if C else np.zeros((3, 0, count)), B, g, h)
 
 
 @cache

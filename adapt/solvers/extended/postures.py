@@ -29,17 +29,16 @@ def fit_extended(
     first = None if start is None else np.asarray(start) * float(DEG)
     target_deg = np.asarray(target) * float(DEG)
     near = nearest_postures(base, active.effects, every, target_deg, np.ones((6, count)), first, True)
-    apart = near.angles_deg.T - target_deg
+    apart = near.angles_deg - target_deg
     per_deg2 = weights.max(axis=0) / float(DEG) ** 2
-    stationarity = per_deg2 * np.abs(apart + np.einsum("rka,rk->ar", near.B, near.y)).max(axis=0)
-    residual = np.ascontiguousarray(near.g_mm.T)
-    closed = np.abs(residual).max(axis=0) <= CONSTRAINT_TOLERANCE_MM
+    stationarity = per_deg2 * np.abs(apart + np.einsum("kar,kr->ar", near.B, near.y)).max(axis=0)
+    closed = near.open_mm <= CONSTRAINT_TOLERANCE_MM
     return SweptPostures(
-        near.angles_deg.T / float(DEG),
-        per_deg2 * near.h.T,
-        residual,
+        near.angles_deg / float(DEG),
+        per_deg2 * near.h,
+        near.g_mm,
         stationarity,
-        0.5 * (weights * (near.angles_deg.T / float(DEG) - target) ** 2).sum(axis=0),
+        0.5 * (weights * (near.angles_deg / float(DEG) - target) ** 2).sum(axis=0),
         np.zeros(count, int),
         closed & (stationarity <= STATIONARITY_TOLERANCE) & (weights > 0.0).all(axis=0),
     )

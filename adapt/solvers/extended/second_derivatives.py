@@ -21,7 +21,7 @@ def motion_curvature(
     """Compute d2(w mean J)/dtheta2, and dq/dtheta of every posture, rad a mm; 0 for postures that do not count."""
     parts = parts_of(fixed, active_effects)
     problem, posture = rows_of(fixed)
-    near_deg = parts.nearest(theta.T, parts.strengths).angles_deg.T
+    near_deg = parts.nearest(theta.T, parts.strengths).angles_deg
     n, (_, postures, count) = len(ADAPTED), fixed.problem.measured.shape
     hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))
     for k in range(n):
@@ -30,8 +30,8 @@ def motion_curvature(
             shifted = theta.T.copy()
             shifted[:, k] += sign * _STEP_MM
             near = parts.nearest(shifted, parts.strengths, near_deg)
-            slope = 2.0 * parts.weights[:, None] * np.einsum("rki,rk->ri", near.by_theta, near.y)
+            slope = 2.0 * parts.weights * np.einsum("kir,kr->ir", near.by_theta, near.y)
             ends.append((parts.sums(slope), near.angles_deg))
-        hessian[:, k] = ((ends[0][0] - ends[1][0]) / (2.0 * _STEP_MM)).T
-        moved[:, posture, k, problem] = (ends[0][1] - ends[1][1]).T / (2.0 * _STEP_MM * float(DEG))
+        hessian[:, k] = (ends[0][0] - ends[1][0]) / (2.0 * _STEP_MM)
+        moved[:, posture, k, problem] = (ends[0][1] - ends[1][1]) / (2.0 * _STEP_MM * float(DEG))
     return 0.5 * (hessian + np.swapaxes(hessian, 0, 1)), moved

@@ -79,11 +79,11 @@ def _put(found: Subject, left, fixed: Fixed, end: End) -> None:
     at = left[problem]
     near, weights = end.nearest, row_weights(fixed)
     measured_deg = np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG)
-    moved = near.angles_deg.T - measured_deg + np.einsum("rka,rk->ar", near.B, near.y)
+    moved = near.angles_deg - measured_deg + np.einsum("kar,kr->ar", near.B, near.y)
     found.theta[:, left] = end.theta_mm.T
-    found.angles[:, posture, at] = near.angles_deg.T / float(DEG)
-    found.multipliers[:, posture, at] = 2.0 * weights * near.h.T
-    found.residual_mm[:, posture, at] = near.g_mm.T
+    found.angles[:, posture, at] = near.angles_deg / float(DEG)
+    found.multipliers[:, posture, at] = 2.0 * weights * near.h
+    found.residual_mm[:, posture, at] = near.g_mm
     found.stationarity[posture, at] = 2.0 * weights * np.abs(moved).max(axis=0)
     found.slope[:, left] = end.slope.T
     found.iterations[left] += end.steps
