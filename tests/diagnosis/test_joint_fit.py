@@ -139,11 +139,12 @@ def test_machine_code_and_xla_agree():
     joint = joint_fit()
     rows = np.arange(8)
     girdle = jax.tree.map(np.ascontiguousarray, take_problems(joint.model.sets.girdle, np.zeros(8, int)))
-    from adapt.solvers.extended.nearest_posture import _kernel
+    from adapt.solvers.extended.nearest_posture import THERE_DEG, _kernel
 
     channels = joint.candidates.columns.shape[1]
     measured = joint.shoulders.measured_deg[:, rows]
-    arguments = girdle, girdle.adapted_mm, np.zeros((channels, 8)), measured, np.ones_like(measured), measured
+    none, known, there = np.zeros((channels, 8)), np.ones_like(measured), np.full(8, THERE_DEG)
+    arguments = girdle, girdle.adapted_mm, none, measured, known, measured, there
     kernel = _kernel(joint.model.effects, False)
     by_machine = kernel.by_machine(*arguments)
     for one, other in zip(by_machine, kernel.by_jax(*arguments), strict=True):

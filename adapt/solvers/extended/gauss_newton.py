@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.solvers.extended.arrow_step import Quadratic, Step, lowest
 from adapt.solvers.extended.joint_parts import Parts, Shared
-from adapt.solvers.extended.nearest_posture import Nearest
+from adapt.solvers.extended.nearest_posture import THERE_DEG, Nearest
 from adapt.solvers.extended.secant import secant
 from adapt.solvers.extended.thorax_term import ThoraxPart
 from models.adapted_parameters import ADAPTED
@@ -39,6 +39,10 @@ _HOPELESS = 1e8
 
 _SAME = 1e-12
 """Relative rounding of E: a step that changes it by less is no step up."""
+
+_ENOUGH_DEG, _ROUGHEST_DEG = 1e-5, 1e-4
+"""A posture is near enough where a projection moves it by less than so many degrees a unit of slope (mm^2 a mm) that
+its part had before the step, and by less than the roughest: 3000 adaptations took the same steps as with none."""
 
 _FEW = 0.75
 """Share of the groups below which those that are going on do so without the others: leaving them costs a copy."""
@@ -118,13 +122,13 @@ class _Objective:
         rows = groups[self.parts.group][self.parts.part]
         return _Objective(self.parts.of(groups), self.shared.of(groups, rows))
 
-    def at(self, theta, a, start_deg) -> _Point:
+    def at(self, theta, a, start_deg, there_deg=THERE_DEG) -> _Point:
         """Evaluate it."""
         parts, strengths = self.parts, self.parts.strengths
         if len(self.used):
             strengths = strengths.copy()
             strengths[self.used] += np.einsum("rk,kcr->cr", a[parts.group][parts.part], self.columns)
-        near = parts.nearest(theta, strengths, start_deg)
+        near = parts.nearest(theta, strengths, start_deg, there_deg)
         thorax = parts.thorax(theta)
         opened = np.where(near.open_mm > _OPEN_MM, np.minimum(near.open_mm, 1.0) ** 2, 0.0)
         E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + _OPEN_COST * opened)
@@ -211,18 +215,19 @@ def _steps(objective: _Objective, state: _State, finished: Finished, most_steps:
         if going.mean() <= _FEW:
             others = _steps(objective.of(going), state.of(going, parts), finished, left)
             return _joined(end, going, others, parts)
-        state = _stepped(objective, state, Z, gradient, going)
+        state = _stepped(objective, state, Z, gradient, slope, going)
         left -= 1
 
 
-def _stepped(objective: _Objective, state: _State, Z, gradient, going: Bool[np.ndarray, " groups"]) -> _State:
+def _stepped(objective: _Objective, state: _State, Z, gradient, slope, going: Bool[np.ndarray, " groups"]) -> _State:
     """Take a step in every group that is going on, if it leads down; else damp it more."""
     parts, at, damping = objective.parts, state.at, state.damping
     matrix = objective.matrix(at, Z)
     learnt = secant(state.rest, matrix, state.moved, gradient - state.before)
     rest = np.where(state.taken[:, None, None], learnt, 0.0)
     step = objective.step(gradient, matrix + rest, state.theta, state.a, damping)
-    tried = objective.at(state.theta + step.theta, state.a + step.amplitude, at.near.angles_deg)
+    there_deg = np.clip(_ENOUGH_DEG * np.abs(slope).max(axis=1), THERE_DEG, _ROUGHEST_DEG)[parts.part]
+    tried = objective.at(state.theta + step.theta, state.a + step.amplitude, at.near.angles_deg, there_deg)
     better = (tried.total <= at.total + _SAME * np.abs(at.total)) & going
     changed = np.where(better, damping * _LESS, np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE))
     taken = better[parts.group]

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.nearest_posture import Nearest, nearest_postures
+from adapt.solvers.extended.nearest_posture import THERE_DEG, Nearest, nearest_postures
 from adapt.solvers.extended.thorax_term import Thorax
 from models.effects import Effect
 from models.girdle import Girdle
@@ -65,11 +65,11 @@ class Parts:
         """Add up the rows of each part."""
         return np.add.reduceat(values, self._starts, axis=-1)
 
-    def nearest(self, theta_mm, strengths, start_deg=None) -> Nearest:
+    def nearest(self, theta_mm, strengths, start_deg=None, there_deg=THERE_DEG) -> Nearest:
         """Find the nearest postures of all rows at these parameters, (parts, adapted)."""
         girdle = self._girdle_of_rows.with_adapted(theta_mm.T[:, self.part])
         return nearest_postures(
-            girdle, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known
+            girdle, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known, there_deg
         )
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":

@@ -28,7 +28,7 @@ _MOST_STEPS = 150
 """Projections onto the constraints. Each takes the distance to the nearest posture down by the curvature of the
 constraints times the gap, some tenth; of a chain that does not close they go on for ever."""
 
-_THERE_DEG = 1e-11
+THERE_DEG = 1e-11
 """A projection that moves no angle farther ends them. |y|^2 is stationary there: its error goes with the square."""
 
 _SHORTEST, _LONGEST = 1.0 / 16.0, 16.0
@@ -97,14 +97,16 @@ def nearest_postures(
     sd: Float[np.ndarray, "6 rows"],
     start_deg: Float[np.ndarray, "6 rows"] | None = None,
     strengths_are_known: bool = False,
+    there_deg: float | Float[np.ndarray, " rows"] = THERE_DEG,
 ) -> Nearest:
     """Find the nearest closed posture of every row, by projections from ``start_deg``, else from the measured angles.
 
     ``girdle``: (component, rows), adapted. ``sd`` is 1 where an angle was measured. Strengths that are known need no
-    slopes.
+    slopes. ``there_deg``: a projection that moves no angle farther is the last.
     """
     start = measured_deg if start_deg is None else start_deg
-    found = _kernel(effects, strengths_are_known)(girdle, girdle.adapted_mm, strengths, measured_deg, sd, start)
+    there = np.broadcast_to(there_deg, measured_deg.shape[1:])
+    found = _kernel(effects, strengths_are_known)(girdle, girdle.adapted_mm, strengths, measured_deg, sd, start, there)
     x, y, B, g, h, by_theta, *by_channel = found
     count = x.shape[1]
     B, T, *C = (one.reshape(3, -1, count) for one in (B, by_theta, *by_channel))
@@ -117,15 +119,15 @@ def _kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> Kernel:
     channels = [one.course.channels(len(one.directions)) for one in effects]
     splits, count = np.cumsum(channels).tolist(), sum(channels) or NO_CHANNELS
 
-    def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start):
+    def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start, there):
         def g(x, theta, strengths=strengths):
             active = ActiveEffects(tuple(jnp.split(strengths, splits)[: len(effects)]), effects)
             return active.on(girdle.with_adapted(theta)).residuals_mm(x / DEG)
 
         at = (theta_mm,) if strengths_are_known else (theta_mm, strengths)
-        return _nearest(g, at, s, sd, start)
+        return _nearest(g, at, s, sd, start, there)
 
-    inputs = GIRDLE, str(len(ADAPTED)), str(count), "6", "6", "6"
+    inputs = GIRDLE, str(len(ADAPTED)), str(count), "6", "6", "6", ""
     name = f"nearest_{'known_' * strengths_are_known}{_digest(effects, nearest, count)}"
     outputs = "6", "3", "18", "3", "3", str(3 * len(ADAPTED)), *([] if strengths_are_known else [str(3 * count)])
     return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
@@ -137,11 +139,11 @@ def _digest(effects: tuple[Effect, ...], nearest, count: int) -> str:
     words = " ".join(one.name for one in effects)
     if any(map(is_own, effects)):
         girdle = jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)
-        words += str(jax.make_jaxpr(nearest)(girdle, *(np.zeros(k) for k in (len(ADAPTED), count, 6, 6, 6))))
+        words += str(jax.make_jaxpr(nearest)(girdle, *(np.zeros(k) for k in (len(ADAPTED), count, 6, 6, 6, ()))))
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 
-def _nearest(g, at, s, sd, start):
+def _nearest(g, at, s, sd, start, there):
     """Project until g(x, *at) is 0 and nothing moves, then all slopes; of one row."""
 
     def project(state):
@@ -160,7 +162,7 @@ def _nearest(g, at, s, sd, start):
         return number + 1.0, x + step, step, along, length
 
     def moving(state):
-        return (state[0] < _MOST_STEPS) & (state[4] > _THERE_DEG)
+        return (state[0] < _MOST_STEPS) & (state[4] > there)
 
     one, nothing = jnp.ones(()), 0.0 * start
     _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, nothing, nothing, _FAR_DEG * one))
