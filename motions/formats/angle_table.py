@@ -11,7 +11,7 @@ from motions.formats.mot import AngleTable
 from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
-from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
+from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
@@ -104,7 +104,7 @@ def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
             raise InputError(file, None, f"the name {name!r} has a line break", "Give it a name on one line")
     angles_deg = isb_from_thesis(motions.angles_deg) if isb else motions.angles_deg
     header = {"subject": subject, "motion": motion, SCAPULA_THROUGH: "AC"}
-    if ESTIMATED in motions.extra and "yes" in motions.extra[ESTIMATED].tolist():
+    if is_marked(motions, ESTIMATED, "yes").any():
         header[ESTIMATED] = "yes"
     if ORIGIN in motions.extra and len(set(motions.extra[ORIGIN])) == 1:
         header[ORIGIN] = " ".join(str(motions.extra[ORIGIN].iloc[0]).split())

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from motions.errors import InputError
 from motions.landmarks.acromion import AcromionRotation
@@ -36,6 +36,13 @@ SLIPPED = "slipped"
 
 FRAMES = "frames"
 """The extra column with the number of frames that a posture of a trial rests on."""
+
+
+def is_marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " postures"]:
+    """Tell in which postures an extra column has this mark (a regular expression): in none if there is no column."""
+    if column not in motions.extra:
+        return np.zeros(len(motions.posture), bool)
+    return motions.extra[column].str.contains(mark).to_numpy(bool)
 
 
 def marked_slips(motions: Motions) -> dict[int, str]:
