@@ -1,6 +1,6 @@
 """Measured postures with a model's adapted parameters in each, and averages over persons with their intervals."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -121,12 +121,10 @@ class Persons:
                 raise InputError("--mean", None, f"there is no subject '{name}'", f"Take some of {known}")
         return Persons(shoulders_of(motions), np.isin(motions.subjects, list(means)))
 
-    def by_subject(
-        self, values: Float[np.ndarray, " rows"], average: Callable[[np.ndarray], float] = np.nanmean
-    ) -> Float[np.ndarray, " subjects"]:
+    def by_subject(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " subjects"]:
         """Average what the rows of each subject have; NaN where none has anything."""
         parts = [values[self.shoulders.rows_of(s)] for s in range(len(self.is_mean))]
-        return np.array([average(part) if np.isfinite(part).any() else np.nan for part in parts])
+        return np.array([np.nanmean(part) if np.isfinite(part).any() else np.nan for part in parts])
 
     def each(self, of_subjects: Float[np.ndarray, " subjects"]) -> Float[np.ndarray, " persons"]:
         """Average the sides of each person that is no group mean, of those that have a value."""
