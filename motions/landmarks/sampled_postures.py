@@ -69,6 +69,12 @@ class Labels:
     aa_to_ac_name: str = ""
     sc_from_ij: SternoclavicularOffset | None = None
 
+    @property
+    def scapula_rotated(self) -> str:
+        """What stands in the column of a scapula that was brought to AC; empty without a rotation."""
+        rotation = self.aa_to_ac
+        return f"AA brought to AC by {self.aa_to_ac_name} +- {rotation.uncertainty_deg:g} deg" if rotation else ""
+
 
 def postures_from_landmarks(
     lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str
@@ -165,8 +171,7 @@ def _table(
     count = len(elevation_deg)
     extra = dict(extra)
     if labels.aa_to_ac is not None and "AC" not in landmarks_mm:
-        said = f"AA brought to AC by {labels.aa_to_ac_name} +- {labels.aa_to_ac.uncertainty_deg:g} deg"
-        extra[SCAPULA_ROTATED] = [said] * count
+        extra[SCAPULA_ROTATED] = [labels.scapula_rotated] * count
     if labels.side == "left":
         extra[SIDE_MEASURED] = ["left"] * count
     return Motions(
