@@ -20,6 +20,7 @@ from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions import InputError, Motions
 from motions.rotations import DEG
+from scripts.reporting import check_known
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,8 @@ class Persons:
 
     @staticmethod
     def of(motions: Motions, means: Sequence[str]) -> "Persons":
-        """Tell persons from group means. InputError for a mean that is no subject."""
-        for name in means:
-            if name not in motions.subjects:
-                known = ", ".join(motions.subjects)
-                raise InputError("--mean", None, f"there is no subject '{name}'", f"Take some of {known}")
+        """Tell persons from group means. BadParameter for a mean that is no subject."""
+        check_known(means, motions.subjects, "subject")
         return Persons(shoulders_of(motions), np.isin(motions.subjects, list(means)))
 
     def by_subject(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " subjects"]:
