@@ -1,17 +1,14 @@
-"""The adapted parameters: what an adaptation changes of a girdle, each with its bounds, starts and spreads.
+"""The adapted parameters: what an adaptation changes of a girdle, each with its bounds, starts and SD.
 
 The thesis adapts six (6.2.6): the ellipsoid's centre but for M_x (which is 0: A4), its semi-axes and the length of the
 conoid. To adapt another component of the ellipsoid, add it to ``ADAPTED_PARAMETERS``, before the conoid's length: the
 solvers, tables and files follow. Other numbers of a girdle have no derivatives by hand (``models.derivatives``).
 
-Four widths of each parameter stand side by side because they answer four questions:
+Two widths of each parameter stand side by side because they answer two questions:
 
 - ``half_width_mm``: how far may an adaptation go? Beyond the SDs of ten subjects (Table 6.5), short of a runaway.
 - ``person_sd_mm``: how far is a person's thorax from the parameter set's? At most the SD of ten subjects (Table 6.5),
   which holds the noise of their measurement too. Simulated people differ by it, and it enters their uncertainty.
-- ``prior_sd_mm``: how far may a subject's parameters lie from the set's in a diagnosis? Wider than a person differs,
-  within a factor of two of Table 6.5, so that the data and not the prior place them.
-- ``spreads_mm``: by which SDs may people of one study differ? The diagnosis lets its data choose among them.
 """
 
 from collections.abc import Sequence
@@ -41,11 +38,6 @@ class AdaptedParameter:
     """By how much the second and third start of an adaptation lie above and below the geometric fit."""
     person_sd_mm: float
     """SD between people, as far as it is known: Table 6.5 has 8-31, 6-7, 2-3, 13-24, 15-17 and 1-2 mm."""
-    prior_sd_mm: float
-    """SD about the set's own value in a diagnosis. Assumed, within a factor of two of Table 6.5 (R2)."""
-    spreads_mm: tuple[float, ...]
-    """SDs between people that a diagnosis allows for, about those of Table 6.5. A_x may vary more than there, as chests
-    do (assumed): one held to vary less than it does would be taken for a constant effect."""
 
     @property
     def key(self) -> str:
@@ -64,12 +56,12 @@ class AdaptedParameter:
 
 
 ADAPTED_PARAMETERS = (
-    AdaptedParameter("M_y", _CENTRE, 1, 100.0, 60.0, 20.0, 30.0, (7.0, 25.0)),
-    AdaptedParameter("M_z", _CENTRE, 2, 30.0, 0.0, 6.0, 8.0, (3.0, 7.0)),
-    AdaptedParameter("A_x", _SEMI_AXES, 0, 30.0, 0.0, 3.0, 6.0, (2.0, 4.0, 8.0)),
-    AdaptedParameter("A_y", _SEMI_AXES, 1, 100.0, 60.0, 20.0, 30.0, (7.0, 25.0)),
-    AdaptedParameter("A_z", _SEMI_AXES, 2, 30.0, 0.0, 8.0, 12.0, (4.0, 12.0)),
-    AdaptedParameter("conoid_length", _CONOID, 0, 8.0, 0.0, 2.0, 3.0, (0.9, 2.5)),
+    AdaptedParameter("M_y", _CENTRE, 1, 100.0, 60.0, 20.0),
+    AdaptedParameter("M_z", _CENTRE, 2, 30.0, 0.0, 6.0),
+    AdaptedParameter("A_x", _SEMI_AXES, 0, 30.0, 0.0, 3.0),
+    AdaptedParameter("A_y", _SEMI_AXES, 1, 100.0, 60.0, 20.0),
+    AdaptedParameter("A_z", _SEMI_AXES, 2, 30.0, 0.0, 8.0),
+    AdaptedParameter("conoid_length", _CONOID, 0, 8.0, 0.0, 2.0),
 )
 
 ADAPTED = tuple(parameter.name for parameter in ADAPTED_PARAMETERS)
@@ -87,10 +79,6 @@ random starts of each found lower ones than these in none of 8 measured shoulder
 simulated adaptations, by up to 3 %; starts with M_y against A_y, or deeper, added nothing."""
 
 PERSON_SD_MM = np.array([parameter.person_sd_mm for parameter in ADAPTED_PARAMETERS])
-
-PRIOR_SD_MM = np.array([parameter.prior_sd_mm for parameter in ADAPTED_PARAMETERS])
-
-SPREADS_MM = tuple(parameter.spreads_mm for parameter in ADAPTED_PARAMETERS)
 
 if ADAPTED_PARAMETERS[: len(ELLIPSOID)] != ELLIPSOID or len(ADAPTED_PARAMETERS) - len(ELLIPSOID) != 1:
     raise ValueError("ADAPTED_PARAMETERS: components of the ellipsoid first, the conoid's length last")

@@ -4,12 +4,10 @@ Vectors and lengths are in mm, right shoulder: `thorax` and `clavicle.sc_mm` in 
 points in the frame of their bone (thesis, Appendix A).
 """
 
-import difflib
 import math
 import os
 import re
 import tomllib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +17,7 @@ from jaxtyping import Float
 
 from models.adapted_parameters import ADAPTED_PARAMETERS, ELLIPSOID, HALF_WIDTHS_MM
 from models.girdle import Girdle
-from motions.errors import InputError
+from motions.errors import InputError, did_you_mean
 
 FOLDER = Path(__file__).parent / "sets"
 """Where the shipped sets are."""
@@ -161,14 +159,7 @@ def _shipped(name: str) -> Path:
     if name in known:
         return FOLDER / f"{name}.toml"
     remedy = f"The sets are {', '.join(known)}; a file of your own ends in .toml"
-    raise InputError(name, None, "there is no parameter set of this name", _did_you_mean(name, known) + remedy)
-
-
-def _did_you_mean(word: str, known: Iterable[str]) -> str:
-    """'Did you mean ...? ', or nothing where no known word is near."""
-    lower = {other.lower(): other for other in known}
-    near = difflib.get_close_matches(word.lower(), lower, n=1)
-    return f"Did you mean {lower[near[0]]}? " if near else ""
+    raise InputError(name, None, "there is no parameter set of this name", did_you_mean(name, known) + remedy)
 
 
 def _document(path: Path, file: str) -> dict[str, Any]:
@@ -225,7 +216,7 @@ def _check_known(file: str, table: dict[str, Any], known: tuple[str, ...], secti
         if key not in known:
             where = f" in [{section}]" if section else ""
             names = (f'"{name}"' if "." in name else name for name in known)
-            remedy = f"{_did_you_mean(key, known)}Known{where}: {', '.join(names)}"
+            remedy = f"{did_you_mean(key, known)}Known{where}: {', '.join(names)}"
             raise InputError(file, None, f"the key {key!r}{where} is unknown", remedy)
 
 

@@ -1,6 +1,8 @@
 """The one error of a user's input, and the one warning: where it is, what is wrong, what to do about it."""
 
+import difflib
 import warnings
+from collections.abc import Iterable
 
 
 class InputError(ValueError):
@@ -30,3 +32,10 @@ class InputWarning(UserWarning):
 def warn_input(doubt: InputError) -> None:
     """Warn of a file that is used as it is: InputWarning, in the words of an error that is not raised."""
     warnings.warn(InputWarning(str(doubt)), stacklevel=3)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Write 'Did you mean ...? ' of the known word that is nearest, whatever its case; nothing where none is near."""
+    lower = {other.lower(): other for other in known}
+    near = difflib.get_close_matches(word.lower(), lower, n=1)
+    return f"Did you mean {lower[near[0]]}? " if near else ""

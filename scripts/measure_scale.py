@@ -109,6 +109,8 @@ def measure(
     kill: Annotated[float | None, typer.Option(help="End a worker so many seconds after the last size began.")] = None,
 ) -> None:
     """Measure."""
+    if kill is not None and not dask:
+        raise SystemExit("--kill: there is no worker to end. Give the number of workers with --dask.")
     counts = [int(word) for word in sizes.split(",")]
     seconds = []
     for count in counts:
@@ -121,7 +123,7 @@ def measure(
                 run = subprocess.Popen(
                     [*command, *(["--dask", address] if dask else [])], cwd=ROOT, stdout=subprocess.DEVNULL
                 )
-                ended = (workers[0], kill) if workers and kill and count == counts[-1] else None
+                ended = (workers[0], kill) if kill is not None and count == counts[-1] else None
                 one, together = watched(run, os.getpid() if dask else None, ended)
                 seconds.append(time.perf_counter() - start)
             subjects = pd.read_csv(f"{folder}/out/parameters.csv", usecols=["subject"])["subject"]

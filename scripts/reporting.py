@@ -29,7 +29,7 @@ def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:
 
 
 def check_known(names: Iterable[str], known: Collection[str], what: str) -> None:
-    """Raises BadParameter for the first name, given on the command line, that nothing has."""
+    """Refuse the first name, given on the command line, that nothing has: BadParameter."""
     if unknown := [name for name in names if name not in known]:
         raise typer.BadParameter(f"no {what} is called '{unknown[0]}'. Take some of {', '.join(known)}")
 

@@ -35,7 +35,7 @@ from motions import InputError, Motions, read_motions
 from motions.rotations import DEG
 from motions.table import BONES
 from scripts.completion import SHIPPED, Completed, Rule, table_sets
-from scripts.reporting import markdown
+from scripts.reporting import check_known, markdown
 from scripts.thesis.printed import SETS
 
 OTHER_SETS = ("breteler_dissection", "breteler_mri", "das3")
@@ -330,9 +330,7 @@ def main(
 ) -> None:
     """Print, as Markdown, what each rule that completes R2, R4 and R6 leaves on measured shoulders."""
     motions = read_motions(*files)
-    for name in mean or []:
-        if name not in motions.subjects:
-            raise InputError("--mean", None, f"there is no subject '{name}'", f"Use of {', '.join(motions.subjects)}")
+    check_known(mean or [], motions.subjects, "subject")
     of = shoulders(motions, mean or [])
     persons = dict.fromkeys(of.person.tolist())
     if len(persons) < 2:

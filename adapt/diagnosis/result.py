@@ -24,9 +24,6 @@ ALL = "all"
 BASE, ADAPTED_STEP, NOISE = "base", "adapted", "noise"
 """Steps of the gap budget beside the causes."""
 
-TOLD_APART = 3.0
-"""Expected log evidence (odds of 20 to 1) from which two causes are distinguished."""
-
 
 class Interval(NamedTuple):
     """A value with its 95 % interval; NaN where unknown."""
@@ -173,11 +170,6 @@ class Proposal:
     separation_now: float
     separation_then: float
     """Expected log evidence, nats, of the first name over the second."""
-
-    @property
-    def separates(self) -> bool:
-        """Whether it would tell the two apart."""
-        return self.separation_then >= TOLD_APART
 
 
 def can_test(kinds: Sequence[str], persons: int) -> bool:

@@ -6,7 +6,7 @@ problem to one size, so that one program serves every batch.
 """
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
 from inspect import unwrap
@@ -65,14 +65,9 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
 
     if len(starts) == 1:
         return run(0)
-    parts = in_threads(run, range(len(starts)), threads=_workers(devices))
+    with ThreadPoolExecutor(_workers(devices)) as pool:
+        parts = list(pool.map(run, range(len(starts))))
     return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *parts)
-
-
-def in_threads(function: Callable[..., Any], *items: Iterable[Any], threads: int | None = None) -> list[Any]:
-    """Do what ``map`` does, by default with a thread a core: for work in numpy, which lets other threads run."""
-    with ThreadPoolExecutor(threads or cores()) as pool:
-        return list(pool.map(function, *items))
 
 
 _most_cores: int | None = None

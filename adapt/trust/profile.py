@@ -5,6 +5,7 @@ The profile E_k(v) is the least E with parameter k held at v. By the curvature i
 parabola the true profile reaches that rise elsewhere, and a bound may come first: then the interval ends there, open.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,22 +39,15 @@ def profile_intervals(
     chosen: Bool[np.ndarray, "adapted problems"],
 ) -> Profile:
     """Find the intervals of the ``chosen`` parameters that are free, of all problems at once; NaN for the others."""
-    count = adapted.theta_mm.shape[-1]
     H = found.curvature.of_points + found.curvature.of_motion
     inverse = reduced_inverse(H, found.free)
     width = np.einsum("kkl->kl", inverse)
-    side, parameter, problem = (
-        x.ravel() for x in np.meshgrid([0, 1], range(len(found.free)), range(count), indexing="ij")
-    )
-    use = (
-        (chosen & found.free)[parameter, problem]
-        & np.isfinite(found.sd_mm[parameter, problem])
-        & (width[parameter, problem] > 0.0)
-    )
-    side, parameter, problem = side[use], parameter[use], problem[use]
+    sought = np.broadcast_to(chosen & found.free & np.isfinite(found.sd_mm) & (width > 0.0), (2, *width.shape))
+    ends, opened = np.full(sought.shape, np.nan), np.zeros(sought.shape, bool)
+    if not sought.any():
+        return Profile(ends, opened)
+    side, parameter, problem = np.nonzero(sought)
     wanted = NORMAL_95 * found.sd_mm[parameter, problem]
-    if not len(problem):
-        return Profile(np.full((2, len(found.free), count), np.nan), np.zeros((2, len(found.free), count), bool))
     best, bound = adapted.theta_mm[parameter, problem], np.asarray(data.bounds_mm)[side, parameter, problem]
     repeated, start = select_problems(data, problem), adapted.theta_mm[:, problem]
     follow = inverse[:, parameter, problem] / width[parameter, problem]
@@ -67,6 +61,12 @@ def profile_intervals(
         rise = np.sqrt(2.0 * width[parameter, problem] * np.maximum(E - adapted.E[problem], 0.0))
         return np.where(np.isfinite(E), wanted - rise, -wanted)
 
+    ends[sought], opened[sought] = _ends(short_of, best, bound, wanted)
+    return Profile(ends, opened)
+
+
+def _ends(short_of: Callable, best, bound, wanted) -> tuple[np.ndarray, np.ndarray]:
+    """Where the profile has risen enough, or the bound if that comes first; and whether it does."""
     inside, outside = best, best
     short_inside, short_outside = wanted, wanted
     for stride in (*_STRIDES, np.inf):
@@ -89,11 +89,7 @@ def profile_intervals(
         short_outside = np.where(within, 0.5 * short_outside, short)
         short_inside = np.where(within, short, 0.5 * short_inside)
         inside, outside = np.where(within, middle, inside), np.where(within, outside, middle)
-    ends = np.full((2, len(found.free), count), np.nan)
-    ends[side, parameter, problem] = np.where(is_open, bound, _crossing(inside, outside, short_inside, short_outside))
-    opened = np.zeros((2, len(found.free), count), bool)
-    opened[side, parameter, problem] = is_open
-    return Profile(ends, opened)
+    return np.where(is_open, bound, _crossing(inside, outside, short_inside, short_outside)), is_open
 
 
 def _crossing(inside, outside, short_inside, short_outside):

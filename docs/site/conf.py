@@ -21,6 +21,7 @@ sys.path.insert(0, str(ROOT))
 from models.effects.effect import Adjust, Show  # noqa: E402
 from models.effects.known import Amplitudes  # noqa: E402
 from models.person.family import AnyModel  # noqa: E402
+from scripts.reference import documented_names  # noqa: E402
 
 project = "girdle"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
@@ -73,18 +74,11 @@ def directive(name: str) -> str:
     return f".. {kind}:: {name}\n"
 
 
-def in_reference() -> set[str]:
-    """Names that the reference of the API documents."""
-    text = Path(__file__).with_name("api.md").read_text(encoding="utf-8")
-    parts = re.findall(r"currentmodule:: (\S+)\n(.*?)```", text, re.DOTALL)
-    return {f"{module}.{name}" for module, names in parts for name in re.findall(r"^\.\. \S+:: (\w+)", names, re.M)}
-
-
 def add_functions(app: Sphinx, page: str, source: list[str]) -> None:
     """Document what the page with the equations names, but for what the reference of the API has."""
     if page == "docs/site/functions":
         text = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
-        names = sorted(set(DOTTED.findall(text)) - in_reference())
+        names = sorted(set(DOTTED.findall(text)) - documented_names())
         source[0] += f"\n```{{eval-rst}}\n{''.join(map(directive, names))}```\n"
 
 

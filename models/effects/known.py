@@ -1,6 +1,5 @@
 """Effects that are known to be at work, by the numbers that a caller or a command line gives."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
@@ -8,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from models.effects import EFFECTS, ActiveEffects, Effect
-from motions.errors import InputError
+from motions.errors import InputError, did_you_mean
 from motions.table import Motions
 
 Amplitudes = Mapping[str, Sequence[float]]
@@ -99,8 +98,7 @@ def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effe
     """
     if name not in library:
         known = [*others, *library]
-        near = difflib.get_close_matches(name, known, n=1)
-        remedy = f"Is it '{near[0]}'?" if near else f"Use one of {', '.join(known)}"
+        remedy = f"{did_you_mean(name, known)}Use one of {', '.join(known)}"
         raise InputError(place, None, f"there is no effect '{name}'", remedy)
     return library[name]
 

@@ -1,18 +1,11 @@
 """How an attachment of one bone differs from that of another: the five types of the thesis (Table 5.3)."""
 
 SMALL, LARGE, SLIDE, SHIFT, CROSS = "SMALL", "LARGE", "T1", "T2", "T3"
+"""No difference; another place; slid along, or of another length; shifted across; crossed, or of another direction."""
 
 LEAST_MM, MEAN_MM, MOST_MM = 5.0, 7.0, 12.0
 """Of the smallest, mean and largest distance between two contours; on a limit counts as below it. The table prints <
 and >, which leave 5.0 open; Appendix D calls it small."""
-
-MEANING = {
-    SMALL: "no difference",
-    LARGE: "another place",
-    SLIDE: "slid along, or of another length",
-    SHIFT: "shifted across",
-    CROSS: "crossed, or of another direction",
-}
 
 
 def attachment_type(least_mm: float, mean_mm: float, most_mm: float) -> str | None:

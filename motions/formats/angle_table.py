@@ -1,6 +1,6 @@
 """Postures as a table of angles for .mot and .sto, and back."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ from motions.formats.mot import AngleTable
 from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
-from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, spread_column
+from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
@@ -23,30 +23,12 @@ ORIGIN = "origin"
 """The line of the header, and the extra column, that says of simulated motions that they are."""
 
 
-@dataclass(frozen=True)
-class _Said:
-    """What the header says in lines of this project."""
-
-    subject: str
-    motion: str
-    origin: str
-    estimated: bool
-    through: str
-
-
 def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> Motions:
     """Take the postures from the rows of a file, or at `labels.at_deg`. A left shoulder is mirrored.
 
     The columns are ANGLES or, in ISB's sequence, ISB_ANGLES, and humerus_elevation, or what the mapping calls them.
     ISB's scapula goes through AA, if the header does not say AC. InputError if no bone is there or AA stays AA.
     """
-    said = _Said(
-        labels.subject or table.header.get("subject", ""),
-        labels.motion or table.header.get("motion", ""),
-        table.header.get(ORIGIN, ""),
-        table.header.get(ESTIMATED, "") == "yes",
-        table.header.get(SCAPULA_THROUGH, ""),
-    )
     isb = any(mapping.column(name) in table.columns for name in ISB_ANGLES)
     names = ISB_ANGLES if isb else ANGLES
     missing = np.full(table.count, np.nan)
@@ -59,30 +41,29 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         angles_deg = thesis_from_isb(angles_deg)
     if labels.side == "left":
         angles_deg = angles_deg * MIRROR_ANGLES
-    angles_deg, extra = _through_ac(table, angles_deg, said.through or ("AA" if isb else "AC"), labels)
+    through = table.header.get(SCAPULA_THROUGH) or ("AA" if isb else "AC")
+    if through != "AC":
+        angles_deg = _brought_to_ac(table, angles_deg, labels)
     elevation_deg = table.columns.get(mapping.column(ELEVATION), missing)
-    numbers = _numbers(table)
+    numbers, extra = _numbers(table), {}
     if labels.at_deg:
         whose = mapping.column(ELEVATION)
         sampled = resample_trial(elevation_deg, angles_deg, np.array(labels.at_deg), table.file, whose)
         angles_deg, elevation_deg = sampled.values, sampled.at_deg
         numbers = np.arange(1, len(elevation_deg) + 1)
-        spread = {spread_column(angle): [f"{x:.4g}" for x in sampled.spread[:, k]] for k, angle in enumerate(ANGLES)}
-        extra = (
-            spread
-            | {FRAMES: [str(count) for count in sampled.frames.tolist()]}
-            | {name: cells[: len(numbers)] for name, cells in extra.items()}
-        )
+        extra = {spread_column(angle): [f"{x:.4g}" for x in sampled.spread[:, k]] for k, angle in enumerate(ANGLES)}
+        extra[FRAMES] = [str(count) for count in sampled.frames.tolist()]
     count = len(elevation_deg)
-    if said.origin:
-        extra[ORIGIN] = [said.origin] * count
-    if said.estimated:
-        extra[ESTIMATED] = ["yes"] * count
-    if labels.side == "left":
-        extra[SIDE_MEASURED] = ["left"] * count
+    marks = {
+        SCAPULA_ROTATED: labels.scapula_rotated if through != "AC" else "",
+        ORIGIN: table.header.get(ORIGIN, ""),
+        ESTIMATED: "yes" if table.header.get(ESTIMATED) == "yes" else "",
+        SIDE_MEASURED: "left" if labels.side == "left" else "",
+    }
+    extra |= {column: [mark] * count for column, mark in marks.items() if mark}
     motions = Motions(
-        subject=np.array([said.subject] * count),
-        motion=np.array([said.motion] * count),
+        subject=np.array([labels.subject or table.header.get("subject", "")] * count),
+        motion=np.array([labels.motion or table.header.get("motion", "")] * count),
         posture=numbers,
         humerus_elevation_deg=elevation_deg,
         angles_deg=angles_deg,
@@ -104,7 +85,7 @@ def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
             raise InputError(file, None, f"the name {name!r} has a line break", "Give it a name on one line")
     angles_deg = isb_from_thesis(motions.angles_deg) if isb else motions.angles_deg
     header = {"subject": subject, "motion": motion, SCAPULA_THROUGH: "AC"}
-    if ESTIMATED in motions.extra and "yes" in motions.extra[ESTIMATED].tolist():
+    if is_marked(motions, ESTIMATED, "yes").any():
         header[ESTIMATED] = "yes"
     if ORIGIN in motions.extra and len(set(motions.extra[ORIGIN])) == 1:
         header[ORIGIN] = " ".join(str(motions.extra[ORIGIN].iloc[0]).split())
@@ -113,10 +94,8 @@ def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:
     return AngleTable(file, header, columns)
 
 
-def _through_ac(table: AngleTable, angles_deg: np.ndarray, through: str, labels: Labels):
-    """The angles with the scapula through AC, and what to say of it."""
-    if through == "AC":
-        return angles_deg, {}
+def _brought_to_ac(table: AngleTable, angles_deg: np.ndarray, labels: Labels) -> np.ndarray:
+    """The angles with the scapula through AC instead of AA."""
     if labels.aa_to_ac is None:
         cause = "ISB's scapula frame goes through AA, the thesis's through AC, some 18 degrees apart"
         remedy = (
@@ -125,8 +104,7 @@ def _through_ac(table: AngleTable, angles_deg: np.ndarray, through: str, labels:
         )
         raise InputError(table.file, None, cause, remedy)
     scapula = ac_from_aa_deg(angles_deg[:, 3:], labels.aa_to_ac)
-    said = f"AA brought to AC by {labels.aa_to_ac_name} +- {labels.aa_to_ac.uncertainty_deg:g} deg"
-    return np.concatenate([angles_deg[:, :3], scapula], axis=1), {SCAPULA_ROTATED: [said] * table.count}
+    return np.concatenate([angles_deg[:, :3], scapula], axis=1)
 
 
 def _numbers(table: AngleTable) -> np.ndarray:

@@ -230,8 +230,7 @@ def _table(
     extra = {"motion_angle_deg": [f"{abs(angle) if elevation_deg is None else angle:g}" for angle in arm_deg]}
     if through == "AA" and labels.aa_to_ac is not None:
         angles_deg = np.concatenate([angles_deg[:, :3], ac_from_aa_deg(angles_deg[:, 3:], labels.aa_to_ac)], axis=1)
-        said = f"AA brought to AC by {labels.aa_to_ac_name} +- {labels.aa_to_ac.uncertainty_deg:g} deg"
-        extra[SCAPULA_ROTATED] = [said] * count
+        extra[SCAPULA_ROTATED] = [labels.scapula_rotated] * count
     extra[SIDE_MEASURED] = [side] * count
     return Motions(
         subject=np.array([subject] * count),

@@ -94,17 +94,12 @@ def difference_matrix(
     return one - other
 
 
-def largest_consistent(
-    differences: Float[np.ndarray, "points points"], tolerance: float | None = None
-) -> tuple[int, ...]:
-    """Find the largest set of points whose differences are all within the tolerance; of several the one that agrees
-    best.
-
-    tolerance: by default the mean of the absolute differences, as the thesis compares with it (Table 5.1).
-    """
+def largest_consistent(differences: Float[np.ndarray, "points points"]) -> tuple[int, ...]:
+    """Find the largest set of points whose differences are all within the mean of the absolute differences (Table 5.1);
+    of several the one that agrees best."""
     apart = np.abs(differences)
     count = len(apart)
-    limit = float(apart[np.triu_indices(count, 1)].mean()) if tolerance is None else tolerance
+    limit = float(apart[np.triu_indices(count, 1)].mean())
     for size in range(count, 1, -1):
         kept = [part for part in combinations(range(count), size) if _mean_of(apart, part, np.max) <= limit]
         if kept:

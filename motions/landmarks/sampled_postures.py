@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from motions.errors import InputError
 from motions.landmarks.acromion import AcromionRotation
@@ -38,6 +38,13 @@ FRAMES = "frames"
 """The extra column with the number of frames that a posture of a trial rests on."""
 
 
+def is_marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " postures"]:
+    """Tell in which postures an extra column has this mark (a regular expression): in none if there is no column."""
+    if column not in motions.extra:
+        return np.zeros(len(motions.posture), bool)
+    return motions.extra[column].str.contains(mark).to_numpy(bool)
+
+
 def marked_slips(motions: Motions) -> dict[int, str]:
     """Give, by row, the landmarks that are marked as slipped, with a space between them."""
     marks = motions.extra[SLIPPED].to_numpy(str) if SLIPPED in motions.extra else ()
@@ -61,6 +68,12 @@ class Labels:
     aa_to_ac: AcromionRotation | None = None
     aa_to_ac_name: str = ""
     sc_from_ij: SternoclavicularOffset | None = None
+
+    @property
+    def scapula_rotated(self) -> str:
+        """What stands in the column of a scapula that was brought to AC; empty without a rotation."""
+        rotation = self.aa_to_ac
+        return f"AA brought to AC by {self.aa_to_ac_name} +- {rotation.uncertainty_deg:g} deg" if rotation else ""
 
 
 def postures_from_landmarks(
@@ -158,8 +171,7 @@ def _table(
     count = len(elevation_deg)
     extra = dict(extra)
     if labels.aa_to_ac is not None and "AC" not in landmarks_mm:
-        said = f"AA brought to AC by {labels.aa_to_ac_name} +- {labels.aa_to_ac.uncertainty_deg:g} deg"
-        extra[SCAPULA_ROTATED] = [said] * count
+        extra[SCAPULA_ROTATED] = [labels.scapula_rotated] * count
     if labels.side == "left":
         extra[SIDE_MEASURED] = ["left"] * count
     return Motions(

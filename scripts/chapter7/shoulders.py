@@ -1,6 +1,6 @@
 """Measured postures with a model's adapted parameters in each, and averages over persons with their intervals."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions import InputError, Motions
 from motions.rotations import DEG
+from scripts.reporting import check_known
 
 
 @dataclass(frozen=True)
@@ -114,19 +115,14 @@ class Persons:
 
     @staticmethod
     def of(motions: Motions, means: Sequence[str]) -> "Persons":
-        """Tell persons from group means. InputError for a mean that is no subject."""
-        for name in means:
-            if name not in motions.subjects:
-                known = ", ".join(motions.subjects)
-                raise InputError("--mean", None, f"there is no subject '{name}'", f"Take some of {known}")
+        """Tell persons from group means. BadParameter for a mean that is no subject."""
+        check_known(means, motions.subjects, "subject")
         return Persons(shoulders_of(motions), np.isin(motions.subjects, list(means)))
 
-    def by_subject(
-        self, values: Float[np.ndarray, " rows"], average: Callable[[np.ndarray], float] = np.nanmean
-    ) -> Float[np.ndarray, " subjects"]:
+    def by_subject(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " subjects"]:
         """Average what the rows of each subject have; NaN where none has anything."""
         parts = [values[self.shoulders.rows_of(s)] for s in range(len(self.is_mean))]
-        return np.array([average(part) if np.isfinite(part).any() else np.nan for part in parts])
+        return np.array([np.nanmean(part) if np.isfinite(part).any() else np.nan for part in parts])
 
     def each(self, of_subjects: Float[np.ndarray, " subjects"]) -> Float[np.ndarray, " persons"]:
         """Average the sides of each person that is no group mean, of those that have a value."""

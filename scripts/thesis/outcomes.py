@@ -17,6 +17,7 @@ from models import load_model
 from motions import InputError, Motions, read_motions
 from motions.landmarks.girdle_angles import CLAVICLE_X, estimated_axial_deg
 from motions.rotations import DEG
+from scripts.reporting import check_known
 from scripts.thesis.variants import AXIAL, Variant, problems_of, with_axial, without_axial
 
 ABDUCTION, FLEXION = ADAPTED_TO = "frontal_elevation", "sagittal_elevation"
@@ -67,14 +68,11 @@ class Study:
 
 
 def persons(files: Sequence[Path], leave_out: Sequence[str]) -> Motions:
-    """Read motions without some subjects; names on stderr what cannot be read. InputError for a subject not there."""
+    """Read motions without some subjects; names on stderr what cannot be read. BadParameter for a subject not there."""
     motions = read_motions(*files)
     for error in motions.rejected:
         print(f"left out: {error}", file=sys.stderr)
-    for name in leave_out:
-        if name not in motions.subjects:
-            known = ", ".join(motions.subjects)
-            raise InputError("--leave-out", None, f"there is no subject '{name}'", f"The subjects are {known}")
+    check_known(leave_out, motions.subjects, "subject")
     return motions.select(~np.isin(motions.subject, list(leave_out)))
 
 

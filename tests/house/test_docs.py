@@ -7,6 +7,7 @@ from pathlib import Path
 
 from documents import DOCUMENTS, FENCE, documents
 
+from scripts.reference import documented_names
 from scripts.rooms import PACKAGES, ROOT
 
 MOST_LINES_OF_README = 150
@@ -97,12 +98,7 @@ def test_every_page_is_in_the_navigation_of_the_site():
 
 
 def test_the_reference_has_every_public_name():
-    text = (ROOT / "docs" / "site" / "api.md").read_text(encoding="utf-8")
-    named = {
-        f"{module}.{name}"
-        for module, names in re.findall(r"currentmodule:: (\S+)\n(.*?)```", text, re.DOTALL)
-        for name in re.findall(r"^\.\. (?:auto\w+|py:type):: (\w+)", names, re.MULTILINE)
-    }
+    named = documented_names()
     for name in named:
         resolved(name)
     exported = {f"{package}.{name}" for package in PUBLIC for name in importlib.import_module(package).__all__}

@@ -145,7 +145,7 @@ def test_all_terms_of_each_direction_may_be_given():
 @pytest.mark.parametrize(
     ("effects", "cause", "remedy"),
     [
-        ({"extension": (8.0,)}, "there is no effect 'extension'", "thorax_extension"),
+        ({"extension": (8.0,)}, "there is no effect 'extension'", "Did you mean thorax_extension?"),
         ({"thorax_extension": (8.0,)}, r"thorax_extension has \[8.0\]", "Give 3, in deg: about x, about y, about z"),
         ({"thorax_extension": (8.0,) * 6}, "thorax_extension has", "Give 3, in deg: about x, about y, about z"),
         ({"thorax_asymmetry": (np.nan,)}, "thorax_asymmetry has", "Give 1, in mm"),
@@ -219,7 +219,7 @@ def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
 @pytest.mark.parametrize(
     ("words", "cause", "remedy"),
     [
-        (["extension=8"], "there is no effect 'extension'", "thorax_extension"),
+        (["extension=8"], "there is no effect 'extension'", "Did you mean thorax_extension?"),
         (["thorax_extension=8"], "thorax_extension has [8.0]", "Give 3, in deg: about x, about y, about z"),
         (["thorax_extension=8,x,0"], "'8,x,0' is not a list of numbers", "thorax_extension=0,0,0"),
         (["thorax_asymmetry"], "'' is not a list of numbers", "thorax_asymmetry=0"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from adapt.diagnosis.declared_effects import declared_effects
 from motions import InputError
 from motions.formats.any_file import read_any
 from motions.landmarks.acromion import KOLZ
@@ -96,6 +97,9 @@ def test_a_trial_without_sc_and_ac_has_a_clavicle_that_says_so(tmp_path, lab):
     assert "SC" not in found.landmarks_mm
     assert found.extra[CLAVICLE_PLACED].str.contains("SC from IJ").all()
     assert found.extra[CLAVICLE_PLACED].str.contains("AC from AA").all()
+    estimated, turned, placed = "clavicle_axial_estimate", "scapula_landmark_bias", "clavicle_frame_bias"
+    assert declared_effects(found) == (estimated, turned, placed), "each once, whatever was placed"
+    assert declared_effects(true) == (estimated,)
     silent = read(tmp_path, without, "", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020")
     assert np.isnan(silent.angles_deg[:, :2]).all()
     assert CLAVICLE_PLACED not in silent.extra

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from scripts.measure_scale import family, memory_mib, watched
+from scripts.measure_scale import family, measure, memory_mib, watched
 
 HOLDS = "import time; x = b'x' * 60_000_000; time.sleep(1.5)"
 FAMILY = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {HOLDS!r}])"
@@ -24,3 +24,8 @@ def test_a_run_that_fails_is_an_error_and_what_has_ended_has_nothing():
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     assert (family(ended.pid), memory_mib(ended.pid)) == ([ended.pid], 0.0)
+
+
+def test_without_workers_there_is_none_to_end():
+    with pytest.raises(SystemExit, match="--dask"):
+        measure(kill=1.0)

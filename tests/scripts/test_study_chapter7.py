@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import typer
 from handmade import motions_of, rising
 from typer.testing import CliRunner
 
@@ -33,7 +34,7 @@ def test_the_interval_is_the_t_interval_over_persons():
 
 
 def test_a_mean_that_is_no_subject_is_refused():
-    with pytest.raises(InputError, match=r"there is no subject 'dee'.*ann_left"):
+    with pytest.raises(typer.BadParameter, match=r"no subject is called 'dee'.*ann_left"):
         Persons.of(motions_of(rising(1, 3), ["ann_left"]), ["dee"])
 
 

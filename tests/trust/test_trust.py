@@ -21,7 +21,6 @@ from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
 from adapt.tables.results import HELD_OUT
-from adapt.trust.bootstrap import bootstrap_mm
 from adapt.trust.covariance import (
     NORMAL_95,
     Uncertainty,
@@ -137,10 +136,15 @@ def test_curvature_of_the_motion_is_the_rise_of_e(case):
 
 
 def test_the_noise_part_is_what_repeated_measurements_scatter_by(case):
-    """A parametric bootstrap: simulated repetitions about each adapted subject, adapted anew."""
-    repeated = bootstrap_mm(case.data, case.adapted, case.found.noise_deg, REPLICATES, seed=3)
-    assert np.isfinite(repeated).all()
-    ratio = np.std(repeated, axis=1) / sd(case.found.noise_mm2)
+    """A parametric bootstrap: the closed postures of each adapted subject with other errors, adapted anew."""
+    _, postures, count = case.adapted.angles.shape
+    problem = np.tile(np.arange(count), REPLICATES)
+    errors = np.random.default_rng(3).standard_normal((REPLICATES, count, 6, postures))
+    errors *= (case.found.noise_deg / DEG)[:, None, None]
+    angles = case.adapted.angles[..., problem] + np.moveaxis(errors.reshape(-1, 6, postures), 0, -1)
+    again = adapted_from(select_problems(case.data, problem, angles=angles), case.adapted.theta_mm[:, problem])
+    assert (again.status == status.OK).all()
+    ratio = np.std(again.theta_mm.reshape(-1, REPLICATES, count), axis=1) / sd(case.found.noise_mm2)
     print("bootstrap SD / SD:", np.round(ratio, 2))
     assert np.abs(np.log(ratio[FIRM])).max() <= SAME_SPREAD
     assert np.abs(np.log(ratio).mean(axis=1)).max() <= SAME_SPREAD

@@ -13,7 +13,7 @@ from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settin
 from motions import InputError, Motions
 from motions.landmarks.acromion import acromion_rotation
 from motions.landmarks.mapping import read_mapping
-from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, marked_slips
+from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, is_marked, marked_slips
 from motions.landmarks.stand_ins import sternoclavicular_offset
 from motions.motion_csv.cells import SIDES
 
@@ -154,7 +154,7 @@ def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_fro
 
 def _say_estimated(motions: Motions) -> None:
     """Say that the axial rotation of the clavicle is an estimate, and with which elevation of the arm it is 0."""
-    if ESTIMATED not in motions.extra or "yes" not in motions.extra[ESTIMATED].tolist():
+    if not is_marked(motions, ESTIMATED, "yes").any():
         return
     said = "clavicle_x_deg (axial rotation) is an estimate"
     if ESTIMATE_ZERO in motions.extra:

@@ -7,7 +7,7 @@ import numpy as np
 
 from adapt.diagnosis.fit.shoulders import FEWEST_POSTURES
 from motions import Motions
-from motions.landmarks.sampled_postures import ESTIMATED, marked_slips
+from motions.landmarks.sampled_postures import ESTIMATED, is_marked, marked_slips
 from motions.table import ANGLE_NAMES, ANGLES
 
 
@@ -53,7 +53,7 @@ def _missing(mine: Motions) -> Iterator[str]:
 def warnings(motions: Motions) -> list[str]:
     """Say what a person should know before the motions are used: who was left out, estimates, slips, few postures."""
     found = [f"Left out: {error}" for error in motions.rejected]
-    if ESTIMATED in motions.extra and "yes" in motions.extra[ESTIMATED].to_numpy(str):
+    if is_marked(motions, ESTIMATED, "yes").any():
         found.append("The axial rotation of the clavicle is an estimate: two landmarks do not determine it.")
     for row, names in marked_slips(motions).items():
         where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"

@@ -26,7 +26,7 @@ from models.girdle import Girdle
 from models.person.sizes import PALPATOR_LENGTH_MM, PALPATOR_MM, size_of
 from motions.arrays import Array
 from motions.landmarks.frames import scapula_frame, transposed
-from motions.landmarks.sampled_postures import CLAVICLE_PLACED
+from motions.landmarks.sampled_postures import CLAVICLE_PLACED, is_marked
 from motions.rotations import rotate
 from motions.table import Motions
 
@@ -67,9 +67,8 @@ def measured_sizes(shoulders: Shoulders, girdle: Girdle, effects: Sequence[Effec
 def _numbers_of(motions: Motions) -> tuple[Float[np.ndarray, "7"], Float[np.ndarray, "7"]]:
     """n of one subject and its SDs, NaN where not measured."""
     where = dict(motions.landmarks_mm)
-    placed = motions.extra.get(CLAVICLE_PLACED)
     for name in ("SC", "AC"):  # one that was placed was not measured
-        if placed is not None and placed.str.contains(f"{name} from").any():
+        if is_marked(motions, CLAVICLE_PLACED, f"{name} from").any():
             where.pop(name, None)
     SC, AC, TS, AI = (where.get(name, np.full((len(motions.posture), 3), np.nan)).T for name in SHOWN)
     ts_x = -np.linalg.norm(AC - TS, axis=0)

@@ -27,11 +27,6 @@ class Observed:
     subjects: tuple[str, ...]
     motions: tuple[str, ...]
 
-    @property
-    def highest_deg(self) -> float:
-        """Elevation of the highest posture."""
-        return float(self.elevation_deg[self.counted].max())
-
     def without(self, left_out: Bool[np.ndarray, "postures subjects"]) -> "Observed":
         """Leave some postures out: they stay, but are not counted."""
         return replace(self, counted=self.counted & ~left_out)

@@ -117,14 +117,6 @@ class Factor:
         """Solve A x = b: x = A^-1 b."""
         return self.solve(b[:, None])[:, 0]
 
-    def whiten(self, b: Float[Array, " n *batch"]) -> Float[Array, " n *batch"]:
-        """Whiten b: D^-1/2 L^-1 b has unit covariance if b has covariance A."""
-        x = [b[i] for i in range(len(self.inverse_pivots))]
-        for i in range(len(x)):
-            for j in range(i):
-                x[i] = x[i] - self.lower[i][j] * x[j]
-        return xp.stack([value * xp.sqrt(inverse) for value, inverse in zip(x, self.inverse_pivots, strict=True)])
-
     def otherwise(self, other: "Factor") -> "Factor":
         """Take this factor where it is positive, the other one elsewhere."""
 
