@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from motions import InputError
+from motions.errors import InputWarning
 from motions.formats.any_file import read_any
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.derived import factors_of
@@ -96,9 +97,10 @@ def test_a_trial_without_sc_and_ac_has_a_clavicle_that_says_so(tmp_path, lab):
     assert "SC" not in found.landmarks_mm
     assert found.extra[CLAVICLE_PLACED].str.contains("SC from IJ").all()
     assert found.extra[CLAVICLE_PLACED].str.contains("AC from AA").all()
-    silent = read(tmp_path, without, "", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020")
-    assert np.isnan(silent.angles_deg[:, :2]).all()
-    assert CLAVICLE_PLACED not in silent.extra
+    with pytest.warns(InputWarning, match="SC was not found, so the angles of the clavicle stay empty"):
+        empty = read(tmp_path, without, "", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020")
+    assert np.isnan(empty.angles_deg[:, :2]).all()
+    assert CLAVICLE_PLACED not in empty.extra
 
 
 def test_a_landmark_that_slipped_is_marked_in_its_posture(tmp_path, lab):
