@@ -173,7 +173,12 @@ def _check_names(motions: Motions) -> None:
 
 
 def _with_gaps(motions: Motions) -> Motions:
-    """An infinite angle, which no file gives, was not measured either."""
+    """An infinite angle, which no file gives, was not measured either. InputError if there is no posture."""
+    if not isinstance(motions, Motions):
+        cause = f"this is a {type(motions).__name__}, not Motions"
+        raise InputError("motions", None, cause, "Read a motion file: motions.read_motions(file)")
+    if not len(motions.posture):
+        raise InputError("motions", None, "there is no posture in them", "Select one at least")
     return replace(motions, angles_deg=np.where(np.isfinite(motions.angles_deg), motions.angles_deg, np.nan))
 
 

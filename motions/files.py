@@ -41,6 +41,15 @@ def unreadable(path: Path, error: OSError) -> InputError:
     return InputError(str(path), None, cause, "Check its name, and that you may read it")
 
 
+def make_folder(folder: Path) -> None:
+    """Make the folder and those above it, where they are not there. InputError if that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        cause = f"the folder cannot be made ({error.strerror})"
+        raise InputError(str(folder), None, cause, "Name a folder of your own") from error
+
+
 def atomic_write(path: str | os.PathLike[str], text: str) -> None:
     """Write the text (UTF-8, line ends as they are) to the path, as `atomic_write_bytes` does."""
     atomic_write_bytes(path, text.encode("utf-8"))

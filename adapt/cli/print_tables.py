@@ -3,6 +3,7 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """What a person sees on the terminal: progress while it runs, tables when it is done."""
 
+import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -92,7 +93,7 @@ def print_summary(console: Console, summary: pd.DataFrame) -> None:
             rows = rows.head(1)
         for number, row in enumerate(rows.to_dict("records")):
             values = [row[f"{name}_deg"] for name in (*ANGLES, "clavicle", "scapula")]
-            table.add_row(row["subject"], *(f"{v:.1f}" for v in values), end_section=number == subjects - 1)
+            table.add_row(row["subject"], *map(_cell, values), end_section=number == subjects - 1)
         console.print(table)
         _print_missing(console, rows[~rows["subject"].isin(STATISTICS)])
 
@@ -113,7 +114,7 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
         table.add_column(header, justify="right")
     for model, rows in statistics.groupby("model", sort=False):
         for number, row in enumerate(rows.to_dict("records")):
-            values = (f"{row[key]:.1f}" for key in ("model_mm", "mean_mm", "sd_mm"))
+            values = (_cell(row[key]) for key in ("model_mm", "mean_mm", "sd_mm"))
             bound = f"{row['at_bound']} of {row['subjects']}" if row["at_bound"] else ""
             name = "" if number else str(model)
             table.add_row(name, row["parameter"], *values, bound, end_section=number == len(rows) - 1)
@@ -132,7 +133,8 @@ def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> Non
     """Print the gap on what an adaptation has not seen beside that on the same postures before it and in sample."""
     known = heldout["subject"].nunique()
     if known < subjects:
-        why = "a sample of many, or who has a single posture" if known else "every subject has a single posture"
+        others = "the others were not sampled, not adapted or have a single posture"
+        why = others if known else "every subject has a single posture"
         console.print(f"Held-out gaps of {known} of {subjects} subjects: {why}")
     if not known:
         return
@@ -159,4 +161,9 @@ def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> Non
 def _heldout_cells(row: dict) -> list[str]:
     words = ("before", "in_sample", "unseen")
     values = [row[f"{bone}_gap_{word}_deg"] for bone in ("clavicle", "scapula") for word in words]
-    return [f"{value:.1f}" for value in values]
+    return [_cell(value) for value in values]
+
+
+def _cell(value: float) -> str:
+    """The number; a dash for what was not measured, or the SD of one subject."""
+    return "-" if math.isnan(value) else f"{value:.1f}"

@@ -25,6 +25,7 @@ from adapt.solvers.reference.posture import (
     solve_postures,
 )
 from models.girdle import Girdle
+from motions.errors import InputError
 
 
 class PostureFit(NamedTuple):
@@ -51,8 +52,11 @@ def posture_fit(
     J_p has several local minima. Without ``start`` the lower one is taken of those reached from the measured angles and
     from where the chain closes next to them; :func:`adapt.fit_postures` tries more places where that one is far, and
     finds a lower one in some postures (5 of 420 of the shipped subjects with three sets). Give its angles (rad) as
-    ``start`` to be where it is.
+    ``start`` to be where it is. InputError if the first axis of ``angles`` has not the six of them.
     """
+    if jnp.shape(angles)[:1] != (6,):
+        remedy = "Give (6, postures) in rad: np.deg2rad(motions.angles_deg).T"
+        raise InputError("angles", None, f"their shape is {jnp.shape(angles)}", remedy)
     if measured is None:
         measured = jnp.ones(angles.shape, bool)
     girdle, angles, measured = jax.tree.map(jnp.asarray, (girdle, angles, measured))

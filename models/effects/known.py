@@ -63,7 +63,7 @@ def weight_factor(amplitudes: Amplitudes) -> float:
     """Give what w of E is multiplied by: k of ``thorax_points``, else 1; InputError where it is no positive number."""
     given = amplitudes.get(THORAX_POINTS, (1.0,))
     if np.shape(given) != (1,) or not np.isfinite(given[0]) or given[0] <= 0.0:
-        remedy = f"Give one number, 30 say: the points then count a thirtieth ({THORAX_POINTS}=30)"
+        remedy = f"Give one positive number, as (30,) or {THORAX_POINTS}=30: the points then count a thirtieth"
         raise InputError(OPTION, None, f"{THORAX_POINTS} has {given if np.ndim(given) == 0 else list(given)}", remedy)
     return float(given[0])
 

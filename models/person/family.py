@@ -32,11 +32,17 @@ AnyModel = ParameterSet | PersonalSets
 
 
 def as_list(models: AnyModel | Sequence[AnyModel]) -> list[AnyModel]:
-    """List the models; of one alone, that one. InputError where one is only a name."""
-    every = [models] if isinstance(models, AnyModel) else list(models)
+    """List the models; of one alone, that one. InputError where there is none, one is only a name or two share one."""
+    every = [models] if isinstance(models, AnyModel | str) else list(models)
     for one in every:
         if not isinstance(one, AnyModel):
             raise InputError("models", None, f"{one!r} is no parameter set", "Load it: models.load_model(name or file)")
+    names = [one.name for one in every]
+    if not names:
+        raise InputError("models", None, "there is none", "Give one at least: models.load_model(name or file)")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError("models", None, f"two are called {twice!r}", "Give each a name of its own, or one only once")
     return every
 
 

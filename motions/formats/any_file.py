@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from motions.errors import InputError
+from motions.errors import InputError, warn_input
 from motions.formats.angle_table import motions_from_table
 from motions.formats.c3d import read_c3d
 from motions.formats.landmark_csv import holds_positions, read_landmark_csv
@@ -102,6 +102,10 @@ def _checked(motions: Motions, path: Path) -> Motions:
 def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
     """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
     lab_mm = landmarks_mm(markers, mapping)
+    if "SC" not in lab_mm and labels.sc_from_ij is None:
+        cause = "landmark SC was not found, so the angles of the clavicle stay empty"
+        remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
+        warn_input(InputError(markers.file, None, cause, remedy))
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
         try:

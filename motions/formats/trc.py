@@ -31,7 +31,7 @@ def read_trc(path: Path) -> Markers:
     lines = text.splitlines()
     if len(lines) < _FIRST_DATA_LINE or not lines[0].startswith("PathFileType"):
         raise InputError(file, None, "this is not a .trc file", _EXPORT)
-    header = dict(zip(lines[1].split(), lines[2].split(), strict=False))
+    header = dict(zip(*([cell.strip() for cell in line.split("\t")] for line in lines[1:3]), strict=False))
     names = [name.strip() for name in lines[_NAMES_LINE - 1].split("\t")]
     if names[0] != "Frame#":
         raise InputError(file, _NAMES_LINE, "the line does not start with Frame#", _EXPORT)

@@ -1,7 +1,7 @@
 """What a file of marker positions holds, and the landmarks in it in millimetres."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +43,7 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
     the neck shows that it is not the right one.
     """
     factor = _millimetres(markers, mapping)
+    _check_there(markers, mapping)
     found = {}
     for landmark in MARKERS:
         position = _position(markers, mapping, landmark)
@@ -53,6 +54,23 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
         _not_there(markers, mapping.marker("AC"), "AC")
     _check_size(markers, found, factor)
     return found
+
+
+def _check_there(markers: Markers, mapping: Mapping) -> None:
+    """InputError that names them all where several needed landmarks have no marker: one by one would take many runs."""
+
+    def is_there(landmark: str) -> bool:
+        name = mapping.marker(landmark)
+        return name in markers.names or is_formula(name)
+
+    needed = (*NEEDED, "AC") if not is_there("AA") else NEEDED
+    absent = [landmark for landmark in needed if not is_there(landmark)]
+    if len(absent) > 1:
+        cause = f"there are no markers for landmarks {', '.join(absent)}"
+        first = _nearest(absent[0], markers.names) or "the name of your marker"
+        lines = f'under [markers] a line such as {absent[0]} = "{first}" for each'
+        remedy = f"Name them in a mapping file (--map), {lines}; the file has {_listed(markers)}"
+        raise InputError(markers.file, None, cause, remedy)
 
 
 def _millimetres(markers: Markers, mapping: Mapping) -> float:
@@ -124,18 +142,22 @@ def _not_there(markers: Markers, name: str, landmark: str) -> None:
         cause, remedy = f"marker {name!r} ({landmark}) was nowhere measured", "Reconstruct it, or use another trial"
     else:
         cause = f"there is no marker {name!r} for landmark {landmark}"
-        near = difflib.get_close_matches(name, markers.names, n=1) or _ending_in(name, markers.names)
-        guess = f"Is it {near[0]!r}? " if near else ""
-        listed = ", ".join(markers.names[:40]) + (", ..." if len(markers.names) > 40 else "")
-        remedy = f"{guess}Name it in a mapping file (--map), under [markers]; the file has {listed}"
+        near = _nearest(name, markers.names)
+        guess = f"Is it {near!r}? " if near else ""
+        remedy = f"{guess}Name it in a mapping file (--map), under [markers]; the file has {_listed(markers)}"
     if landmark == "AC":
         remedy = f"{remedy}. AA does too: AC is placed from it with --aa-to-ac kolz2020"
     raise InputError(markers.file, None, cause, remedy)
 
 
-def _ending_in(name: str, names: Iterable[str]) -> list[str]:
-    """Names such as 'P01:IJ' of marker IJ."""
-    return [other for other in names if other.lower().endswith(name.lower())]
+def _nearest(name: str, names: Sequence[str]) -> str:
+    """The name most like it, or one such as 'P01:IJ' of marker IJ; empty where there is none."""
+    ending = [other for other in names if other.lower().endswith(name.lower())]
+    return next(iter(difflib.get_close_matches(name, names, n=1) or ending), "")
+
+
+def _listed(markers: Markers) -> str:
+    return ", ".join(markers.names[:40]) + (", ..." if len(markers.names) > 40 else "")
 
 
 def _check_size(markers: Markers, found: dict[str, np.ndarray], factor: float) -> None:

@@ -76,7 +76,7 @@ def resample_trial(
         f"{whose}: no posture at {', '.join(left_out)} degrees of --at: {goes}, and a posture needs {FEWEST_FRAMES} "
         f"frames within {WINDOW_DEG:g} degrees, or within {2 * WINDOW_DEG:g} of an end"
     )
-    error = InputError(file, None, cause, "Choose elevations that the trial passes through")
+    error = InputError(file, None, cause, "Choose elevations that the trial passes through, away from gaps")
     if not len(sampled.at_deg):
         raise error
     warn_input(error)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
-from motions.errors import InputError
+from motions.errors import InputError, warn_input
 from motions.landmarks.acromion import AcromionRotation
 from motions.landmarks.at_rest import HIGHEST_REST_DEG, Rest, likely_swap, lowest_frames, unlike_rest, warn_unlike_rest
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
@@ -27,6 +27,8 @@ ESTIMATE_ZERO = "clavicle_x_zero_at_deg"
 
 SCAPULA_ROTATED = "scapula_frame"
 """The extra column that names the mean rotation by which a scapula through AA was brought to AC."""
+
+_LOOK_FOR_GAPS = "Look for gaps in IJ, PX, C7, T8, AC, TS and AI"
 
 CLAVICLE_PLACED = "clavicle_from"
 """The extra column that says what stood in for SC or AC where nobody marked it."""
@@ -96,7 +98,13 @@ def postures_from_landmarks(
     measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= FEWEST_ANGLES
     if not measured.any():
         cause = f"no posture has {FEWEST_ANGLES} angles: landmarks are missing in every one"
-        raise InputError(file, None, cause, "Look for gaps in IJ, PX, C7, T8, AC, TS and AI")
+        raise InputError(file, None, cause, _LOOK_FOR_GAPS)
+    if not measured.all():
+        which = f"{np.sum(~measured)} of {len(measured)} postures are left out"
+        if labels.at_deg:
+            which += f", at {', '.join(f'{at:g}' for at in table.humerus_elevation_deg[~measured])} degrees"
+        cause = f"{labels.subject}, {labels.motion}: {which}: fewer than {FEWEST_ANGLES} angles are known there"
+        warn_input(InputError(file, None, cause, _LOOK_FOR_GAPS))
     return table.select(measured)
 
 
@@ -148,7 +156,8 @@ def _sampled(frames: FrameAngles, labels: Labels, file: str) -> Motions:
     elevation_deg = frames.humerus_deg[:, 1]
     if not np.isfinite(elevation_deg).any():
         cause = "the humerus was not measured (GH, EM and EL), so there are no elevations to sample at"
-        raise InputError(file, None, cause, "Leave out --at: then each frame is a posture")
+        remedy = "Name these markers in a mapping file (--map), or leave out --at: then each frame is a posture"
+        raise InputError(file, None, cause, remedy)
     positions = list(frames.landmarks_mm.values())
     values = np.concatenate([frames.angles_deg, *positions], axis=1)
     whose = f"{labels.subject}, {labels.motion}"

@@ -8,10 +8,15 @@ from pathlib import Path
 
 from motions.errors import InputError
 from motions.files import read_text
-from motions.motion_csv.columns import KNOWN, REQUIRED, SIDE, SIDE_MEASURED, landmark_columns
+from motions.motion_csv.columns import ANGLE_COLUMNS, KNOWN, REQUIRED, SIDE, SIDE_MEASURED, landmark_columns
 from motions.table import LANDMARKS
 
 _SAVE_AS = "Save the table as comma-separated text (CSV, UTF-8) with decimal points"
+_CONVERTED = (".c3d", ".trc", ".mot", ".sto")
+"""Endings of what ``girdle convert`` makes a motion file of."""
+
+_MOST_NAMED = 20
+"""Columns in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,9 @@ def iterate_rows(path: Path) -> Iterator[Row]:
 
     InputError where the file as a whole cannot be used; what came before it is then not to be used either.
     """
+    if path.suffix.lower() in _CONVERTED:
+        cause = f"a {path.suffix.lower()} file is no motion file"
+        raise InputError(str(path), None, cause, f"Make one of it: girdle convert {path} {path.stem}.csv")
     yield from _table_rows(path, _check_header)[1]
 
 
@@ -137,8 +145,12 @@ def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
     near = [by_lower[one] for name in missing for one in difflib.get_close_matches(name, by_lower, n=1, cutoff=0.9)]
     if near:
         return cause, f"Rename {', '.join(dict.fromkeys(near))}"
+    if not set(ANGLE_COLUMNS) & set(columns) and any(name.endswith(("_x_mm", "_x_cm", "_x_m")) for name in columns):
+        return cause, "These are positions of landmarks: girdle convert makes a motion file of them"
     angle = any(name.endswith("_deg") for name in missing)
+    others = [name for name in columns if name and name not in KNOWN][:_MOST_NAMED]
     add = f"Add {'them' if several else 'it'} to the header"
+    add += f", or rename {'theirs' if several else 'its own'} among {', '.join(others)}" if others else ""
     return cause, f"{add}; leave the cells of an angle empty where it was not measured" if angle else add
 
 
@@ -166,5 +178,7 @@ def _row(file: str, line: int, columns: list[str], cells: list[str]) -> Row:
         if name:
             named[name] = cell.strip() if name in KNOWN else cell
         elif cell.strip():
-            raise InputError(file, line, "there is a cell under a column without a name", "Name the column")
+            raise InputError(
+                file, line, "there is a cell under a column without a name", "Name the column or remove it"
+            )
     return Row(file, line, named)

@@ -16,6 +16,9 @@ from motions.table import ANGLES
 LEAST_VALUES = 3
 """Fewer values may all be small by chance."""
 
+LARGE_MOTION_DEG = 60.0
+"""Over such a motion of the arm every scapula turns laterally by 15 degrees and more."""
+
 LARGEST_METRES = 2.0
 """No landmark is 2 m from IJ, and the landmarks of a girdle are not all within 2 mm of it."""
 
@@ -42,6 +45,22 @@ def angles_in_radians(postures: Sequence[Posture]) -> Finding | None:
         return None
     cause = "no angle exceeds 3.14, so the angles look like radians"
     return Finding(cause, "Give clavicle and scapula angles in degrees")
+
+
+def angle_in_radians(postures: Sequence[Posture]) -> Finding | None:
+    """Find one angle in radians that in every published motion goes beyond 30 degrees: none of its values is above pi.
+
+    The other angles of a person may be as small, and so may the scapula's z if the arm hardly moves.
+    """
+    elevations = [posture.humerus_elevation_deg for posture in postures]
+    moves = np.nanmax(elevations) - np.nanmin(elevations) if np.isfinite(elevations).any() else 0.0
+    for angle in ("clavicle_y", "scapula_y", *(("scapula_z",) if moves > LARGE_MOTION_DEG else ())):
+        values = np.array([posture.angles_deg[ANGLES.index(angle)] for posture in postures])
+        values = values[~np.isnan(values)]
+        if len(values) >= LEAST_VALUES and np.max(np.abs(values)) <= np.pi:
+            cause = f"{angle}_deg never exceeds 3.14, so it looks like radians"
+            return Finding(cause, "Give it in degrees, or leave its cells empty")
+    return None
 
 
 def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
@@ -100,4 +119,4 @@ def _mean_deg(postures: Sequence[Posture], angle: str) -> float:
     return float(np.mean(measured)) if measured.size else np.nan
 
 
-CHECKS = (angles_in_radians, elevation_in_radians, landmarks_not_in_mm, wrong_side)
+CHECKS = (angles_in_radians, angle_in_radians, elevation_in_radians, landmarks_not_in_mm, wrong_side)

@@ -231,6 +231,21 @@ def test_a_trial_without_elevations_to_sample_says_that_there_could_be(trials, t
     ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv")
     assert ended.out.startswith(f"600 postures of 1 subject in {tmp_path / 't.csv'}\n")
     assert "--at 30,60,90" in ended.out
+    without = {name: xyz for name, xyz in trials[0.0].thorax_mm.items() if name not in ("GH", "EM", "EL")}
+    (tmp_path / "t.trc").write_text("\n".join(trc_lines(without)) + "\n")
+    ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv")
+    assert "--at" not in ended.out
+    assert "GH, EM and EL would give the elevation of the arm" in ended.out
+
+
+def test_a_folder_that_is_not_there_is_made(trials, tmp_path):
+    """The first command of the README names one."""
+    (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
+    ended = girdle("convert", tmp_path / "t.trc", tmp_path / "mysubjects" / "P01.csv", "--at", "0,60")
+    assert ended.status == 0, ended.err
+    assert len(read_motions(tmp_path / "mysubjects" / "P01.csv").posture) == 2
+    below = tmp_path / "t.trc" / "P01.csv"
+    refused(girdle("convert", tmp_path / "t.trc", below), str(below.parent), "cannot be made", "a folder of your own")
 
 
 def test_an_estimate_and_what_is_left_out_are_said(trials, tmp_path):

@@ -245,5 +245,6 @@ def test_three_angles_leave_nothing_to_adapt_and_say_so(tmp_path):
     assert ran.status == 3
     assert f"not handled: {exact.subjects[0]}: adaptation underdetermined: no posture has more than three" in ran.err
     assert "--sc-from-ij" in ran.err
+    assert " nan " not in ran.out, "a dash stands for what was not measured"
     table = pd.read_csv(tmp_path / "out" / "parameters.csv").set_index("subject")["status"]
     assert table.tolist() == ["underdetermined", "ok"]

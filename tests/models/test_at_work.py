@@ -164,6 +164,20 @@ def test_a_number_alone_and_a_name_alone_are_named_from_python():
         adapt_subjects(motions, load_model("R2"), effects={"thorax_points": 30.0})  # type: ignore[dict-item]
     with pytest.raises(InputError, match=r"'R6' is no parameter set\. Load it: models\.load_model"):
         adapt_subjects(motions, ["R6"])  # type: ignore[list-item]
+    with pytest.raises(InputError, match=r"'R6' is no parameter set"):
+        fit_postures(motions, "R6")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"this is a str, not Motions\. Read a motion file"):
+        fit_postures("P01.csv", load_model("R2"))  # type: ignore[arg-type]
+
+
+def test_no_posture_no_model_and_a_model_twice_are_named_from_python():
+    motions, R2 = over(0.0, 90.0), load_model("R2")
+    with pytest.raises(InputError, match="there is no posture in them"):
+        fit_postures(motions.select(motions.subject == "nobody"), R2)
+    with pytest.raises(InputError, match="models: there is none"):
+        fit_postures(motions, [])
+    with pytest.raises(InputError, match="two are called 'R2'"):
+        adapt_subjects(motions, [R2, R2])
 
 
 def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_path):

@@ -148,6 +148,7 @@ def test_a_unit_that_is_not_known_or_not_said(lab, tmp_path):
     refused(path, "does not say in which unit", 'unit = "mm"')
     motions = read_any(path, Mapping(unit="mm"), LABELS)
     assert len(motions.posture) == len(ELEVATIONS)
+    refused(trc(tmp_path, trc_lines(lab, "")), "does not say in which unit", 'unit = "mm"')
     path = trc(tmp_path, trc_lines(lab, "mm"))
     refused(path, "the file says that positions are in mm, the mapping file m", "Correct", Mapping(unit="m"))
 
@@ -161,7 +162,8 @@ def test_a_gap_costs_its_frames_and_nothing_else(trial, lab, tmp_path, kind, gap
     gappy["PX"][:, 5] = gap
     path = tmp_path / f"trial.{kind}"
     write_c3d(path, gappy) if kind == "c3d" else trc(tmp_path, trc_lines(gappy))
-    motions = read_any(path, Mapping(), LABELS)
+    with pytest.warns(InputWarning, match="1 of 9 postures are left out: fewer than 3 angles are known there"):
+        motions = read_any(path, Mapping(), LABELS)
     rows = [0, 1, 2, 3, 4, 6, 7, 8]
     assert motions.posture.tolist() == [row + 1 for row in rows]
     expected = true(trial)[rows]
@@ -191,7 +193,9 @@ def test_renamed_and_repeated_markers(lab, tmp_path, kind):
             trc(tmp_path, lines)
 
     write(names)
-    refused(path, "there is no marker 'IJ'", "Is it 'P01:IJ'?")
+    refused(path, "no markers for landmarks IJ, PX, C7, T8, TS, AI, AC", 'a line such as IJ = "P01:IJ" for each')
+    all_but_one = Mapping(markers={name.partition(":")[2]: name for name in names if name != "P01:TS"})
+    refused(path, "there is no marker 'TS' for landmark TS", "Is it 'P01:TS'?", all_but_one)
     mapping = Mapping(markers={name.partition(":")[2]: name for name in names})
     assert len(read_any(path, mapping, LABELS).posture) == len(ELEVATIONS)
     write(["IJ" if name == "SC" else name for name in lab])
@@ -351,6 +355,17 @@ def test_a_trial_is_sampled_where_it_was_asked_for(tmp_path):
     refused(
         tmp_path / "trial.trc", "the arm goes from 10 to 70", "passes through", labels=Labels("P", "m", at_deg=(90.0,))
     )
+
+
+def test_elevations_in_a_gap_are_named(tmp_path):
+    """The arm was measured there and the scapula was not: without a word its postures would be missed much later."""
+    trial = simulated_trial(np.linspace(10.0, 70.0, 61))
+    gappy = {name: xyz.copy() for name, xyz in trial.thorax_mm.items()}
+    gappy["TS"][:, 20:42] = np.nan
+    labels = Labels("P01", "abduction", at_deg=(20.0, 40.0, 60.0))
+    with pytest.warns(InputWarning, match="abduction: 1 of 3 postures are left out, at 40 degrees: .* Look for gaps"):
+        motions = read_any(trc(tmp_path, trc_lines(gappy)), Mapping(), labels)
+    assert motions.humerus_elevation_deg.tolist() == [20.0, 60.0]
 
 
 @pytest.mark.parametrize("step_deg", [2.0, 3.0])

@@ -147,7 +147,13 @@ FILE_ERRORS = {
     "empty": ("", None, "empty", "header"),
     "blank": ("\n \n\n", None, "empty", "header"),
     "header only": (HEADER + "\n", None, "no rows", "Add one row"),
-    "column missing": (table(ROW, header=HEADER.replace("posture", "number")), 1, "posture is", "Add it"),
+    "column missing": (
+        table(ROW, header=HEADER.replace("posture", "number")),
+        1,
+        "posture is",
+        "Add it to the header, or rename its own among number",
+    ),
+    "landmarks": (table("1,2,3", header="IJ_x_mm,IJ_y_mm,IJ_z_mm"), 1, "are missing", "girdle convert makes"),
     "columns missing": (table("a,b", header="x,y"), 1, "subject, motion, posture", "Add them"),
     "late header": ("\n\n" + table("a,b", header="x,y"), 3, "are missing", "Add them"),
     "column twice": (table(ROW + ",1,2", header=HEADER + ",a,a"), 1, "'a' stands there twice", "Rename"),
@@ -222,6 +228,19 @@ SUBJECT_ERRORS = {
         "angles look like radians",
         "in degrees",
     ),
+    **{
+        f"{angle} in radians": (
+            table(*[f"P1,x,{k},{40 * k},{','.join(cells)}" for k in range(1, 4)]),
+            2,
+            f"{angle}_deg never exceeds 3.14",
+            "in degrees",
+        )
+        for angle, cells in (
+            ("clavicle_y", ["-0.5", "12", "7", "32", "20", "-10"]),
+            ("scapula_y", ["-30", "12", "7", "0.6", "20", "-10"]),
+            ("scapula_z", ["-30", "12", "7", "32", "0.6", "-10"]),
+        )
+    },
     "elevation in radians": (
         table(*[f"P1,x,{k},0.{k},-30,12,7,32,11,-10" for k in range(1, 4)]),
         2,
@@ -264,6 +283,17 @@ def test_a_bad_subject_does_not_take_a_good_one_with_it(tmp_path, text, row, cau
     assert motions.subjects == ("good",)
     assert [error.row for error in motions.rejected] == [row]
     assert cause in motions.rejected[0].cause
+
+
+def test_a_scapula_that_hardly_turns_while_the_arm_hardly_moves_is_read(tmp_path):
+    rows = [f"P1,x,{k},{10 * k},-30,12,7,32,{k},-10" for k in range(1, 4)]
+    assert len(read_motions(written(tmp_path, table(*rows))).posture) == 3
+
+
+def test_a_trial_is_no_motion_file(tmp_path):
+    path = written(tmp_path, "PathFileType", "t.trc")
+    with pytest.raises(InputError, match=f"a .trc file is no motion file. Make one of it: girdle convert {path} t.csv"):
+        read_motions(path)
 
 
 def test_an_error_is_one_clear_line(tmp_path):

@@ -16,9 +16,9 @@ NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"
     lambda name: name == name.strip()
 )
 CELLS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=6)
-# Scapular protraction above pi and clavicular retraction: neither radians nor a left shoulder.
+# Scapular protraction and lateral rotation above pi and clavicular retraction: neither radians nor a left shoulder.
 ANGLE = st.floats(-180.0, 180.0) | st.just(np.nan)
-PROTRACTION, RETRACTION = st.floats(20.0, 60.0), st.floats(-60.0, 0.0)
+PROTRACTION, RETRACTION = st.floats(20.0, 60.0), st.floats(-60.0, -4.0)
 # Large enough to be mm.
 COORDINATE = st.floats(50.0, 1e6)
 
@@ -31,7 +31,7 @@ def fields(draw) -> dict:
     def column(values: st.SearchStrategy) -> np.ndarray:
         return np.array(draw(st.lists(values, min_size=count, max_size=count)))
 
-    strategies = {"clavicle_y": RETRACTION, "scapula_y": PROTRACTION, "scapula_z": st.floats(-90.0, 90.0)}
+    strategies = {"clavicle_y": RETRACTION, "scapula_y": PROTRACTION, "scapula_z": st.floats(4.0, 90.0)}
     landmarks = draw(st.sets(st.sampled_from(LANDMARKS)))
     position = st.tuples(COORDINATE, COORDINATE, COORDINATE) | st.just((np.nan,) * 3)
     return {

@@ -13,7 +13,7 @@ from adapt import fit_postures
 from adapt.solvers.differentiable import posture_fit
 from models import load_model
 from models.girdle import Girdle, constraint_residuals_mm
-from motions import read_motions
+from motions import InputError, read_motions
 from motions.rhythm_subjects import DATA_FILE, simulate_subjects
 from motions.rotations import DEG
 
@@ -32,6 +32,11 @@ SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg.T /
 ONE = SUBJECT[:, 4]
 ALL = jnp.ones(6, bool)
 FIELDS = tuple(field.name for field in fields(Girdle))
+
+
+def test_angles_by_posture_are_named_as_such():
+    with pytest.raises(InputError, match=r"their shape is \(7, 6\)\. Give \(6, postures\) in rad"):
+        posture_fit(GIRDLE, jnp.ones((7, 6)))
 
 
 def quantities(girdle: Girdle, angles, known=ALL):

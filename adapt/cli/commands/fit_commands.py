@@ -135,7 +135,7 @@ def adapt(
                 )
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
-        _print_tables(result, len(subjects))
+        _print_tables(result)
         say_known(known)
         if READINGS[reading].landmarks:
             print_without_landmarks(console, result.parameters)
@@ -143,7 +143,7 @@ def adapt(
     finish(table, failed)
 
 
-def _print_tables(result: Tables, subjects: int) -> None:
+def _print_tables(result: Tables) -> None:
     print_summary(console, result.summary)
     print_parameters(console, result.parameters)
-    print_heldout(console, result.heldout, subjects)
+    print_heldout(console, result.heldout, len(set(result.parameters["subject"])))

@@ -12,7 +12,7 @@ from adapt.solvers import status
 from models.export.opensim import opensim_model
 from models.parameter_sets import load_model
 from motions.errors import InputError
-from motions.files import atomic_write, atomic_write_bytes, file_names
+from motions.files import atomic_write, atomic_write_bytes, file_names, make_folder
 from motions.formats.angle_table import split, table_from_motions
 from motions.formats.any_file import read_any
 from motions.formats.mot import write_mot
@@ -46,6 +46,7 @@ def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: b
     else:
         motions = read_any(source, mapping, labels)
     if kind == ".csv":
+        make_folder(target.parent)
         write_motions(motions, target)
     elif kind == ".mot":
         write_one_mot(motions, target, isb)
@@ -69,11 +70,7 @@ def write_one_mot(motions: Motions, target: Path, isb: bool) -> None:
 def write_mot_folder(motions: Motions, folder: Path, isb: bool) -> None:
     """Write one .mot file for each motion of each subject."""
     parts = split(motions)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        cause = f"the folder cannot be made ({error.strerror})"
-        raise InputError(str(folder), None, cause, "Name a folder of your own") from error
+    make_folder(folder)
     names = file_names([f"{part.subject[0]}_{part.motion[0]}" for part in parts])
     for part, name in zip(parts, names, strict=True):
         write_mot(table_from_motions(part, isb, str(folder / name)), folder / f"{name}.mot")

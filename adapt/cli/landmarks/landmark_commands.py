@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from adapt.cli.ending import EXIT_SOME_NOT_HANDLED, finish
@@ -54,7 +55,10 @@ def convert_file(
         soft_wrap=True,
     )
     if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
-        console.print("Every frame is a posture; --at 30,60,90 would sample the trial at elevations of the arm.")
+        measured = np.isfinite(motions.humerus_elevation_deg).any()
+        sampled = "--at 30,60,90 would sample the trial at elevations of the arm"
+        said = sampled if measured else "GH, EM and EL would give the elevation of the arm, which is empty"
+        console.print(f"Every frame is a posture; {said}.", soft_wrap=True)
     _say_estimated(motions)
     _say_slipped(motions)
     finish(motions, {})

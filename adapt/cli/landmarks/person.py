@@ -12,7 +12,7 @@ from models.person.bony_contours import described_contours
 from models.person.person_set import PersonSet, person_set
 from models.person.sizes import DEEPEST_MM
 from motions.errors import InputError, warn_input
-from motions.files import atomic_write, file_names, printable
+from motions.files import atomic_write, file_names, make_folder, printable
 from motions.formats.person_file import PersonLandmarks, read_persons
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
@@ -63,13 +63,10 @@ def write_person_sets(
 
 def _paths(persons: list[PersonLandmarks], target: Path) -> Iterator[Path]:
     if target.suffix.lower() == TOML:
+        make_folder(target.parent)
         yield target
         return
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        cause = f"the folder cannot be made ({error.strerror})"
-        raise InputError(str(target), None, cause, "Name a folder of your own with --out") from error
+    make_folder(target)
     for name in file_names([person.subject for person in persons]):
         yield target / f"{name}{TOML}"
 
