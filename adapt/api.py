@@ -32,7 +32,7 @@ from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, weight_factor
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
-from motions.table import Motions
+from motions.table import Motions, check_motions
 
 Progress = Callable[[str], None]
 
@@ -173,12 +173,8 @@ def _check_names(motions: Motions) -> None:
 
 
 def _with_gaps(motions: Motions) -> Motions:
-    """An infinite angle, which no file gives, was not measured either. InputError if there is no posture."""
-    if not isinstance(motions, Motions):
-        cause = f"this is a {type(motions).__name__}, not Motions"
-        raise InputError("motions", None, cause, "Read a motion file: motions.read_motions(file)")
-    if not len(motions.posture):
-        raise InputError("motions", None, "there is no posture in them", "Select one at least")
+    """An infinite angle, which no file gives, was not measured either."""
+    check_motions(motions)
     return replace(motions, angles_deg=np.where(np.isfinite(motions.angles_deg), motions.angles_deg, np.nan))
 
 

@@ -103,6 +103,15 @@ class Motions:
         )
 
 
+def check_motions(motions: object) -> None:
+    """Refuse what is no Motions, and Motions without a posture: InputError."""
+    if not isinstance(motions, Motions):
+        cause = f"this is a {type(motions).__name__}, not Motions"
+        raise InputError("motions", None, cause, "Read a motion file: motions.read_motions(file)")
+    if not len(motions.posture):
+        raise InputError("motions", None, "there is no posture in them", "Select one at least")
+
+
 def _landmark(part: Motions, name: str) -> Float[np.ndarray, "postures 3"]:
     """The positions of one landmark in mm, NaN throughout if the part has none."""
     return part.landmarks_mm.get(name, np.full((len(part.posture), 3), np.nan))

@@ -56,7 +56,7 @@ from models.effects.effect import cause_of
 from models.effects.known import THORAX_POINTS, read_amplitudes
 from models.effects.own_effects import check_own_effects
 from models.person.family import AnyModel, as_list, unique_sets
-from motions.table import Motions
+from motions.table import Motions, check_motions
 
 Progress = Callable[[str], None]
 
@@ -72,9 +72,10 @@ def diagnose(
 
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
     all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
-    Raises InputError where no subject has enough postures, ValueError for an effect of one's own that does nothing, or
-    something at amplitude 0.
+    Raises InputError where ``motions`` are none or no subject has enough postures, ValueError for an effect of one's own
+    that does nothing, or something at amplitude 0.
     """
+    check_motions(motions)
     models = as_list(models)
     motions, slips = without_slips(motions)
     shoulders, left_out = usable(motions)

@@ -9,6 +9,7 @@ import pytest
 from command import girdle, refused
 
 from adapt import Adaptations, adapt_subjects, fit_postures
+from adapt.diagnosis import diagnose
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from models import load_model
@@ -168,6 +169,8 @@ def test_a_number_alone_and_a_name_alone_are_named_from_python():
         fit_postures(motions, "R6")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"this is a str, not Motions\. Read a motion file"):
         fit_postures("P01.csv", load_model("R2"))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="this is a str, not Motions"):
+        diagnose("P01.csv", load_model("R2"))  # type: ignore[arg-type]
 
 
 def test_no_posture_no_model_and_a_model_twice_are_named_from_python():
