@@ -72,8 +72,8 @@ def diagnose(
 
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
     all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
-    Raises InputError where ``motions`` are none or no subject has enough postures, ValueError for an effect of one's own
-    that does nothing, or something at amplitude 0.
+    Raises InputError where ``motions`` are none or no subject has enough postures, ValueError for an effect of one's
+    own that does nothing, or something at amplitude 0.
     """
     check_motions(motions)
     models = as_list(models)
