@@ -14,11 +14,10 @@ does the bias differ between the two frames, and by how much do the frames?
 """
 
 import itertools
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import typer
@@ -33,12 +32,12 @@ from adapt.diagnosis.fit.shoulders import person_of, usable
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
 from motions import Motions, read_motions
-from scripts.reporting import CADAVER_SETS
+from scripts.reporting import CADAVER_SETS, markdown
 
 BESIDE = "ac_translation:posture"
 """What every set of causes has on these shoulders, or what acts like it."""
 
-BIAS, AXIAL, SKIN = "scapula_landmark_bias", "clavicle_axial_estimate", "skin_artefact"
+FAULTS = BIAS, AXIAL, SKIN = "scapula_landmark_bias", "clavicle_axial_estimate", "skin_artefact"
 
 LAG_ABDUCTION_DEG = ((0, 20, 40, 60, 80, 100), (0, 2.8, 5.3, 7.9, 10.7, 13.8))
 LAG_FLEXION_DEG = ((0, 20, 40, 60, 80, 100, 120, 140), (0, 6, 10, 12, 14, 16, 17, 20))
@@ -65,44 +64,64 @@ def known_truth(
         off = np.degrees((known.inv() * found).magnitude())
         print(f"- {name}: bias {_degrees(of_ac)}; AA {_degrees(of_aa)}; between {_degrees(found)}, {off:.1f} off")
     print()
-    counts: Counter[str] = Counter()
+    answers: list[Answer] = []
+    kept: list[bool] = []
     print("| parameter set | persons | added | named |\n|---|---|---|---|")
     for name, (who, chosen) in itertools.product(model, _persons(as_is, leave_out)):
-        base: set[str] = set()
+        without: tuple[tuple[str, ...], ...] = ()
         for added in _combinations():
             motions = with_faults(as_is.select(chosen), in_aa.select(chosen), added)
             verdict = diagnose(motions, load_model(name))[name].verdict
-            each = [cause.names for cause in verdict.of_the_chain]
-            said = ", ".join(" or ".join(names) for names in each) or verdict.answer
+            named = tuple(cause.names for cause in verdict.of_the_chain)
+            said = ", ".join(" or ".join(names) for names in named) or verdict.answer
             print(f"| {name} | {who} | {', '.join(added)} | {said} |", flush=True)
-            firsts = {names[0] for names in each}
-            base = base if added else firsts
-            counts.update(_counted(set(added), firsts, set(itertools.chain(*each)), base))
-    for what in ("added", "not added"):
-        for how in ("named", "named first"):
-            share = counts[f"{what}, {how}"] / counts[what]
-            print(f"\n{what}, {how}: {counts[f'{what}, {how}']} of {counts[what]} ({share:.0%})")
-    kept = counts["named without, named still"] / max(1, counts["named without"])
-    print(f"\nfirst names without faults that stand among the names with them: {kept:.0%}")
+            if added:
+                answers += judged(added, named, without)
+                kept += [names[0] in itertools.chain(*named) for names in without]
+            else:
+                without = named
+    print(f"\n{counted(answers)}")
+    print(f"\nfirst names without faults that stand among the names with them: {sum(kept)} of {len(kept)}")
+
+
+class Answer(NamedTuple):
+    """What a diagnosis says of one fault."""
+
+    fault: str
+    added: bool
+    named: bool
+    first: bool
+    """Whether it is the most probable name of a cause."""
+
+
+def judged(added: Sequence[str], named: Sequence[Sequence[str]], without: Sequence[Sequence[str]]) -> Iterator[Answer]:
+    """Judge a diagnosis of motions with faults: of one that was not added only where it is not named ``without`` any."""
+    for fault in FAULTS:
+        if fault in added or fault not in itertools.chain(*without):
+            first = fault in (names[0] for names in named)
+            yield Answer(fault, fault in added, fault in itertools.chain(*named), first)
+
+
+def counted(answers: Sequence[Answer]) -> str:
+    """Write how often each fault is named, and named first, where it was added and where not, as Markdown."""
+
+    def row(name: str, faults: Sequence[str]) -> list[str]:
+        cells = [name]
+        for added in (True, False):
+            of_these = [one for one in answers if one.fault in faults and one.added == added]
+            cells += [
+                f"{sum(one.named for one in of_these)} of {len(of_these)}",
+                str(sum(one.first for one in of_these)),
+            ]
+        return cells
+
+    rows = [*(row(fault, [fault]) for fault in FAULTS), row("all", FAULTS)]
+    return markdown(["fault", "added: named", "first", "not added: named", "first"], rows)
 
 
 def _combinations() -> Iterator[tuple[str, ...]]:
     for count in range(4):
-        yield from itertools.combinations((BIAS, AXIAL, SKIN), count)
-
-
-def _counted(added: set[str], firsts: set[str], names: set[str], base: set[str]) -> Iterator[str]:
-    """What to count: a fault that was not added counts as named where it is not named without any."""
-    for fault in (BIAS, AXIAL, SKIN) if added else ():
-        what = "added" if fault in added else "not added"
-        yield what
-        for how, found in (("named", names), ("named first", firsts)):
-            if fault in found and (fault in added or fault not in base):
-                yield f"{what}, {how}"
-    for cause in base if added else ():
-        yield "named without"
-        if cause in names:
-            yield "named without, named still"
+        yield from itertools.combinations(FAULTS, count)
 
 
 def _persons(motions: Motions, leave_out: bool) -> Iterator[tuple[str, Bool[np.ndarray, " postures"]]]:

@@ -11,7 +11,17 @@ from scipy.spatial.transform import Rotation
 from motions import Motions, read_motions
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
-from scripts.known_truth import AXIAL, BIAS, SKIN, with_estimated_axial, with_faults, with_skin_lag
+from scripts.known_truth import (
+    AXIAL,
+    BIAS,
+    SKIN,
+    Answer,
+    counted,
+    judged,
+    with_estimated_axial,
+    with_faults,
+    with_skin_lag,
+)
 
 SHIPPED = Path(__file__).parents[2] / "motions" / "data" / "simulated_subjects.csv"
 
@@ -72,3 +82,13 @@ def test_faults_come_together(motions: Motions) -> None:
     apart = (scapula(lagging) * TURN).inv() * scapula(every)
     assert np.degrees(apart.magnitude()).max() <= ROUNDING_DEG
     assert np.array_equal(with_faults(motions, other, ()).angles_deg, motions.angles_deg)
+
+
+def test_a_fault_that_was_not_added_counts_where_it_is_not_named_without_any():
+    named = [(SKIN, BIAS), (AXIAL,)]
+    found = {one.fault: one for one in judged([SKIN, BIAS], named, without=[("conoid_strain",)])}
+    assert found[SKIN] == Answer(SKIN, added=True, named=True, first=True)
+    assert found[BIAS] == Answer(BIAS, added=True, named=True, first=False)
+    assert found[AXIAL] == Answer(AXIAL, added=False, named=True, first=True)
+    assert AXIAL not in {one.fault for one in judged([SKIN, BIAS], named, without=[("conoid_strain", AXIAL)])}
+    assert counted(list(found.values())).splitlines()[-1] == "| all | 2 of 2 | 1 | 1 of 1 | 1 |"
