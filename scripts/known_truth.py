@@ -95,7 +95,7 @@ class Answer(NamedTuple):
 
 
 def judged(added: Sequence[str], named: Sequence[Sequence[str]], without: Sequence[Sequence[str]]) -> Iterator[Answer]:
-    """Judge a diagnosis of motions with faults: of one that was not added only where it is not named ``without`` any."""
+    """Judge a diagnosis of motions with faults; a fault that was not added only where none names it ``without`` any."""
     for fault in FAULTS:
         if fault in added or fault not in itertools.chain(*without):
             first = fault in (names[0] for names in named)
