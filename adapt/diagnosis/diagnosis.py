@@ -16,7 +16,7 @@ from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
-from adapt.diagnosis.inference.budget import Rung
+from adapt.diagnosis.inference.budget import Rung, alone_deg
 from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
@@ -160,6 +160,7 @@ class _Study:
             amplitude=self._amplitude(verdict, sizes),
             landmark_sizes={name: of_landmarks(self.library[name], one) for name, one in self.sizes.items()},
             budget=budget,
+            alone_deg=alone_deg(search),
             left_over_share=_left_over(gaps),
             gaps=gaps,
             parameters=_changes(adapted, with_causes),

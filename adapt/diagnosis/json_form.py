@@ -42,6 +42,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
                 for name, sizes in diagnosis.landmark_sizes.items()
             },
             "budget": [_step(one) for one in diagnosis.budget],
+            "alone_deg": diagnosis.alone_deg,
             "left_over_share": diagnosis.left_over_share,
             "gap_deg": _gaps(diagnosis.gaps),
             "where": diagnosis.cells,

@@ -12,13 +12,14 @@ from adapt.diagnosis.fit.shoulders import shoulders_of
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import in_place_of, similarity
 from adapt.diagnosis.inference.amplitude import amplitudes
-from adapt.diagnosis.inference.budget import ladder, refitted
+from adapt.diagnosis.inference.budget import alone_deg, ladder, refitted
 from adapt.diagnosis.inference.correlation import numbers_per_fold
 from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import interval
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.naming import Named, gain, name_causes, settle
 from adapt.diagnosis.inference.weights import fold_weights, weigh
+from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
@@ -66,6 +67,15 @@ def test_a_hidden_bias_is_named_with_its_size():
     assert [rung.added for rung in steps][:2] == ["", BIAS]
     assert steps[1].gaps_deg.mean() < 0.7 * steps[0].gaps_deg.mean()
     assert named.sets[BIAS].names[0] == BIAS
+
+
+def test_a_hidden_bias_predicts_best_alone_and_better_than_nothing():
+    search = searched(BIAS)
+    alone = alone_deg(search)
+    assert next(iter(alone)) == BIAS
+    assert list(alone.values()) == sorted(alone.values())
+    assert alone[NONE] == pytest.approx(search.nodes[()].predicted.gaps_deg.mean(), rel=1e-9)
+    assert alone[BIAS] < 0.7 * alone[NONE]
 
 
 def test_nothing_is_named_where_nothing_is_hidden():

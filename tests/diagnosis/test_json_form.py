@@ -15,7 +15,7 @@ from adapt.diagnosis.result import ADAPTED_STEP, BASE, EFFECT, NOISE, NONE, UNKN
 from models.adapted_parameters import ADAPTED
 
 KEYS = {
-    *("model", "verdict", "inclusion", "probability", "amplitude", "budget", "left_over_share", "gap_deg"),
+    *("model", "verdict", "inclusion", "probability", "amplitude", "budget", "alone_deg", "left_over_share", "gap_deg"),
     *("where", "where_by", "shares", "constraints", "parameters", "indistinguishable", "next_measurement", "noise"),
     *("expected", "axial_is_computed", "subjects", "left_out", "postures", "highest_elevation_deg", "options"),
 }

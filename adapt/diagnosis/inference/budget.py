@@ -1,4 +1,5 @@
-"""The gap budget: how the gap on unseen motions shrinks as one cause after the other is added, by exact refits."""
+"""The gap budget: how the gap on unseen motions shrinks as one cause after the other is added, by exact refits; and
+what each candidate would do alone."""
 
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from adapt.diagnosis.fit.prediction import Predicted
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
+from adapt.diagnosis.result import NONE
 
 
 class Rung(NamedTuple):
@@ -39,12 +41,26 @@ def ladder(search: Search, named: Node) -> list[Rung]:
 def without_the_weakest(search: Search, node: Node) -> tuple[str, Node]:
     """Find the cause that takes least of the unseen gap beside the others, and fit the set without it."""
     less = {name: search.without(node, name) for name in node.hypothesis}
-    name = min(less, key=lambda name: _mean_gap_deg(search.folds, less[name]))
+    name = min(less, key=lambda name: _mean_gap_deg(search.folds, less[name].predicted))
     return name, less[name]
 
 
-def _mean_gap_deg(folds: Folds, node: Node) -> float:
-    return float(folds.by_fold(known_mean(node.predicted.gaps_deg)).mean())
+def alone_deg(search: Search) -> dict[str, float]:
+    """Predict the gap of unseen postures with no cause, and with each candidate alone, deg, by its better course; the
+    smallest first. One that would act the wrong way is left out."""
+    candidates, none = search.joint.candidates, search.nodes[()]
+    found = {NONE: _mean_gap_deg(search.folds, none.predicted)}
+    for effect in candidates.effects:
+        node = search.nodes.get((effect.name,))
+        predicted = node.predicted if node else none.linearised.predict((effect.name,))
+        if candidates.has_the_sign((effect.name,), predicted.amplitude[0]):
+            gap = _mean_gap_deg(search.folds, predicted)
+            found[effect.cause] = min(gap, found.get(effect.cause, gap))
+    return dict(sorted(found.items(), key=lambda one: one[1]))
+
+
+def _mean_gap_deg(folds: Folds, predicted: Predicted) -> float:
+    return float(folds.by_fold(known_mean(predicted.gaps_deg)).mean())
 
 
 def refitted(search: Search, node: Node) -> Node:
