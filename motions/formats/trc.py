@@ -31,7 +31,7 @@ def read_trc(path: Path) -> Markers:
     lines = text.splitlines()
     if len(lines) < _FIRST_DATA_LINE or not lines[0].startswith("PathFileType"):
         raise InputError(file, None, "this is not a .trc file", _EXPORT)
-    header = dict(zip(*([cell.strip() for cell in line.split("\t")] for line in lines[1:3]), strict=False))
+    header = dict(zip(*map(_header_cells, lines[1:3]), strict=False))
     names = [name.strip() for name in lines[_NAMES_LINE - 1].split("\t")]
     if names[0] != "Frame#":
         raise InputError(file, _NAMES_LINE, "the line does not start with Frame#", _EXPORT)
@@ -48,6 +48,11 @@ def read_trc(path: Path) -> Markers:
         warn_input(found)
     positions = table[:, 2:].T.reshape(len(markers), 3, -1)
     return Markers(file, tuple(markers), zeros_as_gaps(positions), header.get("Units"), {})
+
+
+def _header_cells(line: str) -> list[str]:
+    """The words, or numbers, of the header: between tabs, where an empty one keeps its place; else between blanks."""
+    return [cell.strip() for cell in line.split("\t")] if "\t" in line else line.split()
 
 
 def _marker_names(names: list[str], file: str) -> list[str]:

@@ -153,6 +153,13 @@ def test_a_unit_that_is_not_known_or_not_said(lab, tmp_path):
     refused(path, "the file says that positions are in mm, the mapping file m", "Correct", Mapping(unit="m"))
 
 
+def test_a_trc_header_between_blanks_is_read_as_one_between_tabs(lab, tmp_path):
+    lines = trc_lines(lab)
+    blanks = [*lines[:1], *(line.replace("\t", "  ") for line in lines[1:3]), *lines[3:]]
+    tabs, spaced = (read_any(trc(tmp_path, one), Mapping(), LABELS) for one in (lines, blanks))
+    np.testing.assert_array_equal(known(spaced), known(tabs))
+
+
 @pytest.mark.parametrize("kind", ["c3d", "trc"])
 @pytest.mark.parametrize("gap", [np.nan, 0.0])
 def test_a_gap_costs_its_frames_and_nothing_else(trial, lab, tmp_path, kind, gap):
