@@ -27,8 +27,8 @@ from models.effects import Effect
 from models.person.family import AnyModel, unique_sets
 from models.person.thorax_ellipsoid import has_own_thorax
 
-_MOST_STEPS = 200
-"""The fits of measured motions take 5 to 30 steps, the hardest 60 to 200."""
+_MOST_STEPS = 400
+"""The fits of measured motions take 5 to 30 steps, the hardest 60 to 300."""
 
 SETTLED = 1e-4
 """Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""

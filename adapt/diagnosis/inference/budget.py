@@ -73,7 +73,9 @@ def refitted(search: Search, node: Node) -> Node:
 def _predicted_exactly(search: Search, node: Node) -> Predicted:
     folds, joint = search.folds, search.joint
     every = JointFit(joint.model, joint.shoulders, joint.candidates, folds.parts)
-    fitted = every.fit(node.hypothesis, node.predicted.theta_mm, node.predicted.amplitude)
+    # from the fit of everything: what is predicted lies nearer, but led into higher valleys
+    amplitude = np.repeat(node.fitted.amplitude, every.groups, axis=0)
+    fitted = every.fit(node.hypothesis, node.fitted.theta_mm[every.arrays.subject], amplitude)
     # the unseen rows of each test, with the parameters of the part that has not seen them
     parts = tuple(
         folds.parts[test.part]._replace(rows=test.rows, group=number) for number, test in enumerate(folds.tests)
