@@ -20,7 +20,7 @@ from motions.table import ANGLES
 
 _N = len(ADAPTED)
 
-_DRAWS, _SEED = 400, 5
+_DRAWS, _NOISE_SEED, _WEIGHT_SEED = 400, 5, 6
 
 
 def draws_of(search: Search, node: Node) -> Float[np.ndarray, "draws own"]:
@@ -29,9 +29,9 @@ def draws_of(search: Search, node: Node) -> Float[np.ndarray, "draws own"]:
     hessian, scores, person = scores_by_motion(search, node)
     # in units of the prior the Hessian is at least 2 I, whatever the data hold
     root = np.linalg.cholesky(hessian * np.outer(scale, scale))
-    normal = np.random.default_rng(_SEED).standard_normal((len(scale), _DRAWS))
+    normal = np.random.default_rng(_NOISE_SEED).standard_normal((len(scale), _DRAWS))
     noise = _noise_sd(search, node) * np.linalg.solve(root.T, normal)
-    resampled = (1.0 - fold_weights(person, _DRAWS, _SEED)) @ scores * scale
+    resampled = (1.0 - fold_weights(person, _DRAWS, _WEIGHT_SEED)) @ scores * scale
     others = np.linalg.solve(root.T, np.linalg.solve(root, resampled.T))
     return node.fitted.amplitude[0] + scale * (noise + others).T
 
