@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int, Shaped
 
-from motions.errors import InputError
+from motions.errors import InputError, warn_input
 
 ANGLES = ("clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x")
 """Cardan angles Y-Z'-X'' of the clavicle and the scapula, the order of every array of six angles."""
@@ -110,6 +110,17 @@ def check_motions(motions: object) -> None:
         raise InputError("motions", None, cause, "Read a motion file: motions.read_motions(file)")
     if not len(motions.posture):
         raise InputError("motions", None, "there is no posture in them", "Select one at least")
+
+
+def warn_of_alike_motions(motions: Motions, file: str) -> None:
+    """Warn of kinds of motion whose names differ in case, blanks or underscores alone: they count as two."""
+    alike: dict[str, list[str]] = {}
+    for name in sorted(set(motions.motion.tolist())):
+        alike.setdefault(name.casefold().replace(" ", "").replace("_", ""), []).append(name)
+    for names in alike.values():
+        if len(names) > 1:
+            cause = f"{' and '.join(map(repr, names))} count as {len(names)} kinds of motion"
+            warn_input(InputError(file, None, cause, "Give them one name if they are one"))
 
 
 def _landmark(part: Motions, name: str) -> Float[np.ndarray, "postures 3"]:

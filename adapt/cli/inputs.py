@@ -11,6 +11,7 @@ from adapt.output.run_files import Files, inputs_record
 from models.person.family import AnyModel, PersonalSets, load_any_model, without_set
 from motions import InputError, Motions, read_motions
 from motions.landmarks.at_rest import warn_of_subjects
+from motions.table import warn_of_alike_motions
 
 _MOST_NAMED = 10
 """Names in a message."""
@@ -21,6 +22,7 @@ def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[A
     record, sets = inputs_record(motions, models), load_models(models)
     table = read_motions(*motions)
     warn_of_subjects(table, "the motions")
+    warn_of_alike_motions(table, "the motions")
     missing = subjects_without_set(sets, table.subjects)
     return without_subjects(table, missing), sets, record
 

@@ -4,6 +4,7 @@ import os
 import shutil
 import threading
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motions import InputError, Motions, read_motions
+from motions.errors import InputWarning
+from motions.rhythm_subjects import simulate_subjects
+from motions.table import warn_of_alike_motions
 
 HEADER = (
     "subject,motion,posture,humerus_elevation_deg,clavicle_y_deg,clavicle_z_deg,clavicle_x_deg,"
@@ -388,3 +392,15 @@ def test_a_pipe_is_read_as_the_file_would_be(tmp_path):
     expected = read_motions(written(tmp_path, text))
     assert motions.subjects == expected.subjects
     np.testing.assert_array_equal(motions.angles_deg, expected.angles_deg)
+
+
+def test_motions_whose_names_differ_in_case_alone_raise_a_warning():
+    motions = simulate_subjects(1, seed=1)
+    kinds = sorted(set(motions.motion.tolist()))
+    warn_of_alike_motions(motions, "the motions")
+    twice = np.where(np.arange(len(motions.motion)) % 2, motions.motion, np.char.upper(motions.motion.astype(str)))
+    with pytest.warns(InputWarning) as found:
+        warn_of_alike_motions(replace(motions, motion=twice), "the motions")
+    said = [str(one.message) for one in found]
+    asked = "count as 2 kinds of motion. Give them one name if they are one."
+    assert said == [f"the motions: {kind.upper()!r} and {kind!r} {asked}" for kind in kinds]

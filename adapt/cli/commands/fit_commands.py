@@ -42,6 +42,7 @@ from adapt.trust.held_out import sample
 from models.effects.known import described, read_amplitudes
 from motions import InputError, MotionStream
 from motions.landmarks.at_rest import warn_of_subjects
+from motions.table import warn_of_alike_motions
 
 
 def fit(
@@ -117,6 +118,7 @@ def adapt(
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
     warn_of_subjects(first, "the motions")
+    warn_of_alike_motions(first, "the motions")
     chunks = chain([first], chunks)
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
