@@ -408,6 +408,9 @@ def test_on_paper_nothing_is_cut_and_no_control_is_left(look):
     pdf = seen.page.pdf(format="A4")
     assert pdf.count(b"/Subtype /Image") >= 1, "the 3-D view"
     assert seen.page.evaluate(width) == before, "and back on the screen as it was"
+    seen.page.emulate_media(media="print")
+    assert not seen.page.get_by_text("Each candidate alone").first.is_visible(), "what is closed has no heading on paper"
+    seen.page.emulate_media(media="screen")
     found, dark = on_paper(seen)
     assert {key: found[key] for key in ("cut", "other_width", "controls", "headings_alone") if found[key]} == {}
     assert found["pictures"] == [True]
