@@ -52,7 +52,7 @@ def alone_deg(search: Search) -> dict[str, float]:
     found = {NONE: _mean_gap_deg(search.folds, none.predicted)}
     for effect in candidates.effects:
         node = search.nodes.get((effect.name,))
-        predicted = node.predicted if node else none.linearised.predict((effect.name,))
+        predicted = node.predicted if node else search.predicted(none, (effect.name,))
         if candidates.has_the_sign((effect.name,), predicted.amplitude[0]):
             gap = _mean_gap_deg(search.folds, predicted)
             found[effect.cause] = min(gap, found.get(effect.cause, gap))

@@ -60,7 +60,7 @@ class Search:
     folds: Folds
     progress: Callable[[str], None] = lambda _: None
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
-    predictions: dict[tuple[Hypothesis, Hypothesis], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    predictions: dict[tuple[Hypothesis, Hypothesis], Predicted] = field(default_factory=dict)
     refits: dict[Hypothesis, Predicted] = field(default_factory=dict)
     """By exact fits without each fold, of the few sets of which they were made (``inference.budget``)."""
     numbers: float = float(len(CONSTRAINTS))
@@ -136,15 +136,16 @@ class Search:
             if hypothesis in self.nodes:
                 found.append((self.nodes[hypothesis].value, hypothesis, node))
             else:
-                found.append((self._value(hypothesis, *self._predicted(node, hypothesis)), hypothesis, node))
+                predicted = self.predicted(node, hypothesis)
+                value = self._value(hypothesis, predicted.amplitude[0], predicted.squares)
+                found.append((value, hypothesis, node))
         return sorted(found, key=lambda one: -one[0])
 
-    def _predicted(self, node: Node, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
-        """Amplitudes and mean squares by test that a fit predicts of a larger set; each is computed once."""
+    def predicted(self, node: Node, hypothesis: Hypothesis) -> Predicted:
+        """Predict a larger set from a fit, once."""
         key = node.hypothesis, hypothesis
         if key not in self.predictions:
-            predicted = node.linearised.predict(hypothesis)
-            self.predictions[key] = predicted.amplitude[0], predicted.squares
+            self.predictions[key] = node.linearised.predict(hypothesis)
         return self.predictions[key]
 
     def beam(self, first: Sequence[str] = ()) -> None:
