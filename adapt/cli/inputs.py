@@ -21,10 +21,15 @@ def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[A
     """Read the motions and the models, and say what run.json says of their files."""
     record, sets = inputs_record(motions, models), load_models(models)
     table = read_motions(*motions)
-    warn_of_subjects(table, "the motions")
-    warn_of_alike_motions(table, "the motions")
+    warn_of(table)
     missing = subjects_without_set(sets, table.subjects)
     return without_subjects(table, missing), sets, record
+
+
+def warn_of(motions: Motions) -> None:
+    """Warn of what can be used and is likely wrong: subjects unlike any, motions that are named nearly alike."""
+    warn_of_subjects(motions, "the motions")
+    warn_of_alike_motions(motions, "the motions")
 
 
 def subjects_without_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:

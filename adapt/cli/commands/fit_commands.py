@@ -9,7 +9,7 @@ import typer
 
 from adapt.api import fit_postures
 from adapt.cli.ending import finish, say_known, say_report
-from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, without_subjects
+from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, warn_of, without_subjects
 from adapt.cli.options import (
     Float32,
     KnownEffects,
@@ -41,8 +41,6 @@ from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
 from models.effects.known import described, read_amplitudes
 from motions import InputError, MotionStream
-from motions.landmarks.at_rest import warn_of_subjects
-from motions.table import warn_of_alike_motions
 
 
 def fit(
@@ -117,8 +115,7 @@ def adapt(
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
-    warn_of_subjects(first, "the motions")
-    warn_of_alike_motions(first, "the motions")
+    warn_of(first)
     chunks = chain([first], chunks)
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))
