@@ -36,9 +36,6 @@ TABLET = {"width": 800, "height": 900}
 
 HEAT = "document.querySelector('#heat-maps .figure').data[0]"
 
-TURNED = 0.02
-"""Of the eye, by a drag over a third of the view: 0.1 to 1, less where a busy machine drops moves of the mouse."""
-
 LEAST_CONTRAST = 4.5
 """Of text, WCAG 2 AA."""
 
@@ -226,11 +223,13 @@ def test_the_view_steps_through_the_postures_and_turns(look, window):
     assert box
     page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.down()
-    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 0.55 * box["height"], steps=3)
+    page.mouse.move(
+        box["x"] + 0.95 * box["width"], box["y"] + 0.55 * box["height"], steps=5
+    )  # a busy machine drops some
     seen.settled_eye()  # as a person does: what is let go is what is seen
     page.mouse.up()
     turned = seen.settled_eye()
-    assert max(abs(turned[axis] - before[axis]) for axis in "xyz") > TURNED
+    assert max(abs(turned[axis] - before[axis]) for axis in "xyz") > 0.1
     page.click("#next")
     assert max(abs(seen.settled_eye()[axis] - turned[axis]) for axis in "xyz") < 1e-6, "stepping does not turn it back"
     page.click("[data-view=front]")
