@@ -59,11 +59,7 @@ def test_a_planted_attachment_is_carried_within_1_mm():
     assert off < by_similarity
 
 
-TYPICAL_MM = 1.5
-"""Median over places that have no feature near: nearness does not say how far a point slid along the surface."""
-
-
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(10))
 def test_places_without_a_feature_are_carried_better_than_by_the_similarity(seed):
     rng = np.random.default_rng(seed)
     other = tuple(np.array([45.0, 75.0, 20.0]) * (1.0 + rng.uniform(-0.12, 0.12, 3))), 12.0 + rng.uniform(-4.0, 4.0)
@@ -73,7 +69,7 @@ def test_places_without_a_feature_are_carried_better_than_by_the_similarity(seed
     points, expected = surface(u, v), R @ surface(u, v, *other)
     off = np.median(np.linalg.norm(carried_points(source, R @ target, points) - expected, axis=0))
     by_similarity = similarity_by_inertia(source, R @ target).of(points)
-    assert off < TYPICAL_MM
+    assert off < PLANTED_MM
     assert off < np.median(np.linalg.norm(by_similarity - expected, axis=0))
 
 
