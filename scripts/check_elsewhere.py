@@ -2,7 +2,8 @@
 
 Every folder below FOLDER with a `motions.csv` and a `truth.json` is a case. The truth needs two keys: `label`, the
 effect at work (two joined by `+`; `none...`; `outside_...` for one that is not in the list), and `model`, the parameter
-set; the diagnosis is told nothing else of it. Lines and figures are those of `scripts/blind_check.py`.
+set; the diagnosis is told nothing else of it. Lines and figures are those of `scripts/blind_check.py`. Beside them a
+`without_causes.csv`, the same motions had no cause been at work, says what share of the gap no cause explains.
 
     python scripts/check_elsewhere.py worlds --out out/elsewhere
 """
@@ -16,16 +17,20 @@ from typing import Annotated
 import typer
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.result import NONE
-from models import load_model
-from motions import read_motions
+from adapt.diagnosis.fit.joint_fit import RELIEF
+from adapt.diagnosis.inference.left_over import left_over_share
+from adapt.diagnosis.result import ALL, NONE, Diagnosis
+from adapt.diagnosis.thorax_points import thorax_option
+from models import ParameterSet, load_model
+from models.effects.known import read_amplitudes
+from motions import Motions, read_motions
 from scripts.blind.cases import Case
-from scripts.blind.lines import line_of
+from scripts.blind.lines import line_of, unseen_gap
 from scripts.blind.report import confusion_matrix, report
 from scripts.blind.runs import Line, read_lines, run_missing
 from scripts.blind.several import several_report
 
-MOTIONS, TRUTH = "motions.csv", "truth.json"
+MOTIONS, TRUTH, WITHOUT_CAUSES = "motions.csv", "truth.json", "without_causes.csv"
 
 
 @dataclass(frozen=True)
@@ -57,8 +62,19 @@ def worlds(folder: Path) -> list[Elsewhere]:
 def examine(case: Elsewhere) -> Line:
     """The verdict on a world; what its effects' sizes mean, others know."""
     model = load_model(case.model)
-    found = diagnose(read_motions(Path(case.folder) / MOTIONS), model)[model.name]
-    return line_of(found) | {"true_directions": {}}
+    folder = Path(case.folder)
+    found = diagnose(read_motions(folder / MOTIONS), model)[model.name]
+    line = line_of(found) | {"true_directions": {}}
+    if (folder / WITHOUT_CAUSES).exists():
+        line["true_left_over_share"] = _true_share(found, model, read_motions(folder / WITHOUT_CAUSES))
+    return line
+
+
+def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) -> float:
+    """The share of the adapted gap beyond noise that is there without the causes too, another person's thorax known."""
+    levels = found.gaps.hardest
+    left = unseen_gap(without_causes, model, read_amplitudes([thorax_option(RELIEF)]))
+    return left_over_share(levels["adapted"][ALL].value, left, levels["noise_floor"][ALL].value)
 
 
 def main(

@@ -26,6 +26,11 @@ def several_report(lines: Sequence[Line]) -> str:
         "names of a cause that is right": _names,
         "nothing at work: one blamed": lambda chosen: rate(named(line) for line in chosen if not _count(line)),
         "calibration error of 'at work'": _calibration,
+        "share left over: told": lambda chosen: _mean(told for told, _ in _shares(chosen)),
+        "share left over: true": lambda chosen: _mean(true for _, true in _shares(chosen)),
+        "share left over: told within 20 % of the true": lambda chosen: rate(
+            abs(told - true) <= 0.2 * true for told, true in _shares(chosen)
+        ),
     }
     by_measure = [[name, *(measure(chosen) for chosen in columns.values())] for name, measure in measures.items()]
     by_cause = [[name, *_of_cause(name, sound)] for name in CAUSES if any(name in at_work(line) for line in sound)]
@@ -66,6 +71,17 @@ def _calibration(lines: list[Line]) -> str:
         return "-"
     sure, right = zip(*answers, strict=True)
     return f"{expected_calibration_error(sure, right):.3f} ({error_by_chance(sure):.3f} by chance; {len(answers)})"
+
+
+def _shares(lines: Iterable[Line]) -> list[tuple[float, float]]:
+    """The share of the gap that no cause explains, as the diagnosis tells it and as it is."""
+    pairs = [(line["left_over_share"], line.get("true_left_over_share")) for line in lines]
+    return [(told, true) for told, true in pairs if true is not None and np.isfinite([told, true]).all()]
+
+
+def _mean(values: Iterable[float]) -> str:
+    found = list(values)
+    return f"{np.mean(found):.2f} ({len(found)})" if found else "-"
 
 
 def _of_cause(name: str, lines: list[Line]) -> list[str]:

@@ -1,15 +1,19 @@
-"""Worlds as files: motions.csv, what the laboratory saw, and truth.json."""
+"""Worlds as files: motions.csv, what the laboratory saw, and truth.json.
+
+Where a discrepancy is beside the causes, without_causes.csv is what the laboratory would have seen of the same people
+with the same discrepancy and noise, had no cause been at work: the gap of its motions is what no cause explains.
+"""
 
 import csv
 import json
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from scripts.other_world.chain import Array, Girdle, cardan, cardan_angles, load_girdle, points_of
+from scripts.other_world.chain import Array, Girdle, cardan, cardan_angles, close_chain, load_girdle, points_of
 from scripts.other_world.effects import ONE_SIDED, SIZES, Effect, bend_frames, unit, world_direction
 from scripts.other_world.mistakes import OUTSIDE_SIZES, laboratory_mistake
 from scripts.other_world.people import MOTION, MOTIONS, draw_person, move, posture_girdle
@@ -135,17 +139,19 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
     """Make one world and write what was seen and what is true."""
     rng = np.random.default_rng([case.seed, zlib.crc32(f"{folder.parent.name}/{folder.name}".encode())])
     world, with_landmarks = draw_world(names, case, rng), case.landmark_noise_mm is not None
-    rows, truths = [], []
+    rows, innocent, truths = [], [], []
     for number in range(case.subjects):
         subject, mover = f"simulated_{number + 1:02d}", draw_mover(world, number, rng)
         angles, places = measure(mover, rng)
+        unexplained = np.zeros_like(angles)
         if case.discrepancy_deg:  # a world without one has the random numbers that it always had
-            angles = angles + case.discrepancy_deg * smooth_courses(mover.elevation, rng)
-        angles = angles + case.noise_deg * rng.normal(size=angles.shape)
+            unexplained = case.discrepancy_deg * smooth_courses(mover.elevation, rng)
+        unexplained = unexplained + case.noise_deg * rng.normal(size=angles.shape)
         places = places + (case.landmark_noise_mm or 0.0) * rng.normal(size=places.shape)
-        for row in range(len(angles)):
-            values = [mover.elevation[row], *angles[row], *(places[row].ravel() if with_landmarks else [])]
-            rows.append([subject, MOTIONS[MOTION[row]], row % 7 + 1, *(f"{value:.4f}" for value in values)])
+        flat = places.reshape(len(places), -1) if with_landmarks else places[:, :0, 0]
+        rows += lines_of(subject, mover, np.hstack([angles + unexplained, flat]))
+        if case.discrepancy_deg:
+            innocent += lines_of(subject, mover, measure(without_causes(mover), rng)[0] + unexplained)
         truths.append({"subject": subject, **truth_of(mover)})
     columns = ["subject", "motion", "posture", "humerus_elevation_deg", *(f"{angle}_deg" for angle in ANGLES)]
     if with_landmarks:
@@ -158,9 +164,27 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
         "subjects": truths,
     }
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "motions.csv").open("w", newline="", encoding="utf-8") as handle:
-        csv.writer(handle, lineterminator="\n").writerows([columns, *rows])
+    for name, lines in (("motions.csv", rows), ("without_causes.csv", innocent)):
+        if lines:
+            with (folder / name).open("w", newline="", encoding="utf-8") as handle:
+                csv.writer(handle, lineterminator="\n").writerows([columns, *lines])
     (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+
+
+def lines_of(subject: str, mover: Mover, values: Array) -> list[list[object]]:
+    """A line a posture, without those of which something is unknown."""
+    numbers = np.column_stack([mover.elevation, values])
+    return [
+        [subject, MOTIONS[MOTION[row]], row % 7 + 1, *(f"{value:.4f}" for value in numbers[row])]
+        for row in np.flatnonzero(np.isfinite(numbers).all(axis=1))
+    ]
+
+
+def without_causes(mover: Mover) -> Mover:
+    """The same subject had no cause been at work: the posture nearest to each that the person's own bones can take; NaN
+    where there is none."""
+    closed = [close_chain(posture, posture, mover.person) for posture in mover.true]
+    return replace(mover, effects=[], true=np.array([np.full(6, np.nan) if one is None else one for one in closed]))
 
 
 def smooth_courses(elevation: Array, rng: np.random.Generator) -> Array:

@@ -103,3 +103,17 @@ def test_a_smooth_course_has_sd_1_and_neighbours_that_are_alike():
     apart = np.asarray(np.corrcoef(courses))
     assert apart[0, 1] == pytest.approx(np.exp(-0.5 * (20.0 / COURSE_LENGTH) ** 2), abs=0.03)
     assert apart[6, 7] == pytest.approx(0.0, abs=0.05), "another motion has a course of its own"
+
+
+def test_without_its_causes_a_world_has_the_same_people_discrepancy_and_noise(tmp_path):
+    """No cause at work: the same to the last printed digit. A constant turn of the frame: the turn alone."""
+    folder = made(tmp_path, discrepancy_deg=DISCREPANCY_DEG)
+    assert (folder / "without_causes.csv").read_text() == (folder / "motions.csv").read_text()
+    folder = made(tmp_path, "scapula_landmark_bias", discrepancy_deg=DISCREPANCY_DEG)
+    seen, without = (read_motions(folder / name).angles_deg for name in ("motions.csv", "without_causes.csv"))
+    np.testing.assert_allclose(without[:, :3], seen[:, :3], atol=SAME_DEG)
+    assert np.abs(without[:, 3:] - seen[:, 3:]).mean() > 1.0
+
+
+SAME_DEG = 2e-4
+"""Angles have four decimals, and the chain is closed once more to 1e-9 mm."""

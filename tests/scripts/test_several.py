@@ -9,7 +9,8 @@ OTHER = "ac_translation"
 
 
 def line(label: str, *causes: list[str], **inclusion: float) -> dict[str, Any]:
-    return {"label": label, "answer": "effect" if causes else "none", "causes": list(causes), "inclusion": inclusion}
+    answer = "effect" if causes else "none"
+    return {"label": label, "answer": answer, "causes": list(causes), "inclusion": inclusion, "left_over_share": 0.5}
 
 
 def test_precision_recall_and_what_is_blamed_on_nothing() -> None:
@@ -35,3 +36,13 @@ def test_precision_recall_and_what_is_blamed_on_nothing() -> None:
     assert rows["names of a cause that is right"][-1] == "1.50 (2)"
     assert numbers("calibration error of 'at work'")[1:3] == ["1.000", "0.000"]
     assert numbers("conoid_strain") == ["50.0", "-", "100.0"]
+    assert rows["share left over: told"] == ["-"] * 4
+
+
+def test_the_share_left_over_beside_the_true_one() -> None:
+    told = [(0.5, 0.45), (0.5, 0.25), (float("nan"), 0.3)]
+    lines = [line("conoid_strain") | {"left_over_share": one, "true_left_over_share": true} for one, true in told]
+    report = several_report(lines)
+    assert "| share left over: told | 0.50 (2) |" in report
+    assert "| share left over: true | 0.35 (2) |" in report
+    assert "| share left over: told within 20 % of the true | 50.0 %" in report
