@@ -13,7 +13,7 @@ from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import in_place_of, similarity
 from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.budget import alone_deg, ladder, refitted
-from adapt.diagnosis.inference.correlation import numbers_per_fold
+from adapt.diagnosis.inference.correlation import mean_of_others, numbers_per_fold
 from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import interval
 from adapt.diagnosis.inference.left_over import left_over_share
@@ -138,13 +138,37 @@ def test_noise_is_found_beside_a_smooth_course(sd):
     assert estimate_noise(shoulders, course, 1.2).angle_deg == 1.2
 
 
-def test_a_common_discrepancy_makes_a_motion_one_number_and_white_noise_each_posture_one():
+def test_postures_that_share_a_discrepancy_are_one_and_those_of_white_noise_each_one():
     shoulders = joint_fit().shoulders
-    constant = np.ones((len(shoulders.subject), 3))
-    assert numbers_per_fold(shoulders, constant) == 3.0
+    n = len(shoulders.subject) / (len(shoulders.subjects) * len(shoulders.kinds))
+    each_its_own = np.random.default_rng(3).standard_normal((len(shoulders.subjects), len(shoulders.kinds), 3))
+    constant = each_its_own[shoulders.subject, shoulders.motion]
+    alone = replace(shoulders, person=np.zeros(len(shoulders.subjects), int))
+    assert numbers_per_fold(alone, constant) == pytest.approx(3.0)
     white = np.random.default_rng(4).standard_normal(constant.shape)
-    postures = len(shoulders.subject) / (len(shoulders.subjects) * len(shoulders.kinds))
-    assert numbers_per_fold(shoulders, white) == pytest.approx(3.0 * postures, rel=0.25)
+    assert numbers_per_fold(alone, white) == pytest.approx(3.0 * n, rel=0.25)
+
+
+def test_what_all_persons_have_in_common_counts_once():
+    """Of P persons with the same constant: three numbers, not 3 P; with the same white noise 3 n."""
+    shoulders = joint_fit().shoulders
+    persons, place = shoulders.persons, np.round(shoulders.motions.humerus_elevation_deg / 10.0).astype(int)
+    n = len(shoulders.subject) / (len(shoulders.subjects) * len(shoulders.kinds))
+    constant = np.ones((len(shoulders.subject), 3))
+    assert numbers_per_fold(shoulders, constant) == pytest.approx(3.0 / persons)
+    generator = np.random.default_rng(5)
+    course = generator.standard_normal((len(shoulders.kinds), place.max() + 1, 3))
+    common = course[shoulders.motion, place]
+    np.testing.assert_allclose(mean_of_others(shoulders, common), common, atol=1e-12)
+    assert numbers_per_fold(shoulders, common) == pytest.approx(3.0 * n / persons, rel=0.25)
+
+
+def test_left_and_right_of_one_person_are_not_two_persons_that_agree():
+    shoulders = joint_fit().shoulders
+    alone = replace(shoulders, person=np.zeros(len(shoulders.subjects), int))
+    constant = np.ones((len(shoulders.subject), 3))
+    assert np.isnan(mean_of_others(alone, constant)).all()
+    assert numbers_per_fold(alone, constant) == pytest.approx(3.0)
 
 
 def test_an_axial_rotation_that_is_computed_is_known_by_it():

@@ -3,7 +3,8 @@
     V(H) = -N/2 log(mean_f q_f) + |H| log(expected / candidates) - 1/2 sum ((a - mean) / scale)^2
 
 q_f is the mean |y|^2 of fold f, unseen. N = folds x the independent numbers that a motion of a person tells: at first
-one of each constraint, then what ``inference.correlation`` finds, because neighbouring postures are not independent.
+one of each constraint, then what ``inference.correlation`` finds, because neighbouring postures and persons are not
+independent.
 """
 
 from collections.abc import Callable, Collection, Sequence
