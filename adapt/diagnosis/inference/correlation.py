@@ -1,13 +1,13 @@
 """How many independent numbers a motion of a person tells: what no cause explains is alike in what lies near.
 
-The mean of n postures of P persons is as well known as that of so many independent ones
+The mean of n postures of S shoulders is as well known as that of so many independent ones
 
-    P n / (L + (P - 1) rho L'),      L = (1 + r) / (1 - r), at most n
+    S n / (L + (S - 1) rho L'),      L = (1 + r) / (1 - r), at most n
 
 - **Along a motion** y is taken for a stationary process. r is the correlation of neighbours; L of them tell as much as
   one. White noise has r = 0.
-- **Between persons** y is alike where a cause is not quite of the form that it has here. rho is the correlation of two
-  persons at one elevation of one motion, and L' is L of what they share, which is no noise. However many persons there
+- **Between shoulders** y is alike where a cause is not quite of the form that it has here. rho is the correlation of
+  two shoulders at one elevation of one motion, and L' is L of what they share, which is no noise. However many there
   are, it counts as often as that of 1 / rho of them at most.
 """
 
@@ -31,14 +31,13 @@ def numbers_per_fold(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"]) -> fl
     others = mean_of_others(shoulders, y)
     rho = _share(y * others, y**2)
     shared = _share(0.5 * (y[before] * others[after] + y[after] * others[before]), square * rho)
-    alike = _length(own, n) + (shoulders.persons - 1) * rho * _length(shared, n)
+    alike = _length(own, n) + (len(shoulders.subjects) - 1) * rho * _length(shared, n)
     return len(CONSTRAINTS) * n / alike
 
 
 def mean_of_others(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"]) -> Float[np.ndarray, "rows 3"]:
-    """Average y of the other persons at the place of each row, each person's mean there; NaN where there is nobody."""
-    person = shoulders.person[shoulders.subject]
-    met, of_row = np.unique(np.stack([_places(shoulders), person]), axis=1, return_inverse=True)
+    """Average y of the other shoulders at the place of each row, each one's mean there; NaN where there is none."""
+    met, of_row = np.unique(np.stack([_places(shoulders), shoulders.subject]), axis=1, return_inverse=True)
     place = met[0]
     mean = _sums(y, of_row) / np.bincount(of_row)[:, None]
     others = np.bincount(place)[place, None] - 1.0
