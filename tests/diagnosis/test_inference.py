@@ -13,7 +13,7 @@ from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import in_place_of, similarity
 from adapt.diagnosis.inference.amplitude import amplitudes
 from adapt.diagnosis.inference.budget import alone_deg, ladder, refitted
-from adapt.diagnosis.inference.correlation import mean_of_others, numbers_per_fold
+from adapt.diagnosis.inference.correlation import independence_of, mean_of_others, weight_of_common
 from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import interval
 from adapt.diagnosis.inference.left_over import left_over_share
@@ -100,7 +100,7 @@ def test_a_gain_that_is_the_same_in_every_fold_is_probable_and_one_that_is_noise
     def with_gaps(share_left: float, scatter: float):
         factor = share_left * (1.0 + scatter * generator.standard_normal(tests))
         gaps = np.full((tests, 6), 2.0) * factor[:, None]
-        return node.predicted._replace(gaps_deg=gaps, squares=6.0 * gaps[:, 0] ** 2)
+        return node.predicted._replace(gaps_deg=gaps, squares=np.outer(6.0 * gaps[:, 0] ** 2, [1.0, 0.0]))
 
     before = less._replace(predicted=with_gaps(1.0, 0.0))
     alike = node._replace(fitted=replace(node.fitted, amplitude=none), predicted=with_gaps(0.5, 0.01))
@@ -141,6 +141,8 @@ def test_noise_is_found_beside_a_smooth_course(sd):
 WHITE = 0.25
 """Correlations of so few postures are not quite 0, and what is below it is cut: on the mean a fifth is lost."""
 
+REPEATS = 20
+
 
 def white_noise(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal((len(joint_fit().shoulders.subject), 3))
@@ -150,30 +152,53 @@ def test_postures_that_share_a_discrepancy_are_one_and_those_of_white_noise_each
     shoulders = joint_fit().shoulders
     n = len(shoulders.subject) / (len(shoulders.subjects) * len(shoulders.kinds))
     each_its_own = np.random.default_rng(3).standard_normal((len(shoulders.subjects), len(shoulders.kinds), 3))
-    constant = each_its_own[shoulders.subject, shoulders.motion]
-    assert numbers_per_fold(shoulders, constant) == pytest.approx(3.0, rel=WHITE)
-    found = np.mean([numbers_per_fold(shoulders, white_noise(seed)) for seed in range(20)])
-    assert found == pytest.approx(3.0 * n, rel=WHITE)
+    assert independence_of(shoulders, each_its_own[shoulders.subject, shoulders.motion]).numbers == pytest.approx(3.0)
+    found = np.mean([independence_of(shoulders, white_noise(seed)) for seed in range(REPEATS)], axis=0)
+    np.testing.assert_allclose(found, [3.0 * n, 1.0], rtol=WHITE)
 
 
-def test_what_all_shoulders_have_in_common_counts_once():
-    """Of S shoulders with the same constant: three numbers, not 3 S; with the same white noise 3 n."""
+def test_what_all_shoulders_have_in_common_counts_less_the_more_it_is():
+    """Common and own noise of the same size have rho = 1/2: (1 - rho) / (1 + (S - 1) rho) of S shoulders."""
     shoulders = joint_fit().shoulders
-    count, place = len(shoulders.subjects), np.round(shoulders.motions.humerus_elevation_deg / 10.0).astype(int)
-    n = len(shoulders.subject) / (len(shoulders.subjects) * len(shoulders.kinds))
-    constant = np.ones((len(shoulders.subject), 3))
-    assert numbers_per_fold(shoulders, constant) == pytest.approx(3.0 / count)
-    course = np.random.default_rng(5).standard_normal((len(shoulders.kinds), place.max() + 1, 3))
-    common = course[shoulders.motion, place]
-    np.testing.assert_allclose(mean_of_others(shoulders, common), common, atol=1e-12)
-    assert numbers_per_fold(shoulders, common) == pytest.approx(3.0 * n / count, rel=0.25)
+    count, places = len(shoulders.subjects), shoulders.places
+    assert independence_of(shoulders, np.ones((len(places), 3))) == pytest.approx((3.0, 0.0))
+    courses = np.random.default_rng(5).standard_normal((REPEATS, places.max() + 1, 3))
+    np.testing.assert_allclose(mean_of_others(shoulders, courses[0, places]), courses[0, places], atol=1e-12)
+    weights = [
+        independence_of(shoulders, course[places] + white_noise(seed)).common_weight
+        for seed, course in enumerate(courses)
+    ]
+    assert np.mean(weights) == pytest.approx(0.5 / (1.0 + (count - 1) * 0.5), rel=WHITE)
 
 
 def test_one_shoulder_shares_with_nobody():
-    motions = simulated(subjects=1).motions
-    alone, constant = shoulders_of(motions), np.ones((len(motions.subject), 3))
+    alone = shoulders_of(simulated(subjects=1).motions)
+    constant = np.ones((len(alone.subject), 3))
     assert np.isnan(mean_of_others(alone, constant)).all()
-    assert numbers_per_fold(alone, constant) == pytest.approx(3.0)
+    assert independence_of(alone, constant) == pytest.approx((3.0, 1.0))
+
+
+def test_squares_are_parted_into_what_is_own_and_what_is_common():
+    """Shoulders that differ by +-1 about a common 2; and all of it together is the mean square."""
+    joint = joint_fit()
+    folds, shoulders = folds_of(joint.shoulders), joint.shoulders
+    side = np.array([1.0, -1.0, 0.0])[shoulders.subject[folds.rows]]
+    everywhere = np.bincount(shoulders.places) == len(shoulders.subjects)
+    assert everywhere.all()
+    own, common = folds.parted(np.outer(2.0 + side, [1.0, 0.0, 0.0])).T
+    np.testing.assert_allclose(common, 4.0)
+    np.testing.assert_allclose(own, side[np.searchsorted(folds.test_of, np.arange(len(folds.tests)))] ** 2)
+    y = white_noise(6)[folds.rows]
+    np.testing.assert_allclose(folds.parted(y).sum(axis=1).mean(), (y**2).sum(axis=1).mean(), rtol=1e-12)
+
+
+def test_the_weight_of_what_is_common_is_that_of_its_covariance():
+    """y' C^-1 y of C = (1 - rho) I + rho 1 1', by inversion."""
+    y, rho = np.array([1.3, -0.4, 2.0, 0.7]), 0.3
+    count = len(y)
+    C = (1.0 - rho) * np.eye(count) + rho
+    parted = ((y - y.mean()) ** 2).sum() + weight_of_common(rho, count) * count * y.mean() ** 2
+    assert parted == pytest.approx((1.0 - rho) * y @ np.linalg.solve(C, y))
 
 
 def test_an_axial_rotation_that_is_computed_is_known_by_it():

@@ -55,9 +55,9 @@ def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> l
         other = _with(search, named, names[0], names[1])
         if other is None:
             continue
-        own = search.folds.by_fold(named.predicted.squares)
-        difference = search.folds.by_fold(other.predicted.squares) - own
-        evidence = 0.5 * search.numbers * difference / own.mean()
+        own = search.q(named.predicted)
+        difference = search.q(other.predicted) - own
+        evidence = 0.5 * search.independence.numbers * difference / own.mean()
         now = float(evidence.sum())
         found.append(Proposal("twice as many persons", (names[0], names[1]), now, _TWICE * now))
         kinds = np.array([test.motion for test in search.folds.tests if test.kind == search.folds.kinds[0]])

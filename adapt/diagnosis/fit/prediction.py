@@ -27,8 +27,8 @@ class Predicted(NamedTuple):
     amplitude: Float[np.ndarray, "groups own"]
     """Of group 0 with everything in, then of every fold."""
     theta_mm: Float[np.ndarray, "parts adapted"]
-    squares: Float[np.ndarray, " tests"]
-    """Mean |y|^2, deg^2: the sum of the squares of six angles."""
+    squares: Float[np.ndarray, "tests 2"]
+    """Mean |y|^2, deg^2, of what is a shoulder's own and of what they have in common (``Folds.parted``)."""
     gaps_deg: Float[np.ndarray, "tests 6"]
     """Mean |simulated - measured| of each angle; NaN of one that was not measured."""
 
@@ -94,7 +94,7 @@ class Linearised:
         return Predicted(
             now + step.amplitude,
             theta + step.theta,
-            self.folds.means((y**2).sum(axis=1)),
+            self.folds.parted(y),
             self.folds.measured_means(gaps, joint.shoulders),
         )
 

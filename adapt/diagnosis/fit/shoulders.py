@@ -17,6 +17,9 @@ FEWEST_POSTURES = 4
 _UNMEASURED_SD = 1000.0
 """SD of an angle that was not measured beside 1 of one that was: it is whatever closes the chain."""
 
+_ALIKE_DEG = 10.0
+"""Elevations that round to the same multiple of it are one place: postures of most files are as far apart."""
+
 _SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
 """What a name of a shoulder ends with beyond the person's."""
 
@@ -52,6 +55,13 @@ class Shoulders:
     def rows_of(self, subject: int, motion: int | None = None) -> Int[np.ndarray, " chosen"]:
         """Find the rows of a subject, in all or in one kind of motion."""
         return np.flatnonzero((self.subject == subject) & (True if motion is None else self.motion == motion))
+
+    @property
+    def places(self) -> Int[np.ndarray, " rows"]:
+        """Number the places of postures: motion and elevation; where that was not measured, motion and posture."""
+        elevation = np.round(self.motions.humerus_elevation_deg / _ALIKE_DEG)
+        along = np.where(np.isfinite(elevation), elevation, self.motions.posture)
+        return np.unique(np.stack([self.motion, along]), axis=1, return_inverse=True)[1]
 
     def sequences(self) -> Iterator[Int[np.ndarray, " chosen"]]:
         """Give the rows of each motion of each subject in the order of its postures."""

@@ -39,8 +39,8 @@ def draws_of(search: Search, node: Node) -> Float[np.ndarray, "draws own"]:
 def _noise_sd(search: Search, node: Node) -> float:
     """Compute the square root of 2 w v / (6 m)."""
     constraints, subjects = len(CONSTRAINTS), len(search.joint.shoulders.subjects)
-    variance = float(search.folds.by_fold(node.predicted.squares).mean()) / constraints
-    postures = search.numbers / constraints * len(search.folds.subject) / subjects
+    variance = float(search.folds.by_fold(node.predicted.squares.sum(axis=1)).mean()) / constraints
+    postures = search.independence.numbers / constraints * len(search.folds.subject) / subjects
     return float(np.sqrt(2.0 * search.joint.model.weight * variance / (len(ANGLES) * postures)))
 
 

@@ -85,5 +85,5 @@ def _predicted_exactly(search: Search, node: Node) -> Predicted:
     there = Fitted(fitted.theta_mm[folds.part], fitted.amplitude[group], fitted.E[folds.part], fitted.converged)
     near = unseen.nearest(node.hypothesis, there)
     gaps = np.abs(near.angles_deg - joint.shoulders.measured_deg[:, folds.rows]).T
-    squares = folds.means((near.y**2).sum(axis=0))
+    squares = folds.parted(near.y.T)
     return Predicted(fitted.amplitude, fitted.theta_mm, squares, folds.measured_means(gaps, joint.shoulders))

@@ -2,9 +2,9 @@
 
     V(H) = -N/2 log(mean_f q_f) + |H| log(expected / candidates) - 1/2 sum ((a - mean) / scale)^2
 
-q_f is the mean |y|^2 of fold f, unseen. N = folds x the independent numbers that a motion of a person tells: at first
-one of each constraint, then what ``inference.correlation`` finds, because neighbouring postures and persons are not
-independent.
+q_f is the mean |y|^2 of fold f, unseen; what shoulders have in common counts less. N = folds x the independent numbers
+that a motion of a shoulder tells. ``inference.correlation`` finds both; at first all is independent but the postures of
+a motion.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -19,8 +19,7 @@ from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
 from adapt.diagnosis.fit.prediction import Linearised, Predicted, linearise
 from adapt.diagnosis.fit.unseen_folds import Folds
-from adapt.diagnosis.inference.correlation import numbers_per_fold
-from models.girdle import CONSTRAINTS
+from adapt.diagnosis.inference.correlation import Independence, independence_of
 
 EXPECTED_CAUSES = 2.0
 """Of all candidates, before any data."""
@@ -50,7 +49,7 @@ class Node(NamedTuple):
     linearised: Linearised
     predicted: Predicted
     value: float
-    """V, with as many numbers a fold as ``Search.numbers`` says."""
+    """V, by ``Search.independence``."""
 
 
 @dataclass
@@ -64,8 +63,8 @@ class Search:
     predictions: dict[tuple[Hypothesis, Hypothesis], Predicted] = field(default_factory=dict)
     refits: dict[Hypothesis, Predicted] = field(default_factory=dict)
     """By exact fits without each fold, of the few sets of which they were made (``inference.budget``)."""
-    numbers: float = float(len(CONSTRAINTS))
-    """Independent numbers that a fold tells (``inference.correlation``)."""
+    independence: Independence = field(default_factory=Independence)
+    """How much the unseen postures tell."""
 
     @cached_property
     def log_odds(self) -> float:
@@ -73,11 +72,15 @@ class Search:
         causes = set(self.joint.candidates.causes.values())
         return float(np.log(min(0.5, EXPECTED_CAUSES / max(1, len(causes)))))
 
+    def q(self, predicted: Predicted) -> Float[np.ndarray, " folds"]:
+        """Average |y|^2 of each fold, with the weight of what shoulders have in common."""
+        return self.folds.by_fold(predicted.squares @ np.array([1.0, self.independence.common_weight]))
+
     def log_likelihood(
         self, q: Float[np.ndarray, "*sets folds"], weights: Float[np.ndarray, " folds"]
     ) -> Float[np.ndarray, " *sets"]:
         """Compute -N/2 log(mean q) of mean squares by fold; each fold counts as often as its weight says."""
-        return -0.5 * self.numbers * weights.sum() * np.log(q @ weights / weights.sum())
+        return -0.5 * self.independence.numbers * weights.sum() * np.log(q @ weights / weights.sum())
 
     def log_prior(self, hypothesis: Hypothesis, amplitude) -> float:
         """Compute the log prior of a hypothesis with its amplitudes."""
@@ -113,16 +116,16 @@ class Search:
     def _add(self, hypothesis: Hypothesis, fitted: Fitted) -> Node:
         linearised = linearise(self.joint, self.folds, hypothesis, fitted)
         predicted = linearised.predict(hypothesis)
-        value = self._value(hypothesis, fitted.amplitude[0], predicted.squares)
+        value = self._value(hypothesis, fitted.amplitude[0], predicted)
         node = Node(hypothesis, fitted, linearised, predicted, value)
         self.nodes[hypothesis] = node
         self.progress(f"{len(self.nodes)} sets of causes")
         return node
 
-    def _value(self, hypothesis: Hypothesis, amplitude, squares: Float[np.ndarray, " tests"]) -> float:
+    def _value(self, hypothesis: Hypothesis, amplitude, predicted: Predicted) -> float:
         if not self.joint.candidates.has_the_sign(hypothesis, amplitude):
             return _WORST
-        q = self.folds.by_fold(squares)
+        q = self.q(predicted)
         return float(self.log_likelihood(q, np.ones(len(q)))) + self.log_prior(hypothesis, amplitude)
 
     def widened(self, node: Node) -> list[tuple[float, Hypothesis, Node]]:
@@ -138,7 +141,7 @@ class Search:
                 found.append((self.nodes[hypothesis].value, hypothesis, node))
             else:
                 predicted = self.predicted(node, hypothesis)
-                value = self._value(hypothesis, predicted.amplitude[0], predicted.squares)
+                value = self._value(hypothesis, predicted.amplitude[0], predicted)
                 found.append((value, hypothesis, node))
         return sorted(found, key=lambda one: -one[0])
 
@@ -178,14 +181,14 @@ class Search:
                 if effect.prior.mean:
                     self.beam((effect.name,))
             best = max(self.usable, key=lambda node: node.value)
-            self._count(numbers_per_fold(self.joint.shoulders, best.linearised.y))
+            self._count(independence_of(self.joint.shoulders, best.linearised.y))
         return self
 
-    def _count(self, numbers: float) -> None:
-        """Value every set anew with so many numbers a fold."""
-        self.numbers = numbers
+    def _count(self, independence: Independence) -> None:
+        """Value every set anew."""
+        self.independence = independence
         for hypothesis, node in self.nodes.items():
-            value = self._value(hypothesis, node.fitted.amplitude[0], node.predicted.squares)
+            value = self._value(hypothesis, node.fitted.amplitude[0], node.predicted)
             self.nodes[hypothesis] = node._replace(value=value)
 
     def in_place_of(self, node: Node, own: str, set_aside: Collection[Hypothesis] = ()) -> dict[str, Node]:

@@ -49,7 +49,7 @@ def weigh(search: Search) -> Weights:
 
 def probabilities(search: Search, nodes: Sequence[Node]) -> Float[np.ndarray, " nodes"]:
     """Average the weights of these hypotheses over the bootstrap; they sum to 1."""
-    q = np.array([search.folds.by_fold(node.predicted.squares) for node in nodes])
+    q = np.array([search.q(node.predicted) for node in nodes])
     prior = np.array([search.log_prior(node.hypothesis, node.fitted.amplitude[0]) for node in nodes])
     person = search.joint.shoulders.person[search.folds.subject]
     total = np.zeros(len(nodes))
