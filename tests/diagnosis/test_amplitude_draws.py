@@ -8,6 +8,7 @@ from small_worlds import joint_fit, searched
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.prediction import linearise
 from adapt.diagnosis.inference.amplitude_draws import draws_of, scores_by_motion
+from adapt.diagnosis.inference.correlation import Independence
 from models.adapted_parameters import ADAPTED
 
 BIAS = "scapula_landmark_bias"
@@ -45,8 +46,8 @@ def test_a_person_that_counts_more_moves_the_fit_as_its_gradient_says():
 def test_draws_spread_about_the_fit_and_less_with_more_independent_postures():
     search = searched(BIAS)
     node = search.nodes[(BIAS,)]
-    few = draws_of(replace(search, numbers=3.0), node)
-    many = draws_of(replace(search, numbers=30.0), node)
+    few = draws_of(replace(search, independence=Independence(3.0)), node)
+    many = draws_of(replace(search, independence=Independence(30.0)), node)
     error = few.std(axis=0) / np.sqrt(len(few))
     assert (np.abs(few.mean(axis=0) - node.fitted.amplitude[0]) < 4.0 * error).all()
     assert (many.std(axis=0) < few.std(axis=0)).all()
