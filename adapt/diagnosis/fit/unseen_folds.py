@@ -91,12 +91,17 @@ class Folds:
 
         The mean is that of the shoulders at one place in the same kind of test; a row alone has nothing in common.
         """
-        kind = np.array([self.kinds.index(test.kind) for test in self.tests])[self.test_of]
-        place = np.unique(np.stack([kind, self.places[self.rows]]), axis=1, return_inverse=True)[1]
+        place = self._place_of
         count = np.bincount(place)
         mean = np.stack([np.bincount(place, column) for column in y.T], axis=1) / count[:, None]
         shared = np.where(count[:, None] > 1, mean, 0.0)[place]
         return self.means(np.stack([((y - shared) ** 2).sum(axis=1), (shared**2).sum(axis=1)], axis=1))
+
+    @cached_property
+    def _place_of(self) -> Int[np.ndarray, " tested"]:
+        """The place of each tested row, another one in each kind of test."""
+        kind = np.array([self.kinds.index(test.kind) for test in self.tests])[self.test_of]
+        return np.unique(np.stack([kind, self.places[self.rows]]), axis=1, return_inverse=True)[1]
 
     def measured_means(
         self, values: Float[np.ndarray, "tested 6"], shoulders: Shoulders
