@@ -68,16 +68,11 @@ def realised_gaps(found: Diagnosis, model: ParameterSet, motions: Motions) -> di
     mine = motions.select(np.isin(motions.subject, found.subjects))
 
     def gap(effects: Amplitudes) -> float:
-        return unseen_gap(mine, model, effects, UNSEEN_MOTION)
+        table = adapt_subjects(mine, model, held_out=found.subjects, effects=effects).heldout
+        unseen = table[(table["kind"] == MOTION) & (table["held_out"] == UNSEEN_MOTION)]
+        return float(np.mean(unseen["gap_unseen_deg"]))
 
     return {"adapted": gap(NO_EFFECTS), "with_effect": gap(read_amplitudes(found.options))}
-
-
-def unseen_gap(motions: Motions, model: ParameterSet, effects: Amplitudes, motion: str = "") -> float:
-    """Mean absolute gap, deg, on a motion, or on each in turn, of shoulders adapted to the others."""
-    table = adapt_subjects(motions, model, held_out=motions.subjects, effects=effects).heldout
-    unseen = table[(table["kind"] == MOTION) & table["held_out"].isin([motion] if motion else table["held_out"])]
-    return float(np.mean(unseen["gap_unseen_deg"]))
 
 
 def with_truth(found: Diagnosis, truth: dict[str, Any]) -> Line:
