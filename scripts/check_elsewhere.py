@@ -17,15 +17,17 @@ from typing import Annotated
 import typer
 
 from adapt.diagnosis import diagnose
+from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.result import ALL, NONE, Diagnosis
 from adapt.diagnosis.thorax_points import thorax_option
+from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import read_amplitudes
 from motions import Motions, read_motions
 from scripts.blind.cases import Case
-from scripts.blind.lines import line_of, unseen_gap
+from scripts.blind.lines import line_of
 from scripts.blind.report import confusion_matrix, report
 from scripts.blind.runs import Line, read_lines, run_missing
 from scripts.blind.several import several_report
@@ -73,8 +75,10 @@ def examine(case: Elsewhere) -> Line:
 def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) -> float:
     """The share of the adapted gap beyond noise that is there without the causes too, another person's thorax known."""
     levels = found.gaps.hardest
-    left = unseen_gap(without_causes, model, read_amplitudes([thorax_option(RELIEF)]))
-    return left_over_share(levels["adapted"][ALL].value, left, levels["noise_floor"][ALL].value)
+    known = read_amplitudes([thorax_option(RELIEF)])
+    person = {name: number for number, name in enumerate(without_causes.subjects)}
+    left = adapted_gaps(without_causes, model, known, person).unseen[MOTION][ALL]
+    return left_over_share(levels["adapted"][ALL].value, left.value, levels["noise_floor"][ALL].value)
 
 
 def main(

@@ -133,10 +133,15 @@ def truth_of(line: Line) -> str:
     return UNKNOWN if kind(line["label"]) == "outside" else line["label"]
 
 
+def mean_of(values: Sequence[float]) -> str:
+    """Mean and number; a dash where there are none."""
+    return f"{np.mean(values):.2f} ({len(values)})" if values else "-"
+
+
 def log_score(lines: Iterable[Line]) -> str:
     """Mean log probability of the truth: unlike the calibration error, best for who is sure where it is right."""
     found = [math.log(max(line["probability"][truth_of(line)], _LEAST_PROBABILITY)) for line in lines]
-    return f"{np.mean(found):.2f} ({len(found)})" if found else "-"
+    return mean_of(found)
 
 
 def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
@@ -230,7 +235,7 @@ def _of_the_surest(lines: Iterable[Line], error: Callable[[Sequence[float], Sequ
 
 def _mean_size(lines: Iterable[Line]) -> str:
     sizes = [len(names) for line in lines if named(line) for names in line["causes"]]
-    return f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-"
+    return mean_of(sizes)
 
 
 def _shrinkage_error(lines: Iterable[Line], predicted: str = "unseen_deg") -> str:

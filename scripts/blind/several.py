@@ -8,7 +8,16 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from scripts.blind.report import CAUSES, at_work, error_by_chance, expected_calibration_error, named, names_of, rate
+from scripts.blind.report import (
+    CAUSES,
+    at_work,
+    error_by_chance,
+    expected_calibration_error,
+    mean_of,
+    named,
+    names_of,
+    rate,
+)
 from scripts.blind.runs import Line
 from scripts.reporting import markdown
 
@@ -26,8 +35,8 @@ def several_report(lines: Sequence[Line]) -> str:
         "names of a cause that is right": _names,
         "nothing at work: one blamed": lambda chosen: rate(named(line) for line in chosen if not _count(line)),
         "calibration error of 'at work'": _calibration,
-        "share left over: told": lambda chosen: _mean(told for told, _ in _shares(chosen)),
-        "share left over: true": lambda chosen: _mean(true for _, true in _shares(chosen)),
+        "share left over: told": lambda chosen: mean_of([told for told, _ in _shares(chosen)]),
+        "share left over: true": lambda chosen: mean_of([true for _, true in _shares(chosen)]),
         "share left over: told within 20 % of the true": lambda chosen: rate(
             abs(told - true) <= 0.2 * true for told, true in _shares(chosen)
         ),
@@ -62,7 +71,7 @@ def _found(lines: Iterable[Line]) -> list[bool]:
 
 def _names(lines: list[Line]) -> str:
     sizes = [len(names) for line, names in zip(*_flat(lines), strict=True) if _right(line, names)]
-    return f"{np.mean(sizes):.2f} ({len(sizes)})" if sizes else "-"
+    return mean_of(sizes)
 
 
 def _calibration(lines: list[Line]) -> str:
@@ -77,11 +86,6 @@ def _shares(lines: Iterable[Line]) -> list[tuple[float, float]]:
     """The share of the gap that no cause explains, as the diagnosis tells it and as it is."""
     pairs = [(line["left_over_share"], line.get("true_left_over_share")) for line in lines]
     return [(told, true) for told, true in pairs if true is not None and np.isfinite([told, true]).all()]
-
-
-def _mean(values: Iterable[float]) -> str:
-    found = list(values)
-    return f"{np.mean(found):.2f} ({len(found)})" if found else "-"
 
 
 def _of_cause(name: str, lines: list[Line]) -> list[str]:

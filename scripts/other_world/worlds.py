@@ -143,13 +143,12 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
     for number in range(case.subjects):
         subject, mover = f"simulated_{number + 1:02d}", draw_mover(world, number, rng)
         angles, places = measure(mover, rng)
-        unexplained = np.zeros_like(angles)
-        if case.discrepancy_deg:  # a world without one has the random numbers that it always had
-            unexplained = case.discrepancy_deg * smooth_courses(mover.elevation, rng)
-        unexplained = unexplained + case.noise_deg * rng.normal(size=angles.shape)
+        # a world without a discrepancy has the random numbers that it always had
+        courses = smooth_courses(mover.elevation, rng) if case.discrepancy_deg else 0.0
+        unexplained = case.discrepancy_deg * courses + case.noise_deg * rng.normal(size=angles.shape)
         places = places + (case.landmark_noise_mm or 0.0) * rng.normal(size=places.shape)
-        flat = places.reshape(len(places), -1) if with_landmarks else places[:, :0, 0]
-        rows += lines_of(subject, mover, np.hstack([angles + unexplained, flat]))
+        seen = [angles + unexplained, *([places.reshape(len(places), -1)] if with_landmarks else [])]
+        rows += lines_of(subject, mover, np.hstack(seen))
         if case.discrepancy_deg:
             innocent += lines_of(subject, mover, measure(without_causes(mover), rng)[0] + unexplained)
         truths.append({"subject": subject, **truth_of(mover)})

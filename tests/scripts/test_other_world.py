@@ -26,6 +26,9 @@ from scripts.other_world.worlds import (
 SAME_MM = 1e-3
 """Angles are written with four decimals: 1e-4 degrees at arms of up to 200 mm, several of them."""
 
+SAME_DEG = 2e-4
+"""Angles have four decimals, and the chain is closed once more to 1e-9 mm."""
+
 SEEN_MM = 0.5
 """Less than this would hardly be an effect."""
 
@@ -113,7 +116,3 @@ def test_without_its_causes_a_world_has_the_same_people_discrepancy_and_noise(tm
     seen, without = (read_motions(folder / name).angles_deg for name in ("motions.csv", "without_causes.csv"))
     np.testing.assert_allclose(without[:, :3], seen[:, :3], atol=SAME_DEG)
     assert np.abs(without[:, 3:] - seen[:, 3:]).mean() > 1.0
-
-
-SAME_DEG = 2e-4
-"""Angles have four decimals, and the chain is closed once more to 1e-9 mm."""
