@@ -197,7 +197,7 @@ def test_the_weight_of_what_is_common_is_that_of_its_covariance():
     y, rho = np.array([1.3, -0.4, 2.0, 0.7]), 0.3
     count = len(y)
     C = (1.0 - rho) * np.eye(count) + rho
-    parted = ((y - y.mean()) ** 2).sum() + weight_of_common(rho, count) * count * y.mean() ** 2
+    parted = ((y - y.mean()) ** 2).sum() + weight_of_common(rho, count, 1.0) * count * y.mean() ** 2
     assert parted == pytest.approx((1.0 - rho) * y @ np.linalg.solve(C, y))
 
 

@@ -71,6 +71,11 @@ class Shoulders:
                 yield rows[np.argsort(self.motions.posture[rows], kind="stable")]
 
 
+def sums_by(group: Int[np.ndarray, " rows"], values: Float[np.ndarray, "rows n"]) -> Float[np.ndarray, "groups n"]:
+    """Sum the rows of each group; groups are numbered from 0."""
+    return np.stack([np.bincount(group, column) for column in values.T], axis=1)
+
+
 def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:
     """Lay out the postures that say something of the model, of the subjects that have enough; and why others are left
     out. InputError where no subject has enough."""

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.joint_fit import Part, PartArrays, everybody, part_arrays
-from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.diagnosis.fit.shoulders import Shoulders, sums_by
 from adapt.tables.held_out import MOTION
 from adapt.trust.folds import POSTURE_PARTS
 
@@ -93,7 +93,7 @@ class Folds:
         """
         place = self._place_of
         count = np.bincount(place)
-        mean = np.stack([np.bincount(place, column) for column in y.T], axis=1) / count[:, None]
+        mean = sums_by(place, y) / count[:, None]
         shared = np.where(count[:, None] > 1, mean, 0.0)[place]
         return self.means(np.stack([((y - shared) ** 2).sum(axis=1), (shared**2).sum(axis=1)], axis=1))
 

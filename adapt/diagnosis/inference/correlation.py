@@ -15,9 +15,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.diagnosis.fit.shoulders import Shoulders, sums_by
 from models.girdle import CONSTRAINTS
 
 
@@ -44,7 +44,7 @@ def independence_of(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"]) -> Ind
     return Independence(len(CONSTRAINTS) * n / _length(r, n), weight_of_common(rho, len(shoulders.subjects), longer))
 
 
-def weight_of_common(rho: float, shoulders: int, longer: float = 1.0) -> float:
+def weight_of_common(rho: float, shoulders: int, longer: float) -> float:
     """Compute (1 - rho) / (1 + (S - 1) rho L' / L); ``longer`` is L' / L."""
     return (1.0 - rho) / (1.0 + (shoulders - 1) * rho * longer)
 
@@ -53,14 +53,10 @@ def mean_of_others(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"]) -> Floa
     """Average y of the other shoulders at the place of each row, each one's mean there; NaN where there is none."""
     met, of_row = np.unique(np.stack([shoulders.places, shoulders.subject]), axis=1, return_inverse=True)
     place = met[0]
-    mean = _sums(y, of_row) / np.bincount(of_row)[:, None]
+    mean = sums_by(of_row, y) / np.bincount(of_row)[:, None]
     others = np.bincount(place)[place, None] - 1.0
     with np.errstate(invalid="ignore"):
-        return np.where(others > 0.0, (_sums(mean, place)[place] - mean) / others, np.nan)[of_row]
-
-
-def _sums(values: Float[np.ndarray, "rows n"], group: Int[np.ndarray, " rows"]) -> Float[np.ndarray, "groups n"]:
-    return np.stack([np.bincount(group, column) for column in values.T], axis=1)
+        return np.where(others > 0.0, (sums_by(place, mean)[place] - mean) / others, np.nan)[of_row]
 
 
 def _correlation(product: Float[np.ndarray, "rows 3"], square: Float[np.ndarray, "rows 3"]) -> float:
