@@ -6,11 +6,14 @@ set; the diagnosis is told nothing else of it. Lines and figures are those of `s
 `without_causes.csv`, the same motions had no cause been at work, says what share of the gap no cause explains.
 
     python scripts/check_elsewhere.py worlds --out out/elsewhere
+
+With `--at-work` the library holds the causes at work alone: what is missed then could not have been found.
 """
 
 import json
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +27,8 @@ from adapt.diagnosis.result import ALL, NONE, Diagnosis
 from adapt.diagnosis.thorax_points import thorax_option
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
+from models.effects import EFFECTS
+from models.effects.effect import cause_of
 from models.effects.known import read_amplitudes
 from motions import Motions, read_motions
 from scripts.blind.cases import Case
@@ -61,11 +66,13 @@ def worlds(folder: Path) -> list[Elsewhere]:
     return found
 
 
-def examine(case: Elsewhere) -> Line:
+def examine(case: Elsewhere, only_at_work: bool) -> Line:
     """The verdict on a world; what its effects' sizes mean, others know."""
     model = load_model(case.model)
     folder = Path(case.folder)
-    found = diagnose(read_motions(folder / MOTIONS), model)[model.name]
+    true = set(case.label.split("+"))
+    library = [effect for effect in EFFECTS.values() if cause_of(effect.name) in true] if only_at_work else None
+    found = diagnose(read_motions(folder / MOTIONS), model, effects=library)[model.name]
     line = line_of(found) | {"true_directions": {}}
     if (folder / WITHOUT_CAUSES).exists():
         line["true_left_over_share"] = _true_share(found, model, read_motions(folder / WITHOUT_CAUSES))
@@ -85,12 +92,17 @@ def main(
     folder: Annotated[Path, typer.Argument(help="Folder of worlds.", exists=True, file_okay=False)],
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Folder of cases.jsonl; made if it is not there.")],
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    only_at_work: Annotated[
+        bool, typer.Option("--at-work", help="Leave all other causes out of the library, and worlds without a cause.")
+    ] = False,
 ) -> None:
     """Diagnose worlds made elsewhere; print, as Markdown, how often the diagnosis is right."""
     cases = worlds(folder)
     if not cases:
         raise typer.BadParameter(f"no folder below {folder} has a {MOTIONS} and a {TRUTH}")
-    run_missing(out / "cases.jsonl", cases, jobs, examine)
+    if only_at_work:
+        cases = [case for case in cases if case.label != NONE]
+    run_missing(out / "cases.jsonl", cases, jobs, partial(examine, only_at_work=only_at_work))
     lines = read_lines(out / "cases.jsonl")
     print(report(lines))
     print("\n## Confusion matrix\n\n" + confusion_matrix([x for x in lines if "failed" not in x]))

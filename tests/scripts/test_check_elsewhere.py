@@ -1,6 +1,7 @@
 """Worlds made elsewhere: what is found in a folder, and one of them from its files to its report."""
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 
 from adapt.diagnosis.result import ALL, Cause, Interval, Noise, Verdict
 from models import ParameterSet
+from models.effects import Effect
 from motions import Motions
 from scripts import check_elsewhere
 from scripts.blind.runs import read_lines
@@ -40,10 +42,12 @@ def test_worlds_are_folders_with_motions_and_a_truth(tmp_path: Path) -> None:
 def test_one_world_from_its_files_to_its_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The diagnosis is told the motions and the parameter set, nothing else."""
+    """The diagnosis is told the motions and the parameter set, nothing else; if asked for, what is at work."""
+    libraries: list[Any] = []
 
-    def diagnosed(motions: Motions, model: ParameterSet) -> dict[str, Any]:
+    def diagnosed(motions: Motions, model: ParameterSet, effects: list[Effect] | None) -> dict[str, Any]:
         assert (len(motions.subjects), model.name) == (3, "R4")
+        libraries.append(effects and {effect.name for effect in effects})
         verdict = Verdict("effect", (Cause((BIAS,), (1.0,), 0.5, 9.0),), {BIAS: 1.0}, {BIAS: 0.9, "unknown": 0.1})
         levels = {key: {ALL: Interval(1.0, 0.9, 1.1)} for key in ("noise_floor", "adapted", "with_effect")}
         found = SimpleNamespace(
@@ -69,6 +73,12 @@ def test_one_world_from_its_files_to_its_report(
     assert "failed" not in found
     assert (found["label"], found["model"], found["causes"]) == (BIAS, "R4", [[BIAS]])
     assert "| true effect in the reported set | >= 97 % | 100.0 %" in printed
+    told(tmp_path / "in" / "nothing", label="none", model="R4").touch()
+    check_elsewhere.main(tmp_path / "in", tmp_path / "out_at_work", jobs=1, only_at_work=True)
+    assert len(read_lines(tmp_path / "out_at_work" / "cases.jsonl")) == 1, "nothing at work: nothing to find"
+    assert libraries == [None, {BIAS}]
+    shutil.rmtree(tmp_path / "in" / "nothing")
+    capsys.readouterr()
     # done is done
     monkeypatch.setattr(check_elsewhere, "examine", lambda case: pytest.fail("ran again"))
     check_elsewhere.main(tmp_path / "in", tmp_path / "out", jobs=1)

@@ -10,6 +10,7 @@ from programs import few_runs
 
 from adapt.solvers.differentiable import nested_objective
 from adapt.solvers.objective import WEIGHT
+from adapt.solvers.posture_fits import fit_batch
 from models import load_model
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
@@ -28,8 +29,15 @@ SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg.T /
 THETA = GIRDLE.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
 
 
-def E(theta, angles=SUBJECT):
-    return nested_objective(theta, GIRDLE, POINTS, angles, jnp.ones(angles.shape, bool), WEIGHT)
+def E(theta, angles, start):
+    """From one start, which is less to compile; ``values_and_slopes`` finds its own."""
+    return nested_objective(theta, GIRDLE, POINTS, angles, jnp.ones(angles.shape, bool), WEIGHT, start)
+
+
+def fitted():
+    """Where the postures are fitted at THETA, by the fit without derivatives."""
+    girdles = GIRDLE.with_adapted(THETA).repeated(SUBJECT.shape[1])
+    return fit_batch(girdles, np.asarray(SUBJECT), np.ones(SUBJECT.shape, bool)).angles
 
 
 STEPS = 1e-3 * jnp.concatenate([jnp.zeros((1, 6)), jnp.eye(6), -jnp.eye(6)])
@@ -58,7 +66,7 @@ def stepped():
 @pytest.fixture(scope="module")
 def in_forward_mode():
     """dE/dtheta in forward mode, and d2E/dtheta2 forward over reverse, in one program."""
-    slope, hessian = few_runs(jax.jacfwd(jax.value_and_grad(E)))(THETA)
+    slope, hessian = few_runs(jax.jacfwd(jax.value_and_grad(E)))(THETA, SUBJECT, fitted())
     return np.asarray(slope), np.asarray(hessian)
 
 
@@ -76,6 +84,6 @@ def test_nested_hessian_by_differences_and_symmetric(stepped, in_forward_mode):
 
 def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
     """Two subjects, the second with the postures in another order: twice the slope of one."""
-    angles = jnp.stack([SUBJECT, SUBJECT[:, ::-1]])
-    of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0))(t, angles))))
+    angles, start = (jnp.stack([x, x[:, ::-1]]) for x in (SUBJECT, fitted()))
+    of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0, 0))(t, angles, start))))
     assert_close(of_sum(THETA), 2.0 * stepped[1][0], EXACT)
