@@ -74,9 +74,9 @@ HALF_WIDTHS_MM = {parameter.key: parameter.half_width_mm for parameter in ADAPTE
 
 STARTS_MM = np.outer((0.0, 1.0, -1.0), [parameter.start_offset_mm for parameter in ADAPTED_PARAMETERS]) + 0.0
 """Offsets of the starts from the geometric fit. E has many local minima (thesis 6.2.6). Those that lay lower than where
-the geometric fit leads were found from thoraxes whose centre is higher and which are longer, or lower and shorter. 12
-random starts of each found lower ones than these in none of 8 measured shoulders with five sets and in 11 of 900
-simulated adaptations, by up to 3 %; starts with M_y against A_y, or deeper, added nothing."""
+the geometric fit leads were found from thoraxes whose centre is higher and which are longer, or lower and shorter. 40
+random starts of each found lower ones than these in none of 8 measured shoulders with five sets, and 12 in 4 of 1800
+simulated adaptations, by up to 1 %; starts with M_y against A_y, or deeper, added nothing."""
 
 PERSON_SD_MM = np.array([parameter.person_sd_mm for parameter in ADAPTED_PARAMETERS])
 

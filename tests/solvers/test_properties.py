@@ -39,9 +39,11 @@ PARTNERS = 1e-12
 RISES = 1e-9
 """Relative: of two optima of one problem from several starts."""
 
-FEW_VALLEYS_DEG2 = 100.0
-"""Gaps up to 10 degrees. Beyond, valleys are many: of 19 200 fits with an angle left out 11 end in a higher one, all of
-gaps above 11."""
+FEW_VALLEYS_DEG2 = 200.0
+"""Gaps up to 14 degrees. Beyond, a few fits end in a higher valley, whatever the places that they start from."""
+
+FEW_VALLEYS_LEFT_OUT_DEG2 = 100.0
+"""Gaps up to 10 degrees where an angle is left out: of 19 200 such fits 11 ended in a higher one, all above 11."""
 
 R2 = load_model("R2").girdle
 POSTURES = 8
@@ -180,9 +182,9 @@ def test_the_gap_never_grows_when_an_angle_need_not_be_met(seed, angle):
     """The sum of squares of the others, which the fit is free to bring down further."""
     angles, measured_ones = measured(seed), np.ones((6, POSTURES), bool)
     girdle = repeated(R2, POSTURES)
-    all_six = fit_batch(girdle, angles, measured_ones, around=True)
+    all_six = fit_batch(girdle, angles, measured_ones, careful=True)
     measured_ones[angle] = False
-    without = fit_batch(girdle, angles, measured_ones, around=True)
+    without = fit_batch(girdle, angles, measured_ones, careful=True)
     assert set(all_six.status) == set(without.status) == {status.OK}
-    near = all_six.j_deg2 < FEW_VALLEYS_DEG2
+    near = all_six.j_deg2 < FEW_VALLEYS_LEFT_OUT_DEG2
     assert (5.0 * without.j_deg2 <= 6.0 * all_six.j_deg2 * (1.0 + RISES))[near].all()
