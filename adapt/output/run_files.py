@@ -88,13 +88,18 @@ def transaction(folder: Path) -> Iterator[Path]:
 
 
 def _publish(staged: Path, folder: Path) -> None:
-    places = {file: folder / file.relative_to(staged) for file in staged.rglob("*") if file.is_file()}
-    for place in places.values():
+    """Put every file in its place; a folder that is not there yet in one step, however many files it has."""
+    parts: list[Path] = []
+    for child in staged.iterdir():
+        there = child.is_dir() and (folder / child.name).is_dir()
+        parts += [file for file in child.rglob("*") if file.is_file()] if there else [child]
+    places = {part: folder / part.relative_to(staged) for part in parts}
+    for part, place in places.items():
         place.parent.mkdir(exist_ok=True)
-        if place.is_dir():  # found out before the first file is replaced
-            raise IsADirectoryError(errno.EISDIR, f"{place.name} is a folder")
-    for file, place in places.items():
-        file.replace(place)
+        if place.is_dir() or (part.is_dir() and place.exists()):  # found out before the first file is replaced
+            raise FileExistsError(errno.EEXIST, f"{place.name} is a {'folder' if place.is_dir() else 'file'}")
+    for part, place in places.items():
+        part.replace(place)
 
 
 def _remove(path: Path) -> None:

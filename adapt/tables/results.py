@@ -62,13 +62,28 @@ class Tables:
 def as_csv(table: pd.DataFrame) -> str:
     """Format a table as CSV with every digit that the numbers have; an empty cell is 'no value'.
 
-    pandas would write the same, in half as much time again.
+    pandas would write the same, in twice as much time.
     """
+    header = [_text(name) for name in table]
+    lines = [header, *zip(*(_cells(table[name]) for name in table), strict=True)]
+    return "".join(f"{','.join(cells)}\n" for cells in lines)
+
+
+def _cells(column: pd.Series) -> list[str]:
+    values = column.tolist()
+    if column.dtype.kind in "iuf":
+        return ["" if x != x else repr(x) for x in values]
+    texts = {value: _text(value) for value in set(values)}
+    return [texts[value] for value in values]
+
+
+def _text(value: object) -> str:
+    """A cell with the quotation marks that it needs."""
+    if value is None or value != value:
+        return ""
     text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(table.columns)
-    rows.writerows(zip(*([None if x != x else x for x in table[name].tolist()] for name in table), strict=True))
-    return text.getvalue()
+    csv.writer(text, lineterminator="\n").writerow([value, ""])
+    return text.getvalue().removesuffix(",\n")
 
 
 def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:
