@@ -98,7 +98,7 @@ def shares_in_float64(data: ProblemBatch) -> dict[str, float]:
     """Of posture fits, with the models as they are, and of adaptations: those that did not converge in float32."""
     single = as_type(data, np.float32)
     girdle, angles, measured = of_postures(single)
-    fits = fitted_from_places((girdle, angles, objective_weights(measured)), careful=False)
+    fits = fitted_from_places((girdle, angles, objective_weights(measured)))
     theta = np.clip(single.girdle.adapted_mm, *single.bounds_mm)
     swept = sweep_from(fixed_problem(single, np.full(data.counted.shape[1], WEIGHT)), theta, single.angles)
     return {"posture_fits": float(1.0 - fits.converged.mean()), "adaptations": float(1.0 - swept.converged.mean())}

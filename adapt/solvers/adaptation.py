@@ -302,7 +302,7 @@ def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np
 def fitted_angles(data: ProblemBatch, theta: Float[Array, " adapted problems"]) -> Float[Array, " 6 postures problems"]:
     """Fit the postures of every problem with its own girdle at theta; padding is a copy of the last that counts."""
     girdles = data.girdles_at(theta, *np.nonzero(data.counted))
-    return _over_postures(data, fit_batch(girdles, *_of_rows(data), careful=True).angles)
+    return _over_postures(data, fit_batch(girdles, *_of_rows(data)).angles)
 
 
 def _of_rows(data: ProblemBatch) -> tuple[Float[np.ndarray, "6 rows"], Bool[np.ndarray, "6 rows"]]:

@@ -36,6 +36,11 @@ OPEN_CHAIN_MM = 1e-6
 """A chain still open by more than this after closing it from every start cannot be closed here."""
 
 
+_FAR_START_DEG2 = 200.0
+"""J from which a start of an adaptation is looked for from more places: it need not be the lowest. With fewer places
+the adaptation takes longer than they would."""
+
+
 @dataclass(frozen=True)
 class Fitted:
     """Posture fits of a batch of problems."""
@@ -71,12 +76,11 @@ def fit_batch(
     angles: Float[np.ndarray, "6 problems"],
     measured: Bool[np.ndarray, "6 problems"],
     start: Float[np.ndarray, "6 problems"] | None = None,
-    careful: bool = False,
 ) -> Fitted:
     """Find the closed posture of each problem closest to its measured angles (rad), with multipliers and status.
 
     Every problem starts from ``start``, else from its measured angles and from where its chain closes nearest to them,
-    and the lower J wins; where that is far, also from where it closes next to places around, ``careful`` where nearer.
+    and the lower J wins; where that is far, also from where it closes next to places around.
     One that does not converge starts again where it closes from nine other places. A problem whose chain closes from
     nowhere is ``unreachable`` and keeps the angles where it is least open; one with fewer than three angles, or with a
     girdle that has no numbers (its adaptation failed), is ``invalid``.
@@ -87,7 +91,7 @@ def fit_batch(
     weights = objective_weights(measured)
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0) & _finite(girdle)
     target = at_rest_where_unknown(target, determined)
-    fitted = as_fitted(_solved(girdle, target, weights, start, careful))
+    fitted = as_fitted(_solved(girdle, target, weights, start))
     girdle, target = as_type((girdle, target), float)
     fitted.status[~determined] = status.INVALID
     least_open = np.full(len(determined), np.inf)
@@ -118,7 +122,7 @@ def nearby_angles(
     """Fit postures by the fast path alone, for a start: where that does not converge, the angles (rad) that it ends
     with, or the measured ones if they are not finite."""
     target = at_rest_where_unknown(angles, measured)
-    found = fitted_from_places((girdle, target, objective_weights(measured)), careful=False).angles
+    found = fitted_from_places((girdle, target, objective_weights(measured)), _FAR_START_DEG2).angles
     return np.where(np.isfinite(found).all(axis=0), found, target)
 
 
@@ -164,19 +168,19 @@ def _unsolved(closed, residual, target, weights) -> Fitted:
     return Fitted(closed, np.zeros_like(residual), residual, np.full_like(j, np.nan), j, words, np.zeros(len(j), bool))
 
 
-def _solved(girdle: AnyGirdle, target, weights, start, careful: bool) -> SweptPostures:
+def _solved(girdle: AnyGirdle, target, weights, start) -> SweptPostures:
     """Take the fast path, then projections where needed; after float32 first the fast path in float64."""
     if not isinstance(girdle, Girdle):
         return _projected(girdle, target, weights, start)
     problem = girdle, target, weights
-    quick = as_type(fitted_from_places(problem, careful) if start is None else fitted_from(problem, start), float)
+    quick = as_type(fitted_from_places(problem) if start is None else fitted_from(problem, start), float)
     left = np.flatnonzero(~quick.converged & (weights > 0.0).any(axis=0))  # without weights it is padding
     if len(left):
         girdle, target, weights = take_problems(problem, left)
         start = None if start is None else start[:, left]
         if target.dtype == np.float32:
             girdle, target = as_type((girdle, target), float)
-            further = _solved(girdle, target, weights, start, careful)
+            further = _solved(girdle, target, weights, start)
         else:
             further = _projected(girdle, target, weights, start)
         put_lower(quick, left, further)

@@ -157,7 +157,7 @@ def _gaps_deg(
     if not len(problem):
         return np.full((6, *tested.shape), np.nan)
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
-    found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured, careful=True)
+    found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
     result = np.full((6, *tested.shape), np.nan)
     result[:, posture, problem] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan

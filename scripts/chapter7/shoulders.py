@@ -93,7 +93,7 @@ def closest(girdle: Girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.nda
     """Fit the closest closed posture of each row, rad; NaN where there is none, and where an angle is not known."""
     known = np.isfinite(angles).all(axis=0) & np.isfinite(girdle.adapted_mm).all(axis=0)
     part = np.flatnonzero(known)
-    fitted = fit_batch(take_problems(girdle, part), angles[:, part], np.ones((6, len(part)), bool), careful=True)
+    fitted = fit_batch(take_problems(girdle, part), angles[:, part], np.ones((6, len(part)), bool))
     found = np.full(angles.shape, np.nan)
     found[:, part] = np.where(fitted.status == status.OK, fitted.angles, np.nan)
     return found

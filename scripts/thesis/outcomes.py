@@ -159,7 +159,7 @@ def _postures(data: ProblemBatch, theta: np.ndarray) -> Fitted:
     angles, measured = (np.asarray(x).reshape(6, -1) for x in (data.angles, data.measured))
     all_in = bool(data.measured[:, data.counted].all())
     girdles = data.girdles_at(theta, posture, problem)
-    return fit_batch(girdles, angles, measured, start=None if all_in else angles, careful=all_in)
+    return fit_batch(girdles, angles, measured, start=None if all_in else angles)
 
 
 def _adapted(data: ProblemBatch, variant: Variant, before: _Fit) -> _Fit:

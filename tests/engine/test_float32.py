@@ -72,7 +72,7 @@ def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
     """Measured angles far from any closed chain: many valleys."""
     data = as_type(problem_batch(pack(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32)
     problem = girdle_, angles, measured = of_postures(data)
-    done = fitted_from_places((girdle_, angles, objective_weights(measured)), careful=False).converged
+    done = fitted_from_places((girdle_, angles, objective_weights(measured))).converged
     assert 0.5 < done.mean() < 0.98
     found, double = fit_batch(*problem), fit_batch(*as_type(problem, float))
     assert found.angles.dtype == float

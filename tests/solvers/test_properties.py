@@ -182,9 +182,9 @@ def test_the_gap_never_grows_when_an_angle_need_not_be_met(seed, angle):
     """The sum of squares of the others, which the fit is free to bring down further."""
     angles, measured_ones = measured(seed), np.ones((6, POSTURES), bool)
     girdle = repeated(R2, POSTURES)
-    all_six = fit_batch(girdle, angles, measured_ones, careful=True)
+    all_six = fit_batch(girdle, angles, measured_ones)
     measured_ones[angle] = False
-    without = fit_batch(girdle, angles, measured_ones, careful=True)
+    without = fit_batch(girdle, angles, measured_ones)
     assert set(all_six.status) == set(without.status) == {status.OK}
     near = all_six.j_deg2 < FEW_VALLEYS_LEFT_OUT_DEG2
     assert (5.0 * without.j_deg2 <= 6.0 * all_six.j_deg2 * (1.0 + RISES))[near].all()

@@ -28,14 +28,10 @@ OFFSETS_SEED = 0
 OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
 """Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
 
-_FAR_DEG2 = 64.0
-"""From such a J on (8 deg rms, what measured postures leave with R2 as it is) which valley a path ends in is chance: a
-fit starts from more places. With noise of 5 to 25 deg 2 % of those with a J of 64 to 200 ended in a higher valley than
-the lowest of 40 other places, and none of 3400 from all places here; beyond 200 still 3 %, for valleys are many."""
-
-_CAREFUL_DEG2 = 15.0
-"""The same (4 deg rms) where an adaptation depends on it: of 3000 simulated ones with noise of 4 deg 56 then end with a
-lower E, with 0 one more; it takes 1.3 times as long."""
+_FAR_DEG2 = 15.0
+"""From such a J on (4 deg rms) which valley a path ends in is chance: a fit starts from more places. Of 3000 simulated
+adaptations with noise of 4 deg 56 end with a lower E than with 200, with 0 one more. Measured postures leave 64 with R2
+as it is. Beyond 200 valleys are many: 3 % of fits end in a higher one than the lowest of 40 other places."""
 
 _WIDER = 2.0
 """Times as far for an angle that was not measured, whose fit begins at rest: a raised arm is up to 80 degrees off."""
@@ -55,12 +51,12 @@ _TRACKING_ROUNDS = (10, 40)
 """The same in each step along a motion."""
 
 
-def fitted_from_places(problem: Problem, careful: bool) -> SweptPostures:
+def fitted_from_places(problem: Problem, far_deg2: float = _FAR_DEG2) -> SweptPostures:
     """Find the lowest of the optima reached from the measured angles, from where the chain closes next to them and,
     where needed, from where it closes next to two places around.
 
-    They are needed where the first two starts do not lead to one optimum, or to one far from the measured angles; where
-    what they find is far too, six more places are tried. ``careful``: nearer is far too. In
+    They are needed where the first two starts do not lead to one optimum, or to one with a J from ``far_deg2`` on;
+    where what they find is as far, six more places are tried. In
     float32 a problem has converged only if every start has led to an optimum: one not found there may be the lowest.
     """
     problem = _contiguous(problem)
@@ -69,7 +65,6 @@ def fitted_from_places(problem: Problem, careful: bool) -> SweptPostures:
     first = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
     found, settled = first.swept, first.settled
     begins_at_rest = (problem[2] <= 0.0).any(axis=0)  # in an angle that was not measured
-    far_deg2 = _CAREFUL_DEG2 if careful else _FAR_DEG2
     needed = ~first.settled | first.apart | ~found.converged | (found.j_deg2 >= far_deg2) | begins_at_rest
     for offsets in OFFSETS_DEG.reshape(-1, 2, 6):
         again = np.flatnonzero(needed)
