@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import jax
 import numpy as np
@@ -19,12 +20,10 @@ from adapt.tables.held_out import NOTHING
 from adapt.tables.results import (
     ALL_MOTIONS,
     STATISTICS,
-    SubjectRows,
     Tables,
     fits_table,
     parameters_table,
     rows_of_subjects,
-    summary_of,
     summary_table,
 )
 from adapt.trust.covariance import Uncertainty, uncertainty
@@ -45,20 +44,21 @@ class PostureFits:
     """Problems in the order of the motions' rows."""
     fits: pd.DataFrame
     """One row a model and posture: the columns of ``fits.csv``."""
-    summary: pd.DataFrame
-    """Mean absolute difference of each angle by model, motion and subject: Tables 6.1 and 6.2."""
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Mean absolute difference of each angle by model, motion and subject: Tables 6.1 and 6.2."""
+        return summary_table(self.fits)
 
 
 @dataclass(frozen=True)
-class Adaptations(PostureFits, Tables):
+class Adaptations(Tables, PostureFits):
     """The same before and after adaptation, with the adapted parameters."""
 
     adapted: dict[str, Adapted]
     """By model; problems in the order of ``motions.subjects``."""
     uncertainty: Uncertainty
     """Of problem number = model * subjects + subject."""
-    subjects: SubjectRows
-    """What the summary is made of."""
 
 
 def fit_postures(
@@ -74,7 +74,7 @@ def fit_postures(
     """
     motions = _with_gaps(motions)
     by_model, fits = _before(motions, as_list(models), progress, _type_of(dtype, effects), effects)
-    return PostureFits(by_model, fits, summary_table(fits))
+    return PostureFits(by_model, fits)
 
 
 def _before(
@@ -135,17 +135,15 @@ def adapt_subjects(
     by_model = _by_model(models, rows_of_optima(rows, batch, data, adapted))
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
     fits = pd.concat([before, *tables], ignore_index=True)
-    subjects = rows_of_subjects(fits)
     parameters = parameters_table(motions.subjects, models, results, uncertain.sd_mm, fits)
     chosen = sample(motions.subjects) if held_out is None else held_out
     heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, effects, chosen)
     return Adaptations(
         by_model=by_model,
         fits=fits,
-        summary=summary_of(subjects, heldout),
         adapted=results,
         uncertainty=uncertain,
-        subjects=subjects,
+        subjects=rows_of_subjects(fits),
         parameters=parameters,
         heldout=heldout,
     )

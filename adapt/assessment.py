@@ -21,7 +21,7 @@ from adapt.tables.before_after import before_and_after
 from adapt.tables.contact_table import contact_table
 from adapt.tables.held_out import MOTION, POSTURES, by_subject
 from adapt.tables.muscle_tables import serratus_arms
-from adapt.tables.results import DIFFERENCES, summary_of
+from adapt.tables.results import DIFFERENCES
 from adapt.trust.changed_forces import force_checks
 from adapt.trust.covariance import NORMAL_95, Uncertainty, sd
 from adapt.trust.flat_directions import FLAT_MM, flat_directions
@@ -91,7 +91,7 @@ def assess_trust(
     if choose_weight:
         weights = weight_table(data, subjects, names, folds(motions, batch), progress=progress)
     summary = _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible)
-    result = replace(result, heldout=heldout, summary=summary_of(result.subjects, heldout))
+    result = replace(result, heldout=heldout)
     return Trust(result, summary, spread, plausible, contact, weights)
 
 

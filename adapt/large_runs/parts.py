@@ -21,7 +21,7 @@ import pandas as pd
 from adapt.api import adapt_subjects
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
-from adapt.tables.results import Tables, as_csv, summary_of
+from adapt.tables.results import Tables, as_csv
 from models.effects.known import Amplitudes
 from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces
@@ -135,13 +135,11 @@ class Parts:
             atomic_write_pieces(folder / "fits.csv", _joined(parts, [f"fits{state}/{k}.csv" for state, k in states]))
             atomic_write_pieces(folder / "parameters.csv", _joined(parts, parameters))
             atomic_write_pieces(folder / "heldout.csv", _joined(parts, heldout))
-            unseen = _table(parts, heldout)
-            by_subject = {(models[k].name, s): _table(parts, [f"summary{s}/{k}.csv"]) for s, k in states}
             tables = Tables(
                 fits=_table(parts, [f"shown{state}/{k}.csv" for state, k in states]),
-                summary=summary_of(by_subject, unseen),
                 parameters=_table(parts, parameters),
-                heldout=unseen,
+                heldout=_table(parts, heldout),
+                subjects={(models[k].name, s): _table(parts, [f"summary{s}/{k}.csv"]) for s, k in states},
             )
             failed = {subject: why for part in parts for subject, why in json.loads(part.read("failed.json")).items()}
         atomic_write_pieces(folder / "summary.csv", _pieces(tables.summary))

@@ -7,6 +7,7 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -42,12 +43,18 @@ class Tables:
 
     fits: pd.DataFrame
     """One row a model, posture and state (adapted or not): the columns of ``fits.csv``."""
-    summary: pd.DataFrame
-    """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4; and on what was held out."""
     parameters: pd.DataFrame
     """One row a model and subject: the columns of ``parameters.csv``; Tables 6.5 and 6.6."""
     heldout: pd.DataFrame
     """One row a model, subject and part held out: the columns of ``heldout.csv``; none of whom none was asked for."""
+    subjects: SubjectRows
+    """What the summary is made of."""
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """Mean absolute difference of each angle by model, motion and subject: Tables 6.1-6.4; and of what was held
+        out."""
+        return summary_of(self.subjects, self.heldout)
 
     def select(self, subjects: Sequence[str]) -> "Tables":
         """Select the tables of these subjects alone; these tables themselves if that is all."""
@@ -56,7 +63,7 @@ class Tables:
             return self
         fits = self.fits[self.fits["subject"].isin(subjects)]
         heldout = self.heldout[self.heldout["subject"].isin(subjects)]
-        return Tables(fits, summary_table(fits, heldout), self.parameters[mine], heldout)
+        return Tables(fits, self.parameters[mine], heldout, rows_of_subjects(fits))
 
 
 def as_csv(table: pd.DataFrame) -> str:

@@ -12,7 +12,7 @@ from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.posture_fits import Fitted
 from adapt.tables.held_out import BONE_PREFIXES, COLUMNS, MOTION
-from adapt.tables.results import fits_table, parameters_table, rows_of_subjects, summary_table
+from adapt.tables.results import fits_table, parameters_table, rows_of_subjects
 from adapt.trust.covariance import Uncertainty
 from adapt.trust.curvature import Curvature
 from models.adapted_parameters import ADAPTED
@@ -77,7 +77,6 @@ def adaptations(
     return Adaptations(
         by_model=by_model,
         fits=fits,
-        summary=summary_table(fits, heldout),
         subjects=rows_of_subjects(fits),
         adapted=results,
         uncertainty=uncertainty,

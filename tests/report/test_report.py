@@ -275,7 +275,7 @@ def test_the_gap_held_out_stands_beside_the_one_in_sample_and_says_of_whom():
     motions = motions_of(rising(3, 4))
     made = adaptations(motions, R2)
     heldout = made.heldout.query("subject != 's2'")
-    two = replace(made, heldout=heldout, summary=summary_table(made.fits, heldout))
+    two = replace(made, heldout=heldout)
     said = words_of(report_html(motions, R2, two))
     assert f"{UNSEEN_DEG}° {UNSEEN_DEG}° 12 of 12" in said
     assert "of 2 of the subjects" in said
