@@ -121,7 +121,7 @@ def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> p
     return pd.DataFrame(columns)
 
 
-def summary_table(fits: pd.DataFrame, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
+def summary_table(fits: pd.DataFrame) -> pd.DataFrame:
     """Tabulate ``summary.csv``: mean absolute difference in degrees by subject and angle.
 
     The rows mean, std, max and min come with the subjects. The layout is that of Tables 6.1-6.4, one block per model,
@@ -131,7 +131,7 @@ def summary_table(fits: pd.DataFrame, heldout: pd.DataFrame = NOTHING) -> pd.Dat
     motion, each in turn for all motions together, thirds of the postures of who has a single motion. Empty for who was
     not held out (``heldout.csv``).
     """
-    return summary_of(rows_of_subjects(fits), heldout)
+    return summary_of(rows_of_subjects(fits))
 
 
 def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:

@@ -241,6 +241,13 @@ def test_a_folder_where_a_table_should_be_changes_nothing(quick, motion, tmp_pat
     assert contents(tmp_path / "out") == {}
 
 
+def test_a_file_where_a_folder_should_be_changes_nothing(quick, motion, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "models").write_text("mine")
+    refused(girdle("adapt", motion, "--out", tmp_path / "out"), str(tmp_path / "out"), "cannot be written", "--out")
+    assert contents(tmp_path / "out") == {"models": b"mine"}
+
+
 def test_a_cache_that_cannot_be_used_is_no_matter(motion, tmp_path):
     """No folder for compiled programs can be made below a file."""
     (tmp_path / "cache").write_text("")

@@ -95,7 +95,8 @@ def test_worlds_of_several_causes_have_each_number_of_them_and_smooth_courses_be
     assert {case.discrepancy_deg for *_, case in asked} == {DISCREPANCY_DEG}
     folder, names, case = max(asked, key=lambda world: len(world[1]))
     write_case(folder, names, replace(case, subjects=2))
-    assert json.loads((folder / "truth.json").read_text())["label"] == "+".join(names)
+    truth = json.loads((folder / "truth.json").read_text())
+    assert (truth["label"], truth["discrepancy_deg"]) == ("+".join(names), DISCREPANCY_DEG)
     assert set(read_motions(folder / "motions.csv").subjects) == {"simulated_01", "simulated_02"}
 
 

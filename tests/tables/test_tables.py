@@ -13,6 +13,8 @@ from adapt.tables.results import (
     STATISTICS,
     as_csv,
     parameter_statistics,
+    rows_of_subjects,
+    summary_of,
     summary_table,
 )
 from models.adapted_parameters import ADAPTED
@@ -146,7 +148,7 @@ def before_and_after(model: str = "R2") -> pd.DataFrame:
 
 def test_the_gap_held_out_stands_beside_that_in_sample():
     """One: (2 1 + 4) / 3 = 2; two: (2 3 + 6) / 3 = 4, its only motion's too; three was not held out."""
-    summary = summary_table(before_and_after(), heldout(*UNSEEN))
+    summary = summary_of(rows_of_subjects(before_and_after()), heldout(*UNSEEN))
     assert summary.columns.tolist()[-4:] == ["postures", "postures_ok", *HELD_OUT.values()]
     expected = {
         ALL_MOTIONS: {"one": 2.0, "two": 4.0, "mean": 3.0, "std": np.sqrt(2.0), "max": 4.0, "min": 2.0},
@@ -163,8 +165,8 @@ def test_the_gap_held_out_stands_beside_that_in_sample():
 
 def test_the_gap_held_out_is_that_of_its_model():
     both = pd.concat([before_and_after(), before_and_after("R4")], ignore_index=True)
-    summary = summary_table(
-        both, pd.concat([heldout(*UNSEEN), heldout(("one", MOTION, "flexion", 1, 9.0), model="R4")])
+    summary = summary_of(
+        rows_of_subjects(both), pd.concat([heldout(*UNSEEN), heldout(("one", MOTION, "flexion", 1, 9.0), model="R4")])
     )
     mean = {model: block(summary, model=model, adapted=1, motion="all").loc["mean"] for model in ("R2", "R4")}
     assert {model: row["clavicle_held_out_deg"] for model, row in mean.items()} == {"R2": 3.0, "R4": 9.0}
@@ -174,7 +176,7 @@ def test_without_a_gap_in_sample_there_is_none_held_out():
     """A motion that could not be fitted, of who was held out by thirds of the other one."""
     lost = before_and_after()
     lost.loc[(lost["subject"] == "three") & (lost["motion"] == "flexion"), "status"] = status.UNREACHABLE
-    summary = summary_table(lost, heldout(("three", POSTURES, "third 1", 1, 5.0)))
+    summary = summary_of(rows_of_subjects(lost), heldout(("three", POSTURES, "third 1", 1, 5.0)))
     held = [block(summary, motion=m, adapted=1).loc["three", "scapula_held_out_deg"] for m in ("all", "abduction")]
     assert held == [10.0, 10.0]
     assert np.isnan(block(summary, motion="flexion", adapted=1).loc["three", "scapula_held_out_deg"])
@@ -182,7 +184,7 @@ def test_without_a_gap_in_sample_there_is_none_held_out():
 
 @pytest.mark.parametrize("nothing", [NOTHING, heldout()])
 def test_without_anything_held_out_the_columns_are_empty(nothing):
-    summary = summary_table(before_and_after(), nothing)
+    summary = summary_of(rows_of_subjects(before_and_after()), nothing)
     assert summary[list(HELD_OUT.values())].isna().to_numpy().all()
     pd.testing.assert_frame_equal(summary, summary_table(before_and_after()))
 
