@@ -14,14 +14,13 @@ each other as their errors are.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from adapt.solvers import status
-from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, ELLIPSOID
-from models.ellipsoid import distance_and_normal
-from models.girdle import Girdle, landmarks
+from adapt.solvers.reference.constraints import ByHand
+from models.adapted_parameters import ADAPTED_PARAMETERS
+from models.girdle import Girdle
 from motions.rotations import DEG
 
 _MOST_STEPS = 300
@@ -72,11 +71,12 @@ def least_change(
 
     ``ok`` where it rests and the chain is closed, else ``not_converged``.
     """
-    theta, scale = np.asarray(girdle.adapted_mm), sd_mm[:, None]
+    chain, theta, scale = ByHand(girdle), np.asarray(girdle.adapted_mm), sd_mm[:, None]
     lowest = np.where(_LENGTHS[:, None], _LEAST_AXIS_MM - theta, -np.inf)
     change, part, before = np.zeros_like(theta), np.ones(theta.shape[1]), np.full(theta.shape[1], np.inf)
     for _ in range(_MOST_STEPS):
-        g, T = _closing(girdle.with_adapted(theta + change), angles)
+        at = np.concatenate([angles, theta + change])
+        g, T = chain.residual(at), chain.slopes(at)[:, 6:]
         TS = T * scale[None]
         wanted = np.einsum("ijp,jp->ip", T, change) - g
         step = scale * np.einsum("ijp,ip->jp", TS, _solve(np.einsum("ikp,jkp->ijp", TS, TS), wanted)) - change
@@ -85,7 +85,7 @@ def least_change(
         change, before = np.maximum(change + part * step, lowest), length
         if (length <= _SETTLED_MM).all():
             break
-    g, _ = _closing(girdle.with_adapted(theta + change), angles)
+    g = chain.residual(np.concatenate([angles, theta + change]))
     good = (before <= _SETTLED_MM) & (np.abs(g) <= _SETTLED_MM).all(axis=0)
     change = np.where(good, change, np.nan)
     return EllipsoidChange(change, change / scale, np.where(good, status.OK, status.NOT_CONVERGED))
@@ -95,29 +95,10 @@ def foreseen_square_sd(
     girdle: Girdle, closed: Float[np.ndarray, "6 postures"], noise_deg: float, sd_mm: Float[np.ndarray, " adapted"]
 ) -> Float[np.ndarray, "adapted postures"]:
     """Compute the expected (delta / SD)^2 of closed postures (rad) measured with errors of SD ``noise_deg``."""
-    _, T = _closing(girdle, closed)
-    TS = T * sd_mm[None, :, None]
-    G = np.asarray(jax.vmap(lambda unit: jax.jvp(girdle.residuals_mm, (closed,), (unit,))[1])(_units(closed)))
-    by_error = np.einsum("ikp,iap->kap", TS, _solve(np.einsum("ikp,jkp->ijp", TS, TS), np.moveaxis(G, 0, 1)))
+    slopes = ByHand(girdle).slopes(np.concatenate([closed, girdle.adapted_mm]))
+    G, TS = slopes[:, :6], slopes[:, 6:] * sd_mm[None, :, None]
+    by_error = np.einsum("ikp,iap->kap", TS, _solve(np.einsum("ikp,jkp->ijp", TS, TS), G))
     return (noise_deg / DEG) ** 2 * (by_error**2).sum(axis=1)
-
-
-def _units(closed: Float[np.ndarray, "6 postures"]) -> Float[np.ndarray, "6 6 postures"]:
-    return np.broadcast_to(np.eye(len(closed))[..., None], (len(closed), *closed.shape)).copy()
-
-
-def _closing(girdle: Girdle, angles) -> tuple[Float[np.ndarray, "3 postures"], Float[np.ndarray, "3 adapted postures"]]:
-    """g and T = dg/dtheta: dd/dM = -n, dd/da_i = -x_i n_i / a_i at the closest point x, dg/dL_conoid = -1."""
-    at = landmarks(girdle, angles)
-    g, T = np.asarray(girdle.residuals_mm(angles)), np.zeros((3, len(ADAPTED), angles.shape[1]))
-    for row, point in enumerate((at.TS, at.AI)):
-        d, n = distance_and_normal(point, girdle.centre_mm, girdle.semi_axes_mm)
-        x = point - girdle.centre_mm - d * n
-        for k, one in enumerate(ELLIPSOID):
-            i = one.component
-            T[row, k] = -x[i] * n[i] / girdle.semi_axes_mm[i] if one.is_length else -n[i]
-    T[2, -1] = -1.0
-    return g, T
 
 
 def _solve(V: Float[np.ndarray, "3 3 postures"], b: Float[np.ndarray, "3 *columns postures"]) -> np.ndarray:

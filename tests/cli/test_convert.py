@@ -6,7 +6,6 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
@@ -300,7 +299,7 @@ def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
 def test_the_opensim_model_places_the_bones_as_this_one_does(name):
     """Each bone's pose at rest, from the numbers in the file alone and OpenSim's own order of transforms."""
     girdle_ = load_model(name).girdle
-    at = chain_landmarks(girdle_, *bone_rotations(jnp.asarray(REST_DEG / float(DEG))))
+    at = chain_landmarks(girdle_, *bone_rotations(REST_DEG / float(DEG)))
     Q = np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
     expected = {point: Q @ np.asarray(getattr(at, point)) / 1000.0 for point in ("AC", "TS", "AI")}
     document = ET.fromstring(opensim_model(load_model(name)))
@@ -316,7 +315,7 @@ def test_the_opensim_model_places_the_bones_as_this_one_does(name):
     residuals = constraint_errors_m(document, poses)
     assert residuals["acromioclavicular"] < 1e-12
     assert residuals["conoid"] == pytest.approx(
-        float(girdle_.residuals_mm(jnp.asarray(REST_DEG / float(DEG)))[2]) / 1000.0, abs=1e-12
+        float(girdle_.residuals_mm(REST_DEG / float(DEG))[2]) / 1000.0, abs=1e-12
     )
 
 

@@ -3,7 +3,6 @@
 import json
 from dataclasses import asdict, astuple, replace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -60,8 +59,8 @@ def turned_gap(angles: np.ndarray, left_deg: np.ndarray, right_deg: np.ndarray, 
     def bone(k: int) -> np.ndarray:
         at, shape = angles[3 * k : 3 * k + 3], angles[:3].shape
         left, right = (np.broadcast_to(x[k][:, None] / DEG, shape) for x in (left_deg, right_deg))
-        R = compose(rotation_from_vector(jnp.asarray(left)), rotation_from_cardan(jnp.asarray(at)))
-        return np.asarray(cardan_from_rotation(compose(R, rotation_from_vector(jnp.asarray(right)))))
+        R = compose(rotation_from_vector(left), rotation_from_cardan(at))
+        return np.asarray(cardan_from_rotation(compose(R, rotation_from_vector(right))))
 
     elevation_deg = np.linspace(0.0, 150.0, angles.shape[1])
     data = observed(np.concatenate([bone(0), bone(1)]), elevation_deg)

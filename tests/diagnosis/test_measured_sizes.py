@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
@@ -34,8 +32,8 @@ def shoulders(**amplitudes: tuple[float, ...]) -> Shoulders:
     count = len(motions.posture)
     strengths = tuple(np.repeat(np.array(a)[:, None], count, 1) for a in amplitudes.values())
     active = ActiveEffects(strengths, tuple(EFFECTS[name] for name in amplitudes))
-    angles = jnp.asarray(np.deg2rad(motions.angles_deg.T))
-    changed = ExtendedGirdle(jax.tree.map(jnp.asarray, BASE.repeated(count)), active)
+    angles = np.deg2rad(motions.angles_deg.T)
+    changed = ExtendedGirdle(BASE.repeated(count), active)
     points = np.asarray(changed.landmarks_mm(angles))
     return shoulders_of(replace(motions, landmarks_mm={name: points[:, k].T for k, name in enumerate(SHOWN)}))
 

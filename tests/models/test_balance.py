@@ -121,12 +121,13 @@ def test_contact_forces_are_the_multipliers_of_the_constraints(solved):
     """Virtual work in the six angles: the multipliers of A1-A3 are the forces of TS and AI, and minus the conoid's."""
     lines, girdle, q, found, _, forces = solved
     by_angle = arms_by_angle_mm(lines, found, girdle, q)
-    slopes = np.moveaxis(np.asarray(jax.jacfwd(lambda q: constraint_residuals_mm(girdle, q).sum(axis=-1))(q)), -1, 0)
+    by_q = few_runs(jax.jacfwd(lambda q: constraint_residuals_mm(girdle, q).sum(axis=-1)))
+    slopes = np.moveaxis(np.asarray(by_q(q)), -1, 0)
 
     def height(q):
         return (landmarks(girdle, q).AC + rotate(rotation_from_cardan(q[3:]), lines.gh_mm[:, None]))[1].sum()
 
-    falling = -WEIGHT_N * np.asarray(jax.grad(height)(q))
+    falling = -WEIGHT_N * np.asarray(few_runs(jax.grad(height))(q))
     for p in range(q.shape[1]):
         generalised = by_angle[..., p] @ forces.force_N[:, p] + falling[:, p]
         multipliers, left, *_ = np.linalg.lstsq(-slopes[p].T, generalised, rcond=None)

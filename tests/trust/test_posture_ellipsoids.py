@@ -94,7 +94,9 @@ def test_noise_alone_gives_the_foreseen_course(closed):
     girdle, angles = closed
     foreseen = foreseen_square_sd(girdle, angles, SMALL_DEG, SD_MM)
     errors = SMALL_DEG / DEG * np.random.default_rng(7).standard_normal((400, *angles.shape))
-    found = np.array([least_change(girdle, angles + one, SD_MM).in_sd for one in errors])
+    measured = np.moveaxis(angles + errors, 0, 1).reshape(6, -1)  # all of them at once
+    every = jax.tree.map(lambda x: np.tile(x, 400), girdle)
+    found = np.moveaxis(least_change(every, measured, SD_MM).in_sd.reshape(6, 400, -1), 1, 0)
     squares = (found**2).mean(axis=0)
     np.testing.assert_allclose(squares.sum(axis=0), foreseen.sum(axis=0), rtol=4.0 * CHANCE)
     np.testing.assert_allclose(squares.mean(axis=1), foreseen.mean(axis=1), rtol=CHANCE)

@@ -99,8 +99,9 @@ def _of_sets(effect: Effect, girdle: Girdle) -> tuple[np.ndarray, np.ndarray]:
         return jnp.stack([*changed.sc_mm, changed.ac_mm[0], changed.ts_mm[0], *changed.ai_mm[:2]])
 
     none = jnp.zeros(len(effect.directions))
-    both = jax.vmap(lambda one: (numbers(none, one), jax.jacfwd(numbers)(none, one)), in_axes=-1)(girdle)
-    return np.asarray(both[0]), np.asarray(both[1])
+    both = jax.vmap(lambda one: (numbers(none, one), jax.jacfwd(numbers)(none, one)), in_axes=-1)
+    of_set, slopes = jax.jit(both)(girdle)
+    return np.asarray(of_set), np.asarray(slopes)
 
 
 def _alone(more_mm, sd_mm, slopes) -> tuple[np.ndarray, np.ndarray] | None:
