@@ -70,7 +70,7 @@ class Tables:
 def as_csv(table: pd.DataFrame) -> str:
     """Format a table as CSV with every digit that the numbers have; an empty cell is 'no value'.
 
-    pandas would write the same numbers, in five times as much time.
+    pandas would write the same, in three times as much time.
     """
     header = [_text(name) for name in table]
     lines = [header, *zip(*(_cells(table[name]) for name in table), strict=True)]
@@ -86,11 +86,17 @@ def _cells(column: pd.Series) -> list[str]:
 
 
 def _number_cells(numbers: Shaped[np.ndarray, " rows"]) -> list[str]:
-    """The shortest text that gives each number back."""
+    """The shortest text that gives each number back, as Python's ``repr`` writes it."""
     cells = orjson.dumps(np.ascontiguousarray(numbers), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1].decode().split(",")
-    for k in np.flatnonzero(~np.isfinite(numbers)):  # JSON has neither
-        cells[k] = "" if np.isnan(numbers[k]) else repr(float(numbers[k]))
+    size = np.abs(numbers)
+    others = np.flatnonzero(~((numbers == 0) | (size >= _LEAST_ALIKE) & (size < _FIRST_OTHER)))
+    for k, x in zip(others.tolist(), numbers[others].tolist(), strict=True):
+        cells[k] = "" if x != x else repr(x)
     return cells
+
+
+_LEAST_ALIKE, _FIRST_OTHER = 1e-4, 1e16
+"""Between them JSON writes a number as Python does. Outside Python has an exponent; not a number is in no JSON."""
 
 
 def _text(value: object) -> str:

@@ -1,8 +1,5 @@
 """The tables of results on numbers small enough to check by hand."""
 
-import csv
-import io
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -224,20 +221,13 @@ def test_parameter_statistics_of_nobody():
     assert found["model"].tolist() == []
 
 
-def test_csv_is_that_of_pandas_but_for_how_powers_of_ten_are_written():
+def test_csv_is_that_of_pandas():
     """Numbers of every size, nothing, infinity, and names that need quotation marks."""
-
-    def cells(text: str) -> list[list[str]]:
-        """Numbers as Python writes them: 1e-07, not 1e-7."""
-        header, *rows = csv.reader(io.StringIO(text))
-        return [header, *([name, *(x and repr(float(x)) for x in numbers)] for name, *numbers in rows)]
-
     generator = np.random.default_rng(4)
     values = generator.normal(size=200) * 10.0 ** generator.integers(-20, 20, 200)
-    values[:4] = np.nan, np.inf, -0.0, 1e16
+    values[:8] = np.nan, np.inf, -np.inf, -0.0, 1e16, np.nextafter(1e16, 0.0), 1e-4, np.nextafter(1e-4, 0.0)
     names = ["plain", "a,b", 'say "so"', "two\nlines", "", " space ", "ä", "=1"]
     table = pd.DataFrame({"name": np.resize(names, 200), "number": values, "count": np.arange(200), "x": np.nan})
+    table["large"] = 10**17 + np.arange(200)
     for part in (table, table.iloc[:0]):
-        assert cells(as_csv(part)) == cells(part.to_csv(index=False, lineterminator="\n"))
-    plain = pd.DataFrame(table, columns=["name", "count"])
-    assert as_csv(plain) == plain.to_csv(index=False, lineterminator="\n")
+        assert as_csv(part) == part.to_csv(index=False, lineterminator="\n")
