@@ -27,10 +27,9 @@ pytest.importorskip("nicegui", reason="nicegui, of the extra app, is not install
 pytestmark = needs_browser
 
 ROOT = Path(__file__).parents[2]
-PATIENCE_MS = 30_000.0
-"""For three children on a busy machine."""
+PATIENCE_S = 120.0
+"""After it the page hangs: a diagnosis of four shoulders takes up to half a minute on a busy machine."""
 
-PATIENCE_S = 30.0
 RECONNECT_S = 0.2
 
 START = (
@@ -76,8 +75,8 @@ def wait_for_server(port: int, server: subprocess.Popen) -> None:
 def window(address) -> Iterator[Page]:
     with browser() as one:
         page = one.new_page()
-        page.set_default_timeout(PATIENCE_MS)
-        expect.set_options(timeout=PATIENCE_MS)
+        page.set_default_timeout(PATIENCE_S * 1000)
+        expect.set_options(timeout=PATIENCE_S * 1000)
         yield page
     expect.set_options(timeout=5_000)
 
@@ -139,11 +138,9 @@ def test_measured_shoulders_are_diagnosed_and_a_broken_file_beside_them_is_remov
     shoulders = [path for path in measured_files if re.search(r"bonepin_cadaver[23]", path.name)]
     give(page, *shoulders, written(tmp_path, ["a,b", "1,2"], "broken.csv"))
     expect(page.get_by_text("broken.csv, line 1: columns subject, motion")).to_be_visible()
-    remove = page.get_by_role("button", name="remove broken.csv")
-    remove.click()
-    expect(remove).to_be_hidden()  # from then on it reads anew, and what is clicked meanwhile does nothing
     expect(page.get_by_text(re.compile(f"postures of {len(shoulders)} subjects$"))).to_be_visible()
-    page.get_by_role("button", name="Adapt and diagnose").click()
+    page.get_by_role("button", name="remove broken.csv").click()
+    page.get_by_role("button", name="Adapt and diagnose").click()  # at once: it is run when all is read anew
     report = page.frame_locator("iframe.report")
     verdict = report.get_by_role("heading", level=1)
     expect(verdict).to_contain_text(f"On unseen motions the gap of {len(shoulders)} shoulders shrinks")
