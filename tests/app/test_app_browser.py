@@ -138,9 +138,11 @@ def test_measured_shoulders_are_diagnosed_and_a_broken_file_beside_them_is_remov
     shoulders = [path for path in measured_files if re.search(r"bonepin_cadaver[23]", path.name)]
     give(page, *shoulders, written(tmp_path, ["a,b", "1,2"], "broken.csv"))
     expect(page.get_by_text("broken.csv, line 1: columns subject, motion")).to_be_visible()
+    remove = page.get_by_role("button", name="remove broken.csv")
+    remove.click()
+    expect(remove).to_be_hidden()  # from then on it reads anew, and what is clicked meanwhile does nothing
     expect(page.get_by_text(re.compile(f"postures of {len(shoulders)} subjects$"))).to_be_visible()
-    page.get_by_role("button", name="remove broken.csv").click()
-    page.get_by_role("button", name="Adapt and diagnose").click()  # at once: it is run when all is read anew
+    page.get_by_role("button", name="Adapt and diagnose").click()
     report = page.frame_locator("iframe.report")
     verdict = report.get_by_role("heading", level=1)
     expect(verdict).to_contain_text(f"On unseen motions the gap of {len(shoulders)} shoulders shrinks")

@@ -70,7 +70,6 @@ class SessionPage:
         self.session = session
         self.models = [FIRST_MODEL]
         self.busy = ""
-        self.wanted: tuple[str, ...] = ()
         self.since = 0.0
         self.errors: list[str] = []
         self.outcome: list[str] = []
@@ -153,14 +152,6 @@ class SessionPage:
             self._say(self.session.named(str(error)))
         self.busy = ""
         self._refresh()
-        wanted, self.wanted = self.wanted, ()
-        if wanted and self._ready:
-            await self._run(wanted)
-
-    @property
-    def _ready(self) -> bool:
-        """Whether what was read can be run."""
-        return self.session.motions is not None and not self.busy and not self.session.altered and bool(self.models)
 
     def _forget_results(self) -> None:
         self.session.clear_results()
@@ -217,8 +208,6 @@ class SessionPage:
         self.choices.refresh()
 
     async def _remove(self, upload: Upload) -> None:
-        if self.busy in COMMANDS:  # it was clicked before the page showed so: a run needs its files
-            return
         self.session.remove(upload)
         self.errors.clear()
         await self._read()
@@ -307,12 +296,15 @@ class SessionPage:
         if self.busy in COMMANDS:
             self._running()
             return
+        ready = self.session.motions is not None and not self.busy and not self.session.altered
         ui.select(
             list(model_names()), multiple=True, value=self.models, label="Parameter sets", on_change=self._chosen
         ).props("use-chips").style("max-width: 34rem")
         with ui.row().classes("items-center"):
             for text, commands in (("Adapt", COMMANDS[:1]), ("Adapt and diagnose", COMMANDS)):
-                ui.button(text, on_click=partial(self._run, commands)).props("no-caps").set_enabled(self._ready)
+                ui.button(text, on_click=partial(self._run, commands)).props("no-caps").set_enabled(
+                    ready and bool(self.models)
+                )
         if self.session.altered:
             ui.label("Names or options have changed: read the files again first.").classes("soft")
         elif self.session.motions is None and not self.busy:
@@ -333,8 +325,6 @@ class SessionPage:
 
     async def _run(self, commands: tuple[str, ...]) -> None:
         """Run them one after another; what one of them says wrong ends it."""
-        if self.busy == READING:  # it was clicked before the page showed so: run what is read
-            self.wanted = commands
         if self.busy:
             return
         self._forget_results()
