@@ -34,6 +34,13 @@ DIFFERENCES = [f"{angle}_difference_deg" for angle in ANGLES]
 HELD_OUT = {bone: f"{bone}_held_out_deg" for bone in BONES}
 """The last columns of the summary, by bone."""
 
+SUBJECT_COLUMNS = [
+    *("motion", "subject"),
+    *(f"{name}_deg" for name in (*ANGLES, *BONES)),
+    *("postures", "postures_ok"),
+]
+"""Of the summary, where model and state are known."""
+
 SubjectRows = Mapping[tuple[str, int], pd.DataFrame]
 """Rows of a table by model and state (0: as the model is, 1: adapted)."""
 
@@ -151,16 +158,28 @@ def summary_table(fits: pd.DataFrame) -> pd.DataFrame:
 
 def rows_of_subjects(fits: pd.DataFrame) -> SubjectRows:
     """Collect what a summary is made of: the rows of subjects, of all motions and of each, by model and state."""
-    return {key: _subject_rows(rows) for key, rows in fits.groupby(["model", "adapted"], sort=False)}
+    whole = _means(fits, "model", "adapted", "subject").assign(motion=ALL_MOTIONS)
+    each = dict(iter(_means(fits, "model", "adapted", "motion", "subject").groupby(["model", "adapted"])))
+    return {
+        key: pd.concat([rows, _by_motion(each[key])], ignore_index=True)[SUBJECT_COLUMNS]
+        for key, rows in whole.groupby(["model", "adapted"], sort=False)
+    }
 
 
-def _subject_rows(fits: pd.DataFrame) -> pd.DataFrame:
-    blocks = []
-    for motion in [ALL_MOTIONS, *fits["motion"].unique()]:
-        block = _means_by_subject(fits if motion == ALL_MOTIONS else fits[fits["motion"] == motion])
-        block.insert(0, "motion", motion)
-        blocks.append(block)
-    return pd.concat(blocks, ignore_index=True)
+def _by_motion(rows: pd.DataFrame) -> pd.DataFrame:
+    """Motions in the order in which they first appear, subjects as they stand."""
+    return rows.sort_values("motion", key=lambda motions: pd.factorize(motions)[0], kind="stable")
+
+
+def _means(fits: pd.DataFrame, *keys: str) -> pd.DataFrame:
+    """Mean absolute differences of the postures with the same keys."""
+    good = fits["status"] == status.OK
+    absolute = fits[DIFFERENCES].abs().where(good).set_axis([f"{angle}_deg" for angle in ANGLES], axis=1)
+    groups = absolute.assign(postures=1, postures_ok=good).groupby([fits[key] for key in keys], sort=False)
+    means = groups[list(absolute)].mean()
+    for bone, angles in BONES.items():
+        means[f"{bone}_deg"] = means.iloc[:, angles].mean(axis=1)
+    return means.join(groups[["postures", "postures_ok"]].sum()).reset_index()
 
 
 def summary_of(subjects: SubjectRows, heldout: pd.DataFrame = NOTHING) -> pd.DataFrame:
@@ -194,18 +213,6 @@ def _with_held_out(rows: pd.DataFrame, heldout: pd.DataFrame) -> pd.DataFrame:
     for bone, name in HELD_OUT.items():
         columns[name] = np.where(rows[f"{bone}_deg"].notna(), gaps[f"{bone}_gap_unseen_deg"].to_numpy(float), np.nan)
     return rows.assign(**columns)
-
-
-def _means_by_subject(rows: pd.DataFrame) -> pd.DataFrame:
-    good = rows["status"] == status.OK
-    absolute = rows[DIFFERENCES].abs().where(good)
-    absolute.columns = [f"{angle}_deg" for angle in ANGLES]
-    means = absolute.groupby(rows["subject"], sort=False).mean()
-    means["clavicle_deg"] = means.iloc[:, :3].mean(axis=1)
-    means["scapula_deg"] = means.iloc[:, 3:6].mean(axis=1)
-    means["postures"] = rows.groupby("subject", sort=False).size()
-    means["postures_ok"] = good.groupby(rows["subject"], sort=False).sum()
-    return means.reset_index()
 
 
 def _statistics(block: pd.DataFrame) -> pd.DataFrame:

@@ -1,7 +1,6 @@
 """One cell of text as a name, a whole number, a measured value or a side; InputError says what is wrong."""
 
 import math
-import re
 from typing import Literal
 
 from motions.motion_csv.columns import SIDE
@@ -9,10 +8,7 @@ from motions.motion_csv.rows import Row
 
 Side = Literal["left", "right"]
 
-# Narrower than Python's float(), which also takes "1_000" and the digits of other scripts.
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _NOT_MEASURED = ("", "nan")
-_INFINITE = ("inf", "infinity")
 SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
 """The shoulder by the words that a file may use for it."""
 
@@ -45,15 +41,25 @@ def whole_number_in(row: Row, column: str) -> int:
 def measured_in(row: Row, column: str) -> float:
     """Read the finite number in a cell; NaN (not measured) if the cell is empty or says nan."""
     text = row.cells[column]
-    value = float(text) if _NUMBER.fullmatch(text) else None
-    if value is not None and math.isfinite(value):
+    value = _number(text)
+    if math.isfinite(value):
         return value
     if text.lower() in _NOT_MEASURED:
         return math.nan
-    if value is not None or text.lower().lstrip("+-") in _INFINITE:
+    if math.isinf(value):
         raise row.error(f"{column} is infinite ({_quoted(text)})", "Empty the cell if it was not measured")
     remedy = "Write a number with a decimal point, or empty the cell if it was not measured"
     raise row.error(f"{column} is {_quoted(text)}, not a number", remedy)
+
+
+def _number(text: str) -> float:
+    """Convert to a number, NaN if it is none. ``float()`` alone would take "1_000" and the digits of any script."""
+    if "_" in text or not text.isascii():
+        return math.nan
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def angle_in(row: Row, column: str) -> float:

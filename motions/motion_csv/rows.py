@@ -110,7 +110,7 @@ def _split(text: Iterator[str], file: str) -> Iterator[tuple[int, list[str]]]:
             raise InputError(file, start, cause, "Look for a quotation mark that is not closed") from error
         if cells is None:
             return
-        if any(cell.strip() for cell in cells):
+        if any(map(str.strip, cells)):
             yield start, cells
 
 
@@ -164,7 +164,7 @@ def _check_names(columns: list[str], file: str, line: int) -> None:
 
 def _row(file: str, line: int, columns: list[str], cells: list[str]) -> Row:
     """The cells under their columns. Spaces round a cell that is interpreted are dropped."""
-    surplus = any(cell.strip() for cell in cells[len(columns) :])
+    surplus = any(map(str.strip, cells[len(columns) :]))
     if len(cells) < len(columns) or surplus:
         cause = f"the line has {len(cells)} cells where the header has {len(columns)}"
         remedy = (
@@ -173,12 +173,11 @@ def _row(file: str, line: int, columns: list[str], cells: list[str]) -> Row:
             else "Complete the line; a cell that was not measured is empty but keeps its comma"
         )
         raise InputError(file, line, cause, remedy)
-    named: dict[str, str] = {}
-    for name, cell in zip(columns, cells, strict=False):
-        if name:
-            named[name] = cell.strip() if name in KNOWN else cell
-        elif cell.strip():
+    named = {name: cell.strip() if name in KNOWN else cell for name, cell in zip(columns, cells, strict=False)}
+    if "" in named:
+        if any(cell.strip() for name, cell in zip(columns, cells, strict=False) if not name):
             raise InputError(
                 file, line, "there is a cell under a column without a name", "Name the column or remove it"
             )
+        del named[""]
     return Row(file, line, named)

@@ -3,7 +3,9 @@
 Each function looks at all postures of one subject and returns what is wrong with them, or None.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
+from statistics import fmean
 from typing import NamedTuple
 
 import numpy as np
@@ -52,12 +54,11 @@ def angle_in_radians(postures: Sequence[Posture]) -> Finding | None:
 
     The other angles of a person may be as small, and so may the scapula's z if the arm hardly moves.
     """
-    elevations = [posture.humerus_elevation_deg for posture in postures]
-    moves = np.nanmax(elevations) - np.nanmin(elevations) if np.isfinite(elevations).any() else 0.0
+    elevations = _measured(posture.humerus_elevation_deg for posture in postures)
+    moves = max(elevations) - min(elevations) if elevations else 0.0
     for angle in ("clavicle_y", "scapula_y", *(("scapula_z",) if moves > LARGE_MOTION_DEG else ())):
-        values = np.array([posture.angles_deg[ANGLES.index(angle)] for posture in postures])
-        values = values[~np.isnan(values)]
-        if len(values) >= LEAST_VALUES and np.max(np.abs(values)) <= np.pi:
+        values = _measured_deg(postures, angle)
+        if len(values) >= LEAST_VALUES and max(map(abs, values)) <= np.pi:
             cause = f"{angle}_deg never exceeds 3.14, so it looks like radians"
             return Finding(cause, "Give it in degrees, or leave its cells empty")
     return None
@@ -66,8 +67,7 @@ def angle_in_radians(postures: Sequence[Posture]) -> Finding | None:
 def elevation_in_radians(postures: Sequence[Posture]) -> Finding | None:
     """Find elevations in radians: in one motion the arm is in three places or more, and none is above pi."""
     for motion in dict.fromkeys(posture.motion for posture in postures):
-        values = {posture.humerus_elevation_deg for posture in postures if posture.motion == motion}
-        elevations = [value for value in values if not np.isnan(value)]
+        elevations = _measured({posture.humerus_elevation_deg for posture in postures if posture.motion == motion})
         if len(elevations) >= LEAST_VALUES and max(elevations) > 0.0 and max(map(abs, elevations)) <= np.pi:
             cause = f"humerus_elevation_deg of motion {motion!r} never exceeds 3.14, so it looks like radians"
             return Finding(cause, "Give the elevation of the humerus in degrees")
@@ -114,9 +114,17 @@ def wrong_side(postures: Sequence[Posture]) -> Finding | None:
 
 def _mean_deg(postures: Sequence[Posture], angle: str) -> float:
     """The mean over the postures where the angle was measured, degrees; NaN if there is none."""
-    values = np.array([posture.angles_deg[ANGLES.index(angle)] for posture in postures])
-    measured = values[~np.isnan(values)]
-    return float(np.mean(measured)) if measured.size else np.nan
+    measured = _measured_deg(postures, angle)
+    return fmean(measured) if measured else math.nan
+
+
+def _measured_deg(postures: Sequence[Posture], angle: str) -> list[float]:
+    place = ANGLES.index(angle)
+    return _measured(posture.angles_deg.item(place) for posture in postures)
+
+
+def _measured(values: Iterable[float]) -> list[float]:
+    return [value for value in values if not math.isnan(value)]
 
 
 CHECKS = (angles_in_radians, angle_in_radians, elevation_in_radians, landmarks_not_in_mm, wrong_side)
