@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from programs import few_runs
+from programs import one_run
 
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread, constraint_spread
 from adapt.diagnosis.location.observations import Observed, observe
@@ -59,7 +59,7 @@ def test_noise_goes_through_the_slopes(data: Observed, chain: Girdle) -> None:
     chosen[tuple(rows.T)] = True
     few = replace(data, counted=chosen)
     plain = load_model("R2").girdle
-    slopes = few_runs(jax.vmap(jax.jacfwd(plain.residuals_mm)))(np.stack([data.values[:6, p, s] for p, s in rows]))
+    slopes = one_run(jax.vmap(jax.jacfwd(plain.residuals_mm)))(np.stack([data.values[:6, p, s] for p, s in rows]))
     expected = np.sqrt((np.asarray(slopes) ** 2).sum(axis=2).mean(axis=0)) * NOISE_DEG / DEG
     found = [one.noise_mm for one in spread(few, chain, chain)]
     assert found == pytest.approx(np.asarray(expected), rel=SLOPES)

@@ -18,8 +18,10 @@ _RTOL: Any = 1e-15
 """The smallest relative tolerance that Brent's method of SciPy takes is 4 rounding errors."""
 
 _LENGTHS = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
-_KX, _KY, _KZ = (np.array(np.cross(np.eye(3)[k], np.eye(3))).T for k in range(3))
-"""Generators of the rotations about x, y and z: K v = e x v."""
+_K = np.array([np.cross(np.eye(3)[k], np.eye(3)).T for k in (1, 2, 0)])
+"""Generators of the rotations about y, z and x: K v = e x v."""
+
+_K_SQUARED = _K @ _K
 
 
 @dataclass(frozen=True)
@@ -47,17 +49,14 @@ def bones(girdle, problem: int | None = None) -> Bones:
     return Bones(**values)
 
 
-def turn(axis: np.ndarray, angle: float) -> np.ndarray:
-    """exp(angle K) of a generator K."""
-    return np.eye(3) + np.sin(angle) * axis + (1.0 - np.cos(angle)) * axis @ axis
-
-
 def cardan(angles_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R = Ry Rz Rx and its three derivatives a degree."""
-    a, b, c = np.radians(angles_deg)
-    Ry, Rz, Rx = turn(_KY, a), turn(_KZ, b), turn(_KX, c)
-    R = Ry @ Rz @ Rx
-    return R, np.radians(np.stack([_KY @ R, Ry @ _KZ @ Rz @ Rx, R @ _KX]))
+    """R = Ry Rz Rx, each exp(angle K), and its three derivatives a degree."""
+    angles = np.radians(angles_deg)[:, None, None]
+    Ry, Rz, Rx = np.eye(3) + np.sin(angles) * _K + (1.0 - np.cos(angles)) * _K_SQUARED
+    Ky, Kz, Kx = _K
+    ZX = Rz @ Rx
+    R = Ry @ ZX
+    return R, np.radians(np.stack([Ky @ R, Ry @ Kz @ ZX, R @ Kx]))
 
 
 def ellipsoid_distance(p: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarray]:

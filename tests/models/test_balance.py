@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from programs import few_runs
+from programs import few_runs, one_run
 from scipy.optimize import linprog, minimize
 
 from models import load_model
@@ -34,7 +34,7 @@ def solved():
     offsets = np.array(
         [[0.0, 6.0, -5.0, 3.0, 8.0, 15.0], [0.0, -4.0, 3.0, 6.0, -7.0, 5.0], [0.0, 3.0, -2.0, 4.0, 2.0, 1.0]]
     )
-    driven = few_runs(drive)(model.girdle, rest[:, None] + offsets)
+    driven = one_run(drive)(model.girdle, rest[:, None] + offsets)
     q = np.asarray(driven.angles)[:, driven.words == "ok"]
     girdle, lines = model.girdle.repeated(q.shape[1]), muscle_lines(model)
     found, contact = pulls(lines, girdle, q), contact_forces(girdle, q)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import bones, constraints
-from programs import few_runs
+from programs import few_runs, one_run
 
 from models import load_model, model_names
 from models.adapted_parameters import ADAPTED
@@ -198,7 +198,7 @@ def test_a_batch_is_its_members():
     angles = generator.uniform(-0.5, 0.5, (6, 3, 4))
     spread = jax.tree.map(lambda x: np.broadcast_to(x.reshape(*x.shape, 1, 1), (*x.shape, 3, 4)), HAND)
     found = np.asarray(residuals(spread, angles))
-    each = few_runs(jax.vmap(jax.vmap(lambda q: constraint_residuals_mm(HAND, q), -1, -1), -1, -1))(angles)
+    each = one_run(jax.vmap(jax.vmap(lambda q: constraint_residuals_mm(HAND, q), -1, -1), -1, -1))(angles)
     np.testing.assert_allclose(each, found, rtol=0.0, atol=ROUNDING_MM)
     np.testing.assert_allclose(residuals(HAND.over_axes(2), angles), found, rtol=0.0, atol=ROUNDING_MM)
     over_postures = HAND.repeated(4).over_postures()
@@ -211,5 +211,5 @@ def test_numpy_finds_what_jax_finds():
     angles = generator.uniform(-0.5, 0.5, (6, 5))
     found = constraint_residuals_mm(HAND.repeated(5), angles)
     assert isinstance(found, np.ndarray)
-    expected = few_runs(jax.vmap(lambda q: constraint_residuals_mm(HAND, q), -1, -1))(angles)
+    expected = one_run(jax.vmap(lambda q: constraint_residuals_mm(HAND, q), -1, -1))(angles)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING_MM)

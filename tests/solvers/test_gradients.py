@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import bones, constraints
-from programs import few_runs
+from programs import few_runs, one_run
 
 from adapt import fit_postures
 from adapt.solvers.differentiable import posture_fit
@@ -52,7 +52,7 @@ def _twice(*arguments):
 
 _forward = few_runs(jax.jacfwd(_twice, argnums=(0, 1), has_aux=True))
 """Slopes and values, one program."""
-_reverse = few_runs(jax.jacrev(quantities, argnums=(0, 1)))
+_reverse = one_run(jax.jacrev(quantities, argnums=(0, 1)))
 
 
 def value(girdle, angles, known=ALL):
@@ -107,7 +107,7 @@ def test_the_fitted_posture_stays_on_the_constraints():
 def test_the_slope_of_j_is_the_multipliers_times_the_slope_of_the_constraints():
     """dJ/dtheta = lambda . dg/dtheta (envelope theorem), for every number of the girdle."""
     fitted = value(GIRDLE, ONE)
-    T = few_runs(jax.jacfwd(constraint_residuals_mm))(GIRDLE, fitted[:6])
+    T = one_run(jax.jacfwd(constraint_residuals_mm))(GIRDLE, fitted[:6])
     slope = forward(GIRDLE, ONE)[0]
     for field in FIELDS:
         expected = np.tensordot(np.asarray(fitted[6:9]), np.asarray(getattr(T, field)), axes=1)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from nested import values_and_slopes
-from programs import few_runs
+from programs import one_run
 
 from adapt.solvers.differentiable import nested_objective
 from adapt.solvers.objective import WEIGHT
@@ -66,7 +66,7 @@ def stepped():
 @pytest.fixture(scope="module")
 def in_forward_mode():
     """dE/dtheta in forward mode, and d2E/dtheta2 forward over reverse, in one program."""
-    slope, hessian = few_runs(jax.jacfwd(jax.value_and_grad(E)))(THETA, SUBJECT, fitted())
+    slope, hessian = one_run(jax.jacfwd(jax.value_and_grad(E)))(THETA, SUBJECT, fitted())
     return np.asarray(slope), np.asarray(hessian)
 
 
@@ -85,5 +85,5 @@ def test_nested_hessian_by_differences_and_symmetric(stepped, in_forward_mode):
 def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
     """Two subjects, the second with the postures in another order: twice the slope of one."""
     angles, start = (jnp.stack([x, x[:, ::-1]]) for x in (SUBJECT, fitted()))
-    of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0, 0))(t, angles, start))))
+    of_sum = one_run(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0, 0))(t, angles, start))))
     assert_close(of_sum(THETA), 2.0 * stepped[1][0], EXACT)

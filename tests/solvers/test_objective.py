@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from programs import few_runs
+from programs import one_run
 
 from adapt.solvers.objective import (
     DEFAULT_READING,
@@ -143,7 +143,7 @@ def test_derivatives_of_d_by_hand_are_those_of_jax():
 
     at, slopes = thorax.distances(theta)
     found = [thorax.value(theta), at.d, jnp.stack(slopes, axis=-1), thorax.slope(theta), thorax.curvature(theta)]
-    automatic = few_runs(lambda t: [D(t), distances(t), jax.jacobian(distances)(t), jax.grad(D)(t), jax.hessian(D)(t)])
+    automatic = one_run(lambda t: [D(t), distances(t), jax.jacobian(distances)(t), jax.grad(D)(t), jax.hessian(D)(t)])
     for one, other in zip(found, automatic(theta), strict=True):
         assert one.shape == other.shape
         np.testing.assert_allclose(one, other, rtol=0.0, atol=EXACT * max(1.0, float(jnp.abs(other).max())))
