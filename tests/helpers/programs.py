@@ -35,7 +35,7 @@ def one_run(function: Callable[..., Any]) -> Callable[..., Any]:
     def run(*arguments: Any) -> Any:
         arrays = jax.tree.map(lambda x: np.asarray(x, order="C"), arguments)
         lowered = jax.jit(function, keep_unused=True).lower(*arrays)
-        module = lowered.compiler_ir("stablehlo")
+        module: Any = lowered.compiler_ir("stablehlo")
         with module.context:
             PassManager.parse(_WHAT_THE_INTERPRETER_KNOWS).run(module.operation)
             module.operation.walk(_refuse_foreign_code)
