@@ -34,8 +34,9 @@ def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
     own = list(filter(is_own, effects))
     if not own:
         return
-    postures = [np.asarray(REST_DEG + away) / DEG for away in (0.0, _AWAY_DEG)]
-    base = np.array([girdle.residuals_mm(jnp.asarray(angles)) for angles in postures])
+    girdle = girdle.over_axes(1)
+    postures = jnp.stack([jnp.asarray(REST_DEG + away) / DEG for away in (0.0, _AWAY_DEG)], axis=-1)
+    base = np.asarray(girdle.residuals_mm(postures))
     for effect in own:
         channels = effect.course.channels(len(effect.directions))
         scale = np.resize(effect.prior.scale, channels)
@@ -46,10 +47,10 @@ def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
             raise ValueError(f"effect {effect.name!r}: adjust changes nothing at its scale {effect.prior.scale}")
 
 
-def _residuals_mm(effect: Effect, girdle: Girdle, postures, strength) -> Float[np.ndarray, "postures 3"]:
-    chain = ActiveEffects((jnp.asarray(strength),), (effect,)).on(girdle)
+def _residuals_mm(effect: Effect, girdle: Girdle, postures, strength) -> Float[np.ndarray, "3 postures"]:
+    chain = ActiveEffects((jnp.asarray(strength)[:, None],), (effect,)).on(girdle)
     try:
-        found = np.array([chain.residuals_mm(jnp.asarray(angles)) for angles in postures])
+        found = np.asarray(chain.residuals_mm(postures))
     except Exception as error:
         returns = "(girdle, (R_thorax_clavicle, R_thorax_scapula)), as it is given them"
         raise ValueError(f"effect {effect.name!r}: adjust fails: {error}. It returns {returns}") from error

@@ -8,7 +8,7 @@ import numpy as np
 import platformdirs
 import pytest
 from jax import lax
-from programs import few_runs
+from programs import one_run
 
 from adapt.engine.function_builder import FunctionBuilder
 from adapt.engine.jax_program import UnknownOperationError, per_problem
@@ -48,10 +48,10 @@ def given(inputs: tuple[str, ...]) -> list[np.ndarray]:
 
 
 def assert_same(function, inputs: tuple[str, ...], outputs, *arrays: np.ndarray) -> list[np.ndarray]:
-    """Machine code gives what XLA gives; return it."""
+    """Machine code gives what the interpreter gives; return it."""
     arrays = arrays or tuple(given(inputs))
     found = jax.tree.leaves(kernel_of(function, inputs, outputs).by_machine(*arrays))
-    expected = jax.tree.leaves(few_runs(jax.vmap(function, in_axes=-1, out_axes=-1))(*arrays))
+    expected = jax.tree.leaves(one_run(jax.vmap(function, in_axes=-1, out_axes=-1))(*arrays))
     assert len(found) == len(expected) > 0
     for ours, theirs in zip(found, expected, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=RELATIVE, atol=RELATIVE)

@@ -56,7 +56,7 @@ def simulated_trial(elevation_deg: np.ndarray, plane_deg: float = 0.0, closed: b
 
 def on_constraints(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
     """Angles (6, frames) near the given ones where A1-A3 hold, by steps q - G' (G G')^-1 g (Gauss-Newton)."""
-    frames = repeated(girdle, angles.shape[1])
+    frames = girdle.repeated(angles.shape[1])
     q = jnp.asarray(angles)
     for _ in range(12):
         g, G = (np.moveaxis(np.asarray(x), -1, 0) for x in _linearised(frames, q))
@@ -74,15 +74,11 @@ def _linearised(girdle: Girdle, q):
     return rows[0][0], jnp.stack([row[1] for row in rows], axis=1)
 
 
-def repeated(girdle: Girdle, count: int) -> Girdle:
-    return jax.tree.map(lambda x: jnp.repeat(x[..., None], count, axis=-1), girdle)
-
-
 def trial_of(girdle: Girdle, angles: np.ndarray, elevation_deg: np.ndarray, plane_deg: float) -> Trial:
     """The landmarks of a girdle at angles (6, frames) in radians, and of an arm."""
-    at = landmarks(repeated(girdle, len(elevation_deg)), jnp.asarray(angles))
-    R_scapula = np.asarray(rotation_from_cardan(jnp.asarray(angles[3:])))
-    AC = np.asarray(at.AC)
+    at = landmarks(girdle.repeated(len(elevation_deg)), angles)
+    R_scapula = rotation_from_cardan(angles[3:])
+    AC = at.AC
     zeros = np.zeros_like(elevation_deg)
     R_humerus = humerus_rotation(np.stack([zeros + plane_deg, elevation_deg, zeros + 20.0]) / float(DEG))
     GH = AC + np.einsum("ijn,j->in", R_scapula, GH_MM)
