@@ -25,7 +25,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Shaped
-from scipy.optimize import lsq_linear
 
 from models.girdle import Girdle, landmarks
 from models.muscles.contact import FORCES, ContactForces
@@ -127,6 +126,8 @@ def _solutions(E, e) -> tuple[np.ndarray, np.ndarray]:
 
 def _least_distance(G, h) -> tuple[np.ndarray, np.ndarray, str]:
     """Minimise |z| with G z >= h: z, the multipliers u >= 0 of z = G' u, and how it ended."""
+    from scipy.optimize import lsq_linear  # 0.4 s to load: not for every command
+
     m = G.shape[1]
     target = np.append(np.zeros(m), 1.0)
     u = lsq_linear(np.vstack([G.T, h]), target, (0.0, np.inf), method="bvls", tol=_SOLVER_TOLERANCE).x

@@ -100,3 +100,14 @@ def test_a_real_shell_completes(tmp_path):
         ["bash", "-c", "\n".join(lines)], capture_output=True, text=True, env=environment, check=True
     )
     assert ended.stdout == "--choose-weight\n"
+
+
+NOT_AT_ONCE = ("matplotlib", "scipy", "optimistix", "jaxopt", "plotly", "jinja2", "llvmlite", "ezc3d", "nicegui")
+"""Libraries of some commands, together over a second of every start."""
+
+
+def test_no_command_waits_for_the_libraries_of_others():
+    code = f"import sys, adapt.cli.app; print(*[name for name in {NOT_AT_ONCE} if name in sys.modules])"
+    command = [sys.executable, "-c", code]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == []

@@ -17,7 +17,6 @@ from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST_DEG
 from adapt.diagnosis.json_form import as_json
 from adapt.large_runs.parts import not_adapted
-from adapt.output.muscle_files import write_muscles
 from adapt.output.result_files import write_adaptations, write_figures, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
 from adapt.solvers.objective import WEIGHT
@@ -135,6 +134,8 @@ def muscle_results(
     muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt`, run.json and
     report.html (the page to look at: lines on the ellipsoid, arms over elevation).
     """
+    from adapt.output.muscle_files import write_muscles  # matplotlib takes half a second to load: not for every command
+
     table, models, record = read_inputs(motions, asked_models(model, models_of))
     for one in models:
         muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
