@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
-from laboratory import repeated
 from programs import few_runs
 
 from adapt.solvers import status
@@ -60,7 +59,7 @@ def measured(seed: int) -> np.ndarray:
 
 
 def fitted(girdle: Girdle, angles: np.ndarray):
-    return fit_batch(repeated(girdle, angles.shape[1]), angles, np.ones(angles.shape, bool))
+    return fit_batch(girdle.repeated(angles.shape[1]), angles, np.ones(angles.shape, bool))
 
 
 def mirrored(girdle: Girdle) -> Girdle:
@@ -77,7 +76,7 @@ def mirrored(girdle: Girdle) -> Girdle:
 @example(seed=1241)  # of a gap of 22 degrees the two end in different valleys
 def test_a_left_shoulder_is_the_mirror_image_in_constraints_and_fits(seed):
     angles, mirror = measured(seed), MIRROR_ANGLES[:, None]
-    right, left = repeated(R2, POSTURES), repeated(mirrored(R2), POSTURES)
+    right, left = R2.repeated(POSTURES), mirrored(R2).repeated(POSTURES)
     expected = residuals_mm(right, angles)
     found = residuals_mm(left, angles * mirror)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING_MM)
@@ -183,7 +182,7 @@ def test_nothing_rises_by_adapting_nor_by_freeing_a_parameter(weight):
 def test_the_gap_never_grows_when_an_angle_need_not_be_met(seed, angle):
     """The sum of squares of the others, which the fit is free to bring down further."""
     angles, measured_ones = measured(seed), np.ones((6, POSTURES), bool)
-    girdle = repeated(R2, POSTURES)
+    girdle = R2.repeated(POSTURES)
     all_six = fit_batch(girdle, angles, measured_ones)
     measured_ones[angle] = False
     without = fit_batch(girdle, angles, measured_ones)
