@@ -65,9 +65,10 @@ def ellipsoid_distance(p: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarr
     Brent's method on the largest t with sum (a_i p_i / (t + a_i^2))^2 = 1.
     """
     terms = [(abs(a * x), a * a) for a, x in zip(axes.tolist(), p.tolist(), strict=True)]
+    (x, xx), (y, yy), (z, zz) = terms
 
     def secular(t: float) -> float:
-        return sum((ap / (t + a2)) ** 2 for ap, a2 in terms) - 1.0
+        return (x / (t + xx)) ** 2 + (y / (t + yy)) ** 2 + (z / (t + zz)) ** 2 - 1.0
 
     low = max(ap - a2 for ap, a2 in terms)
     high = np.sqrt(sum(ap * ap for ap, _ in terms)) - min(a2 for _, a2 in terms)
