@@ -35,7 +35,7 @@ def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
     if not own:
         return
     girdle = girdle.over_axes(1)
-    postures = jnp.stack([jnp.asarray(REST_DEG + away) / DEG for away in (0.0, _AWAY_DEG)], axis=-1)
+    postures = jnp.asarray(REST_DEG[:, None] + np.array([0.0, _AWAY_DEG])) / DEG
     base = np.asarray(girdle.residuals_mm(postures))
     for effect in own:
         channels = effect.course.channels(len(effect.directions))

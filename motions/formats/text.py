@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motions.errors import InputError
-
-_GAPS = ("", "nan")
+from motions.motion_csv.cells import NOT_MEASURED, to_number
 
 
 def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarray, "rows columns"]:
@@ -20,17 +19,10 @@ def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarr
         for column, cell in enumerate(line):
             text = str(cell).strip()
             try:
-                table[place, column] = np.nan if text.lower() in _GAPS else _number(text)
+                table[place, column] = np.nan if text.lower() in NOT_MEASURED else to_number(text)
             except ValueError:
                 remedy = "Write numbers with a decimal point; a gap is an empty cell or nan"
                 raise InputError(file, rows[place], f"{text!r} is not a number", remedy) from None
             if np.isinf(table[place, column]):
                 raise InputError(file, rows[place], f"{text!r} is infinite", "Empty the cell of what was not measured")
     return table
-
-
-def _number(text: str) -> float:
-    """float() without what no file of numbers means: 1_000 and the digits of other scripts."""
-    if "_" in text or not text.isascii():
-        raise ValueError
-    return float(text)

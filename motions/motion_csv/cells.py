@@ -8,7 +8,9 @@ from motions.motion_csv.rows import Row
 
 Side = Literal["left", "right"]
 
-_NOT_MEASURED = ("", "nan")
+NOT_MEASURED = ("", "nan")
+"""What a cell says, in any case of its letters, of what was not measured."""
+
 SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "left", "l": "left"}
 """The shoulder by the words that a file may use for it."""
 
@@ -41,10 +43,13 @@ def whole_number_in(row: Row, column: str) -> int:
 def measured_in(row: Row, column: str) -> float:
     """Read the finite number in a cell; NaN (not measured) if the cell is empty or says nan."""
     text = row.cells[column]
-    value = _number(text)
+    try:
+        value = to_number(text)
+    except ValueError:
+        value = math.nan
     if math.isfinite(value):
         return value
-    if text.lower() in _NOT_MEASURED:
+    if text.lower() in NOT_MEASURED:
         return math.nan
     if math.isinf(value):
         raise row.error(f"{column} is infinite ({_quoted(text)})", "Empty the cell if it was not measured")
@@ -52,14 +57,14 @@ def measured_in(row: Row, column: str) -> float:
     raise row.error(f"{column} is {_quoted(text)}, not a number", remedy)
 
 
-def _number(text: str) -> float:
-    """Convert to a number, NaN if it is none. ``float()`` alone would take "1_000" and the digits of any script."""
+def to_number(text: str) -> float:
+    """Convert as ``float()`` does, but for what no file of numbers means: 1_000 and the digits of other scripts.
+
+    ValueError if it is no number.
+    """
     if "_" in text or not text.isascii():
-        return math.nan
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
+        raise ValueError
+    return float(text)
 
 
 def angle_in(row: Row, column: str) -> float:
