@@ -1,6 +1,7 @@
 """Derivatives of the posture fit: differences, both directions, the envelope theorem."""
 
 from dataclasses import fields
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -63,8 +64,10 @@ def forward(girdle, angles, known=ALL):
     return _forward(girdle, angles, known)[0]
 
 
-def reverse(girdle, angles, known=ALL):
-    return _reverse(girdle, angles, known)
+@cache
+def in_reverse():
+    """At ONE, for all tests."""
+    return _reverse(GIRDLE, ONE, ALL)
 
 
 def assert_close(found, expected, tolerance: float) -> None:
@@ -81,7 +84,7 @@ def test_fit_multipliers_and_j_along_every_number_of_the_girdle(field):
         step = 1e-3 * jnp.eye(number.size)[k].reshape(number.shape)
         ends = [value(Girdle(**(others | {field: number + s * step})), ONE) for s in (1.0, -1.0)]
         assert_close(slope[:, k], (ends[0] - ends[1]) / 2e-3, FD_TOLERANCE)
-    assert_close(np.asarray(getattr(reverse(GIRDLE, ONE)[0], field)).reshape(10, -1), slope, EXACT)
+    assert_close(np.asarray(getattr(in_reverse()[0], field)).reshape(10, -1), slope, EXACT)
 
 
 def test_fit_multipliers_and_j_along_every_measured_angle():
@@ -89,7 +92,7 @@ def test_fit_multipliers_and_j_along_every_measured_angle():
     for k in range(6):
         step = 1e-4 * jnp.eye(6)[k]
         assert_close(slope[:, k], (value(GIRDLE, ONE + step) - value(GIRDLE, ONE - step)) / 2e-4, FD_TOLERANCE)
-    assert_close(reverse(GIRDLE, ONE)[1], slope, EXACT)
+    assert_close(in_reverse()[1], slope, EXACT)
     gap = np.asarray(value(GIRDLE, ONE)[:6] - ONE)
     assert_close(slope[9], -gap * DEG**2 / 3.0, ENVELOPE)  # dJ/ds = -W (q - s): the fit itself does not matter
 
@@ -117,7 +120,7 @@ def test_the_slope_of_j_is_the_multipliers_times_the_slope_of_the_constraints():
 
 def test_a_missing_angle_has_no_slope_and_takes_no_part():
     known = jnp.array([True, True, False, True, True, True])
-    slope = reverse(GIRDLE, ONE, known)[1][:6]
+    slope = _reverse(GIRDLE, ONE, known)[1][:6]
     assert np.abs(slope[:, 2]).max() == 0.0
     assert np.abs(slope[:, 0]).max() > 0.1
 
@@ -137,7 +140,7 @@ def test_a_posture_that_fails_is_nan_alone():
     assert_close(angles[:, 0], expected[:6], EXACT)
     assert np.isnan(np.asarray(angles)[:, 1]).all()
     assert float(j) == pytest.approx(float(expected[9]), rel=EXACT)
-    assert_close(slope[:, 0], reverse(GIRDLE, ONE)[1][9], EXACT)
+    assert_close(slope[:, 0], in_reverse()[1][9], EXACT)
 
 
 def test_from_the_angles_of_fit_postures_it_is_where_they_are():
