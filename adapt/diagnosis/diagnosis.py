@@ -89,8 +89,9 @@ def diagnose(
                 model,
                 shoulders,
                 candidate_effects(model, shoulders.subjects) if effects is None else tuple(effects),
+                computed,
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
-            ).diagnose(left_out, slips, declared, computed, noise_deg)
+            ).diagnose(left_out, slips, declared, noise_deg)
             for model in models
         }
 
@@ -98,14 +99,17 @@ def diagnose(
 class _Study:
     """One model and the subjects: the steps of its diagnosis share the search."""
 
-    def __init__(self, model: AnyModel, shoulders: Shoulders, effects: tuple[Effect, ...], progress: Progress):
-        self.model, self.shoulders, self.progress = model, shoulders, progress
+    def __init__(
+        self, model: AnyModel, shoulders: Shoulders, effects: tuple[Effect, ...], computed: bool, progress: Progress
+    ):
+        self.model, self.shoulders, self.computed, self.progress = model, shoulders, computed, progress
         self.library = {one.name: one for one in effects}  # the caller's own among them
         fitted = Model.of(model, shoulders.subjects, effects)
         self.sizes = measured_sizes(shoulders, fitted.sets.girdle, effects)
         candidates = lay_out(effects, shoulders, self.sizes)
         joint = JointFit(fitted, shoulders, candidates, everybody(shoulders))
-        self.search = Search(joint, folds_of(shoulders), progress)
+        known = tuple(name for name in self.library if name == ESTIMATE and computed)
+        self.search = Search(joint, folds_of(shoulders), progress, known)
         self.person = {name: int(p) for name, p in zip(shoulders.subjects, shoulders.person, strict=True)}
 
     def diagnose(
@@ -113,19 +117,17 @@ class _Study:
         left_out: dict[str, str],
         slips: tuple[str, ...],
         declared: tuple[str, ...],
-        computed: bool,
         noise_deg: float | None,
     ) -> Diagnosis:
         """Search, weigh, name, and measure what the names are worth."""
         search, shoulders = self.search.run(), self.shoulders
-        none, best = search.nodes[()], max(search.usable, key=lambda node: node.value)
-        noise = estimate_noise(shoulders, best.linearised.y, noise_deg)
-        floor = floor_deg(noise, shoulders, none.linearised.B)
+        none = search.adaptation(()).linearised
+        noise = estimate_noise(shoulders, search.best.posterior.y, noise_deg)
+        floor = floor_deg(noise, shoulders, none.B)
         tested = can_test(shoulders.kinds, shoulders.persons)
         named = name_causes(search, float(np.nanmean(floor))) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
-        node = named.node
-        sizes = amplitudes(search, node)
+        sizes = amplitudes(search, named.hypothesis)
         order = [rung.added for rung in named.rungs[1:]]
         sizes = {name: sizes[name] for name in order}
         if self.relieved:
@@ -141,7 +143,7 @@ class _Study:
             gaps = self._gaps(base, adapted, adapted, named.rungs, floor)
         budget = self._budget(gaps, named.rungs)
         causes = self._causes(named, order, budget) if sizes else []
-        verdict = self._verdict(causes, weights, gaps, computed, noise)
+        verdict = self._verdict(causes, weights, gaps, noise)
         data = observe(shoulders.motions, adapted.batch)
         angle_gaps = _angle_gaps(data, adapted, floor)
         return Diagnosis(
@@ -155,7 +157,7 @@ class _Study:
             highest_elevation_deg=float(np.nan_to_num(shoulders.motions.humerus_elevation_deg).max()),
             noise=noise,
             declared_effects=declared,
-            axial_is_computed=computed,
+            axial_is_computed=self.computed,
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
             landmark_sizes={name: of_landmarks(self.library[name], one) for name, one in self.sizes.items()},
@@ -169,9 +171,9 @@ class _Study:
             variance_fractions=variance_fractions(angle_gaps),
             constraints=constraint_residuals_mm(data, np.asarray(adapted.chain.residuals_mm(data.values[:6]))),
             constraint_spread=constraint_spread(data, adapted.chain, with_causes.chain, noise.angle_deg),
-            indistinguishable=indistinguishable(none.linearised),
+            indistinguishable=indistinguishable(none),
             lacking=lacking(len(shoulders.kinds), shoulders.persons, THORAX_POINTS in sizes),
-            next_measurement=propose(search, node, [named.sets[name].names for name in order]),
+            next_measurement=propose(search, named.probable, [named.sets[name].names for name in order]),
         )
 
     def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
@@ -199,10 +201,10 @@ class _Study:
             causes.append(thorax_cause(level[ADAPTED_STEP], level[THORAX_POINTS], level[NOISE]))
         return causes
 
-    def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, computed: bool, noise: Noise) -> Verdict:
+    def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, noise: Noise) -> Verdict:
         answer = self._answer(causes, gaps, noise)
         inclusion = dict(weights.inclusion)
-        if computed and ESTIMATE in inclusion:
+        if self.computed and ESTIMATE in inclusion:
             inclusion = {ESTIMATE: 1.0} | {name: p for name, p in inclusion.items() if name != ESTIMATE}
             if not any(cause.names[0] == ESTIMATE for cause in causes):
                 causes.append(Cause((ESTIMATE,), (1.0,), 0.0, np.nan))
@@ -214,7 +216,7 @@ class _Study:
             return EFFECT
         left = gaps.hardest["with_effect"][ALL].value
         shown = noise.source != ASSUMED or left <= gaps.hardest["noise_floor"][ALL].value
-        beyond = more_than_noise(self.search.nodes[()].linearised.y, self.search.folds, noise)
+        beyond = more_than_noise(self.search.adaptation(()).linearised.y, self.search.folds, noise)
         return NONE if shown and not beyond else UNKNOWN
 
     def _gaps(self, base: BaseGaps, adapted: AdaptedGaps, with_effect: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:

@@ -175,13 +175,13 @@ def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few,
 
 def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
     """Whatever it tries is higher than what was before."""
-    joint, higher, evaluate = joint_fit("scapula_landmark_bias"), count(), gauss_newton._Objective.at
+    joint, higher, evaluate = joint_fit("scapula_landmark_bias"), count(), gauss_newton.Objective.at
 
     def at(*given):
         point = evaluate(*given)
         return point._replace(total=point.total + 1e6 * next(higher))
 
-    monkeypatch.setattr(gauss_newton._Objective, "at", at)
+    monkeypatch.setattr(gauss_newton.Objective, "at", at)
     start = joint.model.theta_mm
     walled = joint.fit((), start, np.zeros((1, 0)))
     assert not walled.converged

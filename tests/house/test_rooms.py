@@ -36,7 +36,7 @@ ONLY_IN = {
     "plotly": ("adapt.report",),
     "pydicom": ("models",),
     "rich": ("adapt.cli",),
-    "scipy": ("models",),
+    "scipy": ("models", "adapt.diagnosis"),
     "shapely": ("models",),
     "typer": ("adapt.cli",),
 }

@@ -4,6 +4,7 @@ cause apart."""
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from adapt.diagnosis.fit.prediction import Linearised
 from adapt.diagnosis.inference.alternatives import similarity
@@ -46,27 +47,34 @@ def lacking(kinds: int, persons: int, thorax: bool) -> tuple[str, ...]:
 def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> list[Proposal]:
     """Say what would tell the first two names of each cause apart: more persons, or more of the motion that tells most.
 
-    The expected log evidence grows in proportion to the folds that are measured.
+    If one name is right, each shoulder is expected to add half of the squared difference of the two fits there to the
+    log evidence, in units of what neither explains.
     """
-    found = []
+    shoulders, found = search.joint.shoulders, []
     for names in causes:
         if len(names) < 2:
             continue
         other = _with(search, named, names[0], names[1])
         if other is None:
             continue
-        own = search.q(named.predicted)
-        difference = search.q(other.predicted) - own
-        evidence = 0.5 * search.independence.numbers * difference / own.mean()
+        evidence = _evidence(search, named, other)
         now = float(evidence.sum())
         found.append(Proposal("twice as many persons", (names[0], names[1]), now, _TWICE * now))
-        kinds = np.array([test.motion for test in search.folds.tests if test.kind == search.folds.kinds[0]])
-        by_kind = {int(k): float(evidence[kinds == k].sum()) for k in np.unique(kinds)}
-        best = max(by_kind, key=by_kind.__getitem__)
-        if len(search.joint.shoulders.kinds) > 1 and by_kind[best] > 0:
-            what = f"{search.joint.shoulders.kinds[best]} of twice as many persons"
-            found.append(Proposal(what, (names[0], names[1]), now, now + by_kind[best]))
+        by_kind = np.bincount(shoulders.motion, evidence, len(shoulders.kinds))
+        if len(shoulders.kinds) > 1:
+            best = int(by_kind.argmax())
+            what = f"{shoulders.kinds[best]} of twice as many persons"
+            found.append(Proposal(what, (names[0], names[1]), now, now + float(by_kind[best])))
     return sorted(found, key=lambda one: -one.separation_then)
+
+
+def _evidence(search: Search, one: Node, other: Node) -> Float[np.ndarray, " rows"]:
+    """Half of the squared difference of two fits at each posture, whitened."""
+    difference, white = one.posterior.y - other.posterior.y, search.likelihood.whitening
+    found = np.zeros(len(difference))
+    for rows, inverse_root in zip(white.rows, white.inverse_root, strict=True):
+        found[rows] = 0.5 * ((inverse_root @ difference[rows]) ** 2).sum(axis=1)
+    return found
 
 
 def _with(search: Search, named: Node, own: str, other: str) -> Node | None:

@@ -21,6 +21,12 @@ from motions.table import ANGLES
 Hypothesis = tuple[str, ...]
 """Names of the effects that are at work together, in the order of the candidates."""
 
+
+def without(hypothesis: Hypothesis, name: str) -> Hypothesis:
+    """Leave a cause out."""
+    return tuple(one for one in hypothesis if one != name)
+
+
 _RANGE_PERCENT = (5.0, 95.0)
 """Of a bone angle, over which a course by posture does what the effect's scale says."""
 

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.gauss_newton import End, minimise
+from adapt.solvers.extended.gauss_newton import End, Objective, minimise
 from adapt.solvers.extended.joint_parts import Parts, Shared
 from adapt.solvers.extended.nearest_posture import Nearest
 from adapt.solvers.extended.thorax_term import Thorax
@@ -191,7 +191,7 @@ class JointFit:
     ) -> list[Fitted]:
         """Minimise several hypotheses, each from a start of its own, as ``fit`` does one; this fit has one group."""
         groups, count = range(len(hypotheses)), len(self.parts)
-        every = replace(self, parts=tuple(part._replace(group=group) for group in groups for part in self.parts))
+        every = self._repeated(len(hypotheses))
         start = np.zeros((len(hypotheses), max(map(len, amplitudes))))
         for group, amplitude in enumerate(amplitudes):
             start[group, : len(amplitude)] = amplitude
@@ -201,6 +201,15 @@ class JointFit:
             Fitted(end.theta_mm[at], end.amplitude[[group], : len(a)], end.E[at], bool(end.settled[group]))
             for group, (at, a) in enumerate(zip(own, amplitudes, strict=True))
         ]
+
+    def _repeated(self, groups: int) -> "JointFit":
+        """Repeat the one group of this fit."""
+        return replace(self, parts=tuple(part._replace(group=group) for group in range(groups) for part in self.parts))
+
+    def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
+        """Give E of hypotheses side by side; this fit has one group."""
+        every = self._repeated(len(hypotheses))
+        return Objective(every._parts, every._shared(hypotheses))
 
     def _minimised(self, hypotheses: Sequence[Hypothesis], theta_mm, amplitude, settled: float) -> End:
         def finished(gain: Float[np.ndarray, " groups"], _) -> Bool[np.ndarray, " groups"]:

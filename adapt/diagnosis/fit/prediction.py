@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.joint_fit import Fitted, JointFit
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
@@ -21,14 +22,16 @@ from models.adapted_parameters import ADAPTED
 _N = len(ADAPTED)
 
 
+_ENOUGH = 0.02
+"""Decrease of E + prior at which an adaptation ends: its prediction is linear in what is left."""
+
+
 class Predicted(NamedTuple):
     """A hypothesis at the folds."""
 
     amplitude: Float[np.ndarray, "groups own"]
     """Of group 0 with everything in, then of every fold."""
     theta_mm: Float[np.ndarray, "parts adapted"]
-    squares: Float[np.ndarray, "tests 2"]
-    """Mean |y|^2, deg^2, of what is a shoulder's own and of what they have in common (``Folds.parted``)."""
     gaps_deg: Float[np.ndarray, "tests 6"]
     """Mean |simulated - measured| of each angle; NaN of one that was not measured."""
 
@@ -67,12 +70,6 @@ class Linearised:
         matrix[:, :_N, :_N] += self.thorax.matrix[self.folds.arrays.subject]
         return gradient, matrix
 
-    def gradients(self, where: Int[np.ndarray, " own"]) -> list[Float[np.ndarray, "motions n"]]:
-        """Give, for each subject, the gradient of the motions in its E by what is held out together."""
-        chosen = np.concatenate([np.arange(_N), _N + where])
-        everybody = self.shares[: len(self.joint.shoulders.subjects)]
-        return [share[share > 0.0, None] * self.products[share > 0.0][:, chosen, -1] for share in everybody]
-
     def predict(self, hypothesis: Sequence[str]) -> Predicted:
         """Predict every fold under a hypothesis that has the one of the fit in it."""
         joint = self.joint
@@ -94,7 +91,6 @@ class Linearised:
         return Predicted(
             now + step.amplitude,
             theta + step.theta,
-            self.folds.parted(y),
             self.folds.measured_means(gaps, joint.shoulders),
         )
 
@@ -138,3 +134,21 @@ def _labels(folds: Folds, rows: int) -> Int[np.ndarray, " rows"]:
     for test in folds.tests:
         label[test.rows] = test.motion
     return label
+
+
+class Adaptation(NamedTuple):
+    """A hypothesis fitted to all postures as `girdle adapt` does, and what it predicts of unseen ones."""
+
+    hypothesis: Hypothesis
+    fitted: Fitted
+    linearised: Linearised
+    predicted: Predicted
+
+
+def adaptation(
+    joint: JointFit, folds: Folds, hypothesis: Hypothesis, start: tuple[np.ndarray, np.ndarray] | None
+) -> Adaptation:
+    """Adapt all subjects, from these parameters and amplitudes; from every start of `girdle adapt` without them."""
+    fitted = joint.from_starts() if start is None else joint.fit(hypothesis, start[0], start[1][None], _ENOUGH)
+    linearised = linearise(joint, folds, hypothesis, fitted)
+    return Adaptation(hypothesis, fitted, linearised, linearised.predict(hypothesis))

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,8 +18,11 @@ FEWEST_POSTURES = 4
 _UNMEASURED_SD = 1000.0
 """SD of an angle that was not measured beside 1 of one that was: it is whatever closes the chain."""
 
-_ALIKE_DEG = 10.0
-"""Elevations that round to the same multiple of it are one place: postures of most files are as far apart."""
+_STEP_DEG = 10.0
+"""Of elevation, that one posture more stands for: those of most files are as far apart."""
+
+_LEAST_RANGE_DEG = 20.0
+"""Of elevation along a motion, from which it says where a posture is."""
 
 _SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
 """What a name of a shoulder ends with beyond the person's."""
@@ -56,12 +60,19 @@ class Shoulders:
         """Find the rows of a subject, in all or in one kind of motion."""
         return np.flatnonzero((self.subject == subject) & (True if motion is None else self.motion == motion))
 
-    @property
-    def places(self) -> Int[np.ndarray, " rows"]:
-        """Number the places of postures: motion and elevation; where that was not measured, motion and posture."""
-        elevation = np.round(self.motions.humerus_elevation_deg / _ALIKE_DEG)
-        along = np.where(np.isfinite(elevation), elevation, self.motions.posture)
-        return np.unique(np.stack([self.motion, along]), axis=1, return_inverse=True)[1]
+    @cached_property
+    def course_deg(self) -> Float[np.ndarray, "2 rows"]:
+        """Where each posture is along its motion: the elevation of the arm, and beside it the number of the posture
+        times 10 where a kind of motion hardly changes elevation, or has none."""
+        elevation = self.motions.humerus_elevation_deg
+        along = np.zeros(len(elevation))
+        for motion in range(len(self.kinds)):
+            every = [elevation[self.rows_of(subject, motion)] for subject in range(len(self.subjects))]
+            ranges = [np.ptp(one) for one in every if len(one)]
+            if not np.median(ranges) >= _LEAST_RANGE_DEG:  # so too where it is NaN
+                rows = self.motion == motion
+                along[rows] = _STEP_DEG * self.motions.posture[rows]
+        return np.stack([np.nan_to_num(elevation), along])
 
     def sequences(self) -> Iterator[Int[np.ndarray, " chosen"]]:
         """Give the rows of each motion of each subject in the order of its postures."""
@@ -69,11 +80,6 @@ class Shoulders:
             for motion in range(len(self.kinds)):
                 rows = self.rows_of(subject, motion)
                 yield rows[np.argsort(self.motions.posture[rows], kind="stable")]
-
-
-def sums_by(group: Int[np.ndarray, " rows"], values: Float[np.ndarray, "rows n"]) -> Float[np.ndarray, "groups n"]:
-    """Sum the rows of each group; groups are numbered from 0."""
-    return np.stack([np.bincount(group, column) for column in values.T], axis=1)
 
 
 def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.joint_fit import Part, PartArrays, everybody, part_arrays
-from adapt.diagnosis.fit.shoulders import Shoulders, sums_by
+from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.tables.held_out import MOTION
 from adapt.trust.folds import POSTURE_PARTS
 
@@ -43,8 +43,6 @@ class Folds:
 
     parts: tuple[Part, ...]
     tests: tuple[Test, ...]
-    places: Int[np.ndarray, " all"]
-    """Of all rows: ``Shoulders.places``."""
 
     @cached_property
     def arrays(self) -> PartArrays:
@@ -85,23 +83,6 @@ class Folds:
         starts = np.searchsorted(self.test_of, np.arange(len(self.tests)))
         count = np.bincount(self.test_of).reshape(-1, *(1,) * (values.ndim - 1))
         return np.add.reduceat(values, starts, axis=0) / count
-
-    def parted(self, y: Float[np.ndarray, "tested 3"]) -> Float[np.ndarray, "tests 2"]:
-        """Average over the rows of each test |y - mean|^2 and |mean|^2, what is a shoulder's own and what is common.
-
-        The mean is that of the shoulders at one place in the same kind of test; a row alone has nothing in common.
-        """
-        place = self._place_of
-        count = np.bincount(place)
-        mean = sums_by(place, y) / count[:, None]
-        shared = np.where(count[:, None] > 1, mean, 0.0)[place]
-        return self.means(np.stack([((y - shared) ** 2).sum(axis=1), (shared**2).sum(axis=1)], axis=1))
-
-    @cached_property
-    def _place_of(self) -> Int[np.ndarray, " tested"]:
-        """The place of each tested row, another one in each kind of test."""
-        kind = np.array([self.kinds.index(test.kind) for test in self.tests])[self.test_of]
-        return np.unique(np.stack([kind, self.places[self.rows]]), axis=1, return_inverse=True)[1]
 
     def measured_means(
         self, values: Float[np.ndarray, "tested 6"], shoulders: Shoulders
@@ -147,7 +128,7 @@ def folds_of(shoulders: Shoulders) -> Folds:
             hold_out(PERSON, np.flatnonzero(np.isin(shoulders.person, some)), some)
     order = {MOTION: 0, PERSON: 1}
     tests.sort(key=lambda test: (order[test.kind], test.subject, test.motion))
-    return Folds(tuple(parts), tuple(tests), shoulders.places)
+    return Folds(tuple(parts), tuple(tests))
 
 
 def _third(shoulders: Shoulders) -> Int[np.ndarray, " rows"]:

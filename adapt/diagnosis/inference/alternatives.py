@@ -1,15 +1,12 @@
 """Names that may stand in place of one another: what the data cannot tell apart."""
 
-from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.prediction import Linearised
-from adapt.diagnosis.inference.budget import refitted
-from adapt.diagnosis.inference.search import Node, Search
+from adapt.diagnosis.inference.search import Node
 from adapt.diagnosis.inference.weights import probabilities
 from models.adapted_parameters import ADAPTED
 
@@ -22,14 +19,6 @@ _LEAST_SHARE = 0.05
 """A name that is less probable than this in its place is not worth a measurement."""
 
 
-class Alternative(NamedTuple):
-    """A set with another cause in the place of one, or with its own."""
-
-    node: Node
-    share: float
-    """Probability in this place."""
-
-
 class CredibleSet(NamedTuple):
     """One cause at work: the names it may have, most probable first, and the probability of each in this place."""
 
@@ -37,28 +26,16 @@ class CredibleSet(NamedTuple):
     shares: tuple[float, ...]
 
 
-def in_place_of(search: Search, named: Node, own: str, set_aside: Collection[Hypothesis]) -> dict[str, Alternative]:
-    """Weigh the causes that the linear prediction finds in the place of one, and its own, by exact fits; by name.
-
-    Sets that are ``set_aside`` are left out; the one that is named is none of them.
-    """
-    nodes = search.in_place_of(named, own, set_aside)
-    linear = dict(zip(nodes, probabilities(search, list(nodes.values())), strict=True))
-    own_cause = search.joint.candidates.causes[own]
-    kept = {name: node for name, node in nodes.items() if name == own_cause or linear[name] >= _LEAST_SHARE}
-    shares = probabilities(search, [refitted(search, node) for node in kept.values()])
-    return {name: Alternative(node, float(share)) for (name, node), share in zip(kept.items(), shares, strict=True)}
-
-
-def credible_set(found: dict[str, Alternative]) -> CredibleSet:
-    """Find the causes that do as well in the place of one, its own among them."""
+def credible_set(place: dict[str, Node]) -> CredibleSet:
+    """Find the causes that do as well in the place of one, its own among them, by the sets that have each there."""
+    share = dict(zip(place, probabilities([node.value for node in place.values()]).tolist(), strict=True))
     names, kept, reached = [], [], 0.0
-    for name in sorted(found, key=lambda name: -found[name].share):
-        if reached >= _LEVEL or (names and found[name].share < _LEAST_SHARE):
+    for name in sorted(share, key=lambda name: -share[name]):
+        if reached >= _LEVEL or (names and share[name] < _LEAST_SHARE):
             break
         names.append(name)
-        kept.append(found[name].share)
-        reached += found[name].share
+        kept.append(share[name])
+        reached += share[name]
     return CredibleSet(tuple(names), tuple(kept))
 
 

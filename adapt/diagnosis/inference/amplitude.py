@@ -3,11 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.amplitude_draws import draws_of
-from adapt.diagnosis.inference.search import Node, Search
+from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
@@ -20,15 +20,16 @@ _REACHED = 95.0
 """Percentile of the postures at which the size of an effect is stated: the largest that it is but for outliers."""
 
 
-def amplitudes(search: Search, node: Node) -> dict[str, CauseAmplitude]:
+def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitude]:
     """Describe each effect of a fit, by name."""
-    if not node.hypothesis:
+    if not hypothesis:
         return {}
-    draws = draws_of(search, node)
+    draws = draws_of(search, hypothesis)
+    amplitude = search.adaptation(hypothesis).fitted.amplitude[0]
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
     return {
-        effect.name: _described(effect, node.fitted.amplitude[0][own], draws[:, own], candidates, shoulders)
-        for effect, own in candidates.slices(node.hypothesis)
+        effect.name: _described(effect, amplitude[own], draws[:, own], candidates, shoulders)
+        for effect, own in candidates.slices(hypothesis)
     }
 
 

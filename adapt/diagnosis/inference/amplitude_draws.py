@@ -1,63 +1,56 @@
-"""Draws of the amplitudes of a fit: what the noise leaves open, and what other persons and motions would say.
+"""Draws of the amplitudes of an adaptation: what noise, and all that no cause explains, leave open.
 
-The fit a* has the Hessian H of E + prior, and motion c of a subject the gradient g_c, the adapted parameters of every
-subject taken out. A draw is (BayesBag, Huggins and Miller 2023)
+The adaptation a* minimises E + prior, whose Hessian in the amplitudes is H with the adapted parameters of every
+shoulder taken out. The slope there is off by S e + T d if y is off by e, and the thorax of the persons by d from that
+of the set. e has the covariance C of ``fit.discrepancy``, d the one P of ``fit.evidence``:
 
-    a = a* - H^-1 sum_c (weight_c - 1) g_c + chol(2 w v / (6 m) H^-1) normal
-
-with the weights of the bootstrap that the probabilities use, v the variance of one of the three components of y that
-the unseen folds show, and m the independent postures of a subject; 6 because J_p is |y|^2 / 6.
+    a ~ N(a*, H^-1 (S C S' + T P T') H^-1)
 """
 
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.inference.search import Node, Search
-from adapt.diagnosis.inference.weights import fold_weights
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.inference.search import Search
 from models.adapted_parameters import ADAPTED
-from models.girdle import CONSTRAINTS
-from motions.table import ANGLES
 
 _N = len(ADAPTED)
 
-_DRAWS, _NOISE_SEED, _WEIGHT_SEED = 400, 5, 6
+_DRAWS, _SEED = 400, 5
 
 
-def draws_of(search: Search, node: Node) -> Float[np.ndarray, "draws own"]:
-    """Draw the amplitudes of a fit, in the order of its hypothesis."""
-    scale = search.joint.candidates.scale[search.joint.candidates.where(node.hypothesis)]
-    hessian, scores, person = scores_by_motion(search, node)
-    # in units of the prior the Hessian is at least 2 I, whatever the data hold
-    root = np.linalg.cholesky(hessian * np.outer(scale, scale))
-    normal = np.random.default_rng(_NOISE_SEED).standard_normal((len(scale), _DRAWS))
-    noise = _noise_sd(search, node) * np.linalg.solve(root.T, normal)
-    resampled = (1.0 - fold_weights(person, _DRAWS, _WEIGHT_SEED)) @ scores * scale
-    others = np.linalg.solve(root.T, np.linalg.solve(root, resampled.T))
-    return node.fitted.amplitude[0] + scale * (noise + others).T
+def draws_of(search: Search, hypothesis: Hypothesis) -> Float[np.ndarray, "draws own"]:
+    """Draw the amplitudes of a hypothesis, in its order."""
+    scale = search.joint.candidates.scale[search.joint.candidates.where(hypothesis)]
+    variances, vectors = np.linalg.eigh(amplitude_covariance(search, hypothesis) / np.outer(scale, scale))
+    normal = np.random.default_rng(_SEED).standard_normal((_DRAWS, len(scale)))
+    off = normal * np.sqrt(np.maximum(variances, 0.0)) @ vectors.T  # rounding may leave less than 0
+    return search.adaptation(hypothesis).fitted.amplitude[0] + scale * off
 
 
-def _noise_sd(search: Search, node: Node) -> float:
-    """Compute the square root of 2 w v / (6 m)."""
-    constraints, subjects = len(CONSTRAINTS), len(search.joint.shoulders.subjects)
-    variance = float(search.folds.by_fold(node.predicted.squares.sum(axis=1)).mean()) / constraints
-    postures = search.independence.numbers / constraints * len(search.folds.subject) / subjects
-    return float(np.sqrt(2.0 * search.joint.model.weight * variance / (len(ANGLES) * postures)))
-
-
-def scores_by_motion(search: Search, node: Node) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give H, and g_c and the person of each motion of each subject."""
-    linearised, shoulders = node.linearised, search.joint.shoulders
-    where = search.joint.candidates.where(node.hypothesis)
-    _, matrices = linearised.normal_equations(where)
-    gradients = linearised.gradients(where)
-    hessian = np.diag(2.0 / search.joint.candidates.scale[where] ** 2)
-    scores, person = [], []
-    for k in range(len(shoulders.subjects)):
-        theta, (lower, upper) = node.fitted.theta_mm[k], search.joint.model.bounds_mm[:, k]
+def amplitude_covariance(search: Search, hypothesis: Hypothesis) -> Float[np.ndarray, "own own"]:
+    """Compute H^-1 (S C S' + T P T') H^-1."""
+    adaptation, joint = search.adaptation(hypothesis), search.joint
+    where, white = joint.candidates.where(hypothesis), search.likelihood.whitening
+    _, matrices = adaptation.linearised.normal_equations(where)
+    hessian = np.diag(2.0 / joint.candidates.scale[where] ** 2)
+    own, common, thorax = np.zeros(hessian.shape), 0.0, 0.0
+    for subject, rows in enumerate(white.rows):
+        theta, (lower, upper) = adaptation.fitted.theta_mm[subject], joint.model.bounds_mm[:, subject]
         free = np.flatnonzero((theta > lower) & (theta < upper))
-        own, cross = matrices[k][np.ix_(free, free)], matrices[k][free, _N:]
-        follows = np.linalg.solve(own, cross)
-        hessian = hessian + matrices[k][_N:, _N:] - cross.T @ follows
-        scores.append(gradients[k][:, _N:] - gradients[k][:, free] @ follows)
-        person.append(np.full(len(gradients[k]), shoulders.person[k]))
-    return hessian, np.concatenate(scores), np.concatenate(person)
+        cross = matrices[subject][free, _N:]
+        follows = np.linalg.solve(matrices[subject][np.ix_(free, free)], cross)
+        hessian += matrices[subject][_N:, _N:] - cross.T @ follows
+        Z = adaptation.linearised.Z[rows]
+        slopes = Z[..., _N + where] - Z[..., free] @ follows
+        weight = 2.0 * joint.model.weight * joint.shoulders.weights[rows] / len(rows)
+        root = np.linalg.inv(white.inverse_root[subject])
+        by_number = np.einsum("rq,rca->qca", root * weight[:, None], slopes)
+        own += np.einsum("qca,qcb->ab", by_number, by_number)
+        common = common + np.einsum("qca,qj->acj", by_number, white.curves[subject])
+        by_thorax = follows.T @ adaptation.linearised.thorax.matrix[subject][free] * search.likelihood.sd_mm[subject]
+        own += by_thorax @ by_thorax.T
+        thorax = thorax + by_thorax
+    shared = np.concatenate([np.reshape(common, (len(where), -1)), thorax], axis=1)
+    inverse = np.linalg.inv(hessian)
+    return inverse @ (own + shared @ shared.T) @ inverse

@@ -1,11 +1,10 @@
-"""Intervals over persons and motions, by the bootstrap that the weights use."""
+"""Intervals over persons and motions that might have been measured, by a Bayesian bootstrap."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.inference.weights import fold_weights
 from adapt.diagnosis.result import ALL, BoneGaps, Interval
 from motions.table import BONES
 
@@ -22,6 +21,16 @@ def interval(values: Float[np.ndarray, " folds"], person: np.ndarray) -> Interva
     draws = fold_weights(person, _DRAWS, _SEED) @ values / len(values)
     low, high = np.percentile(draws, _PERCENT)
     return Interval(float(values.mean()), float(low), float(high))
+
+
+def fold_weights(person: np.ndarray, draws: int, seed: int) -> Float[np.ndarray, "draws folds"]:
+    """Draw weights of the folds, those of one person together and each on its own; each draw sums to their number."""
+    generator = np.random.default_rng(seed)
+    count, persons = len(person), int(person.max()) + 1
+    weights = generator.dirichlet(np.ones(count), draws)
+    if persons > 1:
+        weights = weights * generator.dirichlet(np.ones(persons), draws)[:, person]
+    return weights / weights.sum(axis=1, keepdims=True) * count
 
 
 def by_bone(gaps: Float[np.ndarray, "folds 6"], person: Sequence[int] | np.ndarray) -> BoneGaps:

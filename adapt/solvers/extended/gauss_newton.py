@@ -65,6 +65,11 @@ Finished = Callable[[Float[np.ndarray, " groups"], Float[np.ndarray, "parts adap
 """Which groups are, by the last decrease of each and the slopes in theta of their parts."""
 
 
+def cost_of_open_chains(near: Nearest) -> Float[np.ndarray, " rows"]:
+    """Compute what each posture costs whose chain does not close."""
+    return np.where(near.open_mm > _OPEN_MM, _OPEN_COST * np.minimum(near.open_mm, 1.0) ** 2, 0.0)
+
+
 class _Point(NamedTuple):
     near: Nearest
     E: Float[np.ndarray, " parts"]
@@ -101,7 +106,7 @@ class _State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Objective:
+class Objective:
     """E of every part with the prior of the shared amplitudes, as a function of theta and the amplitudes a."""
 
     parts: Parts
@@ -117,10 +122,10 @@ class _Objective:
         """Strength in these channels of an amplitude of 1."""
         return self.shared.columns[:, self.used]
 
-    def of(self, groups: Bool[np.ndarray, " groups"]) -> "_Objective":
+    def of(self, groups: Bool[np.ndarray, " groups"]) -> "Objective":
         """Take some groups."""
         rows = groups[self.parts.group][self.parts.part]
-        return _Objective(self.parts.of(groups), self.shared.of(groups, rows))
+        return Objective(self.parts.of(groups), self.shared.of(groups, rows))
 
     def at(self, theta, a, start_deg, there_deg=THERE_DEG) -> _Point:
         """Evaluate it."""
@@ -130,8 +135,7 @@ class _Objective:
             strengths[self.used] += np.einsum("rk,kcr->cr", a[parts.group][parts.part], self.columns)
         near = parts.nearest(theta, strengths, start_deg, there_deg)
         thorax = parts.thorax(theta)
-        opened = np.where(near.open_mm > _OPEN_MM, np.minimum(near.open_mm, 1.0) ** 2, 0.0)
-        E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + _OPEN_COST * opened)
+        E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
         E = np.where(np.isfinite(E), E, np.inf)
         prior = (((a - self.shared.mean) / self.shared.scale) ** 2).sum(axis=1)
         total = np.bincount(parts.group, E * parts.importance, len(a)) + prior
@@ -139,11 +143,14 @@ class _Objective:
 
     def slopes(self, at: _Point) -> tuple[Float[np.ndarray, "3 n rows"], Float[np.ndarray, "parts n"]]:
         """Give Z, dy in theta and the amplitudes, and the gradient of E of every part in them."""
-        by_amplitude = np.einsum("icr,kcr->ikr", at.near.by_channel[:, self.used], self.columns)
-        Z = np.concatenate([at.near.by_theta, by_amplitude], axis=1)
+        Z = np.concatenate([at.near.by_theta, self.by_amplitude(at.near)], axis=1)
         gradient = self.parts.sums(np.einsum("iar,ir->ar", self._weighted(Z), at.near.y)).T
         gradient[:, :_N] += at.thorax.gradient
         return Z, gradient
+
+    def by_amplitude(self, near: Nearest) -> Float[np.ndarray, "3 own rows"]:
+        """Give dy in the amplitudes."""
+        return np.einsum("icr,kcr->ikr", near.by_channel[:, self.used], self.columns)
 
     def matrix(self, at: _Point, Z) -> Float[np.ndarray, "parts n n"]:
         """Compute the Gauss-Newton matrix of E of every part."""
@@ -179,7 +186,7 @@ def minimise(
     start_deg: Float[np.ndarray, "6 rows"] | None = None,
 ) -> End:
     """Step until every group is ``finished``; each has its own damping, and stays where it is then."""
-    objective = _Objective(parts, shared)
+    objective = Objective(parts, shared)
     theta, a = np.clip(theta_mm, *parts.bounds_mm), np.array(amplitude)
     (count, _), (groups, own) = theta.shape, a.shape
     nothing = np.zeros((count, _N + own))
@@ -198,7 +205,7 @@ def minimise(
     return _steps(objective, begin, finished, most_steps)
 
 
-def _steps(objective: _Objective, state: _State, finished: Finished, most_steps: int) -> End:
+def _steps(objective: Objective, state: _State, finished: Finished, most_steps: int) -> End:
     """Take at most so many steps; once enough groups have ended the others go on without them."""
     parts, (lower, upper) = objective.parts, objective.parts.bounds_mm
     left = most_steps
@@ -219,7 +226,7 @@ def _steps(objective: _Objective, state: _State, finished: Finished, most_steps:
         left -= 1
 
 
-def _stepped(objective: _Objective, state: _State, Z, gradient, slope, going: Bool[np.ndarray, " groups"]) -> _State:
+def _stepped(objective: Objective, state: _State, Z, gradient, slope, going: Bool[np.ndarray, " groups"]) -> _State:
     """Take a step in every group that is going on, if it leads down; else damp it more."""
     parts, at, damping = objective.parts, state.at, state.damping
     matrix = objective.matrix(at, Z)

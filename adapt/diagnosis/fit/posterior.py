@@ -1,0 +1,191 @@
+"""The posterior mode of sets of causes, by damped Gauss-Newton steps within the bounds; and of the discrepancy.
+
+At the mode of theta, h, b and a (``fit.evidence``) the model is taken for linear (Laplace).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.discrepancy import LOG_SD, TYPICAL, Discrepancy, whitening
+from adapt.diagnosis.fit.evidence import Evidence, Likelihood
+from adapt.diagnosis.fit.joint_fit import JointFit
+from adapt.solvers.extended.arrow_step import Quadratic, lowest
+from adapt.solvers.extended.gauss_newton import Objective, cost_of_open_chains
+from adapt.solvers.extended.nearest_posture import Nearest
+from models.adapted_parameters import ADAPTED
+
+_N = len(ADAPTED)
+
+_MOST_STEPS = 15
+
+_ENOUGH = 0.5
+"""Decrease of -2 log p in a step at which a mode is found: a quarter of a nat."""
+
+_LESS, _MORE, _LEAST, _HOPELESS = 0.25, 8.0, 0.01, 30.0
+"""Damping after a step down and up, the least that is not 0, and the one from which there is no way down."""
+
+_WITHIN = 2.5
+"""Discrepancies are looked for within so many SDs of their prior."""
+
+_SEARCH = {"eps": 1e-2, "ftol": 1e-4, "maxiter": 25}
+"""For slopes, differences of a logarithm of 1e-2: the evidence is smooth but for curves that come and go."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """The mode of one hypothesis."""
+
+    hypothesis: Hypothesis
+    theta_mm: Float[np.ndarray, "subjects adapted"]
+    amplitude: Float[np.ndarray, " own"]
+    y: Float[np.ndarray, "rows 3"]
+    Z: Float[np.ndarray, "rows 3 n"]
+    """dy in the adapted parameters and in the amplitudes of all candidates."""
+    evidence: Evidence
+
+
+def modes(
+    joint: JointFit,
+    likelihood: Likelihood,
+    hypotheses: Sequence[Hypothesis],
+    thetas_mm: Sequence[Float[np.ndarray, "subjects adapted"]],
+    amplitudes: Sequence[Float[np.ndarray, " own"]],
+) -> list[Posterior]:
+    """Find the modes of hypotheses side by side, each from a start of its own; ``joint`` has everybody in one group."""
+    steps = _Steps(likelihood, joint.objective(hypotheses))
+    a = np.zeros((len(hypotheses), max(map(len, amplitudes))))
+    for group, own in enumerate(amplitudes):
+        a[group, : len(own)] = own
+    theta, a, near = steps.to_the_mode(np.concatenate(thetas_mm), a)
+    theta, in_order = steps.by_group(theta), np.argsort(joint.rows)
+    found = []
+    for group, hypothesis in enumerate(hypotheses):
+        y, by_theta, by_channel = (
+            steps.rows_first(one)[group, in_order] for one in (near.y[:, None], near.by_theta, near.by_channel)
+        )
+        Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
+        evidence = likelihood.evidence(theta[group], y[..., 0], Z)
+        own = a[group, : len(amplitudes[group])]
+        found.append(Posterior(hypothesis, theta[group], own, y[..., 0], Z, evidence))
+    return found
+
+
+def likeliest(joint: JointFit, at: Posterior, start: Discrepancy) -> Discrepancy:
+    """Find the discrepancy of the highest evidence times prior, in the linear model around a mode."""
+    from scipy.optimize import minimize  # 0.4 s to load: not for every command
+
+    where = joint.candidates.where(at.hypothesis)
+    mean, scale = joint.candidates.mean[where], joint.candidates.scale[where]
+    Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
+
+    def cost(log: Float[np.ndarray, " numbers"]) -> float:
+        likelihood = Likelihood(joint.model, whitening(joint.shoulders, Discrepancy(*np.exp(log))))
+        evidence = likelihood.evidence(at.theta_mm, at.y, Z).given(own, at.amplitude, mean, scale).log_evidence
+        return 0.5 * float((((log - np.log(TYPICAL)) / LOG_SD) ** 2).sum()) - evidence
+
+    bounds = [
+        (middle - _WITHIN * sd, middle + _WITHIN * sd) for middle, sd in zip(np.log(TYPICAL), LOG_SD, strict=True)
+    ]
+    found = minimize(cost, np.log(start), method="L-BFGS-B", bounds=bounds, options=_SEARCH)
+    return Discrepancy(*np.exp(found.x).tolist())
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Gauss-Newton steps of several hypotheses side by side, one group each; h and b are the factors f."""
+
+    likelihood: Likelihood
+    objective: Objective
+
+    @cached_property
+    def groups(self) -> int:
+        return len(self.objective.shared.scale)
+
+    @cached_property
+    def places(self) -> list[slice]:
+        """Where the rows of each shoulder are within a group."""
+        rows = self.likelihood.whitening.rows
+        ends = np.cumsum([len(own) for own in rows])
+        return [slice(end - len(own), end) for end, own in zip(ends, rows, strict=True)]
+
+    def by_group(self, theta: Float[np.ndarray, "parts adapted"]) -> Float[np.ndarray, "groups subjects adapted"]:
+        """Part the parts by group."""
+        return theta.reshape(self.groups, -1, _N)
+
+    def rows_first(self, x: Float[np.ndarray, "3 n every"]) -> Float[np.ndarray, "groups rows 3 n"]:
+        """Part the rows by group."""
+        return np.moveaxis(x.reshape(*x.shape[:2], self.groups, -1), (0, 1), (2, 3))
+
+    def to_the_mode(self, theta, a) -> tuple[np.ndarray, np.ndarray, Nearest]:
+        """Step until no group goes down any more."""
+        parts, shared = self.objective.parts, self.objective.shared
+        lower, upper = parts.bounds_mm
+        theta, f = np.clip(theta, lower, upper), np.zeros((self.groups, self.likelihood.shared))
+        near, total = self.at(theta, a, f, None)
+        damping, going = np.zeros(self.groups), np.ones(self.groups, bool)
+        precision = np.concatenate([np.ones(f.shape), 1.0 / shared.scale**2], axis=1)
+        for _ in range(_MOST_STEPS):
+            gradient, matrix = self.quadratic(theta, f, near)
+            diagonal = np.einsum("pii->pi", matrix)
+            diagonal[:] *= 1.0 + damping[parts.group][:, None]
+            step = lowest(
+                Quadratic(gradient, matrix, parts.importance, parts.group),
+                self.groups,
+                precision * np.concatenate([f, a - shared.mean], axis=1),
+                np.eye(precision.shape[1]) * precision[:, None, :],
+                (lower - theta, upper - theta),
+            )
+            by_f, by_a = np.split(step.amplitude, [f.shape[1]], axis=1)
+            new = theta + step.theta, a + by_a, f + by_f
+            new_near, new_total = self.at(*new, near.angles_deg)
+            better = going & (new_total <= total)
+            of_part = better[parts.group]
+            near = near.where(of_part[parts.part], new_near)
+            theta = np.where(of_part[:, None], new[0], theta)
+            a, f = (np.where(better[:, None], one, old) for one, old in zip(new[1:], (a, f), strict=True))
+            there = better & (total - new_total < _ENOUGH)
+            total = np.where(better, new_total, total)
+            damping = np.where(better, damping * _LESS * (damping > _LEAST), np.maximum(damping * _MORE, _LEAST))
+            going &= ~there & (damping < _HOPELESS)
+            if not going.any():
+                break
+        return theta, a, near
+
+    def at(self, theta, a, f, start_deg) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
+        """Compute -2 log p of every group."""
+        near = self.objective.at(theta, a, start_deg).near
+        parts, shared = self.objective.parts, self.objective.shared
+        total = (((a - shared.mean) / shared.scale) ** 2).sum(axis=1) + (f**2).sum(axis=1)
+        total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), self.groups)
+        for columns in self.columns(theta, near, slopes=False):
+            total += (_left(columns, f) ** 2).sum(axis=1)
+        return near, np.where(np.isfinite(total), total, np.inf)
+
+    def quadratic(self, theta, f, near: Nearest) -> tuple[np.ndarray, np.ndarray]:
+        """Give gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
+        gradients, matrices = [], []
+        for columns in self.columns(theta, near, slopes=True):
+            across = np.swapaxes(columns[..., :-1], 1, 2)
+            gradients.append((across @ _left(columns, f)[..., None])[..., 0])
+            matrices.append(across @ columns[..., :-1])
+        n = gradients[0].shape[1]
+        return np.stack(gradients, axis=1).reshape(-1, n), np.stack(matrices, axis=1).reshape(-1, n, n)
+
+    def columns(self, theta, near: Nearest, slopes: bool) -> Iterator[Float[np.ndarray, "groups k m"]]:
+        """Lay out what is white of one shoulder after the other; without slopes their columns are 0."""
+        own = np.zeros_like(near.by_theta)
+        if slopes:
+            own = np.concatenate([near.by_theta, self.objective.by_amplitude(near)], axis=1)
+        Z, y, thetas = self.rows_first(own), self.rows_first(near.y[:, None])[..., 0], self.by_group(theta)
+        for subject, rows in enumerate(self.places):
+            yield self.likelihood.columns(subject, Z[:, rows], y[:, rows], thetas[:, subject])
+
+
+def _left(columns: Float[np.ndarray, "groups k m"], f: Float[np.ndarray, "groups factors"]) -> np.ndarray:
+    """Give the values at these factors."""
+    return columns[..., -1] + (columns[..., _N : _N + f.shape[1]] @ f[..., None])[..., 0]
