@@ -33,13 +33,14 @@ class Discrepancy(NamedTuple):
 
 
 TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0)
-"""Before any data; medians of the log-normal priors, but for noise the same as what is left of measured shoulders."""
+"""Before any data: the medians of log-normal priors."""
 
 LOG_SD = np.array([1.4, 1.4, 1.4, 1.4, 1.4, 0.5])
 """SDs of their logarithms: a factor of 4, and of 1.6 for the length."""
 
 _STEP_DEG = 10.0
-"""Between the points that carry what shoulders have in common; far less than its length."""
+"""Between the points that carry what shoulders have in common: of its variance 1 % is lost between them where it is
+alike within 22 degrees, as on measured shoulders, and 5 % within 16."""
 
 _LEAST_VARIANCE = 1e-3
 """Of a curve that shoulders have in common, of the largest: what is below it shows in no motion."""
