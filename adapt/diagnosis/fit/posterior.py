@@ -158,7 +158,7 @@ class _Steps:
 
     def at(self, theta, a, f, start_deg) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
         """Compute -2 log p of every group."""
-        near = self.objective.at(theta, a, start_deg).near
+        near = self.objective.nearest(theta, a, start_deg)
         parts, shared = self.objective.parts, self.objective.shared
         total = (((a - shared.mean) / shared.scale) ** 2).sum(axis=1) + (f**2).sum(axis=1)
         total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), self.groups)

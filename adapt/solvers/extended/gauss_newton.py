@@ -127,13 +127,17 @@ class Objective:
         rows = groups[self.parts.group][self.parts.part]
         return Objective(self.parts.of(groups), self.shared.of(groups, rows))
 
-    def at(self, theta, a, start_deg, there_deg=THERE_DEG) -> _Point:
-        """Evaluate it."""
+    def nearest(self, theta, a, start_deg, there_deg=THERE_DEG) -> Nearest:
+        """Find the nearest postures of all rows."""
         parts, strengths = self.parts, self.parts.strengths
         if len(self.used):
             strengths = strengths.copy()
             strengths[self.used] += np.einsum("rk,kcr->cr", a[parts.group][parts.part], self.columns)
-        near = parts.nearest(theta, strengths, start_deg, there_deg)
+        return parts.nearest(theta, strengths, start_deg, there_deg)
+
+    def at(self, theta, a, start_deg, there_deg=THERE_DEG) -> _Point:
+        """Evaluate it."""
+        parts, near = self.parts, self.nearest(theta, a, start_deg, there_deg)
         thorax = parts.thorax(theta)
         E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
         E = np.where(np.isfinite(E), E, np.inf)
