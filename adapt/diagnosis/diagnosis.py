@@ -203,12 +203,11 @@ class _Study:
 
     def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, noise: Noise) -> Verdict:
         answer = self._answer(causes, gaps, noise)
-        inclusion = dict(weights.inclusion)
-        if self.computed and ESTIMATE in inclusion:
-            inclusion = {ESTIMATE: 1.0} | {name: p for name, p in inclusion.items() if name != ESTIMATE}
-            if not any(cause.names[0] == ESTIMATE for cause in causes):
-                causes.append(Cause((ESTIMATE,), (1.0,), 0.0, np.nan))
-        return Verdict(answer, tuple(causes), inclusion, _probability(weights, inclusion, answer, _left_over(gaps)))
+        for name in self.search.known:
+            if not any(cause.names[0] == name for cause in causes):
+                causes.append(Cause((name,), (1.0,), 0.0, np.nan))
+        probability = _probability(weights, weights.inclusion, answer, _left_over(gaps))
+        return Verdict(answer, tuple(causes), weights.inclusion, probability)
 
     def _answer(self, causes: list[Cause], gaps: Gaps, noise: Noise) -> Answer:
         """The thorax of the person is no answer by itself; noise that was assumed shows nothing that is larger."""

@@ -21,12 +21,6 @@ from motions.table import ANGLES
 Hypothesis = tuple[str, ...]
 """Names of the effects that are at work together, in the order of the candidates."""
 
-
-def without(hypothesis: Hypothesis, name: str) -> Hypothesis:
-    """Leave a cause out."""
-    return tuple(one for one in hypothesis if one != name)
-
-
 _RANGE_PERCENT = (5.0, 95.0)
 """Of a bone angle, over which a course by posture does what the effect's scale says."""
 
@@ -35,6 +29,11 @@ _LEAST_RANGE_DEG = 5.0
 
 _SHARE_OF_MEAN = 1.0 / 3.0
 """An effect whose size has been measured is not at work with less than this share of it."""
+
+
+def without(hypothesis: Hypothesis, name: str) -> Hypothesis:
+    """Leave a cause out."""
+    return tuple(one for one in hypothesis if one != name)
 
 
 def candidate_effects(model: AnyModel, subjects: Sequence[str]) -> tuple[Effect, ...]:

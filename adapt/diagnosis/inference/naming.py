@@ -39,12 +39,12 @@ class Gain(NamedTuple):
 
 def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: float) -> Gain:
     """Compare the unseen gaps of two hypotheses, fold by fold; noise alone leaves ``floor_deg``."""
-    folds, without = search.folds, search.adaptation(less).predicted.gaps_deg
-    difference = known_mean(without - search.adaptation(hypothesis).predicted.gaps_deg)
+    folds, before = search.folds, search.adaptation(less).predicted.gaps_deg
+    difference = known_mean(before - search.adaptation(hypothesis).predicted.gaps_deg)
     by_fold = folds.by_fold(difference)
     error = by_fold.std(ddof=1) / np.sqrt(len(by_fold)) if len(by_fold) > 1 else np.inf
     worst = min(difference[folds.of_kind(kind)].mean() for kind in folds.kinds)
-    beyond = folds.by_fold(known_mean(without)).mean() - floor_deg
+    beyond = folds.by_fold(known_mean(before)).mean() - floor_deg
     share = by_fold.mean() / max(beyond, by_fold.mean(), 1e-9)
     return Gain(float(share), float(by_fold.mean() / error) if error > 0 else np.inf, float(worst))
 
