@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.discrepancy import LOG_SD, TYPICAL, Discrepancy, whitening
 from adapt.diagnosis.fit.evidence import Evidence, Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
-from adapt.solvers.extended.gauss_newton import Objective, cost_of_open_chains
+from adapt.solvers.extended.gauss_newton import FEW, Objective, cost_of_open_chains, put
 from adapt.solvers.extended.nearest_posture import Nearest
 from models.adapted_parameters import ADAPTED
 
@@ -61,17 +61,17 @@ def modes(
     a = np.zeros((len(hypotheses), max(map(len, amplitudes))))
     for group, own in enumerate(amplitudes):
         a[group, : len(own)] = own
-    theta, a, near = steps.to_the_mode(np.concatenate(thetas_mm), a)
-    theta, in_order = steps.by_group(theta), np.argsort(joint.rows)
+    mode = steps.to_the_mode(steps.start(np.stack(thetas_mm), a))
+    near, in_order = mode.near, np.argsort(joint.rows)
     found = []
     for group, hypothesis in enumerate(hypotheses):
         y, by_theta, by_channel = (
             steps.rows_first(one)[group, in_order] for one in (near.y[:, None], near.by_theta, near.by_channel)
         )
         Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
-        evidence = likelihood.evidence(theta[group], y[..., 0], Z)
-        own = a[group, : len(amplitudes[group])]
-        found.append(Posterior(hypothesis, theta[group], own, y[..., 0], Z, evidence))
+        evidence = likelihood.evidence(mode.theta[group], y[..., 0], Z)
+        own = mode.a[group, : len(amplitudes[group])]
+        found.append(Posterior(hypothesis, mode.theta[group], own, y[..., 0], Z, evidence))
     return found
 
 
@@ -96,8 +96,39 @@ def likeliest(joint: JointFit, at: Posterior, start: Discrepancy) -> Discrepancy
 
 
 @dataclass(frozen=True)
+class _State:
+    """Where the steps are."""
+
+    theta: Float[np.ndarray, "groups subjects adapted"]
+    a: Float[np.ndarray, "groups own"]
+    f: Float[np.ndarray, "groups factors"]
+    """h and b."""
+    total: Float[np.ndarray, " groups"]
+    """-2 log p."""
+    damping: Float[np.ndarray, " groups"]
+    going: Bool[np.ndarray, " groups"]
+    near: Nearest
+
+    def of_groups(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Give what there is one of in every group, by name."""
+        return ((name, one) for name, one in vars(self).items() if name != "near")
+
+    def going_on(self, rows: Bool[np.ndarray, " rows"]) -> "_State":
+        """Take the groups that are going on, whose rows these are."""
+        return _State(**{name: one[self.going] for name, one in self.of_groups()}, near=self.near.of(rows))
+
+    def joined(self, rows: Bool[np.ndarray, " rows"], others: "_State") -> "_State":
+        """Put the groups that went on in the places that they have among all."""
+        new = dict(others.of_groups())
+        return _State(
+            **{name: put(one, self.going, new[name]) for name, one in self.of_groups()},
+            near=self.near.with_rows(rows, others.near),
+        )
+
+
+@dataclass(frozen=True)
 class _Steps:
-    """Gauss-Newton steps of several hypotheses side by side, one group each; h and b are the factors f."""
+    """Gauss-Newton steps of several hypotheses side by side, one group each."""
 
     likelihood: Likelihood
     objective: Objective
@@ -113,52 +144,65 @@ class _Steps:
         ends = np.cumsum([len(own) for own in rows])
         return [slice(end - len(own), end) for end, own in zip(ends, rows, strict=True)]
 
-    def by_group(self, theta: Float[np.ndarray, "parts adapted"]) -> Float[np.ndarray, "groups subjects adapted"]:
-        """Part the parts by group."""
-        return theta.reshape(self.groups, -1, _N)
-
     def rows_first(self, x: Float[np.ndarray, "3 n every"]) -> Float[np.ndarray, "groups rows 3 n"]:
         """Part the rows by group."""
         return np.moveaxis(x.reshape(*x.shape[:2], self.groups, -1), (0, 1), (2, 3))
 
-    def to_the_mode(self, theta, a) -> tuple[np.ndarray, np.ndarray, Nearest]:
-        """Step until no group goes down any more."""
-        parts, shared = self.objective.parts, self.objective.shared
-        lower, upper = parts.bounds_mm
-        theta, f = np.clip(theta, lower, upper), np.zeros((self.groups, self.likelihood.shared))
+    def start(self, theta, a) -> _State:
+        """Evaluate where the steps begin."""
+        theta, f = self.within_bounds(theta), np.zeros((self.groups, self.likelihood.shared))
         near, total = self.at(theta, a, f, None)
-        damping, going = np.zeros(self.groups), np.ones(self.groups, bool)
-        precision = np.concatenate([np.ones(f.shape), 1.0 / shared.scale**2], axis=1)
-        for _ in range(_MOST_STEPS):
-            gradient, matrix = self.quadratic(theta, f, near)
-            diagonal = np.einsum("pii->pi", matrix)
-            diagonal[:] *= 1.0 + damping[parts.group][:, None]
-            step = lowest(
-                Quadratic(gradient, matrix, parts.importance, parts.group),
-                self.groups,
-                precision * np.concatenate([f, a - shared.mean], axis=1),
-                np.eye(precision.shape[1]) * precision[:, None, :],
-                (lower - theta, upper - theta),
-            )
-            by_f, by_a = np.split(step.amplitude, [f.shape[1]], axis=1)
-            new = theta + step.theta, a + by_a, f + by_f
-            new_near, new_total = self.at(*new, near.angles_deg)
-            better = going & (new_total <= total)
-            of_part = better[parts.group]
-            near = near.where(of_part[parts.part], new_near)
-            theta = np.where(of_part[:, None], new[0], theta)
-            a, f = (np.where(better[:, None], one, old) for one, old in zip(new[1:], (a, f), strict=True))
-            there = better & (total - new_total < _ENOUGH)
-            total = np.where(better, new_total, total)
-            damping = np.where(better, damping * _LESS * (damping > _LEAST), np.maximum(damping * _MORE, _LEAST))
-            going &= ~there & (damping < _HOPELESS)
-            if not going.any():
-                break
-        return theta, a, near
+        return _State(theta, a, f, total, np.zeros(self.groups), np.ones(self.groups, bool), near)
+
+    def within_bounds(self, theta) -> Float[np.ndarray, "groups subjects adapted"]:
+        """Move to the nearest bounds what is beyond them."""
+        return np.clip(theta.reshape(-1, _N), *self.objective.parts.bounds_mm).reshape(theta.shape)
+
+    def to_the_mode(self, state: _State, left: int = _MOST_STEPS) -> _State:
+        """Step until no group goes down any more; once enough have ended the others go on without them."""
+        while left and state.going.any():
+            if state.going.mean() <= FEW:
+                parts = self.objective.parts
+                rows = state.going[parts.group][parts.part]
+                others = _Steps(self.likelihood, self.objective.of(state.going))
+                return state.joined(rows, others.to_the_mode(state.going_on(rows), left))
+            state, left = self.stepped(state), left - 1
+        return state
+
+    def stepped(self, state: _State) -> _State:
+        """Take a step in every group that is going on, if it leads down; else damp it more."""
+        parts, shared, damping = self.objective.parts, self.objective.shared, state.damping
+        gradient, matrix = self.quadratic(state)
+        diagonal = np.einsum("pii->pi", matrix)
+        diagonal[:] *= 1.0 + damping[parts.group][:, None]
+        (lower, upper), theta = parts.bounds_mm, state.theta.reshape(-1, _N)
+        precision = np.concatenate([np.ones(state.f.shape), 1.0 / shared.scale**2], axis=1)
+        step = lowest(
+            Quadratic(gradient, matrix, parts.importance, parts.group),
+            self.groups,
+            precision * np.concatenate([state.f, state.a - shared.mean], axis=1),
+            np.eye(precision.shape[1]) * precision[:, None, :],
+            (lower - theta, upper - theta),
+        )
+        by_f, by_a = np.split(step.amplitude, [state.f.shape[1]], axis=1)
+        theta, a, f = state.theta + step.theta.reshape(state.theta.shape), state.a + by_a, state.f + by_f
+        near, total = self.at(theta, a, f, state.near.angles_deg)
+        better = state.going & (total <= state.total)
+        damping = np.where(better, damping * _LESS * (damping > _LEAST), np.maximum(damping * _MORE, _LEAST))
+        there = better & (state.total - total < _ENOUGH)
+        return _State(
+            theta=np.where(better[:, None, None], theta, state.theta),
+            a=np.where(better[:, None], a, state.a),
+            f=np.where(better[:, None], f, state.f),
+            total=np.where(better, total, state.total),
+            damping=damping,
+            going=state.going & ~there & (damping < _HOPELESS),
+            near=state.near.where(better[parts.group][parts.part], near),
+        )
 
     def at(self, theta, a, f, start_deg) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
         """Compute -2 log p of every group."""
-        near = self.objective.nearest(theta, a, start_deg)
+        near = self.objective.nearest(theta.reshape(-1, _N), a, start_deg)
         parts, shared = self.objective.parts, self.objective.shared
         total = (((a - shared.mean) / shared.scale) ** 2).sum(axis=1) + (f**2).sum(axis=1)
         total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), self.groups)
@@ -166,12 +210,12 @@ class _Steps:
             total += (_left(columns, f) ** 2).sum(axis=1)
         return near, np.where(np.isfinite(total), total, np.inf)
 
-    def quadratic(self, theta, f, near: Nearest) -> tuple[np.ndarray, np.ndarray]:
+    def quadratic(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
         """Give gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
         gradients, matrices = [], []
-        for columns in self.columns(theta, near, slopes=True):
+        for columns in self.columns(state.theta, state.near, slopes=True):
             across = np.swapaxes(columns[..., :-1], 1, 2)
-            gradients.append((across @ _left(columns, f)[..., None])[..., 0])
+            gradients.append((across @ _left(columns, state.f)[..., None])[..., 0])
             matrices.append(across @ columns[..., :-1])
         n = gradients[0].shape[1]
         return np.stack(gradients, axis=1).reshape(-1, n), np.stack(matrices, axis=1).reshape(-1, n, n)
@@ -181,9 +225,9 @@ class _Steps:
         own = np.zeros_like(near.by_theta)
         if slopes:
             own = np.concatenate([near.by_theta, self.objective.by_amplitude(near)], axis=1)
-        Z, y, thetas = self.rows_first(own), self.rows_first(near.y[:, None])[..., 0], self.by_group(theta)
+        Z, y = self.rows_first(own), self.rows_first(near.y[:, None])[..., 0]
         for subject, rows in enumerate(self.places):
-            yield self.likelihood.columns(subject, Z[:, rows], y[:, rows], thetas[:, subject])
+            yield self.likelihood.columns(subject, Z[:, rows], y[:, rows], theta[:, subject])
 
 
 def _left(columns: Float[np.ndarray, "groups k m"], f: Float[np.ndarray, "groups factors"]) -> np.ndarray:

@@ -44,7 +44,7 @@ _ENOUGH_DEG, _ROUGHEST_DEG = 1e-5, 1e-4
 """A posture is near enough where a projection moves it by less than so many degrees a unit of slope (mm^2 a mm) that
 its part had before the step, and by less than the roughest: 3000 adaptations took the same steps as with none."""
 
-_FEW = 0.75
+FEW = 0.75
 """Share of the groups below which those that are going on do so without the others: leaving them costs a copy."""
 
 
@@ -115,7 +115,7 @@ class Objective:
     @cached_property
     def used(self) -> Int[np.ndarray, " used"]:
         """The channels that the amplitudes act in."""
-        return np.flatnonzero(np.abs(self.shared.columns).max(axis=(0, 2), initial=0.0) > 0.0)
+        return np.flatnonzero(self.shared.columns.any(axis=(0, 2)))
 
     @cached_property
     def columns(self) -> Float[np.ndarray, "own used rows"]:
@@ -223,7 +223,7 @@ def _steps(objective: Objective, state: _State, finished: Finished, most_steps: 
         going = ~settled & (state.damping < _HOPELESS)
         if not going.any() or not left:
             return end
-        if going.mean() <= _FEW:
+        if going.mean() <= FEW:
             others = _steps(objective.of(going), state.of(going, parts), finished, left)
             return _joined(end, going, others, parts)
         state = _stepped(objective, state, Z, gradient, slope, going)
@@ -263,12 +263,13 @@ def _joined(every: End, groups: Bool[np.ndarray, " groups"], others: End, parts:
         **dict.fromkeys(("theta_mm", "E", "slope"), of_parts),
         **dict.fromkeys(("amplitude", "steps", "settled"), groups),
     }
-    put = {name: _put(getattr(every, name), where, getattr(others, name)) for name, where in places.items()}
+    joined = {name: put(getattr(every, name), where, getattr(others, name)) for name, where in places.items()}
     rows = of_parts[parts.part]
-    return End(nearest=every.nearest.with_rows(rows, others.nearest), **put)
+    return End(nearest=every.nearest.with_rows(rows, others.nearest), **joined)
 
 
-def _put(whole: np.ndarray, places: Bool[np.ndarray, " some"], values: np.ndarray) -> np.ndarray:
+def put(whole: np.ndarray, places: Bool[np.ndarray, " some"], values: np.ndarray) -> np.ndarray:
+    """Replace the values at some places."""
     found = np.array(whole)
     found[places] = values
     return found
