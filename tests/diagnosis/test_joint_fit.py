@@ -162,7 +162,7 @@ def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few,
     parts = tuple(Part(p.subject, g, p.rows[g:]) for g in range(2) for p in joint.parts)
     two = type(joint)(joint.model, joint.shoulders, joint.candidates, parts)
     given = name, np.tile(start, (2, 1)), np.zeros((2, 3))
-    monkeypatch.setattr(gauss_newton, "_FEW", few)
+    monkeypatch.setattr(gauss_newton, "FEW", few)
     both = two.fit(*given)
     assert both.converged
     for group in range(2):
