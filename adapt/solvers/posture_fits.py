@@ -15,7 +15,7 @@ from adapt.engine.batching import QUICK_TO_COMPILE, as_type, compiled, in_chunks
 from adapt.solvers import status
 from adapt.solvers.batched.posture import SweptPostures
 from adapt.solvers.batched.posture_kernels import OFFSETS_DEG, fitted_from, fitted_from_places, put_lower
-from adapt.solvers.extended.postures import fit_extended
+from adapt.solvers.extended.postures import fit_by_newton, fit_extended
 from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
 from adapt.solvers.reference.posture import (
     Postures,
@@ -188,13 +188,17 @@ def _solved(girdle: AnyGirdle, target, weights, start) -> SweptPostures:
 
 
 def _projected(girdle: AnyGirdle, target, weights, start) -> SweptPostures:
-    """Project onto the constraints, from places around too; then take the reference solver where needed."""
+    """Project onto the constraints, from places around too; where needed take Newton steps or the reference solver."""
     quick = fit_extended(girdle, target, weights, start)
     for number, offset in enumerate(OFFSETS_DEG if start is None else ()):
         again = np.arange(target.shape[1]) if number < _MORE_STARTS else np.flatnonzero(~quick.converged)
         if len(again):
             chain, s, W = take_problems((girdle, target, weights), again)
             put_lower(quick, again, fit_extended(chain, s, W, s + offset[:, None] / DEG))
+    left = np.flatnonzero(~quick.converged)
+    if len(left):
+        chain, s, W = take_problems((girdle, target, weights), left)
+        put_lower(quick, left, fit_by_newton(chain, s, W, quick.angles[:, left]))
     left = np.flatnonzero(~quick.converged)
     if len(left):
         chain, s, W = take_problems((girdle, target, weights), left)

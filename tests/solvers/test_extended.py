@@ -1,15 +1,30 @@
 """The parts of the fast path with effects: D on the engine, and the curvature that is learnt from the steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from adapt.engine.batching import take_problems
 from adapt.solvers.extended import thorax_term
+from adapt.solvers.extended.postures import fit_by_newton, fit_extended
 from adapt.solvers.extended.secant import secant
 from adapt.solvers.extended.thorax_term import Thorax
 from adapt.solvers.objective import ThoraxPoints
+from adapt.solvers.posture_fits import reference_fit
 from adapt.solvers.problem_batch import set_arrays
+from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
+from models.parameter_sets import shortest_conoid_mm
+from motions import read_motions
+from motions.rhythm_subjects import DATA_FILE
+
+OFF_DEG = 20.0
+"""Noise of postures that no chain is near: projections leave some 2 % of them."""
+
+SAME_RAD = 1e-10
+"""Of an optimum from two solvers: their tolerances of the slope, over the curvature."""
 
 SAME = 1e-9
 """mm^2 a mm, of numbers up to 100: rounding of two texts."""
@@ -84,3 +99,30 @@ def test_a_gradient_that_falls_along_the_step_adds_no_curvature():
     S, step = 0.1 * matrices(1, 8), np.array([[1.0, 0.0, 0.0]])
     found = secant(S, matrices(1, 9), step, -step)
     np.testing.assert_allclose(found, S)
+
+
+def test_newton_steps_end_where_the_reference_solver_does_and_projections_do_not():
+    measured = read_motions(DATA_FILE).angles_deg.T
+    off = [np.random.default_rng(seed).standard_normal(measured.shape) for seed in range(3)]
+    every = np.radians(np.concatenate([measured + OFF_DEG * one for one in off], axis=1))
+    girdles = set_arrays([load_model("R2")], [f"posture_{number}" for number in range(every.shape[1])]).girdle
+    projected = fit_extended(girdles, every, objective_weights(np.ones(every.shape, bool)), None)
+    left = np.flatnonzero(~projected.converged)
+    girdle, target, start = take_problems((girdles, every, projected.angles), left)
+    weights = objective_weights(np.ones(target.shape, bool))
+    found, reference = fit_by_newton(girdle, target, weights, start), reference_fit(girdle, target, weights, None)
+    solved = found.converged
+    assert solved.mean() > 1.0 / 3.0
+    again = reference_fit(girdle, target, weights, found.angles)
+    np.testing.assert_allclose(found.angles[:, solved], again.angles[:, solved], atol=SAME_RAD)
+    both = solved & reference.converged
+    assert (found.j_deg2[both] <= reference.j_deg2[both] * (1.0 + SAME)).all()
+
+
+def test_newton_steps_leave_a_chain_that_cannot_close():
+    girdle = load_model("R2").girdle
+    short = replace(girdle, conoid_length_mm=np.asarray(shortest_conoid_mm(girdle) - 1.0)).repeated(1)
+    target = np.radians(read_motions(DATA_FILE).angles_deg.T[:, :1])
+    found = fit_by_newton(short, target, objective_weights(np.ones((6, 1), bool)), target)
+    assert not found.converged.any()
+    assert np.isfinite(found.angles).all()

@@ -1,15 +1,35 @@
-"""Posture fits with effects at work, by projections onto the constraints: the fast path of ``fit_batch`` with them."""
+"""Posture fits with effects at work, by projections onto the constraints: the fast path of ``fit_batch`` with them;
+and by Newton steps where projections go round in circles."""
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
+from adapt.engine.batching import take_problems
 from adapt.solvers.batched.posture import SweptPostures
-from adapt.solvers.extended.nearest_posture import NO_CHANNELS, nearest_postures
+from adapt.solvers.extended.nearest_posture import NO_CHANNELS, THERE_DEG, Nearest, nearest_postures
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.effects import NO_ACTIVE_EFFECTS, AnyGirdle
 from models.girdle import Girdle
 from motions.rotations import DEG
+
+_HERE_DEG = np.inf
+"""No projection moves farther: everything is computed where the search starts."""
+
+_MOST_STEPS = 60
+"""Of Newton; from where projections stop the hardest posture of those that were tried takes 9."""
+
+_DIFFERENCE_DEG = 1e-3
+"""Of central differences: rounding and what is left out of the slope are both some 1e-9 of it."""
+
+_LEAST_CURVATURE = 0.05
+"""Of the distance along the constraints, in a step; 1 where they are straight."""
+
+_SAME = 1e-12
+"""Relative rounding of the merit: a step that changes it by less is no step up."""
+
+_SHORTEST = 2.0**-8
+"""Of a step: one that leads down nowhere along it ends the search."""
 
 
 def fit_extended(
@@ -19,6 +39,84 @@ def fit_extended(
     start: Float[np.ndarray, "6 problems"] | None,
 ) -> SweptPostures:
     """Find the nearest closed posture of each problem, rad; one with unmeasured angles is left unconverged."""
+    return _projected(girdle, target, weights, start, THERE_DEG)[0]
+
+
+def fit_by_newton(
+    girdle: AnyGirdle,
+    target: Float[np.ndarray, "6 problems"],
+    weights: Float[np.ndarray, "6 problems"],
+    start: Float[np.ndarray, "6 problems"],
+) -> SweptPostures:
+    """Find the nearest closed posture x of measured angles s where projections go round in circles.
+
+    They do where the constraints bend by more than the gap. r = x - s + B'y is 0 at the posture, and dr/dx along the
+    constraints is the Hessian of the distance there: steps across to the constraints and along them to where it is
+    least, as far as |x - s|^2 / 2 + penalty |g| falls. A step costs some 15 evaluations.
+    """
+    x = np.array(start)
+    found, near = _projected(girdle, target, weights, x, _HERE_DEG)
+    for _ in range(_MOST_STEPS):
+        going = ~found.converged & np.isfinite(near.y).all(axis=0) & (weights > 0.0).all(axis=0)
+        if not going.any():
+            break
+        some, s, W, here = take_problems((girdle, target, weights, x), going)
+        new = _newton_step(some, s, W, here, near.of(going))
+        if (new == here).all():
+            break
+        x[:, going] = new
+        found, near = _projected(girdle, target, weights, x, _HERE_DEG)
+    return found
+
+
+def _newton_step(girdle: AnyGirdle, target, weights, x, near: Nearest) -> Float[np.ndarray, "6 problems"]:
+    """Step as far as the merit falls; where it does not, stay."""
+    B, c, apart = np.moveaxis(near.B, -1, 0), _off(near, x, target), (x - target).T[..., None]
+    along = np.swapaxes(np.linalg.svd(B)[2][:, 3:], 1, 2)
+    hessian = np.swapaxes(along, 1, 2) @ _slopes(girdle, target, weights, x) @ along
+    curvature, axes = np.linalg.eigh(0.5 * (hessian + np.swapaxes(hessian, 1, 2)))
+    across = -np.swapaxes(B, 1, 2) @ c.T[..., None]
+    downhill = np.swapaxes(axes, 1, 2) @ np.swapaxes(along, 1, 2) @ -(apart + across)
+    step = across + along @ axes @ (downhill / np.maximum(np.abs(curvature), _LEAST_CURVATURE)[..., None])
+    step = step[..., 0].T
+    penalty = 2.0 * np.abs(near.h).max(axis=0) / float(DEG) ** 2
+    new, length, least = x.copy(), 1.0, _merit(near, x, target, penalty)
+    left = np.arange(x.shape[1])
+    while len(left) and length >= _SHORTEST:
+        some, s, W = take_problems((girdle, target, weights), left)
+        tried = x[:, left] + length * step[:, left]
+        there = _projected(some, s, W, tried, _HERE_DEG)[1]
+        tried -= np.einsum("kar,kr->ar", there.B, _off(there, tried, s))  # back to the constraints
+        there = _projected(some, s, W, tried, _HERE_DEG)[1]
+        lower = _merit(there, tried, s, penalty[left]) <= least[left] * (1.0 + _SAME)
+        new[:, left[lower]] = tried[:, lower]
+        left, length = left[~lower], 0.5 * length
+    return new
+
+
+def _off(near: Nearest, x, target) -> Float[np.ndarray, "3 problems"]:
+    """Compute c = V^-1/2 g, rad."""
+    return near.y / float(DEG) - np.einsum("kar,ar->kr", near.B, target - x)
+
+
+def _merit(near: Nearest, x, target, penalty) -> Float[np.ndarray, " problems"]:
+    return 0.5 * np.square(x - target).sum(axis=0) + penalty * np.abs(near.g_mm).sum(axis=0)
+
+
+def _slopes(girdle: AnyGirdle, target, weights, x) -> Float[np.ndarray, "problems 6 6"]:
+    """dr/dx by central differences."""
+    count, h = x.shape[1], _DIFFERENCE_DEG / float(DEG)
+    everyone = np.tile(np.arange(count), 12)
+    same, s, W = take_problems((girdle, target, weights), everyone)
+    moved = x[:, everyone] + np.repeat(np.concatenate([h * np.eye(6), -h * np.eye(6)]), count, axis=0).T
+    near = _projected(same, s, W, moved, _HERE_DEG)[1]
+    r = moved - s + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG)
+    up, down = r.reshape(6, 2, 6, count).transpose(1, 3, 0, 2)
+    return np.nan_to_num((up - down) / (2.0 * h))
+
+
+def _projected(girdle: AnyGirdle, target, weights, start, there_deg: float) -> tuple[SweptPostures, Nearest]:
+    """Project until no angle moves by more than that."""
     count = target.shape[1]
     plain, active = (
         (girdle, NO_ACTIVE_EFFECTS) if isinstance(girdle, Girdle) else (girdle.girdle, girdle.active_effects)
@@ -28,12 +126,12 @@ def fit_extended(
     every = np.concatenate(strengths) if strengths else np.zeros((NO_CHANNELS, count))
     first = None if start is None else np.asarray(start) * float(DEG)
     target_deg = np.asarray(target) * float(DEG)
-    near = nearest_postures(base, active.effects, every, target_deg, np.ones((6, count)), first, True)
+    near = nearest_postures(base, active.effects, every, target_deg, np.ones((6, count)), first, True, there_deg)
     apart = near.angles_deg - target_deg
     per_deg2 = weights.max(axis=0) / float(DEG) ** 2
     stationarity = per_deg2 * np.abs(apart + np.einsum("kar,kr->ar", near.B, near.y)).max(axis=0)
     closed = near.open_mm <= CONSTRAINT_TOLERANCE_MM
-    return SweptPostures(
+    swept = SweptPostures(
         near.angles_deg / float(DEG),
         per_deg2 * near.h,
         near.g_mm,
@@ -42,3 +140,4 @@ def fit_extended(
         np.zeros(count, int),
         closed & (stationarity <= STATIONARITY_TOLERANCE) & (weights > 0.0).all(axis=0),
     )
+    return swept, near
