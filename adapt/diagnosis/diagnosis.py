@@ -20,7 +20,7 @@ from adapt.diagnosis.inference.budget import Rung, alone_deg
 from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
-from adapt.diagnosis.inference.naming import LEAST_GAIN, Named, name_causes, nothing_named
+from adapt.diagnosis.inference.naming import Named, name_causes, nothing_named
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.constraint_spread import constraint_spread
@@ -59,6 +59,9 @@ from models.person.family import AnyModel, as_list, unique_sets
 from motions.table import Motions, check_motions
 
 Progress = Callable[[str], None]
+
+_LEAST_WORTH = 0.05
+"""Share of the unseen gap beyond noise that ``thorax_points`` takes away where it is listed alone."""
 
 
 def diagnose(
@@ -127,7 +130,7 @@ class _Study:
         tested = can_test(shoulders.kinds, shoulders.persons)
         named = name_causes(search, float(np.nanmean(floor))) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
-        sizes = amplitudes(search, named.hypothesis)
+        sizes = amplitudes(search, named.hypothesis, named.probable)
         order = [rung.added for rung in named.rungs[1:]]
         sizes = {name: sizes[name] for name in order}
         if self.relieved:
@@ -137,7 +140,7 @@ class _Study:
         adapted = adapted_gaps(shoulders.motions, self.model, {}, self.person)
         with_causes = self._with_causes(sizes) if sizes else adapted
         gaps = self._gaps(base, adapted, with_causes, named.rungs, floor)
-        worth = 1.0 - _left_over(gaps) >= LEAST_GAIN  # False where there is no gap beyond noise
+        worth = 1.0 - _left_over(gaps) >= _LEAST_WORTH  # False where there is no gap beyond noise
         if not order and not worth:
             sizes, with_causes = {}, adapted
             gaps = self._gaps(base, adapted, adapted, named.rungs, floor)

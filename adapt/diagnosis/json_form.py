@@ -100,6 +100,7 @@ def _amplitude(amplitude: CauseAmplitude) -> JsonObject:
         "too_large": amplitude.too_large,
         "directions": {name: _interval(one) for name, one in amplitude.directions.items()},
         "option": amplitude.option,
+        "by_subject": amplitude.by_subject,
     }
 
 

@@ -5,7 +5,7 @@ Numbers that are not known are NaN or None, as each field says; JSON has null fo
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread
@@ -76,6 +76,10 @@ class Verdict:
         return tuple(cause.names[0] for cause in self.causes)
 
 
+_HAS_IT = 0.5
+"""Share of the mean size from which a subject has a cause."""
+
+
 @dataclass(frozen=True)
 class CauseAmplitude:
     """How large a cause is: the largest that it is at any posture, all directions together."""
@@ -92,6 +96,13 @@ class CauseAmplitude:
     """Its amplitudes, in the unit of the option."""
     option: str
     """The cause as ``girdle adapt --effect`` takes it; empty where no gap shows how large it is."""
+    by_subject: Mapping[str, float] = field(default_factory=dict)
+    """Share of the mean size that it has in each subject; what a subject's data do not say is taken from the mean."""
+
+    @property
+    def shown_by(self) -> tuple[str, ...]:
+        """The subjects that have it: at least half of the mean, the same way."""
+        return tuple(name for name, share in self.by_subject.items() if share >= _HAS_IT)
 
     @property
     def too_large(self) -> bool:

@@ -14,7 +14,7 @@ CHANCE = 0.12
 """Relative, of a covariance of so many draws: five standard errors."""
 
 
-def test_the_covariance_is_that_of_refits_to_other_noise_discrepancies_and_thoraces():
+def test_the_covariance_is_that_of_refits_to_other_noise_discrepancies_thoraces_and_amplitudes():
     """All parameters at once, by one dense system, the bounds being far."""
     search = searched(BIAS)
     joint, linearised = search.joint, search.adaptation((BIAS,)).linearised
@@ -38,6 +38,8 @@ def test_the_covariance_is_that_of_refits_to_other_noise_discrepancies_and_thora
         off = np.einsum("rq,cqd->rcd", root, generator.standard_normal((3, len(rows), DRAWS)))
         off += np.einsum("rj,cjd->rcd", root @ white.curves[subject], curves)
         Z = linearised.Z[rows][..., np.concatenate([np.arange(N), N + where])]
+        sd = search.likelihood.between * joint.candidates.scale[where]
+        off += np.einsum("rca,ad->rcd", Z[..., N:], sd[:, None] * generator.standard_normal((own, DRAWS)))
         weight = 2.0 * joint.model.weight * joint.shoulders.weights[rows] / len(rows)
         slope = np.einsum("r,rca,rcd->ad", weight, Z, off)
         thorax = PERSON_SD_MM[:, None] * (generator.standard_normal((N, DRAWS)) + mean_thorax)

@@ -21,10 +21,15 @@ from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import weigh
 from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
+from models.effects import EFFECTS
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
 
 BIAS = "scapula_landmark_bias"
+
+SHARE = 0.1
+"""Of the mean bias, 10 degrees: three errors of a constant angle from 14 postures with 0.3 degrees of noise, and what
+of it is taken from the mean."""
 
 
 def test_left_and_right_of_a_person_are_held_out_together():
@@ -58,10 +63,15 @@ def test_a_hidden_bias_is_named_with_its_size():
     named = name_causes(search, 0.1)
     assert BIAS in named.hypothesis
     truth = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].mean().to_numpy()
-    size = amplitudes(search, named.hypothesis)[BIAS]
+    size = amplitudes(search, named.hypothesis, named.probable)[BIAS]
     for value, one in zip(truth, size.directions.values(), strict=True):
         assert one.low - 1.0 < value < one.high + 1.0
     assert size.option.startswith(BIAS)
+    scale = EFFECTS[BIAS].prior_sd
+    own = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].to_numpy() / scale
+    shares = own @ own.mean(axis=0) / (own.mean(axis=0) @ own.mean(axis=0))
+    assert list(size.by_subject) == list(simulated(BIAS).motions.subjects)
+    np.testing.assert_allclose(list(size.by_subject.values()), shares, atol=SHARE)
     steps = ladder(search, named.hypothesis)
     assert [rung.added for rung in steps][:2] == ["", BIAS]
     assert steps[1].gaps_deg.mean() < 0.7 * steps[0].gaps_deg.mean()
@@ -88,7 +98,7 @@ def test_a_candidate_is_the_same_as_itself():
     assert similarity(at, BIAS, "thorax_tilt") == pytest.approx(similarity(at, "thorax_tilt", BIAS))
 
 
-def test_a_gain_that_is_the_same_in_every_fold_is_enough_and_one_that_is_noise_or_too_small_is_not():
+def test_a_cause_may_be_named_that_makes_no_kind_of_prediction_worse():
     search = replace(searched(BIAS), adapted={})
     tests = len(search.folds.tests)
     generator = np.random.default_rng(0)
@@ -106,9 +116,16 @@ def test_a_gain_that_is_the_same_in_every_fold_is_enough_and_one_that_is_noise_o
     assert sure.enough
     with_gaps((BIAS,), 0.98, 0.0)
     assert gain(search, (), (BIAS,), 1.0).share == pytest.approx(0.04)
+    assert gain(search, (), (BIAS,), 1.0).enough
+    with_gaps((BIAS,), 1.02, 0.0)
     assert not gain(search, (), (BIAS,), 1.0).enough
-    with_gaps((BIAS,), 1.01, 0.3)
-    assert not gain(search, (), (BIAS,), 1.0).enough
+    with_gaps((BIAS,), 0.5, 0.01)
+    predicted = search.adapted[(BIAS,)].predicted
+    of_persons = search.folds.of_kind(PERSON)
+    predicted.gaps_deg[of_persons] = 2.1
+    found = gain(search, (), (BIAS,), 1.0)
+    assert found.share > 0.3
+    assert not found.enough, "persons are predicted worse"
 
 
 def test_fold_weights_sum_to_the_folds_and_hold_persons_together():

@@ -23,7 +23,7 @@ KEYS = {
 
 INTERVAL = {"value", "low", "high"}
 KINDS = ("noise_floor", "base", "adapted", "with_effect")
-AMPLITUDE = {*INTERVAL, "what", "course", "unit", "typical", "too_large", "directions", "option"}
+AMPLITUDE = {*INTERVAL, "what", "course", "unit", "typical", "too_large", "directions", "option", "by_subject"}
 
 
 def numbers(object: Mapping[str, Any], keys: set[str]) -> bool:

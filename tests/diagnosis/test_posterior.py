@@ -1,5 +1,7 @@
 """The posterior against dense Gaussian algebra, and the discrepancy against draws from it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -10,17 +12,21 @@ from adapt.diagnosis.fit.evidence import Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM
+from models.effects import EFFECTS
 
 BIAS = "scapula_landmark_bias"
 N = len(ADAPTED)
 
-FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0)
+FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4)
 
 INTERPOLATED = 0.02
 """Share of the common variance that is lost between the points that carry it, and with the smallest curves."""
 
 FOUND = np.log(1.6)
 """A SD of some ten independent numbers is known to a fifth; the prior adds as much."""
+
+ALIKE = 1e-3
+"""SD of the amplitudes between shoulders, of the prior's: as good as none."""
 
 AT_THE_TOP = 0.2
 """Of its SD, by which a step further would move an amplitude: steps end below a quarter of a nat."""
@@ -65,26 +71,44 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     Z = generator.standard_normal((*y.shape, N + len(candidates.scale)))
     here = generator.standard_normal(len(where))
     mean, scale = candidates.mean[where], candidates.scale[where]
-    likelihood = Likelihood(joint.model, whitening(shoulders, FEW))
-    found = likelihood.evidence(theta, y, Z).given(where, here, mean, scale).log_evidence
+    likelihood = Likelihood.of(joint.model, shoulders, FEW)
+    found = likelihood.evidence(theta, y, Z).given(where, here, mean, scale)
 
-    by_theta = np.zeros((*y.shape, len(theta), N))
-    by_theta[np.arange(len(y)), :, shoulders.subject] = Z[..., :N]
-    flat = by_theta.reshape(y.size, -1)
+    def of_shoulders(slopes: np.ndarray) -> np.ndarray:
+        """In the parameters of all shoulders: each row in those of its own."""
+        every = np.zeros((*y.shape, len(theta), slopes.shape[2]))
+        every[np.arange(len(y)), :, shoulders.subject] = slopes
+        return every.reshape(y.size, -1)
+
+    flat, by_amplitudes = of_shoulders(Z[..., :N]), of_shoulders(Z[..., N + where])
     of_theta = np.kron(np.eye(len(theta)) + 1.0, np.diag(PERSON_SD_MM**2))
-    by_amplitude = Z[..., N + where].reshape(y.size, -1)
-    middle = y.ravel() + flat @ (joint.model.theta_mm - theta).ravel() + by_amplitude @ (mean - here)
+    of_amplitudes = np.kron(FEW.between_shoulders**2 * np.eye(len(theta)) + 1.0, np.diag(scale**2))
+    middle = (
+        y.ravel() + flat @ (joint.model.theta_mm - theta).ravel() + by_amplitudes @ np.tile(mean - here, len(theta))
+    )
     covariance = np.kron(whitened_covariance(joint, FEW), np.eye(3))
-    covariance += flat @ of_theta @ flat.T + (by_amplitude * scale**2) @ by_amplitude.T
+    covariance += flat @ of_theta @ flat.T + by_amplitudes @ of_amplitudes @ by_amplitudes.T
     density = -0.5 * (np.linalg.slogdet(covariance).logabsdet + middle @ np.linalg.solve(covariance, middle))
-    assert found == pytest.approx(density, rel=1e-9)  # but for the powers of 2 pi
+    assert found.log_evidence == pytest.approx(density, rel=1e-9)  # but for the powers of 2 pi
+    towards = Z[..., N + where].reshape(y.size, -1) * scale**2
+    moved = -towards.T @ np.linalg.solve(covariance, middle)
+    left = np.diag(scale**2) - towards.T @ np.linalg.solve(covariance, towards)
+    np.testing.assert_allclose(found.amplitude, mean + moved, rtol=1e-8)
+    np.testing.assert_allclose(np.linalg.inv(found.root @ found.root.T), left, rtol=1e-7)
+    every = of_amplitudes @ by_amplitudes.T
+    expected = mean - (every @ np.linalg.solve(covariance, middle)).reshape(len(theta), -1)
+    np.testing.assert_allclose(found.of_shoulders, expected, rtol=1e-8)
 
 
 def test_at_the_mode_the_linear_model_stays_where_it_is():
+    """With amplitudes that all shoulders share, as the mode has them."""
     search = searched(BIAS)
-    node = search.nodes[(BIAS,)]
-    given = search.given(node.posterior, node.hypothesis)
-    assert np.linalg.norm(given.root.T @ (given.amplitude - node.posterior.amplitude)) < AT_THE_TOP
+    at, likelihood = search.nodes[(BIAS,)].posterior, replace(search.likelihood, between=ALIKE)
+    (found,) = modes(search.joint, likelihood, [at.hypothesis], [at.theta_mm], [at.amplitude])
+    given = search.given(found, found.hypothesis)
+    assert np.linalg.norm(given.root.T @ (given.amplitude - found.amplitude)) < AT_THE_TOP
+    off = (given.of_shoulders - given.amplitude) / EFFECTS[BIAS].prior_sd
+    assert np.abs(off).max() < 10.0 * ALIKE
 
 
 def test_two_starts_find_one_mode():
@@ -108,7 +132,7 @@ def test_the_discrepancy_that_drew_the_data_is_found(true):
     for _ in range(4):
         y = root @ generator.standard_normal((len(root), 3))
         Z = np.zeros((*y.shape, N + len(joint.candidates.scale)))
-        evidence = Likelihood(joint.model, whitening(joint.shoulders, true)).evidence(joint.model.theta_mm, y, Z)
+        evidence = Likelihood.of(joint.model, joint.shoulders, true).evidence(joint.model.theta_mm, y, Z)
         at = Posterior((), joint.model.theta_mm, np.zeros(0), y, Z, evidence)
         found.append(np.log(likeliest(joint, at, FEW)))
     off = np.mean(found, axis=0) - np.log(true)
@@ -119,7 +143,17 @@ def test_the_discrepancy_that_drew_the_data_is_found(true):
 def test_neighbouring_postures_tell_little_of_what_is_smooth():
     """A constant over the seven postures of a motion: between one number and three, not seven."""
     shoulders = joint_fit().shoulders
-    white = whitening(shoulders, Discrepancy(0.05, 1.0, 0.01, 0.01, 0.01, 60.0))
+    white = whitening(
+        shoulders,
+        FEW._replace(
+            noise_deg=0.05,
+            of_motion_deg=1.0,
+            of_shoulder_deg=0.01,
+            common_motion_deg=0.01,
+            common_deg=0.01,
+            length_deg=60.0,
+        ),
+    )
     ones = [inverse @ np.ones(len(rows)) for rows, inverse in zip(white.rows, white.inverse_root, strict=True)]
     numbers = sum(float(one @ one) for one in ones) / (len(shoulders.subjects) * len(shoulders.kinds))
     assert 0.9 < numbers < 3.0

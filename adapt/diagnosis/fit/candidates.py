@@ -115,11 +115,6 @@ class Candidates:
                 return False
         return True
 
-    def log_prior(self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"]) -> float:
-        """Compute -1/2 sum ((a - mean) / scale)^2."""
-        where = self.where(hypothesis)
-        return -0.5 * float((((amplitude - self.mean[where]) / self.scale[where]) ** 2).sum())
-
 
 def lay_out(
     effects: Sequence[Effect], shoulders: Shoulders, sizes: Mapping[str, MeasuredSize] = MappingProxyType({})

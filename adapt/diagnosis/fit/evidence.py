@@ -1,11 +1,11 @@
 """The evidence of sets of causes in the linear model around one fit: everything but the amplitudes integrated out.
 
-    y = -(noise + discrepancy),   theta_s = set + SD (h + u_s),   a ~ N(mean, scale^2)
+    y = -(noise + discrepancy),   theta_s = set + SD (h + u_s),   a_s = a + between scale v_s,   a ~ N(mean, scale^2)
 
-y is that of ``extended.nearest_posture`` at theta of each shoulder and the amplitudes a of the causes. SD is that of a
-person about the set, h and u_s are N(0, 1): all persons may differ from the set in one direction, as it is one person
-too. The discrepancy is the Gaussian process of ``fit.discrepancy``; what shoulders have in common of it is curves with
-factors b ~ N(0, 1).
+y is that of ``extended.nearest_posture`` at theta_s and the amplitudes a_s of each shoulder s. SD is that of a person
+about the set, h and u_s are N(0, 1): all persons may differ from the set in one direction, as it is one person too.
+A cause acts alike on all shoulders, but not the same: v_s are N(0, 1). The discrepancy is the Gaussian process of
+``fit.discrepancy``; what shoulders have in common of it is curves with factors b ~ N(0, 1).
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.diagnosis.fit.discrepancy import Whitening
+from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, whitening
 from adapt.diagnosis.fit.joint_fit import Model
+from adapt.diagnosis.fit.shoulders import Shoulders
 from models.adapted_parameters import ADAPTED
 from models.girdle import CONSTRAINTS
 
@@ -27,17 +28,23 @@ class Given(NamedTuple):
 
     log_evidence: float
     amplitude: Float[np.ndarray, " own"]
-    """Where the posterior is highest."""
+    """a, where its posterior is highest."""
     root: Float[np.ndarray, "own own"]
-    """L of its precision L L'."""
+    """L of the precision L L' of a."""
+    of_shoulders: Float[np.ndarray, "subjects own"]
+    """a_s, where their posterior is highest."""
 
 
 class Evidence(NamedTuple):
-    """log p(data, a) = constant - g'd - d'A d / 2 of a = here + d, the prior of a left out."""
+    """log p(data, z) of each shoulder: -z'Mz / 2 of z = (h, b, a_s - here, 1), theta_s integrated out; and a constant
+    of all shoulders."""
 
-    matrix: Float[np.ndarray, "every every"]
-    gradient: Float[np.ndarray, " every"]
+    matrix: Float[np.ndarray, "subjects n n"]
     constant: float
+    shared: int
+    """How many of h and b there are."""
+    between: float
+    """SD of a_s about a, of the prior SD."""
 
     def given(
         self,
@@ -46,20 +53,47 @@ class Evidence(NamedTuple):
         mean: Float[np.ndarray, " own"],
         scale: Float[np.ndarray, " own"],
     ) -> Given:
-        """Integrate the amplitudes ``where`` over their prior; the others stay."""
-        off = (here - mean) / scale
-        root = np.linalg.cholesky(self.matrix[np.ix_(where, where)] * np.outer(scale, scale) + np.eye(len(where)))
-        down = np.linalg.solve(root, self.gradient[where] * scale + off)
-        log_evidence = self.constant - 0.5 * off @ off + 0.5 * down @ down - np.log(np.diag(root)).sum()
-        return Given(float(log_evidence), here - scale * np.linalg.solve(root.T, down), root / scale[:, None])
+        """Integrate h, b and the amplitudes ``where`` over their priors; the others stay.
+
+        With a_s = here + SD e_s and a = mean + scale x, SD = between scale, v_s = e_s + (here - mean) / SD - x /
+        between: that is the prior of e_s, which is integrated out of each shoulder. h, b and x of all are left.
+        """
+        k, f, sd = len(where), self.shared, self.between * scale
+        n = f + k  # of h, b and x
+        kept = np.concatenate([f + where, np.arange(f), [-1]])
+        data = self.matrix[:, kept[:, None], kept]  # in a_s, h, b and 1
+        data[:, :k] *= sd[:, None]
+        data[:, :, :k] *= sd
+        v = np.concatenate(
+            [np.eye(k), np.zeros((k, f)), -np.eye(k) / self.between, ((here - mean) / sd)[:, None]], axis=1
+        )
+        matrix = np.tile(v.T @ v, (len(data), 1, 1))  # in e_s, h, b, x and 1
+        others = np.append(np.arange(n), n + k)
+        matrix[:, others[:, None], others] += data
+        rest, log_root = _without(matrix, k)
+        total = rest.sum(axis=0)
+        total[range(n), range(n)] += 1.0
+        root = np.linalg.cholesky(total[:n, :n])
+        down = np.linalg.solve(root, total[:n, n])
+        z = -np.linalg.solve(root.T, down)
+        log_evidence = self.constant - log_root.sum() - np.log(np.diag(root)).sum() + 0.5 * (down @ down - total[n, n])
+        e = -np.linalg.solve(matrix[:, :k, :k], (matrix[:, :k, k:] @ np.append(z, 1.0))[..., None])[..., 0]
+        return Given(float(log_evidence), mean + scale * z[f:], root[f:, f:] / scale[:, None], here + sd * e)
 
 
 @dataclass(frozen=True)
 class Likelihood:
-    """What is believed of y and theta of every shoulder."""
+    """What is believed of y, theta and the amplitudes of every shoulder."""
 
     model: Model
     whitening: Whitening
+    between: float
+    """SD of a_s about a, of the prior SD."""
+
+    @staticmethod
+    def of(model: Model, shoulders: Shoulders, discrepancy: Discrepancy) -> "Likelihood":
+        """Factor what no cause explains."""
+        return Likelihood(model, whitening(shoulders, discrepancy), discrepancy.between_shoulders)
 
     @property
     def shared(self) -> int:
@@ -102,20 +136,20 @@ class Likelihood:
         y: Float[np.ndarray, "rows 3"],
         Z: Float[np.ndarray, "rows 3 n"],
     ) -> Evidence:
-        """Integrate theta of every shoulder, h and b out; Z is dy in theta and in all amplitudes."""
+        """Integrate theta of every shoulder out; Z is dy in theta and in all amplitudes."""
         constant = -0.5 * self.whitening.log_determinant - np.log(self.sd_mm).sum()
-        total = np.diag(np.append(np.ones(self.shared), np.zeros(Z.shape[2] - _N + 1)))
+        found = []
         for subject, rows in enumerate(self.whitening.rows):
             (columns,) = self.columns(subject, Z[None, rows], y[None, rows], theta_mm[None, subject])
             rest, log_root = _without(columns.T @ columns, _N)
-            total += rest
+            found.append(rest)
             constant -= log_root
-        rest, log_root = _without(total, self.shared)
-        return Evidence(rest[:-1, :-1], rest[:-1, -1], float(constant - log_root - 0.5 * rest[-1, -1]))
+        return Evidence(np.array(found), float(constant), self.shared, self.between)
 
 
-def _without(matrix: Float[np.ndarray, "n n"], first: int) -> tuple[Float[np.ndarray, "m m"], float]:
+def _without(matrix: Float[np.ndarray, "*shoulders n n"], first: int) -> tuple[np.ndarray, np.ndarray]:
     """Eliminate the first variables of a quadratic: the Schur complement, and half the log determinant of theirs."""
-    root = np.linalg.cholesky(matrix[:first, :first])
-    across = np.linalg.solve(root, matrix[:first, first:])
-    return matrix[first:, first:] - across.T @ across, float(np.log(np.diag(root)).sum())
+    root = np.linalg.cholesky(matrix[..., :first, :first])
+    across = np.linalg.solve(root, matrix[..., :first, first:])
+    half_log = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
+    return matrix[..., first:, first:] - np.swapaxes(across, -1, -2) @ across, half_log

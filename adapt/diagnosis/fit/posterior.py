@@ -1,6 +1,7 @@
 """The posterior mode of sets of causes, by damped Gauss-Newton steps within the bounds; and of the discrepancy.
 
-At the mode of theta, h, b and a (``fit.evidence``) the model is taken for linear (Laplace).
+At the mode of theta, h, b and a (``fit.evidence``) with amplitudes that all shoulders share the model is taken for
+linear (Laplace), and there each shoulder has its own.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.fit.discrepancy import LOG_SD, TYPICAL, Discrepancy, whitening
+from adapt.diagnosis.fit.discrepancy import LOG_SD, TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Evidence, Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
@@ -21,13 +22,16 @@ from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
 
-_MOST_STEPS = 15
+_MOST_STEPS = 60
 
 _ENOUGH = 0.5
 """Decrease of -2 log p in a step at which a mode is found: a quarter of a nat."""
 
-_LESS, _MORE, _LEAST, _HOPELESS = 0.25, 8.0, 0.01, 30.0
-"""Damping after a step down and up, the least that is not 0, and the one from which there is no way down."""
+_LESS, _MORE, _NONE, _LEAST_AFTER_FAILURE, _HOPELESS = 0.25, 8.0, 1e-3, 0.01, 1e3
+"""Damping after a step down and up, what is taken for 0, the least after a step up, and that without a way down."""
+
+_STUCK = 0.1
+"""A step with more damping than this is short because it must be, not because it is the last."""
 
 _WITHIN = 2.5
 """Discrepancies are looked for within so many SDs of their prior."""
@@ -84,9 +88,10 @@ def likeliest(joint: JointFit, at: Posterior, start: Discrepancy) -> Discrepancy
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
 
     def cost(log: Float[np.ndarray, " numbers"]) -> float:
-        likelihood = Likelihood(joint.model, whitening(joint.shoulders, Discrepancy(*np.exp(log))))
-        evidence = likelihood.evidence(at.theta_mm, at.y, Z).given(own, at.amplitude, mean, scale).log_evidence
-        return 0.5 * float((((log - np.log(TYPICAL)) / LOG_SD) ** 2).sum()) - evidence
+        likelihood = Likelihood.of(joint.model, joint.shoulders, Discrepancy(*np.exp(log)))
+        evidence = likelihood.evidence(at.theta_mm, at.y, Z)
+        log_evidence = evidence.given(own, at.amplitude, mean, scale).log_evidence
+        return 0.5 * float((((log - np.log(TYPICAL)) / LOG_SD) ** 2).sum()) - log_evidence
 
     bounds = [
         (middle - _WITHIN * sd, middle + _WITHIN * sd) for middle, sd in zip(np.log(TYPICAL), LOG_SD, strict=True)
@@ -188,8 +193,10 @@ class _Steps:
         theta, a, f = state.theta + step.theta.reshape(state.theta.shape), state.a + by_a, state.f + by_f
         near, total = self.at(theta, a, f, state.near.angles_deg)
         better = state.going & (total <= state.total)
-        damping = np.where(better, damping * _LESS * (damping > _LEAST), np.maximum(damping * _MORE, _LEAST))
-        there = better & (state.total - total < _ENOUGH)
+        damping = np.where(
+            better, damping * _LESS * (damping > _NONE), np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE)
+        )
+        there = better & (state.total - total < _ENOUGH) & (state.damping < _STUCK)
         return _State(
             theta=np.where(better[:, None, None], theta, state.theta),
             a=np.where(better[:, None], a, state.a),

@@ -1,5 +1,7 @@
 """How large the named causes are, with intervals, beside how large such effects are."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -7,7 +9,7 @@ from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.amplitude_draws import draws_of
-from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
@@ -20,17 +22,30 @@ _REACHED = 95.0
 """Percentile of the postures at which the size of an effect is stated: the largest that it is but for outliers."""
 
 
-def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitude]:
-    """Describe each effect of a fit, by name."""
+def amplitudes(search: Search, hypothesis: Hypothesis, probable: Node) -> dict[str, CauseAmplitude]:
+    """Describe each effect of a fit, by name; how much of it each subject has is that of the most probable set."""
     if not hypothesis:
         return {}
     draws = draws_of(search, hypothesis)
     amplitude = search.adaptation(hypothesis).fitted.amplitude[0]
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
     return {
-        effect.name: _described(effect, amplitude[own], draws[:, own], candidates, shoulders)
+        effect.name: replace(
+            _described(effect, amplitude[own], draws[:, own], candidates, shoulders),
+            by_subject=_by_subject(effect, probable, search),
+        )
         for effect, own in candidates.slices(hypothesis)
     }
+
+
+def _by_subject(effect: Effect, probable: Node, search: Search) -> dict[str, float]:
+    """Project the amplitudes a_s of each subject on their mean a: a_s'P a / a'P a, P the precision of the prior."""
+    candidates, given = search.joint.candidates, search.given(probable.posterior, probable.hypothesis)
+    own = next(place for one, place in candidates.slices(probable.hypothesis) if one.name == effect.name)
+    mean = given.amplitude[own]
+    weighted = mean / candidates.scale[candidates.places[effect.name]] ** 2
+    shares = given.of_shoulders[:, own] @ weighted / (mean @ weighted)
+    return dict(zip(search.joint.shoulders.subjects, shares.tolist(), strict=True))
 
 
 def unseen_amplitude(effect: Effect) -> CauseAmplitude:

@@ -1,10 +1,11 @@
 """Draws of the amplitudes of an adaptation: what noise, and all that no cause explains, leave open.
 
 The adaptation a* minimises E + prior, whose Hessian in the amplitudes is H with the adapted parameters of every
-shoulder taken out. The slope there is off by S e + T d if y is off by e, and the thorax of the persons by d from that
-of the set. e has the covariance C of ``fit.discrepancy``, d the one P of ``fit.evidence``:
+shoulder taken out. The slope there is off by S e + T d + U v if y is off by e, the thorax of the persons by d from that
+of the set, and the amplitudes of a shoulder by v from their mean. e has the covariance C of ``fit.discrepancy``, d and
+v those of ``fit.evidence``, P and Q:
 
-    a ~ N(a*, H^-1 (S C S' + T P T') H^-1)
+    a ~ N(a*, H^-1 (S C S' + T P T' + U Q U') H^-1)
 """
 
 import numpy as np
@@ -29,9 +30,10 @@ def draws_of(search: Search, hypothesis: Hypothesis) -> Float[np.ndarray, "draws
 
 
 def amplitude_covariance(search: Search, hypothesis: Hypothesis) -> Float[np.ndarray, "own own"]:
-    """Compute H^-1 (S C S' + T P T') H^-1."""
+    """Compute H^-1 (S C S' + T P T' + U Q U') H^-1."""
     adaptation, joint = search.adaptation(hypothesis), search.joint
-    where, white = joint.candidates.where(hypothesis), search.likelihood.whitening
+    likelihood, where = search.likelihood, joint.candidates.where(hypothesis)
+    white, sd = likelihood.whitening, likelihood.between * joint.candidates.scale[where]
     _, matrices = adaptation.linearised.normal_equations(where)
     hessian = np.diag(2.0 / joint.candidates.scale[where] ** 2)
     own, common, thorax = np.zeros(hessian.shape), 0.0, 0.0
@@ -48,7 +50,9 @@ def amplitude_covariance(search: Search, hypothesis: Hypothesis) -> Float[np.nda
         by_number = np.einsum("rq,rca->qca", root * weight[:, None], slopes)
         own += np.einsum("qca,qcb->ab", by_number, by_number)
         common = common + np.einsum("qca,qj->acj", by_number, white.curves[subject])
-        by_thorax = follows.T @ adaptation.linearised.thorax.matrix[subject][free] * search.likelihood.sd_mm[subject]
+        by_amplitudes = np.einsum("rca,rcb->ab", weight[:, None, None] * slopes, Z[..., _N + where]) * sd
+        own += by_amplitudes @ by_amplitudes.T
+        by_thorax = follows.T @ adaptation.linearised.thorax.matrix[subject][free] * likelihood.sd_mm[subject]
         own += by_thorax @ by_thorax.T
         thorax = thorax + by_thorax
     shared = np.concatenate([np.reshape(common, (len(where), -1)), thorax], axis=1)

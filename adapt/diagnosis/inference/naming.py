@@ -1,7 +1,7 @@
 """Which causes are named: those of the most probable set that are needed, as long as each predicts unseen motions and
 persons."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -13,9 +13,6 @@ from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
-
-LEAST_GAIN = 0.05
-"""Share of the unseen gap beyond noise that a named cause takes away: less is no answer to anybody."""
 
 LEAST_PROBABILITY = 0.9
 """Of the set with a cause against the set without it."""
@@ -33,8 +30,8 @@ class Gain(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """Whether the cause may be named."""
-        return self.share >= LEAST_GAIN and self.worst_deg > 0.0
+        """Whether the cause may be named: it makes no kind of prediction worse."""
+        return self.worst_deg > 0.0
 
 
 def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: float) -> Gain:
@@ -66,9 +63,7 @@ class Named(NamedTuple):
 def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the causes of the most probable set that predict; noise alone leaves a gap of ``floor_deg``."""
     probable, places = _probable(search)
-    needed = {name: probable.value - search.without(probable, name).value for name in _open(search, probable)}
-    names = [*sorted(needed, key=lambda name: -needed[name]), *search.known]
-    hypothesis, gains = _predicting(search, names, floor_deg)
+    hypothesis, gains = _predicting(search, probable, floor_deg)
     sets = {name: credible_set(places[name]) for name in hypothesis}
     return Named(hypothesis, gains, ladder(search, hypothesis), probable, sets)
 
@@ -102,16 +97,9 @@ def _weakest(search: Search, node: Node) -> str | None:
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None
 
 
-def _predicting(search: Search, names: Sequence[str], floor_deg: float) -> tuple[Hypothesis, dict[str, Gain]]:
-    """Add the first of these causes that predicts enough, again and again; then take out what others made needless."""
-    ordered = search.joint.candidates.ordered
-    chosen: Hypothesis = ()
-
-    def predicts(name: str) -> bool:
-        return name not in chosen and gain(search, chosen, ordered((*chosen, name)), floor_deg).enough
-
-    while name := next(filter(predicts, names), None):
-        chosen = ordered((*chosen, name))
+def _predicting(search: Search, node: Node, floor_deg: float) -> tuple[Hypothesis, dict[str, Gain]]:
+    """Take the cause out of a set that predicts least beside the others, again and again until each predicts enough."""
+    chosen = node.hypothesis
     while True:
         gains = {name: gain(search, without(chosen, name), chosen, floor_deg) for name in chosen}
         short = [name for name in gains if not gains[name].enough]

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
-from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy, whitening
+from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Given, Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
@@ -76,7 +76,7 @@ class Search:
     @property
     def likelihood(self) -> Likelihood:
         """With the discrepancy as it is known now."""
-        return Likelihood(self.joint.model, whitening(self.joint.shoulders, self.discrepancy))
+        return Likelihood.of(self.joint.model, self.joint.shoulders, self.discrepancy)
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
         """Fit a hypothesis, from the fit of another one; without one, what is known."""
@@ -108,9 +108,9 @@ class Search:
         return a[candidates.where(hypothesis)]
 
     def _add(self, posterior: Posterior) -> Node:
-        value = _WORST
-        if self.joint.candidates.has_the_sign(posterior.hypothesis, posterior.amplitude):
-            value = self._value(posterior, posterior.hypothesis)
+        given, value = self.given(posterior, posterior.hypothesis), _WORST
+        if self.joint.candidates.has_the_sign(posterior.hypothesis, given.amplitude):
+            value = given.log_evidence + len(posterior.hypothesis) * self.log_odds
         node = Node(posterior.hypothesis, posterior, value)
         self.nodes[posterior.hypothesis] = node
         self.progress(f"{len(self.nodes)} sets of causes")
