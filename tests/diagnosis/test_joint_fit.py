@@ -187,18 +187,3 @@ def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
     assert not walled.converged
     np.testing.assert_array_equal(walled.theta_mm, start)
     assert next(higher) < 20
-
-
-def test_hypotheses_side_by_side_end_where_each_does_alone():
-    """Though they have unlike numbers of amplitudes and take unlike numbers of steps."""
-    joint = joint_fit("scapula_landmark_bias")
-    start = joint.from_starts().theta_mm
-    hypotheses = [("scapula_landmark_bias",), (), ("scapula_landmark_bias", "thorax_tilt")]
-    begins = [np.zeros(len(joint.candidates.where(one))) for one in hypotheses]
-    found = joint.fit_side_by_side(hypotheses, [start] * len(hypotheses), begins)
-    for hypothesis, begin, one in zip(hypotheses, begins, found, strict=True):
-        alone = joint.fit(hypothesis, start, begin[None])
-        assert one.converged
-        np.testing.assert_allclose(one.E, alone.E, rtol=1e-9)
-        np.testing.assert_allclose(one.amplitude, alone.amplitude, rtol=1e-6)
-        assert one.amplitude.shape == alone.amplitude.shape

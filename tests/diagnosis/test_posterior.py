@@ -100,6 +100,18 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     np.testing.assert_allclose(found.of_shoulders, expected, rtol=1e-8)
 
 
+def test_what_is_white_is_linear_in_what_shoulders_share():
+    joint = joint_fit()
+    generator = np.random.default_rng(6)
+    likelihood = Likelihood.of(joint.model, joint.shoulders, FEW)
+    count = len(joint.shoulders.rows_of(1))
+    y, theta = generator.standard_normal((2, count, 3)), joint.model.theta_mm[1] + generator.standard_normal((2, N))
+    f = generator.standard_normal((2, likelihood.shared))
+    columns = likelihood.columns(1, np.zeros((2, count, 3, N)), y, theta)
+    expected = columns[..., -1] + (columns[..., N:-1] @ f[..., None])[..., 0]
+    np.testing.assert_allclose(likelihood.values(1, y, theta, f), expected, rtol=1e-12, atol=1e-12)
+
+
 def test_at_the_mode_the_linear_model_stays_where_it_is():
     """With amplitudes that all shoulders share, as the mode has them."""
     search = searched(BIAS)

@@ -31,8 +31,20 @@ class Given(NamedTuple):
     """a, where its posterior is highest."""
     root: Float[np.ndarray, "own own"]
     """L of the precision L L' of a."""
-    of_shoulders: Float[np.ndarray, "subjects own"]
-    """a_s, where their posterior is highest."""
+    of_all: Float[np.ndarray, " every"]
+    """h, b, x (``Evidence.given``) and 1 there."""
+    matrix: Float[np.ndarray, "subjects n n"]
+    """Of every shoulder, in e_s and of_all."""
+    here: Float[np.ndarray, " own"]
+    sd: Float[np.ndarray, " own"]
+    """Of a_s about a."""
+
+    @property
+    def of_shoulders(self) -> Float[np.ndarray, "subjects own"]:
+        """Give a_s, where their posterior is highest."""
+        k = len(self.sd)
+        e = -np.linalg.solve(self.matrix[:, :k, :k], (self.matrix[:, :k, k:] @ self.of_all)[..., None])[..., 0]
+        return self.here + self.sd * e
 
 
 class Evidence(NamedTuple):
@@ -77,8 +89,8 @@ class Evidence(NamedTuple):
         down = np.linalg.solve(root, total[:n, n])
         z = -np.linalg.solve(root.T, down)
         log_evidence = self.constant - log_root.sum() - np.log(np.diag(root)).sum() + 0.5 * (down @ down - total[n, n])
-        e = -np.linalg.solve(matrix[:, :k, :k], (matrix[:, :k, k:] @ np.append(z, 1.0))[..., None])[..., 0]
-        return Given(float(log_evidence), mean + scale * z[f:], root[f:, f:] / scale[:, None], here + sd * e)
+        L = root[f:, f:] / scale[:, None]
+        return Given(float(log_evidence), mean + scale * z[f:], L, np.append(z, 1.0), matrix, here, sd)
 
 
 @dataclass(frozen=True)
@@ -129,6 +141,20 @@ class Likelihood:
         prior[..., :_N], prior[..., _N : 2 * _N] = np.diag(1.0 / sd), -np.eye(_N)
         prior[..., -1] = (theta_mm - self.model.theta_mm[subject]) / sd
         return found
+
+    def values(
+        self,
+        subject: int,
+        y: Float[np.ndarray, "groups own 3"],
+        theta_mm: Float[np.ndarray, "groups adapted"],
+        f: Float[np.ndarray, "groups factors"],
+    ) -> Float[np.ndarray, "groups k"]:
+        """Compute what is white of a shoulder (``columns``) at f = (h, b)."""
+        h, b = np.split(f, [_N], axis=1)
+        common = self.whitening.curves[subject] @ np.swapaxes(b.reshape(len(b), _C, -1), 1, 2)
+        rows = self.whitening.inverse_root[subject] @ y + common
+        prior = (theta_mm - self.model.theta_mm[subject]) / self.sd_mm[subject] - h
+        return np.concatenate([rows.reshape(len(b), -1), prior], axis=1)
 
     def evidence(
         self,

@@ -182,26 +182,6 @@ class JointFit:
         end = self._minimised([tuple(hypothesis)] * self.groups, theta_mm, amplitude, settled)
         return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
 
-    def fit_side_by_side(
-        self,
-        hypotheses: Sequence[Hypothesis],
-        thetas_mm: Sequence[Float[np.ndarray, "parts adapted"]],
-        amplitudes: Sequence[Float[np.ndarray, " own"]],
-        settled: float = SETTLED,
-    ) -> list[Fitted]:
-        """Minimise several hypotheses, each from a start of its own, as ``fit`` does one; this fit has one group."""
-        groups, count = range(len(hypotheses)), len(self.parts)
-        every = self._repeated(len(hypotheses))
-        start = np.zeros((len(hypotheses), max(map(len, amplitudes))))
-        for group, amplitude in enumerate(amplitudes):
-            start[group, : len(amplitude)] = amplitude
-        end = every._minimised(hypotheses, np.concatenate(thetas_mm), start, settled)
-        own = [slice(group * count, (group + 1) * count) for group in groups]
-        return [
-            Fitted(end.theta_mm[at], end.amplitude[[group], : len(a)], end.E[at], bool(end.settled[group]))
-            for group, (at, a) in enumerate(zip(own, amplitudes, strict=True))
-        ]
-
     def _repeated(self, groups: int) -> "JointFit":
         """Repeat the one group of this fit."""
         return replace(self, parts=tuple(part._replace(group=group) for group in range(groups) for part in self.parts))

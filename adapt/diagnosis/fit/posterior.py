@@ -213,30 +213,21 @@ class _Steps:
         parts, shared = self.objective.parts, self.objective.shared
         total = (((a - shared.mean) / shared.scale) ** 2).sum(axis=1) + (f**2).sum(axis=1)
         total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), self.groups)
-        for columns in self.columns(theta, near, slopes=False):
-            total += (_left(columns, f) ** 2).sum(axis=1)
+        y = self.rows_first(near.y[:, None])[..., 0]
+        for subject, rows in enumerate(self.places):
+            total += (self.likelihood.values(subject, y[:, rows], theta[:, subject], f) ** 2).sum(axis=1)
         return near, np.where(np.isfinite(total), total, np.inf)
 
     def quadratic(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
         """Give gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
         gradients, matrices = [], []
-        for columns in self.columns(state.theta, state.near, slopes=True):
-            across = np.swapaxes(columns[..., :-1], 1, 2)
-            gradients.append((across @ _left(columns, state.f)[..., None])[..., 0])
-            matrices.append(across @ columns[..., :-1])
+        slopes = np.concatenate([state.near.by_theta, self.objective.by_amplitude(state.near)], axis=1)
+        Z, y = self.rows_first(slopes), self.rows_first(state.near.y[:, None])[..., 0]
+        for subject, rows in enumerate(self.places):
+            given = y[:, rows], state.theta[:, subject]
+            columns = self.likelihood.columns(subject, Z[:, rows], *given)[..., :-1]
+            across = np.swapaxes(columns, 1, 2)
+            gradients.append((across @ self.likelihood.values(subject, *given, state.f)[..., None])[..., 0])
+            matrices.append(across @ columns)
         n = gradients[0].shape[1]
         return np.stack(gradients, axis=1).reshape(-1, n), np.stack(matrices, axis=1).reshape(-1, n, n)
-
-    def columns(self, theta, near: Nearest, slopes: bool) -> Iterator[Float[np.ndarray, "groups k m"]]:
-        """Lay out what is white of one shoulder after the other; without slopes their columns are 0."""
-        own = np.zeros_like(near.by_theta)
-        if slopes:
-            own = np.concatenate([near.by_theta, self.objective.by_amplitude(near)], axis=1)
-        Z, y = self.rows_first(own), self.rows_first(near.y[:, None])[..., 0]
-        for subject, rows in enumerate(self.places):
-            yield self.likelihood.columns(subject, Z[:, rows], y[:, rows], theta[:, subject])
-
-
-def _left(columns: Float[np.ndarray, "groups k m"], f: Float[np.ndarray, "groups factors"]) -> np.ndarray:
-    """Give the values at these factors."""
-    return columns[..., -1] + (columns[..., _N : _N + f.shape[1]] @ f[..., None])[..., 0]

@@ -61,11 +61,14 @@ class Search:
     known: Hypothesis = ()
     """Causes that are at work whatever the gap says."""
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
+    predicted: dict[tuple[Hypothesis, Hypothesis], float] = field(default_factory=dict)
+    """V of sets from the modes of others, by both names."""
     adapted: dict[Hypothesis, Adaptation] = field(default_factory=dict)
     """As `girdle adapt` fits, of the few sets of which it was asked (``adaptation``)."""
     refits: dict[Hypothesis, Float[np.ndarray, "tests 6"]] = field(default_factory=dict)
     """Gaps of exact fits without each fold, of the few sets of which they were made (``inference.budget``)."""
     discrepancy: Discrepancy = TYPICAL
+    likelihoods: dict[Discrepancy, Likelihood] = field(default_factory=dict)
 
     @cached_property
     def log_odds(self) -> float:
@@ -76,7 +79,9 @@ class Search:
     @property
     def likelihood(self) -> Likelihood:
         """With the discrepancy as it is known now."""
-        return Likelihood.of(self.joint.model, self.joint.shoulders, self.discrepancy)
+        if self.discrepancy not in self.likelihoods:
+            self.likelihoods[self.discrepancy] = Likelihood.of(self.joint.model, self.joint.shoulders, self.discrepancy)
+        return self.likelihoods[self.discrepancy]
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
         """Fit a hypothesis, from the fit of another one; without one, what is known."""
@@ -136,8 +141,15 @@ class Search:
             if effect.cause not in causes:
                 hypothesis = candidates.ordered((*node.hypothesis, effect.name))
                 known = self.nodes.get(hypothesis)
-                found.append((known.value if known else self._value(node.posterior, hypothesis), hypothesis, node))
+                found.append((known.value if known else self._predicted(node, hypothesis), hypothesis, node))
         return sorted(found, key=lambda one: -one[0])
+
+    def _predicted(self, node: Node, hypothesis: Hypothesis) -> float:
+        """Predict V of a set from the mode of another one, once."""
+        both = node.hypothesis, hypothesis
+        if both not in self.predicted:
+            self.predicted[both] = self._value(node.posterior, hypothesis)
+        return self.predicted[both]
 
     def beam(self, first: Sequence[str] = ()) -> None:
         """Search upwards from what is known, or beside it from a cause that no straight line leads to."""
@@ -175,6 +187,7 @@ class Search:
         self.discrepancy = likeliest(self.joint, node.posterior, self.discrepancy)
         best = sorted(self.usable, key=lambda one: -one.value)[:_KEPT]
         before, self.nodes = list({one.hypothesis: one for one in (*best, self.nodes[self.known])}.values()), {}
+        self.predicted.clear()
         thetas, amplitudes = zip(*((one.posterior.theta_mm, one.posterior.amplitude) for one in before), strict=True)
         hypotheses = [one.hypothesis for one in before]
         for posterior in modes(self.joint, self.likelihood, hypotheses, thetas, amplitudes):
