@@ -3,6 +3,7 @@
 A problem is one posture of one subject with one girdle; the last axis of every array is the problem.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -195,14 +196,14 @@ def _projected(girdle: AnyGirdle, target, weights, start) -> SweptPostures:
         if len(again):
             chain, s, W = take_problems((girdle, target, weights), again)
             put_lower(quick, again, fit_extended(chain, s, W, s + offset[:, None] / DEG))
-    left = np.flatnonzero(~quick.converged)
-    if len(left):
-        chain, s, W = take_problems((girdle, target, weights), left)
-        put_lower(quick, left, fit_by_newton(chain, s, W, quick.angles[:, left]))
-    left = np.flatnonzero(~quick.converged)
-    if len(left):
-        chain, s, W = take_problems((girdle, target, weights), left)
-        put_lower(quick, left, reference_fit(chain, s, W, None if start is None else start[:, left]))
+
+    def finish(solve: Callable[..., SweptPostures]) -> None:
+        left = np.flatnonzero(~quick.converged)
+        if len(left):
+            put_lower(quick, left, solve(left, *take_problems((girdle, target, weights), left)))
+
+    finish(lambda left, chain, s, W: fit_by_newton(chain, s, W, quick.angles[:, left]))
+    finish(lambda left, chain, s, W: reference_fit(chain, s, W, None if start is None else start[:, left]))
     return quick
 
 

@@ -107,8 +107,8 @@ def test_what_is_white_is_linear_in_what_shoulders_share():
     count = len(joint.shoulders.rows_of(1))
     y, theta = generator.standard_normal((2, count, 3)), joint.model.theta_mm[1] + generator.standard_normal((2, N))
     f = generator.standard_normal((2, likelihood.shared))
-    columns = likelihood.columns(1, np.zeros((2, count, 3, N)), y, theta)
-    expected = columns[..., -1] + (columns[..., N:-1] @ f[..., None])[..., 0]
+    columns = likelihood.columns(1, np.zeros((2, count, 3, N)))
+    expected = likelihood.values(1, y, theta, 0.0 * f) + (columns[..., N:] @ f[..., None])[..., 0]
     np.testing.assert_allclose(likelihood.values(1, y, theta, f), expected, rtol=1e-12, atol=1e-12)
 
 

@@ -121,25 +121,18 @@ class Likelihood:
         self,
         subject: int,
         slopes: Float[np.ndarray, "groups own 3 n"],
-        y: Float[np.ndarray, "groups own 3"],
-        theta_mm: Float[np.ndarray, "groups adapted"],
     ) -> Float[np.ndarray, "groups k m"]:
-        """Lay out what is white of a shoulder: its rows, and theta less what persons have in common.
-
-        Columns: slopes in theta; in h and b; the other slopes; last the values themselves, where h = b = 0.
-        """
+        """Lay out the slopes of what is white of a shoulder (``values``): in theta; in h and b; the others."""
         groups, own, _, n = slopes.shape
         curves, sd, end = self.whitening.curves[subject], self.sd_mm[subject], _N + self.shared
-        extended = np.concatenate([slopes, y[..., None]], axis=3).reshape(groups, own, -1)
-        white = (self.whitening.inverse_root[subject] @ extended).reshape(groups, own, _C, n + 1)
-        found = np.zeros((groups, own * _C + _N, n + self.shared + 1))
+        white = (self.whitening.inverse_root[subject] @ slopes.reshape(groups, own, -1)).reshape(slopes.shape)
+        found = np.zeros((groups, own * _C + _N, n + self.shared))
         rows = found[:, : own * _C].reshape(groups, own, _C, -1)
         rows[..., :_N], rows[..., end:] = white[..., :_N], white[..., _N:]
         for k, place in enumerate(np.split(np.arange(2 * _N, end), _C)):
             rows[:, :, k, place] = curves
         prior = found[:, own * _C :]
         prior[..., :_N], prior[..., _N : 2 * _N] = np.diag(1.0 / sd), -np.eye(_N)
-        prior[..., -1] = (theta_mm - self.model.theta_mm[subject]) / sd
         return found
 
     def values(
@@ -149,7 +142,7 @@ class Likelihood:
         theta_mm: Float[np.ndarray, "groups adapted"],
         f: Float[np.ndarray, "groups factors"],
     ) -> Float[np.ndarray, "groups k"]:
-        """Compute what is white of a shoulder (``columns``) at f = (h, b)."""
+        """Compute what is white of a shoulder at f = (h, b): its rows, and theta less what persons have in common."""
         h, b = np.split(f, [_N], axis=1)
         common = self.whitening.curves[subject] @ np.swapaxes(b.reshape(len(b), _C, -1), 1, 2)
         rows = self.whitening.inverse_root[subject] @ y + common
@@ -166,7 +159,8 @@ class Likelihood:
         constant = -0.5 * self.whitening.log_determinant - np.log(self.sd_mm).sum()
         found = []
         for subject, rows in enumerate(self.whitening.rows):
-            (columns,) = self.columns(subject, Z[None, rows], y[None, rows], theta_mm[None, subject])
+            values = self.values(subject, y[None, rows], theta_mm[None, subject], np.zeros((1, self.shared)))
+            (columns,) = np.concatenate([self.columns(subject, Z[None, rows]), values[..., None]], axis=2)
             rest, log_root = _without(columns.T @ columns, _N)
             found.append(rest)
             constant -= log_root

@@ -182,13 +182,10 @@ class JointFit:
         end = self._minimised([tuple(hypothesis)] * self.groups, theta_mm, amplitude, settled)
         return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
 
-    def _repeated(self, groups: int) -> "JointFit":
-        """Repeat the one group of this fit."""
-        return replace(self, parts=tuple(part._replace(group=group) for group in range(groups) for part in self.parts))
-
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
         """Give E of hypotheses side by side; this fit has one group."""
-        every = self._repeated(len(hypotheses))
+        groups = range(len(hypotheses))
+        every = replace(self, parts=tuple(part._replace(group=group) for group in groups for part in self.parts))
         return Objective(every._parts, every._shared(hypotheses))
 
     def _minimised(self, hypotheses: Sequence[Hypothesis], theta_mm, amplitude, settled: float) -> End:

@@ -15,7 +15,7 @@ from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.discrepancy import LOG_SD, TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Evidence, Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit
-from adapt.solvers.extended.arrow_step import Quadratic, lowest
+from adapt.solvers.extended.arrow_step import Quadratic, lowest, times
 from adapt.solvers.extended.gauss_newton import FEW, Objective, cost_of_open_chains, put
 from adapt.solvers.extended.nearest_posture import Nearest
 from models.adapted_parameters import ADAPTED
@@ -224,10 +224,10 @@ class _Steps:
         slopes = np.concatenate([state.near.by_theta, self.objective.by_amplitude(state.near)], axis=1)
         Z, y = self.rows_first(slopes), self.rows_first(state.near.y[:, None])[..., 0]
         for subject, rows in enumerate(self.places):
-            given = y[:, rows], state.theta[:, subject]
-            columns = self.likelihood.columns(subject, Z[:, rows], *given)[..., :-1]
+            columns = self.likelihood.columns(subject, Z[:, rows])
+            values = self.likelihood.values(subject, y[:, rows], state.theta[:, subject], state.f)
             across = np.swapaxes(columns, 1, 2)
-            gradients.append((across @ self.likelihood.values(subject, *given, state.f)[..., None])[..., 0])
+            gradients.append(times(across, values))
             matrices.append(across @ columns)
         n = gradients[0].shape[1]
         return np.stack(gradients, axis=1).reshape(-1, n), np.stack(matrices, axis=1).reshape(-1, n, n)

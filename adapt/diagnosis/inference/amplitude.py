@@ -29,23 +29,26 @@ def amplitudes(search: Search, hypothesis: Hypothesis, probable: Node) -> dict[s
     draws = draws_of(search, hypothesis)
     amplitude = search.adaptation(hypothesis).fitted.amplitude[0]
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
+    shares = _shares(search, probable)
     return {
         effect.name: replace(
             _described(effect, amplitude[own], draws[:, own], candidates, shoulders),
-            by_subject=_by_subject(effect, probable, search),
+            by_subject=dict(zip(shoulders.subjects, shares[effect.name].tolist(), strict=True)),
         )
         for effect, own in candidates.slices(hypothesis)
     }
 
 
-def _by_subject(effect: Effect, probable: Node, search: Search) -> dict[str, float]:
-    """Project the amplitudes a_s of each subject on their mean a: a_s'P a / a'P a, P the precision of the prior."""
-    candidates, given = search.joint.candidates, search.given(probable.posterior, probable.hypothesis)
-    own = next(place for one, place in candidates.slices(probable.hypothesis) if one.name == effect.name)
-    mean = given.amplitude[own]
-    weighted = mean / candidates.scale[candidates.places[effect.name]] ** 2
-    shares = given.of_shoulders[:, own] @ weighted / (mean @ weighted)
-    return dict(zip(search.joint.shoulders.subjects, shares.tolist(), strict=True))
+def _shares(search: Search, node: Node) -> dict[str, Float[np.ndarray, " subjects"]]:
+    """Project the amplitudes a_s of each subject on their mean a, effect by effect: a_s'P a / a'P a, P the precision of
+    the prior."""
+    candidates, given = search.joint.candidates, search.given(node.posterior, node.hypothesis)
+    weighted = given.amplitude / candidates.scale[candidates.where(node.hypothesis)] ** 2
+    of_shoulders = given.of_shoulders * weighted
+    return {
+        effect.name: of_shoulders[:, own].sum(axis=1) / (given.amplitude[own] @ weighted[own])
+        for effect, own in candidates.slices(node.hypothesis)
+    }
 
 
 def unseen_amplitude(effect: Effect) -> CauseAmplitude:

@@ -92,7 +92,7 @@ class Search:
             theta = [self.adaptation(()).fitted.theta_mm, self.joint.model.theta_mm]
             believed = self.joint.candidates.mean[self.joint.candidates.where(hypothesis)]
             found = modes(self.joint, self.likelihood, [hypothesis] * 2, theta, [believed] * 2)
-            return self._add(max(found, key=lambda one: self._value(one, hypothesis)))
+            return self._add(max(found, key=lambda one: self._value(self.given(one, hypothesis), hypothesis)))
         return self.fit_all([(hypothesis, start)])[0]
 
     def fit_all(self, starts: Sequence[tuple[Hypothesis, Node]]) -> list[Node]:
@@ -115,15 +115,15 @@ class Search:
     def _add(self, posterior: Posterior) -> Node:
         given, value = self.given(posterior, posterior.hypothesis), _WORST
         if self.joint.candidates.has_the_sign(posterior.hypothesis, given.amplitude):
-            value = given.log_evidence + len(posterior.hypothesis) * self.log_odds
+            value = self._value(given, posterior.hypothesis)
         node = Node(posterior.hypothesis, posterior, value)
         self.nodes[posterior.hypothesis] = node
         self.progress(f"{len(self.nodes)} sets of causes")
         return node
 
-    def _value(self, posterior: Posterior, hypothesis: Hypothesis) -> float:
-        """V of a set, in the linear model around the mode of one within it."""
-        return self.given(posterior, hypothesis).log_evidence + len(hypothesis) * self.log_odds
+    def _value(self, given: Given, hypothesis: Hypothesis) -> float:
+        """V of a set."""
+        return given.log_evidence + len(hypothesis) * self.log_odds
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
         """Give a set, in the linear model around the mode of one within it."""
@@ -148,7 +148,7 @@ class Search:
         """Predict V of a set from the mode of another one, once."""
         both = node.hypothesis, hypothesis
         if both not in self.predicted:
-            self.predicted[both] = self._value(node.posterior, hypothesis)
+            self.predicted[both] = self._value(self.given(node.posterior, hypothesis), hypothesis)
         return self.predicted[both]
 
     def beam(self, first: Sequence[str] = ()) -> None:
