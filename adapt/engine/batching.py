@@ -71,12 +71,12 @@ def in_chunks(function: Callable[..., Any], size: int, *trees: Any, at_once: int
     return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *parts)
 
 
-_most_cores: int | None = None
+_most_cores = os.cpu_count() or 1
 
 
 def cores() -> int:
     """Tell on how many cores this process works: all of the machine, unless it is one of several."""
-    return _most_cores or os.cpu_count() or 1
+    return _most_cores
 
 
 def use_cores(number: int) -> None:

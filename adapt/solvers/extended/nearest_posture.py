@@ -4,10 +4,10 @@ One compiled function for all candidate effects at once, each with strength zero
 hypothesis needs a compilation of its own.
 """
 
+import functools
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -113,7 +113,7 @@ def nearest_postures(
     return Nearest(x, y, T, C[0] if C else np.zeros((3, 0, count)), B, g, h)
 
 
-@cache
+@functools.cache
 def _kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> Kernel:
     """The compiled function of these effects; last of its results, if wanted, the slopes in their strengths."""
     channels = [one.course.channels(len(one.directions)) for one in effects]
@@ -146,9 +146,11 @@ def _digest(effects: tuple[Effect, ...], nearest, count: int) -> str:
 def _nearest(g, at, s, sd, start, there):
     """Project until g(x, *at) is 0 and nothing moves, then all slopes; of one row."""
 
+    slopes_at = jax.jit(functools.partial(_with_slopes, g))  # is traced once; the compiler drops what nobody reads
+
     def project(state):
         number, x, step_before, along_before, _ = state
-        value, (G,) = _with_slopes(lambda q: g(q, *at), x)
+        value, G, *_ = slopes_at(x, *at)
         GS = G * sd
         root = _inverse_root(GS @ GS.T)
 
@@ -166,7 +168,7 @@ def _nearest(g, at, s, sd, start, there):
 
     one, nothing = jnp.ones(()), 0.0 * start
     _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, nothing, nothing, _FAR_DEG * one))
-    value, (G, *slopes) = _with_slopes(g, x, *at)
+    value, G, *slopes = slopes_at(x, *at)
     GS = G * sd
     root = _inverse_root(GS @ GS.T)
     y = root @ (value + G @ (s - x))
@@ -184,7 +186,7 @@ def _part_of(along, step_before, along_before, sd):
 def _with_slopes(g, *at):
     """g and its slopes (3, inputs) in each argument."""
     value, pull = jax.vjp(g, *at)
-    return value, jax.vmap(pull)(jnp.eye(3))
+    return value, *jax.vmap(pull)(jnp.eye(3))
 
 
 def _inverse_root(V: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
