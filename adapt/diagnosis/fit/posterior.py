@@ -33,6 +33,9 @@ _LESS, _MORE, _NONE, _LEAST_AFTER_FAILURE, _HOPELESS = 0.25, 8.0, 1e-3, 0.01, 1e
 _STUCK = 0.1
 """A step with more damping than this is short because it must be, not because it is the last."""
 
+_NEAR_DEG = 1e-4
+"""A posture is near enough where a projection moves it by less: |y|^2 is stationary there."""
+
 _WITHIN = 2.5
 """Discrepancies are looked for within so many SDs of their prior."""
 
@@ -209,7 +212,7 @@ class _Steps:
 
     def at(self, theta, a, f, start_deg) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
         """Compute -2 log p of every group."""
-        near = self.objective.nearest(theta.reshape(-1, _N), a, start_deg)
+        near = self.objective.nearest(theta.reshape(-1, _N), a, start_deg, _NEAR_DEG)
         parts, shared = self.objective.parts, self.objective.shared
         total = (((a - shared.mean) / shared.scale) ** 2).sum(axis=1) + (f**2).sum(axis=1)
         total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), self.groups)

@@ -145,22 +145,18 @@ class Objective:
         total = np.bincount(parts.group, E * parts.importance, len(a)) + prior
         return _Point(near, E, total, thorax)
 
-    def slopes(self, at: _Point) -> tuple[Float[np.ndarray, "3 n rows"], Float[np.ndarray, "parts n"]]:
-        """Give Z, dy in theta and the amplitudes, and the gradient of E of every part in them."""
-        Z = np.concatenate([at.near.by_theta, self.by_amplitude(at.near)], axis=1)
-        gradient = self.parts.sums(np.einsum("iar,ir->ar", self._weighted(Z), at.near.y)).T
+    def normal_equations(self, at: _Point) -> tuple[Float[np.ndarray, "parts n"], Float[np.ndarray, "parts n n"]]:
+        """Compute the gradient of E of every part in theta and the amplitudes, and its Gauss-Newton matrix."""
+        every = np.concatenate([at.near.by_theta, self.by_amplitude(at.near), at.near.y[:, None]], axis=1)
+        products = self.parts.products(np.sqrt(2.0 * self.parts.weights) * every)
+        gradient, matrix = products[:, :-1, -1], products[:, :-1, :-1]
         gradient[:, :_N] += at.thorax.gradient
-        return Z, gradient
+        matrix[:, :_N, :_N] += at.thorax.matrix
+        return gradient, matrix
 
     def by_amplitude(self, near: Nearest) -> Float[np.ndarray, "3 own rows"]:
         """Give dy in the amplitudes."""
         return np.einsum("icr,kcr->ikr", near.by_channel[:, self.used], self.columns)
-
-    def matrix(self, at: _Point, Z) -> Float[np.ndarray, "parts n n"]:
-        """Compute the Gauss-Newton matrix of E of every part."""
-        matrix = np.moveaxis(self.parts.sums(np.einsum("iar,ibr->abr", self._weighted(Z), Z)), -1, 0).copy()
-        matrix[:, :_N, :_N] += at.thorax.matrix
-        return matrix
 
     def step(self, gradient, matrix, theta, a, damping: Float[np.ndarray, " groups"]) -> Step:
         """Find the lowest point of the damped quadratic model within the bounds; the matrix is changed."""
@@ -175,9 +171,6 @@ class Objective:
             np.eye(a.shape[1]) * (2.0 / shared.scale**2 * (1.0 + damping[:, None]))[:, None, :],
             (lower - theta, upper - theta),
         )
-
-    def _weighted(self, Z):
-        return 2.0 * self.parts.weights * Z
 
 
 def minimise(
@@ -214,7 +207,7 @@ def _steps(objective: Objective, state: _State, finished: Finished, most_steps: 
     parts, (lower, upper) = objective.parts, objective.parts.bounds_mm
     left = most_steps
     while True:
-        Z, gradient = objective.slopes(state.at)
+        gradient, matrix = objective.normal_equations(state.at)
         own = gradient[:, :_N]
         held = ((state.theta <= lower) & (own > 0)) | ((state.theta >= upper) & (own < 0))
         slope = np.where(held, 0.0, own)
@@ -226,14 +219,15 @@ def _steps(objective: Objective, state: _State, finished: Finished, most_steps: 
         if going.mean() <= FEW:
             others = _steps(objective.of(going), state.of(going, parts), finished, left)
             return _joined(end, going, others, parts)
-        state = _stepped(objective, state, Z, gradient, slope, going)
+        state = _stepped(objective, state, gradient, matrix, slope, going)
         left -= 1
 
 
-def _stepped(objective: Objective, state: _State, Z, gradient, slope, going: Bool[np.ndarray, " groups"]) -> _State:
+def _stepped(
+    objective: Objective, state: _State, gradient, matrix, slope, going: Bool[np.ndarray, " groups"]
+) -> _State:
     """Take a step in every group that is going on, if it leads down; else damp it more."""
     parts, at, damping = objective.parts, state.at, state.damping
-    matrix = objective.matrix(at, Z)
     learnt = secant(state.rest, matrix, state.moved, gradient - state.before)
     rest = np.where(state.taken[:, None, None], learnt, 0.0)
     step = objective.step(gradient, matrix + rest, state.theta, state.a, damping)

@@ -65,6 +65,20 @@ class Parts:
         """Add up the rows of each part."""
         return np.add.reduceat(values, self._starts, axis=-1)
 
+    @cached_property
+    def _places(self) -> Int[np.ndarray, "parts most"]:
+        """The rows of each part; beyond the last of all where it has fewer than another."""
+        counts = np.bincount(self.part, minlength=len(self.group))
+        number = np.arange(counts.max())
+        return np.where(number < counts[:, None], self._starts[:, None] + number, len(self.part))
+
+    def products(self, x: Float[np.ndarray, "3 n rows"]) -> Float[np.ndarray, "parts n n"]:
+        """Multiply x'x over the rows of each part."""
+        padded = np.zeros((x.shape[2] + 1, *x.shape[:2]))
+        padded[:-1] = np.moveaxis(x, 2, 0)
+        own = padded[self._places].reshape(len(self.group), -1, x.shape[1])
+        return np.swapaxes(own, 1, 2) @ own
+
     def nearest(self, theta_mm, strengths, start_deg=None, there_deg=THERE_DEG) -> Nearest:
         """Find the nearest postures of all rows at these parameters, (parts, adapted)."""
         girdle = self._girdle_of_rows.with_adapted(theta_mm.T[:, self.part])
