@@ -124,7 +124,7 @@ class _Study:
     ) -> Diagnosis:
         """Search, weigh, name, and measure what the names are worth."""
         search, shoulders = self.search.run(), self.shoulders
-        none = search.adaptation(()).linearised
+        none = search.adaptation(())
         noise = estimate_noise(shoulders, search.best.posterior.y, noise_deg)
         floor = floor_deg(noise, shoulders, none.B)
         tested = can_test(shoulders.kinds, shoulders.persons)
@@ -218,7 +218,7 @@ class _Study:
             return EFFECT
         left = gaps.hardest["with_effect"][ALL].value
         shown = noise.source != ASSUMED or left <= gaps.hardest["noise_floor"][ALL].value
-        beyond = more_than_noise(self.search.adaptation(()).linearised.y, self.search.folds, noise)
+        beyond = more_than_noise(self.search.adaptation(()).y, self.search.folds, noise)
         return NONE if shown and not beyond else UNKNOWN
 
     def _gaps(self, base: BaseGaps, adapted: AdaptedGaps, with_effect: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:

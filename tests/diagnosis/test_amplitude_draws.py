@@ -17,9 +17,9 @@ CHANCE = 0.12
 def test_the_covariance_is_that_of_refits_to_other_noise_discrepancies_thoraces_and_amplitudes():
     """All parameters at once, by one dense system, the bounds being far."""
     search = searched(BIAS)
-    joint, linearised = search.joint, search.adaptation((BIAS,)).linearised
+    joint, linearised = search.joint, search.adaptation((BIAS,))
     where, white = joint.candidates.where((BIAS,)), search.likelihood.whitening
-    _, matrices = linearised.normal_equations(where)
+    matrices = linearised.matrices(where)
     subjects, own = len(white.rows), len(where)
     system = np.zeros((subjects * N + own, subjects * N + own))
     shared = slice(subjects * N, None)

@@ -143,9 +143,11 @@ def test_noise_that_was_assumed_does_not_make_a_gap_none():
     assert found.verdict.answer == UNKNOWN
 
 
-def test_an_estimate_of_the_axial_rotation_alone_is_no_answer():
-    """The angles show that it is one; nothing shows how large it is, so there is no option to adapt with."""
-    motions = simulated(noise_deg=1.5).motions
+def test_an_estimate_of_the_axial_rotation_is_named_without_a_size_where_nothing_can_be_tested():
+    """The angles of one motion of one person show that it is one; nothing shows how large it is."""
+    every = simulated(noise_deg=1.5).motions
+    first = (every.subject == every.subject[0]) & (every.motion == every.motion[0])
+    motions = every.select(first)
     angles_deg = motions.angles_deg.copy()
     for subject in motions.subjects:
         rows = np.isin(motions.subject, [subject])

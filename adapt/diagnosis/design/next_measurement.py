@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.prediction import Linearised
+from adapt.diagnosis.fit.joint_fit import Linearised
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import Proposal

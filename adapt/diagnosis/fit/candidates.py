@@ -105,9 +105,14 @@ class Candidates:
         """Put names in the order of the candidates."""
         return tuple(one.name for one in self.effects if one.name in names)
 
-    def has_the_sign(self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"]) -> bool:
-        """Tell whether every effect acts the way that its nature or its measurement says."""
+    def has_the_sign(
+        self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"], known: Sequence[str] = ()
+    ) -> bool:
+        """Tell whether every effect acts the way that its nature or its measurement says; one that is known to be at
+        work does, whatever few data make of its size."""
         for effect, place in self.slices(hypothesis):
+            if effect.name in known:
+                continue
             own = amplitude[place]
             firsts = own[:: len(effect.course.sd)]
             signs = np.array(effect.prior.sign or (0,) * len(firsts))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.shoulders import Shoulders
 from models.girdle import CONSTRAINTS
@@ -64,14 +64,18 @@ class Whitening:
     """Of all L L', of three constraints."""
 
 
-def whitening(shoulders: Shoulders, discrepancy: Discrepancy) -> Whitening:
-    """Factor the covariance."""
+def whitening(
+    shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
+) -> Whitening:
+    """Factor the covariance of all rows, or of those that are seen."""
+    seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
     elevation, along = shoulders.course_deg
     length = discrepancy.length_deg
     curves = _curves(shoulders, discrepancy)
-    rows, roots, seen, log_determinant = [], [], [], 0.0
+    rows, roots, common, log_determinant = [], [], [], 0.0
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
+        own = own[seen[own]]
         near = _near(elevation[own], elevation[own], length)
         of_motion = near * _near(along[own], along[own], length) * _same(shoulders.motion[own], shoulders.motion[own])
         covariance = discrepancy.of_motion_deg**2 * of_motion + discrepancy.of_shoulder_deg**2 * near
@@ -79,9 +83,9 @@ def whitening(shoulders: Shoulders, discrepancy: Discrepancy) -> Whitening:
         inverse = np.linalg.inv(root)
         rows.append(own)
         roots.append(inverse)
-        seen.append(inverse @ curves[own])
+        common.append(inverse @ curves[own])
         log_determinant += 2.0 * len(CONSTRAINTS) * float(np.log(np.diag(root)).sum())
-    return Whitening(tuple(rows), tuple(roots), tuple(seen), log_determinant)
+    return Whitening(tuple(rows), tuple(roots), tuple(common), log_determinant)
 
 
 def _curves(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, whitening
 from adapt.diagnosis.fit.joint_fit import Model
@@ -103,9 +103,11 @@ class Likelihood:
     """SD of a_s about a, of the prior SD."""
 
     @staticmethod
-    def of(model: Model, shoulders: Shoulders, discrepancy: Discrepancy) -> "Likelihood":
-        """Factor what no cause explains."""
-        return Likelihood(model, whitening(shoulders, discrepancy), discrepancy.between_shoulders)
+    def of(
+        model: Model, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
+    ) -> "Likelihood":
+        """Factor what no cause explains, of all rows or of those that are seen."""
+        return Likelihood(model, whitening(shoulders, discrepancy, seen), discrepancy.between_shoulders)
 
     @property
     def shared(self) -> int:
@@ -125,9 +127,9 @@ class Likelihood:
         """Lay out the slopes of what is white of a shoulder (``values``): in theta; in h and b; the others."""
         groups, own, _, n = slopes.shape
         curves, sd, end = self.whitening.curves[subject], self.sd_mm[subject], _N + self.shared
-        white = (self.whitening.inverse_root[subject] @ slopes.reshape(groups, own, -1)).reshape(slopes.shape)
+        white = (self.whitening.inverse_root[subject] @ slopes.reshape(groups, own, _C * n)).reshape(slopes.shape)
         found = np.zeros((groups, own * _C + _N, n + self.shared))
-        rows = found[:, : own * _C].reshape(groups, own, _C, -1)
+        rows = found[:, : own * _C].reshape(groups, own, _C, n + self.shared)
         rows[..., :_N], rows[..., end:] = white[..., :_N], white[..., _N:]
         for k, place in enumerate(np.split(np.arange(2 * _N, end), _C)):
             rows[:, :, k, place] = curves
@@ -147,7 +149,7 @@ class Likelihood:
         common = self.whitening.curves[subject] @ np.swapaxes(b.reshape(len(b), _C, -1), 1, 2)
         rows = self.whitening.inverse_root[subject] @ y + common
         prior = (theta_mm - self.model.theta_mm[subject]) / self.sd_mm[subject] - h
-        return np.concatenate([rows.reshape(len(b), -1), prior], axis=1)
+        return np.concatenate([rows.reshape(len(b), _C * rows.shape[1]), prior], axis=1)
 
     def evidence(
         self,

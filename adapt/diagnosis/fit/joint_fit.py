@@ -19,13 +19,15 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.extended.gauss_newton import End, Objective, minimise
 from adapt.solvers.extended.joint_parts import Parts, Shared
 from adapt.solvers.extended.nearest_posture import Nearest
-from adapt.solvers.extended.thorax_term import Thorax
+from adapt.solvers.extended.thorax_term import Thorax, ThoraxPart
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import SetArrays, set_arrays
-from models.adapted_parameters import STARTS_MM
+from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.effects import Effect
 from models.person.family import AnyModel, unique_sets
 from models.person.thorax_ellipsoid import has_own_thorax
+
+_N = len(ADAPTED)
 
 _MOST_STEPS = 400
 """The fits of measured motions take 5 to 30 steps, the hardest 60 to 300."""
@@ -45,8 +47,6 @@ class Part(NamedTuple):
     subject: int
     group: int
     rows: Int[np.ndarray, " chosen"]
-    importance: float = 1.0
-    """Of its E for the amplitudes: next to nothing where its person is held out from them."""
 
 
 class PartArrays(NamedTuple):
@@ -54,7 +54,6 @@ class PartArrays(NamedTuple):
 
     subject: Int[np.ndarray, " parts"]
     group: Int[np.ndarray, " parts"]
-    importance: Float[np.ndarray, " parts"]
 
 
 def part_arrays(parts: Sequence[Part]) -> PartArrays:
@@ -150,7 +149,6 @@ class JointFit:
             weights=self.model.weight / counts[of_row] * self.shoulders.weights[self.rows],
             part=of_row,
             group=self.arrays.group,
-            importance=self.arrays.importance,
         )
 
     def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:
@@ -165,11 +163,18 @@ class JointFit:
             scale[group, own], mean[group, own] = self.candidates.scale[where], self.candidates.mean[where]
         return Shared(columns, scale, mean)
 
+    def of(self, parts: tuple[Part, ...]) -> "JointFit":
+        """Take other parts."""
+        return replace(self, parts=parts)
+
+    def _strengths(self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, "groups own"]) -> np.ndarray:
+        """In each channel at each row."""
+        columns = self.candidates.columns[self.candidates.where(hypothesis)][..., self.rows]
+        return np.einsum("rk,kcr->cr", amplitude[self._parts.group][self._parts.part], columns)
+
     def nearest(self, hypothesis: Sequence[str], fitted: Fitted) -> Nearest:
         """Find the nearest postures of all rows where a fit ended."""
-        shared, parts = self._shared([tuple(hypothesis)] * self.groups), self._parts
-        strengths = np.einsum("rk,kcr->cr", fitted.amplitude[parts.group][parts.part], shared.columns)
-        return parts.nearest(fitted.theta_mm, strengths)
+        return self._parts.nearest(fitted.theta_mm, self._strengths(hypothesis, fitted.amplitude))
 
     def fit(
         self,
@@ -182,10 +187,23 @@ class JointFit:
         end = self._minimised([tuple(hypothesis)] * self.groups, theta_mm, amplitude, settled)
         return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
 
+    def adapt(
+        self,
+        hypothesis: Sequence[str],
+        theta_mm: Float[np.ndarray, "parts adapted"],
+        amplitude: Float[np.ndarray, "groups own"],
+    ) -> Fitted:
+        """Minimise from here with amplitudes that are known."""
+        parts = replace(self._parts, strengths=self._strengths(hypothesis, amplitude))
+        none = np.zeros((self.groups, 0))
+        shared = Shared(np.zeros((0, *parts.strengths.shape)), none, none)
+        end = minimise(parts, shared, theta_mm, none, lambda gain, _: gain < SETTLED, _MOST_STEPS)
+        return Fitted(end.theta_mm, amplitude, end.E, bool(end.settled.all()))
+
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
         """Give E of hypotheses side by side; this fit has one group."""
         groups = range(len(hypotheses))
-        every = replace(self, parts=tuple(part._replace(group=group) for group in groups for part in self.parts))
+        every = self.of(tuple(part._replace(group=group) for group in groups for part in self.parts))
         return Objective(every._parts, every._shared(hypotheses))
 
     def _minimised(self, hypotheses: Sequence[Hypothesis], theta_mm, amplitude, settled: float) -> End:
@@ -204,6 +222,40 @@ class JointFit:
             theta = np.where(lower[:, None], other.theta_mm, best.theta_mm)
             best = replace(best, theta_mm=theta, E=np.minimum(best.E, other.E))
         return best
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The rows around one fit of all postures."""
+
+    joint: JointFit
+    fitted: Fitted
+    y: Float[np.ndarray, "rows 3"]
+    Z: Float[np.ndarray, "rows 3 n"]
+    """dy in the adapted parameters and in the amplitudes of all candidates."""
+    B: Float[np.ndarray, "rows 3 6"]
+    thorax: ThoraxPart
+    """Of every subject."""
+
+    def matrices(self, where: Int[np.ndarray, " own"]) -> Float[np.ndarray, "subjects n n"]:
+        """Compute the Gauss-Newton matrix of E of every subject in its adapted parameters and in these amplitudes."""
+        joint, found = self.joint, []
+        Z = self.Z[..., np.concatenate([np.arange(_N), _N + where])]
+        for part, thorax in zip(joint.parts, self.thorax.matrix, strict=True):
+            root = np.sqrt(2.0 * joint.model.weight / len(part.rows) * joint.shoulders.weights[part.rows])
+            columns = (root[:, None, None] * Z[part.rows]).reshape(-1, Z.shape[2])
+            found.append(columns.T @ columns)
+            found[-1][:_N, :_N] += thorax
+        return np.array(found)
+
+
+def linearise(joint: JointFit, hypothesis: Sequence[str], fitted: Fitted) -> Linearised:
+    """Linearise around the fit of all postures (``joint`` has everybody's parts, one group)."""
+    near, order = joint.nearest(hypothesis, fitted), np.argsort(joint.rows)
+    rows_first = (np.moveaxis(x, -1, 0) for x in (near.y, near.by_theta, near.by_channel, near.B))
+    y, by_theta, by_channel, B = (x[order] for x in rows_first)
+    Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
+    return Linearised(joint, fitted, y, Z, B, joint.model.thorax(joint.arrays.subject)(fitted.theta_mm))
 
 
 def everybody(shoulders: Shoulders) -> tuple[Part, ...]:

@@ -186,7 +186,7 @@ class _Steps:
         (lower, upper), theta = parts.bounds_mm, state.theta.reshape(-1, _N)
         precision = np.concatenate([np.ones(state.f.shape), 1.0 / shared.scale**2], axis=1)
         step = lowest(
-            Quadratic(gradient, matrix, parts.importance, parts.group),
+            Quadratic(gradient, matrix, parts.group),
             self.groups,
             precision * np.concatenate([state.f, state.a - shared.mean], axis=1),
             np.eye(precision.shape[1]) * precision[:, None, :],

@@ -1,6 +1,6 @@
 """What is held out in turn: kinds of motion for everybody, and kinds of motion together with persons.
 
-Fold (m): kind of motion m unseen by everybody. Fold (p, m): the amplitudes have not seen person p (left and right) nor
+Test (m): kind of motion m unseen by everybody. Test (p, m): the amplitudes have not seen person p (left and right) nor
 the motion m; the adapted parameters of p's shoulders have seen their other motions. Of a single kind of motion every
 third posture is held out in its place.
 """
@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.diagnosis.fit.joint_fit import Part, PartArrays, everybody, part_arrays
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.tables.held_out import MOTION
 from adapt.trust.folds import POSTURE_PARTS
@@ -23,31 +22,27 @@ PERSON = "person and motion"
 _PERSON_FOLDS = 6
 """Persons are held out in so many groups at most: more take longer and tell little more."""
 
-_HELD_OUT = 1e-6
-"""Importance of a person that is held out: its own parameters are fitted, the amplitudes do not feel it."""
-
 
 class Test(NamedTuple):
-    """The rows of one subject and one kind of motion, and the part whose fit has not seen them."""
+    """The rows of one subject and one kind of motion, and what a prediction of them may know."""
 
     kind: str
     subject: int
     motion: int
-    part: int
+    unseen: Bool[np.ndarray, " subjects"]
+    """Shoulders of which the amplitudes have seen nothing."""
+    seen_rows: Int[np.ndarray, " some"]
+    """Of the subject: what it is adapted to."""
     rows: Int[np.ndarray, " chosen"]
 
 
 @dataclass(frozen=True)
 class Folds:
-    """The parts to fit, the first group with everything in, and the tests."""
+    """All tests."""
 
-    parts: tuple[Part, ...]
     tests: tuple[Test, ...]
-
-    @cached_property
-    def arrays(self) -> PartArrays:
-        """What the parts are, side by side."""
-        return part_arrays(self.parts)
+    label: Int[np.ndarray, " rows"]
+    """What is held out together: the motion, or the third of it."""
 
     @cached_property
     def rows(self) -> Int[np.ndarray, " tested"]:
@@ -60,11 +55,6 @@ class Folds:
         return np.repeat(np.arange(len(self.tests)), [len(test.rows) for test in self.tests])
 
     @cached_property
-    def part(self) -> Int[np.ndarray, " tests"]:
-        """The part of each test."""
-        return np.array([test.part for test in self.tests])
-
-    @cached_property
     def kinds(self) -> tuple[str, ...]:
         """What is held out: motions alone, or persons too."""
         return tuple(dict.fromkeys(test.kind for test in self.tests))
@@ -72,6 +62,10 @@ class Folds:
     def of_kind(self, kind: str) -> Bool[np.ndarray, " tests"]:
         """Find the tests of a kind; every kind has the same subjects and motions in the same order."""
         return np.array([test.kind == kind for test in self.tests])
+
+    def only(self, kind: str) -> "Folds":
+        """Take the tests of a kind."""
+        return Folds(tuple(test for test in self.tests if test.kind == kind), self.label)
 
     @cached_property
     def subject(self) -> Int[np.ndarray, " folds"]:
@@ -102,33 +96,24 @@ class Folds:
 def folds_of(shoulders: Shoulders) -> Folds:
     """Hold out every kind of motion, and with it every person where there are several."""
     label = shoulders.motion if len(shoulders.kinds) > 1 else _third(shoulders)
-    different = np.unique(label)
-    parts, tests = list(everybody(shoulders)), []
+    tests = []
 
-    def hold_out(kind: str, tested: Int[np.ndarray, " some"], held_out_persons: Int[np.ndarray, " p"]) -> None:
-        for motion in different:
-            group = parts[-1].group + 1
-            added, found = [], []
-            for subject in range(len(shoulders.subjects)):
-                own = shoulders.rows_of(subject)
-                seen, unseen = own[label[own] != motion], own[label[own] == motion]
+    def hold_out(kind: str, tested: Int[np.ndarray, " some"], unseen: Bool[np.ndarray, " subjects"]) -> None:
+        for subject in tested:
+            own = shoulders.rows_of(subject)
+            for motion in np.unique(label[own]):
+                seen, rows = own[label[own] != motion], own[label[own] == motion]
                 if len(seen):
-                    if subject in tested and len(unseen):
-                        found.append(Test(kind, subject, int(motion), len(parts) + len(added), unseen))
-                    held_out = shoulders.person[subject] in held_out_persons
-                    added.append(Part(subject, group, seen, _HELD_OUT if held_out else 1.0))
-            if found:
-                parts.extend(added)
-                tests.extend(found)
+                    tests.append(Test(kind, int(subject), int(motion), unseen, seen, rows))
 
     everyone = np.arange(len(shoulders.subjects))
-    hold_out(MOTION, everyone, np.zeros(0, int))
+    hold_out(MOTION, everyone, np.zeros(len(everyone), bool))
     if shoulders.persons > 1:
         for some in np.array_split(np.arange(shoulders.persons), min(shoulders.persons, _PERSON_FOLDS)):
-            hold_out(PERSON, np.flatnonzero(np.isin(shoulders.person, some)), some)
+            unseen = np.isin(shoulders.person, some)
+            hold_out(PERSON, np.flatnonzero(unseen), unseen)
     order = {MOTION: 0, PERSON: 1}
-    tests.sort(key=lambda test: (order[test.kind], test.subject, test.motion))
-    return Folds(tuple(parts), tuple(tests))
+    return Folds(tuple(sorted(tests, key=lambda test: (order[test.kind], test.subject, test.motion))), label)
 
 
 def _third(shoulders: Shoulders) -> Int[np.ndarray, " rows"]:

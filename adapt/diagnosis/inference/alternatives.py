@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.prediction import Linearised
+from adapt.diagnosis.fit.joint_fit import Linearised
 from adapt.diagnosis.inference.search import Node
 from adapt.diagnosis.inference.weights import probabilities
 from models.adapted_parameters import ADAPTED

@@ -34,7 +34,7 @@ def amplitude_covariance(search: Search, hypothesis: Hypothesis) -> Float[np.nda
     adaptation, joint = search.adaptation(hypothesis), search.joint
     likelihood, where = search.likelihood, joint.candidates.where(hypothesis)
     white, sd = likelihood.whitening, likelihood.between * joint.candidates.scale[where]
-    _, matrices = adaptation.linearised.normal_equations(where)
+    matrices = adaptation.matrices(where)
     hessian = np.diag(2.0 / joint.candidates.scale[where] ** 2)
     own, common, thorax = np.zeros(hessian.shape), 0.0, 0.0
     for subject, rows in enumerate(white.rows):
@@ -43,7 +43,7 @@ def amplitude_covariance(search: Search, hypothesis: Hypothesis) -> Float[np.nda
         cross = matrices[subject][free, _N:]
         follows = np.linalg.solve(matrices[subject][np.ix_(free, free)], cross)
         hessian += matrices[subject][_N:, _N:] - cross.T @ follows
-        Z = adaptation.linearised.Z[rows]
+        Z = adaptation.Z[rows]
         slopes = Z[..., _N + where] - Z[..., free] @ follows
         weight = 2.0 * joint.model.weight * joint.shoulders.weights[rows] / len(rows)
         root = np.linalg.inv(white.inverse_root[subject])
@@ -52,7 +52,7 @@ def amplitude_covariance(search: Search, hypothesis: Hypothesis) -> Float[np.nda
         common = common + np.einsum("qca,qj->acj", by_number, white.curves[subject])
         by_amplitudes = np.einsum("rca,rcb->ab", weight[:, None, None] * slopes, Z[..., _N + where]) * sd
         own += by_amplitudes @ by_amplitudes.T
-        by_thorax = follows.T @ adaptation.linearised.thorax.matrix[subject][free] * likelihood.sd_mm[subject]
+        by_thorax = follows.T @ adaptation.thorax.matrix[subject][free] * likelihood.sd_mm[subject]
         own += by_thorax @ by_thorax.T
         thorax = thorax + by_thorax
     shared = np.concatenate([np.reshape(common, (len(where), -1)), thorax], axis=1)

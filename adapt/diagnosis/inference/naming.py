@@ -13,6 +13,7 @@ from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
+from adapt.tables.held_out import MOTION
 
 LEAST_PROBABILITY = 0.9
 """Of the set with a cause against the set without it."""
@@ -25,25 +26,25 @@ class Gain(NamedTuple):
     """Of the gap without it, beyond what noise leaves."""
     t: float
     """Of the paired differences of the folds, in their standard errors."""
-    worst_deg: float
-    """The smaller of the mean differences of motions, and of persons and motions."""
+    motions_deg: float
+    """Mean difference of unseen motions of persons who were seen."""
 
     @property
     def enough(self) -> bool:
-        """Whether the cause may be named: it makes no kind of prediction worse."""
-        return self.worst_deg > 0.0
+        """Whether the cause may be named: unseen postures are predicted better, and unseen motions among them."""
+        return self.share > 0.0 and self.motions_deg > 0.0
 
 
 def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: float) -> Gain:
     """Compare the unseen gaps of two hypotheses, fold by fold; noise alone leaves ``floor_deg``."""
-    folds, before = search.folds, search.adaptation(less).predicted.gaps_deg
-    difference = known_mean(before - search.adaptation(hypothesis).predicted.gaps_deg)
+    folds, before = search.folds, search.unseen_gaps_deg(less)
+    difference = known_mean(before - search.unseen_gaps_deg(hypothesis))
     by_fold = folds.by_fold(difference)
     error = by_fold.std(ddof=1) / np.sqrt(len(by_fold)) if len(by_fold) > 1 else np.inf
-    worst = min(difference[folds.of_kind(kind)].mean() for kind in folds.kinds)
     beyond = folds.by_fold(known_mean(before)).mean() - floor_deg
     share = by_fold.mean() / max(beyond, by_fold.mean(), 1e-9)
-    return Gain(float(share), float(by_fold.mean() / error) if error > 0 else np.inf, float(worst))
+    t = by_fold.mean() / error if error > 0 else np.inf
+    return Gain(float(share), float(t), float(difference[folds.of_kind(MOTION)].mean()))
 
 
 class Named(NamedTuple):

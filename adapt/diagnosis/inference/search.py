@@ -17,9 +17,9 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Given, Likelihood
-from adapt.diagnosis.fit.joint_fit import JointFit
+from adapt.diagnosis.fit.joint_fit import Fitted, JointFit, Linearised, linearise
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
-from adapt.diagnosis.fit.prediction import Adaptation, adaptation
+from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.unseen_folds import Folds
 
 EXPECTED_CAUSES = 2.0
@@ -63,12 +63,15 @@ class Search:
     nodes: dict[Hypothesis, Node] = field(default_factory=dict)
     predicted: dict[tuple[Hypothesis, Hypothesis], float] = field(default_factory=dict)
     """V of sets from the modes of others, by both names."""
-    adapted: dict[Hypothesis, Adaptation] = field(default_factory=dict)
-    """As `girdle adapt` fits, of the few sets of which it was asked (``adaptation``)."""
-    refits: dict[Hypothesis, Float[np.ndarray, "tests 6"]] = field(default_factory=dict)
-    """Gaps of exact fits without each fold, of the few sets of which they were made (``inference.budget``)."""
+    posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
+    """Of the few sets of which it was asked what they predict or how they adapt (``mode``)."""
+    gaps: dict[Hypothesis, Float[np.ndarray, "tests 6"]] = field(default_factory=dict)
+    """Of unseen postures, of those (``unseen_gaps_deg``)."""
+    adapted: dict[Hypothesis, Linearised] = field(default_factory=dict)
+    """As `girdle adapt` fits, of those (``adaptation``)."""
     discrepancy: Discrepancy = TYPICAL
-    likelihoods: dict[Discrepancy, Likelihood] = field(default_factory=dict)
+    likelihoods: dict[tuple[Discrepancy, int | None], Likelihood] = field(default_factory=dict)
+    """By the discrepancy, and what is held out of them."""
 
     @cached_property
     def log_odds(self) -> float:
@@ -79,9 +82,15 @@ class Search:
     @property
     def likelihood(self) -> Likelihood:
         """With the discrepancy as it is known now."""
-        if self.discrepancy not in self.likelihoods:
-            self.likelihoods[self.discrepancy] = Likelihood.of(self.joint.model, self.joint.shoulders, self.discrepancy)
-        return self.likelihoods[self.discrepancy]
+        return self.likelihood_without(None)
+
+    def likelihood_without(self, motion: int | None) -> Likelihood:
+        """Hold a motion out."""
+        key = self.discrepancy, motion
+        if key not in self.likelihoods:
+            seen = None if motion is None else self.folds.label != motion
+            self.likelihoods[key] = Likelihood.of(self.joint.model, self.joint.shoulders, self.discrepancy, seen)
+        return self.likelihoods[key]
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
         """Fit a hypothesis, from the fit of another one; without one, what is known."""
@@ -114,7 +123,7 @@ class Search:
 
     def _add(self, posterior: Posterior) -> Node:
         given, value = self.given(posterior, posterior.hypothesis), _WORST
-        if self.joint.candidates.has_the_sign(posterior.hypothesis, given.amplitude):
+        if self.joint.candidates.has_the_sign(posterior.hypothesis, given.amplitude, self.known):
             value = self._value(given, posterior.hypothesis)
         node = Node(posterior.hypothesis, posterior, value)
         self.nodes[posterior.hypothesis] = node
@@ -212,17 +221,38 @@ class Search:
         within = (one for one in self.nodes.values() if set(one.hypothesis) <= set(wanted))
         return self.fit(wanted, max(within, key=lambda one: (len(one.hypothesis), one.value), default=node))
 
-    def adaptation(self, hypothesis: Hypothesis) -> Adaptation:
+    def mode(self, hypothesis: Hypothesis) -> Posterior:
+        """Give the mode of a set, or of one without what is known, which is none of the search's; once."""
+        if hypothesis not in self.posteriors:
+            near = min(self.nodes.values(), key=lambda one: (len(set(one.hypothesis) ^ set(hypothesis)), -one.value))
+            found = near.posterior
+            if near.hypothesis != hypothesis:
+                start = near.posterior.theta_mm, self._amplitude_at(near, hypothesis)
+                (found,) = modes(self.joint, self.likelihood, [hypothesis], [start[0]], [start[1]])
+            self.posteriors[hypothesis] = found
+        return self.posteriors[hypothesis]
+
+    def unseen_gaps_deg(self, hypothesis: Hypothesis) -> Float[np.ndarray, "tests 6"]:
+        """Predict unseen postures with a set, once."""
+        if hypothesis not in self.gaps:
+            self.gaps[hypothesis] = self.predicted_gaps_deg(self.folds, hypothesis, self.mode(hypothesis))
+        return self.gaps[hypothesis]
+
+    def predicted_gaps_deg(self, folds: Folds, hypothesis: Hypothesis, at: Posterior) -> Float[np.ndarray, "tests 6"]:
+        """Predict tests with a set, in the linear model around the mode of one within it."""
+        amplitude = unseen_amplitudes(folds, self.joint.candidates, hypothesis, at, self.likelihood_without)
+        return unseen_gaps_deg(self.joint, folds, hypothesis, at.theta_mm, amplitude)
+
+    def adaptation(self, hypothesis: Hypothesis) -> Linearised:
         """Fit a set as `girdle adapt` does, with amplitudes that all share, once."""
         if hypothesis not in self.adapted:
-            start = None
-            if hypothesis:
-                near = min(
-                    self.nodes.values(), key=lambda one: (len(set(one.hypothesis) ^ set(hypothesis)), -one.value)
-                )
-                start = near.posterior.theta_mm, self._amplitude_at(near, hypothesis)
-            self.adapted[hypothesis] = adaptation(self.joint, self.folds, hypothesis, start)
+            fitted = self.joint.from_starts() if not hypothesis else self._fitted(hypothesis)
+            self.adapted[hypothesis] = linearise(self.joint, hypothesis, fitted)
         return self.adapted[hypothesis]
+
+    def _fitted(self, hypothesis: Hypothesis) -> Fitted:
+        at = self.mode(hypothesis)
+        return self.joint.fit(hypothesis, at.theta_mm, self.given(at, hypothesis).amplitude[None])
 
     @property
     def best(self) -> Node:

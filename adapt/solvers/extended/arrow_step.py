@@ -2,7 +2,7 @@
 
 Part i has adapted parameters theta_i of its own; the parts of a group share the amplitudes a. Of
 
-    sum_i v_i (1/2 d_i' H_i d_i + g_i' d_i) + 1/2 (a - a_now)' P (a - a_now) + p' (a - a_now),   d_i = (dtheta_i, da),
+    sum_i (1/2 d_i' H_i d_i + g_i' d_i) + 1/2 (a - a_now)' P (a - a_now) + p' (a - a_now),   d_i = (dtheta_i, da),
 
 theta_i is eliminated in each part (6 x 6), then each group solves for da. Bounds by the primal-dual active set.
 """
@@ -34,11 +34,10 @@ class Step(NamedTuple):
 
 
 class Quadratic(NamedTuple):
-    """Of every part: gradient and matrix in theta and the amplitudes; v; the group, in ascending order."""
+    """Of every part: gradient and matrix in theta and the amplitudes; the group, in ascending order."""
 
     gradient: Float[np.ndarray, "parts n"]
     matrix: Float[np.ndarray, "parts n n"]
-    importance: Float[np.ndarray, " parts"]
     group: Int[np.ndarray, " parts"]
 
     def of(self, parts: Int[np.ndarray, " some"]) -> "Quadratic":
@@ -82,7 +81,7 @@ def lowest(
 def _lowest_given(model: Quadratic, prior_gradient, prior_matrix, fixed, value) -> tuple[np.ndarray, ...]:
     """Find the lowest point, dtheta and da, with some parameters held at a value; and dtheta less slack over curvature,
     which is beyond a bound where it holds."""
-    gradient, matrix, importance, group = model
+    gradient, matrix, group = model
     own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
     free, held = ~fixed, np.where(fixed, value, 0.0)
     inner = np.where(free[:, :, None] & free[:, None, :], own, 0.0) + fixed[:, :, None] * np.eye(_N)
@@ -90,8 +89,8 @@ def _lowest_given(model: Quadratic, prior_gradient, prior_matrix, fixed, value) 
     solved = np.linalg.solve(inner, np.concatenate([right[..., None], np.where(free[:, :, None], cross, 0.0)], 2))
     start, slope = solved[..., 0], solved[..., 1:]
     across = np.swapaxes(cross, 1, 2)
-    g = importance[:, None] * (gradient[:, _N:] + times(across, start))
-    H = importance[:, None, None] * (shared - across @ slope)
+    g = gradient[:, _N:] + times(across, start)
+    H = shared - across @ slope
     begins = np.diff(group, prepend=-1) > 0
     first = np.flatnonzero(begins)
     G, M = prior_gradient + np.add.reduceat(g, first, axis=0), prior_matrix + np.add.reduceat(H, first, axis=0)

@@ -1,6 +1,6 @@
 """Adaptations of several subjects with effects at work, with amplitudes that are given or that subjects share.
 
-    a* = argmin_a sum_i v_i min_theta E_i(theta, a) + sum ((a - mean) / scale)^2,   E_i = D + w mean(J_p) within bounds
+    a* = argmin_a sum_i min_theta E_i(theta, a) + sum ((a - mean) / scale)^2,   E_i = D + w mean(J_p) within bounds
 
 J_p is the squared distance to the nearest closed posture, so its slope in theta and a needs no derivative of that
 posture (envelope theorem), and damped Gauss-Newton steps with y of ``extended.nearest_posture`` follow; the rest of
@@ -142,7 +142,7 @@ class Objective:
         E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
         E = np.where(np.isfinite(E), E, np.inf)
         prior = (((a - self.shared.mean) / self.shared.scale) ** 2).sum(axis=1)
-        total = np.bincount(parts.group, E * parts.importance, len(a)) + prior
+        total = np.bincount(parts.group, E, len(a)) + prior
         return _Point(near, E, total, thorax)
 
     def normal_equations(self, at: _Point) -> tuple[Float[np.ndarray, "parts n"], Float[np.ndarray, "parts n n"]]:
@@ -165,7 +165,7 @@ class Objective:
         matrix[:, range(_N), range(_N)] += (damping[parts.group] * trace)[:, None]
         lower, upper = parts.bounds_mm
         return lowest(
-            Quadratic(gradient, matrix, parts.importance, parts.group),
+            Quadratic(gradient, matrix, parts.group),
             len(a),
             2.0 * (a - shared.mean) / shared.scale**2,
             np.eye(a.shape[1]) * (2.0 / shared.scale**2 * (1.0 + damping[:, None]))[:, None, :],

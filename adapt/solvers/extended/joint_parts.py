@@ -48,8 +48,6 @@ class Parts:
     """Of |y|^2 in E."""
     part: Int[np.ndarray, " rows"]
     group: Int[np.ndarray, " parts"]
-    importance: Float[np.ndarray, " parts"]
-    """v: of E in what the amplitudes minimise."""
     strengths_are_known: bool = False
     """Nothing asks for slopes in them."""
 
@@ -103,5 +101,4 @@ class Parts:
             weights=self.weights[rows],
             part=np.cumsum(parts)[self.part[rows]] - 1,
             group=np.cumsum(groups)[self.group[parts]] - 1,
-            importance=self.importance[parts],
         )

@@ -39,6 +39,5 @@ def parts_of(fixed: Fixed, active_effects: ActiveEffects) -> Parts:
         weights=row_weights(fixed),
         part=problem,
         group=np.arange(count),
-        importance=np.ones(count),
         strengths_are_known=True,
     )
