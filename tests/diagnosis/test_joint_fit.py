@@ -157,7 +157,7 @@ def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few,
         own = tuple(part._replace(group=0) for part in parts if part.group == group)
         alone = replace(two, parts=own).fit(name, start, np.zeros((1, 3)))
         assert alone.converged
-        np.testing.assert_allclose(alone.E, both.E[two.arrays.group == group], rtol=1e-9)
+        np.testing.assert_allclose(alone.E, both.E[two.group == group], rtol=1e-9)
         np.testing.assert_allclose(alone.amplitude[0], both.amplitude[group], rtol=1e-6)
 
 

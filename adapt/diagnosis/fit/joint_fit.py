@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.shoulders import Shoulders
@@ -47,18 +47,6 @@ class Part(NamedTuple):
     subject: int
     group: int
     rows: Int[np.ndarray, " chosen"]
-
-
-class PartArrays(NamedTuple):
-    """What the parts are, side by side."""
-
-    subject: Int[np.ndarray, " parts"]
-    group: Int[np.ndarray, " parts"]
-
-
-def part_arrays(parts: Sequence[Part]) -> PartArrays:
-    """Lay the parts out."""
-    return PartArrays(*(np.array([getattr(part, name) for part in parts]) for name in PartArrays._fields))
 
 
 @dataclass(frozen=True)
@@ -125,9 +113,14 @@ class JointFit:
         return np.concatenate([part.rows for part in self.parts])
 
     @cached_property
-    def arrays(self) -> PartArrays:
-        """What the parts are, side by side."""
-        return part_arrays(self.parts)
+    def subject(self) -> Int[np.ndarray, " parts"]:
+        """Subject of each part."""
+        return np.array([part.subject for part in self.parts])
+
+    @cached_property
+    def group(self) -> Int[np.ndarray, " parts"]:
+        """Group of each part."""
+        return np.array([part.group for part in self.parts])
 
     @property
     def groups(self) -> int:
@@ -139,22 +132,22 @@ class JointFit:
         counts = np.array([len(part.rows) for part in self.parts])
         of_row = np.repeat(np.arange(len(counts)), counts)
         return Parts(
-            girdle=take_problems(self.model.sets.girdle, self.arrays.subject),
-            thorax=self.model.thorax(self.arrays.subject),
-            bounds_mm=tuple(self.model.bounds_mm[:, self.arrays.subject]),
+            girdle=take_problems(self.model.sets.girdle, self.subject),
+            thorax=self.model.thorax(self.subject),
+            bounds_mm=tuple(self.model.bounds_mm[:, self.subject]),
             effects=self.model.effects,
             strengths=np.zeros((self.candidates.columns.shape[1], len(of_row))),
             measured_deg=self.shoulders.measured_deg[:, self.rows],
             sd=self.shoulders.sd[:, self.rows],
             weights=self.model.weight / counts[of_row] * self.shoulders.weights[self.rows],
             part=of_row,
-            group=self.arrays.group,
+            group=self.group,
         )
 
     def _shared(self, hypotheses: Sequence[Hypothesis]) -> Shared:
         """Lay out the amplitudes of each group's hypothesis; a group that has fewer than another has some idle ones."""
         places = [self.candidates.where(one) for one in hypotheses]
-        most, group_of_row = max(map(len, places)), self.arrays.group[self._parts.part]
+        most, group_of_row = max(map(len, places)), self.group[self._parts.part]
         columns = np.zeros((most, self.candidates.columns.shape[1], len(self.rows)))
         scale, mean = np.ones((self.groups, most)), np.zeros((self.groups, most))
         for group, where in enumerate(places):
@@ -181,10 +174,9 @@ class JointFit:
         hypothesis: Sequence[str],
         theta_mm: Float[np.ndarray, "parts adapted"],
         amplitude: Float[np.ndarray, "groups own"],
-        settled: float = SETTLED,
     ) -> Fitted:
         """Minimise from here."""
-        end = self._minimised([tuple(hypothesis)] * self.groups, theta_mm, amplitude, settled)
+        end = _minimum(self._parts, self._shared([tuple(hypothesis)] * self.groups), theta_mm, amplitude)
         return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
 
     def adapt(
@@ -196,8 +188,7 @@ class JointFit:
         """Minimise from here with amplitudes that are known."""
         parts = replace(self._parts, strengths=self._strengths(hypothesis, amplitude))
         none = np.zeros((self.groups, 0))
-        shared = Shared(np.zeros((0, *parts.strengths.shape)), none, none)
-        end = minimise(parts, shared, theta_mm, none, lambda gain, _: gain < SETTLED, _MOST_STEPS)
+        end = _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
         return Fitted(end.theta_mm, amplitude, end.E, bool(end.settled.all()))
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
@@ -206,22 +197,20 @@ class JointFit:
         every = self.of(tuple(part._replace(group=group) for group in groups for part in self.parts))
         return Objective(every._parts, every._shared(hypotheses))
 
-    def _minimised(self, hypotheses: Sequence[Hypothesis], theta_mm, amplitude, settled: float) -> End:
-        def finished(gain: Float[np.ndarray, " groups"], _) -> Bool[np.ndarray, " groups"]:
-            return gain < settled
-
-        return minimise(self._parts, self._shared(hypotheses), theta_mm, amplitude, finished, _MOST_STEPS)
-
     def from_starts(self) -> Fitted:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
         none = np.zeros((self.groups, 0))
-        found = [self.fit((), self.model.theta_mm[self.arrays.subject] + start, none) for start in STARTS_MM]
+        found = [self.fit((), self.model.theta_mm[self.subject] + start, none) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E
             theta = np.where(lower[:, None], other.theta_mm, best.theta_mm)
             best = replace(best, theta_mm=theta, E=np.minimum(best.E, other.E))
         return best
+
+
+def _minimum(parts: Parts, shared: Shared, theta_mm, amplitude) -> End:
+    return minimise(parts, shared, theta_mm, amplitude, lambda gain, _: gain < SETTLED, _MOST_STEPS)
 
 
 @dataclass(frozen=True)
@@ -255,7 +244,7 @@ def linearise(joint: JointFit, hypothesis: Sequence[str], fitted: Fitted) -> Lin
     rows_first = (np.moveaxis(x, -1, 0) for x in (near.y, near.by_theta, near.by_channel, near.B))
     y, by_theta, by_channel, B = (x[order] for x in rows_first)
     Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
-    return Linearised(joint, fitted, y, Z, B, joint.model.thorax(joint.arrays.subject)(fitted.theta_mm))
+    return Linearised(joint, fitted, y, Z, B, joint.model.thorax(joint.subject)(fitted.theta_mm))
 
 
 def everybody(shoulders: Shoulders) -> tuple[Part, ...]:

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Given, Likelihood
-from adapt.diagnosis.fit.joint_fit import Fitted, JointFit, Linearised, linearise
+from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, linearise
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.unseen_folds import Folds
@@ -246,13 +246,13 @@ class Search:
     def adaptation(self, hypothesis: Hypothesis) -> Linearised:
         """Fit a set as `girdle adapt` does, with amplitudes that all share, once."""
         if hypothesis not in self.adapted:
-            fitted = self.joint.from_starts() if not hypothesis else self._fitted(hypothesis)
+            if hypothesis:
+                at = self.mode(hypothesis)
+                fitted = self.joint.fit(hypothesis, at.theta_mm, self.given(at, hypothesis).amplitude[None])
+            else:
+                fitted = self.joint.from_starts()
             self.adapted[hypothesis] = linearise(self.joint, hypothesis, fitted)
         return self.adapted[hypothesis]
-
-    def _fitted(self, hypothesis: Hypothesis) -> Fitted:
-        at = self.mode(hypothesis)
-        return self.joint.fit(hypothesis, at.theta_mm, self.given(at, hypothesis).amplitude[None])
 
     @property
     def best(self) -> Node:
