@@ -160,14 +160,26 @@ class JointFit:
         """Take other parts."""
         return replace(self, parts=parts)
 
-    def _strengths(self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, "groups own"]) -> np.ndarray:
-        """In each channel at each row."""
-        columns = self.candidates.columns[self.candidates.where(hypothesis)][..., self.rows]
-        return np.einsum("rk,kcr->cr", amplitude[self._parts.group][self._parts.part], columns)
+    def _strengths(
+        self, hypotheses: Sequence[Hypothesis], amplitudes: Sequence[Float[np.ndarray, " own"]]
+    ) -> Float[np.ndarray, "channels every"]:
+        """What the hypothesis of each group does at its rows with these amplitudes."""
+        found, group = np.zeros(self._parts.strengths.shape), self.group[self._parts.part]
+        for number, (hypothesis, amplitude) in enumerate(zip(hypotheses, amplitudes, strict=True)):
+            own, where = group == number, self.candidates.where(hypothesis)
+            found[:, own] = np.einsum(
+                "k,krc->cr", amplitude, self.candidates.columns[where[:, None], :, self.rows[own]]
+            )
+        return found
 
-    def nearest(self, hypothesis: Sequence[str], fitted: Fitted) -> Nearest:
-        """Find the nearest postures of all rows where a fit ended."""
-        return self._parts.nearest(fitted.theta_mm, self._strengths(hypothesis, fitted.amplitude))
+    def nearest(
+        self,
+        hypotheses: Sequence[Hypothesis],
+        theta_mm: Float[np.ndarray, "parts adapted"],
+        amplitudes: Sequence[Float[np.ndarray, " own"]],
+    ) -> Nearest:
+        """Find the nearest postures of all rows with the hypothesis and the amplitudes of each group."""
+        return self._parts.nearest(theta_mm, self._strengths(hypotheses, amplitudes))
 
     def fit(
         self,
@@ -181,15 +193,16 @@ class JointFit:
 
     def adapt(
         self,
-        hypothesis: Sequence[str],
+        hypotheses: Sequence[Hypothesis],
         theta_mm: Float[np.ndarray, "parts adapted"],
-        amplitude: Float[np.ndarray, "groups own"],
-    ) -> Fitted:
-        """Minimise from here with amplitudes that are known."""
-        parts = replace(self._parts, strengths=self._strengths(hypothesis, amplitude))
-        none = np.zeros((self.groups, 0))
-        end = _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
-        return Fitted(end.theta_mm, amplitude, end.E, bool(end.settled.all()))
+        amplitudes: Sequence[Float[np.ndarray, " own"]],
+    ) -> End:
+        """Minimise from here with the hypothesis of each group and amplitudes that are known."""
+        parts, none = (
+            replace(self._parts, strengths=self._strengths(hypotheses, amplitudes)),
+            np.zeros((self.groups, 0)),
+        )
+        return _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
         """Give E of hypotheses side by side; this fit has one group."""
@@ -238,9 +251,9 @@ class Linearised:
         return np.array(found)
 
 
-def linearise(joint: JointFit, hypothesis: Sequence[str], fitted: Fitted) -> Linearised:
+def linearise(joint: JointFit, hypothesis: Hypothesis, fitted: Fitted) -> Linearised:
     """Linearise around the fit of all postures (``joint`` has everybody's parts, one group)."""
-    near, order = joint.nearest(hypothesis, fitted), np.argsort(joint.rows)
+    near, order = joint.nearest([hypothesis], fitted.theta_mm, fitted.amplitude), np.argsort(joint.rows)
     rows_first = (np.moveaxis(x, -1, 0) for x in (near.y, near.by_theta, near.by_channel, near.B))
     y, by_theta, by_channel, B = (x[order] for x in rows_first)
     Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)

@@ -4,7 +4,7 @@ The amplitudes of a test are where their posterior without all that it holds out
 a mode (``fit.evidence``). With them each shoulder is adapted to what it has seen, as `girdle adapt --effect` does.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -47,16 +47,19 @@ def unseen_amplitudes(
 def unseen_gaps_deg(
     joint: JointFit,
     folds: Folds,
-    hypothesis: Hypothesis,
-    theta_mm: Float[np.ndarray, "subjects adapted"],
-    amplitude: Float[np.ndarray, "tests own"],
-) -> Float[np.ndarray, "tests 6"]:
-    """Adapt the shoulder of every test with its amplitudes, from these parameters; mean |simulated - measured| of its
-    rows, NaN of an angle that was not measured."""
-    seen = tuple(Part(test.subject, number, test.seen_rows) for number, test in enumerate(folds.tests))
-    unseen = tuple(part._replace(rows=test.rows) for part, test in zip(seen, folds.tests, strict=True))
-    start = theta_mm[[test.subject for test in folds.tests]]
-    adapted = joint.of(seen).adapt(hypothesis, start, amplitude)
-    near = joint.of(unseen).nearest(hypothesis, adapted)
-    gaps = np.abs(near.angles_deg - joint.shoulders.measured_deg[:, folds.rows]).T
-    return folds.measured_means(gaps, joint.shoulders)
+    hypotheses: Sequence[Hypothesis],
+    thetas_mm: Sequence[Float[np.ndarray, "subjects adapted"]],
+    amplitudes: Sequence[Float[np.ndarray, "tests own"]],
+) -> list[Float[np.ndarray, "tests 6"]]:
+    """Adapt the shoulder of every test with the amplitudes of each hypothesis, from these parameters; mean
+    |simulated - measured| of its rows, NaN of an angle that was not measured."""
+    tests, shoulders = folds.tests * len(hypotheses), joint.shoulders
+    seen = tuple(Part(test.subject, number, test.seen_rows) for number, test in enumerate(tests))
+    unseen = tuple(part._replace(rows=test.rows) for part, test in zip(seen, tests, strict=True))
+    names = [hypothesis for hypothesis in hypotheses for _ in folds.tests]
+    values = [amplitude for of_tests in amplitudes for amplitude in of_tests]
+    start = np.concatenate([theta[[test.subject for test in folds.tests]] for theta in thetas_mm])
+    end = joint.of(seen).adapt(names, start, values)
+    near = joint.of(unseen).nearest(names, end.theta_mm, values)
+    gaps = np.abs(near.angles_deg - shoulders.measured_deg[:, np.tile(folds.rows, len(hypotheses))]).T
+    return [folds.measured_means(one, shoulders) for one in np.split(gaps, len(hypotheses))]

@@ -38,12 +38,12 @@ def alone_deg(search: Search) -> dict[str, float]:
     """Predict the gap of unseen motions with no cause, and with each candidate alone, deg, by its better course; the
     smallest first. One that would act the wrong way is left out."""
     candidates, motions, none = search.joint.candidates, search.folds.only(MOTION), search.mode(())
-    found = {NONE: _mean_gap_deg(motions, search.predicted_gaps_deg(motions, (), none))}
-    for effect in candidates.effects:
-        alone = (effect.name,)
-        if candidates.has_the_sign(alone, search.given(none, alone).amplitude):
-            gap = _mean_gap_deg(motions, search.predicted_gaps_deg(motions, alone, none))
-            found[effect.cause] = min(gap, found.get(effect.cause, gap))
+    every = [(effect.name,) for effect in candidates.effects]
+    alone = [one for one in every if candidates.has_the_sign(one, search.given(none, one).amplitude)]
+    found: dict[str, float] = {}
+    for name, gaps in zip([(), *alone], search.predicted_gaps_deg(motions, [(), *alone], none), strict=True):
+        cause, gap = candidates.causes[name[0]] if name else NONE, _mean_gap_deg(motions, gaps)
+        found[cause] = min(gap, found.get(cause, gap))
     return dict(sorted(found.items(), key=lambda one: one[1]))
 
 

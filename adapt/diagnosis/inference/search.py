@@ -235,13 +235,16 @@ class Search:
     def unseen_gaps_deg(self, hypothesis: Hypothesis) -> Float[np.ndarray, "tests 6"]:
         """Predict unseen postures with a set, once."""
         if hypothesis not in self.gaps:
-            self.gaps[hypothesis] = self.predicted_gaps_deg(self.folds, hypothesis, self.mode(hypothesis))
+            (self.gaps[hypothesis],) = self.predicted_gaps_deg(self.folds, [hypothesis], self.mode(hypothesis))
         return self.gaps[hypothesis]
 
-    def predicted_gaps_deg(self, folds: Folds, hypothesis: Hypothesis, at: Posterior) -> Float[np.ndarray, "tests 6"]:
-        """Predict tests with a set, in the linear model around the mode of one within it."""
-        amplitude = unseen_amplitudes(folds, self.joint.candidates, hypothesis, at, self.likelihood_without)
-        return unseen_gaps_deg(self.joint, folds, hypothesis, at.theta_mm, amplitude)
+    def predicted_gaps_deg(
+        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Posterior
+    ) -> list[Float[np.ndarray, "tests 6"]]:
+        """Predict tests with each of some sets, in the linear model around the mode of one within them."""
+        candidates, without = self.joint.candidates, self.likelihood_without
+        amplitudes = [unseen_amplitudes(folds, candidates, hypothesis, at, without) for hypothesis in hypotheses]
+        return unseen_gaps_deg(self.joint, folds, hypotheses, [at.theta_mm] * len(hypotheses), amplitudes)
 
     def adaptation(self, hypothesis: Hypothesis) -> Linearised:
         """Fit a set as `girdle adapt` does, with amplitudes that all share, once."""
