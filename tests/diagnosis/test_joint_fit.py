@@ -48,7 +48,7 @@ def test_known_effects_give_the_optimum_of_girdle_adapt():
     adapted = adapt_subjects(
         simulated(name).motions, load_model("R2"), held_out=(), effects={name: tuple(amplitude[0]), **RELIEVED}
     ).adapted["R2"]
-    known = joint.adapt([(name,)], joint.from_starts().theta_mm, amplitude)
+    known = joint.adapt([(name,)], joint.from_starts().theta_mm, list(amplitude))
     np.testing.assert_allclose(known.E, adapted.E, atol=SAME_E)
     near = joint.fit((name,), adapted.theta_mm.T, amplitude)
     fixed = joint.fit((), joint.from_starts().theta_mm, np.zeros((1, 0)))

@@ -253,7 +253,7 @@ class Linearised:
 
 def linearise(joint: JointFit, hypothesis: Hypothesis, fitted: Fitted) -> Linearised:
     """Linearise around the fit of all postures (``joint`` has everybody's parts, one group)."""
-    near, order = joint.nearest([hypothesis], fitted.theta_mm, fitted.amplitude), np.argsort(joint.rows)
+    near, order = joint.nearest([hypothesis], fitted.theta_mm, list(fitted.amplitude)), np.argsort(joint.rows)
     rows_first = (np.moveaxis(x, -1, 0) for x in (near.y, near.by_theta, near.by_channel, near.B))
     y, by_theta, by_channel, B = (x[order] for x in rows_first)
     Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
