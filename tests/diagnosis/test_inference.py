@@ -87,7 +87,7 @@ def test_what_a_test_has_seen_is_adapted_as_girdle_adapt_does():
     search = searched(BIAS)
     option = {BIAS: (3.0, -4.0, 5.0), **RELIEVED}
     amplitude = np.tile([option[BIAS]], (len(search.folds.tests), 1))
-    (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], [search.mode((BIAS,)).theta_mm], [amplitude])
+    (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], search.mode((BIAS,)).theta_mm, [amplitude])
     shoulders = search.joint.shoulders
     person = {name: k for k, name in enumerate(shoulders.subjects)}
     unseen = adapted_gaps(shoulders.motions, load_model("R2"), option, person).unseen[MOTION]

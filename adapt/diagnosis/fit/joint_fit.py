@@ -198,10 +198,8 @@ class JointFit:
         amplitudes: Sequence[Float[np.ndarray, " own"]],
     ) -> End:
         """Minimise from here with the hypothesis of each group and amplitudes that are known."""
-        parts, none = (
-            replace(self._parts, strengths=self._strengths(hypotheses, amplitudes)),
-            np.zeros((self.groups, 0)),
-        )
+        parts = replace(self._parts, strengths=self._strengths(hypotheses, amplitudes))
+        none = np.zeros((self.groups, 0))
         return _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
@@ -241,14 +239,11 @@ class Linearised:
 
     def matrices(self, where: Int[np.ndarray, " own"]) -> Float[np.ndarray, "subjects n n"]:
         """Compute the Gauss-Newton matrix of E of every subject in its adapted parameters and in these amplitudes."""
-        joint, found = self.joint, []
-        Z = self.Z[..., np.concatenate([np.arange(_N), _N + where])]
-        for part, thorax in zip(joint.parts, self.thorax.matrix, strict=True):
-            root = np.sqrt(2.0 * joint.model.weight / len(part.rows) * joint.shoulders.weights[part.rows])
-            columns = (root[:, None, None] * Z[part.rows]).reshape(-1, Z.shape[2])
-            found.append(columns.T @ columns)
-            found[-1][:_N, :_N] += thorax
-        return np.array(found)
+        parts, chosen = self.joint._parts, np.concatenate([np.arange(_N), _N + where])
+        Z = np.moveaxis(self.Z[self.joint.rows][..., chosen], 0, 2)
+        found = parts.products(np.sqrt(2.0 * parts.weights) * Z)
+        found[:, :_N, :_N] += self.thorax.matrix
+        return found
 
 
 def linearise(joint: JointFit, hypothesis: Hypothesis, fitted: Fitted) -> Linearised:

@@ -48,7 +48,7 @@ def unseen_gaps_deg(
     joint: JointFit,
     folds: Folds,
     hypotheses: Sequence[Hypothesis],
-    thetas_mm: Sequence[Float[np.ndarray, "subjects adapted"]],
+    theta_mm: Float[np.ndarray, "subjects adapted"],
     amplitudes: Sequence[Float[np.ndarray, "tests own"]],
 ) -> list[Float[np.ndarray, "tests 6"]]:
     """Adapt the shoulder of every test with the amplitudes of each hypothesis, from these parameters; mean
@@ -58,8 +58,7 @@ def unseen_gaps_deg(
     unseen = tuple(part._replace(rows=test.rows) for part, test in zip(seen, tests, strict=True))
     names = [hypothesis for hypothesis in hypotheses for _ in folds.tests]
     values = [amplitude for of_tests in amplitudes for amplitude in of_tests]
-    start = np.concatenate([theta[[test.subject for test in folds.tests]] for theta in thetas_mm])
-    end = joint.of(seen).adapt(names, start, values)
+    end = joint.of(seen).adapt(names, theta_mm[[test.subject for test in tests]], values)
     near = joint.of(unseen).nearest(names, end.theta_mm, values)
     gaps = np.abs(near.angles_deg - shoulders.measured_deg[:, np.tile(folds.rows, len(hypotheses))]).T
     return [folds.measured_means(one, shoulders) for one in np.split(gaps, len(hypotheses))]

@@ -244,7 +244,7 @@ class Search:
         """Predict tests with each of some sets, in the linear model around the mode of one within them."""
         candidates, without = self.joint.candidates, self.likelihood_without
         amplitudes = [unseen_amplitudes(folds, candidates, hypothesis, at, without) for hypothesis in hypotheses]
-        return unseen_gaps_deg(self.joint, folds, hypotheses, [at.theta_mm] * len(hypotheses), amplitudes)
+        return unseen_gaps_deg(self.joint, folds, hypotheses, at.theta_mm, amplitudes)
 
     def adaptation(self, hypothesis: Hypothesis) -> Linearised:
         """Fit a set as `girdle adapt` does, with amplitudes that all share, once."""
