@@ -28,7 +28,7 @@ from adapt.tables.results import (
 )
 from adapt.trust.covariance import Uncertainty, uncertainty
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, weight_factor
+from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, sizes_of_persons, weight_factor
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
 from motions.table import Motions, check_motions
@@ -113,11 +113,11 @@ def adapt_subjects(
     subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm (``scripts/measure_float32.py``); where E
     has several optima, one subject in a thousand ends in another one, as often a lower as a higher one.
 
-    ``effects`` that are known to be at work, in every subject alike, before as after adaptation: the amplitude of each
-    direction by name, ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``; see ``models.effects.known``. They act in the
-    chain; D stays that of the ellipsoid without them. ``thorax_points`` multiplies w. They have no fast path, nor one
-    in float32: ten subjects take 8 s, and what is compiled for them half a minute unless
-    ``adapt.engine.compilation_cache`` holds it.
+    ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
+    ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
+    each subject is adapted too. See ``models.effects.known``. They act in the chain; D stays that of the ellipsoid
+    without them. ``thorax_points`` multiplies w. They have no fast path, nor one in float32: ten subjects take 8 s, and
+    what is compiled for them half a minute unless ``adapt.engine.compilation_cache`` holds it.
     """
     models, motions, weight = as_list(models), _with_gaps(motions), weight * weight_factor(effects)
     dtype = _type_of(dtype, effects)
@@ -126,6 +126,7 @@ def adapt_subjects(
     known = active_effects(effects, motions).at(batch.rows)
     data = as_type(problem_batch(batch, models, known), dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
+    data = data.with_sizes(adapted.sizes)
     parts = _parts(len(models), len(batch.subjects))
     results = {model.name: adapted.take(part) for model, part in zip(models, parts, strict=True)}
     progress("uncertainty")
@@ -136,6 +137,7 @@ def adapt_subjects(
     tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
     fits = pd.concat([before, *tables], ignore_index=True)
     parameters = parameters_table(motions.subjects, models, results, uncertain.sd_mm, fits)
+    parameters = parameters.assign(**sizes_of_persons(effects, adapted.sizes))
     chosen = sample(motions.subjects) if held_out is None else held_out
     heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, effects, chosen)
     return Adaptations(

@@ -27,7 +27,10 @@ from scipy.spatial.transform import Rotation
 from adapt.cli import app as cli
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.discrepancy import TYPICAL
+from adapt.diagnosis.fit.evidence import Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
+from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.shoulders import person_of, usable
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
@@ -148,9 +151,10 @@ def fitted_bias(motions: Motions, model: ParameterSet) -> Rotation:
         Model.of(model, shoulders.subjects, effects), shoulders, lay_out(effects, shoulders), everybody(shoulders)
     )
     names = tuple(effect.name for effect in effects)
-    nothing = np.zeros((1, sum(effect.amplitudes for effect in effects)))
-    amplitude = joint.fit(names, joint.from_starts().theta_mm, nothing).amplitude[0]
-    return Rotation.from_rotvec(amplitude[joint.candidates.places[BIAS]], degrees=True)
+    nothing = np.zeros(sum(effect.amplitudes for effect in effects))
+    likelihood = Likelihood.of(joint.model, shoulders, TYPICAL)
+    (found,) = modes(joint, likelihood, [names], [joint.from_starts().theta_mm], [nothing])
+    return Rotation.from_rotvec(found.amplitude[joint.candidates.places[BIAS]], degrees=True)
 
 
 def _places(ac: Motions, aa: Motions) -> list[int]:

@@ -67,7 +67,7 @@ def adapted_gaps(
     found = held_out(data, len(batch.subjects), parts, weight).unseen_deg
     of_folds = [found[:, part.tested, k] for k, part in enumerate(parts)]
     everyone = _persons(batch, person)
-    chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
+    chain = data.with_sizes(adapted.sizes).active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
     return AdaptedGaps(batch, chain, adapted, _of_subjects(after, everyone), _of_folds(of_folds, parts, everyone))
 
 

@@ -124,13 +124,13 @@ class _Study:
     ) -> Diagnosis:
         """Search, weigh, name, and measure what the names are worth."""
         search, shoulders = self.search.run(), self.shoulders
-        none = search.adaptation(())
+        none = search.without_causes
         noise = estimate_noise(shoulders, search.best.posterior.y, noise_deg)
         floor = floor_deg(noise, shoulders, none.B)
         tested = can_test(shoulders.kinds, shoulders.persons)
         named = name_causes(search, float(np.nanmean(floor))) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
-        sizes = amplitudes(search, named.hypothesis, named.probable)
+        sizes = amplitudes(search, named.hypothesis)
         order = [rung.added for rung in named.rungs[1:]]
         sizes = {name: sizes[name] for name in order}
         if self.relieved:
@@ -218,7 +218,7 @@ class _Study:
             return EFFECT
         left = gaps.hardest["with_effect"][ALL].value
         shown = noise.source != ASSUMED or left <= gaps.hardest["noise_floor"][ALL].value
-        beyond = more_than_noise(self.search.adaptation(()).y, self.search.folds, noise)
+        beyond = more_than_noise(self.search.without_causes.y, self.search.folds, noise)
         return NONE if shown and not beyond else UNKNOWN
 
     def _gaps(self, base: BaseGaps, adapted: AdaptedGaps, with_effect: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:

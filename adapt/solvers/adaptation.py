@@ -11,6 +11,7 @@ from adapt.engine.batching import as_type, in_chunks, take_problems, with_proble
 from adapt.solvers import status
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.batched.subject_kernels import sweep_from
+from adapt.solvers.extended.own_sizes import own_sizes
 from adapt.solvers.extended.whole_subjects import solve_extended
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, AtOptimum, Reading, ThoraxPoints
 from adapt.solvers.posture_fits import at_rest_where_unknown, fit_batch, nearby_angles
@@ -34,6 +35,13 @@ _LOWER_DEG2 = ByType(1e-6, 1e-3)
 _SAME_E = ByType(1e-9, 1e-5)
 """Relative: two starts whose E differ by less have led to one optimum. That of the first is taken, so that what E does
 not depend on stays where it is."""
+
+_SAME_VALLEY = 1e-6
+"""Relative: E with the sizes that were found is lower by less where theta is in the valley in which they were found."""
+
+_SAME_SIZE = 0.01
+"""SDs: sizes found from a lower E that differ by less are the same. They are found with postures that are less exact
+where angles were not measured."""
 
 _REWEIGHTED = 1000
 """Most fixed-point iterations of the weights of a reading with roots or lengths: 18 measured problems took 10-500."""
@@ -84,6 +92,8 @@ class Adapted:
     landmark_weight: Float[np.ndarray, " problems"]
     """v of it."""
     iterations: Int[np.ndarray, " problems"]
+    sizes: Float[np.ndarray, "sizes problems"]
+    """Of effects that differ between persons, in SDs off the mean (``models.effects.known.PersonalSize``)."""
     status: Shaped[np.ndarray, " problems"]
 
     def take(self, chosen) -> "Adapted":
@@ -109,8 +119,12 @@ def adapt_batch(
 ) -> Adapted:
     """Find the lowest E of each problem from several starts, with exact derivatives and the bounds of the model.
 
-    A problem is ``ok`` when the optimality conditions of the whole-subject problem hold to tolerance.
+    A problem is ``ok`` when the optimality conditions of the whole-subject problem hold to tolerance. Sizes of effects
+    that differ between persons are fitted too, by the default reading; what comes after knows them
+    (``ProblemBatch.with_sizes``).
     """
+    if data.active_effects.own:
+        return _with_own_sizes(data, weight, reading, progress)
     chosen = READINGS[reading]
     count = data.counted.shape[1:]
     if chosen.form == "squares":
@@ -119,6 +133,33 @@ def adapt_batch(
         )
         return _lowest(data, weight, chosen, equivalent, progress)
     return _reweighted(data, weight, chosen, _lowest(data, weight, chosen, np.full(count, WEIGHT), progress), progress)
+
+
+def _with_own_sizes(data: ProblemBatch, weight: float, reading: str, progress: Progress) -> Adapted:
+    """Adapt with the mean sizes, from several starts; then sizes and parameters from there, as long as E is lower with
+    postures in another valley."""
+    count = data.counted.shape[1]
+    sizes = np.zeros((sum(map(len, data.active_effects.own)), count))
+    adapted = adapt_batch(data.with_sizes(sizes), weight, progress=progress)
+    progress("sizes of effects")
+    left, settled = np.arange(count), np.zeros(count, bool)
+    for _ in range(_ROUNDS):
+        part, before = take_problems(data, left), adapted.take(left)
+        fixed = fixed_problem(part, np.full(len(left), weight))
+        found = own_sizes(fixed, part.active_effects, before.theta_mm, before.angles)
+        moved = np.abs(found.sizes - sizes[:, left]).max(axis=0) > _SAME_SIZE
+        sizes[:, left] = found.sizes
+        after = adapted_from(part.with_sizes(found.sizes), found.theta_mm, weight)
+        adapted = adapted.replaced(left, after)
+        again = moved & (after.E < found.E * (1.0 - _SAME_VALLEY))
+        settled[left] = found.settled & ~again
+        left = left[again]
+        if not len(left):
+            break
+    if reading != DEFAULT_READING:
+        adapted = adapt_batch(data.with_sizes(sizes), weight, reading, progress)
+    adapted.status[~settled] = status.NOT_CONVERGED
+    return replace(adapted, sizes=sizes)
 
 
 def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
@@ -376,5 +417,6 @@ def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved
         point_weights=at.point_weights,
         landmark_weight=np.full(theta.shape[1:], reading.landmarks),
         iterations=np.asarray(solved.iterations),
+        sizes=np.zeros((0, *theta.shape[1:])),
         status=np.where(determined, words, status.INVALID).astype("U16"),
     )

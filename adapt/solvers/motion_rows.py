@@ -60,7 +60,7 @@ def rows_of_optima(rows: MotionRows, batch: Batch, data: ProblemBatch, adapted: 
         np.concatenate([batch.unpack(part) for part in np.split(places, places.shape[1] // subjects, axis=1)])
         for places in np.indices(data.counted.shape)[::-1]
     )
-    chain = rows.active_effects.on(take_problems(data.girdle.with_adapted(adapted.theta_mm), problem))
+    chain = data.girdles_at(adapted.theta_mm, posture, problem)
     fitted = _at_optimum(rows, adapted, posture, problem)
     without = ~((adapted.status[problem] == status.OK) & np.isfinite(fitted.multipliers).all(axis=0))
     fitted = mark_jumps(fitted, chain, rows.angles, rows.measured, np.where(without, -1, rows.previous))

@@ -42,10 +42,14 @@ class ProblemBatch:
     measured: Bool[Array, " 6 postures problems"]
     counted: Bool[Array, "postures problems"]
     active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
-    """Strengths (channels, postures, problems). They act in the chain; D and L are those of the ellipsoid without
-    them."""
+    """Strengths (channels, postures, problems); of a person's own sizes (sizes, channels, postures, problems). They act
+    in the chain; D and L are those of the ellipsoid without them."""
     landmarks_mm: Float[Array, " 3 2 postures problems"] | None = None
     """Measured TS and AI, thorax frame, NaN where not measured; None where nobody has one."""
+
+    def with_sizes(self, sizes: Float[np.ndarray, "sizes problems"]) -> "ProblemBatch":
+        """Give every person the sizes of effects that an adaptation has found (``Adapted.sizes``)."""
+        return replace(self, active_effects=self.active_effects.with_sizes(sizes))
 
     def girdles_at(self, theta_mm: Float[Array, " adapted problems"], posture, problem) -> AnyGirdle:
         """Give the girdle at theta, with the active effects, of each of some postures of some problems."""

@@ -109,6 +109,7 @@ def held_out(
     progress(f"held-out gaps, {len(problem)} adaptations")
     part_of = select_problems(data, problem, counted=fitted)
     without = adapt_batch(part_of, weight, reading)
+    part_of = part_of.with_sizes(without.sizes)
     return HeldOut(without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK)))
 
 

@@ -20,6 +20,22 @@ class ActiveEffects:
     strengths: tuple[Float[Array, " channels *batch"], ...] = ()
     """Of each effect at each posture, in its unit (:meth:`Effect.at`)."""
     effects: tuple[Effect, ...] = field(default=(), metadata={"static": True})
+    own: tuple[Float[Array, " sizes channels *batch"], ...] = ()
+    """Of each effect, the strengths of a size that is an SD off the mean of persons, in every way in which persons
+    differ; empty where none differs in any."""
+
+    def with_sizes(self, sizes: Float[np.ndarray, "sizes problems"]) -> "ActiveEffects":
+        """Give every person its own sizes, in SDs off the mean, effect by effect: of strengths (channels, postures,
+        problems). What is left is known."""
+        if not self.own:
+            return self
+        ends = np.cumsum([len(one) for one in self.own])
+        each = np.split(sizes, ends[:-1])
+        strengths = (
+            strength + np.einsum("kcp...,k...->cp...", own, size)
+            for strength, own, size in zip(self.strengths, self.own, each, strict=True)
+        )
+        return replace(self, strengths=tuple(strengths), own=())
 
     def on(self, girdle: Girdle) -> "Girdle | ExtendedGirdle":
         """Put these effects on the girdle; without any, return the girdle itself."""
@@ -27,7 +43,11 @@ class ActiveEffects:
 
     def at(self, *index: Int[np.ndarray, " chosen"]) -> "ActiveEffects":
         """Select the effects of some postures, by their place along each of the last axes."""
-        return replace(self, strengths=tuple(np.asarray(one)[:, *index] for one in self.strengths))
+        return replace(
+            self,
+            strengths=tuple(np.asarray(one)[:, *index] for one in self.strengths),
+            own=tuple(np.asarray(one)[:, :, *index] for one in self.own),
+        )
 
 
 NO_ACTIVE_EFFECTS = ActiveEffects()

@@ -1,6 +1,7 @@
 """Effects that are known to be at work, by the numbers that a caller or a command line gives."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -10,7 +11,21 @@ from models.effects import EFFECTS, ActiveEffects, Effect
 from motions.errors import InputError, did_you_mean
 from motions.table import Motions
 
-Amplitudes = Mapping[str, Sequence[float]]
+
+@dataclass(frozen=True)
+class PersonalSize:
+    """A size that is not the same in every person: an adaptation fits that of each beside its parameters.
+
+        E = D + w (mean(J_p) + 1 / (6 n) sum ((a - mean) / sd)^2)
+
+    of n postures with six angles: a size that is ``sd`` off counts as much as a degree in one angle of one posture.
+    """
+
+    mean: Sequence[float]
+    sd: Sequence[float]
+
+
+Amplitudes = Mapping[str, Sequence[float] | PersonalSize]
 """By name of the effect, the amplitude of each of its directions in its unit (``girdle effects``). That of one that
 goes with elevation holds at ``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each
 direction in turn."""
@@ -32,24 +47,67 @@ def active_effects(amplitudes: Amplitudes, motions: Motions, library: Mapping[st
 
     library: by name. InputError where there is no such effect in it or its numbers do not fit it.
     """
+    effects = _in_order(amplitudes, library)
+    given = [amplitudes[effect.name] for effect in effects]
+    for effect, one in zip(effects, given, strict=True):
+        _check(effect, one, "effects")
+    means = (_amplitude(effect, _mean(one)) for effect, one in zip(effects, given, strict=True))
+    strengths = (effect.strengths(mean, motions) for effect, mean in zip(effects, means, strict=True))
+    own = tuple(_own(effect, one, motions) for effect, one in zip(effects, given, strict=True))
+    return ActiveEffects(tuple(strengths), tuple(effects), own if any(map(len, own)) else ())
+
+
+def _in_order(amplitudes: Amplitudes, library: Mapping[str, Effect]) -> list[Effect]:
     named = (effect_named(name, "effects", library=library) for name in amplitudes if name != THORAX_POINTS)
-    effects = sorted(named, key=list(library.values()).index)
-    for effect in effects:
-        _check(effect, amplitudes[effect.name], "effects")
-    strengths = (effect.strengths(_amplitude(effect, amplitudes[effect.name]), motions) for effect in effects)
-    return ActiveEffects(tuple(strengths), tuple(effects))
+    return sorted(named, key=list(library.values()).index)
 
 
-def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECTS) -> dict[str, tuple[float, ...]]:
-    """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``; InputError where one is not that."""
-    found: dict[str, tuple[float, ...]] = {}
+def sizes_of_persons(
+    amplitudes: Amplitudes, sizes: Float[np.ndarray, "sizes persons"], library: Mapping[str, Effect] = EFFECTS
+) -> dict[str, Float[np.ndarray, " persons"]]:
+    """Turn sizes in SDs off the mean (``ActiveEffects.own``) into amplitudes, by effect, direction and, where a course
+    has several, term."""
+    found: dict[str, Float[np.ndarray, " persons"]] = {}
+    for effect in _in_order(amplitudes, library):
+        given = amplitudes[effect.name]
+        if isinstance(given, PersonalSize):
+            mean, sd = _amplitude(effect, given.mean), _amplitude(effect, given.sd)
+            terms = len(effect.course.sd)
+            for k in np.flatnonzero(sd > 0.0).tolist():
+                term = f" term {k % terms + 1}" if terms > 1 else ""
+                found[f"{effect.name} {effect.directions[k // terms]}{term}"] = mean[k] + sd[k] * sizes[len(found)]
+    return found
+
+
+def _mean(given: Sequence[float] | PersonalSize) -> Sequence[float]:
+    return given.mean if isinstance(given, PersonalSize) else given
+
+
+def _own(
+    effect: Effect, given: Sequence[float] | PersonalSize, motions: Motions
+) -> Float[np.ndarray, "sizes channels rows"]:
+    """The strengths of a size that is an SD off, in every way in which persons differ."""
+    columns = effect.columns(motions)
+    if not isinstance(given, PersonalSize):
+        return columns[:0]
+    sd = _amplitude(effect, given.sd)
+    return (sd[:, None, None] * columns)[sd > 0.0]
+
+
+def read_amplitudes(
+    words: Sequence[str], library: Mapping[str, Effect] = EFFECTS
+) -> dict[str, tuple[float, ...] | PersonalSize]:
+    """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``, or ``NAME=A,B,C~D,E,F`` with the SDs
+    of a ``PersonalSize``; InputError where one is not that."""
+    found: dict[str, tuple[float, ...] | PersonalSize] = {}
     for word in words:
         name, _, numbers = (part.strip() for part in word.partition("="))
         effect = None if name == THORAX_POINTS else effect_named(name, OPTION, THORAX_POINTS, library=library)
         if name in found:
             raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
         try:
-            found[name] = tuple(float(number) for number in numbers.split(","))
+            mean, *sd = (tuple(float(number) for number in part.split(",")) for part in numbers.split("~", 1))
+            found[name] = PersonalSize(mean, *sd) if sd else mean
         except ValueError:
             remedy = f"Give {name}={','.join('0' * (len(effect.directions) if effect else 1))} with numbers of your own"
             raise InputError(OPTION, None, f"'{numbers}' is not a list of numbers", remedy) from None
@@ -62,6 +120,8 @@ def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECT
 def weight_factor(amplitudes: Amplitudes) -> float:
     """Give what w of E is multiplied by: k of ``thorax_points``, else 1; InputError where it is no positive number."""
     given = amplitudes.get(THORAX_POINTS, (1.0,))
+    if isinstance(given, PersonalSize):
+        given = (*given.mean, *given.sd)
     if np.shape(given) != (1,) or not np.isfinite(given[0]) or given[0] <= 0.0:
         remedy = f"Give one positive number, as (30,) or {THORAX_POINTS}=30: the points then count a thirtieth"
         raise InputError(OPTION, None, f"{THORAX_POINTS} has {given if np.ndim(given) == 0 else list(given)}", remedy)
@@ -72,14 +132,19 @@ _DIGITS = 4
 """Of a number in an option: to 0.01 % of what is at work."""
 
 
-def as_option(effect: Effect, amplitude: Sequence[float]) -> str:
-    """Write ``NAME=A,B,C`` with all amplitudes of the effect, rounded: the reverse of ``read_amplitudes``."""
-    return f"{effect.name}={','.join(f'{value:.{_DIGITS}g}' for value in amplitude)}"
+def as_option(effect: Effect, amplitude: Sequence[float], sd: Sequence[float] = ()) -> str:
+    """Write ``NAME=A,B,C`` or ``NAME=A,B,C~D,E,F`` with all amplitudes of the effect, rounded: the reverse of
+    ``read_amplitudes``."""
+    parts = (",".join(f"{value:.{_DIGITS}g}" for value in part) for part in (amplitude, sd) if len(part))
+    return f"{effect.name}={'~'.join(parts)}"
 
 
 def described(amplitudes: Amplitudes) -> str:
     """Describe the amplitudes as 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
-    return ", ".join(f"{name} of {_vector(size)}{_unit(name)}" for name, size in amplitudes.items())
+    return ", ".join(
+        f"{name} of {_vector(_mean(size))}{_unit(name)}{' on average' * isinstance(size, PersonalSize)}"
+        for name, size in amplitudes.items()
+    )
 
 
 def _unit(name: str) -> str:
@@ -103,7 +168,14 @@ def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effe
     return library[name]
 
 
-def _check(effect: Effect, given: Sequence[float], place: str) -> None:
+def _check(effect: Effect, given: Sequence[float] | PersonalSize, place: str) -> None:
+    if isinstance(given, PersonalSize):
+        _check(effect, given.mean, place)
+        sd = np.asarray(given.sd, float)
+        if sd.shape != np.shape(given.mean) or not ((sd >= 0.0) & np.isfinite(sd)).all():
+            cause = f"{effect.name} has {len(given.mean)} sizes and the SDs {list(given.sd)}"
+            raise InputError(place, None, cause, "Give one SD of 0 or more for each size")
+        return
     values = np.asarray(given, float)
     if values.shape not in {(len(effect.directions),), (effect.amplitudes,)} or not np.isfinite(values).all():
         cause = f"{effect.name} has {given if np.ndim(given) == 0 else list(given)}"

@@ -29,7 +29,7 @@ from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
 from models import load_model
 from models.effects import EFFECTS
-from models.effects.known import THORAX_POINTS
+from models.effects.known import THORAX_POINTS, PersonalSize
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
 
@@ -84,10 +84,11 @@ def test_amplitudes_of_a_test_are_those_of_data_without_what_it_holds_out():
 
 
 def test_what_a_test_has_seen_is_adapted_as_girdle_adapt_does():
-    search = searched(BIAS)
-    option = {BIAS: (3.0, -4.0, 5.0), **RELIEVED}
-    amplitude = np.tile([option[BIAS]], (len(search.folds.tests), 1))
-    (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], search.mode((BIAS,)).theta_mm, [amplitude])
+    search, mean, between = searched(BIAS), (3.0, -4.0, 5.0), 0.7
+    option = {BIAS: PersonalSize(mean, tuple(between * EFFECTS[BIAS].prior_sd)), **RELIEVED}
+    amplitude = np.tile([mean], (len(search.folds.tests), 1))
+    theta_mm = search.mode((BIAS,)).theta_mm
+    (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], theta_mm, [amplitude], between)
     shoulders = search.joint.shoulders
     person = {name: k for k, name in enumerate(shoulders.subjects)}
     unseen = adapted_gaps(shoulders.motions, load_model("R2"), option, person).unseen[MOTION]
@@ -103,7 +104,7 @@ def test_a_hidden_bias_is_named_with_its_size():
     named = name_causes(search, 0.1)
     assert BIAS in named.hypothesis
     truth = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].mean().to_numpy()
-    size = amplitudes(search, named.hypothesis, named.probable)[BIAS]
+    size = amplitudes(search, named.hypothesis)[BIAS]
     for value, one in zip(truth, size.directions.values(), strict=True):
         assert one.low - 1.0 < value < one.high + 1.0
     assert size.option.startswith(BIAS)
@@ -134,7 +135,7 @@ def test_nothing_is_named_where_nothing_is_hidden():
 
 
 def test_a_candidate_is_the_same_as_itself():
-    at = searched().adaptation(())
+    at = searched().without_causes
     assert similarity(at, BIAS, BIAS) == pytest.approx(1.0)
     assert similarity(at, BIAS, "thorax_tilt") == pytest.approx(similarity(at, "thorax_tilt", BIAS))
 

@@ -1,6 +1,5 @@
 """The joint fit against the fits of `girdle adapt` and finite differences, its quadratic steps against SciPy."""
 
-from dataclasses import replace
 from itertools import count
 
 import jax
@@ -10,7 +9,7 @@ from scipy.optimize import minimize
 from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
-from adapt.diagnosis.fit.joint_fit import RELIEF, Part
+from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit
 from adapt.engine.batching import take_problems
 from adapt.solvers.extended import gauss_newton
 from adapt.solvers.extended.arrow_step import Quadratic, lowest
@@ -19,7 +18,7 @@ from adapt.solvers.posture_fits import reference_fit
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.effects import ActiveEffects
-from models.effects.known import THORAX_POINTS
+from models.effects.known import THORAX_POINTS, PersonalSize
 from motions.rotations import DEG
 
 RELIEVED = {THORAX_POINTS: (RELIEF,)}
@@ -27,6 +26,9 @@ RELIEVED = {THORAX_POINTS: (RELIEF,)}
 
 SAME_E = 1e-4
 """mm^2: the joint fit stops where a step gains less."""
+
+SAME_SIZE = 1e-2
+"""SDs: where a step gains less than SAME_E the sizes are as near."""
 
 SAME_DEG = 1e-7
 """Both solvers close the chain to 1e-9 mm and end at steps below 1e-9 deg."""
@@ -41,20 +43,26 @@ def test_without_effects_it_is_the_adaptation_of_girdle_adapt():
     np.testing.assert_allclose(joint.from_starts().E, adapted.E, atol=SAME_E)
 
 
-def test_known_effects_give_the_optimum_of_girdle_adapt():
-    joint = joint_fit("scapula_landmark_bias")
-    amplitude = np.array([[3.0, -4.0, 5.0]])
-    name = "scapula_landmark_bias"
-    adapted = adapt_subjects(
-        simulated(name).motions, load_model("R2"), held_out=(), effects={name: tuple(amplitude[0]), **RELIEVED}
-    ).adapted["R2"]
-    known = joint.adapt([(name,)], joint.from_starts().theta_mm, list(amplitude))
-    np.testing.assert_allclose(known.E, adapted.E, atol=SAME_E)
-    near = joint.fit((name,), adapted.theta_mm.T, amplitude)
-    fixed = joint.fit((), joint.from_starts().theta_mm, np.zeros((1, 0)))
-    assert near.E.sum() <= adapted.E.sum() + SAME_E
+def each_alone(joint: JointFit) -> JointFit:
+    """Make every part a group of its own."""
+    return joint.of(tuple(part._replace(group=k) for k, part in enumerate(joint.parts)))
+
+
+def test_personal_sizes_give_the_optimum_of_girdle_adapt():
+    name, between = "scapula_landmark_bias", 0.7
+    joint = joint_fit(name)
+    mean, scale = (3.0, -4.0, 5.0), joint.candidates.scale[joint.candidates.where((name,))]
+    effects = {name: PersonalSize(mean, tuple(between * scale)), **RELIEVED}
+    adapted = adapt_subjects(simulated(name).motions, load_model("R2"), held_out=(), effects=effects).adapted["R2"]
+    start, count = joint.from_starts(), len(joint.parts)
+    found = each_alone(joint).adapt([(name,)] * count, start.theta_mm, [np.array(mean)] * count, between)
     assert (adapted.status == "ok").all()
-    assert not np.allclose(fixed.E, adapted.E, atol=1.0)
+    of_sizes = joint.model.weight / (6.0 * np.array([len(part.rows) for part in joint.parts]))
+    sizes = (found.amplitude - mean) / (between * scale)
+    ours, theirs = found.E + of_sizes * (sizes**2).sum(axis=1), adapted.E + of_sizes * (adapted.sizes**2).sum(axis=0)
+    np.testing.assert_allclose(ours, theirs, atol=SAME_E)
+    np.testing.assert_allclose(sizes, adapted.sizes.T, atol=SAME_SIZE)
+    assert (start.E > adapted.E + 1.0).all()
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.99])
@@ -146,19 +154,16 @@ def test_machine_code_and_xla_agree():
 def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few, monkeypatch):
     """But for rounding: a group that has finished stays, and each has its own damping."""
     joint = joint_fit("scapula_landmark_bias")
-    name, start = ("scapula_landmark_bias",), joint.from_starts().theta_mm
-    parts = tuple(Part(p.subject, g, p.rows[g:]) for g in range(2) for p in joint.parts)
-    two = type(joint)(joint.model, joint.shoulders, joint.candidates, parts)
-    given = name, np.tile(start, (2, 1)), np.zeros((2, 3))
+    name, start, mean = ("scapula_landmark_bias",), joint.from_starts().theta_mm, np.zeros(3)
+    parts = each_alone(joint)
     monkeypatch.setattr(gauss_newton, "FEW", few)
-    both = two.fit(*given)
-    assert both.converged
-    for group in range(2):
-        own = tuple(part._replace(group=0) for part in parts if part.group == group)
-        alone = replace(two, parts=own).fit(name, start, np.zeros((1, 3)))
-        assert alone.converged
-        np.testing.assert_allclose(alone.E, both.E[two.group == group], rtol=1e-9)
-        np.testing.assert_allclose(alone.amplitude[0], both.amplitude[group], rtol=1e-6)
+    every = parts.adapt([name] * parts.groups, start, [mean] * parts.groups, 1.0)
+    assert every.settled.all()
+    for group, part in enumerate(parts.parts):
+        alone = joint.of((part._replace(group=0),)).adapt([name], start[[group]], [mean], 1.0)
+        assert alone.settled.all()
+        np.testing.assert_allclose(alone.E, every.E[[group]], rtol=1e-9)
+        np.testing.assert_allclose(alone.amplitude[0], every.amplitude[group], rtol=1e-6)
 
 
 def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
@@ -170,8 +175,8 @@ def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
         return point._replace(total=point.total + 1e6 * next(higher))
 
     monkeypatch.setattr(gauss_newton.Objective, "at", at)
-    start = joint.model.theta_mm
-    walled = joint.fit((), start, np.zeros((1, 0)))
-    assert not walled.converged
+    start, parts = joint.model.theta_mm, each_alone(joint)
+    walled = parts.adapt([()] * parts.groups, start, [np.zeros(0)] * parts.groups, 1.0)
+    assert not walled.settled.any()
     np.testing.assert_array_equal(walled.theta_mm, start)
-    assert next(higher) < 20
+    assert next(higher) < 2 * 20, "with the mean sizes, and with each one's own"

@@ -139,5 +139,6 @@ def _adapted(motions: Motions, model: AnyModel, failed: Sequence[str]) -> Adapte
         point_weights=np.ones((1, len(names))),
         landmark_weight=np.zeros(len(names)),
         iterations=np.ones(len(names), dtype=int),
+        sizes=np.zeros((0, len(names))),
         status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
     )

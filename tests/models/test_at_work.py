@@ -14,7 +14,7 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
-from models.effects.known import THORAX_POINTS, active_effects, as_option, described, read_amplitudes
+from models.effects.known import THORAX_POINTS, PersonalSize, active_effects, as_option, described, read_amplitudes
 from motions import InputError, Motions, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
@@ -207,6 +207,25 @@ def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_pa
     np.testing.assert_array_equal(pd.read_csv(again / "fits.csv")["j_deg2"], before["j_deg2"])
 
 
+def test_a_size_of_each_person_is_in_the_table_of_parameters(noisy, tmp_path):
+    motions, effects, _ = noisy
+    file, out = tmp_path / "motions.csv", tmp_path / "out"
+    write_motions(motions, file)
+    mean = effects[EFFECT.name]
+    ended = girdle("adapt", file, "--effect", f"{EFFECT.name}={','.join(map(repr, mean))}~2,0,3", "--out", out)
+    assert ended.status == 0, ended.err
+    assert f"With {EFFECT.name}" in ended.out
+    assert "on average" in ended.out
+    personal = {EFFECT.name: PersonalSize(mean, (2.0, 0.0, 3.0))}
+    expected = adapt_subjects(read_motions(file), MODEL, effects=personal)
+    sizes = expected.adapted["R2"].sizes
+    columns = [f"{EFFECT.name} about x term 1", f"{EFFECT.name} about z term 1"]
+    found = pd.read_csv(out / "parameters.csv")
+    assert list(found.columns)[-2:] == columns
+    np.testing.assert_allclose(found[columns].to_numpy().T, np.array([[mean[0]], [mean[2]]]) + [[2.0], [3.0]] * sizes)
+    assert np.abs(sizes).min() > 1e-3
+
+
 def test_points_on_the_thorax_that_count_less_are_a_larger_weight(noisy):
     motions, _, _ = noisy
     less = adapt_subjects(motions, MODEL, held_out=(), effects={THORAX_POINTS: (30.0,)}).adapted["R2"]
@@ -245,6 +264,12 @@ def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
         (["thorax_points=0"], "thorax_points has [0.0]", "thorax_points=30"),
         (["thorax_points=1,2"], "thorax_points has", "thorax_points=30"),
         (["thorax_points=inf"], "thorax_points has", "thorax_points=30"),
+        (["thorax_points=30~1"], "thorax_points has [30.0, 1.0]", "thorax_points=30"),
+        (["thorax_asymmetry=5~1,2"], "thorax_asymmetry has 1 sizes and the SDs [1.0, 2.0]", "one SD"),
+        (["thorax_asymmetry=5~-1"], "thorax_asymmetry has 1 sizes and the SDs [-1.0]", "0 or more"),
+        (["thorax_asymmetry=5~inf"], "thorax_asymmetry has 1 sizes and the SDs [inf]", "0 or more"),
+        (["thorax_asymmetry=5~"], "'5~' is not a list of numbers", "thorax_asymmetry=0"),
+        (["thorax_asymmetry=5~1~2"], "'5~1~2' is not a list of numbers", "thorax_asymmetry=0"),
         (["thorax_points=x"], "'x' is not a list of numbers", "thorax_points=0"),
     ],
 )
@@ -259,11 +284,16 @@ def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, c
 def test_an_option_is_read_as_it_was_written(effect):
     """All terms, to four digits; and so it acts."""
     amplitude = effect.prior_sd * np.linspace(-1.0, 1.234567, effect.amplitudes)
-    (found,) = read_amplitudes([as_option(effect, amplitude)]).items()
-    assert found[0] == effect.name
-    np.testing.assert_allclose(found[1], amplitude, rtol=OPTION_DIGITS)
+    sd = np.abs(amplitude) + effect.prior_sd
+    ((name, found),) = read_amplitudes([as_option(effect, amplitude.tolist())]).items()
+    ((_, personal),) = read_amplitudes([as_option(effect, amplitude.tolist(), sd.tolist())]).items()
+    assert name == effect.name
+    assert isinstance(personal, PersonalSize)
+    assert personal.mean == found
+    np.testing.assert_allclose(personal.mean, amplitude, rtol=OPTION_DIGITS)
+    np.testing.assert_allclose(personal.sd, sd, rtol=OPTION_DIGITS)
     motions = over(0.0, 60.0, 120.0)
-    (strength,) = active_effects(dict([found]), motions).strengths
+    (strength,) = active_effects({name: found}, motions).strengths
     largest = np.abs(effect.columns(motions)).max() * np.abs(amplitude).max()
     np.testing.assert_allclose(
         strength, effect.strengths(amplitude, motions), atol=len(amplitude) * OPTION_DIGITS * largest

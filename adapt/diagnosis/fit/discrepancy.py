@@ -33,6 +33,12 @@ class Discrepancy(NamedTuple):
     between_shoulders: float
     """SD of the amplitudes of a shoulder about their mean, of their prior SD."""
 
+    @property
+    def between_per_deg(self) -> float:
+        """What an adaptation with sizes of its own may have of the prior SD for each degree of the noise
+        (``models.effects.known.PersonalSize``)."""
+        return self.between_shoulders / self.noise_deg
+
 
 TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3)
 """Before any data: the medians of log-normal priors."""

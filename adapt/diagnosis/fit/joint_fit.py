@@ -1,8 +1,8 @@
-"""Joint fits of the diagnosis: adaptations of all subjects with amplitudes of effects that all of them share.
+"""The fits of the diagnosis: subjects with sets of causes, all postures or some of them, side by side.
 
 The E of each subject is that of `girdle adapt` (thesis Eq. 6.5), the points on the thorax counting less where they are
-another person's (``Model.relief``); see ``adapt.solvers.extended.gauss_newton``. Several groups are fitted side by
-side: all postures, or all but those held out. A part is one subject in one group.
+another person's (``Model.relief``); see ``adapt.solvers.extended.gauss_newton``. A part is one subject in one group;
+the parts of a group have one set of causes.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.extended.gauss_newton import End, Objective, minimise
 from adapt.solvers.extended.joint_parts import Parts, Shared
 from adapt.solvers.extended.nearest_posture import Nearest
-from adapt.solvers.extended.thorax_term import Thorax, ThoraxPart
+from adapt.solvers.extended.own_sizes import weight_of_sizes
+from adapt.solvers.extended.thorax_term import Thorax
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import SetArrays, set_arrays
 from models.adapted_parameters import ADAPTED, STARTS_MM
@@ -47,16 +48,6 @@ class Part(NamedTuple):
     subject: int
     group: int
     rows: Int[np.ndarray, " chosen"]
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """Where a joint fit ended."""
-
-    theta_mm: Float[np.ndarray, "parts adapted"]
-    amplitude: Float[np.ndarray, "groups own"]
-    E: Float[np.ndarray, " parts"]
-    converged: bool
 
 
 @dataclass(frozen=True)
@@ -181,26 +172,21 @@ class JointFit:
         """Find the nearest postures of all rows with the hypothesis and the amplitudes of each group."""
         return self._parts.nearest(theta_mm, self._strengths(hypotheses, amplitudes))
 
-    def fit(
-        self,
-        hypothesis: Sequence[str],
-        theta_mm: Float[np.ndarray, "parts adapted"],
-        amplitude: Float[np.ndarray, "groups own"],
-    ) -> Fitted:
-        """Minimise from here."""
-        end = _minimum(self._parts, self._shared([tuple(hypothesis)] * self.groups), theta_mm, amplitude)
-        return Fitted(end.theta_mm, end.amplitude, end.E, bool(end.settled.all()))
-
     def adapt(
         self,
         hypotheses: Sequence[Hypothesis],
         theta_mm: Float[np.ndarray, "parts adapted"],
         amplitudes: Sequence[Float[np.ndarray, " own"]],
+        between_per_deg: float,
     ) -> End:
-        """Minimise from here with the hypothesis of each group and amplitudes that are known."""
-        parts = replace(self._parts, strengths=self._strengths(hypotheses, amplitudes))
-        none = np.zeros((self.groups, 0))
-        return _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
+        """Adapt every part, which is a group of its own, as `girdle adapt --effect` does, from these parameters: with
+        sizes of the person, about these amplitudes by so much of their prior SD (``extended.own_sizes``)."""
+        shared, per_sd = self._shared(hypotheses), np.sqrt(weight_of_sizes(self._parts))[:, None]
+        mean = np.zeros(shared.mean.shape)
+        for group, amplitude in enumerate(amplitudes):
+            mean[group, : len(amplitude)] = amplitude
+        about_mean = Shared(shared.columns, between_per_deg * shared.scale / per_sd, mean)
+        return _minimum(self._parts, about_mean, theta_mm, mean)
 
     def objective(self, hypotheses: Sequence[Hypothesis]) -> Objective:
         """Give E of hypotheses side by side; this fit has one group."""
@@ -208,15 +194,16 @@ class JointFit:
         every = self.of(tuple(part._replace(group=group) for group in groups for part in self.parts))
         return Objective(every._parts, every._shared(hypotheses))
 
-    def from_starts(self) -> Fitted:
+    def from_starts(self) -> End:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
         none = np.zeros((self.groups, 0))
-        found = [self.fit((), self.model.theta_mm[self.subject] + start, none) for start in STARTS_MM]
+        nothing = Shared(np.zeros((0, *self._parts.strengths.shape)), none, none)
+        found = [_minimum(self._parts, nothing, self.model.theta_mm[self.subject] + start, none) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E
             theta = np.where(lower[:, None], other.theta_mm, best.theta_mm)
-            best = replace(best, theta_mm=theta, E=np.minimum(best.E, other.E))
+            best = best._replace(theta_mm=theta, E=np.minimum(best.E, other.E))
         return best
 
 
@@ -226,33 +213,23 @@ def _minimum(parts: Parts, shared: Shared, theta_mm, amplitude) -> End:
 
 @dataclass(frozen=True)
 class Linearised:
-    """The rows around one fit of all postures."""
+    """The rows around adaptations without causes."""
 
     joint: JointFit
-    fitted: Fitted
+    theta_mm: Float[np.ndarray, "subjects adapted"]
     y: Float[np.ndarray, "rows 3"]
     Z: Float[np.ndarray, "rows 3 n"]
     """dy in the adapted parameters and in the amplitudes of all candidates."""
     B: Float[np.ndarray, "rows 3 6"]
-    thorax: ThoraxPart
-    """Of every subject."""
-
-    def matrices(self, where: Int[np.ndarray, " own"]) -> Float[np.ndarray, "subjects n n"]:
-        """Compute the Gauss-Newton matrix of E of every subject in its adapted parameters and in these amplitudes."""
-        parts, chosen = self.joint._parts, np.concatenate([np.arange(_N), _N + where])
-        Z = np.moveaxis(self.Z[self.joint.rows][..., chosen], 0, 2)
-        found = parts.products(np.sqrt(2.0 * parts.weights) * Z)
-        found[:, :_N, :_N] += self.thorax.matrix
-        return found
 
 
-def linearise(joint: JointFit, hypothesis: Hypothesis, fitted: Fitted) -> Linearised:
-    """Linearise around the fit of all postures (``joint`` has everybody's parts, one group)."""
-    near, order = joint.nearest([hypothesis], fitted.theta_mm, list(fitted.amplitude)), np.argsort(joint.rows)
+def linearise(joint: JointFit, theta_mm: Float[np.ndarray, "subjects adapted"]) -> Linearised:
+    """Linearise around these parameters (``joint`` has everybody's parts, one group)."""
+    near, order = joint.nearest([()], theta_mm, [np.zeros(0)]), np.argsort(joint.rows)
     rows_first = (np.moveaxis(x, -1, 0) for x in (near.y, near.by_theta, near.by_channel, near.B))
     y, by_theta, by_channel, B = (x[order] for x in rows_first)
     Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
-    return Linearised(joint, fitted, y, Z, B, joint.model.thorax(joint.subject)(fitted.theta_mm))
+    return Linearised(joint, theta_mm, y, Z, B)
 
 
 def everybody(shoulders: Shoulders) -> tuple[Part, ...]:

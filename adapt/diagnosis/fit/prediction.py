@@ -1,7 +1,8 @@
 """What a set of causes predicts of unseen postures.
 
 The amplitudes of a test are where their posterior without all that it holds out is highest, in the linear model around
-a mode (``fit.evidence``). With them each shoulder is adapted to what it has seen, as `girdle adapt --effect` does.
+a mode (``fit.evidence``). About them each shoulder has sizes of its own, adapted to what it has seen, as `girdle adapt
+--effect` does.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,15 +51,17 @@ def unseen_gaps_deg(
     hypotheses: Sequence[Hypothesis],
     theta_mm: Float[np.ndarray, "subjects adapted"],
     amplitudes: Sequence[Float[np.ndarray, "tests own"]],
+    between_per_deg: float,
 ) -> list[Float[np.ndarray, "tests 6"]]:
-    """Adapt the shoulder of every test with the amplitudes of each hypothesis, from these parameters; mean
+    """Adapt the shoulder of every test with each hypothesis, from these parameters (``JointFit.adapt``): mean
     |simulated - measured| of its rows, NaN of an angle that was not measured."""
     tests, shoulders = folds.tests * len(hypotheses), joint.shoulders
     seen = tuple(Part(test.subject, number, test.seen_rows) for number, test in enumerate(tests))
     unseen = tuple(part._replace(rows=test.rows) for part, test in zip(seen, tests, strict=True))
     names = [hypothesis for hypothesis in hypotheses for _ in folds.tests]
     values = [amplitude for of_tests in amplitudes for amplitude in of_tests]
-    end = joint.of(seen).adapt(names, theta_mm[[test.subject for test in tests]], values)
-    near = joint.of(unseen).nearest(names, end.theta_mm, values)
+    end = joint.of(seen).adapt(names, theta_mm[[test.subject for test in tests]], values, between_per_deg)
+    own = [found[: len(value)] for found, value in zip(end.amplitude, values, strict=True)]
+    near = joint.of(unseen).nearest(names, end.theta_mm, own)
     gaps = np.abs(near.angles_deg - shoulders.measured_deg[:, np.tile(folds.rows, len(hypotheses))]).T
     return [folds.measured_means(one, shoulders) for one in np.split(gaps, len(hypotheses))]

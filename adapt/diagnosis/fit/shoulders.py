@@ -8,15 +8,13 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
+from adapt.solvers.extended.nearest_posture import UNMEASURED_SD
 from motions.errors import InputError
 from motions.rhythm import REST_DEG
 from motions.table import FEWEST_ANGLES, Motions
 
 FEWEST_POSTURES = 4
 """A subject with fewer says less than its six adapted parameters take up."""
-
-_UNMEASURED_SD = 1000.0
-"""SD of an angle that was not measured beside 1 of one that was: it is whatever closes the chain."""
 
 _STEP_DEG = 10.0
 """Of elevation, that one posture more stands for: those of most files are as far apart."""
@@ -116,7 +114,7 @@ def shoulders_of(motions: Motions) -> Shoulders:
     return Shoulders(
         motions=motions,
         measured_deg=np.where(known, motions.angles_deg.T, REST_DEG[:, None]),
-        sd=np.where(known, 1.0, _UNMEASURED_SD),
+        sd=np.where(known, 1.0, UNMEASURED_SD),
         subject=np.array([subjects.index(name) for name in motions.subject.tolist()]),
         motion=np.array([kinds.index(name) for name in motions.motion.tolist()]),
         subjects=subjects,

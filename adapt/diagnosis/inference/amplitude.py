@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
+from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
-from adapt.diagnosis.inference.amplitude_draws import draws_of
-from adapt.diagnosis.inference.search import Node, Search
+from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
@@ -22,32 +22,41 @@ _REACHED = 95.0
 """Percentile of the postures at which the size of an effect is stated: the largest that it is but for outliers."""
 
 
-def amplitudes(search: Search, hypothesis: Hypothesis, probable: Node) -> dict[str, CauseAmplitude]:
-    """Describe each effect of a fit, by name; how much of it each subject has is that of the most probable set."""
+_DRAWS, _SEED = 400, 5
+
+
+def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitude]:
+    """Describe each effect of a set by its posterior, by name."""
     if not hypothesis:
         return {}
-    draws = draws_of(search, hypothesis)
-    amplitude = search.adaptation(hypothesis).fitted.amplitude[0]
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
-    shares = _shares(search, probable)
+    given = search.given(search.mode(hypothesis), hypothesis)
+    draws, shares = draws_of(given), _shares(candidates, hypothesis, given)
+    sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
     return {
         effect.name: replace(
-            _described(effect, amplitude[own], draws[:, own], candidates, shoulders),
+            _described(effect, given.amplitude[own], draws[:, own], candidates, shoulders),
+            option=as_option(effect, given.amplitude[own].tolist(), sd[own].tolist()),
             by_subject=dict(zip(shoulders.subjects, shares[effect.name].tolist(), strict=True)),
         )
         for effect, own in candidates.slices(hypothesis)
     }
 
 
-def _shares(search: Search, node: Node) -> dict[str, Float[np.ndarray, " subjects"]]:
+def draws_of(given: Given) -> Float[np.ndarray, "draws own"]:
+    """Draw the amplitudes that shoulders have in common from their posterior."""
+    normal = np.random.default_rng(_SEED).standard_normal((len(given.amplitude), _DRAWS))
+    return given.amplitude + np.linalg.solve(given.root.T, normal).T
+
+
+def _shares(candidates: Candidates, hypothesis: Hypothesis, given: Given) -> dict[str, Float[np.ndarray, " subjects"]]:
     """Project the amplitudes a_s of each subject on their mean a, effect by effect: a_s'P a / a'P a, P the precision of
     the prior."""
-    candidates, given = search.joint.candidates, search.given(node.posterior, node.hypothesis)
-    weighted = given.amplitude / candidates.scale[candidates.where(node.hypothesis)] ** 2
+    weighted = given.amplitude / candidates.scale[candidates.where(hypothesis)] ** 2
     of_shoulders = given.of_shoulders * weighted
     return {
         effect.name: of_shoulders[:, own].sum(axis=1) / (given.amplitude[own] @ weighted[own])
-        for effect, own in candidates.slices(node.hypothesis)
+        for effect, own in candidates.slices(hypothesis)
     }
 
 
@@ -88,7 +97,7 @@ def _described(effect: Effect, value, draws, candidates: Candidates, shoulders: 
         size=Interval(float(_sizes(value[None], columns)[0]), float(low), float(high)),
         typical=float(np.percentile(typical, _REACHED)),
         directions=numbers,
-        option=as_option(effect, value),
+        option="",
     )
 
 

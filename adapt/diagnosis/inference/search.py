@@ -64,11 +64,9 @@ class Search:
     predicted: dict[tuple[Hypothesis, Hypothesis], float] = field(default_factory=dict)
     """V of sets from the modes of others, by both names."""
     posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
-    """Of the few sets of which it was asked what they predict or how they adapt (``mode``)."""
+    """Of the few sets of which it was asked what they predict (``mode``)."""
     gaps: dict[Hypothesis, Float[np.ndarray, "tests 6"]] = field(default_factory=dict)
     """Of unseen postures, of those (``unseen_gaps_deg``)."""
-    adapted: dict[Hypothesis, Linearised] = field(default_factory=dict)
-    """As `girdle adapt` fits, of those (``adaptation``)."""
     discrepancy: Discrepancy = TYPICAL
     likelihoods: dict[tuple[Discrepancy, int | None], Likelihood] = field(default_factory=dict)
     """By the discrepancy, and what is held out of them."""
@@ -98,7 +96,7 @@ class Search:
         if hypothesis in self.nodes:
             return self.nodes[hypothesis]
         if start is None:
-            theta = [self.adaptation(()).fitted.theta_mm, self.joint.model.theta_mm]
+            theta = [self.without_causes.theta_mm, self.joint.model.theta_mm]
             believed = self.joint.candidates.mean[self.joint.candidates.where(hypothesis)]
             found = modes(self.joint, self.likelihood, [hypothesis] * 2, theta, [believed] * 2)
             return self._add(max(found, key=lambda one: self._value(self.given(one, hypothesis), hypothesis)))
@@ -244,18 +242,12 @@ class Search:
         """Predict tests with each of some sets, in the linear model around the mode of one within them."""
         candidates, without = self.joint.candidates, self.likelihood_without
         amplitudes = [unseen_amplitudes(folds, candidates, hypothesis, at, without) for hypothesis in hypotheses]
-        return unseen_gaps_deg(self.joint, folds, hypotheses, at.theta_mm, amplitudes)
+        return unseen_gaps_deg(self.joint, folds, hypotheses, at.theta_mm, amplitudes, self.discrepancy.between_per_deg)
 
-    def adaptation(self, hypothesis: Hypothesis) -> Linearised:
-        """Fit a set as `girdle adapt` does, with amplitudes that all share, once."""
-        if hypothesis not in self.adapted:
-            if hypothesis:
-                at = self.mode(hypothesis)
-                fitted = self.joint.fit(hypothesis, at.theta_mm, self.given(at, hypothesis).amplitude[None])
-            else:
-                fitted = self.joint.from_starts()
-            self.adapted[hypothesis] = linearise(self.joint, hypothesis, fitted)
-        return self.adapted[hypothesis]
+    @cached_property
+    def without_causes(self) -> Linearised:
+        """Adapt as `girdle adapt` does without effects."""
+        return linearise(self.joint, self.joint.from_starts().theta_mm)
 
     @property
     def best(self) -> Node:

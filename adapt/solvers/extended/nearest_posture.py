@@ -40,6 +40,9 @@ _LONGEST_STEP_DEG = 25.0
 
 _FAR_DEG = 1e6
 
+UNMEASURED_SD = 1000.0
+"""SD of an angle that was not measured beside 1 of one that was: it is whatever closes the chain."""
+
 NO_CHANNELS = 1
 """Of strengths where there are no effects: machine code has no empty arguments."""
 
