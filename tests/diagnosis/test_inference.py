@@ -17,7 +17,7 @@ from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import shoulders_of
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import similarity
-from adapt.diagnosis.inference.amplitude import amplitudes
+from adapt.diagnosis.inference.amplitude import amplitudes, draws_of
 from adapt.diagnosis.inference.budget import alone_deg, ladder
 from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval
@@ -117,6 +117,15 @@ def test_a_hidden_bias_is_named_with_its_size():
     assert [rung.added for rung in steps][:2] == ["", BIAS]
     assert steps[1].gaps_deg.mean() < 0.7 * steps[0].gaps_deg.mean()
     assert named.sets[BIAS].names[0] == BIAS
+
+
+def test_draws_spread_about_the_size_as_its_posterior_says():
+    search = searched(BIAS)
+    given = search.given(search.mode((BIAS,)), (BIAS,))
+    draws, covariance = draws_of(given), np.linalg.inv(given.root @ given.root.T)
+    error = np.sqrt(np.diag(covariance) / len(draws))
+    assert (np.abs(draws.mean(axis=0) - given.amplitude) < 4.0 * error).all()
+    np.testing.assert_allclose(draws.std(axis=0), np.sqrt(np.diag(covariance)), rtol=0.2)
 
 
 def test_a_hidden_bias_predicts_best_alone_and_better_than_nothing():

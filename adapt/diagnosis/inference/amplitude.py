@@ -35,8 +35,7 @@ def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitu
     sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
     return {
         effect.name: replace(
-            _described(effect, given.amplitude[own], draws[:, own], candidates, shoulders),
-            option=as_option(effect, given.amplitude[own].tolist(), sd[own].tolist()),
+            _described(effect, given.amplitude[own], sd[own], draws[:, own], candidates, shoulders),
             by_subject=dict(zip(shoulders.subjects, shares[effect.name].tolist(), strict=True)),
         )
         for effect, own in candidates.slices(hypothesis)
@@ -77,7 +76,7 @@ def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
     }
 
 
-def _described(effect: Effect, value, draws, candidates: Candidates, shoulders: Shoulders) -> CauseAmplitude:
+def _described(effect: Effect, value, sd, draws, candidates: Candidates, shoulders: Shoulders) -> CauseAmplitude:
     columns = _strengths(effect, shoulders)
     terms = len(effect.course.sd)
     scale = candidates.scale[candidates.places[effect.name]]
@@ -97,7 +96,7 @@ def _described(effect: Effect, value, draws, candidates: Candidates, shoulders: 
         size=Interval(float(_sizes(value[None], columns)[0]), float(low), float(high)),
         typical=float(np.percentile(typical, _REACHED)),
         directions=numbers,
-        option="",
+        option=as_option(effect, value.tolist(), sd.tolist()),
     )
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.extended.gauss_newton import minimise
 from adapt.solvers.extended.joint_parts import Parts, Shared
+from adapt.solvers.extended.nearest_posture import strengths_of
 from adapt.solvers.extended.problem_rows import parts_of, rows_of
 from models.effects import ActiveEffects
 from motions.rotations import DEG
@@ -52,9 +53,8 @@ def own_sizes(
     columns = [np.asarray(one)[:, :, posture, problem] for one in active_effects.own]
     weight = weight_of_sizes(parts)
     shape = len(parts.group), sum(map(len, columns))
-    shared = Shared(
-        _beside_each_other(columns), np.broadcast_to(1.0 / np.sqrt(weight)[:, None], shape), np.zeros(shape)
-    )
+    scale = np.broadcast_to(1.0 / np.sqrt(weight)[:, None], shape)
+    shared = Shared(strengths_of(columns), scale, np.zeros(shape))
     start = angles[:, posture, problem] * float(DEG)
     end = minimise(parts, shared, theta.T, np.zeros(shape), lambda gain, _: gain < _SETTLED, _MOST_STEPS, start)
     return OwnSizes(end.amplitude.T, end.theta_mm.T, end.E, end.settled)
@@ -63,14 +63,3 @@ def own_sizes(
 def weight_of_sizes(parts: Parts) -> Float[np.ndarray, " parts"]:
     """Give the weight of |v|^2 in E: that of one degree in one angle of a posture."""
     return np.maximum(parts.sums(parts.weights) / parts.sums(np.ones(len(parts.weights))), _LEAST_WEIGHT)
-
-
-def _beside_each_other(
-    columns: list[Float[np.ndarray, "sizes channels rows"]],
-) -> Float[np.ndarray, "every channels rows"]:
-    """Put sizes and channels of each effect after those of the one before."""
-    sizes, channels = (np.cumsum([0, *(one.shape[k] for one in columns)]) for k in (0, 1))
-    found = np.zeros((sizes[-1], channels[-1], columns[0].shape[2]))
-    for k, one in enumerate(columns):
-        found[sizes[k] : sizes[k + 1], channels[k] : channels[k + 1]] = one
-    return found
