@@ -38,7 +38,8 @@ class Cause:
     """One cause at work: the names it may have."""
 
     names: tuple[str, ...]
-    """Names that these data cannot tell apart, most probable first: a credible set."""
+    """Names that these data cannot tell apart, a credible set: that of the most probable set of causes, whose size is
+    given, then the most probable first."""
     shares: tuple[float, ...]
     """Probability of each name in this place."""
     gain: float

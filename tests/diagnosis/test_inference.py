@@ -23,8 +23,9 @@ from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.naming import gain, name_causes
+from adapt.diagnosis.inference.resampling import resampled_persons
 from adapt.diagnosis.inference.search import Search
-from adapt.diagnosis.inference.weights import weigh
+from adapt.diagnosis.inference.weights import probabilities, weigh
 from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
 from models import load_model
@@ -230,14 +231,14 @@ def test_the_share_left_over_goes_from_none_to_all():
     assert np.isnan(left_over_share(1.0, 1.0, 1.0))
 
 
-def test_the_first_name_of_each_cause_is_the_most_probable_and_the_one_that_is_sized():
+def test_the_first_name_of_each_cause_is_the_one_that_is_sized_and_the_others_go_by_probability():
     search = searched(BIAS)
     named = name_causes(search, 0.1)
     causes = search.joint.candidates.causes
     assert set(named.sets) == set(named.hypothesis)
     for name, one in named.sets.items():
         assert one.names[0] == causes[name]
-        assert list(one.shares) == sorted(one.shares, reverse=True)
+        assert list(one.shares[1:]) == sorted(one.shares[1:], reverse=True)
 
 
 def test_a_cause_of_which_the_data_say_nothing_is_about_as_probable_as_before_them():
@@ -246,6 +247,20 @@ def test_a_cause_of_which_the_data_say_nothing_is_about_as_probable_as_before_th
     weights = weigh(searched())
     assert all(0.0 < p < 0.8 for p in weights.inclusion.values())
     assert sum(weights.probability.values()) == pytest.approx(1.0)
+
+
+def test_persons_are_drawn_with_both_shoulders_and_as_many_as_there_are():
+    person = np.array([0, 0, 1, 2])
+    times = resampled_persons(person)
+    assert (times[:, 0] == times[:, 1]).all()
+    assert (times[:, 1:].sum(axis=1) == 3.0).all()
+    assert (times == 0.0).any(axis=0).all()
+    assert resampled_persons(np.zeros(2, int)).tolist() == [[1.0, 1.0]]
+
+
+def test_probabilities_are_the_mean_over_the_draws():
+    """Odds of 3 in one draw and of 1 in the other: 3/4 and 1/2."""
+    np.testing.assert_allclose(probabilities([np.log([3.0, 1.0]), np.zeros(2)]), [0.625, 0.375])
 
 
 def test_what_is_known_is_in_every_set_and_never_left_out():

@@ -100,6 +100,16 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     np.testing.assert_allclose(found.of_shoulders, expected, rtol=1e-8)
 
 
+def test_a_shoulder_that_is_drawn_twice_counts_as_two_alike():
+    search = searched(BIAS)
+    at, candidates = search.nodes[(BIAS,)].posterior, search.joint.candidates
+    given, where = search.given(at, (BIAS,)), candidates.where((BIAS,))
+    times = np.array([[2.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
+    drawn = at.evidence.of(np.array([0, 0, 2]))
+    twice = drawn.given(where, at.amplitude, candidates.mean[where], candidates.scale[where])
+    np.testing.assert_allclose(given.resampled(times), [twice.log_evidence, given.log_evidence], rtol=1e-10)
+
+
 def test_what_is_white_is_linear_in_what_shoulders_share():
     joint = joint_fit()
     generator = np.random.default_rng(6)

@@ -66,8 +66,8 @@ class Whitening:
     """L^-1 of the covariance L L' of what is its own."""
     curves: tuple[Float[np.ndarray, "own curves"], ...]
     """L^-1 times what each curve adds to its rows."""
-    log_determinant: float
-    """Of all L L', of three constraints."""
+    log_determinants: Float[np.ndarray, " subjects"]
+    """Of each L L', of three constraints."""
 
 
 def whitening(
@@ -78,7 +78,7 @@ def whitening(
     elevation, along = shoulders.course_deg
     length = discrepancy.length_deg
     curves = _curves(shoulders, discrepancy)
-    rows, roots, common, log_determinant = [], [], [], 0.0
+    rows, roots, common, log_determinants = [], [], [], []
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
         own = own[seen[own]]
@@ -90,8 +90,8 @@ def whitening(
         rows.append(own)
         roots.append(inverse)
         common.append(inverse @ curves[own])
-        log_determinant += 2.0 * len(CONSTRAINTS) * float(np.log(np.diag(root)).sum())
-    return Whitening(tuple(rows), tuple(roots), tuple(common), log_determinant)
+        log_determinants.append(2.0 * len(CONSTRAINTS) * np.log(np.diag(root)).sum())
+    return Whitening(tuple(rows), tuple(roots), tuple(common), np.array(log_determinants))
 
 
 def _curves(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:

@@ -38,6 +38,14 @@ class Given(NamedTuple):
     here: Float[np.ndarray, " own"]
     sd: Float[np.ndarray, " own"]
     """Of a_s about a."""
+    rest: Float[np.ndarray, "subjects m m"]
+    """Of every shoulder, in of_all: ``matrix`` with e_s integrated out."""
+    constants: Float[np.ndarray, " subjects"]
+    """What does not go by of_all, of the log evidence of every shoulder."""
+
+    def resampled(self, times: Float[np.ndarray, "draws subjects"]) -> Float[np.ndarray, " draws"]:
+        """Compute the log evidence of shoulders that are there so many times each."""
+        return times @ self.constants + _integrated(np.tensordot(times, self.rest, 1))[1]
 
     @property
     def of_shoulders(self) -> Float[np.ndarray, "subjects own"]:
@@ -48,15 +56,18 @@ class Given(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """log p(data, z) of each shoulder: -z'Mz / 2 of z = (h, b, a_s - here, 1), theta_s integrated out; and a constant
-    of all shoulders."""
+    """log p(data, z) of each shoulder: a constant - z'Mz / 2 of z = (h, b, a_s - here, 1), theta_s integrated out."""
 
     matrix: Float[np.ndarray, "subjects n n"]
-    constant: float
+    constants: Float[np.ndarray, " subjects"]
     shared: int
     """How many of h and b there are."""
     between: float
     """SD of a_s about a, of the prior SD."""
+
+    def of(self, shoulders: np.ndarray) -> "Evidence":
+        """Take these shoulders."""
+        return self._replace(matrix=self.matrix[shoulders], constants=self.constants[shoulders])
 
     def given(
         self,
@@ -83,14 +94,12 @@ class Evidence(NamedTuple):
         others = np.append(np.arange(n), n + k)
         matrix[:, others[:, None], others] += data
         rest, log_root = _without(matrix, k)
-        total = rest.sum(axis=0)
-        total[range(n), range(n)] += 1.0
-        root = np.linalg.cholesky(total[:n, :n])
-        down = np.linalg.solve(root, total[:n, n])
-        z = -np.linalg.solve(root.T, down)
-        log_evidence = self.constant - log_root.sum() - np.log(np.diag(root)).sum() + 0.5 * (down @ down - total[n, n])
-        L = root[f:, f:] / scale[:, None]
-        return Given(float(log_evidence), mean + scale * z[f:], L, np.append(z, 1.0), matrix, here, sd)
+        constants = self.constants - log_root
+        root, log_integral = _integrated(rest.sum(axis=0))
+        z = -np.linalg.solve(root[:n, :n].T, root[n, :n])
+        L = root[f:n, f:n] / scale[:, None]
+        log_evidence = float(constants.sum() + log_integral)
+        return Given(log_evidence, mean + scale * z[f:], L, np.append(z, 1.0), matrix, here, sd, rest, constants)
 
 
 @dataclass(frozen=True)
@@ -158,15 +167,22 @@ class Likelihood:
         Z: Float[np.ndarray, "rows 3 n"],
     ) -> Evidence:
         """Integrate theta of every shoulder out; Z is dy in theta and in all amplitudes."""
-        constant = -0.5 * self.whitening.log_determinant - np.log(self.sd_mm).sum()
+        constants = -0.5 * self.whitening.log_determinants - np.log(self.sd_mm).sum(axis=1)
         found = []
         for subject, rows in enumerate(self.whitening.rows):
             values = self.values(subject, y[None, rows], theta_mm[None, subject], np.zeros((1, self.shared)))
             (columns,) = np.concatenate([self.columns(subject, Z[None, rows]), values[..., None]], axis=2)
             rest, log_root = _without(columns.T @ columns, _N)
             found.append(rest)
-            constant -= log_root
-        return Evidence(np.array(found), float(constant), self.shared, self.between)
+            constants[subject] -= log_root
+        return Evidence(np.array(found), constants, self.shared, self.between)
+
+
+def _integrated(total: Float[np.ndarray, "*draws m m"]) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate all but the 1 of a quadratic over their priors: L of the sum, and the logarithm of the integral."""
+    root = np.linalg.cholesky(total + np.diag(np.append(np.ones(total.shape[-1] - 1), 0.0)))
+    diagonal = np.diagonal(root, axis1=-2, axis2=-1)
+    return root, -np.log(diagonal[..., :-1]).sum(axis=-1) - 0.5 * diagonal[..., -1] ** 2
 
 
 def _without(matrix: Float[np.ndarray, "*shoulders n n"], first: int) -> tuple[np.ndarray, np.ndarray]:

@@ -38,8 +38,7 @@ def unseen_amplitudes(
     found: dict[tuple[int, bytes], np.ndarray] = {}
     for test in folds.tests:
         if (held_out := (test.motion, test.unseen.tobytes())) not in found:
-            evidence = of_motion[test.motion]
-            evidence = evidence._replace(matrix=evidence.matrix[~test.unseen])
+            evidence = of_motion[test.motion].of(~test.unseen)
             given = evidence.given(own, here[where], candidates.mean[where], candidates.scale[where])
             found[held_out] = given.amplitude
     return np.array([found[test.motion, test.unseen.tobytes()] for test in folds.tests])

@@ -20,17 +20,18 @@ _LEAST_SHARE = 0.05
 
 
 class CredibleSet(NamedTuple):
-    """One cause at work: the names it may have, most probable first, and the probability of each in this place."""
+    """One cause at work: its name in the most probable set, then the others that it may have, the most probable first;
+    and the probability of each in this place."""
 
     names: tuple[str, ...]
     shares: tuple[float, ...]
 
 
-def credible_set(place: dict[str, Node]) -> CredibleSet:
-    """Find the causes that do as well in the place of one, its own among them, by the sets that have each there."""
-    share = dict(zip(place, probabilities([node.value for node in place.values()]).tolist(), strict=True))
+def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
+    """Find the causes that do as well in the place of one, by the sets that have each there."""
+    share = dict(zip(place, probabilities([node.resampled for node in place.values()]).tolist(), strict=True))
     names, kept, reached = [], [], 0.0
-    for name in sorted(share, key=lambda name: -share[name]):
+    for name in sorted(share, key=lambda name: (name != own, -share[name])):
         if reached >= _LEVEL or (names and share[name] < _LEAST_SHARE):
             break
         names.append(name)

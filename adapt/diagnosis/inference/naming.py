@@ -15,8 +15,8 @@ from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
 from adapt.tables.held_out import MOTION
 
-LEAST_PROBABILITY = 0.9
-"""Of the set with a cause against the set without it."""
+LEAST_PROBABILITY = 0.8
+"""Of the set with a cause against the set without it, averaged over persons drawn anew."""
 
 
 class Gain(NamedTuple):
@@ -65,7 +65,7 @@ def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the causes of the most probable set that predict; noise alone leaves a gap of ``floor_deg``."""
     probable, places = _probable(search)
     hypothesis, gains = _predicting(search, probable, floor_deg)
-    sets = {name: credible_set(places[name]) for name in hypothesis}
+    sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
     return Named(hypothesis, gains, ladder(search, hypothesis), probable, sets)
 
 
@@ -93,7 +93,9 @@ def _open(search: Search, node: Node) -> list[str]:
 
 def _weakest(search: Search, node: Node) -> str | None:
     """Find the cause of a set that is least needed, if that is not enough."""
-    needed = {name: probabilities([search.without(node, name).value, node.value])[1] for name in _open(search, node)}
+    needed = {
+        name: probabilities([search.without(node, name).resampled, node.resampled])[1] for name in _open(search, node)
+    }
     weakest = min(needed, key=needed.__getitem__, default=None)
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None
 

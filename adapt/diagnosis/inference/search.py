@@ -21,6 +21,7 @@ from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, linearise
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.inference.resampling import resampled_persons
 
 EXPECTED_CAUSES = 2.0
 """Of all candidates, before any data."""
@@ -49,6 +50,8 @@ class Node(NamedTuple):
     posterior: Posterior
     value: float
     """V."""
+    resampled: Float[np.ndarray, " draws"]
+    """V of persons drawn anew."""
 
 
 @dataclass
@@ -76,6 +79,11 @@ class Search:
         """Of one more cause, before any data."""
         causes = set(self.joint.candidates.causes.values())
         return float(np.log(min(0.5, EXPECTED_CAUSES / max(1, len(causes)))))
+
+    @cached_property
+    def times(self) -> Float[np.ndarray, "draws subjects"]:
+        """How often each shoulder is there, of persons drawn anew."""
+        return resampled_persons(self.joint.shoulders.person)
 
     @property
     def likelihood(self) -> Likelihood:
@@ -120,17 +128,21 @@ class Search:
         return a[candidates.where(hypothesis)]
 
     def _add(self, posterior: Posterior) -> Node:
-        given, value = self.given(posterior, posterior.hypothesis), _WORST
-        if self.joint.candidates.has_the_sign(posterior.hypothesis, given.amplitude, self.known):
-            value = self._value(given, posterior.hypothesis)
-        node = Node(posterior.hypothesis, posterior, value)
-        self.nodes[posterior.hypothesis] = node
+        hypothesis = posterior.hypothesis
+        given, value, resampled = self.given(posterior, hypothesis), _WORST, np.full(len(self.times), _WORST)
+        if self.joint.candidates.has_the_sign(hypothesis, given.amplitude, self.known):
+            value, resampled = self._value(given, hypothesis), self.resampled(given, hypothesis)
+        node = self.nodes[hypothesis] = Node(hypothesis, posterior, value, resampled)
         self.progress(f"{len(self.nodes)} sets of causes")
         return node
 
     def _value(self, given: Given, hypothesis: Hypothesis) -> float:
         """V of a set."""
         return given.log_evidence + len(hypothesis) * self.log_odds
+
+    def resampled(self, given: Given, hypothesis: Hypothesis) -> Float[np.ndarray, " draws"]:
+        """V of a set, of persons drawn anew."""
+        return given.resampled(self.times) + len(hypothesis) * self.log_odds
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
         """Give a set, in the linear model around the mode of one within it."""

@@ -11,7 +11,8 @@ from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.inference.search import Search
 
 _NEAR = 6.0
-"""Sets that are worse than the best by this much in V (odds of 400) are not widened: what they add is nothing."""
+"""Sets that are worse than the best by this much in V (odds of 400) are not widened, nor weighed if they were not
+fitted: what they add is nothing."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +37,17 @@ class Weights:
 def weigh(search: Search) -> Weights:
     """Weigh all fitted hypotheses, and what the linear model says of one cause more: one of which the data say nothing
     is as probable as before them."""
-    values = {node.hypothesis: node.value for node in search.usable}
-    for node in search.usable:
-        if node.value > search.best.value - _NEAR:
-            for value, hypothesis, _ in search.widened(node):
-                values[hypothesis] = max(value, values.get(hypothesis, value))
-    shares = probabilities(list(values.values()))
-    found = dict(zip(values, shares.tolist(), strict=True))
+    least = search.best.value - _NEAR
+    near = [node for node in search.usable if node.value > least]
+    widened = sorted((one for node in near for one in search.widened(node) if one[0] > least), key=lambda one: one[0])
+    starts = {hypothesis: start.posterior for _, hypothesis, start in widened}  # where it is most probable
+    values = {name: search.resampled(search.given(start, name), name) for name, start in starts.items()}
+    values |= {node.hypothesis: node.resampled for node in search.usable}
+    found = dict(zip(values, probabilities(list(values.values())).tolist(), strict=True))
     return Weights(dict(sorted(found.items(), key=lambda one: -one[1])), search.joint.candidates.causes)
 
 
-def probabilities(values: Sequence[float]) -> Float[np.ndarray, " sets"]:
-    """Give sets of these V their probabilities among each other."""
-    weight = np.exp(np.array(values) - max(values))
-    return weight / weight.sum()
+def probabilities(values: Sequence[Float[np.ndarray, " draws"]]) -> Float[np.ndarray, " sets"]:
+    """Give sets of these V their probabilities among each other: the mean over persons drawn anew."""
+    weight = np.exp(np.array(values) - np.max(values, axis=0))
+    return (weight / weight.sum(axis=0)).mean(axis=1)
