@@ -3,7 +3,7 @@
 For each parameter set: what `girdle diagnose` names by itself, and the mean |simulated - measured| of scapula and
 clavicle, degrees, adapted without each motion: without the causes, with them (``girdle adapt --effect``), with
 amplitudes that have seen neither the person nor the motion, and with causes that were named and sized without the
-person at all.
+person at all; '-' where there is no other motion, or no other person.
 """
 
 import argparse
@@ -14,6 +14,8 @@ import numpy as np
 from adapt.diagnosis import Diagnosis, diagnose
 from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.intervals import known_mean
+from adapt.diagnosis.wording import gap_text
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import read_amplitudes
@@ -45,17 +47,20 @@ def main() -> None:
 
 
 def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
-    """Compute the gaps of each person on unseen motions, with causes that the diagnosis of all others names."""
+    """Compute the mean gaps of persons on unseen motions, with causes that the diagnosis of all others names; NaN where
+    nothing is unseen."""
     shoulders, _ = usable(motions)
+    if shoulders.persons < 2 or len(shoulders.kinds) < 2:
+        return dict.fromkeys(_BONES, np.nan)
     found = []
     for person in range(shoulders.persons):
         own = [name for name, one in zip(shoulders.subjects, shoulders.person, strict=True) if one == person]
         of_person = np.isin(motions.subject, own)
         options = diagnose(motions.select(~of_person), model)[model.name].options
         known = read_amplitudes(options)
-        unseen = adapted_gaps(motions.select(of_person), model, known, dict.fromkeys(own, person)).unseen[MOTION]
-        found.append([unseen[bone].value for bone in _BONES])
-    return dict(zip(_BONES, np.mean(found, axis=0).tolist(), strict=True))
+        unseen = adapted_gaps(motions.select(of_person), model, known, dict.fromkeys(own, person)).unseen
+        found.append([unseen[MOTION][bone].value if MOTION in unseen else np.nan for bone in _BONES])
+    return dict(zip(_BONES, known_mean(np.array(found).T).tolist(), strict=True))
 
 
 def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:
@@ -64,13 +69,13 @@ def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:
     seen, person = diagnosis.gaps.other_motion, diagnosis.gaps.other_person
     cells = [_bones(seen["adapted"]), _bones(seen["with_effect"])] if seen else ["-", "-"]
     cells.append(_bones(person["with_effect"]) if person else "-")
-    cells.append(", ".join(f"{without[bone]:.2f}" for bone in _BONES))
+    cells.append(", ".join(gap_text(without[bone]) for bone in _BONES))
     said = ", ".join(causes) or diagnosis.verdict.answer
     return f"| {diagnosis.model} | {said}{' WRONG' if wrong else ''} | {' | '.join(cells)} |"
 
 
 def _bones(gaps) -> str:
-    return ", ".join(f"{gaps[bone].value:.2f}" for bone in _BONES)
+    return ", ".join(gap_text(gaps[bone].value) for bone in _BONES)
 
 
 if __name__ == "__main__":

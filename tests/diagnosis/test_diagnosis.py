@@ -109,7 +109,7 @@ def test_nothing_is_found_where_nothing_is_hidden():
 
 def test_another_persons_thorax_alone_takes_what_girdle_adapt_takes_with_it():
     """No answer by itself, but adapted with it the gap falls by what the budget says. Noise hides R4's other bones."""
-    motions, model = simulated(noise_deg=2.5).motions, load_model("R4")
+    motions, model = simulated(noise_deg=3.5).motions, load_model("R4")
     found = diagnose(motions, model, effects=[EFFECTS[name] for name in CANDIDATES])["R4"]
     assert (found.verdict.answer, found.verdict.names) == (NONE, ("thorax_points",))
     rows = adapt_subjects(motions, model, effects=read_amplitudes(found.options)).heldout

@@ -16,7 +16,7 @@ from adapt.diagnosis.inference.weights import probabilities
 from adapt.tables.held_out import MOTION
 
 LEAST_PROBABILITY = 0.8
-"""Of the set with a cause against the set without it, averaged over persons drawn anew."""
+"""Of sets with a cause in a place, whichever, against the set with none there, averaged over persons drawn anew."""
 
 
 class Gain(NamedTuple):
@@ -78,24 +78,24 @@ def _probable(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
     """Find the most probable set, less what is not needed; and what may stand in the place of each of its causes."""
     while True:
         best = node = search.best
-        while weak := _weakest(search, node):
+        while weak := _weakest(search, node, places := _places(search, node)):
             node = search.without(node, weak)
-        places = {name: search.in_place_of(node, name) for name in _open(search, node)}
         if search.best.hypothesis == best.hypothesis:
             causes = search.joint.candidates.causes
             return node, places | {name: {causes[name]: node} for name in search.known}
 
 
-def _open(search: Search, node: Node) -> list[str]:
-    """The causes of a set that are not known to be at work."""
-    return [name for name in node.hypothesis if name not in search.known]
+def _places(search: Search, node: Node) -> dict[str, dict[str, Node]]:
+    """What may stand in the place of each cause that is not known to be at work."""
+    return {name: search.in_place_of(node, name) for name in node.hypothesis if name not in search.known}
 
 
-def _weakest(search: Search, node: Node) -> str | None:
-    """Find the cause of a set that is least needed, if that is not enough."""
-    needed = {
-        name: probabilities([search.without(node, name).resampled, node.resampled])[1] for name in _open(search, node)
-    }
+def _weakest(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) -> str | None:
+    """Find the place in a set where a cause is least needed, if that is not enough."""
+    needed: dict[str, float] = {}
+    for name, place in places.items():
+        sets = search.without(node, name), *place.values()
+        needed[name] = 1.0 - probabilities([one.resampled for one in sets])[0]
     weakest = min(needed, key=needed.__getitem__, default=None)
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None
 
