@@ -12,7 +12,7 @@ from adapt.diagnosis.fit.candidates import candidate_effects, lay_out
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
 from adapt.diagnosis.fit.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
-from adapt.diagnosis.fit.shoulders import Shoulders, usable
+from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
 from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
@@ -81,17 +81,17 @@ def diagnose(
     check_motions(motions)
     models = as_list(models)
     motions, slips = without_slips(motions)
-    shoulders, left_out = usable(motions)
-    for one in unique_sets(models, shoulders.subjects)[0]:
+    every, left_out = usable(motions)
+    for one in unique_sets(models, every.subjects)[0]:
         check_own_effects(effects or (), one.girdle)
     declared = declared_effects(motions)
-    computed = axial_is_computed(shoulders)
+    computed = axial_is_computed(every)
     with threadpool_limits(1, "blas"):  # of small matrices, more threads wait for each other longer than they work
         return {
             model.name: _Study(
                 model,
-                shoulders,
-                candidate_effects(model, shoulders.subjects) if effects is None else tuple(effects),
+                every,
+                candidate_effects(model, every.subjects) if effects is None else tuple(effects),
                 computed,
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
             ).diagnose(left_out, slips, declared, noise_deg)
@@ -103,9 +103,11 @@ class _Study:
     """One model and the subjects: the steps of its diagnosis share the search."""
 
     def __init__(
-        self, model: AnyModel, shoulders: Shoulders, effects: tuple[Effect, ...], computed: bool, progress: Progress
+        self, model: AnyModel, every: Shoulders, effects: tuple[Effect, ...], computed: bool, progress: Progress
     ):
-        self.model, self.shoulders, self.computed, self.progress = model, shoulders, computed, progress
+        self.model, self.motions, self.computed, self.progress = model, every.motions, computed, progress
+        shoulders, self.nearest = sampled(every)
+        self.shoulders = shoulders
         self.library = {one.name: one for one in effects}  # the caller's own among them
         fitted = Model.of(model, shoulders.subjects, effects)
         self.sizes = measured_sizes(shoulders, fitted.sets.girdle, effects)
@@ -136,8 +138,8 @@ class _Study:
         if self.relieved:
             sizes[THORAX_POINTS] = thorax_amplitude(search.joint.model.relief)
         self.progress("gaps of girdle adapt")
-        base = base_gaps(shoulders.motions, self.model, self.person)
-        adapted = adapted_gaps(shoulders.motions, self.model, {}, self.person)
+        base = base_gaps(self.motions, self.model, self.person)
+        adapted = adapted_gaps(self.motions, self.model, {}, self.person)
         with_causes = self._with_causes(sizes) if sizes else adapted
         gaps = self._gaps(base, adapted, with_causes, named.rungs, floor)
         worth = 1.0 - _left_over(gaps) >= _LEAST_WORTH  # False where there is no gap beyond noise
@@ -147,8 +149,8 @@ class _Study:
         budget = self._budget(gaps, named.rungs)
         causes = self._causes(named, order, budget) if sizes else []
         verdict = self._verdict(causes, weights, gaps, noise)
-        data = observe(shoulders.motions, adapted.batch)
-        angle_gaps = _angle_gaps(data, adapted, floor)
+        data = observe(self.motions, adapted.batch)
+        angle_gaps = _angle_gaps(data, adapted, floor[self.nearest])
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -156,8 +158,9 @@ class _Study:
             slips=slips,
             persons=shoulders.persons,
             kinds=shoulders.kinds,
-            postures=len(shoulders.subject),
-            highest_elevation_deg=float(np.nan_to_num(shoulders.motions.humerus_elevation_deg).max()),
+            postures=len(self.motions.posture),
+            searched_postures=len(shoulders.subject),
+            highest_elevation_deg=float(np.nan_to_num(self.motions.humerus_elevation_deg).max()),
             noise=noise,
             declared_effects=declared,
             axial_is_computed=self.computed,
@@ -181,7 +184,7 @@ class _Study:
 
     def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
         known = read_amplitudes([one.option for one in sizes.values()], self.library)
-        return adapted_gaps(self.shoulders.motions, self.model, known, self.person, self.library)
+        return adapted_gaps(self.motions, self.model, known, self.person, self.library)
 
     @property
     def relieved(self) -> bool:

@@ -63,6 +63,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "persons": diagnosis.persons,
             "kinds": diagnosis.kinds,
             "postures": diagnosis.postures,
+            "searched_postures": diagnosis.searched_postures,
             "highest_elevation_deg": diagnosis.highest_elevation_deg,
             "options": diagnosis.options,
         }

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 
 from adapt.diagnosis.fit.joint_fit import RELIEF
+from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.result import Diagnosis, Noise
 from adapt.diagnosis.thorax_points import thorax_option
 from adapt.diagnosis.wording import gap_text, listed, unseen_text
@@ -21,6 +22,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *([_AXIAL] if diagnosis.axial_is_computed else []),
         *_landmark_sizes(diagnosis),
         *_limits(diagnosis),
+        *_sampled(diagnosis),
         *_thorax(diagnosis),
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
         *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
@@ -74,6 +76,14 @@ def _limits(diagnosis: Diagnosis) -> list[str]:
         *(["One person: nothing can be said of unseen persons."] if one_person else []),
         *([] if diagnosis.can_test else ["Probabilities of candidates rest on postures between others: no answer."]),
     ]
+
+
+def _sampled(diagnosis: Diagnosis) -> list[str]:
+    """Say how many postures the search for causes took, if not all."""
+    given, taken = diagnosis.postures, diagnosis.searched_postures
+    if taken == given:
+        return []
+    return [f"Causes were searched in {taken} of {given} postures: {MOST_POSTURES} of each motion; gaps are of all."]
 
 
 def _indistinguishable(names: Sequence[str], candidates: Collection[str]) -> str:

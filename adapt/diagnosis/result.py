@@ -204,6 +204,8 @@ class Diagnosis:
     kinds: tuple[str, ...]
     """Kinds of motion."""
     postures: int
+    searched_postures: int
+    """Of them, those that the search for causes took: of a motion with very many not all."""
     highest_elevation_deg: float
     noise: Noise
     declared_effects: tuple[str, ...]

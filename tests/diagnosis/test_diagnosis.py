@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_worlds import CANDIDATES, simulated
+from small_worlds import CANDIDATES, every_frame, simulated
 
 from adapt import adapt_subjects, diagnose
 from adapt.diagnosis.fit.noise import ASSUMED
+from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.inference.fingerprint import ESTIMATE
 from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import ALL, EFFECT, NONE, UNKNOWN
@@ -97,6 +98,21 @@ def test_postures_with_a_slip_are_left_out_and_named():
     unmarked = diagnose(slipped(25.0, "")[0], model, effects=effects)["R2"]
     assert unmarked.slips == ()
     assert unmarked.noise.angle_deg > 4.0 * found.noise.angle_deg
+
+
+def test_of_every_frame_the_search_takes_some_and_the_gaps_are_of_all(biased):
+    motions, model = every_frame(simulated(BIAS).motions, 5), load_model("R2")
+    found = diagnose(motions, model, effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
+    assert found.verdict.names == biased.verdict.names
+    assert (found.postures, found.searched_postures) == (len(motions.posture), 6 * MOST_POSTURES)
+    assert f"Causes were searched in 120 of {found.postures} postures: 20 of each motion; gaps are of all." in notes(
+        found
+    )
+    result = adapt_subjects(motions, model, effects=read_amplitudes(found.options))
+    rows = result.heldout[result.heldout["kind"] == MOTION]
+    assert found.gaps.other_motion["with_effect"][ALL].value == pytest.approx(
+        rows["gap_unseen_deg"].mean(), abs=SAME_DEG
+    )
 
 
 def test_nothing_is_found_where_nothing_is_hidden():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from small_worlds import joint_fit, searched, simulated
+from small_worlds import every_frame, joint_fit, searched, simulated
 
 from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.candidates import lay_out
@@ -14,7 +14,7 @@ from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit, Model, everybody
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
-from adapt.diagnosis.fit.shoulders import shoulders_of
+from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of
@@ -64,6 +64,21 @@ def test_left_and_right_of_a_person_are_held_out_together():
         expected = {s for s in range(3) if shoulders.person[s] == shoulders.person[test.subject]}
         assert set(np.flatnonzero(test.unseen)) == (expected if test.kind == PERSON else set())
     assert set(folds.kinds) == {MOTION, PERSON}
+
+
+def test_few_postures_of_a_motion_are_taken_from_end_to_end():
+    few = shoulders_of(simulated().motions)
+    same, nearest = sampled(few)
+    assert same is few
+    assert nearest.tolist() == list(range(len(few.subject)))
+    every = shoulders_of(every_frame(few.motions, 30))
+    some, nearest = sampled(every)
+    for taken, given in zip(some.sequences(), every.sequences(), strict=True):
+        assert some.motions.posture[taken].tolist() == list(range(1, MOST_POSTURES + 1))
+        np.testing.assert_array_equal(some.measured_deg[:, taken[[0, -1]]], every.measured_deg[:, given[[0, -1]]])
+        assert nearest[given].tolist() == sorted(nearest[given])
+        assert set(nearest[given]) == set(taken)
+        assert np.bincount(nearest[given])[taken].max() <= np.ceil(len(given) / (MOST_POSTURES - 1))
 
 
 def test_amplitudes_of_a_test_are_those_of_data_without_what_it_holds_out():

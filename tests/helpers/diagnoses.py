@@ -110,6 +110,7 @@ ONE = Diagnosis(
     persons=5,
     kinds=("abduction", "flexion"),
     postures=84,
+    searched_postures=84,
     highest_elevation_deg=120.0,
     noise=Noise(1.4, "estimated", 166.0),
     declared_effects=(),

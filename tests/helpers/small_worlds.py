@@ -1,6 +1,9 @@
 """Small simulated worlds for the diagnosis: few subjects, one parameter set, made once a process."""
 
+from dataclasses import replace
 from functools import cache
+
+import numpy as np
 
 from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
@@ -10,6 +13,7 @@ from adapt.diagnosis.inference.search import Search
 from adapt.model_subjects import Simulated, simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
+from motions.table import ANGLES, Motions
 
 CANDIDATES = ("clavicle_frame_bias", "scapula_landmark_bias", "scapulothoracic_gap", "thorax_tilt")
 """Few, so that their machine code is soon made."""
@@ -19,6 +23,22 @@ CANDIDATES = ("clavicle_frame_bias", "scapula_landmark_bias", "scapulothoracic_g
 def simulated(effect: str = "", subjects: int = 3, noise_deg: float = 0.3, seed: int = 7) -> Simulated:
     """Simulate subjects with R2, with an effect at work or none."""
     return simulate_model_subjects(load_model("R2"), EFFECTS.get(effect), subjects, noise_deg, seed)
+
+
+def every_frame(motions: Motions, times: int) -> Motions:
+    """Take every posture so many times, with noise of its own: a trial of which every frame is given."""
+    rows = np.repeat(np.arange(len(motions.posture)), times)
+    noise_deg = 0.3 * np.random.default_rng(3).standard_normal((len(rows), len(ANGLES)))
+    return replace(
+        motions,
+        subject=motions.subject[rows],
+        motion=motions.motion[rows],
+        posture=np.arange(len(rows)),
+        humerus_elevation_deg=motions.humerus_elevation_deg[rows],
+        angles_deg=motions.angles_deg[rows] + noise_deg,
+        landmarks_mm={},
+        extra=motions.extra.iloc[rows].reset_index(drop=True),
+    )
 
 
 @cache

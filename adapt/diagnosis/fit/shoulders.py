@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,10 @@ _STEP_DEG = 10.0
 
 _LEAST_RANGE_DEG = 20.0
 """Of elevation along a motion, from which it says where a posture is."""
+
+MOST_POSTURES = 20
+"""Of a motion of a shoulder: some 7 degrees of elevation apart. What no cause explains is alike within 40, so that more
+say the same, and neighbouring frames have the same noise."""
 
 _SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
 """What a name of a shoulder ends with beyond the person's."""
@@ -121,3 +125,19 @@ def shoulders_of(motions: Motions) -> Shoulders:
         kinds=kinds,
         person=np.array([different.index(name) for name in persons]),
     )
+
+
+def sampled(every: Shoulders) -> tuple[Shoulders, Int[np.ndarray, " rows"]]:
+    """Take at most ``MOST_POSTURES`` of each motion of each shoulder, evenly spaced and numbered anew; and find for
+    every posture the one taken that is next to it."""
+    count = len(every.subject)
+    nearest, posture = np.arange(count), every.motions.posture.copy()
+    for rows in every.sequences():
+        if len(rows) > MOST_POSTURES:
+            taken = np.linspace(0, len(rows) - 1, MOST_POSTURES).round().astype(int)
+            nearest[rows] = rows[taken][np.abs(taken[:, None] - np.arange(len(rows))).argmin(axis=0)]
+            posture[rows[taken]] = np.arange(1, MOST_POSTURES + 1)
+    kept = nearest == np.arange(count)
+    if kept.all():
+        return every, nearest
+    return shoulders_of(replace(every.motions, posture=posture).select(kept)), (np.cumsum(kept) - 1)[nearest]
