@@ -27,6 +27,8 @@ _SHRINKAGE = 0.1
 _LEAST_PROBABILITY = 1e-6
 """Less counts as this much: one case that was thought impossible is not to outweigh all others."""
 
+_SURE = 0.9
+
 _MOST_CONFUSIONS = 12
 _MOST_FAILURES = 10
 
@@ -38,6 +40,8 @@ REACH = {
     "no effect: one blamed": "<= 3 %",
     "outside: unknown": ">= 90 %",
     "outside: confident wrong name": "<= 3 %",
+    "calibration error of 'at work'": "<= 0.05",
+    "at work, of those that are with 0.9 or more": ">= 90 %",
     "ECE of the probabilities": "<= 0.05",
     "amplitude intervals that cover": "92-97 %",
     "shrinkage within 10 % of the realised": "all",
@@ -74,6 +78,25 @@ def error_by_chance(confidence: Sequence[float]) -> float:
     sure, generator = np.asarray(confidence), np.random.default_rng(0)
     draws = generator.random((_DRAWS, len(sure))) < sure
     return float(np.mean([expected_calibration_error(confidence, right) for right in draws.tolist()]))
+
+
+def said_at_work(lines: Iterable[Line]) -> list[tuple[float, bool]]:
+    """The probability of every candidate of being at work, and whether it is."""
+    return [(p, name in at_work(line)) for line in lines for name, p in line["inclusion"].items()]
+
+
+def calibration(lines: Iterable[Line]) -> str:
+    """The calibration error of these probabilities, by chance alone, and how many they are."""
+    answers = said_at_work(lines)
+    if not answers:
+        return "-"
+    sure, right = zip(*answers, strict=True)
+    return f"{expected_calibration_error(sure, right):.3f} ({error_by_chance(sure):.3f} by chance; {len(answers)})"
+
+
+def surely_at_work(lines: Iterable[Line]) -> str:
+    """How often a candidate is at work that is so with a probability of ``_SURE`` or more."""
+    return rate(right for p, right in said_at_work(lines) if p >= _SURE)
 
 
 def named(line: Line) -> bool:
@@ -258,6 +281,8 @@ MEASURES: dict[str, tuple[str, Callable[[list[Line]], str]]] = {
     "outside: unknown": ("outside", lambda lines: rate(line["answer"] == UNKNOWN for line in lines)),
     "outside: confident wrong name": ("outside", lambda lines: rate(map(confidently_wrong, lines))),
     "outside: none": ("outside", lambda lines: rate(line["answer"] == NONE for line in lines)),
+    "calibration error of 'at work'": ("none effect", calibration),
+    "at work, of those that are with 0.9 or more": ("none effect", surely_at_work),
     "ECE of the probabilities": (
         "none effect outside",
         lambda lines: _of_the_surest(lines, expected_calibration_error),

@@ -11,12 +11,12 @@ import numpy as np
 from scripts.blind.report import (
     CAUSES,
     at_work,
-    error_by_chance,
-    expected_calibration_error,
+    calibration,
     mean_of,
     named,
     names_of,
     rate,
+    surely_at_work,
 )
 from scripts.blind.runs import Line
 from scripts.reporting import markdown
@@ -34,7 +34,8 @@ def several_report(lines: Sequence[Line]) -> str:
         "causes at work that are found (recall)": lambda chosen: rate(_found(chosen)),
         "names of a cause that is right": _names,
         "nothing at work: one blamed": lambda chosen: rate(named(line) for line in chosen if not _count(line)),
-        "calibration error of 'at work'": _calibration,
+        "calibration error of 'at work'": calibration,
+        "at work, of those that are with 0.9 or more": surely_at_work,
         "share left over: told": lambda chosen: mean_of([told for told, _ in _shares(chosen)]),
         "share left over: true": lambda chosen: mean_of([true for _, true in _shares(chosen)]),
         "share left over: told within 20 % of the true": lambda chosen: rate(
@@ -72,14 +73,6 @@ def _found(lines: Iterable[Line]) -> list[bool]:
 def _names(lines: list[Line]) -> str:
     sizes = [len(names) for line, names in zip(*_flat(lines), strict=True) if _right(line, names)]
     return mean_of(sizes)
-
-
-def _calibration(lines: list[Line]) -> str:
-    answers = [(p, name in at_work(line)) for line in lines for name, p in line["inclusion"].items()]
-    if not answers:
-        return "-"
-    sure, right = zip(*answers, strict=True)
-    return f"{expected_calibration_error(sure, right):.3f} ({error_by_chance(sure):.3f} by chance; {len(answers)})"
 
 
 def _shares(lines: Iterable[Line]) -> list[tuple[float, float]]:

@@ -54,6 +54,7 @@ def line(label: str, answer: str, *names: str, **more: Any) -> Line:
         "answer": answer,
         "causes": [list(names)] if names else [],
         "probability": {**dict.fromkeys([*EFFECTS, "none", "unknown"], 0.0), sure: 1.0},
+        "inclusion": {name: float(name in names) for name in report.CAUSES},
         "indistinguishable": [],
         "seconds": 1.0,
         **more,
@@ -69,6 +70,13 @@ def test_wilson_interval_by_hand() -> None:
     assert report.wilson(0, 10) == pytest.approx((0.0, 3.8416 / 13.8416))
     assert report.rate([True] * 8 + [False] * 2) == "80.0 % (49-94; 10)"
     assert report.rate([]) == "-"
+
+
+def test_what_is_surely_at_work_is_counted_by_candidate() -> None:
+    lines = [line(TRUE, "effect", TRUE), line(TRUE, "effect", OTHER), line("none", "none")]
+    assert report.surely_at_work(lines).startswith("50.0 %")
+    wrong, every = 2, 3 * len(report.CAUSES)  # OTHER was sure and is not at work, TRUE was impossible and is
+    assert report.calibration(lines).startswith(f"{wrong / every:.3f} (0.000 by chance; {every})")
 
 
 def test_calibration_error_by_hand() -> None:
