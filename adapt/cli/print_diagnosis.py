@@ -62,7 +62,7 @@ def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
         "Mean absolute gap, degrees, with 95 % intervals": _gaps(closest),
         "Where: the largest shares of the gap that noise does not explain": _where(closest),
     }
-    if closest.constraint_spread:
+    if closest.where.constraint_spread:
         tables["Constraints at the measured postures: how far from holding, mm"] = _constraints(closest)
     if closest.next_measurement:
         tables["What to measure next: log odds of the right name, now and then"] = _next_measurement(closest)
@@ -130,7 +130,7 @@ def _gaps(diagnosis: Diagnosis) -> Table:
 
 def _where(diagnosis: Diagnosis) -> Table:
     table = _table(["motion", "angle", "elevation"], ["gap, deg", "noise, deg", "share"])
-    for cell in diagnosis.cells[:_CELLS]:
+    for cell in diagnosis.where.cells[:_CELLS]:
         elevation = f"{cell.elevation_low_deg:.0f}-{cell.elevation_high_deg:.0f} deg"
         gap, noise = f"{cell.mean_absolute_deg:.1f}", f"{cell.noise_deg:.1f}"
         table.add_row(cell.motion, cell.angle, elevation, gap, noise, percent_text(cell.share))
@@ -140,7 +140,7 @@ def _where(diagnosis: Diagnosis) -> Table:
 def _constraints(diagnosis: Diagnosis) -> Table:
     known = bool(diagnosis.options)
     table = _table(["constraint"], ["adapted", *(["with the causes"] if known else []), "noise alone"])
-    for one in diagnosis.constraint_spread:
+    for one in diagnosis.where.constraint_spread:
         sizes = (one.adapted_mm, *([one.with_causes_mm] if known else []), one.noise_mm)
         table.add_row(CONSTRAINT_NAMES[one.constraint], *(f"{size:.1f}" for size in sizes))
     return table

@@ -23,10 +23,8 @@ from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.naming import Named, name_causes, nothing_named
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import Weights, weigh
-from adapt.diagnosis.location.constraint_spread import constraint_spread
-from adapt.diagnosis.location.gap_location import AngleGaps, cells, constraint_residuals_mm, profile
-from adapt.diagnosis.location.gap_rotations import variance_fractions
-from adapt.diagnosis.location.observations import Observed, observe
+from adapt.diagnosis.location.observations import observe
+from adapt.diagnosis.location.where import Where, locate
 from adapt.diagnosis.result import (
     ADAPTED_STEP,
     ALL,
@@ -149,8 +147,6 @@ class _Study:
         budget = self._budget(gaps, named.rungs)
         causes = self._causes(named, order, budget) if sizes else []
         verdict = self._verdict(causes, weights, gaps, noise)
-        data = observe(self.motions, adapted.batch)
-        angle_gaps = _angle_gaps(data, adapted, floor[self.nearest])
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -172,11 +168,7 @@ class _Study:
             left_over_share=_left_over(gaps),
             gaps=gaps,
             parameters=_changes(adapted, with_causes),
-            cells=cells(angle_gaps),
-            profile=profile(angle_gaps),
-            variance_fractions=variance_fractions(angle_gaps),
-            constraints=constraint_residuals_mm(data, np.asarray(adapted.chain.residuals_mm(data.values[:6]))),
-            constraint_spread=constraint_spread(data, adapted.chain, with_causes.chain, noise.angle_deg),
+            where=self._where(adapted, with_causes, floor, noise),
             indistinguishable=indistinguishable(none),
             lacking=lacking(len(shoulders.kinds), shoulders.persons, THORAX_POINTS in sizes),
             next_measurement=propose(search, named.probable, [named.sets[name].names for name in order]),
@@ -185,6 +177,12 @@ class _Study:
     def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
         known = read_amplitudes([one.option for one in sizes.values()], self.library)
         return adapted_gaps(self.motions, self.model, known, self.person, self.library)
+
+    def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:
+        """Locate the gap; ``floor`` is what noise leaves of it, on average, in each posture of the search."""
+        noise_deg2 = np.nan_to_num(floor[self.nearest].T[:, adapted.batch.rows]) ** 2 * (np.pi / 2.0)
+        data, chains = observe(self.motions, adapted.batch), (adapted.chain, with_causes.chain)
+        return locate(data, adapted.adapted.angles, noise_deg2, chains, noise.angle_deg)
 
     @property
     def relieved(self) -> bool:
@@ -280,12 +278,6 @@ def _probability(weights: Weights, inclusion: dict[str, float], answer: str, ove
     total = sum(found.values()) + none
     found = {name: p * (1.0 - unknown) / total for name, p in found.items()}
     return found | {NONE: none * (1.0 - unknown) / total, UNKNOWN: unknown}
-
-
-def _angle_gaps(data: Observed, adapted: AdaptedGaps, floor) -> AngleGaps:
-    """Gaps of the adapted model, with what noise would leave; ``floor`` is its mean absolute value by row."""
-    noise_deg2 = np.nan_to_num(np.moveaxis(floor, 1, 0)[:, adapted.batch.rows]) ** 2 * (np.pi / 2.0)
-    return AngleGaps(data, adapted.adapted.angles, noise_deg2)
 
 
 def _changes(adapted: AdaptedGaps, with_causes: AdaptedGaps) -> dict[str, ParameterMeans]:

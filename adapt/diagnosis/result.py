@@ -8,9 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from adapt.diagnosis.location.constraint_spread import ConstraintSpread
-from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, Profile
-from adapt.diagnosis.location.gap_rotations import VarianceFractions
+from adapt.diagnosis.location.where import Where
 from models.effects.known import THORAX_POINTS
 
 Answer = Literal["none", "effect", "unknown"]
@@ -227,11 +225,7 @@ class Diagnosis:
     """Share of the adapted gap beyond noise that the causes leave over; NaN where there is none."""
     gaps: Gaps
     parameters: dict[str, ParameterMeans]
-    cells: list[Cell]
-    profile: Profile
-    variance_fractions: VarianceFractions
-    constraints: list[ConstraintResidual]
-    constraint_spread: list[ConstraintSpread]
+    where: Where
     indistinguishable: list[list[str]]
     """Candidates that do the same to these data, whatever is at work."""
     lacking: tuple[str, ...]

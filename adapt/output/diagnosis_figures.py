@@ -53,7 +53,7 @@ def figures(diagnosis: Diagnosis) -> dict[str, str]:
 
 def gap_heatmap(diagnosis: Diagnosis) -> Figure:
     """Draw the mean absolute gap of the adapted model by angle and elevation, one panel per motion."""
-    cells = diagnosis.cells
+    cells = diagnosis.where.cells
     motions = sorted({cell.motion for cell in cells})
     lows = sorted({cell.elevation_low_deg for cell in cells})
     names = {cell.elevation_low_deg: f"{cell.elevation_low_deg:.0f}-{cell.elevation_high_deg:.0f}" for cell in cells}

@@ -18,12 +18,12 @@ from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of
+from adapt.diagnosis.inference.bagging import resampled_persons
 from adapt.diagnosis.inference.budget import alone_deg, ladder
 from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.naming import gain, name_causes
-from adapt.diagnosis.inference.resampling import resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities, weigh
 from adapt.diagnosis.result import NONE

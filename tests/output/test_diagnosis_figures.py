@@ -46,5 +46,5 @@ def test_bars_of_named_causes_are_dark():
 
 @pytest.mark.parametrize("name", ["$x^2$ & <b>", "horizontal_flexion"])
 def test_names_from_files_are_drawn_as_they_are(name):
-    motions = [replace(one, motion=f"{name} {k}") for k, one in enumerate(5 * ONE.cells)]
-    assert f"{name} 14" in words(figures(replace(ONE, cells=motions))["gap_heatmap.svg"])
+    motions = [replace(one, motion=f"{name} {k}") for k, one in enumerate(5 * ONE.where.cells)]
+    assert f"{name} 14" in words(figures(replace(ONE, where=replace(ONE.where, cells=motions)))["gap_heatmap.svg"])

@@ -21,7 +21,7 @@ from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, linearise
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.unseen_folds import Folds
-from adapt.diagnosis.inference.resampling import resampled_persons
+from adapt.diagnosis.inference.bagging import resampled_persons
 
 EXPECTED_CAUSES = 2.0
 """Of all candidates, before any data."""
@@ -141,7 +141,7 @@ class Search:
         return given.log_evidence + len(hypothesis) * self.log_odds
 
     def resampled(self, given: Given, hypothesis: Hypothesis) -> Float[np.ndarray, " draws"]:
-        """V of a set, of persons drawn anew."""
+        """Compute V of a set, of persons drawn anew."""
         return given.resampled(self.times) + len(hypothesis) * self.log_odds
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
