@@ -29,6 +29,7 @@ from adapt.diagnosis.inference.weights import probabilities, weigh
 from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
 from models import load_model
+from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
 from models.effects.known import THORAX_POINTS, PersonalSize
 from motions.rhythm import clavicle_axial_rotation
@@ -163,6 +164,16 @@ def test_a_candidate_is_the_same_as_itself():
     at = searched().without_causes
     assert similarity(at, BIAS, BIAS) == pytest.approx(1.0)
     assert similarity(at, BIAS, "thorax_tilt") == pytest.approx(similarity(at, "thorax_tilt", BIAS))
+
+
+def test_a_candidate_that_does_nothing_is_like_no_other():
+    """A course over the elevation of the arm where nobody measured it."""
+    at = searched().without_causes
+    Z = at.Z.copy()
+    Z[..., len(ADAPTED) + at.joint.candidates.where((BIAS,))] = 0.0
+    nothing = replace(at, Z=Z)
+    assert similarity(nothing, BIAS, "thorax_tilt") == 0.0
+    assert similarity(nothing, BIAS, BIAS) == 0.0
 
 
 def test_a_cause_may_be_named_that_predicts_unseen_postures_better_and_motions_among_them():

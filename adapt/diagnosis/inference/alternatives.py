@@ -42,10 +42,10 @@ def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
 
 def similarity(at: Linearised, one: str, other: str) -> float:
     """Compute the mean squared canonical correlation of what two candidates do to y, of the smaller one's directions,
-    after all that the adapted parameters of every subject take up."""
+    after all that the adapted parameters of every subject take up; 0 of one that does nothing beyond them."""
     a, b = (_beyond_parameters(at, name) for name in (one, other))
     correlations = np.linalg.svd(a.T @ b, compute_uv=False)
-    return float((correlations**2).sum() / min(a.shape[1], b.shape[1]))
+    return float((correlations**2).sum() / max(1, min(a.shape[1], b.shape[1])))
 
 
 def _beyond_parameters(at: Linearised, name: str) -> Float[np.ndarray, "numbers directions"]:
