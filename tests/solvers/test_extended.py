@@ -6,25 +6,41 @@ import numpy as np
 import pytest
 
 from adapt.engine.batching import take_problems
+from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.extended import thorax_term
 from adapt.solvers.extended.postures import fit_by_newton, fit_extended
 from adapt.solvers.extended.secant import secant
 from adapt.solvers.extended.thorax_term import Thorax
-from adapt.solvers.objective import ThoraxPoints
-from adapt.solvers.posture_fits import reference_fit
-from adapt.solvers.problem_batch import set_arrays
-from adapt.solvers.reference.posture import objective_weights
+from adapt.solvers.extended.whole_subjects import solve_extended
+from adapt.solvers.objective import WEIGHT, ThoraxPoints
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.posture_fits import at_rest_where_unknown, reference_fit
+from adapt.solvers.problem_batch import fixed_problem, problem_batch, set_arrays
+from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
+from models.effects.known import active_effects
 from models.parameter_sets import shortest_conoid_mm
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
+from motions.table import ANGLES
 
 OFF_DEG = 20.0
 """Noise of postures that no chain is near: projections leave some 2 % of them."""
 
 SAME_RAD = 1e-10
 """Of an optimum from two solvers: their tolerances of the slope, over the curvature."""
+
+MOST = 0.95
+"""Of postures; projections leave the others to Newton steps."""
+
+SAME_MM = 1e-5
+"""Of optima that two paths find to a slope of 1e-8 mm^2 a mm, where E bends by 1e-3 or more."""
+
+SAME_DEG2 = 1e-6
+"""Of J there, up to 100."""
+
+CONOID = ADAPTED.index("conoid_length")
 
 SAME = 1e-9
 """mm^2 a mm, of numbers up to 100: rounding of two texts."""
@@ -126,3 +142,45 @@ def test_newton_steps_leave_a_chain_that_cannot_close():
     found = fit_by_newton(short, target, objective_weights(np.ones((6, 1), bool)), target)
     assert not found.converged.any()
     assert np.isfinite(found.angles).all()
+
+
+@pytest.mark.parametrize("free", [("clavicle_x",), ("clavicle_x", "scapula_x")])
+def test_with_angles_that_were_not_measured_postures_end_where_the_reference_solver_does(free):
+    measured_deg = read_motions(DATA_FILE).angles_deg.T
+    known = np.ones(measured_deg.shape, bool)
+    known[[ANGLES.index(name) for name in free]] = False
+    target = at_rest_where_unknown(np.radians(measured_deg), known)
+    weights = objective_weights(known)
+    girdle = set_arrays([load_model("R2")], [f"posture_{number}" for number in range(target.shape[1])]).girdle
+    found, reference = fit_extended(girdle, target, weights, None), reference_fit(girdle, target, weights, None)
+    assert found.converged.mean() > MOST
+    both = found.converged & reference.converged
+    assert (found.j_deg2[both] <= reference.j_deg2[both] + SAME).all()
+    same = both & (np.abs(found.angles - reference.angles).max(axis=0) < 0.1)  # of two turns that close the chain alike
+    assert same.mean() > MOST
+    np.testing.assert_allclose(found.j_deg2[same], reference.j_deg2[same], atol=SAME)
+    left = np.flatnonzero(~found.converged)
+    by_newton = fit_by_newton(*take_problems((girdle, target, weights, found.angles), left))
+    assert by_newton.converged.sum() >= len(left) / 2.0
+
+
+def test_an_effect_of_no_size_changes_no_adaptation_where_angles_were_not_measured():
+    """The path without effects and the one with them find one optimum, each by its own postures and slopes. The length
+    of the conoid is any that an axial rotation which is free closes with."""
+    every = read_motions(DATA_FILE)
+    few = every.select(np.isin(every.subject, every.subjects[:3]))
+    angles_deg = few.angles_deg.copy()
+    angles_deg[few.subject != every.subjects[0], ANGLES.index("clavicle_x")] = np.nan
+    motions = replace(few, angles_deg=angles_deg)
+    batch = pack(motions)
+    data = problem_batch(batch, [load_model("R2")])
+    effect = active_effects({"scapulothoracic_gap": (0.0, 0.0)}, motions).at(batch.rows)
+    plain, start = adapt_batch(data), at_rest_where_unknown(data.angles, data.measured)
+    found = solve_extended(fixed_problem(data, np.full(3, WEIGHT)), effect, data.girdle.adapted_mm, start)
+    assert found.converged.all()
+    np.testing.assert_allclose(found.theta[:, 0], plain.theta_mm[:, 0], atol=SAME_MM)
+    np.testing.assert_allclose(found.theta[:CONOID], plain.theta_mm[:CONOID], atol=SAME_MM)
+    before, after = (
+        mean_square_deg2(one.angles, data.angles, objective_weights(data.measured)) for one in (plain, found)
+    )
+    np.testing.assert_allclose(np.where(data.counted, before - after, 0.0), 0.0, atol=SAME_DEG2)

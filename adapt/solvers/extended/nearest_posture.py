@@ -162,9 +162,8 @@ def _nearest(g, at, s, sd, start, there):
 
         along = (s - x) - across(G @ (s - x))
         step = _part_of(along, step_before, along_before, sd) * along - across(value)
-        length = jnp.max(jnp.where(sd == 1.0, jnp.abs(step), 0.0))
-        step = step * jnp.minimum(1.0, _LONGEST_STEP_DEG / jnp.maximum(length, 1e-9))
-        return number + 1.0, x + step, step, along, length
+        step = step * jnp.minimum(1.0, _LONGEST_STEP_DEG / jnp.maximum(jnp.max(jnp.abs(step)), 1e-9))
+        return number + 1.0, x + step, step, along, jnp.max(jnp.abs(step) / sd)
 
     def moving(state):
         return (state[0] < _MOST_STEPS) & (state[4] > there)

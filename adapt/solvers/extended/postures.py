@@ -5,7 +5,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from adapt.engine.batching import take_problems
+from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers.batched.posture import SweptPostures
 from adapt.solvers.extended.nearest_posture import NO_CHANNELS, THERE_DEG, Nearest, nearest_postures
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
@@ -15,6 +15,12 @@ from motions.rotations import DEG
 
 _HERE_DEG = np.inf
 """No projection moves farther: everything is computed where the search starts."""
+
+FREE_SD = 30.0
+"""Of an angle that was not measured, in a projection, beside 1 of one that was: it holds to where it was, so little
+that ``_ROUNDS`` settle it, and not so little that rounding does the rest."""
+
+_ROUNDS = 8
 
 _MOST_STEPS = 60
 """Of Newton; from where projections stop the hardest posture of those that were tried takes 13."""
@@ -38,8 +44,16 @@ def fit_extended(
     weights: Float[np.ndarray, "6 problems"],
     start: Float[np.ndarray, "6 problems"] | None,
 ) -> SweptPostures:
-    """Find the nearest closed posture of each problem, rad; one with unmeasured angles is left unconverged."""
-    return _projected(girdle, target, weights, start, THERE_DEG)[0]
+    """Find the nearest closed posture of each problem, rad. An angle that was not measured begins at its target, and is
+    then projected from where it was, until it stays."""
+    found = _projected(girdle, target, weights, start, THERE_DEG)[0]
+    for _ in range(_ROUNDS):
+        left = np.flatnonzero(~found.converged & (weights == 0.0).any(axis=0) & (weights > 0.0).any(axis=0))
+        if not len(left):
+            break
+        some, W, here = take_problems((girdle, weights, found.angles), left)
+        put_problems(found, left, _projected(some, np.where(W > 0.0, target[:, left], here), W, here, THERE_DEG)[0])
+    return found
 
 
 def fit_by_newton(
@@ -52,12 +66,13 @@ def fit_by_newton(
 
     They do where the constraints bend by more than the gap. r = x - s + B'y is 0 at the posture, and dr/dx along the
     constraints is the Hessian of the distance there: steps across to the constraints and along them to where it is
-    least, as far as |x - s|^2 / 2 + penalty |g| falls. A step costs some 15 evaluations.
+    least, as far as |x - s|^2 / 2 + penalty |g| falls. A step costs some 15 evaluations. An angle that was not measured
+    is where it should be, wherever that is.
     """
     x = np.array(start)
-    found, near = _projected(girdle, target, weights, x, _HERE_DEG)
+    found, near = _here(girdle, target, weights, x)
     for _ in range(_MOST_STEPS):
-        going = ~found.converged & np.isfinite(near.y).all(axis=0) & (weights > 0.0).all(axis=0)
+        going = ~found.converged & np.isfinite(near.y).all(axis=0) & (weights > 0.0).any(axis=0)
         if not going.any():
             break
         some, s, W, here = take_problems((girdle, target, weights, x), going)
@@ -65,13 +80,13 @@ def fit_by_newton(
         if (new == here).all():
             break
         x[:, going] = new
-        found, near = _projected(girdle, target, weights, x, _HERE_DEG)
+        found, near = _here(girdle, target, weights, x)
     return found
 
 
 def _newton_step(girdle: AnyGirdle, target, weights, x, near: Nearest) -> Float[np.ndarray, "6 problems"]:
     """Step as far as the merit falls; where it does not, stay."""
-    B, c, apart = np.moveaxis(near.B, -1, 0), _off(near, x, target), (x - target).T[..., None]
+    B, c, apart = np.moveaxis(near.B, -1, 0), _off(near, x, target, weights), _apart(x, target, weights).T[..., None]
     along = np.swapaxes(np.linalg.svd(B)[2][:, 3:], 1, 2)
     hessian = np.swapaxes(along, 1, 2) @ _slopes(girdle, target, weights, x) @ along
     curvature, axes = np.linalg.eigh(0.5 * (hessian + np.swapaxes(hessian, 1, 2)))
@@ -80,27 +95,32 @@ def _newton_step(girdle: AnyGirdle, target, weights, x, near: Nearest) -> Float[
     step = across + along @ axes @ (downhill / np.maximum(np.abs(curvature), _LEAST_CURVATURE)[..., None])
     step = step[..., 0].T
     penalty = 2.0 * np.abs(near.h).max(axis=0) / float(DEG) ** 2
-    new, length, least = x.copy(), 1.0, _merit(near, x, target, penalty)
+    new, length, least = x.copy(), 1.0, _merit(near, _apart(x, target, weights), penalty)
     left = np.arange(x.shape[1])
     while len(left) and length >= _SHORTEST:
         some, s, W = take_problems((girdle, target, weights), left)
         tried = x[:, left] + length * step[:, left]
-        there = _projected(some, s, W, tried, _HERE_DEG)[1]
-        tried -= np.einsum("kar,kr->ar", there.B, _off(there, tried, s))  # back to the constraints
-        there = _projected(some, s, W, tried, _HERE_DEG)[1]
-        lower = _merit(there, tried, s, penalty[left]) <= least[left] * (1.0 + _SAME)
+        there = _here(some, s, W, tried)[1]
+        tried -= np.einsum("kar,kr->ar", there.B, _off(there, tried, s, W))  # back to the constraints
+        there = _here(some, s, W, tried)[1]
+        lower = _merit(there, _apart(tried, s, W), penalty[left]) <= least[left] * (1.0 + _SAME)
         new[:, left[lower]] = tried[:, lower]
         left, length = left[~lower], 0.5 * length
     return new
 
 
-def _off(near: Nearest, x, target) -> Float[np.ndarray, "3 problems"]:
+def _apart(x, target, weights) -> Float[np.ndarray, "6 problems"]:
+    """Compute x - s of the angles that were measured; 0 of the others."""
+    return np.where(weights > 0.0, x - target, 0.0)
+
+
+def _off(near: Nearest, x, target, weights) -> Float[np.ndarray, "3 problems"]:
     """Compute c = V^-1/2 g, rad."""
-    return near.y / float(DEG) - np.einsum("kar,ar->kr", near.B, target - x)
+    return near.y / float(DEG) + np.einsum("kar,ar->kr", near.B, _apart(x, target, weights))
 
 
-def _merit(near: Nearest, x, target, penalty) -> Float[np.ndarray, " problems"]:
-    return 0.5 * np.square(x - target).sum(axis=0) + penalty * np.abs(near.g_mm).sum(axis=0)
+def _merit(near: Nearest, apart, penalty) -> Float[np.ndarray, " problems"]:
+    return 0.5 * np.square(apart).sum(axis=0) + penalty * np.abs(near.g_mm).sum(axis=0)
 
 
 def _slopes(girdle: AnyGirdle, target, weights, x) -> Float[np.ndarray, "problems 6 6"]:
@@ -109,13 +129,20 @@ def _slopes(girdle: AnyGirdle, target, weights, x) -> Float[np.ndarray, "problem
     everyone = np.tile(np.arange(count), 12)
     same, s, W = take_problems((girdle, target, weights), everyone)
     moved = x[:, everyone] + np.repeat(np.concatenate([h * np.eye(6), -h * np.eye(6)]), count, axis=0).T
-    near = _projected(same, s, W, moved, _HERE_DEG)[1]
-    r = moved - s + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG)
+    near = _here(same, s, W, moved)[1]
+    r = _apart(moved, s, W) + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG)
     up, down = r.reshape(6, 2, 6, count).transpose(1, 3, 0, 2)
     return np.nan_to_num((up - down) / (2.0 * h))
 
 
-def _projected(girdle: AnyGirdle, target, weights, start, there_deg: float) -> tuple[SweptPostures, Nearest]:
+def _here(girdle: AnyGirdle, target, weights, x) -> tuple[SweptPostures, Nearest]:
+    """Compute all where x is, which is the target of what was not measured."""
+    return _projected(girdle, np.where(weights > 0.0, target, x), weights, x, _HERE_DEG, 1.0)
+
+
+def _projected(
+    girdle: AnyGirdle, target, weights, start, there_deg: float, free_sd: float = FREE_SD
+) -> tuple[SweptPostures, Nearest]:
     """Project until no angle moves by more than that."""
     count = target.shape[1]
     plain, active = (
@@ -126,8 +153,9 @@ def _projected(girdle: AnyGirdle, target, weights, start, there_deg: float) -> t
     every = np.concatenate(strengths) if strengths else np.zeros((NO_CHANNELS, count))
     first = None if start is None else np.asarray(start) * float(DEG)
     target_deg = np.asarray(target) * float(DEG)
-    near = nearest_postures(base, active.effects, every, target_deg, np.ones((6, count)), first, True, there_deg)
-    apart = near.angles_deg - target_deg
+    sd = np.where(weights > 0.0, 1.0, free_sd)
+    near = nearest_postures(base, active.effects, every, target_deg, sd, first, True, there_deg)
+    apart = np.where(weights > 0.0, near.angles_deg - target_deg, 0.0)
     per_deg2 = weights.max(axis=0) / float(DEG) ** 2
     stationarity = per_deg2 * np.abs(apart + np.einsum("kar,kr->ar", near.B, near.y)).max(axis=0)
     closed = near.open_mm <= CONSTRAINT_TOLERANCE_MM
@@ -138,6 +166,6 @@ def _projected(girdle: AnyGirdle, target, weights, start, there_deg: float) -> t
         stationarity,
         0.5 * (weights * (near.angles_deg / float(DEG) - target) ** 2).sum(axis=0),
         np.zeros(count, int),
-        closed & (stationarity <= STATIONARITY_TOLERANCE) & (weights > 0.0).all(axis=0),
+        closed & (stationarity <= STATIONARITY_TOLERANCE),
     )
     return swept, near

@@ -1,7 +1,9 @@
 """Whole-subject problems with effects at work, by Gauss-Newton steps: the fast path of ``adapt_batch`` with effects.
 
-What does not converge here, and what has angles that were not measured, is left to the reference solver.
+What does not converge here is left to the reference solver.
 """
+
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,6 +12,7 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.batched.subject import Fixed
 from adapt.solvers.extended.gauss_newton import End, minimise
 from adapt.solvers.extended.joint_parts import Shared
+from adapt.solvers.extended.postures import FREE_SD
 from adapt.solvers.extended.problem_rows import parts_of, row_weights, rows_of
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from adapt.solvers.reference.subject import THETA_TOLERANCE, Subject
@@ -20,9 +23,9 @@ from motions.rotations import DEG
 _MOST_STEPS = 200
 """Most take 5 to 20."""
 
-_ROUNDS = 3
+_ROUNDS = 8
 """Each takes on those that have not converged: most often their postures, projected once more, are as near as they can
-be."""
+be; angles that were not measured begin anew where they are, until they stay."""
 
 
 def solve_extended(
@@ -32,9 +35,7 @@ def solve_extended(
     angles: Float[np.ndarray, "6 postures problems"],
 ) -> Subject:
     """Find the optimum of each problem reached from here (rad, mm); look at ``converged``."""
-    found = _unsolved(theta, angles)
-    measured = np.all((fixed.problem.weights > 0.0) | ~fixed.problem.counted, axis=(0, 1))
-    left = np.flatnonzero(measured)
+    found, left = _unsolved(theta, angles), np.arange(theta.shape[1])
     for _ in range(_ROUNDS):
         if not len(left):
             break
@@ -70,6 +71,10 @@ def _steps(fixed: Fixed, active_effects: ActiveEffects, theta, angles) -> End:
         return np.abs(slope).max(axis=1) <= THETA_TOLERANCE
 
     start = angles[:, posture, problem] * float(DEG)
+    measured = parts.sd == 1.0
+    parts = replace(
+        parts, measured_deg=np.where(measured, parts.measured_deg, start), sd=np.where(measured, 1.0, FREE_SD)
+    )
     return minimise(parts, nothing, theta.T, np.zeros((count, 0)), finished, _MOST_STEPS, start)
 
 
@@ -79,7 +84,8 @@ def _put(found: Subject, left, fixed: Fixed, end: End) -> None:
     at = left[problem]
     near, weights = end.nearest, row_weights(fixed)
     measured_deg = np.asarray(fixed.problem.measured)[:, posture, problem] * float(DEG)
-    moved = near.angles_deg - measured_deg + np.einsum("kar,kr->ar", near.B, near.y)
+    apart = np.where(np.asarray(fixed.problem.weights)[:, posture, problem] > 0.0, near.angles_deg - measured_deg, 0.0)
+    moved = apart + np.einsum("kar,kr->ar", near.B, near.y)
     found.theta[:, left] = end.theta_mm.T
     found.angles[:, posture, at] = near.angles_deg / float(DEG)
     found.multipliers[:, posture, at] = 2.0 * weights * near.h
