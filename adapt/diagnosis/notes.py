@@ -83,7 +83,9 @@ def _sampled(diagnosis: Diagnosis) -> list[str]:
     given, taken = diagnosis.postures, diagnosis.searched_postures
     if taken == given:
         return []
-    return [f"Causes were searched in {taken} of {given} postures: {MOST_POSTURES} of each motion; gaps are of all."]
+    return [
+        f"Causes were searched in {taken} of {given} postures, at most {MOST_POSTURES} of a motion; gaps are of all."
+    ]
 
 
 def _indistinguishable(names: Sequence[str], candidates: Collection[str]) -> str:

@@ -105,8 +105,9 @@ def test_of_every_frame_the_search_takes_some_and_the_gaps_are_of_all(biased):
     found = diagnose(motions, model, effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
     assert found.verdict.names == biased.verdict.names
     assert (found.postures, found.searched_postures) == (len(motions.posture), 6 * MOST_POSTURES)
-    assert f"Causes were searched in 120 of {found.postures} postures: 20 of each motion; gaps are of all." in notes(
-        found
+    assert (
+        f"Causes were searched in 120 of {found.postures} postures, at most 20 of a motion; gaps are of all."
+        in notes(found)
     )
     result = adapt_subjects(motions, model, effects=read_amplitudes(found.options))
     rows = result.heldout[result.heldout["kind"] == MOTION]
