@@ -6,7 +6,7 @@ shown the first two.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -80,25 +80,26 @@ class Condition:
 
 
 SINGLE = ("none", *LISTED, *OUTSIDE)
-CONDITIONS = {
+_COMMON = {
     "standard": Condition((*SINGLE, *PAIRS), third_motion=True),
-    "loo": Condition(LISTED, library="without", third_motion=True),
     "half": Condition((*LISTED, *OUTSIDE), size=0.5),
     "three": Condition(SINGLE, subjects=3),
     "one": Condition(SINGLE, subjects=1),
-    "mixed": Condition((*LISTED, *OUTSIDE), mixed_sign=True),
-    "landmarks_three": Condition(SINGLE, subjects=3, landmarks=True),
     "noise_3": Condition(SINGLE, noise_deg=3.0),
-    "alone": Condition(LISTED, library="alone", third_motion=True),
-    "alone_half": Condition(LISTED, size=0.5, library="alone"),
-    "alone_three": Condition(LISTED, subjects=3, library="alone"),
-    "alone_one": Condition(LISTED, subjects=1, library="alone"),
+    "landmarks_three": Condition(SINGLE, subjects=3, landmarks=True),
+}
+ALONE = "alone_"
+CONDITIONS = {
+    **_COMMON,
+    **{ALONE + name: replace(how, labels=LISTED, library="alone") for name, how in _COMMON.items()},
+    "loo": Condition(LISTED, library="without", third_motion=True),
+    "mixed": Condition((*LISTED, *OUTSIDE), mixed_sign=True),
     "power_0.25": Condition(LISTED, size=0.25),
     "power_1.5": Condition(LISTED, size=1.5),
     "power_2": Condition(LISTED, size=2.0),
 }
-"""`loo` and `alone` have the worlds of `standard`, `alone_half` those of `half`, and so on. Without an effect, its size
-and sign change nothing. `power` means all three; the power curve's other two sizes are `half` and `standard`."""
+"""`loo` has the worlds of `standard`, `alone_half` those of `half`, and so on. Without an effect, its size and sign
+change nothing. `power` means all three; the power curve's other two sizes are `half` and `standard`."""
 
 
 @dataclass(frozen=True)
