@@ -45,15 +45,15 @@ def _cells(motions: Motions, fits: pd.DataFrame) -> list[Cell]:
     rows = batch.rows[:, : len(batch.subjects)]
     simulated = (simulated_deg(fits) / DEG)[:, rows]
     fitted: Bool[np.ndarray, "postures subjects"] = (fits["status"] == status.OK).to_numpy()[rows]
-    data = replace(data, counted=data.counted & fitted & np.isfinite(simulated).all(axis=0))
+    data = replace(data, measured=data.measured & fitted & np.isfinite(simulated).all(axis=0))
     together = replace(data, motion=np.zeros_like(data.motion), motions=(ALL,))
     one_by_one = [data] if 1 < len(data.motions) <= MOST_MOTIONS else []
     noise_free = np.zeros_like(simulated)
     return [
         cell
         for part in (together, *one_by_one)
-        if (gaps := AngleGaps(part, simulated, noise_free)).used.any()
-        for cell in cells(gaps)
+        if part.measured.any()
+        for cell in cells(AngleGaps(part, simulated, noise_free))
     ]
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from models.effects.course import Constant
-from models.effects.effect import Adjust, Effect, Points, Rotations, Show, where_they_are
+from models.effects.effect import Adjust, Effect, Rotations
 from models.girdle import Girdle
 from motions.arrays import Array
 from motions.rhythm import REST_DEG
@@ -46,7 +46,6 @@ def by_posture(effect: Effect) -> Effect:
         unit=f"{effect.unit} a {UNIT_DEG:g} deg",
         directions=tuple(f"{one} by {angle}" for one in effect.directions for angle in angles),
         adjust=_adjust_followed(effect.adjust, strengths),
-        show=_show_followed(effect.show, strengths),
         prior=replace(effect.prior, scale=tuple(s for s in effect.prior.scale for _ in angles), sign=()),
         course=ByPosture(angles=angles),
         may_follow=(),
@@ -74,13 +73,6 @@ def _adjust_followed(adjust: Adjust, strengths: Strengths) -> Adjust:
         return adjust(girdle, rotations, strengths(rotations, amplitudes))
 
     return adjusted
-
-
-def _show_followed(show: Show, strengths: Strengths) -> Show:
-    def shown(points: Points, girdle: Girdle, rotations: Rotations, amplitudes) -> Points:
-        return points if show is where_they_are else show(points, girdle, rotations, strengths(rotations, amplitudes))
-
-    return shown
 
 
 def bone_angles_from_rest(rotations: Rotations) -> Float[Array, " 6 *batch"]:

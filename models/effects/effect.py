@@ -14,7 +14,6 @@ from models.effects.course import CONSTANT, Course
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.arrays import Array
-from motions.rotations import rotate
 from motions.table import Motions
 
 Rotations = tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]
@@ -22,22 +21,6 @@ Rotations = tuple[Float[Array, " 3 3 *batch"], Float[Array, " 3 3 *batch"]]
 
 Adjust = Callable[[Girdle, Rotations, Float[Array, " channels *batch"]], tuple[Girdle, Rotations]]
 """The girdle and the true rotations, from the base girdle, the rotations as measured, and the strength there."""
-
-SHOWN = ("SC", "AC", "TS", "AI")
-"""The landmarks whose positions the model predicts."""
-
-Points = Float[Array, " 3 shown *batch"]
-"""Positions of SHOWN in the thorax frame, mm."""
-
-Show = Callable[[Points, Girdle, Rotations, Float[Array, " channels *batch"]], Points]
-"""Where the landmarks are seen, from where they are in the adjusted chain, the base girdle and the rotations as
-measured, and the strength there."""
-
-
-def where_they_are(points: Points, girdle: Girdle, rotations: Rotations, strength) -> Points:
-    """Return the points unchanged: most effects move the bones or misjudge their frames, and landmarks are then seen
-    where they are."""
-    return points
 
 
 def cause_of(name: str) -> str:
@@ -60,7 +43,6 @@ class Effect:
     """What is believed about its amplitudes before any data."""
     course: Course = CONSTANT
     """How the strength follows from the amplitudes at each posture."""
-    show: Show = where_they_are
     may_follow: tuple[str, ...] = ()
     """Bone angles that it may follow in place of the elevation of the arm: then it has a second course
     (:func:`models.effects.by_posture.by_posture`)."""
@@ -104,8 +86,3 @@ class Effect:
     ) -> Float[np.ndarray, "channels postures"]:
         """Compute the strength in each channel at every posture of the motions."""
         return np.einsum("a,acp->cp", np.asarray(amplitude, float), self.columns(motions))
-
-
-def rotate_points(R: Float[Array, " 3 3 *batch"], points: Points) -> Points:
-    """Rotate every point by R about the origin."""
-    return rotate(R[:, :, None], points)

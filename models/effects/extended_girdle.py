@@ -3,12 +3,11 @@
 from dataclasses import dataclass, field, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from models.effects.effect import Effect, Points, Rotations
-from models.girdle import Girdle, bone_rotations, chain_landmarks, chain_residuals_mm
+from models.effects.effect import Effect
+from models.girdle import Girdle, bone_rotations, chain_residuals_mm
 from motions.arrays import Array
 
 
@@ -63,25 +62,10 @@ class ExtendedGirdle:
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """Compute A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
-        *_, (girdle, rotations) = self._adjusted(angles)
-        return chain_residuals_mm(girdle, *rotations)
-
-    def landmarks_mm(self, angles: Float[Array, " 6 *batch"]) -> Points:
-        """Predict where SHOWN would be seen at angles as they would be measured."""
-        effects, strengths = self.active_effects.effects, self.active_effects.strengths
-        *before, (girdle, rotations) = self._adjusted(angles)
-        at = chain_landmarks(girdle, *rotations)
-        points = jnp.stack(jnp.broadcast_arrays(girdle.sc_mm, at.AC, at.TS, at.AI), axis=1)
-        for effect, strength, adjusted in reversed(list(zip(effects, strengths, before, strict=True))):
-            points = effect.show(points, *adjusted, strength)
-        return points
-
-    def _adjusted(self, angles: Float[Array, " 6 *batch"]) -> list[tuple[Girdle, Rotations]]:
-        """The girdle and the bones' rotations before the first effect, after it, ..., after the last."""
-        steps = [(self.girdle, bone_rotations(angles))]
+        girdle, rotations = self.girdle, bone_rotations(angles)
         for effect, strength in zip(self.active_effects.effects, self.active_effects.strengths, strict=True):
-            steps.append(effect.adjust(*steps[-1], strength))
-        return steps
+            girdle, rotations = effect.adjust(girdle, rotations, strength)
+        return chain_residuals_mm(girdle, *rotations)
 
 
 AnyGirdle = Girdle | ExtendedGirdle

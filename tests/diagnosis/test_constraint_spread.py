@@ -9,6 +9,7 @@ from programs import one_run
 
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread, constraint_spread
 from adapt.diagnosis.location.observations import Observed, observe
+from adapt.solvers.padded_batch import pack
 from models import load_model
 from models.girdle import CONSTRAINTS, Girdle
 from motions.rhythm_subjects import shipped_subjects
@@ -26,7 +27,7 @@ NOISE_DEG = 1.5
 @pytest.fixture(scope="module")
 def data() -> Observed:
     """The shipped subjects, simulated."""
-    return observe(shipped_subjects())
+    return observe(shipped_subjects(), pack(shipped_subjects()))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def spread(data: Observed, *chains: Girdle) -> list[ConstraintSpread]:
 
 
 def test_a_longer_conoid_takes_its_length_off_a3(data: Observed, chain: Girdle) -> None:
-    residuals = np.asarray(chain.residuals_mm(data.values[:6]))[:, data.counted]
+    residuals = np.asarray(chain.residuals_mm(data.angles))[:, data.measured.all(axis=0)]
     longer = replace(chain, conoid_length_mm=chain.conoid_length_mm + 5.0)
     found = spread(data, chain, longer)
     assert [one.constraint for one in found] == list(CONSTRAINTS)
@@ -54,12 +55,12 @@ def test_a_longer_conoid_takes_its_length_off_a3(data: Observed, chain: Girdle) 
 
 
 def test_noise_goes_through_the_slopes(data: Observed, chain: Girdle) -> None:
-    rows = np.argwhere(data.counted)[:20]
-    chosen = np.zeros(data.counted.shape, bool)
-    chosen[tuple(rows.T)] = True
-    few = replace(data, counted=chosen)
+    rows = np.argwhere(data.measured.all(axis=0))[:20]
+    chosen = np.zeros(data.measured.shape, bool)
+    chosen[:, *rows.T] = True
+    few = replace(data, measured=chosen)
     plain = load_model("R2").girdle
-    slopes = one_run(jax.vmap(jax.jacfwd(plain.residuals_mm)))(np.stack([data.values[:6, p, s] for p, s in rows]))
+    slopes = one_run(jax.vmap(jax.jacfwd(plain.residuals_mm)))(np.stack([data.angles[:, p, s] for p, s in rows]))
     expected = np.sqrt((np.asarray(slopes) ** 2).sum(axis=2).mean(axis=0)) * NOISE_DEG / DEG
     found = [one.noise_mm for one in spread(few, chain, chain)]
     assert found == pytest.approx(np.asarray(expected), rel=SLOPES)

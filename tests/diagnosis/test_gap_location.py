@@ -27,14 +27,13 @@ QUARTERS = np.deg2rad([0.0, 90.0, 180.0, -90.0])
 
 
 def observed(values: np.ndarray, elevation_deg: np.ndarray, motion: np.ndarray | None = None) -> Observed:
-    """All postures counted and measured; elevations (and motions) are those of every subject."""
+    """All angles measured; elevations (and motions) are those of every subject."""
     postures, subjects = values.shape[1:]
     number = np.zeros(postures, int) if motion is None else motion
     return Observed(
-        values=values,
+        angles=values,
         measured=np.ones(values.shape, bool),
         elevation_deg=np.tile(elevation_deg[:, None], subjects),
-        counted=np.ones((postures, subjects), bool),
         motion=np.tile(number[:, None], subjects),
         subjects=tuple(f"subject{k}" for k in range(subjects)),
         motions=("abduction", "flexion"),
@@ -300,13 +299,13 @@ def test_what_noise_alone_would_leave():
 
 
 def random_gap(seed: int) -> AngleGaps:
-    """Three subjects, eight postures: gaps of a few degrees, some postures not counted, some angles not measured."""
+    """Three subjects, eight postures: gaps of a few degrees, some postures and some angles not measured."""
     generator = np.random.default_rng(seed)
     values, simulated = (0.5 * generator.standard_normal((6, 8, 3)) for _ in range(2))
+    measured = generator.random((6, 8, 3)) < generator.choice([0.5, 0.95])
     data = replace(
         observed(values, np.linspace(0.0, 150.0, 8), np.repeat([0, 1], [3, 5])),
-        measured=generator.random((6, 8, 3)) < generator.choice([0.5, 0.95]),
-        counted=generator.random((8, 3)) < 0.8,
+        measured=measured & (generator.random((8, 3)) < 0.8),
     )
     nearer = values + generator.choice([1e-9, 0.01, 0.3]) * (simulated - values)
     return AngleGaps(data, nearer, generator.choice([0.0, 0.1, 4.0, 100.0]) * generator.random((6, 8, 3)))
@@ -317,7 +316,7 @@ def random_gap(seed: int) -> AngleGaps:
 def test_fractions_sum_to_one(seed):
     gap = random_gap(seed)
     found = variance_fractions(gap)
-    measured = [gap.used[3 * k : 3 * k + 3].all(axis=0).any() for k in range(2)]
+    measured = [gap.data.measured[3 * k : 3 * k + 3].all(axis=0).any() for k in range(2)]
     assert [bone in found.bones for bone in ("clavicle", "scapula")] == measured
     for parts in (found.all, *found.bones.values()) if any(measured) else ():
         assert parts is not None
@@ -340,14 +339,14 @@ def everything(gap: AngleGaps, residuals_mm: np.ndarray) -> dict:
 def test_padding_and_unmeasured_angles_have_no_influence():
     gap = random_gap(4)
     data, residuals = gap.data, np.random.default_rng(5).normal(size=(3, 8, 3))
-    padding, closed = ~data.counted, data.measured.all(axis=0) & data.counted
+    used = data.measured
+    padding, closed = ~used.any(axis=0), used.all(axis=0)
     assert padding.any()
-    assert not data.measured[:, data.counted].all()
-    used = data.measured & data.counted
+    assert not used[:, ~padding].all()
     changed = AngleGaps(
         replace(
             data,
-            values=np.where(used, data.values, 77.0),
+            angles=np.where(used, data.angles, 77.0),
             elevation_deg=np.where(padding, np.nan, data.elevation_deg),
             motion=np.where(padding, 9, data.motion),
         ),
@@ -362,7 +361,7 @@ def test_padding_and_unmeasured_angles_have_no_influence():
 
 def test_every_used_value_has_influence():
     gap = random_gap(4)
-    posture, subject = np.argwhere(gap.used.all(axis=0))[0]
+    posture, subject = np.argwhere(gap.data.measured.all(axis=0))[0]
     simulated = gap.simulated.copy()
     simulated[:, posture, subject] += 0.1
     before, after = (everything(g, np.zeros((3, 8, 3))) for g in (gap, replace(gap, simulated=simulated)))
@@ -371,7 +370,7 @@ def test_every_used_value_has_influence():
 
 def test_nothing_measured_gives_nothing():
     gap = random_gap(4)
-    nothing = replace(gap, data=gap.data.without(np.ones((8, 3), bool)))
+    nothing = replace(gap, data=replace(gap.data, measured=np.zeros((6, 8, 3), bool)))
     found = everything(nothing, np.zeros((3, 8, 3)))
     assert (found["cells"], found["constraints"]) == ([], [])
     assert not any(found["profile"].values())

@@ -10,9 +10,8 @@ from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from models import load_model
-from models.effects import EFFECTS, ActiveEffects, ExtendedGirdle
-from models.effects.effect import SHOWN
-from models.girdle import Girdle
+from models.effects import EFFECTS
+from models.girdle import Girdle, bone_rotations, chain_landmarks
 from models.person.sizes import PALPATOR_LENGTH_MM
 from motions.landmarks.sampled_postures import CLAVICLE_PLACED
 from motions.rhythm_subjects import simulate_subjects
@@ -30,12 +29,12 @@ def shoulders(**amplitudes: tuple[float, ...]) -> Shoulders:
     """Postures of a rhythm with the landmarks of R2, changed by these effects."""
     motions = simulate_subjects(SUBJECTS, seed=1)
     count = len(motions.posture)
-    strengths = tuple(np.repeat(np.array(a)[:, None], count, 1) for a in amplitudes.values())
-    active = ActiveEffects(strengths, tuple(EFFECTS[name] for name in amplitudes))
-    angles = np.deg2rad(motions.angles_deg.T)
-    changed = ExtendedGirdle(BASE.repeated(count), active)
-    points = np.asarray(changed.landmarks_mm(angles))
-    return shoulders_of(replace(motions, landmarks_mm={name: points[:, k].T for k, name in enumerate(SHOWN)}))
+    girdle, rotations = BASE.repeated(count), bone_rotations(np.deg2rad(motions.angles_deg.T))
+    for name, a in amplitudes.items():
+        girdle, _ = EFFECTS[name].adjust(girdle, rotations, np.repeat(np.array(a)[:, None], count, 1))
+    at = chain_landmarks(girdle, *rotations)
+    points = {"SC": girdle.sc_mm, "AC": at.AC, "TS": at.TS, "AI": at.AI}
+    return shoulders_of(replace(motions, landmarks_mm={name: np.asarray(one).T for name, one in points.items()}))
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,6 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.shoulders import Shoulders
 from models.effects import Effect
 from models.effects.course import CONSTANT
-from models.effects.effect import SHOWN
 from models.girdle import Girdle
 from models.person.sizes import PALPATOR_LENGTH_MM, PALPATOR_MM, size_of
 from motions.arrays import Array
@@ -70,7 +69,9 @@ def _numbers_of(motions: Motions) -> tuple[Float[np.ndarray, "7"], Float[np.ndar
     for name in ("SC", "AC"):  # one that was placed was not measured
         if is_marked(motions, CLAVICLE_PLACED, f"{name} from").any():
             where.pop(name, None)
-    SC, AC, TS, AI = (where.get(name, np.full((len(motions.posture), 3), np.nan)).T for name in SHOWN)
+    SC, AC, TS, AI = (
+        where.get(name, np.full((len(motions.posture), 3), np.nan)).T for name in ("SC", "AC", "TS", "AI")
+    )
     ts_x = -np.linalg.norm(AC - TS, axis=0)
     ai_x, ai_y, _ = rotate(transposed(scapula_frame(AC, TS, AI)), AI - AC)
     lengths = np.linalg.norm(SC - AC, axis=0), ts_x, ai_x, ai_y

@@ -36,10 +36,10 @@ def constraint_spread(
 
     ``adapted`` and ``with_causes`` are the chains of all subjects, (component, postures, subjects).
     """
-    used = data.measured[:6].all(axis=0) & data.counted
+    used = np.asarray(data.measured.all(axis=0))
     if not used.any():
         return []
-    angles = data.values[:6, used]
+    angles = data.angles[:, used]
     each = [in_chunks(_linearised, _CHUNK, _at(chain, used), angles) for chain in (adapted, with_causes)]
     (before, _), (after, slopes) = each
     noise = _rms(np.sqrt(np.sum(np.square(slopes), axis=1))) * noise_deg / float(DEG)

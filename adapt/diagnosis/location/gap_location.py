@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from adapt.diagnosis.location.observations import Observed
 from models.girdle import CONSTRAINTS
@@ -22,18 +22,13 @@ SAME_ELEVATION_DEG = 1.0
 
 @dataclass(frozen=True)
 class AngleGaps:
-    """Measured angles, the model's closest ones and what noise would leave; finite where counted and measured."""
+    """Measured angles, the model's closest ones and what noise would leave; finite where measured."""
 
     data: Observed
     simulated: Float[np.ndarray, "6 postures subjects"]
     """The model's closest angles, rad."""
     noise_deg2: Float[np.ndarray, "6 postures subjects"]
     """Expected squared difference that measurement noise alone would leave in each angle."""
-
-    @property
-    def used(self) -> Bool[np.ndarray, "6 postures subjects"]:
-        """The angles that take part."""
-        return self.data.measured[:6] & self.data.counted
 
 
 @dataclass(frozen=True)
@@ -132,9 +127,9 @@ def profile(gaps: AngleGaps) -> Profile:
 
 def _values(gaps: AngleGaps) -> tuple[np.ndarray, ...]:
     """Of each angle in use: its number, motion, bin (low end, deg), subject, difference (deg) and noise (deg^2)."""
-    angle, posture, subject = at = np.nonzero(gaps.used)
+    angle, posture, subject = at = np.nonzero(gaps.data.measured)
     low_deg = np.floor(gaps.data.elevation_deg[posture, subject] / BIN_DEG) * BIN_DEG
-    difference_deg = np.rad2deg(gaps.simulated[at] - gaps.data.values[at])
+    difference_deg = np.rad2deg(gaps.simulated[at] - gaps.data.angles[at])
     return angle, gaps.data.motion[posture, subject], low_deg, subject, difference_deg, gaps.noise_deg2[at]
 
 
@@ -151,7 +146,7 @@ def constraint_residuals_mm(
 ) -> list[ConstraintResidual]:
     """Summarise A1-A3 (mm) over the counted postures with all six angles measured: of each, all motions first, then one
     by one."""
-    used = data.measured[:6].all(axis=0) & data.counted
+    used = data.measured.all(axis=0)
     motion, subject = data.motion[used], np.nonzero(used)[1]
     elevation_deg = data.elevation_deg[used]
     chosen = {None: slice(None)} | {data.motions[k]: motion == k for k in np.unique(motion)}

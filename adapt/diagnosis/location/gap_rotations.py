@@ -136,8 +136,8 @@ class _Turns:
 
 
 def _turns(gaps: AngleGaps, angles: slice) -> _Turns:
-    used = gaps.used[angles].all(axis=0)
-    both = (np.where(used, x[angles], 0.0) for x in (gaps.data.values, gaps.simulated))
+    used = gaps.data.measured[angles].all(axis=0)
+    both = (np.where(used, x[angles], 0.0) for x in (gaps.data.angles, gaps.simulated))
     measured, simulated = map(rotation_from_cardan, both)
     back = np.swapaxes(simulated, 0, 1)
     v = DEG * np.stack([vector_from_rotation(R) for R in (compose(measured, back), compose(back, measured))])

@@ -45,6 +45,6 @@ def locate(
         cells=cells(gaps),
         profile=profile(gaps),
         variance_fractions=variance_fractions(gaps),
-        constraints=constraint_residuals_mm(data, np.asarray(adapted.residuals_mm(data.values[:6]))),
+        constraints=constraint_residuals_mm(data, np.asarray(adapted.residuals_mm(data.angles))),
         constraint_spread=constraint_spread(data, adapted, with_causes, noise_deg),
     )

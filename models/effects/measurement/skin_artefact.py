@@ -8,14 +8,13 @@ the highest postures.
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from models.effects.effect import Effect, Points, Rotations
+from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
-from motions.rotations import DEG, compose, rotate, rotation_from_cardan, rotation_from_vector, vector_from_rotation
+from motions.rotations import DEG, compose, rotation_from_cardan, rotation_from_vector, vector_from_rotation
 from motions.table import BONES, Motions
 
 _ABDUCTION_DEG = np.array([[0, 20, 40, 60, 80, 100], [0, 2.8, 5.3, 7.9, 10.7, 13.8]])
@@ -100,14 +99,6 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
     return girdle, (R_thorax_clavicle, compose(R_thorax_measured, rotation_from_vector(deg / DEG)))
 
 
-def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
-    """TS and AI are found from the marker: they stay behind with it."""
-    SC, AC, _, _ = jnp.moveaxis(points, 1, 0)
-    _, R_thorax_measured = rotations
-    TS, AI = (AC + rotate(R_thorax_measured, arm) for arm in (girdle.ts_mm, girdle.ai_mm))
-    return jnp.stack([SC, AC, TS, AI], axis=1)
-
-
 EFFECT = Effect(
     name="skin_artefact",
     what="a skin marker lags the scapula as pins beside skin markers showed",
@@ -115,7 +106,6 @@ EFFECT = Effect(
     directions=("share",),
     course=MeasuredLag(),
     adjust=_adjust,
-    show=_show,
     prior=EffectPrior(
         scale=(0.4,),
         mean=1.0,

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 from models.effects.course import ELEVATION
-from models.effects.effect import Effect, Points, Rotations, rotate_points
+from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotation_from_vector
@@ -16,11 +16,6 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
     return girdle, (R_clavicle, R_scapula)
 
 
-def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
-    """Seen from the turned frame, landmarks turn with the bones, about IJ."""
-    return rotate_points(rotation_from_vector(deg / DEG), points)
-
-
 EFFECT = Effect(
     name="thorax_extension",
     what="the thorax frame turns with elevation, both bones alike",
@@ -29,7 +24,6 @@ EFFECT = Effect(
     course=ELEVATION,
     may_follow=("scapula_z",),
     adjust=_adjust,
-    show=_show,
     prior=EffectPrior(
         scale=(8.0, 3.0, 3.0),
         sign=(1, 0, 0),

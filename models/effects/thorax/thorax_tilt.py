@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 
-from models.effects.effect import Effect, Points, Rotations, rotate_points
+from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from motions.rotations import DEG, compose, rotate, rotation_from_vector
@@ -18,19 +18,12 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
     return replace(girdle, sc_mm=sc), (R_clavicle, R_scapula)
 
 
-def _show(points: Points, girdle: Girdle, rotations: Rotations, deg) -> Points:
-    """Back into the thorax frame."""
-    centre = girdle.centre_mm[:, None]
-    return centre + rotate_points(rotation_from_vector(deg / DEG), points - centre)
-
-
 EFFECT = Effect(
     name="thorax_tilt",
     what="ellipsoid axes rotated from the thorax frame",
     unit="deg",
     directions=("about x", "about y", "about z"),
     adjust=_adjust,
-    show=_show,
     prior=EffectPrior(
         scale=(6.0, 3.5, 3.5),
         source="assumed: 5-10 deg, no figure found",
