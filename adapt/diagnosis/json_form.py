@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis.result import CauseAmplitude, Diagnoses, Diagnosis, GapLevels, Gaps, Interval, Step
+from adapt.diagnosis.result import CauseAmplitude, Diagnoses, Diagnosis, GapLevels, Gaps, Step
 from adapt.diagnosis.wording import sentence
 
 JsonObject = dict[str, Any]
@@ -37,19 +37,15 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "inclusion": diagnosis.verdict.inclusion,
             "probability": diagnosis.verdict.probability,
             "amplitude": {name: _amplitude(one) for name, one in diagnosis.amplitude.items()},
-            "landmark_sizes": {
-                name: {direction: _interval(one) for direction, one in sizes.items()}
-                for name, sizes in diagnosis.landmark_sizes.items()
-            },
+            "landmark_sizes": diagnosis.landmark_sizes,
             "budget": [_step(one) for one in diagnosis.budget],
             "alone_deg": diagnosis.alone_deg,
             "left_over_share": diagnosis.left_over_share,
             "gap_deg": _gaps(diagnosis.gaps),
             "where": diagnosis.where.cells,
             "where_by": diagnosis.where.profile,
-            "shares": diagnosis.where.variance_fractions,
             "constraints": diagnosis.where.constraints,
-            "constraint_spread": [one._asdict() for one in diagnosis.where.constraint_spread],
+            "constraint_spread": diagnosis.where.constraint_spread,
             "parameters": diagnosis.parameters,
             "indistinguishable": diagnosis.indistinguishable,
             "lacking": diagnosis.lacking,
@@ -74,7 +70,7 @@ def levels_as_json(levels: GapLevels | None) -> JsonObject | None:
     """Turn gaps into objects of ``value``, ``low`` and ``high`` by kind and bone."""
     if levels is None:
         return None
-    return plain({kind: {bone: _interval(one) for bone, one in bones.items()} for kind, bones in levels.items()})
+    return plain(levels)
 
 
 def _verdict(diagnosis: Diagnosis) -> JsonObject:
@@ -96,10 +92,10 @@ def _amplitude(amplitude: CauseAmplitude) -> JsonObject:
         "what": amplitude.what,
         "course": amplitude.course,
         "unit": amplitude.unit,
-        **_interval(amplitude.size),
+        **amplitude.size._asdict(),
         "typical": amplitude.typical,
         "too_large": amplitude.too_large,
-        "directions": {name: _interval(one) for name, one in amplitude.directions.items()},
+        "directions": amplitude.directions,
         "option": amplitude.option,
         "by_subject": amplitude.by_subject,
     }
@@ -123,14 +119,12 @@ def _gaps(gaps: Gaps) -> JsonObject:
     }
 
 
-def _interval(interval: Interval) -> dict[str, float]:
-    return interval._asdict()
-
-
 def plain(value: Any) -> Any:
     """Turn a value into the types of JSON; what is not a finite number becomes None."""
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return plain(value._asdict())  # pyright: ignore[reportAttributeAccessIssue]
     if isinstance(value, Mapping):
         return {str(key): plain(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):

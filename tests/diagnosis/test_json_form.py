@@ -16,7 +16,7 @@ from models.adapted_parameters import ADAPTED
 
 KEYS = {
     *("model", "verdict", "inclusion", "probability", "amplitude", "budget", "alone_deg", "left_over_share", "gap_deg"),
-    *("where", "where_by", "shares", "constraints", "parameters", "indistinguishable", "next_measurement", "noise"),
+    *("where", "where_by", "constraints", "parameters", "indistinguishable", "next_measurement", "noise"),
     *("expected", "axial_is_computed", "subjects", "left_out", "postures", "highest_elevation_deg", "options"),
 }
 """The contract: scripts of users rely on it."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 from adapt.diagnosis.json_form import JsonObject, as_json
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread
 from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, GapLevel, Profile
-from adapt.diagnosis.location.gap_rotations import VarianceFractions
 from adapt.diagnosis.location.where import Where
 from adapt.diagnosis.result import (
     ADAPTED_STEP,
@@ -127,7 +126,6 @@ ONE = Diagnosis(
     where=Where(
         cells=[cell("scapula_y", 0.0, 1.8, 0.7), cell("clavicle_x", 30.0, 1.2, 0.3), cell("clavicle_z", 0.0, 0.5, 0.0)],
         profile=Profile({}, {"scapula": GapLevel(1.8, 0.9)}, {}, {}, {}),
-        variance_fractions=VarianceFractions(None, {}, {}, None),
         constraints=[ConstraintResidual("A1", None, 84, 0.1, None, -2.0, 2.0, None)],
         constraint_spread=[ConstraintSpread("A1", 4.1, 1.2, 0.8), ConstraintSpread("A3", 9.7, 1.1, 0.9)],
     ),

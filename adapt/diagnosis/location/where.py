@@ -1,4 +1,4 @@
-"""Where the gap lies after adaptation: by angle, motion and elevation, between noise and effect, in the constraints."""
+"""Where the gap lies after adaptation: by angle, motion and elevation, and in the constraints."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,6 @@ from adapt.diagnosis.location.gap_location import (
     constraint_residuals_mm,
     profile,
 )
-from adapt.diagnosis.location.gap_rotations import VarianceFractions, variance_fractions
 from adapt.diagnosis.location.observations import Observed
 from models.effects import AnyGirdle
 
@@ -26,7 +25,6 @@ class Where:
 
     cells: list[Cell]
     profile: Profile
-    variance_fractions: VarianceFractions
     constraints: list[ConstraintResidual]
     constraint_spread: list[ConstraintSpread]
 
@@ -44,7 +42,6 @@ def locate(
     return Where(
         cells=cells(gaps),
         profile=profile(gaps),
-        variance_fractions=variance_fractions(gaps),
         constraints=constraint_residuals_mm(data, np.asarray(adapted.residuals_mm(data.angles))),
         constraint_spread=constraint_spread(data, adapted, with_causes, noise_deg),
     )
