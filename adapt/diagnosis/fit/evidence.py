@@ -44,7 +44,7 @@ class Given(NamedTuple):
     """What does not go by of_all, of the log evidence of every shoulder."""
 
     def resampled(self, times: Float[np.ndarray, "draws subjects"]) -> Float[np.ndarray, " draws"]:
-        """Compute the log evidence of shoulders that are there so many times each."""
+        """Compute the log evidence of shoulders that count so much each."""
         return times @ self.constants + _integrated(np.tensordot(times, self.rest, 1))[1]
 
     @property

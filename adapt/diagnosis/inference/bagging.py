@@ -2,7 +2,9 @@
 
 A model that is somewhat wrong, as every model of a shoulder is, is too sure of which set of causes is the right one. So
 probabilities are averaged over persons drawn anew (Huggins & Miller 2023, Reproducible model selection using bagged
-posteriors, Bayesian Analysis 18:79-104, doi 10.1214/21-BA1301).
+posteriors, Bayesian Analysis 18:79-104, doi 10.1214/21-BA1301). A draw counts each person more or less (the Bayesian
+bootstrap: Rubin 1981, The Annals of Statistics 9:130-134, doi 10.1214/aos/1176345338): of three, drawing with
+replacement would mostly leave one out.
 """
 
 import numpy as np
@@ -13,10 +15,8 @@ _DRAWS, _SEED = 50, 7
 
 
 def resampled_persons(person: Int[np.ndarray, " subjects"]) -> Float[np.ndarray, "draws subjects"]:
-    """Draw as many persons as there are, with replacement: how often each shoulder is there. One person is there once:
-    of it there is nothing to draw."""
+    """Draw how much the shoulders of each person count: 1 on average, and all persons as much as they are many. One
+    person always counts 1."""
     persons = int(person.max()) + 1
-    if persons == 1:
-        return np.ones((1, len(person)))
-    drawn = np.random.default_rng(_SEED).multinomial(persons, np.full(persons, 1.0 / persons), _DRAWS)
-    return drawn[:, person].astype(float)
+    weights = np.random.default_rng(_SEED).dirichlet(np.ones(persons), _DRAWS)
+    return persons * weights[:, person]

@@ -82,7 +82,7 @@ class Search:
 
     @cached_property
     def times(self) -> Float[np.ndarray, "draws subjects"]:
-        """How often each shoulder is there, of persons drawn anew."""
+        """How much each shoulder counts, of persons drawn anew."""
         return resampled_persons(self.joint.shoulders.person)
 
     @property
