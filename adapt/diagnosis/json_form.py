@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis.result import CauseAmplitude, Diagnoses, Diagnosis, GapLevels, Gaps, Step
+from adapt.diagnosis.result import CauseAmplitude, Diagnoses, Diagnosis, Gaps, Step
 from adapt.diagnosis.wording import sentence
 
 JsonObject = dict[str, Any]
@@ -66,13 +66,6 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
     )
 
 
-def levels_as_json(levels: GapLevels | None) -> JsonObject | None:
-    """Turn gaps into objects of ``value``, ``low`` and ``high`` by kind and bone."""
-    if levels is None:
-        return None
-    return plain(levels)
-
-
 def _verdict(diagnosis: Diagnosis) -> JsonObject:
     """With ``effects``, the most probable name of each cause; the last three go with ``causes``, one by one."""
     verdict = diagnosis.verdict
@@ -107,13 +100,13 @@ def _step(step: Step) -> JsonObject:
 
 def _gaps(gaps: Gaps) -> JsonObject:
     """The gaps by what was held out, those of postures at the top level too; how far the most unseen ones shrink."""
-    postures = levels_as_json(gaps.unseen) or {}
+    postures = plain(gaps.unseen)
     return {
         **postures,
-        "in_sample": levels_as_json(gaps.in_sample),
+        "in_sample": plain(gaps.in_sample),
         "postures": postures,
-        "other_motion": levels_as_json(gaps.other_motion),
-        "other_person": levels_as_json(gaps.other_person),
+        "other_motion": plain(gaps.other_motion),
+        "other_person": plain(gaps.other_person),
         "held_out": _POSTURES,
         "shrinkage": gaps.shrinkage,
     }

@@ -10,7 +10,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.diagnosis.json_form import JsonObject, levels_as_json
+from adapt.diagnosis.json_form import JsonObject, plain
 from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import Diagnoses, Diagnosis, GapLevels, Step
 from adapt.diagnosis.wording import (
@@ -119,8 +119,7 @@ def _gaps(diagnosis: Diagnosis) -> JsonObject:
     """The most unseen gaps of one model, and those in sample; without a cause there is no gap with it."""
 
     def shown(levels: GapLevels) -> JsonObject:
-        known = levels_as_json(levels) or {}
-        return {kind: one for kind, one in known.items() if diagnosis.options or kind != "with_effect"}
+        return {kind: one for kind, one in plain(levels).items() if diagnosis.options or kind != "with_effect"}
 
     gaps = diagnosis.gaps
     return {"unseen": shown(gaps.hardest), "in_sample": shown(gaps.in_sample), "what": unseen_text(gaps)}

@@ -1,6 +1,6 @@
 """Where the gap between measured and simulated orientations lies, and how much of it is noise.
 
-Only counted postures and measured angles take part. ``dataclasses.asdict`` turns every result into plain JSON types.
+Only measured angles take part, of postures that count. ``dataclasses.asdict`` turns every result into plain JSON types.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from motions.table import ANGLES, BONES
 BIN_DEG = 30.0
 """Width of an elevation bin; a bin holds low <= elevation < high."""
 
-SAME_ELEVATION_DEG = 1.0
+_SAME_ELEVATION_DEG = 1.0
 """Elevations of a motion that spread less (peak to peak, or rms) say nothing of a course over elevation."""
 
 
@@ -133,7 +133,7 @@ def _values(gaps: AngleGaps) -> tuple[np.ndarray, ...]:
     return angle, gaps.data.motion[posture, subject], low_deg, subject, difference_deg, gaps.noise_deg2[at]
 
 
-def groups_of_postures(
+def _groups_of_postures(
     subject: Int[np.ndarray, " n"], motion: Int[np.ndarray, " n"]
 ) -> list[Int[np.ndarray, " group"]]:
     """Group the postures by subject and motion: one array of indices for each motion of each subject."""
@@ -144,7 +144,7 @@ def groups_of_postures(
 def constraint_residuals_mm(
     data: Observed, residuals_mm: Float[np.ndarray, "3 postures subjects"]
 ) -> list[ConstraintResidual]:
-    """Summarise A1-A3 (mm) over the counted postures with all six angles measured: of each, all motions first, then one
+    """Summarise A1-A3 (mm) over the postures with all six angles measured: of each, all motions first, then one
     by one."""
     used = data.measured.all(axis=0)
     motion, subject = data.motion[used], np.nonzero(used)[1]
@@ -152,7 +152,7 @@ def constraint_residuals_mm(
     chosen = {None: slice(None)} | {data.motions[k]: motion == k for k in np.unique(motion)}
     return [
         ConstraintResidual(
-            constraint, name, *_spread(a[at], elevation_deg[at], groups_of_postures(subject[at], motion[at]))
+            constraint, name, *_spread(a[at], elevation_deg[at], _groups_of_postures(subject[at], motion[at]))
         )
         for constraint, a in zip(CONSTRAINTS, residuals_mm[:, used], strict=True)
         for name, at in chosen.items()
@@ -164,5 +164,5 @@ def _spread(a, elevation_deg, groups) -> tuple[int, float, float | None, float, 
     """Number, mean, SD, min, max of the residuals (mm), and their slope over elevation (mm per 90 deg)."""
     sd = float(a.std(ddof=1)) if len(a) > 1 else None
     e, within = (np.concatenate([x[at] - x[at].mean() for at in groups]) for x in (elevation_deg, a))
-    slope = float(90.0 * (e @ within) / (e @ e)) if (e**2).mean() > SAME_ELEVATION_DEG**2 else None
+    slope = float(90.0 * (e @ within) / (e @ e)) if (e**2).mean() > _SAME_ELEVATION_DEG**2 else None
     return len(a), float(a.mean()), sd, float(a.min()), float(a.max()), slope
