@@ -2,8 +2,10 @@
 
 Every folder below FOLDER with a `motions.csv` and a `truth.json` is a case. The truth needs two keys: `label`, the
 effect at work (two joined by `+`; `none...`; `outside_...` for one that is not in the list), and `model`, the parameter
-set; the diagnosis is told nothing else of it. Lines and figures are those of `scripts/blind_check.py`. Beside them a
-`without_causes.csv`, the same motions had no cause been at work, says what share of the gap no cause explains.
+set; the diagnosis is told nothing else of it. Lines and figures are those of `scripts/blind_check.py`. Where the truth
+has for each of its `subjects` a list of `effects` with `name` and `strength`, by direction of `girdle effects` one
+number a posture, intervals of sizes are checked. Beside them a `without_causes.csv`, the same motions had no cause been
+at work, says what share of the gap no cause explains.
 
     python scripts/check_elsewhere.py worlds --out out/elsewhere
 
@@ -15,8 +17,9 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from adapt.diagnosis import diagnose
@@ -27,7 +30,7 @@ from adapt.diagnosis.result import ALL, NONE, Diagnosis
 from adapt.diagnosis.thorax_points import thorax_option
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
-from models.effects import EFFECTS
+from models.effects import EFFECTS, Effect
 from models.effects.effect import cause_of
 from models.effects.known import read_amplitudes
 from motions import Motions, read_motions
@@ -67,16 +70,41 @@ def worlds(folder: Path) -> list[Elsewhere]:
 
 
 def examine(case: Elsewhere, only_at_work: bool) -> Line:
-    """The verdict on a world; what its effects' sizes mean, others know."""
+    """The verdict on a world, beside what its truth says of sizes."""
     model = load_model(case.model)
     folder = Path(case.folder)
     true = set(case.label.split("+"))
     library = [effect for effect in EFFECTS.values() if cause_of(effect.name) in true] if only_at_work else None
-    found = diagnose(read_motions(folder / MOTIONS), model, effects=library)[model.name]
-    line = line_of(found) | {"true_directions": {}}
+    motions = read_motions(folder / MOTIONS)
+    found = diagnose(motions, model, effects=library)[model.name]
+    truth = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
+    line = line_of(found) | {"true_directions": true_directions(truth, motions, found)}
     if (folder / WITHOUT_CAUSES).exists():
         line["true_left_over_share"] = _true_share(found, model, read_motions(folder / WITHOUT_CAUSES))
     return line
+
+
+def true_directions(truth: dict[str, Any], motions: Motions, found: Diagnosis) -> dict[str, dict[str, float]]:
+    """By effect at work and direction: the first amplitude of the library's course nearest to the true strengths of a
+    subject, the mean over the subjects; of the effects whose sizes the diagnosis and the truth both tell."""
+    of_subjects: dict[str, list[dict[str, float]]] = {}
+    for subject in truth.get("subjects", []):
+        own = motions.select(motions.subject == subject["subject"])
+        told = {one["name"]: one.get("strength") for one in subject["effects"]}
+        for name in found.amplitude.keys() & told if subject["subject"] in found.subjects else ():
+            if told[name]:
+                of_subjects.setdefault(name, []).append(_nearest_amplitudes(EFFECTS[name], told[name], own))
+    return {
+        name: {direction: float(np.mean([one[direction] for one in each])) for direction in each[0]}
+        for name, each in of_subjects.items()
+    }
+
+
+def _nearest_amplitudes(effect: Effect, strength: dict[str, list[float]], own: Motions) -> dict[str, float]:
+    columns = effect.columns(own)
+    by_posture = np.array([strength[direction] for direction in effect.directions])
+    amplitude, *_ = np.linalg.lstsq(columns.reshape(len(columns), -1).T, by_posture.ravel(), rcond=None)
+    return dict(zip(effect.directions, amplitude[:: len(effect.course.sd)].tolist(), strict=True))
 
 
 def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) -> float:

@@ -163,13 +163,15 @@ def log_score(lines: Iterable[Line]) -> str:
 
 
 def intervals_that_cover(lines: Iterable[Line]) -> list[bool]:
-    """Of every direction of a rightly named effect whose true mean the world knows."""
+    """Of every direction of a rightly named effect whose true mean the world knows; one that no gap shows has none."""
     return [
-        interval["low"] <= line["true_directions"][line["label"]][direction] <= interval["high"]
+        interval["low"] <= true[direction] <= interval["high"]
         for line in lines
-        if covered(line) and line["label"] in line["true_directions"]
-        for direction, interval in line["amplitude"][line["label"]].items()
-        if direction in line["true_directions"][line["label"]]
+        if named(line)
+        for name, true in line["true_directions"].items()
+        if name in at_work(line) & set(names_of(line))
+        for direction, interval in line["amplitude"][name].items()
+        if direction in true and interval["low"] is not None
     ]
 
 

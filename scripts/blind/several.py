@@ -12,6 +12,7 @@ from scripts.blind.report import (
     CAUSES,
     at_work,
     calibration,
+    intervals_that_cover,
     mean_of,
     named,
     names_of,
@@ -36,6 +37,7 @@ def several_report(lines: Sequence[Line]) -> str:
         "nothing at work: one blamed": lambda chosen: rate(named(line) for line in chosen if not _count(line)),
         "calibration error of 'at work'": calibration,
         "at work, of those that are with 0.9 or more": surely_at_work,
+        "amplitude intervals that cover": lambda chosen: rate(intervals_that_cover(chosen)),
         "share left over: told": lambda chosen: mean_of([told for told, _ in _shares(chosen)]),
         "share left over: true": lambda chosen: mean_of([true for _, true in _shares(chosen)]),
         "share left over: told within 20 % of the true": lambda chosen: rate(

@@ -17,6 +17,7 @@ from scripts.other_world.chain import Array, Girdle, cardan, cardan_angles, clos
 from scripts.other_world.effects import ONE_SIDED, SIZES, Effect, bend_frames, unit, world_direction
 from scripts.other_world.mistakes import OUTSIDE_SIZES, laboratory_mistake
 from scripts.other_world.people import MOTION, MOTIONS, draw_person, move, posture_girdle
+from scripts.other_world.strengths import strengths
 
 ANGLES = ["clavicle_y", "clavicle_z", "clavicle_x", "scapula_y", "scapula_z", "scapula_x"]
 LANDMARKS = ["SC", "AC", "TS", "AI"]
@@ -202,10 +203,20 @@ def truth_of(mover: Mover) -> dict[str, object]:
         **dict(zip(["A_x_mm", "A_y_mm", "A_z_mm"], person.axes.tolist(), strict=True)),
         "conoid_length_mm": person.conoid_length,
         "elevation_deg": mover.elevation.tolist(),
-        "effects": [{**vars(effect), "direction": effect.direction.tolist()} for effect in mover.effects],
+        "effects": [
+            {**vars(effect), "direction": effect.direction.tolist(), "strength": _by_posture(mover, effect)}
+            for effect in mover.effects
+        ],
         "breath": mover.breath.tolist(),
         "true_angles_deg": mover.true.tolist(),
     }
+
+
+def _by_posture(mover: Mover, effect: Effect) -> dict[str, list[float]]:
+    """The strength of an effect in each of its directions, posture by posture."""
+    postures = zip(mover.elevation.tolist(), mover.breath.tolist(), MOTION.tolist(), strict=True)
+    each = [strengths(mover.person, effect, *posture) for posture in postures]
+    return {direction: [one[direction] for one in each] for direction in each[0]}
 
 
 def write_condition(condition: Condition, out: Path, seed: int, noise_deg: float) -> None:

@@ -138,8 +138,16 @@ def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None
     directions = {"TS": {"low": 0.0, "high": 2.0}, "AI": {"low": 0.0, "high": 2.0}, "AI, bend": {}}
     both = {"amplitude": {TRUE: directions}, "true_directions": {TRUE: {"TS": 1.0, "AI": 3.0}}}
     unknown = {"amplitude": {TRUE: directions}, "true_directions": {}}
+    unseen = {**both, "amplitude": {TRUE: {"TS": {"low": None, "high": None}}}}
     lines = [line(TRUE, "effect", TRUE, **both), line(TRUE, "effect", OTHER, **both), line(TRUE, "unknown", **both)]
-    assert report.intervals_that_cover([*lines, line(TRUE, "effect", TRUE, **unknown)]) == [True, False]
+    lines += [line(TRUE, "effect", TRUE, **one) for one in (unknown, unseen)]
+    assert report.intervals_that_cover(lines) == [True, False]
+    # of several at work, those that are named
+    several = {
+        "amplitude": dict.fromkeys((TRUE, OTHER), directions),
+        "true_directions": {TRUE: {"TS": 1.0}, THIRD: {"TS": 1.0}},
+    }
+    assert report.intervals_that_cover([line(f"{TRUE}+{THIRD}", "effect", TRUE, OTHER, **several)]) == [True]
 
 
 def test_shrinkage_predicted_and_realised() -> None:

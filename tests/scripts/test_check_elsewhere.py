@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from adapt.diagnosis.result import ALL, Cause, Interval, Noise, Verdict
@@ -14,6 +15,7 @@ from motions import Motions
 from scripts import check_elsewhere
 from scripts.blind.runs import read_lines
 from scripts.blind_world import make_world
+from tests.helpers.handmade import motions_of
 
 BIAS = "scapula_landmark_bias"
 MODEL = Path(__file__).parents[2] / "models" / "sets" / "R4.toml"
@@ -23,6 +25,10 @@ def told(folder: Path, **truth: Any) -> Path:
     folder.mkdir(parents=True)
     (folder / "truth.json").write_text(json.dumps(truth))
     return folder / "motions.csv"
+
+
+def told_of(name: str, **strength: list[float]) -> dict[str, Any]:
+    return {"name": name, "strength": strength}
 
 
 def test_worlds_are_folders_with_motions_and_a_truth(tmp_path: Path) -> None:
@@ -92,6 +98,28 @@ def test_the_library_can_be_what_is_at_work(tmp_path: Path, libraries: list) -> 
     (found,) = read_lines(tmp_path / "out" / "cases.jsonl")
     assert "failed" not in found
     assert libraries == [{BIAS}]
+
+
+def test_true_sizes_are_those_of_the_nearest_course_of_the_library() -> None:
+    """By hand: a straight line of 0.1 mm a degree is 15 mm at 150 degrees, a constant itself; the mean of who is in."""
+    motions = motions_of(np.zeros((2, 4, 6)), ["a", "b"])
+    line = (0.1 * motions.humerus_elevation_deg[:4]).tolist()
+    subjects = [
+        {"subject": name, "effects": [told_of("sc_translation", lateral=line, up=line, back=[-x for x in line])]}
+        for name in ("a", "b")
+    ]
+    subjects[0]["effects"] += [told_of("thorax_tilt", **{f"about {x}": [4.0] * 4 for x in "xyz"})]
+    subjects[1]["effects"] += [told_of("thorax_tilt", **{f"about {x}": [6.0] * 4 for x in "xyz"})]
+    subjects += [{"subject": "left out", "effects": [told_of("thorax_tilt")]}]
+    subjects[0]["effects"] += [told_of("thorax_shape"), told_of("conoid_strain", length=line)]
+    found: Any = SimpleNamespace(
+        subjects=["a", "b"], amplitude=dict.fromkeys(["thorax_tilt", "sc_translation", "thorax_shape"])
+    )
+    true = check_elsewhere.true_directions({"subjects": subjects}, motions, found)
+    assert set(true) == {"thorax_tilt", "sc_translation"}
+    assert true["thorax_tilt"] == pytest.approx({"about x": 5.0, "about y": 5.0, "about z": 5.0})
+    assert true["sc_translation"] == pytest.approx({"lateral": 15.0, "up": 15.0, "back": -15.0})
+    assert check_elsewhere.true_directions({"label": "none"}, motions, found) == {}
 
 
 def test_a_folder_without_worlds_says_what_is_missing(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from models import load_model
+from models.effects import EFFECTS, ActiveEffects
 from motions import read_motions
 from motions.rotations import DEG
 from scripts.check_elsewhere import worlds
@@ -33,18 +34,36 @@ SAME_DEG = 2e-4
 SEEN_MM = 0.5
 """Less than this would hardly be an effect."""
 
+HAVE_STRENGTHS = (
+    "scapulothoracic_gap",
+    "conoid_strain",
+    "ac_translation",
+    "sc_translation",
+    "thorax_asymmetry",
+    "thorax_tilt",
+    "scapula_landmark_bias",
+    "thorax_extension",
+    "clavicle_axial_estimate",
+)
+"""Effects that have the library's form."""
+
 ADAPTED = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid_length")
 
 
-def residuals_mm(folder: Path) -> np.ndarray:
-    """A1-A3 of the base model with each subject's true parameters, (3, rows)."""
+def residuals_mm(folder: Path, with_effects: bool = False) -> np.ndarray:
+    """A1-A3 of the base model with each subject's true parameters, and with its effects as strong as the truth says
+    they are, (3, rows)."""
     truth = json.loads((folder / "truth.json").read_text())
     motions, girdle = read_motions(folder / "motions.csv"), load_model(truth["model"]).girdle
     found = []
     for subject in truth["subjects"]:
-        mine = motions.subject == subject["subject"]
+        own = motions.select(motions.subject == subject["subject"])
         theta = np.array([[subject[f"{name}_mm"]] for name in ADAPTED])
-        found.append(girdle.over_axes(1).with_adapted(theta).residuals_mm(motions.angles_deg[mine].T / DEG))
+        adapted = girdle.repeated(len(own.posture)).with_adapted(theta)
+        at_work = subject["effects"] if with_effects else []
+        strengths = tuple(np.array(list(one["strength"].values())) for one in at_work)
+        effects = ActiveEffects(strengths, tuple(EFFECTS[one["name"]] for one in at_work))
+        found.append(effects.on(adapted).residuals_mm(own.angles_deg.T / DEG))
     return np.concatenate(found, axis=1)
 
 
@@ -63,6 +82,19 @@ def test_every_effect_opens_the_chain_of_the_base_model(tmp_path, name):
     folder = made(tmp_path, name, noise_deg=0.0)
     assert np.abs(residuals_mm(folder)).max() > SEEN_MM
     assert json.loads((folder / "truth.json").read_text())["label"] == name
+
+
+@pytest.mark.parametrize("name", HAVE_STRENGTHS)
+def test_with_the_strengths_that_the_truth_tells_the_library_closes_the_chain(tmp_path, name):
+    """Directions, signs and units are the library's: its own text of the effect takes the whole gap away."""
+    folder = made(tmp_path, name, subjects=2, noise_deg=0.0)
+    assert np.abs(residuals_mm(folder, with_effects=True)).max() < SAME_MM
+
+
+@pytest.mark.parametrize("name", sorted({*SIZES, *OUTSIDE_SIZES} - set(HAVE_STRENGTHS)))
+def test_an_effect_that_has_another_form_tells_no_strength(tmp_path, name):
+    (subject,) = json.loads((made(tmp_path, name) / "truth.json").read_text())["subjects"]
+    assert subject["effects"][0]["strength"] == {}
 
 
 def test_the_same_seed_makes_the_same_world_and_another_another(tmp_path):

@@ -10,7 +10,14 @@ OTHER = "ac_translation"
 
 def line(label: str, *causes: list[str], **inclusion: float) -> dict[str, Any]:
     answer = "effect" if causes else "none"
-    return {"label": label, "answer": answer, "causes": list(causes), "inclusion": inclusion, "left_over_share": 0.5}
+    return {
+        "label": label,
+        "answer": answer,
+        "causes": list(causes),
+        "inclusion": inclusion,
+        "left_over_share": 0.5,
+        "true_directions": {},
+    }
 
 
 def test_precision_recall_and_what_is_blamed_on_nothing() -> None:
