@@ -43,6 +43,8 @@ GAPS = {
 }
 """Predicted, from postures and from a motion held out."""
 
+REALISED = {"adapted": 1.0, "with_effect": 0.6}
+
 
 def line(label: str, answer: str, *names: str, **more: Any) -> Line:
     """A finished case by hand: one cause of these names. Sure of its answer unless told otherwise."""
@@ -153,9 +155,11 @@ def test_intervals_count_where_the_effect_is_named_and_its_truth_known() -> None
 def test_shrinkage_predicted_and_realised() -> None:
     seen = line(TRUE, "effect", TRUE, **GAPS, realised_deg={"adapted": 1.0, "with_effect": 0.7})
     assert report.shrinkages([seen, line(TRUE, "none")]) == [pytest.approx((0.25, 0.3))]
-    table = report.measure_table({"standard": [seen | {"amplitude": {TRUE: {}}, "true_directions": {}}]})
+    seen |= {"amplitude": {TRUE: {}}, "true_directions": {}}
+    table = report.measure_table({"standard": [seen], "alone_standard": [seen | {"realised_deg": REALISED}]})
+    assert f"| {report.SHRINKAGE_ALONE} |  | 15.0, 15.0 points (1) |" in table
     assert "| error of the predicted shrinkage: median, 90 % | <= 2, 5 points | 5.0, 5.0 points (1) |" in table
-    assert "| the same, of a motion held out |  | 20.0, 20.0 points (1) |" in table
+    assert "| error of the shrinkage predicted of a motion held out |  | 20.0, 20.0 points (1) |" in table
 
 
 def test_what_could_be_found_stands_beside_what_is() -> None:
