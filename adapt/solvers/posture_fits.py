@@ -104,7 +104,7 @@ def fit_batch(
         places = _PLACES_DEG[place : place + together] / DEG
         _start_again(fitted, least_open, again, take_problems((girdle, target, weights), again), places)
         place += len(places)
-        together = max(1, _at_once(girdle) // len(again))
+        together = max(1, max(_SMALL_CHUNK, _at_once(girdle)) // len(again))
     fitted.status[(fitted.status == status.NOT_CONVERGED) & (least_open > OPEN_CHAIN_MM)] = status.UNREACHABLE
     return fitted
 

@@ -6,8 +6,15 @@ import jax
 import numpy as np
 import pytest
 
-from adapt.solvers.batched.elimination import PENALTY_GROWTH, RANGE_SPACE_PENALTY, Elimination, augmented, stationarity
-from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
+from adapt.solvers.batched.elimination import (
+    PENALTY_GROWTH,
+    PIVOT_FLOOR,
+    RANGE_SPACE_PENALTY,
+    Elimination,
+    augmented,
+    stationarity,
+)
+from adapt.solvers.reference.elimination import UNMEASURED_WEIGHT
 from models import load_model
 from models.derivatives import ELLIPSOID, ConstraintDerivatives, chain, closest_point_multipliers
 from motions.rhythm_subjects import simulate_subjects

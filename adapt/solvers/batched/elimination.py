@@ -13,7 +13,7 @@ C and s (Gauss-Newton).
 
 from typing import NamedTuple
 
-from adapt.solvers.reference.elimination import PIVOT_FLOOR, UNMEASURED_WEIGHT
+from adapt.solvers.reference.elimination import UNMEASURED_WEIGHT
 from adapt.solvers.reference.linalg import backward, factorised, forward
 from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.adapted_parameters import ELLIPSOID
@@ -26,6 +26,10 @@ RANGE_SPACE_PENALTY = 20.0
 
 PENALTY_GROWTH = 10.0
 """Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
+
+PIVOT_FLOOR = 1e-4
+"""Smallest pivot, relative to the largest weight, that counts as positive definite; float32 rounds to a thousandth of
+it. What is flatter goes on by Newton steps (``adapt.solvers.extended.postures``) or the reference solver."""
 
 CLOSED_MM = ByType(CONSTRAINT_TOLERANCE_MM, 5e-4)
 """|g| of a converged posture. In float32 rounding leaves 5e-5 mm, as much as 1e-7 of an ellipsoid of 400 mm."""

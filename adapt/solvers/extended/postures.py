@@ -28,8 +28,9 @@ _MOST_STEPS = 60
 _DIFFERENCE_DEG = 1e-3
 """Of central differences: rounding and what is left out of the slope are both some 1e-9 of it."""
 
-_LEAST_CURVATURE = 0.05
-"""Of the distance along the constraints, in a step; 1 where they are straight."""
+_LEAST_CURVATURE = 1e-6
+"""Of the distance along the constraints, in a step; 1 where they are straight, and 1e-5 where an angle that was not
+measured turns the conoid hardly longer."""
 
 _SAME = 1e-12
 """Relative rounding of the merit: a step that changes it by less is no step up."""

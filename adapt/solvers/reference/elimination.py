@@ -34,8 +34,9 @@ _CURVATURE_SHARES = (1.0, 0.3, 0.0)
 _RANGE_SPACE_PENALTY = 100.0
 """Weight of the range space of G' in H, relative to the largest entry of H: see :func:`_convexified`."""
 
-PIVOT_FLOOR = 1e-4
-"""Smallest pivot, relative to W, that counts as positive definite."""
+_PIVOT_FLOOR = 1e-7
+"""Smallest pivot, relative to W, that counts as positive definite. Where an angle was not measured and turns the conoid
+hardly longer, it is 1e-5, and without the curvature the steps go nowhere."""
 
 _RANK_SHIFT = 1e-15
 """Relative shift of G G': where G loses rank the step is long but finite, elsewhere it is below rounding."""
@@ -123,7 +124,7 @@ def _convexified(
     scale = xp.max(weights, axis=0)
     convex = diagonal(xp.maximum(weights, UNMEASURED_WEIGHT * scale)) + range_space
     fraction = xp.full_like(scale, _CURVATURE_SHARES[0])
-    factor = Factor(convex + curvature, PIVOT_FLOOR * scale)
+    factor = Factor(convex + curvature, _PIVOT_FLOOR * scale)
     for smaller in _CURVATURE_SHARES[1:]:
         fraction = xp.where(factor.positive, fraction, smaller)
         factor = factor.otherwise(Factor(convex + smaller * curvature, UNMEASURED_WEIGHT * scale))
