@@ -136,13 +136,21 @@ def test_a_hidden_bias_is_named_with_its_size():
     assert named.sets[BIAS].names[0] == BIAS
 
 
-def test_draws_spread_about_the_size_as_its_posterior_says():
-    search = searched(BIAS)
-    given = search.given(search.mode((BIAS,)), (BIAS,))
-    draws, covariance = draws_of(given), np.linalg.inv(given.root @ given.root.T)
-    error = np.sqrt(np.diag(covariance) / len(draws))
-    assert (np.abs(draws.mean(axis=0) - given.amplitude) < 4.0 * error).all()
-    np.testing.assert_allclose(draws.std(axis=0), np.sqrt(np.diag(covariance)), rtol=0.2)
+def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause():
+    """The mean of their means; the mean of their covariances, and the covariance of their means."""
+    search, means, covariances = searched(BIAS), [], []
+    within = [node for node in search.usable if BIAS in node.hypothesis]
+    for node in within:
+        given = search.given(node.posterior, node.hypothesis)
+        (own,) = (own for one, own in search.joint.candidates.slices(node.hypothesis) if one.name == BIAS)
+        means.append(given.amplitude[own])
+        covariances.append(np.linalg.inv(given.root @ given.root.T)[own, own])
+    share = probabilities([node.resampled for node in within])
+    mean = share @ np.array(means)
+    variance = share @ np.array([np.diag(one) for one in covariances]) + share @ (np.array(means) - mean) ** 2
+    draws = draws_of(search, BIAS)
+    assert (np.abs(draws.mean(axis=0) - mean) < 4.0 * np.sqrt(variance / len(draws))).all()
+    np.testing.assert_allclose(draws.std(axis=0), np.sqrt(variance), rtol=0.2)
 
 
 def test_a_hidden_bias_predicts_best_alone_and_better_than_nothing():

@@ -10,6 +10,7 @@ from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.weights import probabilities
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
@@ -31,21 +32,32 @@ def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitu
         return {}
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
     given = search.given(search.mode(hypothesis), hypothesis)
-    draws, shares = draws_of(given), _shares(candidates, hypothesis, given)
+    shares = _shares(candidates, hypothesis, given)
     sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
     return {
         effect.name: replace(
-            _described(effect, given.amplitude[own], sd[own], draws[:, own], candidates, shoulders),
+            _described(effect, given.amplitude[own], sd[own], draws_of(search, effect.name), candidates, shoulders),
             by_subject=dict(zip(shoulders.subjects, shares[effect.name].tolist(), strict=True)),
         )
         for effect, own in candidates.slices(hypothesis)
     }
 
 
-def draws_of(given: Given) -> Float[np.ndarray, "draws own"]:
-    """Draw the amplitudes that shoulders have in common from their posterior."""
-    normal = np.random.default_rng(_SEED).standard_normal((len(given.amplitude), _DRAWS))
-    return given.amplitude + np.linalg.solve(given.root.T, normal).T
+def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
+    """Draw the amplitudes of an effect that shoulders have in common from their posterior, whatever else is at work: as
+    many from each fitted set with it as that is probable among these."""
+    generator = np.random.default_rng(_SEED)
+    within = [node for node in search.usable if name in node.hypothesis]
+    counts = generator.multinomial(_DRAWS, probabilities([node.resampled for node in within]))
+    found = []
+    for node, count in zip(within, counts, strict=True):
+        if count:
+            given = search.given(node.posterior, node.hypothesis)
+            normal = generator.standard_normal((len(given.amplitude), count))
+            draws = given.amplitude + np.linalg.solve(given.root.T, normal).T
+            (own,) = (own for effect, own in search.joint.candidates.slices(node.hypothesis) if effect.name == name)
+            found.append(draws[:, own])
+    return np.concatenate(found)
 
 
 def _shares(candidates: Candidates, hypothesis: Hypothesis, given: Given) -> dict[str, Float[np.ndarray, " subjects"]]:
