@@ -3,9 +3,9 @@
 Every folder below FOLDER with a `motions.csv` and a `truth.json` is a case. The truth needs two keys: `label`, the
 effect at work (two joined by `+`; `none...`; `outside_...` for one that is not in the list), and `model`, the parameter
 set; the diagnosis is told nothing else of it. Lines and figures are those of `scripts/blind_check.py`. Where the truth
-has for each of its `subjects` a list of `effects` with `name` and `strength`, by direction of `girdle effects` one
-number a posture, intervals of sizes are checked. Beside them a `without_causes.csv`, the same motions had no cause been
-at work, says what share of the gap no cause explains.
+has `strengths`, by subject, effect and direction (`girdle effects`) one number a posture, intervals of sizes are
+checked. Beside them a `without_causes.csv`, the same motions had no cause been at work, says what share of the gap no
+cause explains.
 
     python scripts/check_elsewhere.py worlds --out out/elsewhere
 
@@ -88,12 +88,11 @@ def true_directions(truth: dict[str, Any], motions: Motions, found: Diagnosis) -
     """By effect at work and direction: the first amplitude of the library's course nearest to the true strengths of a
     subject, the mean over the subjects; of the effects whose sizes the diagnosis and the truth both tell."""
     of_subjects: dict[str, list[dict[str, float]]] = {}
-    for subject in truth.get("subjects", []):
-        own = motions.select(motions.subject == subject["subject"])
-        told = {one["name"]: one.get("strength") for one in subject["effects"]}
-        for name in found.amplitude.keys() & told if subject["subject"] in found.subjects else ():
-            if told[name]:
-                of_subjects.setdefault(name, []).append(_nearest_amplitudes(EFFECTS[name], told[name], own))
+    for subject, effects in truth.get("strengths", {}).items():
+        if subject in found.subjects:
+            own = motions.select(motions.subject == subject)
+            for name in found.amplitude.keys() & effects:
+                of_subjects.setdefault(name, []).append(_nearest_amplitudes(EFFECTS[name], effects[name], own))
     return {
         name: {direction: float(np.mean([one[direction] for one in each])) for direction in each[0]}
         for name, each in of_subjects.items()

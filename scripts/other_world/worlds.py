@@ -140,7 +140,7 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
     """Make one world and write what was seen and what is true."""
     rng = np.random.default_rng([case.seed, zlib.crc32(f"{folder.parent.name}/{folder.name}".encode())])
     world, with_landmarks = draw_world(names, case, rng), case.landmark_noise_mm is not None
-    rows, innocent, truths = [], [], []
+    rows, innocent, truths, by_subject = [], [], [], {}
     for number in range(case.subjects):
         subject, mover = f"simulated_{number + 1:02d}", draw_mover(world, number, rng)
         angles, places = measure(mover, rng)
@@ -153,6 +153,7 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
         if case.discrepancy_deg:
             innocent += lines_of(subject, mover, measure(without_causes(mover), rng)[0] + unexplained)
         truths.append({"subject": subject, **truth_of(mover)})
+        by_subject[subject] = by_posture(mover)
     columns = ["subject", "motion", "posture", "humerus_elevation_deg", *(f"{angle}_deg" for angle in ANGLES)]
     if with_landmarks:
         columns += [f"{landmark}_{axis}_mm" for landmark in LANDMARKS for axis in "xyz"]
@@ -162,6 +163,7 @@ def write_case(folder: Path, names: list[str], case: Case) -> None:
         **vars(case),
         "typical_size": world.typical,
         "subjects": truths,
+        "strengths": by_subject,
     }
     folder.mkdir(parents=True, exist_ok=True)
     for name, lines in (("motions.csv", rows), ("without_causes.csv", innocent)):
@@ -203,20 +205,21 @@ def truth_of(mover: Mover) -> dict[str, object]:
         **dict(zip(["A_x_mm", "A_y_mm", "A_z_mm"], person.axes.tolist(), strict=True)),
         "conoid_length_mm": person.conoid_length,
         "elevation_deg": mover.elevation.tolist(),
-        "effects": [
-            {**vars(effect), "direction": effect.direction.tolist(), "strength": _by_posture(mover, effect)}
-            for effect in mover.effects
-        ],
+        "effects": [{**vars(effect), "direction": effect.direction.tolist()} for effect in mover.effects],
         "breath": mover.breath.tolist(),
         "true_angles_deg": mover.true.tolist(),
     }
 
 
-def _by_posture(mover: Mover, effect: Effect) -> dict[str, list[float]]:
-    """The strength of an effect in each of its directions, posture by posture."""
-    postures = zip(mover.elevation.tolist(), mover.breath.tolist(), MOTION.tolist(), strict=True)
-    each = [strengths(mover.person, effect, *posture) for posture in postures]
-    return {direction: [one[direction] for one in each] for direction in each[0]}
+def by_posture(mover: Mover) -> dict[str, dict[str, list[float]]]:
+    """By effect and direction its strength in every posture; of the effects that tell it."""
+    postures = list(zip(mover.elevation.tolist(), mover.breath.tolist(), MOTION.tolist(), strict=True))
+    found = {}
+    for effect in mover.effects:
+        each = [strengths(mover.person, effect, *posture) for posture in postures]
+        if each[0]:
+            found[effect.name] = {direction: [one[direction] for one in each] for direction in each[0]}
+    return found
 
 
 def write_condition(condition: Condition, out: Path, seed: int, noise_deg: float) -> None:

@@ -27,10 +27,6 @@ def told(folder: Path, **truth: Any) -> Path:
     return folder / "motions.csv"
 
 
-def told_of(name: str, **strength: list[float]) -> dict[str, Any]:
-    return {"name": name, "strength": strength}
-
-
 def test_worlds_are_folders_with_motions_and_a_truth(tmp_path: Path) -> None:
     told(tmp_path / "b", label="none_at_all", model="R2").touch()
     told(tmp_path / "a" / "deep", label="none", model="R4", seed=7).touch()
@@ -104,18 +100,17 @@ def test_true_sizes_are_those_of_the_nearest_course_of_the_library() -> None:
     """By hand: a straight line of 0.1 mm a degree is 15 mm at 150 degrees, a constant itself; the mean of who is in."""
     motions = motions_of(np.zeros((2, 4, 6)), ["a", "b"])
     line = (0.1 * motions.humerus_elevation_deg[:4]).tolist()
-    subjects = [
-        {"subject": name, "effects": [told_of("sc_translation", lateral=line, up=line, back=[-x for x in line])]}
-        for name in ("a", "b")
-    ]
-    subjects[0]["effects"] += [told_of("thorax_tilt", **{f"about {x}": [4.0] * 4 for x in "xyz"})]
-    subjects[1]["effects"] += [told_of("thorax_tilt", **{f"about {x}": [6.0] * 4 for x in "xyz"})]
-    subjects += [{"subject": "left out", "effects": [told_of("thorax_tilt")]}]
-    subjects[0]["effects"] += [told_of("thorax_shape"), told_of("conoid_strain", length=line)]
+    moved = {"lateral": line, "up": line, "back": [-x for x in line]}
+    tilted, more = ({f"about {x}": [deg] * 4 for x in "xyz"} for deg in (4.0, 6.0))
+    strengths = {
+        "a": {"sc_translation": moved, "thorax_tilt": tilted, "conoid_strain": {"length": line}},
+        "b": {"sc_translation": moved, "thorax_tilt": more},
+        "left out": {"thorax_tilt": more},
+    }
     found: Any = SimpleNamespace(
         subjects=["a", "b"], amplitude=dict.fromkeys(["thorax_tilt", "sc_translation", "thorax_shape"])
     )
-    true = check_elsewhere.true_directions({"subjects": subjects}, motions, found)
+    true = check_elsewhere.true_directions({"strengths": strengths}, motions, found)
     assert set(true) == {"thorax_tilt", "sc_translation"}
     assert true["thorax_tilt"] == pytest.approx({"about x": 5.0, "about y": 5.0, "about z": 5.0})
     assert true["sc_translation"] == pytest.approx({"lateral": 15.0, "up": 15.0, "back": -15.0})

@@ -60,9 +60,9 @@ def residuals_mm(folder: Path, with_effects: bool = False) -> np.ndarray:
         own = motions.select(motions.subject == subject["subject"])
         theta = np.array([[subject[f"{name}_mm"]] for name in ADAPTED])
         adapted = girdle.repeated(len(own.posture)).with_adapted(theta)
-        at_work = subject["effects"] if with_effects else []
-        strengths = tuple(np.array(list(one["strength"].values())) for one in at_work)
-        effects = ActiveEffects(strengths, tuple(EFFECTS[one["name"]] for one in at_work))
+        at_work = truth["strengths"][subject["subject"]] if with_effects else {}
+        strengths = tuple(np.array(list(by_direction.values())) for by_direction in at_work.values())
+        effects = ActiveEffects(strengths, tuple(EFFECTS[name] for name in at_work))
         found.append(effects.on(adapted).residuals_mm(own.angles_deg.T / DEG))
     return np.concatenate(found, axis=1)
 
@@ -93,8 +93,7 @@ def test_with_the_strengths_that_the_truth_tells_the_library_closes_the_chain(tm
 
 @pytest.mark.parametrize("name", sorted({*SIZES, *OUTSIDE_SIZES} - set(HAVE_STRENGTHS)))
 def test_an_effect_that_has_another_form_tells_no_strength(tmp_path, name):
-    (subject,) = json.loads((made(tmp_path, name) / "truth.json").read_text())["subjects"]
-    assert subject["effects"][0]["strength"] == {}
+    assert json.loads((made(tmp_path, name) / "truth.json").read_text())["strengths"] == {"simulated_01": {}}
 
 
 def test_the_same_seed_makes_the_same_world_and_another_another(tmp_path):
