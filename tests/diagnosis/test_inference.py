@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from small_worlds import every_frame, joint_fit, searched, simulated
+from small_worlds import every_frame, joint_fit, root_of, searched, simulated
 
 from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.candidates import lay_out
@@ -96,7 +96,7 @@ def test_amplitudes_of_a_test_are_those_of_data_without_what_it_holds_out():
         likelihood = Likelihood.of(model, left, search.discrepancy)
         (again,) = modes(alone, likelihood, [hypothesis], [at.theta_mm[~test.unseen]], [at.amplitude])
         given = Search(alone, folds_of(left)).given(again, hypothesis)
-        off = given.root.T @ (given.amplitude - amplitude)
+        off = root_of(given).T @ (given.amplitude - amplitude)
         assert np.linalg.norm(off) < AT_THE_MODE
 
 
@@ -136,18 +136,21 @@ def test_a_hidden_bias_is_named_with_its_size():
     assert named.sets[BIAS].names[0] == BIAS
 
 
-def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause():
+def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause_and_persons_drawn_anew():
     """The mean of their means; the mean of their covariances, and the covariance of their means."""
-    search, means, covariances = searched(BIAS), [], []
+    search, share, means, variances = searched(BIAS), [], [], []
+    candidates = search.joint.candidates
     within = [node for node in search.usable if BIAS in node.hypothesis]
-    for node in within:
-        given = search.given(node.posterior, node.hypothesis)
-        (own,) = (own for one, own in search.joint.candidates.slices(node.hypothesis) if one.name == BIAS)
-        means.append(given.amplitude[own])
-        covariances.append(np.linalg.inv(given.root @ given.root.T)[own, own])
-    share = probabilities([node.resampled for node in within])
-    mean = share @ np.array(means)
-    variance = share @ np.array([np.diag(one) for one in covariances]) + share @ (np.array(means) - mean) ** 2
+    for number, times in enumerate(search.times):
+        share.append(probabilities([node.resampled[number : number + 1] for node in within]) / len(search.times))
+        for node in within:
+            amplitude, root = search.given(node.posterior, node.hypothesis).amplitude_of(times)
+            (own,) = (own for one, own in candidates.slices(node.hypothesis) if one.name == BIAS)
+            means.append(amplitude[own])
+            variances.append(np.diag(np.linalg.inv(root @ root.T))[own])
+    weight = np.concatenate(share)
+    mean = weight @ np.array(means)
+    variance = weight @ np.array(variances) + weight @ (np.array(means) - mean) ** 2
     draws = draws_of(search, BIAS)
     assert (np.abs(draws.mean(axis=0) - mean) < 4.0 * np.sqrt(variance / len(draws))).all()
     np.testing.assert_allclose(draws.std(axis=0), np.sqrt(variance), rtol=0.2)

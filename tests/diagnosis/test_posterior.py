@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
-from small_worlds import joint_fit, searched
+from small_worlds import joint_fit, root_of, searched
 
 from adapt.diagnosis.fit.discrepancy import Discrepancy, whitening
 from adapt.diagnosis.fit.evidence import Likelihood
@@ -94,7 +94,8 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     moved = -towards.T @ np.linalg.solve(covariance, middle)
     left = np.diag(scale**2) - towards.T @ np.linalg.solve(covariance, towards)
     np.testing.assert_allclose(found.amplitude, mean + moved, rtol=1e-8)
-    np.testing.assert_allclose(np.linalg.inv(found.root @ found.root.T), left, rtol=1e-7)
+    root = root_of(found)
+    np.testing.assert_allclose(np.linalg.inv(root @ root.T), left, rtol=1e-7)
     every = of_amplitudes @ by_amplitudes.T
     expected = mean - (every @ np.linalg.solve(covariance, middle)).reshape(len(theta), -1)
     np.testing.assert_allclose(found.of_shoulders, expected, rtol=1e-8)
@@ -108,6 +109,10 @@ def test_a_shoulder_that_is_drawn_twice_counts_as_two_alike():
     drawn = at.evidence.of(np.array([0, 0, 2]))
     twice = drawn.given(where, at.amplitude, candidates.mean[where], candidates.scale[where])
     np.testing.assert_allclose(given.resampled(times), [twice.log_evidence, given.log_evidence], rtol=1e-10)
+    for one, expected in zip(times, (twice, given), strict=True):
+        amplitude, root = given.amplitude_of(one)
+        np.testing.assert_allclose(amplitude, expected.amplitude, rtol=1e-9)
+        np.testing.assert_allclose(root, root_of(expected), rtol=1e-9)
 
 
 def test_what_is_white_is_linear_in_what_shoulders_share():
@@ -128,7 +133,7 @@ def test_at_the_mode_the_linear_model_stays_where_it_is():
     at, likelihood = search.nodes[(BIAS,)].posterior, replace(search.likelihood, between=ALIKE)
     (found,) = modes(search.joint, likelihood, [at.hypothesis], [at.theta_mm], [at.amplitude])
     given = search.given(found, found.hypothesis)
-    assert np.linalg.norm(given.root.T @ (given.amplitude - found.amplitude)) < AT_THE_TOP
+    assert np.linalg.norm(root_of(given).T @ (given.amplitude - found.amplitude)) < AT_THE_TOP
     off = (given.of_shoulders - given.amplitude) / EFFECTS[BIAS].prior_sd
     assert np.abs(off).max() < 10.0 * ALIKE
 
@@ -140,7 +145,7 @@ def test_two_starts_find_one_mode():
     (other,) = modes(search.joint, search.likelihood, [at.hypothesis], [far[0]], [far[1]])
     given, again = (search.given(one, one.hypothesis) for one in (at, other))
     assert again.log_evidence == pytest.approx(given.log_evidence, abs=0.5)
-    assert np.linalg.norm(given.root.T @ (again.amplitude - given.amplitude)) < AT_THE_TOP
+    assert np.linalg.norm(root_of(given).T @ (again.amplitude - given.amplitude)) < AT_THE_TOP
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 
 from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.fit.unseen_folds import folds_of
@@ -48,6 +49,11 @@ def joint_fit(effect: str = "") -> JointFit:
     effects = tuple(EFFECTS[name] for name in CANDIDATES)
     model = Model.of(load_model("R2"), shoulders.subjects, effects)
     return JointFit(model, shoulders, lay_out(effects, shoulders), everybody(shoulders))
+
+
+def root_of(given: Given) -> np.ndarray:
+    """Give L of the precision L L' of the amplitudes, every shoulder counted once."""
+    return given.amplitude_of(np.ones(len(given.rest)))[1]
 
 
 @cache

@@ -29,12 +29,13 @@ class Given(NamedTuple):
     log_evidence: float
     amplitude: Float[np.ndarray, " own"]
     """a, where its posterior is highest."""
-    root: Float[np.ndarray, "own own"]
-    """L of the precision L L' of a."""
     of_all: Float[np.ndarray, " every"]
     """h, b, x (``Evidence.given``) and 1 there."""
     matrix: Float[np.ndarray, "subjects n n"]
     """Of every shoulder, in e_s and of_all."""
+    mean: Float[np.ndarray, " own"]
+    scale: Float[np.ndarray, " own"]
+    """Of the prior of a."""
     here: Float[np.ndarray, " own"]
     sd: Float[np.ndarray, " own"]
     """Of a_s about a."""
@@ -46,6 +47,15 @@ class Given(NamedTuple):
     def resampled(self, times: Float[np.ndarray, "draws subjects"]) -> Float[np.ndarray, " draws"]:
         """Compute the log evidence of shoulders that count so much each."""
         return times @ self.constants + _integrated(np.tensordot(times, self.rest, 1))[1]
+
+    def amplitude_of(
+        self, times: Float[np.ndarray, " subjects"]
+    ) -> tuple[Float[np.ndarray, " own"], Float[np.ndarray, "own own"]]:
+        """Compute a of shoulders that count so much each, and L of the precision L L' of its posterior."""
+        root, _ = _integrated(np.tensordot(times, self.rest, 1))
+        n = len(root) - 1
+        own = slice(n - len(self.scale), n)
+        return self.mean + self.scale * _highest(root)[own], root[own, own] / self.scale[:, None]
 
     @property
     def of_shoulders(self) -> Float[np.ndarray, "subjects own"]:
@@ -96,10 +106,9 @@ class Evidence(NamedTuple):
         rest, log_root = _without(matrix, k)
         constants = self.constants - log_root
         root, log_integral = _integrated(rest.sum(axis=0))
-        z = -np.linalg.solve(root[:n, :n].T, root[n, :n])
-        L = root[f:n, f:n] / scale[:, None]
-        log_evidence = float(constants.sum() + log_integral)
-        return Given(log_evidence, mean + scale * z[f:], L, np.append(z, 1.0), matrix, here, sd, rest, constants)
+        z = _highest(root)
+        log_evidence, a = float(constants.sum() + log_integral), mean + scale * z[f:]
+        return Given(log_evidence, a, np.append(z, 1.0), matrix, mean, scale, here, sd, rest, constants)
 
 
 @dataclass(frozen=True)
@@ -176,6 +185,11 @@ class Likelihood:
             found.append(rest)
             constants[subject] -= log_root
         return Evidence(np.array(found), constants, self.shared, self.between)
+
+
+def _highest(root: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " n"]:
+    """Find where a quadratic in some variables and 1 is highest, by its L."""
+    return -np.linalg.solve(root[:-1, :-1].T, root[-1, :-1])
 
 
 def _integrated(total: Float[np.ndarray, "*draws m m"]) -> tuple[np.ndarray, np.ndarray]:

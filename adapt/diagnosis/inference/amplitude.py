@@ -10,7 +10,6 @@ from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Search
-from adapt.diagnosis.inference.weights import probabilities
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
@@ -44,19 +43,25 @@ def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitu
 
 
 def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
-    """Draw the amplitudes of an effect that shoulders have in common from their posterior, whatever else is at work: as
-    many from each fitted set with it as that is probable among these."""
-    generator = np.random.default_rng(_SEED)
+    """Draw the amplitudes of an effect that shoulders have in common from their posterior, whatever else is at work and
+    whoever had been measured: as many with each of the persons drawn anew, and of these as many from each fitted set
+    with the effect as it is probable for them."""
+    generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
     within = [node for node in search.usable if name in node.hypothesis]
-    counts = generator.multinomial(_DRAWS, probabilities([node.resampled for node in within]))
+    values = np.array([node.resampled for node in within])
+    share = np.exp(values - values.max(axis=0))
+    counts = generator.multinomial(_DRAWS // len(search.times), (share / share.sum(axis=0)).T).T
     found = []
-    for node, count in zip(within, counts, strict=True):
-        if count:
-            given = search.given(node.posterior, node.hypothesis)
-            normal = generator.standard_normal((len(given.amplitude), count))
-            draws = given.amplitude + np.linalg.solve(given.root.T, normal).T
-            (own,) = (own for effect, own in search.joint.candidates.slices(node.hypothesis) if effect.name == name)
-            found.append(draws[:, own])
+    for node, of_persons in zip(within, counts, strict=True):
+        if not of_persons.any():
+            continue
+        given = search.given(node.posterior, node.hypothesis)
+        (own,) = (place for effect, place in candidates.slices(node.hypothesis) if effect.name == name)
+        for times, count in zip(search.times, of_persons, strict=True):
+            if count:
+                amplitude, root = given.amplitude_of(times)
+                normal = generator.standard_normal((len(amplitude), count))
+                found.append((amplitude + np.linalg.solve(root.T, normal).T)[:, own])
     return np.concatenate(found)
 
 
