@@ -25,7 +25,7 @@ from adapt.diagnosis.inference.intervals import fold_weights, interval
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.naming import gain, name_causes
 from adapt.diagnosis.inference.search import Search
-from adapt.diagnosis.inference.weights import probabilities, weigh
+from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
 from models import load_model
@@ -138,17 +138,16 @@ def test_a_hidden_bias_is_named_with_its_size():
 
 def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause_and_persons_drawn_anew():
     """The mean of their means; the mean of their covariances, and the covariance of their means."""
-    search, share, means, variances = searched(BIAS), [], [], []
-    candidates = search.joint.candidates
+    search, means, variances = searched(BIAS), [], []
     within = [node for node in search.usable if BIAS in node.hypothesis]
-    for number, times in enumerate(search.times):
-        share.append(probabilities([node.resampled[number : number + 1] for node in within]) / len(search.times))
-        for node in within:
-            amplitude, root = search.given(node.posterior, node.hypothesis).amplitude_of(times)
-            (own,) = (own for one, own in candidates.slices(node.hypothesis) if one.name == BIAS)
+    for node in within:
+        given = search.given(node.posterior, node.hypothesis)
+        (own,) = (own for one, own in search.joint.candidates.slices(node.hypothesis) if one.name == BIAS)
+        for times in search.times:
+            amplitude, root = given.amplitude_of(times)
             means.append(amplitude[own])
             variances.append(np.diag(np.linalg.inv(root @ root.T))[own])
-    weight = np.concatenate(share)
+    weight = probabilities_of_draws([node.resampled for node in within]).ravel() / len(search.times)
     mean = weight @ np.array(means)
     variance = weight @ np.array(variances) + weight @ (np.array(means) - mean) ** 2
     draws = draws_of(search, BIAS)

@@ -10,6 +10,7 @@ from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
@@ -48,11 +49,10 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
     with the effect as it is probable for them."""
     generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
     within = [node for node in search.usable if name in node.hypothesis]
-    values = np.array([node.resampled for node in within])
-    share = np.exp(values - values.max(axis=0))
-    counts = generator.multinomial(_DRAWS // len(search.times), (share / share.sum(axis=0)).T).T
+    share = probabilities_of_draws([node.resampled for node in within])
+    counts = generator.multinomial(_DRAWS // len(search.times), share.T)
     found = []
-    for node, of_persons in zip(within, counts, strict=True):
+    for node, of_persons in zip(within, counts.T, strict=True):
         if not of_persons.any():
             continue
         given = search.given(node.posterior, node.hypothesis)

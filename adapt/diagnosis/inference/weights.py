@@ -49,5 +49,10 @@ def weigh(search: Search) -> Weights:
 
 def probabilities(values: Sequence[Float[np.ndarray, " draws"]]) -> Float[np.ndarray, " sets"]:
     """Give sets of these V their probabilities among each other: the mean over persons drawn anew."""
+    return probabilities_of_draws(values).mean(axis=1)
+
+
+def probabilities_of_draws(values: Sequence[Float[np.ndarray, " draws"]]) -> Float[np.ndarray, "sets draws"]:
+    """Give sets of these V their probabilities among each other, for the persons of each draw."""
     weight = np.exp(np.array(values) - np.max(values, axis=0))
-    return (weight / weight.sum(axis=0)).mean(axis=1)
+    return weight / weight.sum(axis=0)
