@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 import typer
 
 from adapt.diagnosis import diagnose
@@ -78,13 +79,13 @@ def examine(case: Elsewhere, only_at_work: bool) -> Line:
     motions = read_motions(folder / MOTIONS)
     found = diagnose(motions, model, effects=library)[model.name]
     truth = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
-    line = line_of(found) | {"true_directions": true_directions(truth, motions, found)}
+    line = line_of(found) | {"true_directions": true_sizes(truth, motions, found)}
     if (folder / WITHOUT_CAUSES).exists():
         line["true_left_over_share"] = _true_share(found, model, read_motions(folder / WITHOUT_CAUSES))
     return line
 
 
-def true_directions(truth: dict[str, Any], motions: Motions, found: Diagnosis) -> dict[str, dict[str, float]]:
+def true_sizes(truth: dict[str, Any], motions: Motions, found: Diagnosis) -> dict[str, dict[str, float]]:
     """By effect at work and direction: the first amplitude of the library's course nearest to the true strengths of a
     subject, the mean over the subjects; of the effects whose sizes the diagnosis and the truth both tell."""
     of_subjects: dict[str, list[dict[str, float]]] = {}
@@ -93,10 +94,7 @@ def true_directions(truth: dict[str, Any], motions: Motions, found: Diagnosis) -
             own = motions.select(motions.subject == subject)
             for name in found.amplitude.keys() & effects:
                 of_subjects.setdefault(name, []).append(_nearest_amplitudes(EFFECTS[name], effects[name], own))
-    return {
-        name: {direction: float(np.mean([one[direction] for one in each])) for direction in each[0]}
-        for name, each in of_subjects.items()
-    }
+    return {name: pd.DataFrame(each).mean().to_dict() for name, each in of_subjects.items()}
 
 
 def _nearest_amplitudes(effect: Effect, strength: dict[str, list[float]], own: Motions) -> dict[str, float]:

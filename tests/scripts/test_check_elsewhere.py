@@ -110,11 +110,11 @@ def test_true_sizes_are_those_of_the_nearest_course_of_the_library() -> None:
     found: Any = SimpleNamespace(
         subjects=["a", "b"], amplitude=dict.fromkeys(["thorax_tilt", "sc_translation", "thorax_shape"])
     )
-    true = check_elsewhere.true_directions({"strengths": strengths}, motions, found)
+    true = check_elsewhere.true_sizes({"strengths": strengths}, motions, found)
     assert set(true) == {"thorax_tilt", "sc_translation"}
     assert true["thorax_tilt"] == pytest.approx({"about x": 5.0, "about y": 5.0, "about z": 5.0})
     assert true["sc_translation"] == pytest.approx({"lateral": 15.0, "up": 15.0, "back": -15.0})
-    assert check_elsewhere.true_directions({"label": "none"}, motions, found) == {}
+    assert check_elsewhere.true_sizes({"label": "none"}, motions, found) == {}
 
 
 def test_a_folder_without_worlds_says_what_is_missing(tmp_path: Path) -> None:
