@@ -19,7 +19,7 @@ from numpy.typing import DTypeLike
 _UNFUSED = {"xla_disable_hlo_passes": "fusion", "xla_cpu_use_fusion_emitters": True}
 """Compiler option for the streams of elementwise operations. XLA's fusion computes a shared value anew in each of its
 uses: measured on one sweep, 23 times the operations, 4 times the run time and 6 times the compilation. The emitters are
-XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes."""
+XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes. JAX 0.11 refuses their name."""
 
 QUICK_TO_COMPILE = {
     "xla_backend_optimization_level": 0,

@@ -3,8 +3,8 @@
 The text (such as ``adapt.solvers.batched.subject.sweep``) is called once with the values of
 ``adapt.engine.simd_values``; LLVM makes object code of the instructions that it leaves behind, which is kept between
 runs. Threads, one a core, run it over blocks of eight problems, of sixteen in float32. No length is in the code: one
-compilation serves every batch. XLA compiles the same text where JAX sees an accelerator, and where there is no machine
-code because llvmlite is missing or fails: the results agree to rounding, but take longer.
+compilation serves every batch. XLA compiles the same text where there is no machine code because llvmlite is missing or
+fails: the results agree to rounding, but take longer, on a GPU too (docs/performance.md).
 """
 
 import ctypes
@@ -75,8 +75,8 @@ class Kernel:
 
     def __call__(self, *trees: Any) -> Any:
         """Run the text on these arrays, problems last; return numpy's arrays."""
-        by_xla = has_accelerator() or not self._has_machine_code(_number(trees))
-        return self.by_jax(*trees) if by_xla else self.by_machine(*trees)
+        run = self.by_machine if self._has_machine_code(_number(trees)) else self.by_jax
+        return run(*trees)
 
     def by_jax(self, *trees: Any) -> Any:
         """Run the text by XLA, on every device that JAX sees."""
@@ -193,12 +193,6 @@ def _number(trees: Any) -> type:
 def _padded(x: np.ndarray, problems: int) -> np.ndarray:
     """Fill a block: repeat the last problem."""
     return x.take(np.minimum(np.arange(problems), x.shape[-1] - 1), axis=-1)
-
-
-@cache
-def has_accelerator() -> bool:
-    """Tell whether JAX sees something better than a CPU."""
-    return jax.default_backend() != "cpu"
 
 
 @cache

@@ -6,9 +6,10 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
+import jax
+
 from adapt.engine.batching import cores, use_cores
 from adapt.engine.compilation_cache import keep_compiled
-from adapt.engine.kernel import has_accelerator
 from adapt.large_runs.parts import Chunks, Maker, Work, one_after_another
 from motions.errors import InputError
 from motions.table import Motions
@@ -23,8 +24,8 @@ _work: Work
 
 
 def on_this_machine(parts: int) -> Maker:
-    """Choose how to make so many parts: by processes where there are many, and cores but no accelerator to share."""
-    return in_processes if parts >= MANY_PARTS and cores() > 1 and not has_accelerator() else one_after_another
+    """Choose how to make so many parts: by processes where there are many, and cores to share."""
+    return in_processes if parts >= MANY_PARTS and cores() > 1 else one_after_another
 
 
 def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
@@ -50,6 +51,7 @@ def _begin(work: Work) -> None:
     global _work
     _work = work
     use_cores(1)
+    jax.config.update("jax_platforms", "cpu")  # on a GPU each process would take most of its memory for itself
     keep_compiled()
 
 

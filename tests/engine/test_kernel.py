@@ -304,6 +304,13 @@ def test_xla_does_it_where_there_is_no_machine_code(damage, dtype, tmp_path, mon
     assert one._left_to_xla == {dtype}
 
 
+def test_machine_code_runs_beside_a_gpu_too(monkeypatch):
+    """A GPU is slower: docs/performance.md."""
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    monkeypatch.setattr(Kernel, "by_jax", fail)
+    np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64)(np.arange(9.0)), 2.0 * np.arange(9))
+
+
 def test_a_fault_in_the_text_is_no_reason_to_leave_it_to_xla():
     with pytest.raises(AttributeError):
         Kernel("wrong", lambda x: x.no_such_thing, ("",), "", 64)(np.ones(3))
