@@ -17,7 +17,7 @@ from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
 from adapt.diagnosis.inference.alternatives import similarity
-from adapt.diagnosis.inference.amplitude import amplitudes, draws_of
+from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.bagging import resampled_persons
 from adapt.diagnosis.inference.budget import alone_deg, ladder
 from adapt.diagnosis.inference.fingerprint import axial_is_computed
@@ -125,8 +125,7 @@ def test_a_hidden_bias_is_named_with_its_size():
     for value, one in zip(truth, size.directions.values(), strict=True):
         assert one.low - 1.0 < value < one.high + 1.0
     assert size.option.startswith(BIAS)
-    scale = EFFECTS[BIAS].prior_sd
-    own = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].to_numpy() / scale
+    own = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].to_numpy()
     shares = own @ own.mean(axis=0) / (own.mean(axis=0) @ own.mean(axis=0))
     assert list(size.by_subject) == list(simulated(BIAS).motions.subjects)
     np.testing.assert_allclose(list(size.by_subject.values()), shares, atol=SHARE)
@@ -153,6 +152,22 @@ def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause
     draws = draws_of(search, BIAS)
     assert (np.abs(draws.mean(axis=0) - mean) < 4.0 * np.sqrt(variance / len(draws))).all()
     np.testing.assert_allclose(draws.std(axis=0), np.sqrt(variance), rtol=0.2)
+
+
+def test_a_share_is_of_what_amplitudes_do_at_the_postures():
+    """By hand: one direction of a course 0, 1, 2 with 2 a unit there, and a bend 0, 1, 0 that is not in the mean."""
+    columns, a = np.array([[[0.0, 1.0, 2.0]], [[0.0, 1.0, 0.0]]]), np.array([2.0, 0.0])
+    shares = share_of(np.array([[2.0, 0.0], [-1.0, 0.0], [2.0, 5.0], [0.0, 5.0]]), a, columns)
+    np.testing.assert_allclose(shares, [1.0, -0.5, 1.5, 0.5])  # the bend does (0, 5, 0) x (0, 2, 4) / 20 of it
+
+
+def test_the_interval_of_a_size_is_that_of_its_share():
+    """Of one number it is that of the number; the length of draws that err in all directions is no such interval."""
+    search = searched(BIAS)
+    size = amplitudes(search, name_causes(search, 0.1).hypothesis)[BIAS]
+    a = np.array([one.value for one in size.directions.values()])
+    along = draws_of(search, BIAS) @ a / np.linalg.norm(a)
+    np.testing.assert_allclose(size.size, [np.linalg.norm(a), *np.percentile(along, [2.5, 97.5])])
 
 
 def test_a_hidden_bias_predicts_best_alone_and_better_than_nothing():

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
-from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Search
@@ -32,15 +31,16 @@ def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitu
         return {}
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
     given = search.given(search.mode(hypothesis), hypothesis)
-    shares = _shares(candidates, hypothesis, given)
     sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
-    return {
-        effect.name: replace(
-            _described(effect, given.amplitude[own], sd[own], draws_of(search, effect.name), candidates, shoulders),
-            by_subject=dict(zip(shoulders.subjects, shares[effect.name].tolist(), strict=True)),
+    found = {}
+    for effect, own in candidates.slices(hypothesis):
+        a, columns = given.amplitude[own], _strengths(effect, shoulders)
+        shares = share_of(given.of_shoulders[:, own], a, columns)
+        found[effect.name] = replace(
+            _described(effect, a, sd[own], draws_of(search, effect.name), columns, candidates),
+            by_subject=dict(zip(shoulders.subjects, shares.tolist(), strict=True)),
         )
-        for effect, own in candidates.slices(hypothesis)
-    }
+    return found
 
 
 def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
@@ -65,15 +65,15 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
     return np.concatenate(found)
 
 
-def _shares(candidates: Candidates, hypothesis: Hypothesis, given: Given) -> dict[str, Float[np.ndarray, " subjects"]]:
-    """Project the amplitudes a_s of each subject on their mean a, effect by effect: a_s'P a / a'P a, P the precision of
-    the prior."""
-    weighted = given.amplitude / candidates.scale[candidates.where(hypothesis)] ** 2
-    of_shoulders = given.of_shoulders * weighted
-    return {
-        effect.name: of_shoulders[:, own].sum(axis=1) / (given.amplitude[own] @ weighted[own])
-        for effect, own in candidates.slices(hypothesis)
-    }
+def share_of(
+    amplitudes: Float[np.ndarray, "some own"],
+    a: Float[np.ndarray, " own"],
+    columns: Float[np.ndarray, "own channels rows"],
+) -> Float[np.ndarray, " some"]:
+    """Project the strengths u_s at all postures on those u of a: u_s'u / u'u. Below 0 is the other way."""
+    flat = columns.reshape(len(a), -1)
+    u = a @ flat
+    return amplitudes @ (flat @ u) / (u @ u)
 
 
 def unseen_amplitude(effect: Effect) -> CauseAmplitude:
@@ -93,14 +93,14 @@ def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
     }
 
 
-def _described(effect: Effect, value, sd, draws, candidates: Candidates, shoulders: Shoulders) -> CauseAmplitude:
-    columns = _strengths(effect, shoulders)
+def _described(effect: Effect, value, sd, draws, columns, candidates: Candidates) -> CauseAmplitude:
     terms = len(effect.course.sd)
     scale = candidates.scale[candidates.places[effect.name]]
     mean = candidates.mean[candidates.places[effect.name]]
     typical = np.sqrt(np.einsum("a,acp->p", scale**2 + mean**2, columns**2))
-    sizes = _sizes(draws, columns)
-    low, high = np.percentile(sizes, [2.5, 97.5])
+    strength = np.einsum("a,acp->cp", value, columns)
+    size = float(np.percentile(np.linalg.norm(strength, axis=0), _REACHED))
+    low, high = size * np.percentile(share_of(draws, value, columns), [2.5, 97.5])
     spread = np.percentile(draws, [2.5, 97.5], axis=0)
     numbers = {
         direction: Interval(float(value[k * terms]), float(spread[0, k * terms]), float(spread[1, k * terms]))
@@ -110,7 +110,7 @@ def _described(effect: Effect, value, sd, draws, candidates: Candidates, shoulde
         what=effect.what,
         course=effect.course.word,
         unit=effect.unit.partition(" a ")[0] if isinstance(effect.course, ByPosture) else _unit(effect),
-        size=Interval(float(_sizes(value[None], columns)[0]), float(low), float(high)),
+        size=Interval(size, float(low), float(high)),
         typical=float(np.percentile(typical, _REACHED)),
         directions=numbers,
         option=as_option(effect, value.tolist(), sd.tolist()),
@@ -120,11 +120,6 @@ def _described(effect: Effect, value, sd, draws, candidates: Candidates, shoulde
 def _unit(effect: Effect) -> str:
     """The unit of the strength, which a share of something measured does not have itself."""
     return "deg" if effect.prior.mean else effect.unit
-
-
-def _sizes(amplitude: Float[np.ndarray, "draws own"], columns) -> Float[np.ndarray, " draws"]:
-    strength = np.einsum("da,acp->dcp", amplitude, columns)
-    return np.percentile(np.sqrt((strength**2).sum(axis=1)), _REACHED, axis=1)
 
 
 def _strengths(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, "own channels rows"]:
