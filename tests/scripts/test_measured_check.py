@@ -1,5 +1,7 @@
-"""The check on measured shoulders says '-' where data hold nothing that was not fitted."""
+"""The checks on measured shoulders say '-' where data hold nothing that was not fitted, and tell seen from unseen."""
 
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from models import load_model
 from motions import read_motions
 from scripts.measured_check import named_without
+from scripts.measured_fewer import LESS, ONE, REST, SHOULDER, parts, table
 
 SHIPPED = Path(__file__).parents[2] / "motions" / "data" / "simulated_subjects.csv"
 
@@ -19,3 +22,25 @@ def test_with_one_person_or_one_motion_there_is_nothing_to_predict(column):
     found = named_without(every.select(values == values[0]), load_model("R2"))
     assert set(found) == {"scapula", "clavicle"}
     assert np.isnan(list(found.values())).all()
+
+
+def test_what_is_seen_is_never_of_a_person_of_whom_the_gap_is_told():
+    """Two persons: the left and right shoulder of one, and the right of another, with two kinds of motion."""
+    ten = read_motions(SHIPPED)
+    names = dict(zip(ten.subjects[:3], ("one_left", "one_right", "two"), strict=True))
+    some = ten.select(np.isin(ten.subject, list(names)))
+    motions = replace(some, subject=np.array([names[name] for name in some.subject.tolist()]))
+    person = np.array([name.split("_")[0] for name in motions.subject.tolist()])
+    counts = Counter()
+    for seen in parts(motions):
+        counts[seen.what] += 1
+        assert seen.rows.any()
+        assert seen.others.any()
+        assert not set(person[seen.rows]) & set(person[seen.others])
+    assert counts == {REST: 2, ONE: 2, SHOULDER: 3, LESS: 2}
+    assert not list(parts(motions.select(person == "one")))
+
+
+def test_the_table_of_fewer_says_what_is_left_and_where_it_is_more():
+    row = table({ONE: [(2.0, 1.0), (2.0, 3.0), (1.0, 0.2)]}).splitlines()[-1]
+    assert [cell.strip() for cell in row.strip("|").split("|")] == [ONE, "3", "1.67", "1.40", "50%", "150%", "1 of 3"]

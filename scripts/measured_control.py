@@ -1,0 +1,124 @@
+"""Would any other causes do as well? Named causes against as many drawn at random, on measured persons left out.
+
+Of each person in turn and with each parameter set: what is named on the other persons, and as many candidates drawn at
+random, each with all numbers that it can have. Both get the sizes that the other persons show, and the person left out
+is adapted with them: once with these sizes as they are, and once with sizes of its own about them, as `girdle adapt
+--effect` does with what `girdle diagnose` says. Mean |simulated - measured| on motions that it was not adapted to;
+"as good" counts the sets at random that leave no more than what is named.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from adapt.diagnosis.adapted_gaps import adapted_gaps
+from adapt.diagnosis.fit.candidates import Candidates, Hypothesis, candidate_effects, lay_out
+from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit, Model, everybody
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.fit.unseen_folds import folds_of
+from adapt.diagnosis.inference.naming import name_causes
+from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.result import ALL
+from adapt.diagnosis.thorax_points import thorax_option
+from adapt.tables.held_out import MOTION
+from models import ParameterSet, load_model
+from models.effects.known import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
+from motions import InputError, Motions, read_motions
+from scripts.reporting import CADAVER_SETS, markdown
+
+SEED, DRAWN = 1, 20
+"""Sets drawn for each person and parameter set."""
+
+
+class Gaps(NamedTuple):
+    """Of one person on unseen motions, degrees: with sizes as those of others, and of its own."""
+
+    as_others: float
+    own: float
+
+
+def main() -> None:
+    """Adapt each person with what is named without it and with sets drawn at random; print one table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
+    parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(CADAVER_SETS)}")
+    parser.add_argument("--drawn", type=int, default=DRAWN, help=f"sets drawn for each person; default: {DRAWN}")
+    options = parser.parse_args()
+    try:
+        motions = read_motions(*options.motions)
+    except InputError as error:
+        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
+    rows, generator = [], np.random.default_rng(SEED)
+    for name in options.model or CADAVER_SETS:
+        model, found = load_model(name), []
+        for of_others, gap in track(list(_left_out(motions, model)), name, console=Console(stderr=True)):
+            search = _searched(of_others, model)
+            named = name_causes(search, 0.0).hypothesis
+            drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(options.drawn)]
+            found.append((gap(NO_EFFECTS), gap(_RELIEVED), *(_gaps(search, one, gap) for one in (named, *drawn))))
+        rows.append([name, *cells(found)])
+    sizes = [f"{of}: {which}" for of in ("sizes of others", "own sizes") for which in ("named", "at random", "as good")]
+    print(markdown(["parameter set", "adapted, deg", "+ thorax_points", *sizes], rows))
+
+
+def drawn_at_random(candidates: Candidates, causes: int, generator: np.random.Generator) -> Hypothesis:
+    """Draw so many different causes, each with the course that has the most numbers."""
+    richest = {one.cause: one.name for one in sorted(candidates.effects, key=lambda one: one.amplitudes)}
+    return candidates.ordered(generator.choice(list(richest.values()), causes, replace=False).tolist())
+
+
+def cells(found: list) -> list[str]:
+    """Write the means over the persons: adapted, relieved; then of each kind of size named, the median at random, and
+    how many of those at random leave as little on the same person as what is named."""
+    texts = [f"{np.mean([one[k] for one in found]):.2f}" for k in range(2)]
+    for kind in Gaps._fields:
+        named = np.array([getattr(one[2], kind) for one in found])
+        drawn = np.array([[getattr(other, kind) for other in one[3:]] for one in found])
+        as_good = int((drawn <= named[:, None]).sum())
+        texts += [f"{named.mean():.2f}", f"{np.median(drawn):.2f}", f"{as_good} of {drawn.size}"]
+    return texts
+
+
+_RELIEVED = read_amplitudes([thorax_option(RELIEF)])
+
+
+def _left_out(motions: Motions, model: ParameterSet) -> Iterator[tuple[Motions, Callable[[Amplitudes], float]]]:
+    """The motions of all persons but one, and how large the gap of that one is."""
+    shoulders, _ = usable(motions)
+    for person in range(shoulders.persons):
+        own = [name for name, one in zip(shoulders.subjects, shoulders.person, strict=True) if one == person]
+        mine = np.isin(motions.subject, own)
+        of_person, alike = motions.select(mine), dict.fromkeys(own, person)
+
+        def gap(effects: Amplitudes, of_person=of_person, alike=alike) -> float:
+            return adapted_gaps(of_person, model, effects, alike).unseen[MOTION][ALL].value
+
+        yield motions.select(~mine), gap
+
+
+def _searched(motions: Motions, model: ParameterSet) -> Search:
+    """Search for the causes as `girdle diagnose` does."""
+    shoulders, _ = usable(motions)
+    fitted = Model.of(model, shoulders.subjects, candidate_effects(model, shoulders.subjects))
+    joint = JointFit(fitted, shoulders, lay_out(fitted.effects, shoulders), everybody(shoulders))
+    return Search(joint, folds_of(shoulders)).run()
+
+
+def _gaps(search: Search, hypothesis: Hypothesis, gap: Callable[[Amplitudes], float]) -> Gaps:
+    """With the sizes of a set that the search's persons have in common."""
+    candidates = search.joint.candidates
+    given = search.given(search.mode(hypothesis), hypothesis)
+    sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
+    sizes = {one.name: (given.amplitude[own], sd[own]) for one, own in candidates.slices(hypothesis)}
+    fixed = {name: tuple(a) for name, (a, _) in sizes.items()}
+    personal = {name: PersonalSize(tuple(a), tuple(sd)) for name, (a, sd) in sizes.items()}
+    return Gaps(gap({**_RELIEVED, **fixed}), gap({**_RELIEVED, **personal}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""How few measured shoulders are enough? Causes named and sized on some, and the gap that they leave on others.
+
+A row says what the diagnosis has seen: all persons but one, one person, one shoulder, or two kinds of motion of one
+person; each in turn, with each parameter set. The persons it has not seen are then adapted with what it names (``girdle
+adapt --effect``): mean |simulated - measured| on motions that they were not adapted to, and the share that is left of
+the gap without causes, in the median and at most.
+"""
+
+import argparse
+from collections.abc import Iterator
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool
+from rich.console import Console
+from rich.progress import track
+
+from adapt.diagnosis import diagnose
+from adapt.diagnosis.adapted_gaps import adapted_gaps
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.result import ALL
+from adapt.tables.held_out import MOTION
+from models import ParameterSet, load_model
+from models.effects.known import NO_EFFECTS, read_amplitudes
+from motions import InputError, Motions, read_motions
+from scripts.reporting import CADAVER_SETS, markdown
+
+REST, ONE, SHOULDER, LESS = "all persons but one", "one person", "one shoulder", "one person, two kinds of motion"
+
+
+class Seen(NamedTuple):
+    """What a diagnosis sees, and of whom the gap is told."""
+
+    what: str
+    rows: Bool[np.ndarray, " postures"]
+    others: Bool[np.ndarray, " postures"]
+
+
+def main() -> None:
+    """Diagnose parts of the motions with each set and print one table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
+    parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(CADAVER_SETS)}")
+    options = parser.parse_args()
+    try:
+        motions = read_motions(*options.motions)
+    except InputError as error:
+        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
+    gaps: dict[str, list[tuple[float, float]]] = {}
+    for name in options.model or CADAVER_SETS:
+        model = load_model(name)
+        for seen in track(list(parts(motions)), name, console=Console(stderr=True)):
+            gaps.setdefault(seen.what, []).append(gaps_of_others_deg(motions, model, seen))
+    print(table(gaps))
+
+
+def parts(motions: Motions) -> Iterator[Seen]:
+    """Choose what is seen in turn; nothing where there is one person."""
+    shoulders, _ = usable(motions)
+    number = dict(zip(shoulders.subjects, shoulders.person.tolist(), strict=True))
+    person = np.array([number.get(subject, -1) for subject in motions.subject.tolist()])
+    if shoulders.persons < 2:
+        return
+    for one in range(shoulders.persons):
+        yield Seen(REST, (person >= 0) & (person != one), person == one)
+    for one in range(shoulders.persons):
+        others = (person >= 0) & (person != one)
+        yield Seen(ONE, person == one, others)
+        for subject in sorted(set(motions.subject[person == one].tolist())):
+            yield Seen(SHOULDER, motions.subject == subject, others)
+        for pair in combinations(shoulders.kinds, 2):
+            yield Seen(LESS, (person == one) & np.isin(motions.motion, pair), others)
+
+
+def gaps_of_others_deg(motions: Motions, model: ParameterSet, seen: Seen) -> tuple[float, float]:
+    """Compute the mean gap of the others on unseen motions, without causes and with those named on what is seen."""
+    options = diagnose(motions.select(seen.rows), model)[model.name].options
+    others = motions.select(seen.others)
+    alike = dict.fromkeys(others.subjects, 0)
+
+    def gap(effects) -> float:
+        return adapted_gaps(others, model, effects, alike).unseen[MOTION][ALL].value
+
+    return gap(NO_EFFECTS), gap(read_amplitudes(options))
+
+
+def table(gaps: dict[str, list[tuple[float, float]]]) -> str:
+    """Write a row for all that is seen of one kind, as Markdown."""
+    rows = []
+    for what, found in gaps.items():
+        adapted, with_causes = np.array(found).T
+        left = with_causes / adapted
+        means = [f"{mean:.2f}" for mean in (adapted.mean(), with_causes.mean())]
+        shares = [f"{np.median(left):.0%}", f"{left.max():.0%}"]
+        rows.append([what, str(len(found)), *means, *shares, f"{np.sum(left > 1.0)} of {len(found)}"])
+    return markdown(["seen", "diagnoses", "adapted, deg", "with the causes", "left", "at most", "larger"], rows)
+
+
+if __name__ == "__main__":
+    main()
