@@ -1,9 +1,9 @@
 """Does the diagnosis name causes that predict measured shoulders? The gap on motions and persons that were not fitted.
 
 For each parameter set: what `girdle diagnose` names by itself, and the mean |simulated - measured| of scapula and
-clavicle, degrees, adapted without each motion: without the causes, with them (``girdle adapt --effect``), with
-amplitudes that have seen neither the person nor the motion, and with causes that were named and sized without the
-person at all; '-' where there is no other motion, or no other person.
+clavicle, degrees, adapted without each motion: without the causes, with them (``girdle adapt --effect``), with the
+sizes that other persons have, as they are, and with causes that were named and sized without the person at all; '-'
+where there is no other motion, or no other person.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def main() -> None:
         motions = read_motions(*options.motions)
     except InputError as error:
         parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
-    unseen = "motion unseen | sizes without the person | names and sizes without the person"
+    unseen = "motion unseen | sizes of others as they are | names and sizes without the person"
     print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
     print("|---|---|---|---|---|---|")
     for name in options.model or CADAVER_SETS:
@@ -66,9 +66,9 @@ def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
 def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:
     causes = ["/".join(cause.names) for cause in diagnosis.verdict.causes]
     wrong = [name for name in diagnosis.verdict.names if name in _NEVER_UNDER_PINS]
-    seen, person = diagnosis.gaps.other_motion, diagnosis.gaps.other_person
+    seen, carried = diagnosis.gaps.other_motion, diagnosis.carried_over
     cells = [_bones(seen["adapted"]), _bones(seen["with_effect"])] if seen else ["-", "-"]
-    cells.append(_bones(person["with_effect"]) if person else "-")
+    cells.append(_bones(carried.sizes_of_others) if carried else "-")
     cells.append(", ".join(gap_text(without[bone]) for bone in _BONES))
     said = ", ".join(causes) or diagnosis.verdict.answer
     return f"| {diagnosis.model} | {said}{' WRONG' if wrong else ''} | {' | '.join(cells)} |"

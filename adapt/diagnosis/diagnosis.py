@@ -35,6 +35,7 @@ from adapt.diagnosis.result import (
     UNKNOWN,
     Answer,
     BoneGaps,
+    CarriedOver,
     Cause,
     CauseAmplitude,
     Diagnosis,
@@ -167,6 +168,7 @@ class _Study:
             alone_deg=alone_deg(search),
             left_over_share=_left_over(gaps),
             gaps=gaps,
+            carried_over=self._carried_over(named.rungs) if gaps.other_person else None,
             parameters=_changes(adapted, with_causes),
             where=self._where(adapted, with_causes, floor, noise),
             indistinguishable=indistinguishable(none),
@@ -242,6 +244,16 @@ class _Study:
             other_person = _levels(noise_floor, other_motion["base"], other_motion["adapted"], with_causes)
         in_sample = _levels(noise_floor, base.in_sample, adapted.in_sample, with_effect.in_sample)
         return Gaps(in_sample, levels(POSTURES) or in_sample, other_motion, other_person)
+
+    def _carried_over(self, rungs: list[Rung]) -> CarriedOver | None:
+        """Predict persons who were not seen with the sizes of the others as they are."""
+        folds, person, search = self.search.folds, self.shoulders.person, self.search
+        if len(rungs) == 1:
+            return None
+        chosen, named = folds.of_kind(PERSON), rungs[-1].hypothesis
+        (of_others,) = search.predicted_gaps_deg(folds.only(PERSON), [named], search.mode(named), own_sizes=False)
+        every = rungs[0].gaps_deg[chosen], of_others, rungs[-1].gaps_deg[chosen]
+        return CarriedOver(*(by_bone(one, person[folds.subject]) for one in every))
 
     def _budget(self, gaps: Gaps, rungs: list[Rung]) -> tuple[Step, ...]:
         folds, person = self.search.folds, self.shoulders.person

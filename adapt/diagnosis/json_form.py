@@ -42,6 +42,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "alone_deg": diagnosis.alone_deg,
             "left_over_share": diagnosis.left_over_share,
             "gap_deg": _gaps(diagnosis.gaps),
+            "carried_over": _carried_over(diagnosis),
             "where": diagnosis.where.cells,
             "where_by": diagnosis.where.profile,
             "constraints": diagnosis.where.constraints,
@@ -92,6 +93,11 @@ def _amplitude(amplitude: CauseAmplitude) -> JsonObject:
         "option": amplitude.option,
         "by_subject": amplitude.by_subject,
     }
+
+
+def _carried_over(diagnosis: Diagnosis) -> JsonObject | None:
+    carried = diagnosis.carried_over
+    return None if carried is None else {**asdict(carried), "share": carried.share}
 
 
 def _step(step: Step) -> JsonObject:

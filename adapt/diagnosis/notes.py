@@ -1,10 +1,11 @@
 """What the numbers of a diagnosis rest on, a sentence each."""
 
+import math
 from collections.abc import Collection, Sequence
 
 from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
-from adapt.diagnosis.result import Diagnosis, Noise
+from adapt.diagnosis.result import ALL, Diagnosis, Noise
 from adapt.diagnosis.thorax_points import thorax_option
 from adapt.diagnosis.wording import gap_text, listed, unseen_text
 from models.effects.known import OPTION, THORAX_POINTS
@@ -24,6 +25,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *_limits(diagnosis),
         *_sampled(diagnosis),
         *_thorax(diagnosis),
+        *_carried_over(diagnosis),
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
         *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
@@ -41,6 +43,21 @@ def _thorax(diagnosis: Diagnosis) -> list[str]:
     return [
         f"The points on the thorax are another person's: {adapted_with} {gap_text(relieved[0])} deg. "
         "Better measure the person's own (girdle model --points)."
+    ]
+
+
+def _carried_over(diagnosis: Diagnosis) -> list[str]:
+    """Whether a new person can have the sizes of others."""
+    carried = diagnosis.carried_over
+    if carried is None or not math.isfinite(carried.share):
+        return []
+    others, own, none = (
+        gap_text(gaps[ALL].value) for gaps in (carried.sizes_of_others, carried.own_sizes, carried.without_causes)
+    )
+    said = f"to {carried.share:.0%}" if carried.share > 0.0 else "not at all: adapt each person"
+    return [
+        f"Sizes carry over to other persons {said}. On unseen motions a person keeps {others} deg with those of others "
+        f"as they are, {own} with its own, {none} without these causes."
     ]
 
 

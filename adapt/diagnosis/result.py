@@ -152,6 +152,25 @@ class Gaps:
 
 
 @dataclass(frozen=True)
+class CarriedOver:
+    """Gaps of persons of whom the sizes of the causes have seen nothing, on motions that were not fitted."""
+
+    without_causes: BoneGaps
+    """Without those that are sized; points on the thorax that are another person's count less."""
+    sizes_of_others: BoneGaps
+    """With the sizes that other persons have in common, as they are."""
+    own_sizes: BoneGaps
+    """With the person's own about them, adapted to its other motions."""
+
+    @property
+    def share(self) -> float:
+        """How much of what own sizes take away those of others do; below 0 they make it worse. NaN where own ones take
+        nothing."""
+        none, others, own = (gaps[ALL].value for gaps in (self.without_causes, self.sizes_of_others, self.own_sizes))
+        return (none - others) / (none - own) if none > own else math.nan
+
+
+@dataclass(frozen=True)
 class Noise:
     """SD of one measured angle, and what it rests on."""
 
@@ -224,6 +243,8 @@ class Diagnosis:
     left_over_share: float
     """Share of the adapted gap beyond noise that the causes leave over; NaN where there is none."""
     gaps: Gaps
+    carried_over: CarriedOver | None
+    """Whether sizes hold for persons who were not seen; None without causes or other persons."""
     parameters: dict[str, ParameterMeans]
     where: Where
     indistinguishable: list[list[str]]

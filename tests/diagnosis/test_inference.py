@@ -100,9 +100,12 @@ def test_amplitudes_of_a_test_are_those_of_data_without_what_it_holds_out():
         assert np.linalg.norm(off) < AT_THE_MODE
 
 
-def test_what_a_test_has_seen_is_adapted_as_girdle_adapt_does():
-    search, mean, between = searched(BIAS), (3.0, -4.0, 5.0), 0.7
-    option = {BIAS: PersonalSize(mean, tuple(between * EFFECTS[BIAS].prior_sd)), **RELIEVED}
+@pytest.mark.parametrize("between", [0.7, 0.0])
+def test_what_a_test_has_seen_is_adapted_as_girdle_adapt_does(between):
+    """With sizes of its own about the amplitudes, and with these as they are."""
+    search, mean = searched(BIAS), (3.0, -4.0, 5.0)
+    personal = PersonalSize(mean, tuple(between * EFFECTS[BIAS].prior_sd))
+    option = {BIAS: personal if between else mean, **RELIEVED}
     amplitude = np.tile([mean], (len(search.folds.tests), 1))
     theta_mm = search.mode((BIAS,)).theta_mm
     (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], theta_mm, [amplitude], between)

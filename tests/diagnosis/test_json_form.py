@@ -56,6 +56,9 @@ def assert_contract(found: Mapping[str, Any]) -> None:
     for levels in filter(None, (gap[part] for part in parts)):
         assert set(levels) == set(KINDS)
         assert all(numbers(levels[kind][bone], INTERVAL) for kind in KINDS for bone in ALL_AND_BONES)
+    if carried := found["carried_over"]:
+        assert set(carried) == {"without_causes", "sizes_of_others", "own_sizes", "share"}
+        assert all(numbers(carried[key][bone], INTERVAL) for key in set(carried) - {"share"} for bone in ALL_AND_BONES)
     shares = [cell["share"] for cell in found["where"]]
     assert shares == sorted(shares, reverse=True)
     assert set(found["parameters"]) == set(ADAPTED)
@@ -95,7 +98,8 @@ def test_causes_that_cannot_be_told_apart_stand_together():
 
 
 def test_what_was_not_held_out_is_null():
-    assert json_of(NOTHING)["gap_deg"]["other_person"] is None
+    assert json_of(NOTHING)["gap_deg"]["other_person"] is json_of(NOTHING)["carried_over"] is None
+    assert json_of(ONE)["carried_over"]["share"] == pytest.approx(0.5)
     gap = json_of(LONE)["gap_deg"]
     assert (gap["other_motion"], gap["other_person"]) == (None, None)
 

@@ -16,6 +16,7 @@ from adapt.diagnosis.result import (
     NONE,
     UNKNOWN,
     Answer,
+    CarriedOver,
     Cause,
     CauseAmplitude,
     Diagnoses,
@@ -122,6 +123,7 @@ ONE = Diagnosis(
     alone_deg={"scapula_landmark_bias": 0.9, "ac_translation": 2.1, NONE: 2.8},
     left_over_share=0.24,
     gaps=gap_of(2.8, 0.9),
+    carried_over=CarriedOver(*(dict.fromkeys(ALL_AND_BONES, around(gap)) for gap in (2.8, 1.85, 0.9))),
     parameters={name: ParameterMeans(100.0, 101.0) for name in ADAPTED},
     where=Where(
         cells=[cell("scapula_y", 0.0, 1.8, 0.7), cell("clavicle_x", 30.0, 1.2, 0.3), cell("clavicle_z", 0.0, 0.5, 0.0)],
@@ -181,6 +183,7 @@ NOTHING = replace(
     budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 0.5, NOISE: 0.3}),
     left_over_share=math.nan,
     gaps=replace(gap_of(0.6, 0.6), other_person=None),
+    carried_over=None,
 )
 """One person, nothing beyond noise."""
 
@@ -191,10 +194,13 @@ OUTSIDE = replace(
     budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, NOISE: 0.3}),
     left_over_share=1.0,
     gaps=gap_of(2.8, 2.8),
+    carried_over=None,
 )
 """A gap that no candidate takes away."""
 
-LONE = replace(ONE, kinds=("abduction",), gaps=replace(ONE.gaps, other_motion=None, other_person=None))
+LONE = replace(
+    ONE, kinds=("abduction",), gaps=replace(ONE.gaps, other_motion=None, other_person=None), carried_over=None
+)
 """One kind of motion."""
 
 THORAX = replace(
@@ -203,6 +209,7 @@ THORAX = replace(
     amplitude={THORAX_POINTS: thorax_amplitude(30.0)},
     budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 1.3, THORAX_POINTS: 0.9, NOISE: 0.3}),
     gaps=gap_of(1.3, 0.9),
+    carried_over=None,
 )
 """Nothing beyond noise but another person's thorax."""
 

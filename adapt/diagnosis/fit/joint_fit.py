@@ -180,11 +180,15 @@ class JointFit:
         between_per_deg: float,
     ) -> End:
         """Adapt every part, which is a group of its own, as `girdle adapt --effect` does, from these parameters: with
-        sizes of the person, about these amplitudes by so much of their prior SD (``extended.own_sizes``)."""
+        sizes of the person, about these amplitudes by so much of their prior SD (``extended.own_sizes``); by 0, with
+        these as they are."""
         shared, per_sd = self._shared(hypotheses), np.sqrt(weight_of_sizes(self._parts))[:, None]
         mean = np.zeros(shared.mean.shape)
         for group, amplitude in enumerate(amplitudes):
             mean[group, : len(amplitude)] = amplitude
+        if between_per_deg == 0.0:
+            parts = replace(self._parts, strengths=self._strengths(hypotheses, amplitudes))
+            return self._without_amplitudes(parts, theta_mm)._replace(amplitude=mean)
         about_mean = Shared(shared.columns, between_per_deg * shared.scale / per_sd, mean)
         return _minimum(self._parts, about_mean, theta_mm, mean)
 
@@ -196,15 +200,18 @@ class JointFit:
 
     def from_starts(self) -> End:
         """Adapt every part without effects from each start of `girdle adapt`, and take the lowest E."""
-        none = np.zeros((self.groups, 0))
-        nothing = Shared(np.zeros((0, *self._parts.strengths.shape)), none, none)
-        found = [_minimum(self._parts, nothing, self.model.theta_mm[self.subject] + start, none) for start in STARTS_MM]
+        first = self.model.theta_mm[self.subject]
+        found = [self._without_amplitudes(self._parts, first + start) for start in STARTS_MM]
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E
             theta = np.where(lower[:, None], other.theta_mm, best.theta_mm)
             best = best._replace(theta_mm=theta, E=np.minimum(best.E, other.E))
         return best
+
+    def _without_amplitudes(self, parts: Parts, theta_mm: Float[np.ndarray, "parts adapted"]) -> End:
+        none = np.zeros((self.groups, 0))
+        return _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
 
 
 def _minimum(parts: Parts, shared: Shared, theta_mm, amplitude) -> End:

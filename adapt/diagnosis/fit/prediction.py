@@ -53,7 +53,8 @@ def unseen_gaps_deg(
     between_per_deg: float,
 ) -> list[Float[np.ndarray, "tests 6"]]:
     """Adapt the shoulder of every test with each hypothesis, from these parameters (``JointFit.adapt``): mean
-    |simulated - measured| of its rows, NaN of an angle that was not measured."""
+    |simulated - measured| of its rows, NaN of an angle that was not measured. With ``between_per_deg`` 0 the amplitudes
+    stay as they are."""
     tests, shoulders = folds.tests * len(hypotheses), joint.shoulders
     seen = tuple(Part(test.subject, number, test.seen_rows) for number, test in enumerate(tests))
     unseen = tuple(part._replace(rows=test.rows) for part, test in zip(seen, tests, strict=True))

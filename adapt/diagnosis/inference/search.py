@@ -249,12 +249,14 @@ class Search:
         return self.gaps[hypothesis]
 
     def predicted_gaps_deg(
-        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Posterior
+        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Posterior, own_sizes: bool = True
     ) -> list[Float[np.ndarray, "tests 6"]]:
-        """Predict tests with each of some sets, in the linear model around the mode of one within them."""
+        """Predict tests with each of some sets, in the linear model around the mode of one within them; the shoulder of
+        a test has sizes of its own about the amplitudes, or the amplitudes themselves."""
         candidates, without = self.joint.candidates, self.likelihood_without
         amplitudes = [unseen_amplitudes(folds, candidates, hypothesis, at, without) for hypothesis in hypotheses]
-        return unseen_gaps_deg(self.joint, folds, hypotheses, at.theta_mm, amplitudes, self.discrepancy.between_per_deg)
+        between = self.discrepancy.between_per_deg if own_sizes else 0.0
+        return unseen_gaps_deg(self.joint, folds, hypotheses, at.theta_mm, amplitudes, between)
 
     @cached_property
     def without_causes(self) -> Linearised:
