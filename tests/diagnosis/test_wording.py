@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 from diagnoses import (
-    ALL_AND_BONES,
     BLIND,
     BY_KIND,
     LONE,
@@ -16,7 +15,7 @@ from diagnoses import (
     THORAX,
     TWO,
     UNTESTED,
-    around,
+    carried_over,
     cause,
     gap_of,
     verdict,
@@ -166,10 +165,9 @@ def test_the_notes_say_whether_sizes_hold_for_other_persons():
     """Others' take 0.95 of the 1.9 deg that own ones take away."""
     unseen = "On unseen motions a person keeps {} deg with those of others as they are"
     assert f"Sizes carry over to other persons to 50%. {unseen.format('1.85')}" in " ".join(notes(ONE))
-    others = dict.fromkeys(ALL_AND_BONES, around(3.0))
-    worse = replace(ONE, carried_over=replace(ONE.carried_over, sizes_of_others=others))
+    worse = replace(ONE, carried_over=carried_over(2.8, 3.0, 0.9))
     assert f"not at all: adapt each person. {unseen.format('3.00')}" in " ".join(notes(worse))
-    for one in (None, replace(ONE.carried_over, own_sizes=others)):
+    for one in (None, carried_over(2.8, 1.0, 3.0)):
         assert "carry over" not in " ".join(notes(replace(ONE, carried_over=one)))
 
 

@@ -67,6 +67,11 @@ def gap_of(adapted: float, with_effect: float) -> Gaps:
     )
 
 
+def carried_over(*gaps_deg: float) -> CarriedOver:
+    """Without causes, with sizes of others, with own ones."""
+    return CarriedOver(*(dict.fromkeys(ALL_AND_BONES, around(gap)) for gap in gaps_deg))
+
+
 def ladder(**steps: float) -> tuple[Step, ...]:
     return tuple(Step(name, around(gap_deg)) for name, gap_deg in steps.items())
 
@@ -123,7 +128,7 @@ ONE = Diagnosis(
     alone_deg={"scapula_landmark_bias": 0.9, "ac_translation": 2.1, NONE: 2.8},
     left_over_share=0.24,
     gaps=gap_of(2.8, 0.9),
-    carried_over=CarriedOver(*(dict.fromkeys(ALL_AND_BONES, around(gap)) for gap in (2.8, 1.85, 0.9))),
+    carried_over=carried_over(2.8, 1.85, 0.9),
     parameters={name: ParameterMeans(100.0, 101.0) for name in ADAPTED},
     where=Where(
         cells=[cell("scapula_y", 0.0, 1.8, 0.7), cell("clavicle_x", 30.0, 1.2, 0.3), cell("clavicle_z", 0.0, 0.5, 0.0)],
