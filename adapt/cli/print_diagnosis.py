@@ -122,9 +122,12 @@ def _gaps(diagnosis: Diagnosis) -> Table:
         if levels is None:
             continue
         table.add_row(part)
-        for kind, name in kinds.items():
-            values = (interval_text(levels[kind][bone]) for bone in _COLUMNS)
-            table.add_row(f"  {name}", *values, end_section=kind == list(kinds)[-1])
+        rows = {name: levels[kind] for kind, name in kinds.items()}
+        if diagnosis.carried_over and levels is gaps.other_person:
+            rows["others' sizes"] = diagnosis.carried_over.sizes_of_others
+        for name, of_bones in rows.items():
+            values = (interval_text(of_bones[bone]) for bone in _COLUMNS)
+            table.add_row(f"  {name}", *values, end_section=name == list(rows)[-1])
     return table
 
 
