@@ -7,7 +7,7 @@ where there is no other motion, or no other person.
 """
 
 import argparse
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from adapt.diagnosis.wording import gap_text
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import read_amplitudes
-from motions import InputError, Motions, read_motions
-from scripts.reporting import CADAVER_SETS
+from motions import Motions
+from scripts.reporting import bone_pins
 
 _BONES = ("scapula", "clavicle")
 
@@ -30,18 +30,12 @@ _NEVER_UNDER_PINS = ("skin_artefact", "clavicle_axial_estimate")
 
 def main() -> None:
     """Diagnose the motions with each set and print one table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
-    parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(CADAVER_SETS)}")
-    options = parser.parse_args()
-    try:
-        motions = read_motions(*options.motions)
-    except InputError as error:
-        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
+    described = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    motions, options = bone_pins(described)
     unseen = "motion unseen | sizes of others as they are | names and sizes without the person"
     print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
     print("|---|---|---|---|---|---|")
-    for name in options.model or CADAVER_SETS:
+    for name in options.model:
         model = load_model(name)
         print(_row(diagnose(motions, model)[name], named_without(motions, model)), flush=True)
 
@@ -53,14 +47,20 @@ def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
     if shoulders.persons < 2 or len(shoulders.kinds) < 2:
         return dict.fromkeys(_BONES, np.nan)
     found = []
+    for others, left_out in one_left_out(motions):
+        known = read_amplitudes(diagnose(others, model)[model.name].options)
+        unseen = adapted_gaps(left_out, model, known, dict.fromkeys(left_out.subjects, 0)).unseen
+        found.append([unseen[MOTION][bone].value if MOTION in unseen else np.nan for bone in _BONES])
+    return dict(zip(_BONES, known_mean(np.array(found).T).tolist(), strict=True))
+
+
+def one_left_out(motions: Motions) -> Iterator[tuple[Motions, Motions]]:
+    """Leave each person out in turn, left and right together: the motions of all others, and the person's."""
+    shoulders, _ = usable(motions)
     for person in range(shoulders.persons):
         own = [name for name, one in zip(shoulders.subjects, shoulders.person, strict=True) if one == person]
         of_person = np.isin(motions.subject, own)
-        options = diagnose(motions.select(~of_person), model)[model.name].options
-        known = read_amplitudes(options)
-        unseen = adapted_gaps(motions.select(of_person), model, known, dict.fromkeys(own, person)).unseen
-        found.append([unseen[MOTION][bone].value if MOTION in unseen else np.nan for bone in _BONES])
-    return dict(zip(_BONES, known_mean(np.array(found).T).tolist(), strict=True))
+        yield motions.select(~of_person), motions.select(of_person)
 
 
 def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:

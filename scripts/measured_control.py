@@ -8,8 +8,8 @@ is adapted with them: once with these sizes as they are, and once with sizes of 
 """
 
 import argparse
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +28,9 @@ from adapt.diagnosis.thorax_points import thorax_option
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
-from motions import InputError, Motions, read_motions
-from scripts.reporting import CADAVER_SETS, markdown
+from motions import Motions
+from scripts.measured_check import one_left_out
+from scripts.reporting import bone_pins, markdown
 
 SEED, DRAWN = 1, 20
 """Sets drawn for each person and parameter set."""
@@ -45,19 +46,13 @@ class Gaps(NamedTuple):
 def main() -> None:
     """Adapt each person with what is named without it and with sets drawn at random; print one table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
-    parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(CADAVER_SETS)}")
     parser.add_argument("--drawn", type=int, default=DRAWN, help=f"sets drawn for each person; default: {DRAWN}")
-    options = parser.parse_args()
-    try:
-        motions = read_motions(*options.motions)
-    except InputError as error:
-        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
+    motions, options = bone_pins(parser)
     rows, generator = [], np.random.default_rng(SEED)
-    for name in options.model or CADAVER_SETS:
+    for name in options.model:
         model, found = load_model(name), []
-        for of_others, gap in track(list(_left_out(motions, model)), name, console=Console(stderr=True)):
-            search = _searched(of_others, model)
+        for others, left_out in track(list(one_left_out(motions)), name, console=Console(stderr=True)):
+            gap, search = partial(_gap_deg, left_out, model), _searched(others, model)
             named = name_causes(search, 0.0).hypothesis
             drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(options.drawn)]
             found.append((gap(NO_EFFECTS), gap(_RELIEVED), *(_gaps(search, one, gap) for one in (named, *drawn))))
@@ -87,18 +82,8 @@ def cells(found: list) -> list[str]:
 _RELIEVED = read_amplitudes([thorax_option(RELIEF)])
 
 
-def _left_out(motions: Motions, model: ParameterSet) -> Iterator[tuple[Motions, Callable[[Amplitudes], float]]]:
-    """The motions of all persons but one, and how large the gap of that one is."""
-    shoulders, _ = usable(motions)
-    for person in range(shoulders.persons):
-        own = [name for name, one in zip(shoulders.subjects, shoulders.person, strict=True) if one == person]
-        mine = np.isin(motions.subject, own)
-        of_person, alike = motions.select(mine), dict.fromkeys(own, person)
-
-        def gap(effects: Amplitudes, of_person=of_person, alike=alike) -> float:
-            return adapted_gaps(of_person, model, effects, alike).unseen[MOTION][ALL].value
-
-        yield motions.select(~mine), gap
+def _gap_deg(motions: Motions, model: ParameterSet, effects: Amplitudes) -> float:
+    return adapted_gaps(motions, model, effects, dict.fromkeys(motions.subjects, 0)).unseen[MOTION][ALL].value
 
 
 def _searched(motions: Motions, model: ParameterSet) -> Search:

@@ -9,7 +9,6 @@ the gap without causes, in the median and at most.
 import argparse
 from collections.abc import Iterator
 from itertools import combinations
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +23,8 @@ from adapt.diagnosis.result import ALL
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import NO_EFFECTS, read_amplitudes
-from motions import InputError, Motions, read_motions
-from scripts.reporting import CADAVER_SETS, markdown
+from motions import Motions
+from scripts.reporting import bone_pins, markdown
 
 REST, ONE, SHOULDER, LESS = "all persons but one", "one person", "one shoulder", "one person, two kinds of motion"
 
@@ -40,16 +39,10 @@ class Seen(NamedTuple):
 
 def main() -> None:
     """Diagnose parts of the motions with each set and print one table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
-    parser.add_argument("--model", action="append", help=f"parameter sets; default: {', '.join(CADAVER_SETS)}")
-    options = parser.parse_args()
-    try:
-        motions = read_motions(*options.motions)
-    except InputError as error:
-        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
+    described = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    motions, options = bone_pins(described)
     gaps: dict[str, list[tuple[float, float]]] = {}
-    for name in options.model or CADAVER_SETS:
+    for name in options.model:
         model = load_model(name)
         for seen in track(list(parts(motions)), name, console=Console(stderr=True)):
             gaps.setdefault(seen.what, []).append(gaps_of_others_deg(motions, model, seen))

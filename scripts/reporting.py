@@ -1,5 +1,6 @@
-"""What several scripts share: tables, names on the command line, timing, Markdown, and how sure a rate is."""
+"""What several scripts share: tables, names and files on the command line, timing, Markdown, how sure a rate is."""
 
+import argparse
 import math
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -8,12 +9,26 @@ from pathlib import Path
 import pandas as pd
 import typer
 
-from motions import InputError
+from motions import InputError, Motions, read_motions
 
 NAMES = ("model", "subject", "motion")
 
 CADAVER_SETS = ("breteler_dissection", "breteler_mri", "R2", "R4", "R6")
 """The shipped sets of whole cadavers: das3 has contact points in place of TS and AI."""
+
+
+def bone_pins(parser: argparse.ArgumentParser) -> tuple[Motions, argparse.Namespace]:
+    """Take measured motions and parameter sets from the command line, and read the motions; end with a message where
+    they are none."""
+    parser.add_argument("motions", nargs="+", type=Path, help="motion files of bone-pin shoulders")
+    sets = f"parameter sets; default: {', '.join(CADAVER_SETS)}"
+    parser.add_argument("--model", action="append", default=[], help=sets)
+    options = parser.parse_args()
+    options.model = options.model or CADAVER_SETS
+    try:
+        return read_motions(*options.motions), options
+    except InputError as error:
+        parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
 
 
 def read_table(path: Path, columns: Collection[str] = ()) -> pd.DataFrame:

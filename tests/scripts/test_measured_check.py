@@ -7,9 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adapt.diagnosis.fit.candidates import lay_out
+from adapt.diagnosis.fit.shoulders import usable
 from models import load_model
+from models.effects import EFFECTS
 from motions import read_motions
 from scripts.measured_check import named_without
+from scripts.measured_control import Gaps, cells, drawn_at_random
 from scripts.measured_fewer import LESS, ONE, REST, SHOULDER, parts, table
 
 SHIPPED = Path(__file__).parents[2] / "motions" / "data" / "simulated_subjects.csv"
@@ -44,3 +48,20 @@ def test_what_is_seen_is_never_of_a_person_of_whom_the_gap_is_told():
 def test_the_table_of_fewer_says_what_is_left_and_where_it_is_more():
     row = table({ONE: [(2.0, 1.0), (2.0, 3.0), (1.0, 0.2)]}).splitlines()[-1]
     assert [cell.strip() for cell in row.strip("|").split("|")] == [ONE, "3", "1.67", "1.40", "50%", "150%", "1 of 3"]
+
+
+def test_causes_at_random_are_different_ones_with_all_their_numbers():
+    shoulders, _ = usable(read_motions(SHIPPED))
+    candidates = lay_out(
+        [EFFECTS[name] for name in ("conoid_strain", "ac_translation", "ac_translation:posture")], shoulders
+    )
+    for seed in range(5):
+        found = drawn_at_random(candidates, 2, np.random.default_rng(seed))
+        assert sorted(found) == ["ac_translation:posture", "conoid_strain"]
+        assert len(drawn_at_random(candidates, 1, np.random.default_rng(seed))) == 1
+
+
+def test_the_table_of_the_control_counts_sets_at_random_that_leave_no_more():
+    first = (2.0, 1.5, Gaps(1.0, 0.5), Gaps(0.9, 0.6), Gaps(1.1, 0.5))
+    second = (1.0, 0.5, Gaps(2.0, 0.7), Gaps(3.0, 0.8), Gaps(3.0, 0.9))
+    assert cells([first, second]) == ["1.50", "1.00", "1.50", "2.05", "1 of 4", "0.60", "0.70", "1 of 4"]
