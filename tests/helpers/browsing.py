@@ -36,6 +36,7 @@ SETTLED = f"""
 
 START = """
 (chosen) => {
+  if (typeof playing !== "undefined" && playing !== null) play(); // a test that failed has left it on
   document.querySelectorAll("details[open]").forEach((one) => (one.open = false));
   ["model", "lines", "joint"].filter(element).forEach((key) => (element(key).value = chosen[key]));
   go({ ...chosen, looks: at.looks + 1 });
