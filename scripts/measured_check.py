@@ -15,10 +15,11 @@ from adapt.diagnosis import Diagnosis, diagnose
 from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.intervals import known_mean
+from adapt.diagnosis.result import ALL
 from adapt.diagnosis.wording import gap_text
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
-from models.effects.known import read_amplitudes
+from models.effects.known import Amplitudes, read_amplitudes
 from motions import Motions
 from scripts.reporting import bone_pins
 
@@ -48,19 +49,28 @@ def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
         return dict.fromkeys(_BONES, np.nan)
     found = []
     for others, left_out in one_left_out(motions):
-        known = read_amplitudes(diagnose(others, model)[model.name].options)
-        unseen = adapted_gaps(left_out, model, known, dict.fromkeys(left_out.subjects, 0)).unseen
-        found.append([unseen[MOTION][bone].value if MOTION in unseen else np.nan for bone in _BONES])
+        unseen = unseen_gaps_deg(left_out, model, read_amplitudes(diagnose(others, model)[model.name].options))
+        found.append([unseen[bone] for bone in _BONES])
     return dict(zip(_BONES, known_mean(np.array(found).T).tolist(), strict=True))
 
 
 def one_left_out(motions: Motions) -> Iterator[tuple[Motions, Motions]]:
-    """Leave each person out in turn, left and right together: the motions of all others, and the person's."""
+    """Leave each person out in turn, left and right together: the motions of all others, and the person's; nothing of
+    one person. Subjects that say too little are in neither."""
     shoulders, _ = usable(motions)
-    for person in range(shoulders.persons):
-        own = [name for name, one in zip(shoulders.subjects, shoulders.person, strict=True) if one == person]
-        of_person = np.isin(motions.subject, own)
-        yield motions.select(~of_person), motions.select(of_person)
+    if shoulders.persons < 2:
+        return
+    of_subject = dict(zip(shoulders.subjects, shoulders.person.tolist(), strict=True))
+    person = np.array([of_subject.get(subject, -1) for subject in motions.subject.tolist()])
+    for one in range(shoulders.persons):
+        yield motions.select((person >= 0) & (person != one)), motions.select(person == one)
+
+
+def unseen_gaps_deg(motions: Motions, model: ParameterSet, effects: Amplitudes) -> dict[str, float]:
+    """Compute the mean gap of motions that the subjects were not adapted to, of all angles and by bone; NaN where each
+    has but one."""
+    gaps = adapted_gaps(motions, model, effects, dict.fromkeys(motions.subjects, 0)).unseen.get(MOTION)
+    return {part: gaps[part].value if gaps else np.nan for part in (ALL, *_BONES)}
 
 
 def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:

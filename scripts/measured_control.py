@@ -16,7 +16,6 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis, candidate_effects, lay_out
 from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit, Model, everybody
 from adapt.diagnosis.fit.shoulders import usable
@@ -25,11 +24,10 @@ from adapt.diagnosis.inference.naming import name_causes
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.result import ALL
 from adapt.diagnosis.thorax_points import thorax_option
-from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
 from motions import Motions
-from scripts.measured_check import one_left_out
+from scripts.measured_check import one_left_out, unseen_gaps_deg
 from scripts.reporting import bone_pins, markdown
 
 SEED, DRAWN = 1, 20
@@ -52,10 +50,11 @@ def main() -> None:
     for name in options.model:
         model, found = load_model(name), []
         for others, left_out in track(list(one_left_out(motions)), name, console=Console(stderr=True)):
-            gap, search = partial(_gap_deg, left_out, model), _searched(others, model)
+            gaps, search = partial(unseen_gaps_deg, left_out, model), _searched(others, model)
             named = name_causes(search, 0.0).hypothesis
             drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(options.drawn)]
-            found.append((gap(NO_EFFECTS), gap(_RELIEVED), *(_gaps(search, one, gap) for one in (named, *drawn))))
+            without = [gaps(effects)[ALL] for effects in (NO_EFFECTS, _RELIEVED)]
+            found.append((*without, *(_gaps(search, one, gaps) for one in (named, *drawn))))
         rows.append([name, *cells(found)])
     sizes = [f"{of}: {which}" for of in ("sizes of others", "own sizes") for which in ("named", "at random", "as good")]
     print(markdown(["parameter set", "adapted, deg", "+ thorax_points", *sizes], rows))
@@ -82,10 +81,6 @@ def cells(found: list) -> list[str]:
 _RELIEVED = read_amplitudes([thorax_option(RELIEF)])
 
 
-def _gap_deg(motions: Motions, model: ParameterSet, effects: Amplitudes) -> float:
-    return adapted_gaps(motions, model, effects, dict.fromkeys(motions.subjects, 0)).unseen[MOTION][ALL].value
-
-
 def _searched(motions: Motions, model: ParameterSet) -> Search:
     """Search for the causes as `girdle diagnose` does."""
     shoulders, _ = usable(motions)
@@ -94,7 +89,7 @@ def _searched(motions: Motions, model: ParameterSet) -> Search:
     return Search(joint, folds_of(shoulders)).run()
 
 
-def _gaps(search: Search, hypothesis: Hypothesis, gap: Callable[[Amplitudes], float]) -> Gaps:
+def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes], dict[str, float]]) -> Gaps:
     """With the sizes of a set that the search's persons have in common."""
     candidates = search.joint.candidates
     given = search.given(search.mode(hypothesis), hypothesis)
@@ -102,7 +97,7 @@ def _gaps(search: Search, hypothesis: Hypothesis, gap: Callable[[Amplitudes], fl
     sizes = {one.name: (given.amplitude[own], sd[own]) for one, own in candidates.slices(hypothesis)}
     fixed = {name: tuple(a) for name, (a, _) in sizes.items()}
     personal = {name: PersonalSize(tuple(a), tuple(sd)) for name, (a, sd) in sizes.items()}
-    return Gaps(gap({**_RELIEVED, **fixed}), gap({**_RELIEVED, **personal}))
+    return Gaps(*(gaps({**_RELIEVED, **effects})[ALL] for effects in (fixed, personal)))
 
 
 if __name__ == "__main__":

@@ -12,18 +12,15 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
 from rich.console import Console
 from rich.progress import track
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.adapted_gaps import adapted_gaps
-from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.result import ALL
-from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects.known import NO_EFFECTS, read_amplitudes
 from motions import Motions
+from scripts.measured_check import one_left_out, unseen_gaps_deg
 from scripts.reporting import bone_pins, markdown
 
 REST, ONE, SHOULDER, LESS = "all persons but one", "one person", "one shoulder", "one person, two kinds of motion"
@@ -33,8 +30,8 @@ class Seen(NamedTuple):
     """What a diagnosis sees, and of whom the gap is told."""
 
     what: str
-    rows: Bool[np.ndarray, " postures"]
-    others: Bool[np.ndarray, " postures"]
+    motions: Motions
+    others: Motions
 
 
 def main() -> None:
@@ -45,38 +42,27 @@ def main() -> None:
     for name in options.model:
         model = load_model(name)
         for seen in track(list(parts(motions)), name, console=Console(stderr=True)):
-            gaps.setdefault(seen.what, []).append(gaps_of_others_deg(motions, model, seen))
+            gaps.setdefault(seen.what, []).append(gaps_of_others_deg(model, seen))
     print(table(gaps))
 
 
 def parts(motions: Motions) -> Iterator[Seen]:
     """Choose what is seen in turn; nothing where there is one person."""
-    shoulders, _ = usable(motions)
-    number = dict(zip(shoulders.subjects, shoulders.person.tolist(), strict=True))
-    person = np.array([number.get(subject, -1) for subject in motions.subject.tolist()])
-    if shoulders.persons < 2:
-        return
-    for one in range(shoulders.persons):
-        yield Seen(REST, (person >= 0) & (person != one), person == one)
-    for one in range(shoulders.persons):
-        others = (person >= 0) & (person != one)
-        yield Seen(ONE, person == one, others)
-        for subject in sorted(set(motions.subject[person == one].tolist())):
-            yield Seen(SHOULDER, motions.subject == subject, others)
-        for pair in combinations(shoulders.kinds, 2):
-            yield Seen(LESS, (person == one) & np.isin(motions.motion, pair), others)
+    kinds = sorted(set(motions.motion.tolist()))
+    for others, one in one_left_out(motions):
+        yield Seen(REST, others, one)
+        yield Seen(ONE, one, others)
+        for subject in one.subjects:
+            yield Seen(SHOULDER, one.select(one.subject == subject), others)
+        for pair in combinations(kinds, 2):
+            yield Seen(LESS, one.select(np.isin(one.motion, pair)), others)
 
 
-def gaps_of_others_deg(motions: Motions, model: ParameterSet, seen: Seen) -> tuple[float, float]:
+def gaps_of_others_deg(model: ParameterSet, seen: Seen) -> tuple[float, float]:
     """Compute the mean gap of the others on unseen motions, without causes and with those named on what is seen."""
-    options = diagnose(motions.select(seen.rows), model)[model.name].options
-    others = motions.select(seen.others)
-    alike = dict.fromkeys(others.subjects, 0)
-
-    def gap(effects) -> float:
-        return adapted_gaps(others, model, effects, alike).unseen[MOTION][ALL].value
-
-    return gap(NO_EFFECTS), gap(read_amplitudes(options))
+    named = read_amplitudes(diagnose(seen.motions, model)[model.name].options)
+    without, with_causes = (unseen_gaps_deg(seen.others, model, effects)[ALL] for effects in (NO_EFFECTS, named))
+    return without, with_causes
 
 
 def table(gaps: dict[str, list[tuple[float, float]]]) -> str:
