@@ -88,12 +88,14 @@ def examine(case: Elsewhere, only_at_work: bool) -> Line:
 def true_sizes(truth: dict[str, Any], motions: Motions, found: Diagnosis) -> dict[str, dict[str, float]]:
     """By effect at work and direction: the first amplitude of the library's course nearest to the true strengths of a
     subject, the mean over the subjects; of the effects whose sizes the diagnosis and the truth both tell."""
+    courses = {name: EFFECTS.get(one.option.partition("=")[0]) for name, one in found.amplitude.items()}
     of_subjects: dict[str, list[dict[str, float]]] = {}
     for subject, effects in truth.get("strengths", {}).items():
         if subject in found.subjects:
             own = motions.select(motions.subject == subject)
-            for name in found.amplitude.keys() & effects:
-                of_subjects.setdefault(name, []).append(_nearest_amplitudes(EFFECTS[name], effects[name], own))
+            for name in courses.keys() & effects:
+                if (course := courses[name]) and effects[name].keys() >= set(course.directions):
+                    of_subjects.setdefault(name, []).append(_nearest_amplitudes(course, effects[name], own))
     return {name: pd.DataFrame(each).mean().to_dict() for name, each in of_subjects.items()}
 
 

@@ -1,6 +1,6 @@
 """What an effect does in one posture, in the directions and units that `girdle effects` lists for it.
 
-Of the effects that are there in the same form: those that bend a bone, the rib cage or the skin here have another.
+Of the effects that are there in the same form: those that bend a bone or the rib cage here have another.
 """
 
 from collections.abc import Sequence
@@ -31,6 +31,8 @@ def strengths(person: Girdle, effect: Effect, elevation: float, breath: float, m
             return _about(bent.tilt)
         case "scapula_landmark_bias":
             return _about(scapula)
+        case "skin_artefact":  # by so much further has the bone turned
+            return _about(scapula.T)
         case "thorax_extension":
             return _about(frame)
         case "clavicle_axial_estimate":  # by so much more has the bone turned

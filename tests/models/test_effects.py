@@ -75,6 +75,7 @@ CONTRACT = [
     "ac_translation:posture",
     "sc_translation:posture",
     "thorax_extension:posture",
+    "skin_artefact:elevation",
 ]
 """The names that files and commands of other versions know."""
 

@@ -11,6 +11,7 @@ import pytest
 from adapt.diagnosis.result import ALL, Cause, Interval, Noise, Verdict
 from models import ParameterSet
 from models.effects import Effect
+from models.effects.effect import cause_of
 from motions import Motions
 from scripts import check_elsewhere
 from scripts.blind.runs import read_lines
@@ -107,14 +108,27 @@ def test_true_sizes_are_those_of_the_nearest_course_of_the_library() -> None:
         "b": {"sc_translation": moved, "thorax_tilt": more},
         "left out": {"thorax_tilt": more},
     }
-    found: Any = SimpleNamespace(
-        subjects=["a", "b"], amplitude=dict.fromkeys(["thorax_tilt", "sc_translation", "thorax_shape"])
-    )
+    found = saying("thorax_tilt", "sc_translation", "thorax_shape")
     true = check_elsewhere.true_sizes({"strengths": strengths}, motions, found)
     assert set(true) == {"thorax_tilt", "sc_translation"}
     assert true["thorax_tilt"] == pytest.approx({"about x": 5.0, "about y": 5.0, "about z": 5.0})
     assert true["sc_translation"] == pytest.approx({"lateral": 15.0, "up": 15.0, "back": -15.0})
     assert check_elsewhere.true_sizes({"label": "none"}, motions, found) == {}
+
+
+@pytest.mark.parametrize(("name", "told"), [("skin_artefact:elevation", 15.0), ("skin_artefact", None)])
+def test_a_true_size_is_one_of_the_course_that_is_named(name: str, told: float | None) -> None:
+    """The share of a measured lag is none of the strengths about three axes."""
+    motions = motions_of(np.zeros((1, 4, 6)), ["a"])
+    lag = dict.fromkeys(("about x", "about y", "about z"), (0.1 * motions.humerus_elevation_deg).tolist())
+    true = check_elsewhere.true_sizes({"strengths": {"a": {"skin_artefact": lag}}}, motions, saying(name))
+    assert true == ({"skin_artefact": pytest.approx(dict.fromkeys(lag, told))} if told else {})
+
+
+def saying(*names: str) -> Any:
+    """A diagnosis that names these courses."""
+    amplitude = {cause_of(name): SimpleNamespace(option=f"{name}=1") for name in (*names, "thorax_points")}
+    return SimpleNamespace(subjects=["a", "b"], amplitude=amplitude)
 
 
 def test_a_folder_without_worlds_says_what_is_missing(tmp_path: Path) -> None:

@@ -44,6 +44,7 @@ HAVE_STRENGTHS = (
     "scapula_landmark_bias",
     "thorax_extension",
     "clavicle_axial_estimate",
+    "skin_artefact",
 )
 """Effects that have the library's form."""
 

@@ -1,0 +1,26 @@
+"""A marker on the skin lags behind the scapula, but not on the way that the scapula turns: a second course of the lag.
+
+Beside a locator that palpates the scapula, a cluster on the acromion shows too little lateral rotation, most above 90
+deg, and may show too much tipping (Meskers et al. 2007, van Andel et al. 2009, Warner et al. 2012).
+"""
+
+from dataclasses import replace
+
+from models.effects.course import ELEVATION
+from models.effects.measurement import skin_artefact
+from models.effects.prior import EffectPrior
+
+EFFECT = replace(
+    skin_artefact.EFFECT,
+    name=f"{skin_artefact.EFFECT.name}:elevation",
+    what="a skin marker lags the scapula in any direction, more and more with elevation",
+    unit="deg",
+    directions=("about x", "about y", "about z"),
+    course=ELEVATION,
+    prior=EffectPrior(
+        scale=(6.0, 4.0, 6.5),
+        sign=(0, 0, 1),
+        source="lateral rotation: 6.5 deg on average, 13 at worst (Meskers 2007); tipping: up to 7.2 (Warner 2012); "
+        "protraction: assumed less",
+    ),
+)
