@@ -16,17 +16,15 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from adapt.diagnosis.fit.candidates import Candidates, Hypothesis, candidate_effects, lay_out
-from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit, Model, everybody
+from adapt.diagnosis.fit.candidates import Candidates, Hypothesis, candidate_effects
+from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.fit.shoulders import usable
-from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.naming import name_causes
-from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.result import ALL
 from adapt.diagnosis.thorax_points import thorax_option
-from models import ParameterSet, load_model
+from models import load_model
 from models.effects.known import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
-from motions import Motions
 from scripts.measured_check import one_left_out, unseen_gaps_deg
 from scripts.reporting import bone_pins, markdown
 
@@ -50,7 +48,8 @@ def main() -> None:
     for name in options.model:
         model, found = load_model(name), []
         for others, left_out in track(list(one_left_out(motions)), name, console=Console(stderr=True)):
-            gaps, search = partial(unseen_gaps_deg, left_out, model), _searched(others, model)
+            gaps, (shoulders, _) = partial(unseen_gaps_deg, left_out, model), usable(others)
+            search = search_of(model, shoulders, candidate_effects(model, shoulders.subjects)).run()
             named = name_causes(search, 0.0).hypothesis
             drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(options.drawn)]
             without = [gaps(effects)[ALL] for effects in (NO_EFFECTS, _RELIEVED)]
@@ -79,14 +78,6 @@ def cells(found: list) -> list[str]:
 
 
 _RELIEVED = read_amplitudes([thorax_option(RELIEF)])
-
-
-def _searched(motions: Motions, model: ParameterSet) -> Search:
-    """Search for the causes as `girdle diagnose` does."""
-    shoulders, _ = usable(motions)
-    fitted = Model.of(model, shoulders.subjects, candidate_effects(model, shoulders.subjects))
-    joint = JointFit(fitted, shoulders, lay_out(fitted.effects, shoulders), everybody(shoulders))
-    return Search(joint, folds_of(shoulders)).run()
 
 
 def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes], dict[str, float]]) -> Gaps:

@@ -8,20 +8,18 @@ from threadpoolctl import threadpool_limits
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps
 from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.design.next_measurement import indistinguishable, lacking, propose
-from adapt.diagnosis.fit.candidates import candidate_effects, lay_out
-from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
-from adapt.diagnosis.fit.measured_sizes import measured_sizes
+from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
 from adapt.diagnosis.fit.slips import without_slips
-from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
+from adapt.diagnosis.fit.unseen_folds import PERSON
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung, alone_deg
 from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.naming import Named, name_causes, nothing_named
-from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.search import search_of
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
@@ -105,16 +103,11 @@ class _Study:
         self, model: AnyModel, every: Shoulders, effects: tuple[Effect, ...], computed: bool, progress: Progress
     ):
         self.model, self.motions, self.computed, self.progress = model, every.motions, computed, progress
-        shoulders, self.nearest = sampled(every)
-        self.shoulders = shoulders
+        self.shoulders, self.nearest = sampled(every)
         self.library = {one.name: one for one in effects}  # the caller's own among them
-        fitted = Model.of(model, shoulders.subjects, effects)
-        self.sizes = measured_sizes(shoulders, fitted.sets.girdle, effects)
-        candidates = lay_out(effects, shoulders, self.sizes)
-        joint = JointFit(fitted, shoulders, candidates, everybody(shoulders))
         known = tuple(name for name in self.library if name == ESTIMATE and computed)
-        self.search = Search(joint, folds_of(shoulders), progress, known)
-        self.person = {name: int(p) for name, p in zip(shoulders.subjects, shoulders.person, strict=True)}
+        self.search = search_of(model, self.shoulders, effects, known, progress)
+        self.person = dict(zip(self.shoulders.subjects, self.shoulders.person.tolist(), strict=True))
 
     def diagnose(
         self,
@@ -125,6 +118,7 @@ class _Study:
     ) -> Diagnosis:
         """Search, weigh, name, and measure what the names are worth."""
         search, shoulders = self.search.run(), self.shoulders
+        candidates = search.joint.candidates
         none = search.without_causes
         noise = estimate_noise(shoulders, search.best.posterior.y, noise_deg)
         floor = floor_deg(noise, shoulders, none.B)
@@ -163,7 +157,7 @@ class _Study:
             axial_is_computed=self.computed,
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
-            landmark_sizes={name: of_landmarks(self.library[name], one) for name, one in self.sizes.items()},
+            landmark_sizes={name: of_landmarks(candidates.effect(name), one) for name, one in candidates.sizes.items()},
             budget=budget,
             alone_deg=alone_deg(search),
             left_over_share=_left_over(gaps),

@@ -63,6 +63,8 @@ class Candidates:
     columns: Float[np.ndarray, "amplitudes channels rows"]
     scale: Float[np.ndarray, " amplitudes"]
     mean: Float[np.ndarray, " amplitudes"]
+    sizes: Mapping[str, MeasuredSize]
+    """What landmarks say of amplitudes, by name."""
 
     @cached_property
     def places(self) -> dict[str, Int[np.ndarray, " own"]]:
@@ -128,7 +130,7 @@ def lay_out(
     columns = [effect.columns(shoulders.motions) for effect in effects]
     scale = [sizes[effect.name].sd if effect.name in sizes else _scale(effect, shoulders) for effect in effects]
     mean = [sizes[effect.name].mean if effect.name in sizes else effect.prior_mean for effect in effects]
-    return Candidates(tuple(effects), strengths_of(columns), np.concatenate(scale), np.concatenate(mean))
+    return Candidates(tuple(effects), strengths_of(columns), np.concatenate(scale), np.concatenate(mean), sizes)
 
 
 def _scale(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, " amplitudes"]:

@@ -14,14 +14,18 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.candidates import Hypothesis, without
+from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Given, Likelihood
-from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, linearise
+from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
+from adapt.diagnosis.fit.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
-from adapt.diagnosis.fit.unseen_folds import Folds
+from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.bagging import resampled_persons
+from models.effects import Effect
+from models.person.family import AnyModel
 
 EXPECTED_CAUSES = 2.0
 """Of all candidates, before any data."""
@@ -272,3 +276,17 @@ class Search:
     def usable(self) -> list[Node]:
         """All fitted hypotheses whose effects act the right way."""
         return [node for node in self.nodes.values() if node.value > _WORST]
+
+
+def search_of(
+    model: AnyModel,
+    shoulders: Shoulders,
+    effects: Sequence[Effect],
+    known: Hypothesis = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Search:
+    """Lay out the search for causes among these effects, with what landmarks say of their sizes; nothing is fitted."""
+    fitted = Model.of(model, shoulders.subjects, tuple(effects))
+    sizes = measured_sizes(shoulders, fitted.sets.girdle, effects)
+    joint = JointFit(fitted, shoulders, lay_out(effects, shoulders, sizes), everybody(shoulders))
+    return Search(joint, folds_of(shoulders), progress, known)
