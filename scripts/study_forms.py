@@ -82,7 +82,7 @@ def study_forms(
     table = pd.DataFrame(rows).groupby("effect").agg(["mean"]).droplevel(1, axis=1)
     header = ["effect", "worlds", "library, log evidence", "true", "no cause, deg", "library", "true"]
     counts = pd.DataFrame(rows)["effect"].value_counts()
-    print("\n" + markdown(header, [[name, str(counts[name]), *cells(row)] for name, row in table.iterrows()]))
+    print("\n" + markdown(header, [[str(name), str(counts[name]), *cells(row)] for name, row in table.iterrows()]))
 
 
 def told(truth: dict) -> bool:

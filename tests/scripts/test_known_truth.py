@@ -18,6 +18,7 @@ from scripts.known_truth import (
     Answer,
     counted,
     judged,
+    with_cluster_lag,
     with_estimated_axial,
     with_faults,
     with_skin_lag,
@@ -75,13 +76,23 @@ def test_the_skin_is_behind_by_the_measured_lag(motions: Motions) -> None:
         assert np.abs(lag[here] - expected).max() <= ROUNDING_DEG
 
 
+def test_a_cluster_tips_too_much_and_turns_too_little(motions: Motions) -> None:
+    """R_true = R_measured exp(lag): half of it at 60 degrees, all of it from 120 on."""
+    seen, bone = scapula(with_cluster_lag(motions)), scapula(motions)
+    lag = (seen.inv() * bone).as_rotvec(degrees=True)
+    elevation = motions.humerus_elevation_deg
+    expected = np.outer(np.minimum(elevation / 120.0, 1.0), [-7.2, 0.0, 6.0])
+    assert (elevation > 120.0).any()
+    assert np.abs(lag - expected).max() <= ROUNDING_DEG
+
+
 def test_faults_come_together(motions: Motions) -> None:
     other = turned(motions)
-    every = with_faults(motions, other, (BIAS, AXIAL, SKIN))
+    every = with_faults(motions, other, (BIAS, AXIAL, SKIN), with_skin_lag)
     lagging = with_skin_lag(motions)
     apart = (scapula(lagging) * TURN).inv() * scapula(every)
     assert np.degrees(apart.magnitude()).max() <= ROUNDING_DEG
-    assert np.array_equal(with_faults(motions, other, ()).angles_deg, motions.angles_deg)
+    assert np.array_equal(with_faults(motions, other, (), with_skin_lag).angles_deg, motions.angles_deg)
 
 
 def test_a_fault_that_was_not_added_counts_where_it_is_not_named_without_any():
