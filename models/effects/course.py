@@ -69,10 +69,10 @@ class OverElevation:
         return directions
 
     def terms(self, elevation_deg: Float[np.ndarray, " postures"]) -> Float[np.ndarray, "terms postures"]:
-        """Compute the terms that have an SD; a missing elevation counts as the arm hanging."""
+        """Compute the three terms; a missing elevation counts as the arm hanging."""
         f = np.nan_to_num(elevation_deg) / FULL_ELEVATION_DEG
         bend = 4.0 * f * (1.0 - f)
-        return np.stack([f**2 if self.late else f, bend, 2.0 * bend * (1.0 - 2.0 * f)])[: len(self.sd)]
+        return np.stack([f**2 if self.late else f, bend, 2.0 * bend * (1.0 - 2.0 * f)])
 
     def columns(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
         """Give the terms in the channel of each direction."""
@@ -84,4 +84,3 @@ class OverElevation:
 CONSTANT = Constant()
 ELEVATION = OverElevation()
 LATE = OverElevation(late=True)
-LATE_ALONE = OverElevation(late=True, sd=(1.0,))

@@ -6,7 +6,7 @@ deg, and may show too much tipping (Meskers et al. 2007, van Andel et al. 2009, 
 
 from dataclasses import replace
 
-from models.effects.course import LATE_ALONE
+from models.effects.course import ELEVATION
 from models.effects.measurement import skin_artefact
 from models.effects.prior import EffectPrior
 
@@ -16,7 +16,7 @@ EFFECT = replace(
     what="a skin marker lags the scapula in any direction, more and more with elevation",
     unit="deg",
     directions=("about x", "about y", "about z"),
-    course=LATE_ALONE,
+    course=ELEVATION,
     prior=EffectPrior(
         scale=(6.0, 4.0, 6.5),
         sign=(0, 0, 1),
