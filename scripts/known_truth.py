@@ -27,12 +27,9 @@ from scipy.spatial.transform import Rotation
 
 from adapt.cli import app as cli
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.fit.candidates import lay_out
-from adapt.diagnosis.fit.discrepancy import TYPICAL
-from adapt.diagnosis.fit.evidence import Likelihood
-from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.shoulders import person_of, usable
+from adapt.diagnosis.inference.search import search_of
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
 from motions import Motions, read_motions
@@ -156,13 +153,11 @@ def fitted_bias(motions: Motions, model: ParameterSet) -> Rotation:
     """Fit the bias and a course of the AC joint together to all shoulders."""
     shoulders, _ = usable(motions)
     effects = tuple(effect for name, effect in EFFECTS.items() if name in (BIAS, BESIDE))
-    joint = JointFit(
-        Model.of(model, shoulders.subjects, effects), shoulders, lay_out(effects, shoulders), everybody(shoulders)
-    )
+    search = search_of(model, shoulders, effects)
+    joint = search.joint
     names = tuple(effect.name for effect in effects)
     nothing = np.zeros(sum(effect.amplitudes for effect in effects))
-    likelihood = Likelihood.of(joint.model, shoulders, TYPICAL)
-    (found,) = modes(joint, likelihood, [names], [joint.from_starts().theta_mm], [nothing])
+    (found,) = modes(joint, search.likelihood, [names], [joint.from_starts().theta_mm], [nothing])
     return Rotation.from_rotvec(found.amplitude[joint.candidates.places[BIAS]], degrees=True)
 
 

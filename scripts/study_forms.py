@@ -29,7 +29,7 @@ from models.effects import EFFECTS, Effect
 from models.effects.effect import cause_of
 from models.effects.prior import EffectPrior
 from motions import Motions, read_motions
-from scripts.check_elsewhere import MOTIONS, TRUTH
+from scripts.check_elsewhere import MOTIONS, TRUTH, worlds
 from scripts.reporting import markdown
 
 SHARE_SD = 0.3
@@ -72,29 +72,35 @@ def study_forms(
 ) -> None:
     """Compare forms on every world of one cause below a folder; print a line a world and the means of each effect."""
     rows = []
-    print("| effect | world | library, log evidence | true | no cause, deg | library | true |\n" + "|---" * 7 + "|")
-    for path in sorted(folder.rglob(TRUTH)):
-        truth = json.loads(path.read_text(encoding="utf-8"))
+    print(f"| effect | world | {' | '.join(_HEADER)} |\n" + "|---" * (2 + len(_HEADER)) + "|")
+    for world in worlds(folder):
+        path = Path(world.folder)
+        truth = json.loads((path / TRUTH).read_text(encoding="utf-8"))
         if told(truth):
-            row = compared(truth, read_motions(path.with_name(MOTIONS)))
-            print(f"| {truth['label']} | {path.parent.relative_to(folder)} | {' | '.join(cells(row))} |", flush=True)
-            rows.append({"effect": truth["label"], **row})
-    table = pd.DataFrame(rows).groupby("effect").agg(["mean"]).droplevel(1, axis=1)
-    header = ["effect", "worlds", "library, log evidence", "true", "no cause, deg", "library", "true"]
-    counts = pd.DataFrame(rows)["effect"].value_counts()
-    print("\n" + markdown(header, [[str(name), str(counts[name]), *cells(row)] for name, row in table.iterrows()]))
+            row = compared(truth, read_motions(path / MOTIONS))
+            print(f"| {world.label} | {path.relative_to(folder)} | {' | '.join(cells(row))} |", flush=True)
+            rows.append({"effect": world.label, **row})
+    if not rows:
+        raise typer.BadParameter(f"no world below {folder} has one cause with strengths that its {TRUTH} tells")
+    means = []
+    for name, own in pd.DataFrame(rows).groupby("effect"):
+        means.append([str(name), str(len(own)), *cells(own.drop(columns="effect").mean())])
+    print("\n" + markdown(["effect", "worlds", *_HEADER], means))
+
+
+_HEADER = ("library, log evidence", "true", "no cause, deg", "library", "true")
 
 
 def told(truth: dict) -> bool:
     """Tell whether one cause is at work, with known strengths."""
-    return truth["label"] in EFFECTS and all(truth["label"] in one for one in truth.get("strengths", {"": {}}).values())
+    strengths = truth.get("strengths", {})
+    return truth["label"] in EFFECTS and bool(strengths) and all(truth["label"] in one for one in strengths.values())
 
 
 def cells(row) -> list[str]:
     """Write the gains in log evidence, then the gaps."""
-    return [f"{row[k]:.0f}" for k in ("library", "true")] + [
-        f"{row[k]:.2f}" for k in ("deg", "library_deg", "true_deg")
-    ]
+    gaps = ("deg", "library_deg", "true_deg")
+    return [f"{row['library']:.0f}", f"{row['true']:.0f}", *(f"{row[gap]:.2f}" for gap in gaps)]
 
 
 def compared(truth: dict, motions: Motions) -> dict[str, float]:
@@ -102,9 +108,9 @@ def compared(truth: dict, motions: Motions) -> dict[str, float]:
     label, model = truth["label"], load_model(truth["model"])
     shoulders, _ = usable(motions)
     effects = (*(one for one in EFFECTS.values() if cause_of(one.name) == label), true_effect(truth, shoulders.motions))
-    search = search_of(model, shoulders, effects)
-    search.discrepancy = likeliest(search.joint, fitted(search, (TRUE,)).posterior, search.discrepancy)
-    settled = Search(search.joint, search.folds, discrepancy=search.discrepancy)
+    first = search_of(model, shoulders, effects)
+    left_over = likeliest(first.joint, fitted(first, (TRUE,)).posterior, first.discrepancy)
+    settled = Search(first.joint, first.folds, discrepancy=left_over)
     none, *library, true = (outcome(settled, hypothesis) for hypothesis in ((), *((one.name,) for one in effects)))
     best = max(library)
     gains = {"library": best.log_evidence - none.log_evidence, "true": true.log_evidence - none.log_evidence}

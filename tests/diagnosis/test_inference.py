@@ -8,9 +8,8 @@ import pytest
 from small_worlds import every_frame, joint_fit, root_of, searched, simulated
 
 from adapt.diagnosis.adapted_gaps import adapted_gaps
-from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.evidence import Likelihood
-from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit, Model, everybody
+from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
@@ -24,7 +23,7 @@ from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.naming import gain, name_causes
-from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
@@ -91,11 +90,10 @@ def test_amplitudes_of_a_test_are_those_of_data_without_what_it_holds_out():
         motions = joint.shoulders.motions
         kept = (search.folds.label != test.motion) & ~test.unseen[joint.shoulders.subject]
         left = shoulders_of(motions.select(kept))
-        model = Model.of(load_model("R2"), left.subjects, joint.model.effects)
-        alone = JointFit(model, left, lay_out(joint.model.effects, left), everybody(left))
-        likelihood = Likelihood.of(model, left, search.discrepancy)
-        (again,) = modes(alone, likelihood, [hypothesis], [at.theta_mm[~test.unseen]], [at.amplitude])
-        given = Search(alone, folds_of(left)).given(again, hypothesis)
+        alone = search_of(load_model("R2"), left, joint.model.effects)
+        likelihood = Likelihood.of(alone.joint.model, left, search.discrepancy)
+        (again,) = modes(alone.joint, likelihood, [hypothesis], [at.theta_mm[~test.unseen]], [at.amplitude])
+        given = alone.given(again, hypothesis)
         off = root_of(given).T @ (given.amplitude - amplitude)
         assert np.linalg.norm(off) < AT_THE_MODE
 

@@ -5,12 +5,11 @@ from functools import cache
 
 import numpy as np
 
-from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.evidence import Given
-from adapt.diagnosis.fit.joint_fit import JointFit, Model, everybody
+from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.fit.unseen_folds import folds_of
-from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.search import Search, search_of
 from adapt.model_subjects import Simulated, simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS
@@ -46,9 +45,7 @@ def every_frame(motions: Motions, times: int) -> Motions:
 def joint_fit(effect: str = "") -> JointFit:
     """Lay out the joint fit of such a world with CANDIDATES."""
     shoulders, _ = usable(simulated(effect).motions)
-    effects = tuple(EFFECTS[name] for name in CANDIDATES)
-    model = Model.of(load_model("R2"), shoulders.subjects, effects)
-    return JointFit(model, shoulders, lay_out(effects, shoulders), everybody(shoulders))
+    return search_of(load_model("R2"), shoulders, [EFFECTS[name] for name in CANDIDATES]).joint
 
 
 def root_of(given: Given) -> np.ndarray:

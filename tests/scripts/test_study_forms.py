@@ -59,3 +59,8 @@ def test_what_is_at_work_has_more_evidence_than_no_cause(folder, capsys):
     assert true > 0.0
     assert library < true + AHEAD
     assert max(library_deg, true_deg) < none_deg
+
+
+def test_a_folder_without_such_a_world_says_what_is_missing(folder):
+    with pytest.raises(study_forms.typer.BadParameter, match="has one cause with strengths"):
+        study_forms.study_forms(folder / "worlds" / "none")
