@@ -39,8 +39,9 @@ _NEAR_DEG = 1e-4
 _WITHIN = 2.5
 """Discrepancies are looked for within so many SDs of their prior."""
 
-_SEARCH = {"eps": 1e-2, "ftol": 1e-4, "maxiter": 25}
-"""For slopes, differences of a logarithm of 1e-2: the evidence is smooth but for curves that come and go."""
+_SEARCH = {"eps": 1e-2, "ftol": 1e-3, "maxiter": 25, "maxls": 6}
+"""For slopes, differences of a hundredth of an SD: the evidence is smooth but for curves that come and go, at which a
+longer line search would end in vain."""
 
 
 @dataclass(frozen=True)
@@ -90,17 +91,17 @@ def likeliest(joint: JointFit, at: Posterior, start: Discrepancy) -> Discrepancy
     mean, scale = joint.candidates.mean[where], joint.candidates.scale[where]
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
 
-    def cost(log: Float[np.ndarray, " numbers"]) -> float:
-        likelihood = Likelihood.of(joint.model, joint.shoulders, Discrepancy(*np.exp(log)))
-        evidence = likelihood.evidence(at.theta_mm, at.y, Z)
-        log_evidence = evidence.given(own, at.amplitude, mean, scale).log_evidence
-        return 0.5 * float((((log - np.log(TYPICAL)) / LOG_SD) ** 2).sum()) - log_evidence
+    def of(z: Float[np.ndarray, " numbers"]) -> Discrepancy:
+        """In SDs of the logarithms about their medians."""
+        return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * z).tolist())
 
-    bounds = [
-        (middle - _WITHIN * sd, middle + _WITHIN * sd) for middle, sd in zip(np.log(TYPICAL), LOG_SD, strict=True)
-    ]
-    found = minimize(cost, np.log(start), method="L-BFGS-B", bounds=bounds, options=_SEARCH)
-    return Discrepancy(*np.exp(found.x).tolist())
+    def cost(z: Float[np.ndarray, " numbers"]) -> float:
+        evidence = Likelihood.of(joint.model, joint.shoulders, of(z)).evidence(at.theta_mm, at.y, Z)
+        return 0.5 * float((z**2).sum()) - evidence.given(own, at.amplitude, mean, scale).log_evidence
+
+    first, bounds = np.log(np.divide(start, TYPICAL)) / LOG_SD, [(-_WITHIN, _WITHIN)] * len(LOG_SD)
+    found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options=_SEARCH)
+    return of(found.x)
 
 
 @dataclass(frozen=True)
