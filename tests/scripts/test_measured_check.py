@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnoses import cause, verdict
 
 from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.shoulders import usable
@@ -15,6 +16,9 @@ from motions import read_motions
 from scripts.measured_check import named_without
 from scripts.measured_control import Gaps, cells, drawn_at_random
 from scripts.measured_fewer import LESS, ONE, REST, SHOULDER, parts, table
+from scripts.measured_noise import compared
+
+BIAS, TILT, SIZE = "scapula_landmark_bias", "thorax_tilt", "scapula_size"
 
 SHIPPED = Path(__file__).parents[2] / "motions" / "data" / "simulated_subjects.csv"
 
@@ -48,6 +52,17 @@ def test_what_is_seen_is_never_of_a_person_of_whom_the_gap_is_told():
 def test_the_table_of_fewer_says_what_is_left_and_where_it_is_more():
     row = table({ONE: [(2.0, 1.0), (2.0, 3.0), (1.0, 0.2)]}).splitlines()[-1]
     assert [cell.strip() for cell in row.strip("|").split("|")] == [ONE, "3", "1.67", "1.40", "50%", "150%", "1 of 3"]
+
+
+def test_what_noise_changes_is_told_of_every_two_diagnoses():
+    """Two first names of three are shared by the first two, none with the third; second names do not count."""
+    first = verdict("effect", cause(BIAS, SIZE), cause(TILT), **{BIAS: 0.9, TILT: 0.9})
+    second = verdict("effect", cause(BIAS), cause(TILT), cause(SIZE), **{BIAS: 0.9, TILT: 0.9, SIZE: 0.92})
+    none = verdict("none", **{BIAS: 0.9, TILT: 0.9})
+    alike, apart = compared([first, second, none])
+    assert alike == f"{2.0 / 9.0:.2f}"
+    assert apart == f"{2.0 * 0.9 / 3.0 / len(none.inclusion):.3f}"
+    assert compared([none, none]) == ("1.00", "0.000")
 
 
 def test_causes_at_random_are_different_ones_with_all_their_numbers():

@@ -1,0 +1,67 @@
+"""Does a diagnosis of measured shoulders hang on the last tenth of a degree? Its names with a little noise added.
+
+Each parameter set diagnoses the motions as they are, and again with noise of a SD far below what a measurement errs by.
+Of every two of these diagnoses: the share of the first names that both have, of those that either has; and by how much
+the probability of a candidate of being at work differs. Without chance in them, 1 and 0.
+"""
+
+import argparse
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from adapt.diagnosis import diagnose
+from adapt.diagnosis.result import Verdict
+from models import ParameterSet, load_model
+from motions import Motions
+from scripts.reporting import bone_pins, markdown
+
+NOISE_DEG = 0.1
+TIMES = 3
+"""Noise is drawn so often."""
+
+
+def main() -> None:
+    """Diagnose the motions with each set, as they are and with noise; print one table."""
+    described = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    motions, options = bone_pins(described)
+    rows = []
+    for name in track(options.model, console=Console(stderr=True)):
+        found = list(verdicts(motions, load_model(name)))
+        rows.append([name, "; ".join(", ".join(first_names(one)) for one in found), *compared(found)])
+    print(markdown(["parameter set", "first names, as it is; with noise", "alike", "at work differs"], rows))
+
+
+def verdicts(motions: Motions, model: ParameterSet) -> Iterator[Verdict]:
+    """Diagnose the motions as they are, then with noise drawn anew each time."""
+    yield diagnose(motions, model)[model.name].verdict
+    for seed in range(1, TIMES + 1):
+        noise = NOISE_DEG * np.random.default_rng(seed).standard_normal(motions.angles_deg.shape)
+        yield diagnose(replace(motions, angles_deg=motions.angles_deg + noise), model)[model.name].verdict
+
+
+def first_names(verdict: Verdict) -> list[str]:
+    """Give the most probable name of each cause."""
+    return [cause.names[0] for cause in verdict.of_the_chain]
+
+
+def compared(found: Sequence[Verdict]) -> tuple[str, str]:
+    """Average over every two diagnoses what their first names share, and how probabilities of being at work differ."""
+    pairs = list(combinations(found, 2))
+    shared = [share(first_names(one), first_names(other)) for one, other in pairs]
+    apart = [abs(one.inclusion[name] - other.inclusion[name]) for one, other in pairs for name in one.inclusion]
+    return f"{np.mean(shared):.2f}", f"{np.mean(apart):.3f}"
+
+
+def share(one: Collection[str], other: Collection[str]) -> float:
+    """Divide what both have by what either has; 1 where neither has any."""
+    either = set(one) | set(other)
+    return len(set(one) & set(other)) / len(either) if either else 1.0
+
+
+if __name__ == "__main__":
+    main()
