@@ -38,10 +38,10 @@ def main() -> None:
 
 def verdicts(motions: Motions, model: ParameterSet) -> Iterator[Verdict]:
     """Diagnose the motions as they are, then with noise drawn anew each time."""
-    yield diagnose(motions, model)[model.name].verdict
-    for seed in range(1, TIMES + 1):
-        noise = NOISE_DEG * np.random.default_rng(seed).standard_normal(motions.angles_deg.shape)
-        yield diagnose(replace(motions, angles_deg=motions.angles_deg + noise), model)[model.name].verdict
+    angles = motions.angles_deg
+    draws = (np.random.default_rng(seed).standard_normal(angles.shape) for seed in range(1, TIMES + 1))
+    for noise in (0.0, *draws):
+        yield diagnose(replace(motions, angles_deg=angles + NOISE_DEG * noise), model)[model.name].verdict
 
 
 def first_names(verdict: Verdict) -> list[str]:

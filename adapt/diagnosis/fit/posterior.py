@@ -40,8 +40,8 @@ _WITHIN = 2.5
 """Discrepancies are looked for within so many SDs of their prior."""
 
 _SEARCH = {"eps": 1e-2, "ftol": 1e-3, "maxiter": 25, "maxls": 6}
-"""For slopes, differences of a hundredth of an SD: the evidence is smooth but for curves that come and go, at which a
-longer line search would end in vain."""
+"""For slopes, differences of a hundredth of an SD: the evidence is smooth but for curves that come and go. At those a
+longer line search ends in vain, and steps that gain less than a thousandth are not worth their evaluations."""
 
 
 @dataclass(frozen=True)
