@@ -245,8 +245,7 @@ class _Study:
         if len(rungs) == 1:
             return None
         chosen, named = folds.of_kind(PERSON), rungs[-1].hypothesis
-        (of_others,) = search.predicted_gaps_deg(folds.only(PERSON), [named], search.mode(named), own_sizes=False)
-        every = rungs[0].gaps_deg[chosen], of_others, rungs[-1].gaps_deg[chosen]
+        every = rungs[0].gaps_deg[chosen], search.unseen_gaps_deg(named, own_sizes=False), rungs[-1].gaps_deg[chosen]
         return CarriedOver(*(by_bone(one, person[folds.subject]) for one in every))
 
     def _budget(self, gaps: Gaps, rungs: list[Rung]) -> tuple[Step, ...]:

@@ -48,11 +48,11 @@ def unseen_gaps_deg(
     joint: JointFit,
     folds: Folds,
     hypotheses: Sequence[Hypothesis],
-    theta_mm: Float[np.ndarray, "subjects adapted"],
+    thetas_mm: Sequence[Float[np.ndarray, "subjects adapted"]],
     amplitudes: Sequence[Float[np.ndarray, "tests own"]],
     between_per_deg: float,
 ) -> list[Float[np.ndarray, "tests 6"]]:
-    """Adapt the shoulder of every test with each hypothesis, from these parameters (``JointFit.adapt``): mean
+    """Adapt the shoulder of every test with each hypothesis, from its parameters (``JointFit.adapt``): mean
     |simulated - measured| of its rows, NaN of an angle that was not measured. With ``between_per_deg`` 0 the amplitudes
     stay as they are."""
     tests, shoulders = folds.tests * len(hypotheses), joint.shoulders
@@ -60,7 +60,8 @@ def unseen_gaps_deg(
     unseen = tuple(part._replace(rows=test.rows) for part, test in zip(seen, tests, strict=True))
     names = [hypothesis for hypothesis in hypotheses for _ in folds.tests]
     values = [amplitude for of_tests in amplitudes for amplitude in of_tests]
-    end = joint.of(seen).adapt(names, theta_mm[[test.subject for test in tests]], values, between_per_deg)
+    start_mm = np.concatenate([theta_mm[[test.subject for test in folds.tests]] for theta_mm in thetas_mm])
+    end = joint.of(seen).adapt(names, start_mm, values, between_per_deg)
     own = [found[: len(value)] for found, value in zip(end.amplitude, values, strict=True)]
     near = joint.of(unseen).nearest(names, end.theta_mm, own)
     gaps = np.abs(near.angles_deg - shoulders.measured_deg[:, np.tile(folds.rows, len(hypotheses))]).T

@@ -12,8 +12,8 @@ from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
 
-_LEVEL = 0.95
-"""A credible set holds the cause with this probability."""
+LEVEL = 0.95
+"""What is told holds the truth with this probability: the names of a cause, and the sets that none is preferred of."""
 
 _LEAST_SHARE = 0.05
 """A name that is less probable than this in its place is not worth a measurement."""
@@ -32,7 +32,7 @@ def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
     share = dict(zip(place, probabilities([node.resampled for node in place.values()]).tolist(), strict=True))
     names, kept, reached = [], [], 0.0
     for name in sorted(share, key=lambda name: (name != own, -share[name])):
-        if reached >= _LEVEL or (names and share[name] < _LEAST_SHARE):
+        if reached >= LEVEL or (names and share[name] < _LEAST_SHARE):
             break
         names.append(name)
         kept.append(share[name])

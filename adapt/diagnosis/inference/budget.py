@@ -27,6 +27,7 @@ def ladder(search: Search, named: Hypothesis) -> list[Rung]:
     """Add the named causes one by one, the one that takes most of the unseen gap first."""
     sets, order = [named], []
     while sets[-1]:
+        search.predict([without(sets[-1], name) for name in sets[-1]])
         dropped = min(sets[-1], key=lambda name: unseen_gap_deg(search, without(sets[-1], name)))
         order.append(dropped)
         sets.append(without(sets[-1], dropped))
@@ -40,8 +41,9 @@ def alone_deg(search: Search) -> dict[str, float]:
     candidates, motions, none = search.joint.candidates, search.folds.only(MOTION), search.mode(())
     every = [(effect.name,) for effect in candidates.effects]
     alone = [one for one in every if candidates.has_the_sign(one, search.given(none, one).amplitude)]
+    found_deg = search.predicted_gaps_deg(motions, [(), *alone], [none] * (1 + len(alone)))
     found: dict[str, float] = {}
-    for name, gaps in zip([(), *alone], search.predicted_gaps_deg(motions, [(), *alone], none), strict=True):
+    for name, gaps in zip([(), *alone], found_deg, strict=True):
         cause, gap = candidates.causes[name[0]] if name else NONE, _mean_gap_deg(motions, gaps)
         found[cause] = min(gap, found.get(cause, gap))
     return dict(sorted(found.items(), key=lambda one: one[1]))

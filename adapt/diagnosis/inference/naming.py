@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
-from adapt.diagnosis.inference.alternatives import CredibleSet, credible_set
-from adapt.diagnosis.inference.budget import Rung, ladder
+from adapt.diagnosis.fit.unseen_folds import PERSON
+from adapt.diagnosis.inference.alternatives import LEVEL, CredibleSet, credible_set
+from adapt.diagnosis.inference.budget import Rung, ladder, unseen_gap_deg
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -75,14 +76,35 @@ def nothing_named(search: Search) -> Named:
 
 
 def _probable(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
-    """Find the most probable set, less what is not needed; and what may stand in the place of each of its causes."""
+    """Find the set to name, less what is not needed; and what may stand in the place of each of its causes."""
     while True:
-        best = node = search.best
+        best = node = _carrying_over(search)
         while weak := _weakest(search, node, places := _places(search, node)):
             node = search.without(node, weak)
-        if search.best.hypothesis == best.hypothesis:
+        if _carrying_over(search).hypothesis == best.hypothesis:
             causes = search.joint.candidates.causes
             return node, places | {name: {causes[name]: node} for name in search.known}
+
+
+def _carrying_over(search: Search) -> Node:
+    """Find the set that predicts persons who were not seen best, of those that hold the truth with ``LEVEL`` between
+    them; of one person, the most probable."""
+    if PERSON not in search.folds.kinds:
+        return search.best
+    probability = probabilities([node.resampled for node in search.usable])
+    likely = np.argsort(-probability)
+    count = int(np.searchsorted(np.cumsum(probability[likely]), LEVEL)) + 1
+    sets = [search.usable[k] for k in likely[:count]]
+    for own_sizes in (True, False):
+        search.predict([node.hypothesis for node in sets], own_sizes)
+    return min(sets, key=lambda node: _gap_deg(search, node.hypothesis))
+
+
+def _gap_deg(search: Search, hypothesis: Hypothesis) -> float:
+    """Predict unseen postures with sizes of each person's own and, of persons who were not seen, with those of the
+    others; the mean of both."""
+    as_others = known_mean(search.unseen_gaps_deg(hypothesis, own_sizes=False)).mean()
+    return 0.5 * (unseen_gap_deg(search, hypothesis) + float(as_others))
 
 
 def _places(search: Search, node: Node) -> dict[str, dict[str, Node]]:
@@ -104,6 +126,7 @@ def _predicting(search: Search, node: Node, floor_deg: float) -> tuple[Hypothesi
     """Take the cause out of a set that predicts least beside the others, again and again until each predicts enough."""
     chosen = node.hypothesis
     while True:
+        search.predict([chosen, *(without(chosen, name) for name in chosen)])
         gains = {name: gain(search, without(chosen, name), chosen, floor_deg) for name in chosen}
         short = [name for name in gains if not gains[name].enough]
         if not short:

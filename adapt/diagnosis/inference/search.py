@@ -22,7 +22,7 @@ from adapt.diagnosis.fit.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders
-from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
+from adapt.diagnosis.fit.unseen_folds import PERSON, Folds, folds_of
 from adapt.diagnosis.inference.bagging import resampled_persons
 from models.effects import Effect
 from models.person.family import AnyModel
@@ -72,8 +72,8 @@ class Search:
     """V of sets from the modes of others, by both names."""
     posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
     """Of the few sets of which it was asked what they predict (``mode``)."""
-    gaps: dict[Hypothesis, Float[np.ndarray, "tests 6"]] = field(default_factory=dict)
-    """Of unseen postures, of those (``unseen_gaps_deg``)."""
+    gaps: dict[tuple[Hypothesis, bool], Float[np.ndarray, "tests 6"]] = field(default_factory=dict)
+    """Of unseen postures, of those, with and without sizes of one's own (``unseen_gaps_deg``)."""
     discrepancy: Discrepancy = TYPICAL
     likelihoods: dict[tuple[Discrepancy, int | None], Likelihood] = field(default_factory=dict)
     """By the discrepancy, and what is held out of them."""
@@ -246,21 +246,29 @@ class Search:
             self.posteriors[hypothesis] = found
         return self.posteriors[hypothesis]
 
-    def unseen_gaps_deg(self, hypothesis: Hypothesis) -> Float[np.ndarray, "tests 6"]:
-        """Predict unseen postures with a set, once."""
-        if hypothesis not in self.gaps:
-            (self.gaps[hypothesis],) = self.predicted_gaps_deg(self.folds, [hypothesis], self.mode(hypothesis))
-        return self.gaps[hypothesis]
+    def unseen_gaps_deg(self, hypothesis: Hypothesis, own_sizes: bool = True) -> Float[np.ndarray, "tests 6"]:
+        """Predict unseen postures with a set; with the sizes of others as they are, of persons who were not seen."""
+        self.predict([hypothesis], own_sizes)
+        return self.gaps[hypothesis, own_sizes]
+
+    def predict(self, hypotheses: Sequence[Hypothesis], own_sizes: bool = True) -> None:
+        """Predict unseen postures with some sets, each once: side by side it takes a fraction of the time."""
+        missing = [hypothesis for hypothesis in hypotheses if (hypothesis, own_sizes) not in self.gaps]
+        if missing:
+            folds = self.folds if own_sizes else self.folds.only(PERSON)
+            found = self.predicted_gaps_deg(folds, missing, [self.mode(one) for one in missing], own_sizes)
+            self.gaps |= {(hypothesis, own_sizes): gaps for hypothesis, gaps in zip(missing, found, strict=True)}
 
     def predicted_gaps_deg(
-        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Posterior, own_sizes: bool = True
+        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Sequence[Posterior], own_sizes: bool = True
     ) -> list[Float[np.ndarray, "tests 6"]]:
-        """Predict tests with each of some sets, in the linear model around the mode of one within them; the shoulder of
+        """Predict tests with each of some sets, in the linear model around the mode of one within it; the shoulder of
         a test has sizes of its own about the amplitudes, or the amplitudes themselves."""
         candidates, without = self.joint.candidates, self.likelihood_without
-        amplitudes = [unseen_amplitudes(folds, candidates, hypothesis, at, without) for hypothesis in hypotheses]
+        every = list(zip(hypotheses, at, strict=True))
+        amplitudes = [unseen_amplitudes(folds, candidates, *one, without) for one in every]
         between = self.discrepancy.between_per_deg if own_sizes else 0.0
-        return unseen_gaps_deg(self.joint, folds, hypotheses, at.theta_mm, amplitudes, between)
+        return unseen_gaps_deg(self.joint, folds, hypotheses, [one.theta_mm for one in at], amplitudes, between)
 
     @cached_property
     def without_causes(self) -> Linearised:
