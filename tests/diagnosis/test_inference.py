@@ -22,7 +22,7 @@ from adapt.diagnosis.inference.budget import alone_deg, ladder
 from adapt.diagnosis.inference.fingerprint import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval
 from adapt.diagnosis.inference.left_over import left_over_share
-from adapt.diagnosis.inference.naming import gain, name_causes
+from adapt.diagnosis.inference.naming import carrying_over, gain, name_causes
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
@@ -106,7 +106,7 @@ def test_what_a_test_has_seen_is_adapted_as_girdle_adapt_does(between):
     option = {BIAS: personal if between else mean, **RELIEVED}
     amplitude = np.tile([mean], (len(search.folds.tests), 1))
     theta_mm = search.mode((BIAS,)).theta_mm
-    (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], theta_mm, [amplitude], between)
+    (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], [theta_mm], [amplitude], between)
     shoulders = search.joint.shoulders
     person = {name: k for k, name in enumerate(shoulders.subjects)}
     unseen = adapted_gaps(shoulders.motions, load_model("R2"), option, person).unseen[MOTION]
@@ -209,7 +209,7 @@ def test_a_cause_may_be_named_that_predicts_unseen_postures_better_and_motions_a
 
     def with_gaps(hypothesis: tuple[str, ...], share_left: float, scatter: float) -> None:
         factor = share_left * (1.0 + scatter * generator.standard_normal(tests))
-        search.gaps[hypothesis] = np.full((tests, 6), 2.0) * factor[:, None]
+        search.gaps[hypothesis, True] = np.full((tests, 6), 2.0) * factor[:, None]
 
     with_gaps((), 1.0, 0.0)
     with_gaps((BIAS,), 0.5, 0.01)
@@ -222,15 +222,40 @@ def test_a_cause_may_be_named_that_predicts_unseen_postures_better_and_motions_a
     with_gaps((BIAS,), 1.02, 0.0)
     assert not gain(search, (), (BIAS,), 1.0).enough
     with_gaps((BIAS,), 0.5, 0.01)
-    search.gaps[(BIAS,)][search.folds.of_kind(PERSON)] = 2.1
+    search.gaps[(BIAS,), True][search.folds.of_kind(PERSON)] = 2.1
     assert gain(search, (), (BIAS,), 1.0).enough, "persons a little worse, motions much better"
-    search.gaps[(BIAS,)][search.folds.of_kind(PERSON)] = 4.0
+    search.gaps[(BIAS,), True][search.folds.of_kind(PERSON)] = 4.0
     assert not gain(search, (), (BIAS,), 1.0).enough, "persons much worse"
     with_gaps((BIAS,), 0.5, 0.01)
-    search.gaps[(BIAS,)][search.folds.of_kind(MOTION)] = 2.1
+    search.gaps[(BIAS,), True][search.folds.of_kind(MOTION)] = 2.1
     found = gain(search, (), (BIAS,), 1.0)
     assert found.share > 0.3
     assert not found.enough, "motions a little worse"
+
+
+def test_of_sets_that_the_evidence_cannot_tell_apart_the_one_that_predicts_best_is_taken():
+    found = searched(BIAS)
+    one, other, unlikely = (BIAS,), ("thorax_tilt",), (BIAS, "thorax_tilt")
+    nodes = {
+        name: found.nodes[one]._replace(hypothesis=name, value=value, resampled=np.full(len(found.times), value))
+        for name, value in ((one, 0.0), (other, -1.0), (unlikely, -4.0))
+    }
+    search = replace(found, nodes=nodes, gaps={})
+    folds = search.folds
+
+    def with_gaps(hypothesis: tuple[str, ...], own: float, of_others: float) -> None:
+        search.gaps[hypothesis, True] = np.full((len(folds.tests), 6), own)
+        search.gaps[hypothesis, False] = np.full((folds.of_kind(PERSON).sum(), 6), of_others)
+
+    with_gaps(one, 1.0, 2.0)
+    with_gaps(other, 1.1, 1.5)
+    with_gaps(unlikely, 0.1, 0.1)
+    assert carrying_over(search).hypothesis == other, "sizes of others count as much as own ones"
+    with_gaps(other, 1.6, 1.5)
+    assert carrying_over(search).hypothesis == one
+    alone = replace(search, folds=folds.only(MOTION))
+    with_gaps(other, 0.1, 0.1)
+    assert carrying_over(alone).hypothesis == one, "one person: the most probable"
 
 
 def test_fold_weights_sum_to_the_folds_and_hold_persons_together():

@@ -1,16 +1,17 @@
 """Which causes are named: those of the most probable set that are needed, as long as each predicts unseen motions and
 persons."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.unseen_folds import PERSON
 from adapt.diagnosis.inference.alternatives import LEVEL, CredibleSet, credible_set
-from adapt.diagnosis.inference.budget import Rung, ladder, unseen_gap_deg
+from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -41,7 +42,7 @@ def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: fl
     folds, before = search.folds, search.unseen_gaps_deg(less)
     difference = known_mean(before - search.unseen_gaps_deg(hypothesis))
     by_fold = folds.by_fold(difference)
-    error = by_fold.std(ddof=1) / np.sqrt(len(by_fold)) if len(by_fold) > 1 else np.inf
+    error = _standard_error(by_fold)
     beyond = folds.by_fold(known_mean(before)).mean() - floor_deg
     share = by_fold.mean() / max(beyond, by_fold.mean(), 1e-9)
     t = by_fold.mean() / error if error > 0 else np.inf
@@ -78,33 +79,45 @@ def nothing_named(search: Search) -> Named:
 def _probable(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
     """Find the set to name, less what is not needed; and what may stand in the place of each of its causes."""
     while True:
-        best = node = _carrying_over(search)
+        best = node = carrying_over(search)
         while weak := _weakest(search, node, places := _places(search, node)):
             node = search.without(node, weak)
-        if _carrying_over(search).hypothesis == best.hypothesis:
+        if carrying_over(search).hypothesis == best.hypothesis:
             causes = search.joint.candidates.causes
             return node, places | {name: {causes[name]: node} for name in search.known}
 
 
-def _carrying_over(search: Search) -> Node:
-    """Find the set that predicts persons who were not seen best, of those that hold the truth with ``LEVEL`` between
-    them; of one person, the most probable."""
+def carrying_over(search: Search) -> Node:
+    """Find the most probable set that predicts as well as any, to a standard error, of those that hold the truth with
+    ``LEVEL`` between them (Breiman et al. 1984, Classification and regression trees, 3.4.3); of one person, the most
+    probable."""
     if PERSON not in search.folds.kinds:
         return search.best
     probability = probabilities([node.resampled for node in search.usable])
     likely = np.argsort(-probability)
     count = int(np.searchsorted(np.cumsum(probability[likely]), LEVEL)) + 1
     sets = [search.usable[k] for k in likely[:count]]
-    for own_sizes in (True, False):
-        search.predict([node.hypothesis for node in sets], own_sizes)
-    return min(sets, key=lambda node: _gap_deg(search, node.hypothesis))
+    gaps = _gaps_of_folds_deg(search, [node.hypothesis for node in sets])
+    beyond = gaps - gaps[np.argmin(gaps.mean(axis=1))]
+    return sets[int(np.argmax(beyond.mean(axis=1) <= _standard_error(beyond)))]
 
 
-def _gap_deg(search: Search, hypothesis: Hypothesis) -> float:
+def _gaps_of_folds_deg(search: Search, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "sets folds"]:
     """Predict unseen postures with sizes of each person's own and, of persons who were not seen, with those of the
     others; the mean of both."""
-    as_others = known_mean(search.unseen_gaps_deg(hypothesis, own_sizes=False)).mean()
-    return 0.5 * (unseen_gap_deg(search, hypothesis) + float(as_others))
+    for own_sizes in (True, False):
+        search.predict(hypotheses, own_sizes)
+    own = [search.folds.by_fold(known_mean(search.unseen_gaps_deg(one))) for one in hypotheses]
+    as_others = [known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses]
+    return 0.5 * (np.array(own) + as_others)
+
+
+def _standard_error(differences: Float[np.ndarray, "*sets folds"]) -> Float[np.ndarray, "*sets"]:
+    """Of the mean over the folds; without end of one fold."""
+    folds = differences.shape[-1]
+    if folds == 1:
+        return np.full(differences.shape[:-1], np.inf)
+    return differences.std(axis=-1, ddof=1) / np.sqrt(folds)
 
 
 def _places(search: Search, node: Node) -> dict[str, dict[str, Node]]:
