@@ -103,13 +103,14 @@ def carrying_over(search: Search) -> Node:
 
 
 def _gaps_of_folds_deg(search: Search, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "sets folds"]:
-    """Predict unseen postures with sizes of each person's own and, of persons who were not seen, with those of the
-    others; the mean of both."""
+    """Predict each fold in three ways, and average: the motion unseen, the person too, and the person with the sizes
+    of the others as they are."""
     for own_sizes in (True, False):
         search.predict(hypotheses, own_sizes)
-    own = [search.folds.by_fold(known_mean(search.unseen_gaps_deg(one))) for one in hypotheses]
+    own = [known_mean(search.unseen_gaps_deg(one)) for one in hypotheses]
     as_others = [known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses]
-    return 0.5 * (np.array(own) + as_others)
+    kinds = [search.folds.of_kind(kind) for kind in (MOTION, PERSON)]
+    return np.mean([*(np.array(own)[:, kind] for kind in kinds), np.array(as_others)], axis=0)
 
 
 def _standard_error(differences: Float[np.ndarray, "*sets folds"]) -> Float[np.ndarray, "*sets"]:
