@@ -100,7 +100,7 @@ class Answer(NamedTuple):
     added: bool
     named: bool
     first: bool
-    """Whether it is the most probable name of a cause."""
+    """Whether it is the first name of a cause."""
 
 
 def judged(added: Sequence[str], named: Sequence[Sequence[str]], without: Sequence[Sequence[str]]) -> Iterator[Answer]:

@@ -45,7 +45,7 @@ def verdicts(motions: Motions, model: ParameterSet) -> Iterator[Verdict]:
 
 
 def first_names(verdict: Verdict) -> list[str]:
-    """Give the most probable name of each cause."""
+    """Give the first name of each cause."""
     return [cause.names[0] for cause in verdict.of_the_chain]
 
 

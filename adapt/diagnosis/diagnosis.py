@@ -167,7 +167,7 @@ class _Study:
             where=self._where(adapted, with_causes, floor, noise),
             indistinguishable=indistinguishable(none),
             lacking=lacking(len(shoulders.kinds), shoulders.persons, THORAX_POINTS in sizes),
-            next_measurement=propose(search, named.probable, [named.sets[name].names for name in order]),
+            next_measurement=propose(search, named.chosen, [named.sets[name].names for name in order]),
         )
 
     def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:

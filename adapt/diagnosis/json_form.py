@@ -68,7 +68,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
 
 
 def _verdict(diagnosis: Diagnosis) -> JsonObject:
-    """With ``effects``, the most probable name of each cause; the last three go with ``causes``, one by one."""
+    """With ``effects``, the first name of each cause; the last three go with ``causes``, one by one."""
     verdict = diagnosis.verdict
     return {
         "answer": verdict.answer,

@@ -36,7 +36,7 @@ class Cause:
     """One cause at work: the names it may have."""
 
     names: tuple[str, ...]
-    """Names that these data cannot tell apart, a credible set: that of the most probable set of causes, whose size is
+    """Names that these data cannot tell apart, a credible set: that in the set of causes that is chosen, whose size is
     given, then the most probable first."""
     shares: tuple[float, ...]
     """Probability of each name in this place."""
@@ -71,7 +71,7 @@ class Verdict:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The most probable name of every cause."""
+        """The first name of every cause."""
         return tuple(cause.names[0] for cause in self.causes)
 
 
@@ -231,7 +231,7 @@ class Diagnosis:
     """Whether the clavicle's axial rotation is a function of the other angles: an estimate, no measurement."""
     verdict: Verdict
     amplitude: dict[str, CauseAmplitude]
-    """By the most probable name of each cause."""
+    """By the first name of each cause."""
     landmark_sizes: dict[str, dict[str, Interval]]
     """By name and direction, what landmarks say of the sizes that candidates change, against the set: the diagnosis
     starts from it. Empty without landmarks."""

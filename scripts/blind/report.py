@@ -106,7 +106,7 @@ def names_of(line: Line) -> list[str]:
 
 
 def best(line: Line) -> list[str]:
-    """The most probable name of every cause."""
+    """The first name of every cause."""
     return [names[0] for names in line["causes"]]
 
 
@@ -121,7 +121,7 @@ def covered(line: Line) -> bool:
 
 
 def first(line: Line) -> str:
-    """The most probable name of the first cause, 'none' or 'unknown'."""
+    """The first name of the first cause, 'none' or 'unknown'."""
     return best(line)[0] if named(line) else line["answer"]
 
 
@@ -342,7 +342,7 @@ def outcome_table(outcomes: Sequence[str], head: str, possible: Sequence[str]) -
 
 
 def confusion_matrix(lines: Sequence[Line]) -> str:
-    """Rows the truth, columns the most probable name of the answer; listed effects by number."""
+    """Rows the truth, columns the first name of the answer; listed effects by number."""
     columns = [*CAUSES, NONE, UNKNOWN]
     counts = Counter((line["label"], first(line)) for line in lines)
     outside = sorted({line["label"] for line in _of_kind(lines, "outside")})
@@ -378,7 +378,7 @@ POWER = {"power_0.25": 0.25, "half": 0.5, "standard": 1.0, "power_1.5": 1.5, "po
 
 
 def power_table(by_condition: dict[str, list[Line]]) -> str:
-    """Share of cases in which the effect at work is the answer's most probable name, by its size."""
+    """Share of cases in which the effect at work is the first name of the answer, by its size."""
     by_size = {size: _of_kind(by_condition.get(condition, []), "effect") for condition, size in POWER.items()}
 
     def row(name: str, labels: Sequence[str]) -> list[str]:

@@ -348,4 +348,4 @@ def test_what_is_known_is_in_every_set_and_never_left_out():
     assert all(set(known) <= set(hypothesis) for hypothesis in search.nodes)
     assert BIAS in search.best.hypothesis
     assert weigh(search).inclusion[known[0]] == pytest.approx(1.0)
-    assert known[0] in name_causes(search, 0.1).probable.hypothesis
+    assert known[0] in name_causes(search, 0.1).chosen.hypothesis

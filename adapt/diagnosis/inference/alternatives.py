@@ -13,14 +13,14 @@ from models.adapted_parameters import ADAPTED
 _N = len(ADAPTED)
 
 LEVEL = 0.95
-"""What is told holds the truth with this probability: the names of a cause, and the sets that none is preferred of."""
+"""A credible set holds the truth with this probability: of the names of a cause, and of sets of causes."""
 
 _LEAST_SHARE = 0.05
 """A name that is less probable than this in its place is not worth a measurement."""
 
 
 class CredibleSet(NamedTuple):
-    """One cause at work: its name in the most probable set, then the others that it may have, the most probable first;
+    """One cause at work: its name in the set that is chosen, then the others that it may have, the most probable first;
     and the probability of each in this place."""
 
     names: tuple[str, ...]

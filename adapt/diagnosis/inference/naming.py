@@ -1,5 +1,5 @@
-"""Which causes are named: those of the most probable set that are needed, as long as each predicts unseen motions and
-persons."""
+"""Which causes are named: those that are needed of the set that carries over, as long as each predicts unseen motions
+and persons."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -57,18 +57,18 @@ class Named(NamedTuple):
     gains: Mapping[str, Gain]
     rungs: list[Rung]
     """Of the gap budget."""
-    probable: Node
-    """The most probable set, of which they are."""
+    chosen: Node
+    """The set of which they are."""
     sets: Mapping[str, CredibleSet] = MappingProxyType({})
     """The names that each cause may have."""
 
 
 def name_causes(search: Search, floor_deg: float) -> Named:
-    """Name the causes of the most probable set that predict; noise alone leaves a gap of ``floor_deg``."""
-    probable, places = _probable(search)
-    hypothesis, gains = _predicting(search, probable, floor_deg)
+    """Name the causes that predict, of the set that carries over; noise alone leaves a gap of ``floor_deg``."""
+    chosen, places = _chosen(search)
+    hypothesis, gains = _predicting(search, chosen, floor_deg)
     sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
-    return Named(hypothesis, gains, ladder(search, hypothesis), probable, sets)
+    return Named(hypothesis, gains, ladder(search, hypothesis), chosen, sets)
 
 
 def nothing_named(search: Search) -> Named:
@@ -76,8 +76,8 @@ def nothing_named(search: Search) -> Named:
     return Named((), {}, ladder(search, ()), search.nodes[search.known])
 
 
-def _probable(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
-    """Find the set to name, less what is not needed; and what may stand in the place of each of its causes."""
+def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
+    """Find the set that carries over, less what is not needed, and what may stand in the place of each cause."""
     while True:
         best = node = carrying_over(search)
         while weak := _weakest(search, node, places := _places(search, node)):
@@ -103,14 +103,13 @@ def carrying_over(search: Search) -> Node:
 
 
 def _gaps_of_folds_deg(search: Search, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "sets folds"]:
-    """Predict each fold in three ways, and average: the motion unseen, the person too, and the person with the sizes
-    of the others as they are."""
+    """Predict unseen postures with sizes of each person's own and, of persons who were not seen, with those of the
+    others as they are; the mean of both."""
     for own_sizes in (True, False):
         search.predict(hypotheses, own_sizes)
     own = [known_mean(search.unseen_gaps_deg(one)) for one in hypotheses]
     as_others = [known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses]
-    kinds = [search.folds.of_kind(kind) for kind in (MOTION, PERSON)]
-    return np.mean([*(np.array(own)[:, kind] for kind in kinds), np.array(as_others)], axis=0)
+    return 0.5 * (np.array([search.folds.by_fold(one) for one in own]) + as_others)
 
 
 def _standard_error(differences: Float[np.ndarray, "*sets folds"]) -> Float[np.ndarray, "*sets"]:
