@@ -93,13 +93,14 @@ def carrying_over(search: Search) -> Node:
     probable."""
     if PERSON not in search.folds.kinds:
         return search.best
-    probability = probabilities([node.resampled for node in search.usable])
+    sets = search.usable
+    probability = probabilities([node.resampled for node in sets])
     likely = np.argsort(-probability)
-    count = int(np.searchsorted(np.cumsum(probability[likely]), LEVEL)) + 1
-    sets = [search.usable[k] for k in likely[:count]]
-    gaps = _gaps_of_folds_deg(search, [node.hypothesis for node in sets])
+    likely = likely[: np.searchsorted(np.cumsum(probability[likely]), LEVEL) + 1]
+    gaps = _gaps_of_folds_deg(search, [sets[k].hypothesis for k in likely])
     beyond = gaps - gaps[np.argmin(gaps.mean(axis=1))]
-    return sets[int(np.argmax(beyond.mean(axis=1) <= _standard_error(beyond)))]
+    as_good = beyond.mean(axis=1) <= _standard_error(beyond)
+    return sets[likely[np.argmax(as_good)]]
 
 
 def _gaps_of_folds_deg(search: Search, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "sets folds"]:
@@ -107,9 +108,9 @@ def _gaps_of_folds_deg(search: Search, hypotheses: Sequence[Hypothesis]) -> Floa
     others as they are; the mean of both."""
     for own_sizes in (True, False):
         search.predict(hypotheses, own_sizes)
-    own = [known_mean(search.unseen_gaps_deg(one)) for one in hypotheses]
+    own = [search.folds.by_fold(known_mean(search.unseen_gaps_deg(one))) for one in hypotheses]
     as_others = [known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses]
-    return 0.5 * (np.array([search.folds.by_fold(one) for one in own]) + as_others)
+    return 0.5 * (np.array(own) + as_others)
 
 
 def _standard_error(differences: Float[np.ndarray, "*sets folds"]) -> Float[np.ndarray, "*sets"]:
