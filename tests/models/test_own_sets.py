@@ -1,0 +1,290 @@
+"""A parameter set of the user's own: what a file holds, and what it is refused for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models import load_model, model_names
+from models.adapted_parameters import ADAPTED
+from models.parameter_sets import SHORTEST_MM, shortest_conoid_mm
+from motions.errors import InputError
+
+OWN = """\
+name = "own"
+[thorax]
+centre_mm = [0, -296.0, 78.0]
+semi_axes_mm = [153.0, 404.0, 130.0]
+points_mm = [[1, 2, 3], [2, 3, 4], [3, 4, 5], [4, 5, 6], [5, 6, 7], [6, 7, 8]]
+[clavicle]
+sc_mm = [20.3, -8.2, 12.4]
+length_mm = 158
+conoid_mm = [103.0, 15.0, -4.0]
+[scapula]
+ts_mm = [-119.0, 0.0, 0.0]
+ai_mm = [-148.0, -109.0, 0.0]
+conoid_mm = [-21.0, 3.0, -39.0]
+[constraint]
+ts_distance_mm = -2.0
+ai_distance_mm = -10.5
+conoid_length_mm = 18.3
+"""
+
+
+def own(folder: Path, old: str = "", new: str = "", tail: str = "") -> Path:
+    """A file of the user's own, with one thing changed."""
+    assert old in OWN
+    path = folder / "own.toml"
+    path.write_text(OWN.replace(old, new, 1) + tail, encoding="utf-8")
+    return path
+
+
+def refusal(name_or_path: str | Path) -> InputError:
+    with pytest.raises(InputError) as caught:
+        load_model(name_or_path)
+    assert caught.value.file == str(name_or_path)
+    assert caught.value.row is None
+    return caught.value
+
+
+def test_an_own_file_loads_by_its_path(tmp_path, monkeypatch):
+    path = own(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    bare = tmp_path / "folder" / "own"
+    bare.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    for name_or_path in (path, str(path), "own.toml", "./own.toml", "folder/own", bare):
+        model = load_model(name_or_path)
+        assert model.name == "own"
+        assert model.source == {}
+        assert model.points_mm[:, 0].tolist() == [1.0, 2.0, 3.0]
+        assert model.girdle.ac_mm.tolist() == [158.0, 0.0, 0.0]
+        assert model.girdle.ai_mm.tolist() == [-148.0, -109.0, 0.0]
+        assert float(model.girdle.ai_distance_mm) == -10.5
+
+
+def test_default_bounds(tmp_path):
+    lower, upper = load_model(own(tmp_path)).bounds_mm
+    np.testing.assert_allclose(lower, [-396.0, 48.0, 123.0, 304.0, 100.0, 10.3])
+    np.testing.assert_allclose(upper, [-196.0, 108.0, 183.0, 504.0, 160.0, 26.3])
+
+
+def test_bounds_of_the_file(tmp_path):
+    tail = "[bounds]\nM_z_mm = 5\nA_x_mm = 200.0\nconoid_length_mm = 20\n"
+    lower, upper = load_model(own(tmp_path, tail=tail)).bounds_mm
+    np.testing.assert_allclose(lower, [-396.0, 73.0, SHORTEST_MM, 304.0, 100.0, SHORTEST_MM])
+    np.testing.assert_allclose(upper, [-196.0, 83.0, 353.0, 504.0, 160.0, 38.3])
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_the_own_values_are_within_their_bounds(name):
+    model = load_model(name)
+    own_mm = np.asarray(model.girdle.adapted_mm)
+    assert len(ADAPTED) == len(own_mm)
+    assert np.all(model.bounds_mm[0] < own_mm)
+    assert np.all(own_mm < model.bounds_mm[1])
+
+
+def test_sources_of_an_own_file(tmp_path):
+    tail = '[source]\n"clavicle.length_mm" = "MRI of the subject"\n'
+    assert load_model(own(tmp_path, tail=tail)).source == {"clavicle.length_mm": "MRI of the subject"}
+
+
+def test_a_conoid_that_closes_nowhere_is_legal(tmp_path):
+    model = load_model(own(tmp_path, "conoid_length_mm = 18.3", "conoid_length_mm = 2.0"))
+    assert shortest_conoid_mm(model.girdle) > 2.0
+
+
+# ------------------------------------------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize(
+    ("name", "near"), [("r2", "R2"), ("R22", "R2"), ("breteler_MR", "breteler_mri"), ("DAS3", "das3")]
+)
+def test_an_unknown_name(name, near):
+    error = refusal(name)
+    assert error.cause == "there is no parameter set of this name"
+    assert all(known in error.remedy for known in model_names())
+    assert error.remedy.startswith("Did you mean ")
+    assert near in error.remedy.partition("?")[0]
+
+
+def test_a_name_that_resembles_none():
+    assert "Did you mean" not in refusal("zzzzzz").remedy
+    assert "ends in .toml" in refusal("").remedy
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    error = refusal(tmp_path / "none.toml")
+    assert "cannot be read (No such file" in error.cause
+    assert "Check the path" in error.remedy
+    assert "cannot be read" in refusal(tmp_path).cause
+    assert "cannot be read" in refusal("a\0b.toml").cause
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"\xff\xfe\x00garbage\x9d", "not UTF-8 text"),
+        (b"\x00\x01\x02", "this is not a TOML file"),
+        (b"name = 'own'\nthorax = [", "this is not a TOML file"),
+        (b"subject,motion\nP1,abduction\n", "at line 1"),
+        (b"a = " + b"[" * 100_000, "this is not a TOML file"),
+        (b"name = 1" + b"0" * 5000, "this is not a TOML file"),
+    ],
+)
+def test_a_file_that_is_not_toml(tmp_path, content, reason):
+    path = tmp_path / "own.toml"
+    path.write_bytes(content)
+    error = refusal(path)
+    assert reason in error.cause
+    assert "copy of a shipped set" in error.remedy
+
+
+REFUSED = {
+    "an empty file": (OWN, "", "the key name is missing", "Add name = text in quotes as the first line"),
+    "a missing number": (
+        "length_mm = 158\n",
+        "",
+        "the key clavicle.length_mm is missing",
+        "Add length_mm = one number under [clavicle]",
+    ),
+    "a missing section": (
+        OWN[OWN.index("[constraint]") :],
+        "",
+        "the key constraint.ts_distance_mm is missing",
+        "under [constraint]",
+    ),
+    "a misspelt key": (
+        "centre_mm",
+        "center_mm",
+        "the key 'center_mm' in [thorax] is unknown",
+        "Did you mean centre_mm?",
+    ),
+    "a misspelt section": (
+        "[scapula]",
+        "[scapulae]",
+        "the key 'scapulae' is unknown",
+        "Did you mean scapula?",
+    ),
+    "no section": (
+        "[thorax]",
+        "bounds = 3\n[thorax]",
+        "bounds is 3 and must be a section",
+        "Write [bounds]",
+    ),
+    "two coordinates": (
+        "[20.3, -8.2, 12.4]",
+        "[20.3, -8.2]",
+        "clavicle.sc_mm is [20.3, -8.2]",
+        "three numbers",
+    ),
+    "a number for a vector": (
+        "[20.3, -8.2, 12.4]",
+        "20.3",
+        "clavicle.sc_mm is 20.3 and must be three",
+        "[x, y, z]",
+    ),
+    "text for a number": (
+        "= 158",
+        '= "158"',
+        "clavicle.length_mm is '158' and must be one number",
+        "without quotes",
+    ),
+    "true for a number": ("= 158", "= true", "clavicle.length_mm is True", "one number"),
+    "a vector for a number": ("= 158", "= [158, 0, 0]", "clavicle.length_mm is [158, 0, 0]", "one number"),
+    "a point of two": ("[6, 7, 8]]", "[6, 7]]", "thorax.points_mm is [[1, 2, 3]", "a list of points"),
+    "nan": (
+        "= 158",
+        "= nan",
+        "clavicle.length_mm holds a number that is not finite (nan)",
+        "Give every number",
+    ),
+    "infinite": ("12.4]", "-inf]", "clavicle.sc_mm holds a number that is not finite", "Give every number"),
+    "beyond a float": (
+        "= 158",
+        "= 1" + "0" * 400,
+        "clavicle.length_mm holds a number that is not",
+        "Give every",
+    ),
+    "a semi-axis of 0": (
+        "404.0",
+        "0.0",
+        "thorax.semi_axes_mm is 0 and must be at least 1 mm",
+        "positive numbers",
+    ),
+    "a negative length": ("= 158", "= -158", "clavicle.length_mm is -158 and must be", "positive numbers"),
+    "no conoid": ("= 18.3", "= 0", "constraint.conoid_length_mm is 0 and must be", "positive numbers"),
+    "metres": (
+        "[153.0, 404.0, 130.0]",
+        "[0.153, 0.404, 0.13]",
+        "semi_axes_mm is 0.404 mm",
+        "metres times 1000",
+    ),
+    "centimetres": (
+        "[153.0, 404.0, 130.0]",
+        "[15.3, 40.4, 13.0]",
+        "is 40.4 mm, less than of any",
+        "centimetres times 10",
+    ),
+    "M_x": (
+        "[0, -296.0",
+        "[0.5, -296.0",
+        "thorax.centre_mm starts with 0.5",
+        "centre_mm must start with 0.0",
+    ),
+    "five points": (", [6, 7, 8]]", "]", "thorax.points_mm has 5 points", "Give 6 or more"),
+    "no points": (
+        OWN[OWN.index("[[") : OWN.index("]]") + 2],
+        "[]",
+        "thorax.points_mm has 0 points",
+        "Give 6",
+    ),
+    "a scapula on a line": (
+        "[-148.0, -109.0, 0.0]",
+        "[-238.0, 0.0, 0.0]",
+        "lie on a line",
+        "scapula frame, from AC",
+    ),
+    "a scapula at a point": (
+        "[-119.0, 0.0, 0.0]",
+        "[0.0, 0.0, 0.0]",
+        "lie on a line",
+        "scapula frame, from AC",
+    ),
+    "no name": ('"own"', '" "', "name is ' ' and must be text", 'Write name = "..."'),
+    "a number as the name": ('"own"', "2", "name is 2 and must be text", 'Write name = "..."'),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "cause", "remedy"), REFUSED.values(), ids=REFUSED.keys())
+def test_what_is_refused(tmp_path, old, new, cause, remedy):
+    error = refusal(own(tmp_path, old, new))
+    assert cause in error.cause
+    assert remedy in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("tail", "cause", "remedy"),
+    [
+        ("[bounds]\nM_y = 3\n", "the key 'M_y' in [bounds] is unknown", "Did you mean M_y_mm?"),
+        ("[bounds]\nM_y_mm = 0\n", "bounds.M_y_mm is 0 and must be above 0", "how far the parameter may go"),
+        ("[bounds]\nA_z_mm = '3'\n", "bounds.A_z_mm is '3' and must be one number", "without quotes"),
+        ("[bounds]\nA_z_mm = nan\n", "bounds.A_z_mm holds a number that is not finite", "Give every number"),
+        ("[source]\n'clavicle.length' = 'x'\n", "is unknown", "Did you mean clavicle.length_mm?"),
+        (
+            "[source]\nclavicle.length_mm = 'x'\n",
+            "the key 'clavicle' in [source] is unknown",
+            '"clavicle.length_mm"',
+        ),
+        (
+            "[source]\n'clavicle.length_mm' = 3\n",
+            "the source of clavicle.length_mm is 3",
+            "where the number comes",
+        ),
+    ],
+)
+def test_what_is_refused_of_the_optional_sections(tmp_path, tail, cause, remedy):
+    error = refusal(own(tmp_path, tail=tail))
+    assert cause in error.cause
+    assert remedy in error.remedy
