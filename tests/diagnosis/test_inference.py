@@ -253,6 +253,9 @@ def test_of_sets_that_the_evidence_cannot_tell_apart_the_one_that_predicts_best_
     assert carrying_over(search).hypothesis == other, "sizes of others count as much as own ones"
     with_gaps(other, 1.6, 1.5)
     assert carrying_over(search).hypothesis == one
+    with_gaps(other, 0.9, 2.0)
+    search.gaps[other, False][:2] = [[0.0], [3.9]]
+    assert carrying_over(search).hypothesis == one, "better by less than a standard error"
     alone = replace(search, folds=folds.only(MOTION))
     with_gaps(other, 0.1, 0.1)
     assert carrying_over(alone).hypothesis == one, "one person: the most probable"
