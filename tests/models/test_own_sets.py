@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from models import load_model, model_names
-from models.adapted_parameters import ADAPTED
 from models.parameter_sets import SHORTEST_MM, shortest_conoid_mm
 from motions.errors import InputError
 
@@ -74,15 +73,6 @@ def test_bounds_of_the_file(tmp_path):
     lower, upper = load_model(own(tmp_path, tail=tail)).bounds_mm
     np.testing.assert_allclose(lower, [-396.0, 73.0, SHORTEST_MM, 304.0, 100.0, SHORTEST_MM])
     np.testing.assert_allclose(upper, [-196.0, 83.0, 353.0, 504.0, 160.0, 38.3])
-
-
-@pytest.mark.parametrize("name", model_names())
-def test_the_own_values_are_within_their_bounds(name):
-    model = load_model(name)
-    own_mm = np.asarray(model.girdle.adapted_mm)
-    assert len(ADAPTED) == len(own_mm)
-    assert np.all(model.bounds_mm[0] < own_mm)
-    assert np.all(own_mm < model.bounds_mm[1])
 
 
 def test_sources_of_an_own_file(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from models import ParameterSet, load_model, model_names
+from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm, landmarks
 from models.muscles.muscle_lines import published_lines
 from models.parameter_sets import FOLDER, shortest_conoid_mm
@@ -271,3 +272,12 @@ def test_the_shortest_conoid_is_reached_in_line():
     at = landmarks(girdle, jnp.zeros(6))
     in_line = jnp.linalg.norm(at.scapula_conoid - at.clavicle_conoid)
     assert shortest_conoid_mm(girdle) == pytest.approx(float(in_line)) == pytest.approx(15.0)
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_the_own_values_are_within_their_bounds(name):
+    model = load_model(name)
+    own_mm = np.asarray(model.girdle.adapted_mm)
+    assert len(ADAPTED) == len(own_mm)
+    assert np.all(model.bounds_mm[0] < own_mm)
+    assert np.all(own_mm < model.bounds_mm[1])
