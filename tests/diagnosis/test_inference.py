@@ -233,7 +233,7 @@ def test_a_cause_may_be_named_that_predicts_unseen_postures_better_and_motions_a
     assert not found.enough, "motions a little worse"
 
 
-def test_of_sets_that_the_evidence_cannot_tell_apart_the_one_that_predicts_best_is_taken():
+def test_of_sets_that_the_evidence_cannot_tell_apart_the_one_that_carries_over_is_taken():
     found = searched(BIAS)
     one, other, unlikely = (BIAS,), ("thorax_tilt",), (BIAS, "thorax_tilt")
     nodes = {
@@ -243,21 +243,20 @@ def test_of_sets_that_the_evidence_cannot_tell_apart_the_one_that_predicts_best_
     search = replace(found, nodes=nodes, gaps={})
     folds = search.folds
 
-    def with_gaps(hypothesis: tuple[str, ...], own: float, of_others: float) -> None:
-        search.gaps[hypothesis, True] = np.full((len(folds.tests), 6), own)
-        search.gaps[hypothesis, False] = np.full((folds.of_kind(PERSON).sum(), 6), of_others)
+    def with_sizes_of_others(hypothesis: tuple[str, ...], gap_deg: float) -> None:
+        search.gaps[hypothesis, False] = np.full((folds.of_kind(PERSON).sum(), 6), gap_deg)
 
-    with_gaps(one, 1.0, 2.0)
-    with_gaps(other, 1.1, 1.5)
-    with_gaps(unlikely, 0.1, 0.1)
-    assert carrying_over(search).hypothesis == other, "sizes of others count as much as own ones"
-    with_gaps(other, 1.6, 1.5)
+    with_sizes_of_others(one, 2.0)
+    with_sizes_of_others(other, 1.9)
+    with_sizes_of_others(unlikely, 0.1)
+    assert carrying_over(search).hypothesis == other, "the likelier ones are compared"
+    with_sizes_of_others(other, 2.1)
     assert carrying_over(search).hypothesis == one
-    with_gaps(other, 0.9, 2.0)
-    search.gaps[other, False][:2] = [[0.0], [3.9]]
+    with_sizes_of_others(other, 1.9)
+    search.gaps[other, False][:2] = [[0.0], [3.6]]
     assert carrying_over(search).hypothesis == one, "better by less than a standard error"
     alone = replace(search, folds=folds.only(MOTION))
-    with_gaps(other, 0.1, 0.1)
+    with_sizes_of_others(other, 0.1)
     assert carrying_over(alone).hypothesis == one, "one person: the most probable"
 
 

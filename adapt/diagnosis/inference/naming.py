@@ -1,7 +1,7 @@
 """Which causes are named: those that are needed of the set that carries over, as long as each predicts unseen motions
 and persons."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -88,29 +88,21 @@ def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
 
 
 def carrying_over(search: Search) -> Node:
-    """Find the most probable set that predicts as well as any, to a standard error, of those that hold the truth with
-    ``LEVEL`` between them (Breiman et al. 1984, Classification and regression trees, 3.4.3); of one person, the most
-    probable."""
+    """Find the most probable set that predicts persons who were not seen, with the sizes of the others as they are, as
+    well as any, to a standard error, of those that hold the truth with ``LEVEL`` between them (Breiman et al. 1984,
+    Classification and regression trees, 3.4.3); of one person, the most probable."""
     if PERSON not in search.folds.kinds:
         return search.best
     sets = search.usable
     probability = probabilities([node.resampled for node in sets])
     likely = np.argsort(-probability)
     likely = likely[: np.searchsorted(np.cumsum(probability[likely]), LEVEL) + 1]
-    gaps = _gaps_of_folds_deg(search, [sets[k].hypothesis for k in likely])
+    hypotheses = [sets[k].hypothesis for k in likely]
+    search.predict(hypotheses, own_sizes=False)
+    gaps = np.array([known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses])
     beyond = gaps - gaps[np.argmin(gaps.mean(axis=1))]
     as_good = beyond.mean(axis=1) <= _standard_error(beyond)
     return sets[likely[np.argmax(as_good)]]
-
-
-def _gaps_of_folds_deg(search: Search, hypotheses: Sequence[Hypothesis]) -> Float[np.ndarray, "sets folds"]:
-    """Predict unseen postures with sizes of each person's own and, of persons who were not seen, with those of the
-    others as they are; the mean of both."""
-    for own_sizes in (True, False):
-        search.predict(hypotheses, own_sizes)
-    own = [search.folds.by_fold(known_mean(search.unseen_gaps_deg(one))) for one in hypotheses]
-    as_others = [known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses]
-    return 0.5 * (np.array(own) + as_others)
 
 
 def _standard_error(differences: Float[np.ndarray, "*sets folds"]) -> Float[np.ndarray, "*sets"]:
