@@ -1,15 +1,18 @@
-"""Would any other causes do as well? Named causes against as many drawn at random, on measured persons left out.
+"""Would any other causes do as well? Named causes against as many drawn at random, on persons who were not seen.
 
 Of each person in turn and with each parameter set: what is named on the other persons, and as many candidates drawn at
 random, each with all numbers that it can have. Both get the sizes that the other persons show, and the person left out
 is adapted with them: once with these sizes as they are, and once with sizes of its own about them, as `girdle adapt
 --effect` does with what `girdle diagnose` says. Mean |simulated - measured| on motions that it was not adapted to;
-"as good" counts the sets at random that leave no more than what is named.
+"as good" counts the sets at random that leave no more than what is named. With `--elsewhere` causes are named on all
+persons, and tried on what another laboratory measured.
 """
 
 import argparse
 from collections.abc import Callable
 from functools import partial
+from itertools import product
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +26,11 @@ from adapt.diagnosis.inference.naming import name_causes
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.result import ALL
 from adapt.diagnosis.thorax_points import thorax_option
-from models import load_model
+from models import ParameterSet, load_model
 from models.effects.known import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
+from motions import Motions
 from scripts.measured_check import one_left_out, unseen_gaps_deg
-from scripts.reporting import bone_pins, markdown
+from scripts.reporting import bone_pins, markdown, measured
 
 SEED, DRAWN = 1, 20
 """Sets drawn for each person and parameter set."""
@@ -39,24 +43,43 @@ class Gaps(NamedTuple):
     own: float
 
 
+LEFT_OUT = "each person left out"
+
+Tried = dict[str, list[tuple[Motions, Motions]]]
+"""By who: the motions on which causes are named, and those on which they are tried."""
+
+
 def main() -> None:
-    """Adapt each person with what is named without it and with sets drawn at random; print one table."""
+    """Adapt persons with what is named without them and with sets drawn at random; print one table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--drawn", type=int, default=DRAWN, help=f"sets drawn for each person; default: {DRAWN}")
+    parser.add_argument("--elsewhere", action="append", type=Path, help="motions that another laboratory measured")
     motions, options = bone_pins(parser)
+    every = tried(motions, measured(parser, options.elsewhere) if options.elsewhere else None)
     rows, generator = [], np.random.default_rng(SEED)
-    for name in options.model:
-        model, found = load_model(name), []
-        for others, left_out in track(list(one_left_out(motions)), name, console=Console(stderr=True)):
-            gaps, (shoulders, _) = partial(unseen_gaps_deg, left_out, model), usable(others)
-            search = search_of(model, shoulders, candidate_effects(model, shoulders.subjects)).run()
-            named = name_causes(search, 0.0).hypothesis
-            drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(options.drawn)]
-            without = [gaps(effects)[ALL] for effects in (NO_EFFECTS, _RELIEVED)]
-            found.append((*without, *(_gaps(search, one, gaps) for one in (named, *drawn))))
-        rows.append([name, *cells(found)])
+    for name, who in track(list(product(options.model, every)), console=Console(stderr=True)):
+        model = load_model(name)
+        found = [_compared(seen, unseen, model, options.drawn, generator) for seen, unseen in every[who]]
+        rows.append([name, who, *cells(found)])
     sizes = [f"{of}: {which}" for of in ("sizes of others", "own sizes") for which in ("named", "at random", "as good")]
-    print(markdown(["parameter set", "adapted, deg", "+ thorax_points", *sizes], rows))
+    print(markdown(["parameter set", "tried on", "adapted, deg", "+ thorax_points", *sizes], rows))
+
+
+def tried(motions: Motions, elsewhere: Motions | None) -> Tried:
+    """Choose on whom causes are tried: each person in turn, or each subject that was measured elsewhere."""
+    if elsewhere is None:
+        return {LEFT_OUT: list(one_left_out(motions))}
+    return {one: [(motions, elsewhere.select(elsewhere.subject == one))] for one in elsewhere.subjects}
+
+
+def _compared(seen: Motions, unseen: Motions, model: ParameterSet, draws: int, generator: np.random.Generator) -> tuple:
+    """Give the gaps of the unseen motions: adapted, relieved, with what is named on the seen ones, with each draw."""
+    gaps, (shoulders, _) = partial(unseen_gaps_deg, unseen, model), usable(seen)
+    search = search_of(model, shoulders, candidate_effects(model, shoulders.subjects)).run()
+    named = name_causes(search, 0.0).hypothesis
+    drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(draws)]
+    without = (gaps(effects)[ALL] for effects in (NO_EFFECTS, _RELIEVED))
+    return *without, *(_gaps(search, one, gaps) for one in (named, *drawn))
 
 
 def drawn_at_random(candidates: Candidates, causes: int, generator: np.random.Generator) -> Hypothesis:

@@ -25,8 +25,13 @@ def bone_pins(parser: argparse.ArgumentParser) -> tuple[Motions, argparse.Namesp
     parser.add_argument("--model", action="append", default=[], help=sets)
     options = parser.parse_args()
     options.model = options.model or CADAVER_SETS
+    return measured(parser, options.motions), options
+
+
+def measured(parser: argparse.ArgumentParser, files: Sequence[Path]) -> Motions:
+    """Read measured motions; end with a message where they are none."""
     try:
-        return read_motions(*options.motions), options
+        return read_motions(*files)
     except InputError as error:
         parser.error(f"{error} The measured motions are not part of the project: docs/results.md has their source.")
 

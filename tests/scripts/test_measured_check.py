@@ -14,7 +14,7 @@ from models import load_model
 from models.effects import EFFECTS
 from motions import read_motions
 from scripts.measured_check import named_without
-from scripts.measured_control import Gaps, cells, drawn_at_random
+from scripts.measured_control import LEFT_OUT, Gaps, cells, drawn_at_random, tried
 from scripts.measured_fewer import LESS, ONE, REST, SHOULDER, parts, table
 from scripts.measured_noise import compared
 
@@ -80,3 +80,16 @@ def test_the_table_of_the_control_counts_sets_at_random_that_leave_no_more():
     first = (2.0, 1.5, Gaps(1.0, 0.5), Gaps(0.9, 0.6), Gaps(1.1, 0.5))
     second = (1.0, 0.5, Gaps(2.0, 0.7), Gaps(3.0, 0.8), Gaps(3.0, 0.9))
     assert cells([first, second]) == ["1.50", "1.00", "1.50", "2.05", "1 of 4", "0.60", "0.70", "1 of 4"]
+
+
+def test_causes_are_tried_on_nobody_on_whom_they_were_named():
+    ten = read_motions(SHIPPED)
+    here, elsewhere = (ten.select(np.isin(ten.subject, names)) for names in (ten.subjects[:3], ten.subjects[3:5]))
+    every = tried(here, elsewhere)
+    assert list(every) == list(elsewhere.subjects)
+    for who, [(seen, unseen)] in every.items():
+        assert seen.subjects == here.subjects
+        assert unseen.subjects == (who,)
+    turns = tried(here, None)[LEFT_OUT]
+    assert [unseen.subjects for _, unseen in turns] == [(one,) for one in here.subjects]
+    assert all(not set(seen.subjects) & set(unseen.subjects) for seen, unseen in turns)
