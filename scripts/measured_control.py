@@ -46,7 +46,7 @@ class Gaps(NamedTuple):
 LEFT_OUT = "each person left out"
 
 Tried = dict[str, list[tuple[Motions, Motions]]]
-"""By who: the motions on which causes are named, and those on which they are tried."""
+"""By whom they are tried on: the motions on which causes are named, and those on which they are tried."""
 
 
 def main() -> None:
