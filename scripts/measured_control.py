@@ -46,7 +46,7 @@ class Gaps(NamedTuple):
 LEFT_OUT = "each person left out"
 
 Tried = dict[str, list[tuple[Motions, Motions]]]
-"""By whom they are tried on: the motions on which causes are named, and those on which they are tried."""
+"""For each on whom causes are tried: the motions on which they are named, and those on which they are tried."""
 
 
 def main() -> None:
