@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import DTypeLike
 
-from adapt.engine.batching import as_type
+from adapt.engine.batching import as_type, take_problems
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.motion_rows import MotionRows, fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.posture_fits import Fitted
 from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.solution import PostureSolution
 from adapt.tables.held_out import NOTHING
 from adapt.tables.results import (
     ALL_MOTIONS,
@@ -40,7 +40,7 @@ Progress = Callable[[str], None]
 class PostureFits:
     """Posture fits of every model with every posture."""
 
-    by_model: dict[str, Fitted]
+    by_model: dict[str, PostureSolution]
     """Problems in the order of the motions' rows."""
     fits: pd.DataFrame
     """One row a model and posture: the columns of ``fits.csv``."""
@@ -79,7 +79,7 @@ def fit_postures(
 
 def _before(
     motions: Motions, models: list[AnyModel], progress: Progress, dtype: DTypeLike, effects: Amplitudes
-) -> tuple[dict[str, Fitted], pd.DataFrame]:
+) -> tuple[dict[str, PostureSolution], pd.DataFrame]:
     """The fits of the models as they are, and their table."""
     _check_names(motions)
     progress("posture fits")
@@ -183,9 +183,9 @@ def _type_of(dtype: DTypeLike, effects: Amplitudes) -> DTypeLike:
     return np.float64 if effects else dtype
 
 
-def _by_model(models: Sequence[AnyModel], fitted: Fitted) -> dict[str, Fitted]:
-    parts = _parts(len(models), len(fitted.status) // len(models))
-    return {model.name: fitted.take(part) for model, part in zip(models, parts, strict=True)}
+def _by_model(models: Sequence[AnyModel], fitted: PostureSolution) -> dict[str, PostureSolution]:
+    parts = _parts(len(models), len(fitted.code) // len(models))
+    return {model.name: take_problems(fitted, part) for model, part in zip(models, parts, strict=True)}
 
 
 def _parts(models: int, width: int) -> list[slice]:

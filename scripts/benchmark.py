@@ -37,12 +37,12 @@ import typer  # noqa: E402
 
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
 from adapt.solvers.adaptation import adapt_batch, solved_from_geometric_fit  # noqa: E402
-from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
-from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
+from adapt.solvers.newton.subject import Fixed, Start  # noqa: E402
+from adapt.solvers.newton.subjects import subjects_kernel  # noqa: E402
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
-from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, problem_batch, select_problems  # noqa: E402
+from adapt.solvers.problem_batch import ProblemBatch, subject_problem, problem_batch, select_problems  # noqa: E402
 from adapt.solvers.reference.subject import Subject  # noqa: E402
 from models import load_model  # noqa: E402
 from models.effects.known import active_effects, read_amplitudes  # noqa: E402
@@ -129,7 +129,7 @@ def first_iterations(data: Any) -> tuple[Fixed, Start, np.ndarray]:
     postures, count = data.counted.shape
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
-    return fixed_problem(data, np.full(count, WEIGHT)), start, np.full(count, 10.0)
+    return subject_problem(data, np.full(count, WEIGHT)), start, np.full(count, 10.0)
 
 
 def quotients(ours: list[float], theirs: list[float]) -> list[float]:

@@ -27,8 +27,8 @@ import typer  # noqa: E402
 
 from adapt.engine.kernel import Kernel  # noqa: E402
 from adapt.engine.simd_values import REGISTER_BYTES  # noqa: E402
-from adapt.solvers.batched.subject import Fixed, Start  # noqa: E402
-from adapt.solvers.batched.subject_kernels import subjects_kernel  # noqa: E402
+from adapt.solvers.newton.subject import Fixed, Start  # noqa: E402
+from adapt.solvers.newton.subjects import subjects_kernel  # noqa: E402
 from scripts.benchmark import first_iterations, prepared  # noqa: E402
 from scripts.reporting import markdown  # noqa: E402
 from scripts.roofline import counted, reached  # noqa: E402

@@ -33,7 +33,7 @@ ORDER = (
 
 WITHIN = (
     ("motions.motion_csv", "motions.landmarks", "motions.formats"),
-    ("adapt.solvers.reference", "adapt.solvers.batched"),
+    ("adapt.solvers.reference", "adapt.solvers.newton"),
     ("adapt.diagnosis.fit", "adapt.diagnosis.inference"),
 )
 """Folders inside a room, in the same sense."""

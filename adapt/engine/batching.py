@@ -92,14 +92,18 @@ def _workers(devices: list[Any]) -> int:
     return 2 * len(devices)
 
 
-def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[Any, ...], start: Any) -> Any:
-    """Run ``function(*fixed, start, iterations)``, again on the problems not yet ``converged``: the others stay.
+def in_rounds(
+    function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[Any, ...], names: Sequence[str], *start: Any
+) -> Any:
+    """Run ``function(*fixed, (*start, converged), iterations)``, again on the problems not yet ``converged``.
 
-    ``rounds`` are the most iterations of each. The result has the fields of ``start``, and its ``iterations`` add up.
+    ``rounds`` are the most iterations of each. A round starts with these fields of the result of the one before
+    (``names``); a problem that has converged stays where it is, and its ``iterations`` add up.
     """
 
-    def done(fixed: tuple[Any, ...], start: Any, iterations: int) -> Any:
-        return function(*fixed, start, np.full(start.converged.shape, float(iterations)))
+    def done(fixed: tuple[Any, ...], start: Sequence[Any], iterations: int) -> Any:
+        problems = start[0].shape[-1]
+        return function(*fixed, (*start, np.zeros(problems, bool)), np.full(problems, float(iterations)))
 
     result = done(fixed, start, rounds[0])
     for iterations in rounds[1:]:
@@ -107,8 +111,7 @@ def in_rounds(function: Callable[..., Any], rounds: Sequence[int], fixed: tuple[
         if not len(left):
             break
         before = take_problems(result, left)
-        again = type(start)(*(getattr(before, name) for name in start._fields))
-        further = done(take_problems(fixed, left), again, iterations)
+        further = done(take_problems(fixed, left), [getattr(before, name) for name in names], iterations)
         result = with_problems(result, left, further._replace(iterations=before.iterations + further.iterations))
     return result
 
@@ -124,7 +127,9 @@ def as_type(tree: Any, dtype: DTypeLike) -> Any:
 
 
 def take_problems(tree: Any, index: Any) -> Any:
-    """Take some problems of every array: ``index`` holds their numbers, or says which they are."""
+    """Take some problems of every array: ``index`` holds their numbers, says which they are, or is a slice."""
+    if isinstance(index, slice):
+        return jax.tree.map(lambda x: np.asarray(x)[..., index], tree)
     index = np.flatnonzero(index) if np.asarray(index).dtype == bool else index
     return jax.tree.map(lambda x: np.asarray(x).take(index, axis=-1), tree)
 
@@ -133,6 +138,11 @@ def put_problems(tree: Any, index: Any, values: Any) -> None:
     """Replace some problems of every array of a tree by those of ``values``, in place."""
     for whole, some in zip(jax.tree.leaves(tree), jax.tree.leaves(values), strict=True):
         whole[..., index] = some
+
+
+def where_problems(chosen: Any, new: Any, old: Any) -> Any:
+    """Take the chosen problems of every array of one tree, the others of another."""
+    return jax.tree.map(lambda one, other: np.where(chosen, one, other), new, old)
 
 
 def with_problems(tree: Any, index: Any, values: Any) -> Any:

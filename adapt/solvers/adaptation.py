@@ -3,26 +3,29 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from adapt.engine.batching import as_type, in_chunks, take_problems, with_problems
-from adapt.solvers import status
-from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.batched.subject_kernels import sweep_from
-from adapt.solvers.extended.own_sizes import own_sizes
-from adapt.solvers.extended.whole_subjects import solve_extended
-from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT, AtOptimum, Reading, ThoraxPoints
-from adapt.solvers.posture_fits import at_rest_where_unknown, fit_batch, nearby_angles
-from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, measured_landmarks
-from adapt.solvers.reference.constraints import ByHand, Constraints, Differentiated
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
-from adapt.solvers.reference.subject import Problem, Subject, solve_subjects
+from adapt.engine.batching import as_type, take_problems, with_problems
+from adapt.solvers import newton, projection, status
+from adapt.solvers.newton.subject import SubjectProblem
+from adapt.solvers.objective import (
+    DEFAULT_READING,
+    READINGS,
+    WEIGHT,
+    AtOptimum,
+    Reading,
+    angle_weights,
+    mean_square_deg2,
+)
+from adapt.solvers.posture_fits import fit_batch, nearby_angles
+from adapt.solvers.problem_batch import ProblemBatch, measured_landmarks, subject_problem
+from adapt.solvers.projection.subjects import fit_sizes
+from adapt.solvers.solution import SubjectSolution
+from adapt.solvers.starts import at_rest_where_unknown
 from models.adapted_parameters import STARTS_MM
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
 from models.ellipsoid import signed_distance_mm
-from models.girdle import Girdle
 from motions.arrays import Array, ByType
 from motions.table import FEWEST_ANGLES
 
@@ -57,12 +60,6 @@ _AT_BOUND_MM = 1e-9
 _EXACT_DEG2 = 1e-9
 """J of postures that the chain follows exactly, but for rounding. Where three angles are out of its reach,
 they do say something of its parameters."""
-
-_SMALL_CHUNK = 16
-"""Subjects in a chunk of the reference path, which is long to compile."""
-
-_SMALL_AT_ONCE = 256
-"""Subjects up to which numpy does the reference path; it takes a minute to compile."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +142,8 @@ def _with_own_sizes(data: ProblemBatch, weight: float, reading: str, progress: P
     left, settled = np.arange(count), np.zeros(count, bool)
     for _ in range(_ROUNDS):
         part, before = take_problems(data, left), adapted.take(left)
-        fixed = fixed_problem(part, np.full(len(left), weight))
-        found = own_sizes(fixed, part.active_effects, before.theta_mm, before.angles)
+        problem = subject_problem(part, np.full(len(left), weight))
+        found = fit_sizes(problem, before.theta_mm, before.angles, part.active_effects)
         moved = np.abs(found.sizes - sizes[:, left]).max(axis=0) > _SAME_SIZE
         sizes[:, left] = found.sizes
         after = adapted_from(part.with_sizes(found.sizes), found.theta_mm, weight)
@@ -199,13 +196,13 @@ def _in_terms_of(data: ProblemBatch, weight: float, reading: Reading, adapted: A
 
 def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
     """All starts of all problems side by side; each optimum goes on until its postures are the lowest."""
-    fixed = fixed_problem(data, equivalent, reading.landmarks)
+    whole = subject_problem(data, equivalent, reading.landmarks)
     theta, angles = _starts(data)
     count = len(equivalent)
     every = np.tile(np.arange(count), theta.shape[-1] // count)
     progress("round 1")
-    some, active_effects = take_problems((fixed, data.active_effects), every)
-    found = fast_path(some, active_effects, theta, angles)
+    some, active_effects = take_problems((whole, data.active_effects), every)
+    found = solved_from(some, active_effects, theta, angles)
     E = _as_adapted(take_problems(data, every), weight, reading, equivalent[every], found).E
     same = _SAME_E.for_dtype_of(data.angles)
     kept = np.flatnonzero(_distinct(np.where(found.converged & np.isfinite(E), E, np.inf).reshape(-1, count), same))
@@ -215,7 +212,7 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
         weight,
         reading,
         equivalent[problem],
-        take_problems(fixed, problem),
+        take_problems(whole, problem),
         take_problems(found, kept),
         progress,
     )
@@ -250,12 +247,12 @@ def _starts(data: ProblemBatch) -> tuple[Float[np.ndarray, "adapted starts"], Fl
     return np.concatenate(each_theta, axis=-1), np.concatenate(each_angles, axis=-1)
 
 
-def solved_from_geometric_fit(data: ProblemBatch) -> Subject:
+def solved_from_geometric_fit(data: ProblemBatch) -> SubjectSolution:
     """Solve from one start alone, the geometric fit and the measured angles, with the default weight: what benchmarks
     compare."""
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
-    fixed = fixed_problem(data, np.full(data.counted.shape[1:], WEIGHT))
-    return _without_failures(fixed, NO_ACTIVE_EFFECTS, fast_path(fixed, NO_ACTIVE_EFFECTS, theta, data.angles))
+    problem = subject_problem(data, np.full(data.counted.shape[1:], WEIGHT))
+    return _ended(problem, NO_ACTIVE_EFFECTS, solved_from(problem, NO_ACTIVE_EFFECTS, theta, data.angles))
 
 
 def adapted_from(
@@ -272,18 +269,24 @@ def adapted_from(
 
 def _from_theta(data: ProblemBatch, weight, reading: Reading, equivalent, theta, progress: Progress) -> Adapted:
     """The optimum reached from theta and the postures that are fitted there."""
-    fixed = fixed_problem(data, equivalent, reading.landmarks)
+    problem = subject_problem(data, equivalent, reading.landmarks)
     progress("round 1")
     start = data.angles if data.active_effects.effects else fitted_angles(data, theta)
-    found = fast_path(fixed, data.active_effects, theta, start)
-    return _to_the_lowest_postures(data, weight, reading, equivalent, fixed, found, progress)
+    found = solved_from(problem, data.active_effects, theta, start)
+    return _to_the_lowest_postures(data, weight, reading, equivalent, problem, found, progress)
 
 
 def _to_the_lowest_postures(
-    data: ProblemBatch, weight, reading: Reading, equivalent, fixed: Fixed, result: Subject, progress: Progress
+    data: ProblemBatch,
+    weight,
+    reading: Reading,
+    equivalent,
+    problem: SubjectProblem,
+    result: SubjectSolution,
+    progress: Progress,
 ) -> Adapted:
-    """Go on with what has not converged by the reference solver, and with a posture in the higher of two valleys."""
-    result = _without_failures(fixed, data.active_effects, result)
+    """Go on with what has not converged by projections, and with a posture in the higher of two local minima."""
+    result = _ended(problem, data.active_effects, result)
     left = np.arange(len(result.converged))
     for number in range(2, _ROUNDS + 1):
         angles, lower = _lower_postures(take_problems(data, left), take_problems(result, left))
@@ -292,8 +295,8 @@ def _to_the_lowest_postures(
         if not len(left):
             break
         progress(f"round {number}")
-        part = take_problems((fixed, data.active_effects), left)
-        further = _without_failures(*part, fast_path(*part, result.theta[:, left], angles[..., again]))
+        part = take_problems((problem, data.active_effects), left)
+        further = _ended(*part, solved_from(*part, result.theta[:, left], angles[..., again]))
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
         result = with_problems(result, left, take_problems(further, gains))
@@ -302,39 +305,35 @@ def _to_the_lowest_postures(
     return _as_adapted(as_type(data, float), weight, reading, equivalent, result)
 
 
-def fast_path(fixed: Fixed, active_effects: ActiveEffects, theta, angles) -> Subject:
-    """Find the optima reached from here by machine code; look at ``converged``. What float32 leaves goes on in float64.
-
-    All paths judge the end of every problem by the conditions of ``adapt.solvers.reference.subject``, with g and the
-    closest points computed anew.
-    """
+def solved_from(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles) -> SubjectSolution:
+    """Find the optima reached from here, by Newton where the chain is plain; look at ``converged``. What float32 leaves
+    goes on in float64."""
     if active_effects.effects:
-        return solve_extended(fixed, active_effects, theta, angles)
-    result = sweep_from(fixed, theta, angles)
+        return projection.fit_subjects(problem, theta, angles, active_effects)
+    result = newton.fit_subjects(problem, theta, angles)
     left = np.flatnonzero(~result.converged)
-    if len(left) and fixed.problem.measured.dtype == np.float32:
-        again = take_problems((fixed, theta, angles), left)
-        result = with_problems(result, left, sweep_from(*as_type(again, float)))
+    if len(left) and problem.angles.dtype == np.float32:
+        again = take_problems((problem, theta, angles), left)
+        result = with_problems(result, left, newton.fit_subjects(*as_type(again, float)))
     return result
 
 
-def _without_failures(fixed: Fixed, active_effects: ActiveEffects, result: Subject) -> Subject:
-    """Go on by the reference solver, which takes half a minute to compile, with what has not converged."""
+def _ended(problem: SubjectProblem, active_effects: ActiveEffects, result: SubjectSolution) -> SubjectSolution:
+    """Go on by projections with what Newton has not ended: 1 of 10 000 simulated adaptations."""
     left = np.flatnonzero(~result.converged)
-    if not len(left):
+    if not len(left) or active_effects.effects:
         return result
-    given, *rest = as_type(take_problems((fixed, result.theta, result.angles, active_effects), left), float)
-    at_once = 0 if active_effects.effects else _SMALL_AT_ONCE
-    return with_problems(result, left, in_chunks(_solve, _SMALL_CHUNK, *given, *rest, at_once=at_once))
+    given = as_type(take_problems((problem, result.theta, result.angles), left), float)
+    return with_problems(result, left, projection.fit_subjects(*given))
 
 
-def _lower_postures(data: ProblemBatch, solved: Subject) -> tuple[np.ndarray, np.ndarray]:
+def _lower_postures(data: ProblemBatch, solved: SubjectSolution) -> tuple[np.ndarray, np.ndarray]:
     """The postures fitted anew at the solution, where that lowers their J, and the problems where it does.
 
     A posture can be carried along in a valley that has become the higher one; E is the sum of the lowest.
     """
     fresh = fitted_angles(data, solved.theta)
-    weights = objective_weights(data.measured)
+    weights = angle_weights(data.measured)
     before, after = (mean_square_deg2(angles, data.angles, weights) for angles in (solved.angles, fresh))
     lower = (after < before - _LOWER_DEG2.for_dtype_of(data.angles)) & data.counted
     return np.where(lower[None], fresh, solved.angles), np.any(lower, axis=0)
@@ -359,37 +358,9 @@ def _over_postures(data: ProblemBatch, angles: Float[np.ndarray, "6 rows"]) -> F
     return angles[:, np.maximum.accumulate(place, axis=0)]
 
 
-def subject_conditions(
-    girdle: Girdle, points_mm, point_weights, levels_mm, active_effects: ActiveEffects
-) -> tuple[Constraints, ThoraxPoints]:
-    """Give the constraints of z = (q, theta) and the thorax term of theta, elementwise over postures and problems."""
-    over_postures = girdle.over_postures()
-
-    def with_effects(z):
-        return active_effects.on(over_postures.with_adapted(z[6:])).residuals_mm(z[:6])
-
-    constraints = Differentiated(with_effects) if active_effects.effects else ByHand(over_postures)
-    return constraints, ThoraxPoints(girdle, points_mm, point_weights, levels_mm)
-
-
-@jax.jit
-def _solve(
-    girdle: Girdle,
-    points_mm,
-    point_weights,
-    levels_mm,
-    problem: Problem,
-    theta,
-    angles,
-    active_effects: ActiveEffects = NO_ACTIVE_EFFECTS,
-) -> Subject:
-    conditions = subject_conditions(girdle, points_mm, point_weights, levels_mm, active_effects)
-    return solve_subjects(*conditions, problem, theta, angles)
-
-
-def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved: Subject) -> Adapted:
+def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved: SubjectSolution) -> Adapted:
     theta, count = np.asarray(solved.theta), np.sum(data.counted, axis=0)
-    j = mean_square_deg2(solved.angles, data.angles, objective_weights(data.measured))
+    j = mean_square_deg2(solved.angles, data.angles, angle_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / count
     at = _at_optimum(data, reading, theta, mean_j)
     D = np.sum(at.point_weights * at.distance_mm**2, axis=0)

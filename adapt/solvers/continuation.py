@@ -4,21 +4,18 @@ import itertools
 from collections.abc import Callable
 from functools import partial
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import take_problems
-from adapt.solvers import status
-from adapt.solvers.batched.posture import SweptPostures
-from adapt.solvers.batched.posture_kernels import tracked
-from adapt.solvers.extended.postures import fit_extended
-from adapt.solvers.posture_fits import Fitted, as_fitted, reference_fit
-from adapt.solvers.reference.posture import objective_weights
+from adapt.engine.batching import put_problems, take_problems
+from adapt.solvers import newton, status
+from adapt.solvers.projection.postures import fit_from
+from adapt.solvers.solution import PostureSolution
+from adapt.solvers.starts import at_rest_where_unknown
 from models.effects import AnyGirdle
 from models.girdle import Girdle
 from motions.arrays import ByType
-from motions.rhythm import REST_DEG
-from motions.rotations import DEG
 
 SAME_BRANCH_RAD = ByType(1e-6, 1e-4)
 """Two solutions this close are one: converged ones agree to 1e-9 rad, one in float32 to 2e-6."""
@@ -28,12 +25,12 @@ _TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
 
 
 def follow_motions(
-    fitted: Fitted,
+    fitted: PostureSolution,
     girdle: AnyGirdle,
     angles: Float[np.ndarray, "6 problems"],
     measured: Bool[np.ndarray, "6 problems"],
     previous: Int[np.ndarray, " problems"],
-) -> Fitted:
+) -> PostureSolution:
     """Bring the fits onto one branch along each motion, where there is one, and mark jumps where there is not.
 
     ``previous`` is the problem of the posture before, or -1 at the start of a motion. Two neighbours are on one branch
@@ -51,29 +48,28 @@ def follow_motions(
 
 
 def mark_jumps(
-    fitted: Fitted,
+    fitted: PostureSolution,
     girdle: AnyGirdle,
     angles: Float[np.ndarray, "6 problems"],
     measured: Bool[np.ndarray, "6 problems"],
     previous: Int[np.ndarray, " problems"],
-) -> Fitted:
+) -> PostureSolution:
     """Mark where a fit is not on the branch of the posture before (see :func:`follow_motions`); move none."""
-    fitted = fitted.copy()
+    fitted = jax.tree.map(np.copy, fitted)
     fitted.jump[:] = _breaks(fitted, _targets(girdle, angles, measured), previous, SAME_BRANCH_RAD.for_dtype_of(angles))
     return fitted
 
 
 def _targets(girdle: AnyGirdle, angles, measured):
-    """Girdle, target and weights of each problem; an angle that was not measured has that of rest, without weight."""
-    target = np.where(measured, angles, REST_DEG[:, None] / DEG).astype(float)
-    return girdle, target, objective_weights(measured)
+    """Girdle and angles of each problem, and which were measured; the others are those of rest."""
+    return girdle, at_rest_where_unknown(angles, measured).astype(float), measured
 
 
-def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:
+def _follow_from_best(fitted: PostureSolution, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:
     """All motions in step, up and down from the best posture of each."""
     orders = []
     for problems in motions:
-        best = int(np.argmin(np.where(fitted.status[problems] == status.OK, fitted.j_deg2[problems], np.inf)))
+        best = int(np.argmin(np.where(fitted.converged[problems], fitted.j_deg2[problems], np.inf)))
         orders += [list(itertools.pairwise(problems[best:])), list(itertools.pairwise(problems[best::-1]))]
     for number in range(max(map(len, orders), default=0)):
         before, after = np.array([order[number] for order in orders if number < len(order)]).T
@@ -81,22 +77,22 @@ def _follow_from_best(fitted: Fitted, problem, motions: list[Int[np.ndarray, " p
             if not len(after):
                 break
             tracked = _track(fitted, problem, before, after, track)
-            arrived = tracked.status == status.OK
-            fitted.put(after[arrived], tracked.take(arrived))
+            arrived = tracked.converged
+            put_problems(fitted, after[arrived], take_problems(tracked, arrived))
             before, after = before[~arrived], after[~arrived]
 
 
-def _trackers(girdle: AnyGirdle) -> list[Callable[..., SweptPostures]]:
-    """The fast path, in shorter steps for what it did not follow; with effects theirs, then the reference solver."""
+def _trackers(girdle: AnyGirdle) -> list[Callable[..., PostureSolution]]:
+    """In steps along the line, and of the plain chain in shorter ones for what was not followed."""
     if isinstance(girdle, Girdle):
-        return [partial(tracked, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
-    return [partial(_track_straight, fit) for fit in (fit_extended, reference_fit)]
+        return [partial(newton.track_postures, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
+    return [_track_by_projections]
 
 
-def _breaks(fitted: Fitted, problem, previous, same_rad: float) -> Bool[np.ndarray, " problems"]:
+def _breaks(fitted: PostureSolution, problem, previous, same_rad: float) -> Bool[np.ndarray, " problems"]:
     """Where continuation from the posture before does not lead to this one."""
     after = np.flatnonzero(previous >= 0)
-    good = (fitted.status[after] == status.OK) & (fitted.status[previous[after]] == status.OK)
+    good = fitted.converged[after] & fitted.converged[previous[after]]
     after, broken = after[good], np.zeros(len(previous), bool)
     for track in _trackers(problem[0]):
         if not len(after):
@@ -104,14 +100,15 @@ def _breaks(fitted: Fitted, problem, previous, same_rad: float) -> Bool[np.ndarr
         tracked = _track(fitted, problem, previous[after], after, track)
         near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= same_rad
         broken[after] = ~near
-        after = after[tracked.status != status.OK]
+        after = after[~tracked.converged]
     return broken
 
 
-def _track(fitted: Fitted, problem, before, after, track) -> Fitted:
-    girdle, target, weights = problem
-    part = take_problems((girdle, target, weights), after)
-    return as_fitted(track(*part, target[:, before], fitted.angles[:, before]))
+def _track(fitted: PostureSolution, problem, before, after, track) -> PostureSolution:
+    _, target, _ = problem
+    tracked = track(*take_problems(problem, after), target[:, before], fitted.angles[:, before])
+    tracked.code[~np.isfinite(tracked.j_deg2)] = status.UNCONVERGED
+    return tracked
 
 
 def _motions_of(previous: Int[np.ndarray, " problems"]) -> list[Int[np.ndarray, " postures"]]:
@@ -126,8 +123,8 @@ def _motions_of(previous: Int[np.ndarray, " problems"]) -> list[Int[np.ndarray, 
     return chains
 
 
-def _track_straight(fit: Callable[..., SweptPostures], girdle, target, weights, target_before, start) -> SweptPostures:
-    """Continuation: follow the solution while the measured angles go straight from one posture to the next."""
+def _track_by_projections(girdle, angles, measured, angles_before, start) -> PostureSolution:
+    """Follow the solution while the measured angles go straight from one posture to the next."""
     for fraction in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
-        start = fit(girdle, target_before + fraction * (target - target_before), weights, start).angles
-    return fit(girdle, target, weights, start)
+        start = fit_from(girdle, angles_before + fraction * (angles - angles_before), measured, start).angles
+    return fit_from(girdle, angles, measured, start)

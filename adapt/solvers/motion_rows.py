@@ -6,14 +6,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
-from adapt.engine.batching import take_problems
+from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.continuation import follow_motions, mark_jumps
+from adapt.solvers.objective import angle_weights, mean_square_deg2
 from adapt.solvers.padded_batch import Batch
-from adapt.solvers.posture_fits import Fitted, fit_batch
+from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
+from adapt.solvers.solution import PostureSolution
 from models.effects import ActiveEffects
 from models.effects.known import Amplitudes, active_effects
 from models.girdle import Girdle
@@ -42,14 +43,14 @@ class MotionRows:
         return MotionRows(angles, np.isfinite(angles), previous, known)
 
 
-def fit_rows(rows: MotionRows, girdle: Girdle) -> Fitted:
+def fit_rows(rows: MotionRows, girdle: Girdle) -> PostureSolution:
     """Fit every row with its girdle, on one branch along each motion where there is one."""
     chain = rows.active_effects.on(girdle)
     fitted = fit_batch(chain, rows.angles, rows.measured)
     return follow_motions(fitted, chain, rows.angles, rows.measured, rows.previous)
 
 
-def rows_of_optima(rows: MotionRows, batch: Batch, data: ProblemBatch, adapted: Adapted) -> Fitted:
+def rows_of_optima(rows: MotionRows, batch: Batch, data: ProblemBatch, adapted: Adapted) -> PostureSolution:
     """Give the postures that the optima consist of, so that E = D + w mean(J) is of these, with their jumps marked.
 
     Where there is no optimum, or one that does not hold the postures (w = 0), they are fitted with the girdle as it
@@ -68,21 +69,22 @@ def rows_of_optima(rows: MotionRows, batch: Batch, data: ProblemBatch, adapted: 
         part = take_problems(chain, without), rows.angles[:, without], rows.measured[:, without]
         number = np.cumsum(without) - 1
         previous = np.where(rows.previous < 0, -1, number[rows.previous])[without]
-        fitted.put(without, follow_motions(fit_batch(*part, fitted.angles[:, without]), *part, previous))
+        put_problems(fitted, without, follow_motions(fit_batch(*part, fitted.angles[:, without]), *part, previous))
     return fitted
 
 
-def _at_optimum(rows: MotionRows, adapted: Adapted, posture, problem) -> Fitted:
+def _at_optimum(rows: MotionRows, adapted: Adapted, posture, problem) -> PostureSolution:
     def at(values: np.ndarray) -> np.ndarray:
         return np.array(values[..., posture, problem])
 
     angles, target = at(adapted.angles), np.where(rows.measured, rows.angles, 0.0).astype(float)
-    return Fitted(
+    return PostureSolution(
         angles=angles,
         multipliers=at(adapted.multipliers),
         residual_mm=at(adapted.residual_mm),
         stationarity=at(adapted.stationarity),
-        j_deg2=mean_square_deg2(angles, target, objective_weights(rows.measured)),
-        status=np.full(len(problem), status.OK, "U16"),
+        j_deg2=mean_square_deg2(angles, target, angle_weights(rows.measured)),
+        iterations=adapted.iterations[problem],
+        code=np.full(len(problem), status.CONVERGED),
         jump=np.zeros(len(problem), bool),
     )

@@ -15,16 +15,30 @@ from typing import Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from models.adapted_parameters import ADAPTED, ELLIPSOID
-from models.derivatives import Distance, distance, ellipsoid_curvature, ellipsoid_slope
-from models.ellipsoid import closest_point_multiplier, signed_distance_mm
+from models.adapted_parameters import ELLIPSOID
+from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
 from motions.arrays import Array, xp
+from motions.rotations import DEG
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
+
+
+def angle_weights(measured: Bool[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
+    """Compute W of J = 1/2 sum W_i (q_i - s_i)^2 in deg^2 with q in rad; 0 for an angle that was not measured."""
+    count = xp.maximum(xp.sum(measured, axis=0), 1)
+    return xp.where(measured, 2.0 * DEG**2 / count[None], 0.0)
+
+
+def mean_square_deg2(
+    angles: Float[Array, " 6 *batch"], measured_angles: Float[Array, " 6 *batch"], weights: Float[Array, " 6 *batch"]
+) -> Float[Array, " *batch"]:
+    """Compute J_p in deg^2 (Eq. 6.1) of angles and measured angles in rad."""
+    return 0.5 * xp.sum(weights * (angles - measured_angles) ** 2, axis=0)
+
 
 KINK_MM = 0.01
 """Below this the length of a distance is rounded off, |d| ~ sqrt(d^2 + KINK^2): no thorax point is known as well, and
@@ -140,51 +154,6 @@ def thorax_distance_mm2(
     spread = girdle.over_postures()
     distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
     return xp.sum(point_weights * (distance - levels_mm) ** 2, axis=0)
-
-
-class ThoraxPoints:
-    """sum u (d - level)^2 as a function of the adapted parameters, with its derivatives by hand
-    (``adapt.solvers.reference.subject.Thorax``): D of thorax points, whose level is 0, and L of measured landmarks."""
-
-    def __init__(
-        self,
-        girdle: Girdle,
-        points_mm: Float[Array, " 3 points *batch"],
-        point_weights: Float[Array, " points *batch"],
-        levels_mm: Float[Array, " points *batch"] | float = 0.0,
-    ):
-        self.girdle, self.points_mm, self.point_weights, self.levels_mm = girdle, points_mm, point_weights, levels_mm
-
-    def value(self, theta):
-        """Compute the sum, mm^2."""
-        return thorax_distance_mm2(self.girdle.with_adapted(theta), self.points_mm, self.point_weights, self.levels_mm)
-
-    def distances(self, theta) -> tuple[Distance, list[Array]]:
-        """Compute how far every point is from its level, and its slopes in the parameters, the conoid's last."""
-        at = self._at(theta)
-        return at, [*ellipsoid_slope(at), 0.0 * at.d]
-
-    def slope(self, theta):
-        """Compute dD/dtheta, mm^2 a mm."""
-        at, slope = self.distances(theta)
-        return xp.stack([xp.sum(2.0 * self.point_weights * at.d * x, axis=0) for x in slope])
-
-    def curvature(self, theta):
-        """Compute d2D/dtheta2, mm^2 per mm^2."""
-        at, slope = self.distances(theta)
-        bent = ellipsoid_curvature(at)
-
-        def entry(i, j):
-            second = at.d * bent[max(i, j)][min(i, j)] if max(i, j) < len(ELLIPSOID) else 0.0
-            return xp.sum(2.0 * self.point_weights * (slope[i] * slope[j] + second), axis=0)
-
-        return xp.stack([xp.stack([entry(i, j) for j in range(len(ADAPTED))]) for i in range(len(ADAPTED))])
-
-    def _at(self, theta) -> Distance:
-        moved = self.girdle.with_adapted(theta).over_postures()
-        p, a = xp.broadcast_arrays(self.points_mm - moved.centre_mm, moved.semi_axes_mm)
-        at = distance(tuple(p), tuple(a), closest_point_multiplier(p, a))
-        return at._replace(d=at.d - self.levels_mm)
 
 
 _ON_THE_POINTS_MM2 = 1e-18

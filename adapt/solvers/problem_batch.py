@@ -11,11 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import as_type, in_chunks, take_problems, with_problems
-from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.objective import fitted_girdle, geometric_fit, thorax_distance_mm2
+from adapt.solvers.newton.subject import SubjectProblem
+from adapt.solvers.objective import angle_weights, fitted_girdle, geometric_fit, thorax_distance_mm2
 from adapt.solvers.padded_batch import Batch
-from adapt.solvers.reference.posture import objective_weights
-from adapt.solvers.reference.subject import Problem
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
@@ -178,22 +176,20 @@ def measured_landmarks(data: ProblemBatch, counts: bool) -> MeasuredLandmarks:
     )
 
 
-def fixed_problem(data: ProblemBatch, weight: Float[np.ndarray, " problems"], landmarks: float = 0.0) -> Fixed:
+def subject_problem(
+    data: ProblemBatch, weight: Float[np.ndarray, " problems"], landmarks: float = 0.0
+) -> SubjectProblem:
     """Lay out min E = D + landmarks L [mm^2] + weight mean(J) [deg^2] of each problem."""
     also, weights = measured_landmarks(data, landmarks > 0.0), np.asarray(data.point_weights)
-    fixed = Fixed(
+    problem = SubjectProblem(
         data.girdle,
         np.concatenate([data.points_mm, also.points_mm], axis=1),
         np.concatenate([weights, landmarks * also.weights]),
         np.concatenate([np.zeros_like(weights), also.levels_mm]),
-        _problem(data, weight),
+        data.angles,
+        # of an angle in E: weight / postures times that in J
+        angle_weights(data.measured) * (weight / xp.sum(data.counted, axis=0))[None, None],
+        data.counted,
+        *data.bounds_mm,
     )
-    return as_type(fixed, weights.dtype)
-
-
-def _problem(data: ProblemBatch, weight: Float[np.ndarray, " problems"]) -> Problem:
-    """Lay out min E = D [mm^2] + weight mean(J) [deg^2] of each problem: W of an angle is weight / postures times that
-    in J."""
-    postures = xp.sum(data.counted, axis=0)
-    weights = objective_weights(data.measured) * (weight / postures)[None, None]
-    return Problem(data.angles, weights, data.counted, *data.bounds_mm)
+    return as_type(problem, weights.dtype)

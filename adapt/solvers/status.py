@@ -1,5 +1,7 @@
 """One word for how a fit ended, in every table and result."""
 
+import numpy as np
+
 OK = "ok"
 UNREACHABLE = "unreachable"
 """The chain cannot be closed near this posture: the constraint residuals say how far it is open."""
@@ -9,6 +11,11 @@ INVALID = "invalid"
 """The input does not determine a result."""
 UNDERDETERMINED = "underdetermined"
 """Of no posture more than three angles were measured, and the chain follows them exactly: nothing is left to adapt."""
+
+WORDS = np.array([OK, NOT_CONVERGED, UNREACHABLE, INVALID, UNDERDETERMINED])
+"""By their code, which solvers write; kernels the first two alone."""
+
+CONVERGED, UNCONVERGED, OPEN, UNUSABLE, EXACT = range(len(WORDS))
 
 EXPLANATION = {
     UNDERDETERMINED: "no posture has more than three measured angles, and the chain follows them exactly: there is "

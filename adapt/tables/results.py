@@ -16,7 +16,7 @@ from jaxtyping import Float, Shaped
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.posture_fits import Fitted
+from adapt.solvers.solution import PostureSolution
 from adapt.tables.held_out import MOTION, NOTHING, by_subject
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, girdles_of
@@ -115,7 +115,7 @@ def _text(value: object) -> str:
     return text.getvalue().removesuffix(",\n")
 
 
-def fits_table(motions: Motions, model: str, adapted: bool, fitted: Fitted) -> pd.DataFrame:
+def fits_table(motions: Motions, model: str, adapted: bool, fitted: PostureSolution) -> pd.DataFrame:
     """Tabulate ``fits.csv``: one row per posture.
 
     Angles are in degrees, constraint residuals in mm, lambda in deg^2 per mm.

@@ -5,9 +5,8 @@ With the postures eliminated E is a function of theta and of the measured angles
     H = d2E/dtheta2 = H_D + H_J     of the thorax points, D, and of the motion, w mean(J)
     B = d2E/dtheta ds = -(dq/dtheta)' W,      dtheta/ds = -H^-1 B
 
-(implicit function theorem; dE/ds = -W (q - s) gives the second form of B). H_J and dq/dtheta come from
-``adapt.solvers.reference.elimination.eliminate``. Without the curvature of distances and constraints, which a larger
-residual makes matter, what is left is information,
+(implicit function theorem; dE/ds = -W (q - s) gives the second form of B). Without the curvature of distances and
+constraints, which a larger residual makes matter, what is left is information,
 
     I_D = 2 sum_i c_i d'_i d'_i',   I_J = B W^-1 B'    of the thorax points and of the motion,
 
@@ -17,27 +16,21 @@ of the angles in E.
 
 from dataclasses import dataclass, replace
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
-from adapt.engine.batching import compiled, in_chunks, take_problems
-from adapt.solvers.adaptation import Adapted, subject_conditions
-from adapt.solvers.batched.subject import Fixed
-from adapt.solvers.extended.second_derivatives import motion_curvature
-from adapt.solvers.objective import ThoraxPoints
-from adapt.solvers.problem_batch import ProblemBatch, fixed_problem
-from adapt.solvers.reference.elimination import eliminate
-from adapt.solvers.reference.linalg import Factor, matmul, matvec, transpose
-from adapt.solvers.reference.subject import Problem, joint
-from models.effects import ActiveEffects
-from models.girdle import Girdle
-from motions.arrays import Array, xp
+from adapt.engine.batching import take_problems
+from adapt.solvers.adaptation import Adapted
+from adapt.solvers.newton.elimination import Elimination
+from adapt.solvers.newton.linear_algebra import backward, factorised, forward, product
+from adapt.solvers.newton.subject import SubjectProblem, exact_multiplier, from_centre, thorax_terms
+from adapt.solvers.problem_batch import ProblemBatch, subject_problem
+from adapt.solvers.projection.subjects import motion_curvature
+from models.derivatives import chain, closest_point_multipliers, distance, ellipsoid_slope
 
-_CHUNK = 64
-"""Subjects in a chunk of the compiled program, for effects: second derivatives of 14 postures of each are 130 kB."""
-
-_AT_ONCE = 128
-"""Subjects that numpy does at once, 0.15 ms each; compiled 0.08 ms, but the program takes a second to load."""
+_TOGETHER = 128
+"""Problems at a time: their arrays stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -59,55 +52,56 @@ class Curvature:
 def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
     """Differentiate E = sum u d^2 + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, each problem's."""
     data = replace(data, point_weights=adapted.point_weights)
-    fixed = fixed_problem(data, adapted.weight, float(adapted.landmark_weight.max(initial=0.0)))
-    if data.active_effects.effects and np.asarray(data.measured | ~data.counted).all():
-        return _with_effects(data, fixed, adapted)
-    given = *fixed, adapted.theta_mm, adapted.angles
-    at_once = 0 if data.active_effects.effects else _AT_ONCE  # effects have no derivatives by hand, which numpy needs
+    problem = subject_problem(data, adapted.weight, float(adapted.landmark_weight.max(initial=0.0)))
     count = adapted.theta_mm.shape[-1]
-    parts = [
-        in_chunks(_curvature, _CHUNK, *take_problems((*given, data.active_effects), part), at_once=at_once)
-        for part in np.split(np.arange(count), range(_AT_ONCE, count, _AT_ONCE))
-    ]
+    given = problem, adapted.theta_mm, adapted.angles, data.active_effects
+    places = np.split(np.arange(count), range(_TOGETHER, count, _TOGETHER))
+    with np.errstate(all="ignore"):  # a problem that failed is NaN
+        parts = [_curvature(*take_problems(given, some)) for some in places]
     return Curvature(*(np.concatenate(values, axis=-1) for values in zip(*parts, strict=True)))
 
 
-def _with_effects(data: ProblemBatch, fixed: Fixed, adapted: Adapted) -> Curvature:
-    """The same with effects at work, the motion's part by differences of its exact slope."""
-    of_motion, moved = motion_curvature(fixed, data.active_effects, adapted.theta_mm)
-    thorax = ThoraxPoints(*fixed[:4])
-    B = -np.einsum("apkl,apl->kapl", moved, np.where(data.counted, fixed.problem.weights, 0.0))
-    information = _information(thorax, adapted.theta_mm, B, fixed.problem.weights)
-    return Curvature(thorax.curvature(adapted.theta_mm), of_motion, B, *information)
+def _curvature(problem: SubjectProblem, theta, angles, active_effects) -> tuple[np.ndarray, ...]:
+    of_motion = motion_curvature if active_effects.effects else _of_plain_chains
+    H, moved = of_motion(problem, theta, angles, active_effects)
+    counts = (problem.weights > 0.0) & problem.counted
+    B = -np.moveaxis(np.where(counts[:, :, None], problem.weights[:, :, None] * moved, 0.0), 2, 0)
+    inverse_weights = np.where(counts, 1.0 / np.where(counts, problem.weights, 1.0), 0.0)
+    information = np.einsum("iapl,apl,japl->ijl", B, inverse_weights, B)
+    H_D, I_D = _of_points(problem, theta)
+    return H_D, H, B, I_D, information
 
 
-@compiled
-def _curvature(
-    girdle: Girdle, points_mm, point_weights, levels_mm, problem: Problem, theta, angles, active_effects: ActiveEffects
-) -> tuple[Array, ...]:
-    constraints, thorax = subject_conditions(girdle, points_mm, point_weights, levels_mm, active_effects)
-    z = joint(angles, theta)
-    objective_gradient = problem.weights * (angles - problem.measured)
-    at = constraints.linearised(z, _multipliers(constraints.slopes(z)[:, :6], objective_gradient))
-    eliminated = eliminate(at, objective_gradient, problem.weights)
-    B = -xp.swapaxes(problem.weights[:, None] * eliminated.step_theta, 0, 1)
-    B = xp.where(problem.counted, B, 0.0)
-    information = _information(thorax, theta, B, problem.weights)
-    return thorax.curvature(theta), problem.total(eliminated.hessian), B, *information
+def _of_plain_chains(problem: SubjectProblem, theta, angles, _) -> tuple[np.ndarray, np.ndarray]:
+    """H_J, and dq/dtheta of every posture, rad a mm."""
+    q, by_parameter = list(angles), list(theta)
+    gradient = [w * (x - s) for w, x, s in zip(problem.weights, q, problem.angles, strict=True)]
+    feet, zero = closest_point_multipliers(problem.girdle, q, by_parameter), np.zeros_like(q[0])
+    G = chain(problem.girdle, q, by_parameter, [zero] * 3, feet).G
+    at = chain(problem.girdle, q, by_parameter, _multipliers(G, gradient, zero), feet)
+    posture, n = Elimination(at, list(problem.weights), gradient, parameters=True), range(len(theta))
+
+    def total(x) -> np.ndarray:
+        return np.where(problem.counted, x, 0.0).sum(axis=0)
+
+    H = np.array([[total(posture.curvature(max(i, j), min(i, j))) for j in n] for i in n])
+    return H, np.stack([np.stack(posture.step_slope(k)) for k in n], axis=2)
 
 
-def _information(thorax: ThoraxPoints, theta, B, weights) -> tuple[Array, Array]:
-    """I_D and I_J."""
-    counts = weights > 0.0
-    inverse_weights = xp.where(counts, 1.0 / xp.where(counts, weights, 1.0), 0.0)
-    slope = xp.stack(thorax.distances(theta)[1], axis=1)
-    return (
-        2.0 * xp.einsum("nil,nl,njl->ijl", slope, thorax.point_weights, slope),
-        xp.einsum("iapl,apl,japl->ijl", B, inverse_weights, B),
-    )
-
-
-def _multipliers(G, objective_gradient):
+def _multipliers(G, gradient, zero) -> list[np.ndarray]:
     """lambda of G' lambda = -W (q - s), which holds at an optimum."""
-    GGt = matmul(G, transpose(G))
-    return -Factor(GGt, xp.zeros_like(GGt[0, 0])).solve_vector(matvec(G, objective_gradient))
+    lower, inverse, _ = factorised([[product(G[i], G[j]) for j in range(i + 1)] for i in range(3)], zero)
+    right = [-product(row, gradient) for row in G]
+    return backward(lower, [x * d for x, d in zip(forward(lower, right), inverse, strict=True)])
+
+
+def _of_points(problem: SubjectProblem, theta) -> tuple[np.ndarray, np.ndarray]:
+    """H_D and I_D."""
+    girdle, points, weights, levels, *_ = problem
+    feet = exact_multiplier(girdle, list(theta), points)
+    sums, _ = thorax_terms(girdle, list(theta), points, weights, levels, feet)
+    lower, n = jax.tree.map(lambda x: np.sum(x, axis=0), sums.matrix), range(len(theta))
+    at = distance(*from_centre(girdle, list(theta), points), feet)
+    slope = np.stack([*ellipsoid_slope(at), np.zeros_like(at.d)])
+    H = np.array([[lower[max(i, j)][min(i, j)] for j in n] for i in n])
+    return H, 2.0 * np.einsum("inl,nl,jnl->ijl", slope, weights, slope)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import llvmlite.binding as llvm
 
-from adapt.solvers.batched.subject_kernels import subjects_kernel
+from adapt.solvers.newton.subjects import subjects_kernel
 
 _LABEL = re.compile(r"^\s*([a-z.0-9]+?)v\d+(\.in|\.out|):$")
 """Of a loop: where it asks whether to go on, what it repeats, and what follows."""

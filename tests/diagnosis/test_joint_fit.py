@@ -11,9 +11,9 @@ from small_worlds import joint_fit, simulated
 from adapt import adapt_subjects
 from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended import gauss_newton
-from adapt.solvers.extended.arrow_step import Quadratic, lowest
-from adapt.solvers.extended.nearest_posture import nearest_postures
+from adapt.solvers.projection import gauss_newton
+from adapt.solvers.projection.bounded_step import Quadratic, lowest
+from adapt.solvers.projection.nearest_posture import nearest_postures
 from adapt.solvers.posture_fits import reference_fit
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
@@ -135,7 +135,7 @@ def test_machine_code_and_xla_agree():
     joint = joint_fit()
     rows = np.arange(8)
     girdle = jax.tree.map(np.ascontiguousarray, take_problems(joint.model.sets.girdle, np.zeros(8, int)))
-    from adapt.solvers.extended.nearest_posture import THERE_DEG, _kernel
+    from adapt.solvers.projection.nearest_posture import THERE_DEG, _kernel
 
     channels = joint.candidates.columns.shape[1]
     measured = joint.shoulders.measured_deg[:, rows]

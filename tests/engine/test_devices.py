@@ -14,9 +14,9 @@ PROGRAM = """
 import json
 import jax
 import numpy as np
-from adapt.solvers.batched import posture_kernels as quick_fit
+from adapt.solvers.newton import posture_kernels as quick_fit
 from adapt.solvers.reference.posture import objective_weights
-from adapt.solvers.batched.posture import PostureStart
+from adapt.solvers.newton.posture import PostureStart
 from models import load_model
 from motions.rotations import DEG
 from motions.rhythm_subjects import simulate_subjects

@@ -11,13 +11,13 @@ from command import girdle
 from adapt.engine.batching import as_type
 from adapt.solvers import status
 from adapt.solvers.adaptation import fast_path
-from adapt.solvers.batched import posture_kernels as quick_fit
-from adapt.solvers.batched.posture_kernels import fitted_from_places
-from adapt.solvers.batched.subject_kernels import sweep_from
+from adapt.solvers.newton import posture_kernels as quick_fit
+from adapt.solvers.newton.postures import fitted_from_places
+from adapt.solvers.newton.subjects import sweep_from
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import fixed_problem, problem_batch
+from adapt.solvers.problem_batch import subject_problem, problem_batch
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.effects import NO_ACTIVE_EFFECTS
@@ -84,7 +84,7 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
     data = as_type(problem_batch(pack(hard(24)), [load_model("R2")]), np.float32)
     theta, factor = np.clip(data.girdle.adapted_mm, *data.bounds_mm), np.full(24, WEIGHT)
     given = (
-        fixed_problem(data, factor),
+        subject_problem(data, factor),
         theta,
         data.angles,
     )
@@ -99,7 +99,7 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
 def test_a_parameter_at_its_bound_is_at_it():
     """What float32 makes of a bound is not beside it."""
     data = as_type(problem_batch(pack(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
-    given = fixed_problem(data, np.full(SUBJECTS, WEIGHT))
+    given = subject_problem(data, np.full(SUBJECTS, WEIGHT))
     theta = fast_path(given, NO_ACTIVE_EFFECTS, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
     lower, upper = data.bounds_mm.astype(float)
     assert np.all((theta >= lower) & (theta <= upper))

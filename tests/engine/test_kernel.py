@@ -16,14 +16,14 @@ from adapt.engine.batching import take_problems
 from adapt.engine.kernel import Kernel
 from adapt.engine.machine_code import MachineCodeError
 from adapt.solvers import posture_fits as fit
-from adapt.solvers.batched import posture_kernels as quick_fit
-from adapt.solvers.batched import subject_kernels
-from adapt.solvers.batched.posture import PostureStart
-from adapt.solvers.batched.subject import Start
+from adapt.solvers.newton import posture_kernels as quick_fit
+from adapt.solvers.newton import subject_kernels
+from adapt.solvers.newton.posture import PostureStart
+from adapt.solvers.newton.subject import Start
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, problem_batch, select_problems
+from adapt.solvers.problem_batch import ProblemBatch, subject_problem, problem_batch, select_problems
 from adapt.solvers.reference.constraints import ByHand
 from adapt.solvers.reference.posture import objective_weights
 from adapt.solvers.reference.subject import conditions, joint
@@ -59,7 +59,7 @@ def data() -> ProblemBatch:
 
 def arguments(data: ProblemBatch, iterations: float = 60.0):
     count, postures = data.counted.shape[1], data.counted.shape[0]
-    fixed = fixed_problem(data, np.full(count, WEIGHT))
+    fixed = subject_problem(data, np.full(count, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
     return fixed, start, np.full(count, iterations)

@@ -13,7 +13,7 @@ from oracles import bones, ipopt, whole_objective
 from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import STARTS_MM, Adapted, _distinct, adapt_batch, adapted_from, fitted_angles
-from adapt.solvers.batched.posture_kernels import fitted_from
+from adapt.solvers.newton.postures import fitted_from
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights

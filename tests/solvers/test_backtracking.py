@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
+from adapt.solvers.newton.backtracking import accepted_or_shorter, good_enough, until_converged
 
 
 class State(NamedTuple):

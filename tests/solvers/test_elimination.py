@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from adapt.solvers.batched.elimination import (
+from adapt.solvers.newton.elimination import (
     PENALTY_GROWTH,
     PIVOT_FLOOR,
     RANGE_SPACE_PENALTY,

@@ -7,15 +7,15 @@ import pytest
 
 from adapt.engine.batching import take_problems
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.extended import thorax_term
-from adapt.solvers.extended.postures import fit_by_newton, fit_extended
-from adapt.solvers.extended.secant import secant
-from adapt.solvers.extended.thorax_term import Thorax
-from adapt.solvers.extended.whole_subjects import solve_extended
+from adapt.solvers.projection import thorax_term
+from adapt.solvers.projection.postures import fit_by_newton, fit_extended
+from adapt.solvers.projection.secant import secant
+from adapt.solvers.projection.thorax_term import Thorax
+from adapt.solvers.projection.subjects import solve_extended
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import at_rest_where_unknown, reference_fit
-from adapt.solvers.problem_batch import fixed_problem, problem_batch, set_arrays
+from adapt.solvers.problem_batch import subject_problem, problem_batch, set_arrays
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
@@ -176,7 +176,7 @@ def test_an_effect_of_no_size_changes_no_adaptation_where_angles_were_not_measur
     data = problem_batch(batch, [load_model("R2")])
     effect = active_effects({"scapulothoracic_gap": (0.0, 0.0)}, motions).at(batch.rows)
     plain, start = adapt_batch(data), at_rest_where_unknown(data.angles, data.measured)
-    found = solve_extended(fixed_problem(data, np.full(3, WEIGHT)), effect, data.girdle.adapted_mm, start)
+    found = solve_extended(subject_problem(data, np.full(3, WEIGHT)), effect, data.girdle.adapted_mm, start)
     assert found.converged.all()
     np.testing.assert_allclose(found.theta[:, 0], plain.theta_mm[:, 0], atol=SAME_MM)
     np.testing.assert_allclose(found.theta[:CONOID], plain.theta_mm[:CONOID], atol=SAME_MM)

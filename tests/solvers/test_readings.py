@@ -11,7 +11,7 @@ from oracles import Bones, bones, cardan, constraints, ellipsoid_distance, slsqp
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, fixed_problem, problem_batch, select_problems
+from adapt.solvers.problem_batch import ProblemBatch, subject_problem, problem_batch, select_problems
 from adapt.trust.curvature import curvature
 from models import load_model
 from models.effects.known import active_effects
@@ -187,7 +187,7 @@ def test_with_landmarks_the_covariance_knows_of_them(data, adapted):
     found = adapted[LANDMARKS]
     curved = curvature(data, found)
     assert np.abs(curved.of_points - curvature(data, adapted["mm2_deg2"]).of_points).max() > 0.01
-    fixed = fixed_problem(data, found.weight, 1.0)
+    fixed = subject_problem(data, found.weight, 1.0)
     thorax = ThoraxPoints(*fixed[:4])
     for k in range(5):
         step = 1e-3 * np.eye(6)[k][:, None]

@@ -10,12 +10,13 @@ from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
-from adapt.solvers.extended.nearest_posture import strengths_of
+from adapt.solvers.projection.nearest_posture import strengths_of
 from models.effects import EFFECTS, Effect
 from models.effects.by_posture import UNIT_DEG, ByPosture
 from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers, with_sizes_of
 from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, unique_sets
+from motions.rotations import DEG
 from motions.table import ANGLES
 
 Hypothesis = tuple[str, ...]
@@ -143,5 +144,5 @@ def _scale(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, " amplitud
 
 def _range_deg(angle: int, shoulders: Shoulders) -> float:
     """Mean over the subjects of the range of an angle."""
-    of_subjects = (shoulders.measured_deg[angle, shoulders.rows_of(s)] for s in range(len(shoulders.subjects)))
+    of_subjects = (DEG * shoulders.angles[angle, shoulders.rows_of(s)] for s in range(len(shoulders.subjects)))
     return max(_LEAST_RANGE_DEG, float(np.mean([np.ptp(np.percentile(one, _RANGE_PERCENT)) for one in of_subjects])))

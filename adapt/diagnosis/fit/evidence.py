@@ -2,7 +2,7 @@
 
     y = -(noise + discrepancy),   theta_s = set + SD (h + u_s),   a_s = a + between scale v_s,   a ~ N(mean, scale^2)
 
-y is that of ``extended.nearest_posture`` at theta_s and the amplitudes a_s of each shoulder s. SD is that of a person
+y is that of ``projection.nearest_posture`` at theta_s and the amplitudes a_s of each shoulder s. SD is that of a person
 about the set, h and u_s are N(0, 1): all persons may differ from the set in one direction, as it is one person too.
 A cause acts alike on all shoulders, but not the same: v_s are N(0, 1). The discrepancy is the Gaussian process of
 ``fit.discrepancy``; what shoulders have in common of it is curves with factors b ~ N(0, 1).

@@ -1,7 +1,7 @@
 """The fits of the diagnosis: subjects with sets of causes, all postures or some of them, side by side.
 
 The E of each subject is that of `girdle adapt` (thesis Eq. 6.5), the points on the thorax counting less where they are
-another person's (``Model.relief``); see ``adapt.solvers.extended.gauss_newton``. A part is one subject in one group;
+another person's (``Model.relief``); see ``adapt.solvers.projection.gauss_newton``. A part is one subject in one group;
 the parts of a group have one set of causes.
 """
 
@@ -16,13 +16,13 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.gauss_newton import End, Objective, minimise
-from adapt.solvers.extended.joint_parts import Parts, Shared
-from adapt.solvers.extended.nearest_posture import Nearest
-from adapt.solvers.extended.own_sizes import weight_of_sizes
-from adapt.solvers.extended.thorax_term import Thorax
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.problem_batch import SetArrays, set_arrays
+from adapt.solvers.projection.gauss_newton import End, Objective, minimise
+from adapt.solvers.projection.nearest_posture import Nearest
+from adapt.solvers.projection.parts import Parts, Shared
+from adapt.solvers.projection.subjects import weight_of_sizes
+from adapt.solvers.projection.thorax_term import Thorax
 from models.adapted_parameters import ADAPTED, STARTS_MM
 from models.effects import Effect
 from models.person.family import AnyModel, unique_sets
@@ -76,11 +76,6 @@ class Model:
         """The sets' own adapted parameters."""
         return np.asarray(self.sets.girdle.adapted_mm).T
 
-    @cached_property
-    def bounds_mm(self) -> Float[np.ndarray, "2 subjects adapted"]:
-        """Lower and upper bounds."""
-        return np.moveaxis(self.sets.bounds_mm, -1, 1)
-
     def thorax(self, subject: Int[np.ndarray, " parts"]) -> Thorax:
         """Give the points on the thorax of parts of these subjects."""
         girdle, points, weights = take_problems(
@@ -125,11 +120,11 @@ class JointFit:
         return Parts(
             girdle=take_problems(self.model.sets.girdle, self.subject),
             thorax=self.model.thorax(self.subject),
-            bounds_mm=tuple(self.model.bounds_mm[:, self.subject]),
+            bounds_mm=tuple(self.model.sets.bounds_mm[..., self.subject]),
             effects=self.model.effects,
             strengths=np.zeros((self.candidates.columns.shape[1], len(of_row))),
-            measured_deg=self.shoulders.measured_deg[:, self.rows],
-            sd=self.shoulders.sd[:, self.rows],
+            angles=self.shoulders.angles[:, self.rows],
+            measured=self.shoulders.measured[:, self.rows],
             weights=self.model.weight / counts[of_row] * self.shoulders.weights[self.rows],
             part=of_row,
             group=self.group,
@@ -140,11 +135,11 @@ class JointFit:
         places = [self.candidates.where(one) for one in hypotheses]
         most, group_of_row = max(map(len, places)), self.group[self._parts.part]
         columns = np.zeros((most, self.candidates.columns.shape[1], len(self.rows)))
-        scale, mean = np.ones((self.groups, most)), np.zeros((self.groups, most))
+        scale, mean = np.ones((most, self.groups)), np.zeros((most, self.groups))
         for group, where in enumerate(places):
             at, own = np.flatnonzero(group_of_row == group), slice(len(where))
             columns[own, :, at[0] : at[-1] + 1] = self.candidates.columns[where][:, :, self.rows[at]]
-            scale[group, own], mean[group, own] = self.candidates.scale[where], self.candidates.mean[where]
+            scale[own, group], mean[own, group] = self.candidates.scale[where], self.candidates.mean[where]
         return Shared(columns, scale, mean)
 
     def of(self, parts: tuple[Part, ...]) -> "JointFit":
@@ -170,7 +165,7 @@ class JointFit:
         amplitudes: Sequence[Float[np.ndarray, " own"]],
     ) -> Nearest:
         """Find the nearest postures of all rows with the hypothesis and the amplitudes of each group."""
-        return self._parts.nearest(theta_mm, self._strengths(hypotheses, amplitudes))
+        return self._parts.nearest(theta_mm.T, self._strengths(hypotheses, amplitudes))
 
     def adapt(
         self,
@@ -180,12 +175,12 @@ class JointFit:
         between_per_deg: float,
     ) -> End:
         """Adapt every part, which is a group of its own, as `girdle adapt --effect` does, from these parameters: with
-        sizes of the person, about these amplitudes by so much of their prior SD (``extended.own_sizes``); by 0, with
-        these as they are."""
-        shared, per_sd = self._shared(hypotheses), np.sqrt(weight_of_sizes(self._parts))[:, None]
+        sizes of the person, about these amplitudes by so much of their prior SD (``projection.subjects.fit_sizes``); by
+        0, with these as they are."""
+        shared, per_sd = self._shared(hypotheses), np.sqrt(weight_of_sizes(self._parts))
         mean = np.zeros(shared.mean.shape)
         for group, amplitude in enumerate(amplitudes):
-            mean[group, : len(amplitude)] = amplitude
+            mean[: len(amplitude), group] = amplitude
         if between_per_deg == 0.0:
             parts = replace(self._parts, strengths=self._strengths(hypotheses, amplitudes))
             return self._without_amplitudes(parts, theta_mm)._replace(amplitude=mean)
@@ -205,17 +200,17 @@ class JointFit:
         best = found[0]
         for other in found[1:]:
             lower = other.E < best.E
-            theta = np.where(lower[:, None], other.theta_mm, best.theta_mm)
+            theta = np.where(lower, other.theta_mm, best.theta_mm)
             best = best._replace(theta_mm=theta, E=np.minimum(best.E, other.E))
         return best
 
     def _without_amplitudes(self, parts: Parts, theta_mm: Float[np.ndarray, "parts adapted"]) -> End:
-        none = np.zeros((self.groups, 0))
+        none = np.zeros((0, self.groups))
         return _minimum(parts, Shared(np.zeros((0, *parts.strengths.shape)), none, none), theta_mm, none)
 
 
 def _minimum(parts: Parts, shared: Shared, theta_mm, amplitude) -> End:
-    return minimise(parts, shared, theta_mm, amplitude, lambda gain, _: gain < SETTLED, _MOST_STEPS)
+    return minimise(parts, shared, theta_mm.T, amplitude, lambda gain, _: gain < SETTLED, _MOST_STEPS)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.result import Noise
+from motions.rotations import DEG
 
 _ASSUMED_DEG = 1.5
 """Where neither the data nor the user say: one palpated posture has 2-3 deg, the mean of repeats less."""
@@ -29,7 +30,7 @@ _INDEPENDENT = 0.36
 
 
 def estimate_noise(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"], given_deg: float | None = None) -> Noise:
-    """Estimate the SD of one angle from y (``extended.nearest_posture``), which has that SD in each component."""
+    """Estimate the SD of one angle from y (``projection.nearest_posture``), which has that SD in each component."""
     if given_deg is not None:
         return Noise(given_deg, "given", np.inf)
     squares = []
@@ -43,6 +44,6 @@ def estimate_noise(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"], given_d
 
 
 def floor_deg(noise: Noise, shoulders: Shoulders, B: Float[np.ndarray, "rows 3 6"]) -> Float[np.ndarray, "rows 6"]:
-    """Compute the mean absolute gap that noise alone leaves: sqrt(2/pi) s |B_a|, B' y being the gap."""
-    gap = np.sqrt(2.0 / np.pi) * noise.angle_deg * np.sqrt((B**2).sum(axis=1))
-    return np.where(shoulders.sd.T == 1.0, gap, np.nan)
+    """Compute the mean absolute gap that noise alone leaves: sqrt(2/pi) s |B_a|, B' y (B a degree) being the gap."""
+    gap = np.sqrt(2.0 / np.pi) * noise.angle_deg * np.sqrt((B**2).sum(axis=1)) / DEG
+    return np.where(shoulders.measured.T, gap, np.nan)

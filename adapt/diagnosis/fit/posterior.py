@@ -4,9 +4,10 @@ At the mode of theta, h, b and a (``fit.evidence``) with amplitudes that all sho
 linear (Laplace), and there each shoulder has its own.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,9 +16,11 @@ from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.discrepancy import LOG_SD, TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Evidence, Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit
-from adapt.solvers.extended.arrow_step import Quadratic, lowest, times
-from adapt.solvers.extended.gauss_newton import FEW, Objective, cost_of_open_chains, put
-from adapt.solvers.extended.nearest_posture import Nearest
+from adapt.engine.batching import where_problems
+from adapt.solvers.projection.bounded_step import lowest
+from adapt.solvers.projection.damped_steps import STUCK, Damping, Steps, until_ended
+from adapt.solvers.projection.gauss_newton import Objective, cost_of_open_chains
+from adapt.solvers.projection.nearest_posture import Nearest
 from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
@@ -27,14 +30,10 @@ _MOST_STEPS = 60
 _ENOUGH = 0.5
 """Decrease of -2 log p in a step at which a mode is found: a quarter of a nat."""
 
-_LESS, _MORE, _NONE, _LEAST_AFTER_FAILURE, _HOPELESS = 0.25, 8.0, 1e-3, 0.01, 1e3
-"""Damping after a step down and up, what is taken for 0, the least after a step up, and that without a way down."""
+_DAMPING = Damping(less=0.25, more=8.0, least=1e-3, least_after_failure=0.01, hopeless=1e3)
 
-_STUCK = 0.1
-"""A step with more damping than this is short because it must be, not because it is the last."""
-
-_NEAR_DEG = 1e-4
-"""A posture is near enough where a projection moves it by less: |y|^2 is stationary there."""
+_NEAR = 1e-4
+"""A posture is near enough where a projection moves it by fewer SDs: |y|^2 is stationary there."""
 
 _WITHIN = 2.5
 """Discrepancies are looked for within so many SDs of their prior."""
@@ -65,21 +64,22 @@ def modes(
     amplitudes: Sequence[Float[np.ndarray, " own"]],
 ) -> list[Posterior]:
     """Find the modes of hypotheses side by side, each from a start of its own; ``joint`` has everybody in one group."""
-    steps = _Steps(likelihood, joint.objective(hypotheses))
-    a = np.zeros((len(hypotheses), max(map(len, amplitudes))))
+    objective = joint.objective(hypotheses)
+    a = np.zeros((max(map(len, amplitudes)), len(hypotheses)))
     for group, own in enumerate(amplitudes):
-        a[group, : len(own)] = own
-    mode = steps.to_the_mode(steps.start(np.stack(thetas_mm), a))
-    near, in_order = mode.near, np.argsort(joint.rows)
+        a[: len(own), group] = own
+    first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a)
+    near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood), _MOST_STEPS)
+    in_order, thetas = np.argsort(joint.rows), _by_group(theta, mode)
     found = []
     for group, hypothesis in enumerate(hypotheses):
         y, by_theta, by_channel = (
-            steps.rows_first(one)[group, in_order] for one in (near.y[:, None], near.by_theta, near.by_channel)
+            _rows_first(one, mode)[group, in_order] for one in (near.y[:, None], near.by_theta, near.by_channel)
         )
         Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
-        evidence = likelihood.evidence(mode.theta[group], y[..., 0], Z)
-        own = mode.a[group, : len(amplitudes[group])]
-        found.append(Posterior(hypothesis, mode.theta[group], own, y[..., 0], Z, evidence))
+        evidence = likelihood.evidence(thetas[group], y[..., 0], Z)
+        own = mode.a[: len(amplitudes[group]), group]
+        found.append(Posterior(hypothesis, thetas[group], own, y[..., 0], Z, evidence))
     return found
 
 
@@ -104,134 +104,93 @@ def likeliest(joint: JointFit, at: Posterior, start: Discrepancy) -> Discrepancy
     return of(found.x)
 
 
-@dataclass(frozen=True)
-class _State:
-    """Where the steps are."""
+class _OfGroups(NamedTuple):
+    """Where the steps of each hypothesis are, beside the adapted parameters of its parts."""
 
-    theta: Float[np.ndarray, "groups subjects adapted"]
-    a: Float[np.ndarray, "groups own"]
-    f: Float[np.ndarray, "groups factors"]
+    a: Float[np.ndarray, "own groups"]
+    f: Float[np.ndarray, "factors groups"]
     """h and b."""
     total: Float[np.ndarray, " groups"]
     """-2 log p."""
     damping: Float[np.ndarray, " groups"]
     going: Bool[np.ndarray, " groups"]
-    near: Nearest
-
-    def of_groups(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Give what there is one of in every group, by name."""
-        return ((name, one) for name, one in vars(self).items() if name != "near")
-
-    def going_on(self, rows: Bool[np.ndarray, " rows"]) -> "_State":
-        """Take the groups that are going on, whose rows these are."""
-        return _State(**{name: one[self.going] for name, one in self.of_groups()}, near=self.near.of(rows))
-
-    def joined(self, rows: Bool[np.ndarray, " rows"], others: "_State") -> "_State":
-        """Put the groups that went on in the places that they have among all."""
-        new = dict(others.of_groups())
-        return _State(
-            **{name: put(one, self.going, new[name]) for name, one in self.of_groups()},
-            near=self.near.with_rows(rows, others.near),
-        )
 
 
-@dataclass(frozen=True)
-class _Steps:
-    """Gauss-Newton steps of several hypotheses side by side, one group each."""
+def _begin(likelihood: Likelihood, objective: Objective, theta, a) -> Steps:
+    """Evaluate where the steps begin, within the bounds."""
+    theta, groups = np.clip(theta, *objective.parts.bounds_mm), a.shape[1]
+    nowhere = np.full(groups, np.inf)
+    first = _OfGroups(a, np.zeros((likelihood.shared, groups)), nowhere, np.zeros(groups), np.ones(groups, bool))
+    near, total = _at(likelihood, objective, theta, first, None)
+    return Steps(near, theta, first._replace(total=total))
 
-    likelihood: Likelihood
-    objective: Objective
 
-    @cached_property
-    def groups(self) -> int:
-        return len(self.objective.shared.scale)
+def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Steps:
+    """Take a step in every group that is going on, if it leads down; else damp it more."""
+    parts, shared, (near, theta, now) = objective.parts, objective.shared, steps
+    gradient, matrix = _quadratic(likelihood, objective, steps)
+    np.einsum("iip->ip", matrix)[:] *= 1.0 + now.damping[parts.group]
+    (lower, upper), factors = parts.bounds_mm, len(now.f)
+    precision = np.concatenate([np.ones(now.f.shape), 1.0 / shared.scale**2])
+    prior_gradient = precision * np.concatenate([now.f, now.a - shared.mean])
+    prior_matrix = np.eye(len(precision))[..., None] * precision
+    dtheta, d = lowest(gradient, matrix, parts.group, prior_gradient, prior_matrix, (lower - theta, upper - theta))
+    tried = now._replace(f=now.f + d[:factors], a=now.a + d[factors:])
+    there, total = _at(likelihood, objective, theta + dtheta, tried, near.angles)
+    better = now.going & (total <= now.total)
+    damping = _DAMPING.after(now.damping, better)
+    ended = better & (now.total - total < _ENOUGH) & (now.damping < STUCK)
+    taken = better[parts.group]
+    return Steps(
+        where_problems(taken[parts.part], there, near),
+        np.where(taken, theta + dtheta, theta),
+        where_problems(better, tried._replace(total=total), now)._replace(
+            damping=damping, going=now.going & ~ended & (damping < _DAMPING.hopeless)
+        ),
+    )
 
-    @cached_property
-    def places(self) -> list[slice]:
-        """Where the rows of each shoulder are within a group."""
-        rows = self.likelihood.whitening.rows
-        ends = np.cumsum([len(own) for own in rows])
-        return [slice(end - len(own), end) for end, own in zip(ends, rows, strict=True)]
 
-    def rows_first(self, x: Float[np.ndarray, "3 n every"]) -> Float[np.ndarray, "groups rows 3 n"]:
-        """Part the rows by group."""
-        return np.moveaxis(x.reshape(*x.shape[:2], self.groups, -1), (0, 1), (2, 3))
+def _at(
+    likelihood: Likelihood, objective: Objective, theta, at: _OfGroups, start
+) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
+    """Compute -2 log p of every group."""
+    near, parts, shared = objective.nearest(theta, at.a, start, _NEAR), objective.parts, objective.shared
+    total = (((at.a - shared.mean) / shared.scale) ** 2).sum(axis=0) + (at.f**2).sum(axis=0)
+    total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), len(total))
+    y, thetas = _rows_first(near.y[:, None], at)[..., 0], _by_group(theta, at)
+    for subject, rows in enumerate(_places(likelihood)):
+        total += (likelihood.values(subject, y[:, rows], thetas[:, subject], at.f.T) ** 2).sum(axis=1)
+    return near, np.where(np.isfinite(total), total, np.inf)
 
-    def start(self, theta, a) -> _State:
-        """Evaluate where the steps begin."""
-        theta, f = self.within_bounds(theta), np.zeros((self.groups, self.likelihood.shared))
-        near, total = self.at(theta, a, f, None)
-        return _State(theta, a, f, total, np.zeros(self.groups), np.ones(self.groups, bool), near)
 
-    def within_bounds(self, theta) -> Float[np.ndarray, "groups subjects adapted"]:
-        """Move to the nearest bounds what is beyond them."""
-        return np.clip(theta.reshape(-1, _N), *self.objective.parts.bounds_mm).reshape(theta.shape)
+def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
+    gradients, matrices, (near, theta, at) = [], [], steps
+    slopes = np.concatenate([near.by_theta, objective.by_amplitude(near)], axis=1)
+    Z, y, thetas = _rows_first(slopes, at), _rows_first(near.y[:, None], at)[..., 0], _by_group(theta, at)
+    for subject, rows in enumerate(_places(likelihood)):
+        columns = likelihood.columns(subject, Z[:, rows])
+        values = likelihood.values(subject, y[:, rows], thetas[:, subject], at.f.T)
+        across = np.swapaxes(columns, 1, 2)
+        gradients.append((across @ values[..., None])[..., 0])
+        matrices.append(across @ columns)
+    n = gradients[0].shape[1]
+    gradient, matrix = np.stack(gradients, axis=1).reshape(-1, n), np.stack(matrices, axis=1).reshape(-1, n, n)
+    return gradient.T, np.moveaxis(matrix, 0, -1)
 
-    def to_the_mode(self, state: _State, left: int = _MOST_STEPS) -> _State:
-        """Step until no group goes down any more; once enough have ended the others go on without them."""
-        while left and state.going.any():
-            if state.going.mean() <= FEW:
-                parts = self.objective.parts
-                rows = state.going[parts.group][parts.part]
-                others = _Steps(self.likelihood, self.objective.of(state.going))
-                return state.joined(rows, others.to_the_mode(state.going_on(rows), left))
-            state, left = self.stepped(state), left - 1
-        return state
 
-    def stepped(self, state: _State) -> _State:
-        """Take a step in every group that is going on, if it leads down; else damp it more."""
-        parts, shared, damping = self.objective.parts, self.objective.shared, state.damping
-        gradient, matrix = self.quadratic(state)
-        diagonal = np.einsum("pii->pi", matrix)
-        diagonal[:] *= 1.0 + damping[parts.group][:, None]
-        (lower, upper), theta = parts.bounds_mm, state.theta.reshape(-1, _N)
-        precision = np.concatenate([np.ones(state.f.shape), 1.0 / shared.scale**2], axis=1)
-        step = lowest(
-            Quadratic(gradient, matrix, parts.group),
-            self.groups,
-            precision * np.concatenate([state.f, state.a - shared.mean], axis=1),
-            np.eye(precision.shape[1]) * precision[:, None, :],
-            (lower - theta, upper - theta),
-        )
-        by_f, by_a = np.split(step.amplitude, [state.f.shape[1]], axis=1)
-        theta, a, f = state.theta + step.theta.reshape(state.theta.shape), state.a + by_a, state.f + by_f
-        near, total = self.at(theta, a, f, state.near.angles_deg)
-        better = state.going & (total <= state.total)
-        damping = np.where(
-            better, damping * _LESS * (damping > _NONE), np.maximum(damping * _MORE, _LEAST_AFTER_FAILURE)
-        )
-        there = better & (state.total - total < _ENOUGH) & (state.damping < _STUCK)
-        return _State(
-            theta=np.where(better[:, None, None], theta, state.theta),
-            a=np.where(better[:, None], a, state.a),
-            f=np.where(better[:, None], f, state.f),
-            total=np.where(better, total, state.total),
-            damping=damping,
-            going=state.going & ~there & (damping < _HOPELESS),
-            near=state.near.where(better[parts.group][parts.part], near),
-        )
+def _places(likelihood: Likelihood) -> list[slice]:
+    """Where the rows of each shoulder are within a group."""
+    rows = likelihood.whitening.rows
+    ends = np.cumsum([len(own) for own in rows])
+    return [slice(end - len(own), end) for end, own in zip(ends, rows, strict=True)]
 
-    def at(self, theta, a, f, start_deg) -> tuple[Nearest, Float[np.ndarray, " groups"]]:
-        """Compute -2 log p of every group."""
-        near = self.objective.nearest(theta.reshape(-1, _N), a, start_deg, _NEAR_DEG)
-        parts, shared = self.objective.parts, self.objective.shared
-        total = (((a - shared.mean) / shared.scale) ** 2).sum(axis=1) + (f**2).sum(axis=1)
-        total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), self.groups)
-        y = self.rows_first(near.y[:, None])[..., 0]
-        for subject, rows in enumerate(self.places):
-            total += (self.likelihood.values(subject, y[:, rows], theta[:, subject], f) ** 2).sum(axis=1)
-        return near, np.where(np.isfinite(total), total, np.inf)
 
-    def quadratic(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
-        """Give gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
-        gradients, matrices = [], []
-        slopes = np.concatenate([state.near.by_theta, self.objective.by_amplitude(state.near)], axis=1)
-        Z, y = self.rows_first(slopes), self.rows_first(state.near.y[:, None])[..., 0]
-        for subject, rows in enumerate(self.places):
-            columns = self.likelihood.columns(subject, Z[:, rows])
-            values = self.likelihood.values(subject, y[:, rows], state.theta[:, subject], state.f)
-            across = np.swapaxes(columns, 1, 2)
-            gradients.append(times(across, values))
-            matrices.append(across @ columns)
-        n = gradients[0].shape[1]
-        return np.stack(gradients, axis=1).reshape(-1, n), np.stack(matrices, axis=1).reshape(-1, n, n)
+def _rows_first(x: Float[np.ndarray, "3 n every"], at: _OfGroups) -> Float[np.ndarray, "groups rows 3 n"]:
+    """Part the rows by group."""
+    return np.moveaxis(x.reshape(*x.shape[:2], len(at.total), -1), (0, 1), (2, 3))
+
+
+def _by_group(theta: Float[np.ndarray, "adapted parts"], at: _OfGroups) -> Float[np.ndarray, "groups subjects adapted"]:
+    """Part the parameters by group."""
+    return theta.T.reshape(len(at.total), -1, _N)

@@ -16,6 +16,7 @@ from adapt.diagnosis.fit.joint_fit import JointFit, Part
 from adapt.diagnosis.fit.posterior import Posterior
 from adapt.diagnosis.fit.unseen_folds import Folds
 from models.adapted_parameters import ADAPTED
+from motions.rotations import DEG
 
 _N = len(ADAPTED)
 
@@ -62,7 +63,7 @@ def unseen_gaps_deg(
     values = [amplitude for of_tests in amplitudes for amplitude in of_tests]
     start_mm = np.concatenate([theta_mm[[test.subject for test in folds.tests]] for theta_mm in thetas_mm])
     end = joint.of(seen).adapt(names, start_mm, values, between_per_deg)
-    own = [found[: len(value)] for found, value in zip(end.amplitude, values, strict=True)]
-    near = joint.of(unseen).nearest(names, end.theta_mm, own)
-    gaps = np.abs(near.angles_deg - shoulders.measured_deg[:, np.tile(folds.rows, len(hypotheses))]).T
+    own = [found[: len(value)] for found, value in zip(end.amplitude.T, values, strict=True)]
+    near = joint.of(unseen).nearest(names, end.theta_mm.T, own)
+    gaps = DEG * np.abs(near.angles - shoulders.angles[:, np.tile(folds.rows, len(hypotheses))]).T
     return [folds.measured_means(one, shoulders) for one in np.split(gaps, len(hypotheses))]

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from adapt.solvers.extended.nearest_posture import UNMEASURED_SD
+from adapt.solvers.starts import at_rest_where_unknown
 from motions.errors import InputError
-from motions.rhythm import REST_DEG
+from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES, Motions
 
 FEWEST_POSTURES = 4
@@ -35,10 +35,9 @@ class Shoulders:
     """N postures of S subjects, in the order of ``motions``."""
 
     motions: Motions
-    measured_deg: Float[np.ndarray, "6 rows"]
-    """The published mean at rest where not measured."""
-    sd: Float[np.ndarray, "6 rows"]
-    """1 where measured."""
+    angles: Float[np.ndarray, "6 rows"]
+    """Rad; the published mean at rest where not measured."""
+    measured: Bool[np.ndarray, "6 rows"]
     subject: Int[np.ndarray, " rows"]
     motion: Int[np.ndarray, " rows"]
     """Kind of motion, by number."""
@@ -51,7 +50,7 @@ class Shoulders:
     @property
     def weights(self) -> Float[np.ndarray, " rows"]:
         """1 over the measured angles of each posture: of |y|^2 in J_p (deg^2)."""
-        return 1.0 / (self.sd == 1.0).sum(axis=0)
+        return 1.0 / self.measured.sum(axis=0)
 
     @property
     def persons(self) -> int:
@@ -117,8 +116,8 @@ def shoulders_of(motions: Motions) -> Shoulders:
     different = list(dict.fromkeys(persons))
     return Shoulders(
         motions=motions,
-        measured_deg=np.where(known, motions.angles_deg.T, REST_DEG[:, None]),
-        sd=np.where(known, 1.0, UNMEASURED_SD),
+        angles=at_rest_where_unknown(motions.angles_deg.T / DEG, known),
+        measured=known,
         subject=np.array([subjects.index(name) for name in motions.subject.tolist()]),
         motion=np.array([kinds.index(name) for name in motions.motion.tolist()]),
         subjects=subjects,

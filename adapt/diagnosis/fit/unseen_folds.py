@@ -82,7 +82,7 @@ class Folds:
         self, values: Float[np.ndarray, "tested 6"], shoulders: Shoulders
     ) -> Float[np.ndarray, "tests 6"]:
         """Average the rows of each test in which the angle was measured; NaN where it was in none."""
-        measured = shoulders.sd[:, self.rows].T == 1.0
+        measured = shoulders.measured[:, self.rows].T
         share = self.means(measured.astype(float))
         return np.where(
             share > 0.0, self.means(np.where(measured, values, 0.0)) / np.where(share > 0.0, share, 1.0), np.nan

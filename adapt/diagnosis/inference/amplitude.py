@@ -16,6 +16,7 @@ from models.effects import Effect
 from models.effects.by_posture import UNIT_DEG, ByPosture
 from models.effects.known import as_option
 from motions.rhythm import REST_DEG
+from motions.rotations import DEG
 from motions.table import ANGLES
 
 _REACHED = 95.0
@@ -126,7 +127,7 @@ def _strengths(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, "own c
     """Strength at each posture of amplitudes of 1; of a course by posture at the measured angles."""
     if not isinstance(effect.course, ByPosture):
         return effect.columns(shoulders.motions)
-    away = (shoulders.measured_deg - REST_DEG[:, None]) / UNIT_DEG
+    away = (DEG * shoulders.angles - REST_DEG[:, None]) / UNIT_DEG
     followed = np.stack([away[ANGLES.index(angle)] for angle in effect.course.angles])
     directions = len(effect.directions) // len(followed)
     columns = np.einsum("kc,jp->kjcp", np.eye(directions), followed)

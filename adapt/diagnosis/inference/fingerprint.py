@@ -31,11 +31,11 @@ def estimate_misfit_deg(shoulders: Shoulders) -> Float[np.ndarray, " subjects"]:
     found = np.full(len(shoulders.subjects), np.nan)
     for subject in range(len(found)):
         rows = shoulders.rows_of(subject)
-        rows = rows[(shoulders.sd[:, rows] == 1.0).all(axis=0)]
+        rows = rows[shoulders.measured[:, rows].all(axis=0)]
         if len(rows) < _FEWEST:
             continue
         rests = rows[np.argsort(elevation[rows], kind="stable")[:_RESTS]]
-        angles = shoulders.measured_deg / DEG
+        angles = shoulders.angles
         found[subject] = float(DEG) * np.min(_misfits(angles[:, rows], angles[:, rests]))
     return found
 

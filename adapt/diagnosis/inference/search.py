@@ -273,7 +273,7 @@ class Search:
     @cached_property
     def without_causes(self) -> Linearised:
         """Adapt as `girdle adapt` does without effects."""
-        return linearise(self.joint, self.joint.from_starts().theta_mm)
+        return linearise(self.joint, self.joint.from_starts().theta_mm.T)
 
     @property
     def best(self) -> Node:

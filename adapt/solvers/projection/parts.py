@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems
-from adapt.solvers.extended.nearest_posture import THERE_DEG, Nearest, nearest_postures
-from adapt.solvers.extended.thorax_term import Thorax
+from adapt.solvers.projection.nearest_posture import THERE, UNMEASURED_SD, Nearest, nearest_postures
+from adapt.solvers.projection.thorax_term import Thorax
 from models.effects import Effect
 from models.girdle import Girdle
 
@@ -22,13 +21,13 @@ class Shared(NamedTuple):
 
     columns: Float[np.ndarray, "own channels rows"]
     """Strength in each channel at each row of an amplitude of 1."""
-    scale: Float[np.ndarray, "groups own"]
-    mean: Float[np.ndarray, "groups own"]
+    scale: Float[np.ndarray, "own groups"]
+    mean: Float[np.ndarray, "own groups"]
     """Of their prior."""
 
     def of(self, groups: Bool[np.ndarray, " groups"], rows: Bool[np.ndarray, " rows"]) -> "Shared":
         """Take some groups, whose rows these are."""
-        return Shared(self.columns[..., rows], self.scale[groups], self.mean[groups])
+        return Shared(self.columns[..., rows], self.scale[:, groups], self.mean[:, groups])
 
 
 @dataclass(frozen=True)
@@ -38,18 +37,20 @@ class Parts:
     girdle: Girdle
     """(component, parts)."""
     thorax: Thorax
-    bounds_mm: tuple[Float[np.ndarray, "#parts adapted"], Float[np.ndarray, "#parts adapted"]]
+    bounds_mm: tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted parts"]]
     effects: tuple[Effect, ...]
     strengths: Float[np.ndarray, "channels rows"]
     """Of what is given."""
-    measured_deg: Float[np.ndarray, "6 rows"]
-    sd: Float[np.ndarray, "6 rows"]
+    angles: Float[np.ndarray, "6 rows"]
+    """s, rad."""
+    measured: Bool[np.ndarray, "6 rows"]
     weights: Float[np.ndarray, " rows"]
     """Of |y|^2 in E."""
     part: Int[np.ndarray, " rows"]
     group: Int[np.ndarray, " parts"]
     strengths_are_known: bool = False
     """Nothing asks for slopes in them."""
+    unmeasured_sd: float = UNMEASURED_SD
 
     @cached_property
     def _starts(self) -> Int[np.ndarray, " parts"]:
@@ -70,34 +71,41 @@ class Parts:
         number = np.arange(counts.max())
         return np.where(number < counts[:, None], self._starts[:, None] + number, len(self.part))
 
-    def products(self, x: Float[np.ndarray, "3 n rows"]) -> Float[np.ndarray, "parts n n"]:
+    def products(self, x: Float[np.ndarray, "3 n rows"]) -> Float[np.ndarray, "n n parts"]:
         """Multiply x'x over the rows of each part."""
         padded = np.zeros((x.shape[2] + 1, *x.shape[:2]))
         padded[:-1] = np.moveaxis(x, 2, 0)
         own = padded[self._places].reshape(len(self.group), -1, x.shape[1])
-        return np.swapaxes(own, 1, 2) @ own
+        return np.moveaxis(np.swapaxes(own, 1, 2) @ own, 0, -1)
 
-    def nearest(self, theta_mm, strengths, start_deg=None, there_deg=THERE_DEG) -> Nearest:
-        """Find the nearest postures of all rows at these parameters, (parts, adapted)."""
-        girdle = self._girdle_of_rows.with_adapted(theta_mm.T[:, self.part])
+    def nearest(self, theta_mm, strengths, start=None, there=THERE) -> Nearest:
+        """Find the nearest postures of all rows at these parameters, (adapted, parts)."""
+        girdle = self._girdle_of_rows.with_adapted(theta_mm[:, self.part])
         return nearest_postures(
-            girdle, self.effects, strengths, self.measured_deg, self.sd, start_deg, self.strengths_are_known, there_deg
+            girdle,
+            self.effects,
+            strengths,
+            self.angles,
+            self.measured,
+            start,
+            self.strengths_are_known,
+            there,
+            self.unmeasured_sd,
         )
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Parts":
         """Take some groups."""
         parts = groups[self.group]
         rows = parts[self.part]
-        girdle, thorax = jax.tree.map(lambda x: x[..., parts], (self.girdle, self.thorax))
-        lower, upper = (np.broadcast_to(one, (len(parts), one.shape[1]))[parts] for one in self.bounds_mm)
+        girdle, thorax, bounds = take_problems((self.girdle, self.thorax, self.bounds_mm), parts)
         return replace(
             self,
             girdle=girdle,
             thorax=thorax,
-            bounds_mm=(lower, upper),
+            bounds_mm=bounds,
             strengths=self.strengths[:, rows],
-            measured_deg=self.measured_deg[:, rows],
-            sd=self.sd[:, rows],
+            angles=self.angles[:, rows],
+            measured=self.measured[:, rows],
             weights=self.weights[rows],
             part=np.cumsum(parts)[self.part[rows]] - 1,
             group=np.cumsum(groups)[self.group[parts]] - 1,

@@ -1,8 +1,12 @@
-"""One posture's conditions eliminated, by components: ``adapt.solvers.reference.elimination.eliminate`` written for
-speed.
+"""One Newton step of a posture's optimality conditions, with the adapted parameters left free: by components.
+
+A posture's angles q minimise 1/2 (q - s)' W (q - s) subject to g(q, theta) = 0. Its conditions, linearised at
+(q, theta) with multipliers lambda, are nine equations:
+
+    H dq + C dtheta + G' lambda = -W (q - s),    G dq + T dtheta = -g
 
 With H = W + d2(lambda'g)/dq2, C = d2(lambda'g)/dq dtheta and the stiffness s = diag(s_k) on the range of G', which
-changes no solution since G dq + T dtheta = -g:
+changes no solution:
 
     L D L' = H + G' s G =: K,   S = G K^-1 G',   rho = g - G K^-1 W (q - s),   tau = T - G K^-1 C
     mu = S^-1 (rho + tau dtheta),   lambda = mu - s (g + T dtheta),   dq = -K^-1 (W (q - s) + C dtheta + G' mu)
@@ -13,49 +17,43 @@ C and s (Gauss-Newton).
 
 from typing import NamedTuple
 
-from adapt.solvers.reference.elimination import UNMEASURED_WEIGHT
-from adapt.solvers.reference.linalg import backward, factorised, forward
-from adapt.solvers.reference.posture import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
+from adapt.solvers.newton.linear_algebra import (
+    Components,
+    Rows,
+    backward,
+    column,
+    factorised,
+    forward,
+    largest,
+    product,
+)
+from adapt.solvers.solution import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
 from models.adapted_parameters import ELLIPSOID
 from models.derivatives import ConstraintDerivatives
 from motions.arrays import Array, ByType, repeat_while, xp
 
 RANGE_SPACE_PENALTY = 20.0
-"""s_k |G_k|^2 over the largest weight: makes H definite on the range of G' (see
-``adapt.solvers.reference.elimination``). Of 5 to 100 the one with the fewest iterations on simulated subjects."""
+"""s_k |G_k|^2 over the largest weight: makes K positive definite where H is so on the tangent space, the condition of
+a minimum. Of 5 to 100 the one with the fewest iterations on simulated subjects."""
+
+STEP_LIMIT_RAD = 0.6
+"""Longest step of one angle: a rotation linearised further than this means nothing."""
+
+UNMEASURED_WEIGHT = 1e-8
+"""Relative damping of an angle that was not measured: it settles where the constraints put it."""
 
 PENALTY_GROWTH = 10.0
 """Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
 
 PIVOT_FLOOR = 1e-4
 """Smallest pivot, relative to the largest weight, that counts as positive definite; float32 rounds to a thousandth of
-it. What is flatter goes on by Newton steps (``adapt.solvers.extended.postures``) or the reference solver."""
+it. What is flatter goes on by the Newton steps of ``adapt.solvers.projection.postures``."""
 
 CLOSED_MM = ByType(CONSTRAINT_TOLERANCE_MM, 5e-4)
 """|g| of a converged posture. In float32 rounding leaves 5e-5 mm, as much as 1e-7 of an ellipsoid of 400 mm."""
 
 STATIONARY = ByType(STATIONARITY_TOLERANCE, 1e-4)
 """|dJ/dq + G' lambda| of a converged posture, deg^2 a degree. In float32 rounding leaves 1e-5."""
-
-Components = list[Array]
-
-
-def largest(components: Components) -> Array:
-    """Find max |x_i|."""
-    result = abs(components[0])
-    for x in components[1:]:
-        result = xp.maximum(result, abs(x))
-    return result
-
-
-def product(a: Components, b: Components) -> Array:
-    """Compute the inner product sum a_i b_i."""
-    return sum((x * y for x, y in zip(a[1:], b[1:], strict=True)), a[0] * b[0])
-
-
-def column(rows: list[Components], k: int) -> Components:
-    """Take the k-th entry of each row."""
-    return [row[k] for row in rows]
 
 
 def augmented(target: Components, range_space_penalty: Components, g: Components) -> Array:
@@ -79,7 +77,7 @@ def _parameter_slopes(T: list[Components]) -> list[Components]:
 class Steps(NamedTuple):
     """dq and lambda of postures as affine functions of the parameters' steps: what is kept of an elimination."""
 
-    lower: list[Components]
+    lower: Rows
     """L."""
     weighed: list[Components]
     """D^-1 L^-1 of G', C and W (q - s)."""
@@ -115,7 +113,7 @@ class _Factor(NamedTuple):
     attempts: Array
     range_space_penalty: Components
     """s."""
-    lower: list[Components]
+    lower: Rows
     """L below its diagonal."""
     inverse: Components
     """D^-1."""
@@ -180,6 +178,14 @@ class Elimination:
 
     def _solved(self, b: Components) -> Components:
         return backward(self._S, [x * d for x, d in zip(forward(self._S, b), self._S_inverse, strict=True)])
+
+    def step_slope(self, i: int) -> Components:
+        """Compute dq / d(parameter i)."""
+        mu = self.steps.linear[i]
+        sides = [product(column(self._weighed[:3], k), mu) for k in range(6)]
+        if i < self._coupled:
+            sides = [x + y for x, y in zip(sides, self._weighed[3 + i], strict=True)]
+        return backward(self.steps.lower, [-x for x in sides])
 
     def slope(self, i: int) -> Array:
         """Compute what the postures add to the right-hand side of parameter i, after their own steps."""

@@ -1,4 +1,4 @@
-"""The fast path of the posture fits: many problems, from several starts, in rounds of more and more iterations.
+"""Posture fits of the plain chain: many problems, from several starts, in rounds of more and more iterations.
 
 All of it is done in the type of the measured angles, float64 or float32. A problem that has not converged at the end is
 no failure: ``adapt.solvers.posture_fits`` goes on with it.
@@ -9,11 +9,15 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float
 
 from adapt.engine.batching import in_rounds, put_problems, take_problems
 from adapt.engine.kernel import Kernel
-from adapt.solvers.batched.posture import Lowest, PostureStart, SweptPostures, sweep_from_two_starts, sweep_postures
+from adapt.solvers import status
+from adapt.solvers.newton.posture import Lowest, iterate, iterate_from_two_starts
+from adapt.solvers.objective import angle_weights
+from adapt.solvers.solution import PostureSolution, put_lower
+from adapt.solvers.starts import OFFSETS_DEG
 from models.girdle import Girdle
 from motions.arrays import ByType
 from motions.rotations import DEG
@@ -22,11 +26,6 @@ Problem = tuple[Girdle, Float[np.ndarray, "6 problems"], Float[np.ndarray, "6 pr
 """Girdle, measured angles (rad) and weights of each problem."""
 
 Starts = tuple[Float[np.ndarray, "6 problems"], Float[np.ndarray, "6 problems"]]
-
-OFFSETS_SEED = 0
-
-OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
-"""Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
 
 _FAR_DEG2 = 15.0
 """From such a J on (4 deg rms) which valley a path ends in is chance: a fit starts from more places. Of 3000 simulated
@@ -51,21 +50,35 @@ _TRACKING_ROUNDS = (10, 40)
 """The same in each step along a motion."""
 
 
-def fitted_from_places(problem: Problem, far_deg2: float = _FAR_DEG2) -> SweptPostures:
-    """Find the lowest of the optima reached from the measured angles, from where the chain closes next to them and,
-    where needed, from where it closes next to two places around.
+def fit_postures(
+    girdle: Girdle,
+    angles: Float[np.ndarray, "6 problems"],
+    measured: Bool[np.ndarray, "6 problems"],
+    start: Float[np.ndarray, "6 problems"] | None = None,
+    far_deg2: float = _FAR_DEG2,
+) -> PostureSolution:
+    """Find the closed posture nearest to the measured angles (rad): from ``start`` alone, else the lowest of the optima
+    reached from several places. An angle that was not measured begins at its number in ``angles``."""
+    problem = _contiguous((girdle, angles, angle_weights(measured)))
+    if start is None:
+        return _from_places(problem, far_deg2)
+    rounds = _ROUNDS.for_dtype_of(angles)
+    return in_rounds(postures_kernel, rounds, problem, _BEGINNING, start, np.zeros_like(start[:3]))
+
+
+def _from_places(problem: Problem, far_deg2: float) -> PostureSolution:
+    """The lowest of the optima reached from the measured angles, from where the chain closes next to them and, where
+    needed, from where it closes next to two places around.
 
     They are needed where the first two starts do not lead to one optimum, or to one with a J from ``far_deg2`` on;
     where what they find is as far, six more places are tried. In
     float32 a problem has converged only if every start has led to an optimum: one not found there may be the lowest.
     """
-    problem = _contiguous(problem)
     target = problem[1]
     # one step from the measured angles: closing is what a fit begins with there
-    first = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
-    found, settled = first.swept, first.settled
+    found, settled, apart = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
     begins_at_rest = (problem[2] <= 0.0).any(axis=0)  # in an angle that was not measured
-    needed = ~first.settled | first.apart | ~found.converged | (found.j_deg2 >= far_deg2) | begins_at_rest
+    needed = ~settled | apart | ~found.converged | (found.j_deg2 >= far_deg2) | begins_at_rest
     for offsets in OFFSETS_DEG.reshape(-1, 2, 6):
         again = np.flatnonzero(needed)
         if not len(again):
@@ -73,17 +86,13 @@ def fitted_from_places(problem: Problem, far_deg2: float = _FAR_DEG2) -> SweptPo
         part = take_problems(problem, again)
         wider = np.where(part[2] > 0.0, 1.0, _WIDER)
         one, other = (part[1] + wider * offset[:, None] / DEG for offset in offsets)
-        further = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
-        put_lower(found, again, further.swept)
-        settled[again] &= further.settled
+        further, both, _ = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
+        put_lower(found, again, further)
+        settled[again] &= both
         needed &= begins_at_rest | (found.j_deg2 >= far_deg2)  # the first two places do for all others
-    return found._replace(converged=found.converged & settled) if target.dtype == np.float32 else found
-
-
-def put_lower(found: SweptPostures, problems: Int[np.ndarray, " again"], other: SweptPostures) -> None:
-    """Put the other fits of these problems in their places where they converged and are lower."""
-    lower = other.converged & ~(found.converged[problems] & (found.j_deg2[problems] <= other.j_deg2))
-    put_problems(found, problems[lower], take_problems(other, lower))
+    if target.dtype == np.float32:
+        found.code[~settled] = status.UNCONVERGED
+    return found
 
 
 def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[float, float]) -> Lowest:
@@ -96,7 +105,7 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
     first, *others = _LOWEST_ROUNDS.for_dtype_of(problem[1])
     result = found(problem, starts, first)
     for iterations in others:
-        left = np.flatnonzero(~result.settled)
+        left = np.flatnonzero(~result[1])
         if not len(left):
             break
         part, places = take_problems((problem, starts), left)
@@ -104,28 +113,21 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
     return result
 
 
-def fitted_from(problem: Problem, start: Float[np.ndarray, "6 problems"]) -> SweptPostures:
-    """Find the optimum reached from one start alone."""
-    rounds = _ROUNDS.for_dtype_of(problem[1])
-    return in_rounds(postures_kernel, rounds, _contiguous(problem), _start(start, np.zeros_like(start[:3])))
-
-
-def tracked(steps: int, girdle: Girdle, target, weights, target_before, start) -> SweptPostures:
+def track_postures(steps: int, girdle: Girdle, angles, measured, angles_before, start) -> PostureSolution:
     """Follow the optimum from ``start`` while the measured angles go straight to the next posture (continuation)."""
-    girdle, target, weights = _contiguous((girdle, target, weights))
-    here: Any = _start(start, np.zeros_like(start[:3]))
+    girdle, target, weights = _contiguous((girdle, angles, angle_weights(measured)))
+    here: Any = start, np.zeros_like(start[:3])
     arrived = np.ones(start.shape[1], bool)
     for number in range(1, steps + 1):
-        on_the_way = target_before + number / steps * (target - target_before)
-        here = in_rounds(
-            postures_kernel, _TRACKING_ROUNDS, (girdle, on_the_way, weights), _start(here.angles, here.multipliers)
-        )
+        on_the_way = angles_before + number / steps * (target - angles_before)
+        here = in_rounds(postures_kernel, _TRACKING_ROUNDS, (girdle, on_the_way, weights), _BEGINNING, *here[:2])
         arrived &= here.converged
-    return here._replace(converged=arrived)
+    here.code[~arrived] = status.UNCONVERGED
+    return here
 
 
-def _start(angles, multipliers) -> PostureStart:
-    return PostureStart(angles, multipliers, np.zeros(angles.shape[1], bool))
+_BEGINNING = ("angles", "multipliers")
+"""What a round begins with."""
 
 
 def _contiguous(problem: Problem) -> Problem:
@@ -141,19 +143,17 @@ def _numbers_of_girdle() -> Girdle:
 GIRDLE: Any = _numbers_of_girdle()
 """Shapes of a girdle's numbers, for ``adapt.engine.kernel``."""
 
-_SWEPT = SweptPostures("6", "3", "3", "", "", "int", "bool")  # type: ignore[arg-type]
+_SOLUTION: Any = PostureSolution(*("6", "3", "3", "", "", "int", "int", "bool"))  # type: ignore[arg-type]
 
 _LANES = 4096
 """Postures in a chunk of a program of JAX."""
 
-postures_kernel = Kernel(
-    "postures", sweep_postures, (GIRDLE, "6", "6", PostureStart("6", "3", "bool"), ""), _SWEPT, _LANES
-)
+postures_kernel = Kernel("postures", iterate, (GIRDLE, "6", "6", ("6", "3", "bool"), ""), _SOLUTION, _LANES)
 
 lowest_kernel = Kernel(
     "lowest",
-    sweep_from_two_starts,
+    iterate_from_two_starts,
     (GIRDLE, "6", "6", ("6", "6"), ("", ""), ""),
-    Lowest(_SWEPT, "bool", "bool"),
+    (_SOLUTION, "bool", "bool"),
     _LANES,
 )

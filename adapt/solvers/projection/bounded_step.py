@@ -7,8 +7,6 @@ Part i has adapted parameters theta_i of its own; the parts of a group share the
 theta_i is eliminated in each part (6 x 6), then each group solves for da. Bounds by the primal-dual active set.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -25,43 +23,31 @@ half of the steps from ten simulated subjects go round in circles."""
 
 _AT_BOUND_MM = 1e-9
 
-
-class Step(NamedTuple):
-    """Where the quadratic model is lowest."""
-
-    theta: Float[np.ndarray, "parts adapted"]
-    amplitude: Float[np.ndarray, "groups amplitudes"]
-
-
-class Quadratic(NamedTuple):
-    """Of every part: gradient and matrix in theta and the amplitudes; the group, in ascending order."""
-
-    gradient: Float[np.ndarray, "parts n"]
-    matrix: Float[np.ndarray, "parts n n"]
-    group: Int[np.ndarray, " parts"]
-
-    def of(self, parts: Int[np.ndarray, " some"]) -> "Quadratic":
-        """Take some parts."""
-        return Quadratic(*(one[parts] for one in self))
+_Model = tuple[Float[np.ndarray, "parts n"], Float[np.ndarray, "parts n n"], Int[np.ndarray, " parts"]]
+"""Gradient and matrix in theta and the amplitudes, parts first as LAPACK has them; the group of each part."""
 
 
 def lowest(
-    model: Quadratic,
-    groups: int,
-    prior_gradient: Float[np.ndarray, "groups amplitudes"],
-    prior_matrix: Float[np.ndarray, "#groups amplitudes amplitudes"],
-    room: tuple[Float[np.ndarray, "parts adapted"], Float[np.ndarray, "parts adapted"]],
-) -> Step:
-    """Find the lowest point; ``room``: how far each parameter may go down (negative) and up."""
-    low, high = room
+    gradient: Float[np.ndarray, "n parts"],
+    matrix: Float[np.ndarray, "n n parts"],
+    group: Int[np.ndarray, " parts"],
+    prior_gradient: Float[np.ndarray, "amplitudes groups"],
+    prior_matrix: Float[np.ndarray, "amplitudes amplitudes #groups"],
+    room: tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted parts"]],
+) -> tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "amplitudes groups"]]:
+    """Find the lowest point, dtheta and da.
+
+    ``group``: of each part, in ascending order. ``room``: how far each parameter may go down (negative) and up.
+    """
+    model, p, (low, high) = (gradient.T, np.moveaxis(matrix, -1, 0), group), prior_gradient.T, (one.T for one in room)
     at_low = low >= -_AT_BOUND_MM
     fixed, value = at_low | (high <= _AT_BOUND_MM), np.where(at_low, low, high)
-    prior_matrix = np.broadcast_to(prior_matrix, (groups, *prior_matrix.shape[1:]))
-    dtheta, da = np.zeros(low.shape), np.zeros(prior_gradient.shape)
-    parts, some = np.arange(len(low)), np.arange(groups)  # of the groups that are left
+    P = np.broadcast_to(np.moveaxis(prior_matrix, -1, 0), (len(p), *prior_matrix.shape[:2]))
+    dtheta, da = np.zeros(low.shape), np.zeros(p.shape)
+    parts, some = np.arange(len(low)), np.arange(len(p))  # of the groups that are left
     for number in range(_MOST_CHANGES):
-        found = _lowest_given(model.of(parts), prior_gradient[some], prior_matrix[some], fixed[parts], value[parts])
-        dtheta[parts], da[some], towards = found
+        of_parts: _Model = model[0][parts], model[1][parts], group[parts]
+        dtheta[parts], da[some], towards = _lowest_given(of_parts, p[some], P[some], fixed[parts], value[parts])
         # where the multiplier and the way beyond the bound agree on it (Hintermueller, Ito and Kunisch 2003)
         below, above = towards < low[parts] - _AT_BOUND_MM, towards > high[parts] + _AT_BOUND_MM
         different = (below | above) != fixed[parts]
@@ -70,37 +56,37 @@ def lowest(
             different &= np.cumsum(different, axis=1) == 1
         fixed[parts] ^= different
         value[parts] = np.where(below, low[parts], np.where(above, high[parts], value[parts]))
-        left = np.zeros(groups, bool)
-        left[model.group[parts[changed]]] = True
+        left = np.zeros(len(p), bool)
+        left[group[parts[changed]]] = True
         if not left.any():
             break
-        parts, some = parts[left[model.group[parts]]], np.flatnonzero(left)
-    return Step(np.clip(dtheta, low, high), da)
+        parts, some = parts[left[group[parts]]], np.flatnonzero(left)
+    return np.clip(dtheta, low, high).T, da.T
 
 
-def _lowest_given(model: Quadratic, prior_gradient, prior_matrix, fixed, value) -> tuple[np.ndarray, ...]:
+def _lowest_given(model: _Model, prior_gradient, prior_matrix, fixed, value) -> tuple[np.ndarray, ...]:
     """Find the lowest point, dtheta and da, with some parameters held at a value; and dtheta less slack over curvature,
     which is beyond a bound where it holds."""
     gradient, matrix, group = model
     own, cross, shared = matrix[:, :_N, :_N], matrix[:, :_N, _N:], matrix[:, _N:, _N:]
     free, held = ~fixed, np.where(fixed, value, 0.0)
     inner = np.where(free[:, :, None] & free[:, None, :], own, 0.0) + fixed[:, :, None] * np.eye(_N)
-    right = np.where(fixed, value, -(gradient[:, :_N] + times(own, held)))
+    right = np.where(fixed, value, -(gradient[:, :_N] + _times(own, held)))
     solved = np.linalg.solve(inner, np.concatenate([right[..., None], np.where(free[:, :, None], cross, 0.0)], 2))
     start, slope = solved[..., 0], solved[..., 1:]
     across = np.swapaxes(cross, 1, 2)
-    g = gradient[:, _N:] + times(across, start)
+    g = gradient[:, _N:] + _times(across, start)
     H = shared - across @ slope
     begins = np.diff(group, prepend=-1) > 0
     first = np.flatnonzero(begins)
     G, M = prior_gradient + np.add.reduceat(g, first, axis=0), prior_matrix + np.add.reduceat(H, first, axis=0)
     da = -np.linalg.solve(M, G[..., None])[..., 0] if G.shape[1] else G
     of_part = da[np.cumsum(begins) - 1]
-    dtheta = start - times(slope, of_part)
-    slack = gradient[:, :_N] + times(own, dtheta) + times(cross, of_part)
+    dtheta = start - _times(slope, of_part)
+    slack = gradient[:, :_N] + _times(own, dtheta) + _times(cross, of_part)
     return dtheta, da, dtheta - slack / np.einsum("pii->pi", own)
 
 
-def times(matrix: Float[np.ndarray, "parts m n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
+def _times(matrix: Float[np.ndarray, "parts m n"], vector: Float[np.ndarray, "parts n"]) -> np.ndarray:
     """Multiply the matrix of every part with its vector: (parts, m)."""
     return (matrix @ vector[..., None])[..., 0]

@@ -6,17 +6,17 @@ hypothesis needs a compilation of its own.
 
 import functools
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
-from adapt.solvers.batched.posture_kernels import GIRDLE
+from adapt.solvers.newton.postures import GIRDLE
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects, Effect
 from models.effects.own_effects import is_own
@@ -28,20 +28,29 @@ _MOST_STEPS = 150
 """Projections onto the constraints. Each takes the distance to the nearest posture down by the curvature of the
 constraints times the gap, some tenth; of a chain that does not close they go on for ever."""
 
-THERE_DEG = 1e-11
-"""A projection that moves no angle farther ends them. |y|^2 is stationary there: its error goes with the square."""
+THERE = 1e-11
+"""A projection that moves no angle by more of its SD ends them. |y|^2 is stationary there: its error goes with the
+square."""
 
 _SHORTEST, _LONGEST = 1.0 / 16.0, 16.0
 """Of the part of a projection along the constraints that is taken: 1 where they are straight, less where they bend
 away from the measured posture, more where they bend round it."""
 
-_LONGEST_STEP_DEG = 25.0
+_LONGEST_STEP_RAD = 25.0 / float(DEG)
 """A projection moves no angle farther: beyond it the constraints are no longer nearly straight."""
 
-_FAR_DEG = 1e6
+_FAR = 1e6
+
+_MEASURED_SD_RAD = 1.0 / float(DEG)
+"""A degree, so that |y|^2 is in deg^2."""
 
 UNMEASURED_SD = 1000.0
 """SD of an angle that was not measured beside 1 of one that was: it is whatever closes the chain."""
+
+_MOST_CLOSING_STEPS, _FIRST_DAMPING = 120, 1e-3
+
+_AT_REST_RAD, _CLOSED_MM = 1e-10, 1e-12
+"""Step at which the closing of a chain has come to rest, and a chain that is closed to rounding."""
 
 NO_CHANNELS = 1
 """Of strengths where there are no effects: machine code has no empty arguments."""
@@ -50,21 +59,22 @@ _CHUNK = 256
 """Rows that XLA works on at a time."""
 
 
-@dataclass(frozen=True)
-class Nearest:
+class Nearest(NamedTuple):
     """The closed postures x nearest to measured ones s.
 
     y = V^-1/2 (g + G (s - x)) with V = G S^2 G', all at x: |y|^2 is the squared distance in units of the SDs S, and
-    x = s - S^2 B' y with B = V^-1/2 G.
+    x = s - S^2 B' y with B = V^-1/2 G. S of a measured angle is a degree.
     """
 
-    angles_deg: Float[np.ndarray, "6 rows"]
+    angles: Float[np.ndarray, "6 rows"]
+    """x, rad."""
     y: Float[np.ndarray, "3 rows"]
     by_theta: Float[np.ndarray, "3 adapted rows"]
     """dy a mm of each adapted parameter."""
     by_channel: Float[np.ndarray, "3 channels rows"]
     """dy a unit of strength in each channel of each effect; no channels where their strengths are known."""
     B: Float[np.ndarray, "3 6 rows"]
+    """A rad."""
     g_mm: Float[np.ndarray, "3 rows"]
     """A1-A3 at x: not 0 where no closed posture was found."""
     h: Float[np.ndarray, "3 rows"]
@@ -75,74 +85,99 @@ class Nearest:
         """How far the chain is open at most."""
         return np.abs(self.g_mm).max(axis=0)
 
-    def of(self, rows: np.ndarray) -> "Nearest":
-        """Take some rows."""
-        return Nearest(*(one[..., rows] for one in vars(self).values()))
-
-    def with_rows(self, rows: np.ndarray, some: "Nearest") -> "Nearest":
-        """Replace some rows."""
-        found = Nearest(*(one.copy() for one in vars(self).values()))
-        for mine, theirs in zip(vars(found).values(), vars(some).values(), strict=True):
-            mine[..., rows] = theirs
-        return found
-
-    def where(self, chosen: np.ndarray, other: "Nearest") -> "Nearest":
-        """Take the chosen rows of the other."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Nearest(*(np.where(chosen, theirs, mine) for mine, theirs in pairs))
-
 
 def nearest_postures(
     girdle: Girdle,
     effects: tuple[Effect, ...],
     strengths: Float[np.ndarray, "channels rows"],
-    measured_deg: Float[np.ndarray, "6 rows"],
-    sd: Float[np.ndarray, "6 rows"],
-    start_deg: Float[np.ndarray, "6 rows"] | None = None,
+    angles: Float[np.ndarray, "6 rows"],
+    measured: Bool[np.ndarray, "6 rows"],
+    start: Float[np.ndarray, "6 rows"] | None = None,
     strengths_are_known: bool = False,
-    there_deg: float | Float[np.ndarray, " rows"] = THERE_DEG,
+    there: float | Float[np.ndarray, " rows"] = THERE,
+    unmeasured_sd: float = UNMEASURED_SD,
 ) -> Nearest:
-    """Find the nearest closed posture of every row, by projections from ``start_deg``, else from the measured angles.
+    """Find the nearest closed posture of every row, by projections from ``start``, else from the angles, rad.
 
-    ``girdle``: (component, rows), adapted. ``sd`` is 1 where an angle was measured. Strengths that are known need no
-    slopes. ``there_deg``: a projection that moves no angle farther is the last.
+    ``girdle``: (component, rows), adapted. Strengths that are known need no slopes. ``there``: a projection that moves
+    no angle by more of its SD is the last. ``unmeasured_sd``, beside 1 of a measured angle: one that was not measured
+    holds so little to its number in ``angles``.
     """
-    start = measured_deg if start_deg is None else start_deg
-    there = np.broadcast_to(there_deg, measured_deg.shape[1:])
-    found = _kernel(effects, strengths_are_known)(girdle, girdle.adapted_mm, strengths, measured_deg, sd, start, there)
+    sd = _MEASURED_SD_RAD * np.where(measured, 1.0, unmeasured_sd)
+    last = np.broadcast_to(there, angles.shape[1:])
+    kernel = _nearest_kernel(effects, strengths_are_known)
+    found = kernel(
+        girdle, girdle.adapted_mm, strengths, angles, sd, np.asarray(angles if start is None else start), last
+    )
     x, y, B, g, h, by_theta, *by_channel = found
     count = x.shape[1]
     B, T, *C = (one.reshape(3, -1, count) for one in (B, by_theta, *by_channel))
     return Nearest(x, y, T, C[0] if C else np.zeros((3, 0, count)), B, g, h)
 
 
+def closed(
+    girdle: Girdle,
+    effects: tuple[Effect, ...],
+    strengths: Float[np.ndarray, "channels rows"],
+    start: Float[np.ndarray, "6 rows"],
+) -> tuple[Float[np.ndarray, "6 rows"], Float[np.ndarray, "3 rows"]]:
+    """Find angles (rad) near ``start`` where the chain closes or, if it cannot, is least open: a local minimum of
+    |g|^2. With g there, mm.
+
+    Levenberg-Marquardt with steps in the range of G'.
+    """
+    return _closing_kernel(effects)(girdle, girdle.adapted_mm, strengths, start)
+
+
 @functools.cache
-def _kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> Kernel:
+def _nearest_kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> Kernel:
     """The compiled function of these effects; last of its results, if wanted, the slopes in their strengths."""
-    channels = [one.course.channels(len(one.directions)) for one in effects]
-    splits, count = np.cumsum(channels).tolist(), sum(channels) or NO_CHANNELS
+    count = _channels(effects)[-1] or NO_CHANNELS
 
     def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start, there):
-        def g(x, theta, strengths=strengths):
-            active = ActiveEffects(tuple(jnp.split(strengths, splits)[: len(effects)]), effects)
-            return active.on(girdle.with_adapted(theta)).residuals_mm(x / DEG)
-
         at = (theta_mm,) if strengths_are_known else (theta_mm, strengths)
-        return _nearest(g, at, s, sd, start, there)
+        return _nearest(_constraints(effects, girdle, strengths), at, s, sd, start, there)
 
     inputs = GIRDLE, str(len(ADAPTED)), str(count), "6", "6", "6", ""
-    name = f"nearest_{'known_' * strengths_are_known}{_digest(effects, nearest, count)}"
+    name = f"nearest_{'known_' * strengths_are_known}{_digest(effects, nearest, (len(ADAPTED), count, 6, 6, 6, ()))}"
     outputs = "6", "3", "18", "3", "3", str(3 * len(ADAPTED)), *([] if strengths_are_known else [str(3 * count)])
     return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
 
 
-def _digest(effects: tuple[Effect, ...], nearest, count: int) -> str:
+@functools.cache
+def _closing_kernel(effects: tuple[Effect, ...]) -> Kernel:
+    count = _channels(effects)[-1] or NO_CHANNELS
+
+    def close(girdle: Girdle, theta_mm, strengths, start):
+        return _closed(functools.partial(_constraints(effects, girdle, strengths), theta=theta_mm), start)
+
+    name = f"closed_{_digest(effects, close, (len(ADAPTED), count, 6))}"
+    return Kernel(name, per_problem(close), (GIRDLE, str(len(ADAPTED)), str(count), "6"), ("6", "3"), _CHUNK)
+
+
+def _channels(effects: tuple[Effect, ...]) -> list[int]:
+    """Where the strengths of each effect end, among those of all; first where they begin."""
+    return [0, *np.cumsum([one.course.channels(len(one.directions)) for one in effects], dtype=int).tolist()]
+
+
+def _constraints(effects: tuple[Effect, ...], girdle: Girdle, known_strengths) -> Callable[..., Array]:
+    """A1-A3 of one row, mm, as a function of its angles (rad), the adapted parameters and the strengths."""
+    splits = _channels(effects)[1:]
+
+    def g(x, theta, strengths=known_strengths):
+        active = ActiveEffects(tuple(jnp.split(strengths, splits)[: len(effects)]), effects)
+        return active.on(girdle.with_adapted(theta)).residuals_mm(x)
+
+    return g
+
+
+def _digest(effects: tuple[Effect, ...], function, shapes: Sequence[int | tuple[int, ...]]) -> str:
     """One word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
     source the cache of machine code does not know, by all that JAX traces."""
     words = " ".join(one.name for one in effects)
     if any(map(is_own, effects)):
         girdle = jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)
-        words += str(jax.make_jaxpr(nearest)(girdle, *(np.zeros(k) for k in (len(ADAPTED), count, 6, 6, 6, ()))))
+        words += str(jax.make_jaxpr(function)(girdle, *(np.zeros(shape) for shape in shapes)))
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 
@@ -162,14 +197,14 @@ def _nearest(g, at, s, sd, start, there):
 
         along = (s - x) - across(G @ (s - x))
         step = _part_of(along, step_before, along_before, sd) * along - across(value)
-        step = step * jnp.minimum(1.0, _LONGEST_STEP_DEG / jnp.maximum(jnp.max(jnp.abs(step)), 1e-9))
+        step = _limited(step)
         return number + 1.0, x + step, step, along, jnp.max(jnp.abs(step) / sd)
 
     def moving(state):
         return (state[0] < _MOST_STEPS) & (state[4] > there)
 
     one, nothing = jnp.ones(()), 0.0 * start
-    _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, nothing, nothing, _FAR_DEG * one))
+    _, x, *_ = jax.lax.while_loop(moving, project, (0.0 * one, start, nothing, nothing, _FAR * one))
     value, G, *slopes = slopes_at(x, *at)
     GS = G * sd
     root = _inverse_root(GS @ GS.T)
@@ -183,6 +218,35 @@ def _part_of(along, step_before, along_before, sd):
     turned = (along_before - along) / sd
     part = jnp.sum(step_before / sd * turned) / jnp.maximum(jnp.sum(turned**2), 1e-300)
     return jnp.where(part > 0.0, jnp.clip(part, _SHORTEST, _LONGEST), 1.0)
+
+
+def _limited(step):
+    """Shorten a step so that no angle moves by more than the longest."""
+    return step * jnp.minimum(1.0, _LONGEST_STEP_RAD / jnp.maximum(jnp.max(jnp.abs(step)), 1e-9))
+
+
+def _closed(g, start):
+    """Close the chain of one row."""
+    slopes_at = jax.jit(functools.partial(_with_slopes, g))
+
+    def close(state):
+        number, x, damping, _ = state
+        value, G = slopes_at(x)
+        V = G @ G.T
+        root = _inverse_root(V + damping * jnp.trace(V) * jnp.eye(3))
+        step = _limited(-(G.T @ (root.T @ (root @ value))))
+        trial, _ = slopes_at(x + step)
+        better = jnp.sum(trial**2) < jnp.sum(value**2)  # not where V was singular, and the step is no number
+        far = ~(jnp.max(jnp.abs(step)) <= _AT_REST_RAD)
+        is_open = jnp.max(jnp.abs(jnp.where(better, trial, value))) > _CLOSED_MM
+        return number + 1.0, jnp.where(better, x + step, x), damping * jnp.where(better, 0.1, 10.0), far & is_open
+
+    def moving(state):
+        return (state[0] < _MOST_CLOSING_STEPS) & state[3]
+
+    zero = 0.0 * start[0]
+    _, x, *_ = jax.lax.while_loop(moving, close, (zero, start, zero + _FIRST_DAMPING, zero < 1.0))
+    return x, slopes_at(x)[0]
 
 
 def _with_slopes(g, *at):

@@ -1,35 +1,37 @@
-"""The fast path of the adaptation: the Newton iteration of ``adapt.solvers.reference.subject``, written for speed.
+"""The adaptation of the plain chain: adapted parameters and all postures of a subject at once (thesis Eq. 6.5).
 
-The same problem, conditions and tolerances; derivatives by hand (``models.derivatives``), every array one component.
-Each iteration evaluates once and eliminates the postures (``adapt.solvers.batched.elimination``); theta minimises what
-is left, a quadratic model, within its bounds and a trust radius (``_box_minimum``). The length of the step is found by
-backtracking (``adapt.solvers.batched.backtracking``) on the augmented Lagrangian  E + lambda'g + 1/2 g' s g,  which
-needs no more than g: a refused point costs one evaluation.
+    minimise  D(theta) + sum_p 1/2 (q_p - s_p)' W_p (q_p - s_p),   g(q_p, theta) = 0 for every posture p,
+    lower <= theta <= upper
 
-One text for the engines of ``motions.arrays``: what is done to a posture or a thorax point is a function of one of
-them. A problem that does not end here is no failure: ``adapt.solvers.reference.subject`` goes on with it.
+with W_p the weight (w / postures) of J_p. Its optimality conditions have an arrow shape: one 9 x 9 block a posture,
+bordered by theta; the optimum is the nested one. Derivatives by hand (``models.derivatives``), every array one
+component. Each iteration evaluates once and eliminates the postures (``adapt.solvers.newton.elimination``); theta
+minimises what is left, a quadratic model, within its bounds and a trust radius (``_box_minimum``). The length of the
+step is found by backtracking (``adapt.solvers.newton.backtracking``) on the augmented Lagrangian
+E + lambda'g + 1/2 g' s g,  which needs no more than g: a refused point costs one evaluation.
+
+One kernel function for the engines of ``motions.arrays``: what is done to a posture or a thorax point is a function of
+one of them. A problem that does not end here is no failure: ``adapt.solvers.projection`` goes on with it.
 """
 
 from typing import Any, NamedTuple
 
 import jax
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from adapt.engine.axes import along, stacked
-from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
-from adapt.solvers.batched.elimination import (
+from adapt.solvers import status
+from adapt.solvers.newton.backtracking import accepted_or_shorter, good_enough, until_converged
+from adapt.solvers.newton.elimination import (
     CLOSED_MM,
     STATIONARY,
-    Components,
+    STEP_LIMIT_RAD,
     Elimination,
     augmented,
-    largest,
-    product,
     stationarity,
 )
-from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
-from adapt.solvers.reference.linalg import backward, factorised, forward
-from adapt.solvers.reference.subject import THETA_TOLERANCE, Problem
+from adapt.solvers.newton.linear_algebra import Components, backward, factorised, forward, largest, product
+from adapt.solvers.solution import THETA_TOLERANCE, SubjectSolution
 from models.adapted_parameters import ADAPTED, ELLIPSOID, ellipsoid_components
 from models.derivatives import (
     Vector,
@@ -65,38 +67,31 @@ _COORDINATE_STEPS = 8
 path."""
 
 
-class Fixed(NamedTuple):
-    """What data and model fix."""
+class SubjectProblem(NamedTuple):
+    """What data and model fix of an adaptation."""
 
     girdle: Girdle
     points_mm: Float[Array, " 3 points problems"]
     point_weights: Float[Array, " points problems"]
     levels_mm: Float[Array, " points problems"]
     """Distance to the ellipsoid that each point should have: 0 for a thorax point."""
-    problem: Problem
-
-
-class Start(NamedTuple):
-    """Where the fast path begins."""
-
-    theta: Float[Array, " adapted problems"]
     angles: Float[Array, " 6 postures problems"]
-    multipliers: Float[Array, " 3 postures problems"]
-    converged: Bool[Array, " problems"]
+    """s, rad, finite everywhere."""
+    weights: Float[Array, " 6 postures problems"]
+    """W, with w / postures in it: E per rad^2. Zero for angles not measured."""
+    counted: Bool[Array, " postures problems"]
+    """False for padding: a copy of some posture, solved along, that has no part in E."""
+    lower: Float[Array, " adapted problems"]
+    upper: Float[Array, " adapted problems"]
 
 
-class Swept(NamedTuple):
-    """Where it ended, with the conditions of ``adapt.solvers.reference.subject.Subject`` there, the closest points
-    computed anew."""
-
-    theta: Float[Array, " adapted problems"]
-    angles: Float[Array, " 6 postures problems"]
-    multipliers: Float[Array, " 3 postures problems"]
-    residual_mm: Float[Array, " 3 postures problems"]
-    stationarity: Float[Array, " postures problems"]
-    slope: Float[Array, " adapted problems"]
-    iterations: Int[Array, " problems"]
-    converged: Bool[Array, " problems"]
+Start = tuple[
+    Float[Array, " adapted problems"],
+    Float[Array, " 6 postures problems"],
+    Float[Array, " 3 postures problems"],
+    Bool[Array, " problems"],
+]
+"""Parameters, angles, multipliers, and what has converged there already."""
 
 
 class _Posture(NamedTuple):
@@ -125,7 +120,7 @@ class _State(NamedTuple):
     radius_mm: Array
     iterations: Array
     converged: Array
-    """The accepted point meets the tolerances of ``adapt.solvers.reference.subject``."""
+    """The accepted point meets the tolerances of an optimum."""
 
 
 class _Sums(NamedTuple):
@@ -141,11 +136,12 @@ class _Sums(NamedTuple):
     """Lower triangle of the system in theta."""
 
 
-def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> Swept:
+def iterate(problem: SubjectProblem, start: Start, iterations: Float[Array, " problems"]) -> SubjectSolution:
     """Iterate at most ``iterations`` times from ``start``; a problem that has converged there stays where it is."""
-    girdle, points_mm, point_weights, levels_mm, problem = fixed
+    girdle, points_mm, point_weights, levels_mm, *_ = problem
     over_postures, over_points = along(problem.counted, problem.counted), along(point_weights)
-    theta = list(start.theta)
+    first_theta, first_angles, first_multipliers, already = start
+    theta = list(first_theta)
     each = theta[0]
     zero = xp.zeros_like(each)
 
@@ -154,8 +150,8 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> 
         t = closest_point_multipliers(girdle, list(q), theta)
         return (), (), _Posture(list(q), list(multipliers), none, none[:3], list(multipliers), none[:3], t)
 
-    *_, postures = over_postures.reduced(first, start.angles, start.multipliers)
-    *_, points = over_points.reduced(lambda point: ((), (), _exact_multiplier(girdle, theta, point)), points_mm)
+    *_, postures = over_postures.reduced(first, first_angles, first_multipliers)
+    *_, points = over_points.reduced(lambda point: ((), (), exact_multiplier(girdle, theta, point)), points_mm)
     state = _State(
         theta,
         [zero] * len(theta),
@@ -163,16 +159,16 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> 
         zero + xp.inf,
         zero + _FIRST_RADIUS_MM,
         xp.zeros_like(each, int),
-        start.converged,
+        already,
     )
 
     def advance(everything):
-        return _iterate(fixed, iterations, *everything)
+        return _iterate(problem, iterations, *everything)
 
     state, postures, points = until_converged(advance, (state, postures, points), iterations)
 
     # The step that a converged problem still proposes is taken too: quadratically, nothing but rounding is left then.
-    last = state.converged & ~start.converged
+    last = state.converged & ~already
     theta = [xp.where(last, x + dx, x) for x, dx in zip(state.theta, state.dtheta, strict=True)]
 
     def end_of(own: _Posture, measured, weights):
@@ -182,17 +178,18 @@ def sweep(fixed: Fixed, start: Start, iterations: Float[Array, " problems"]) -> 
         rest = stationarity(at, _objective_gradient(weights, q, measured), multipliers) / DEG
         return _slope(at, multipliers), (largest(at.g), rest), (q, multipliers, at.g, rest)
 
-    slope, (violation, rest), kept = over_postures.reduced(end_of, postures, problem.measured, problem.weights)
+    slope, (violation, rest), kept = over_postures.reduced(end_of, postures, problem.angles, problem.weights)
 
     def thorax_slope(point, point_weight, level):
-        t = _exact_multiplier(girdle, theta, point)
-        return _thorax(girdle, theta, point, point_weight, level, t)[0].slope, (), ()
+        t = exact_multiplier(girdle, theta, point)
+        return thorax_terms(girdle, theta, point, point_weight, level, t)[0].slope, (), ()
 
     of_points, *_ = over_points.reduced(thorax_slope, points_mm, point_weights, levels_mm)
     free = _free(problem, theta, [x + y for x, y in zip(slope, of_points, strict=True)])
     converged = _closed_and_stationary(violation, rest, free)
     angles, multipliers, residual, rest = map(stacked, kept)
-    return Swept(stacked(theta), angles, multipliers, residual, rest, stacked(free), state.iterations, converged)
+    code = xp.where(converged, status.CONVERGED, status.UNCONVERGED)
+    return SubjectSolution(stacked(theta), angles, multipliers, residual, rest, stacked(free), state.iterations, code)
 
 
 def _objective_gradient(weights, q, measured) -> Components:
@@ -207,7 +204,7 @@ def _slope(at, multipliers: Components) -> Components:
     ]
 
 
-def _free(problem: Problem, theta: Components, slope: Components) -> Components:
+def _free(problem: SubjectProblem, theta: Components, slope: Components) -> Components:
     """dE/dtheta, 0 for a parameter that it pushes beyond its bound."""
     return [
         xp.where(((x <= low) & (b > 0.0)) | ((x >= high) & (b < 0.0)), 0.0, b)
@@ -226,11 +223,11 @@ def from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vecto
     return (point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]), semi_axes
 
 
-def _exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
+def exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
     return closest_point_multiplier(*from_centre(girdle, theta, point))
 
 
-def _thorax(girdle: Girdle, theta: Components, point, point_weight, level, t) -> tuple[_Sums, Array]:
+def thorax_terms(girdle: Girdle, theta: Components, point, point_weight, level, t) -> tuple[_Sums, Array]:
     """A point's part of sum share_i (d_i - level_i)^2 with its derivatives, and the t of its closest point."""
     p, axes = from_centre(girdle, theta, point)
     at = distance(p, axes, closest_point_multiplier_near(p, axes, t))
@@ -247,14 +244,14 @@ def _thorax(girdle: Girdle, theta: Components, point, point_weight, level, t) ->
 
 
 def _iterate(
-    fixed: Fixed, iterations: Float[Array, " problems"], state: _State, postures: Any, points: Any
+    problem: SubjectProblem, iterations: Float[Array, " problems"], state: _State, postures: Any, points: Any
 ) -> tuple[_State, Any, Any]:
-    girdle, points_mm, point_weights, levels_mm, problem = fixed
+    girdle, points_mm, point_weights, levels_mm, *_ = problem
     over_postures, over_points = along(problem.counted, problem.counted), along(point_weights)
     theta = [x + state.length * dx for x, dx in zip(state.theta, state.dtheta, strict=True)]
 
     def thorax(point, point_weight, level, t):
-        sums, t = _thorax(girdle, theta, point, point_weight, level, t)
+        sums, t = thorax_terms(girdle, theta, point, point_weight, level, t)
         return sums, (), t
 
     def tried(own: _Posture, measured, weights):
@@ -279,7 +276,7 @@ def _iterate(
         return sums, worst, (q, multipliers, posture.range_space_penalty, at.closest_point_multipliers, posture.steps)
 
     of_points, _, points_tried = over_points.reduced(thorax, points_mm, point_weights, levels_mm, points)
-    of_postures, worst, kept = over_postures.reduced(tried, postures, problem.measured, problem.weights)
+    of_postures, worst, kept = over_postures.reduced(tried, postures, problem.angles, problem.weights)
     violation, rest, concave = worst
     sums: _Sums = jax.tree.map(lambda x, y: x + y, of_points, of_postures)
     good = good_enough(state, sums.E + sums.augmented)

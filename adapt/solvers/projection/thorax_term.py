@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from adapt.engine.axes import along, stacked
 from adapt.engine.kernel import Kernel
-from adapt.solvers.batched.posture_kernels import GIRDLE
-from adapt.solvers.batched.subject import from_centre
+from adapt.solvers.newton.postures import GIRDLE
+from adapt.solvers.newton.subject import from_centre
 from models.adapted_parameters import ADAPTED
 from models.derivatives import distance, ellipsoid_slope
 from models.ellipsoid import closest_point_multiplier
@@ -24,22 +24,22 @@ class ThoraxPart(NamedTuple):
     """D of every part and what it adds to the quadratic model in theta."""
 
     D: Float[np.ndarray, " parts"]
-    gradient: Float[np.ndarray, "parts adapted"]
-    matrix: Float[np.ndarray, "parts adapted adapted"]
+    gradient: Float[np.ndarray, "adapted parts"]
+    matrix: Float[np.ndarray, "adapted adapted parts"]
 
 
 class Thorax(NamedTuple):
-    """Points on the thorax of every part, or other points at their levels, mm (``objective.ThoraxPoints``)."""
+    """Points on the thorax of every part, or other points at their levels, mm."""
 
     girdle: Girdle
     points_mm: Float[np.ndarray, "3 points parts"]
     point_weights: Float[np.ndarray, "points parts"]
     levels_mm: Float[np.ndarray, "points parts"]
 
-    def __call__(self, theta_mm: Float[np.ndarray, "parts adapted"]) -> ThoraxPart:
+    def __call__(self, theta_mm: Float[np.ndarray, "adapted parts"]) -> ThoraxPart:
         """Compute D, mm^2, of every part at theta."""
-        D, gradient, matrix = _kernel(*self, theta_mm.T)
-        return ThoraxPart(D, gradient.T, matrix.T.reshape(-1, _N, _N))
+        D, gradient, matrix = _kernel(*self, theta_mm)
+        return ThoraxPart(D, gradient, matrix.reshape(_N, _N, -1))
 
 
 def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):

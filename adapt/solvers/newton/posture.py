@@ -1,29 +1,36 @@
-"""The fast path of the posture fit: the Newton iteration of ``adapt.solvers.reference.posture`` by components (see
-``adapt.solvers.batched.subject``).
+"""The posture fit of the plain chain: Newton on the conditions of its optimum, by components.
 
-A problem that does not end here is no failure: ``adapt.solvers.reference.posture`` goes on with it.
+    minimise  J(q) = 1/2 (q - s)' W (q - s),   subject to  A1, A2, A3:  g(q) = 0        (thesis Eq. 6.1-6.2)
+
+A problem that does not end here is no failure: ``adapt.solvers.projection`` goes on with it.
 """
 
 from typing import NamedTuple
 
 import jax
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from adapt.engine.axes import stacked
-from adapt.solvers.batched.backtracking import accepted_or_shorter, good_enough, until_converged
-from adapt.solvers.batched.elimination import (
+from adapt.solvers import status
+from adapt.solvers.newton.backtracking import accepted_or_shorter, good_enough, until_converged
+from adapt.solvers.newton.elimination import (
     CLOSED_MM,
     STATIONARY,
-    Components,
+    STEP_LIMIT_RAD,
     Elimination,
     augmented,
-    column,
-    largest,
-    product,
     stationarity,
 )
-from adapt.solvers.reference.elimination import STEP_LIMIT_RAD
-from adapt.solvers.reference.linalg import backward, factorised, forward
+from adapt.solvers.newton.linear_algebra import (
+    Components,
+    backward,
+    column,
+    factorised,
+    forward,
+    largest,
+    product,
+)
+from adapt.solvers.solution import PostureSolution
 from models.adapted_parameters import adapted_components
 from models.derivatives import ConstraintDerivatives, chain, closest_point_multipliers
 from models.girdle import Girdle
@@ -42,7 +49,7 @@ _SAME_DEG2 = ByType(1e-6, 1e-3)
 
 
 class _State(NamedTuple):
-    """As in ``adapt.solvers.batched.subject``, without parameters."""
+    """As in ``adapt.solvers.newton.subject``, without parameters."""
 
     base: Components
     multipliers: Components
@@ -57,36 +64,12 @@ class _State(NamedTuple):
     converged: Array
 
 
-class PostureStart(NamedTuple):
-    """Where the fast path begins."""
+Start = tuple[Float[Array, " 6 problems"], Float[Array, " 3 problems"], Bool[Array, " problems"]]
+"""Angles, multipliers, and what has converged there already."""
 
-    angles: Float[Array, " 6 problems"]
-    multipliers: Float[Array, " 3 problems"]
-    converged: Bool[Array, " problems"]
-
-
-class SweptPostures(NamedTuple):
-    """Where it ended, with the conditions of ``adapt.solvers.reference.posture.Postures`` there, the closest points
-    computed anew."""
-
-    angles: Float[Array, " 6 problems"]
-    multipliers: Float[Array, " 3 problems"]
-    residual_mm: Float[Array, " 3 problems"]
-    stationarity: Float[Array, " problems"]
-    j_deg2: Float[Array, " problems"]
-    iterations: Int[Array, " problems"]
-    converged: Bool[Array, " problems"]
-
-
-class Lowest(NamedTuple):
-    """The lower one of the optima reached from two starts."""
-
-    swept: SweptPostures
-    """``iterations`` are those from both starts."""
-    settled: Bool[Array, " problems"]
-    """Whether each start led to an optimum."""
-    apart: Bool[Array, " problems"]
-    """Whether they led to different ones."""
+Lowest = tuple[PostureSolution, Bool[Array, " problems"], Bool[Array, " problems"]]
+"""The lower one of the optima reached from two starts, with the iterations from both; whether each start led to an
+optimum; whether they led to different ones."""
 
 
 class _Problem(NamedTuple):
@@ -128,24 +111,22 @@ class _Best(NamedTuple):
     iterations: Array
 
 
-def sweep_postures(
+def iterate(
     girdle: Girdle,
     measured: Float[Array, " 6 problems"],
     weights: Float[Array, " 6 problems"],
-    start: PostureStart,
+    start: Start,
     iterations: Float[Array, " problems"],
-) -> SweptPostures:
+) -> PostureSolution:
     """Iterate at most ``iterations`` times from ``start``; a problem that has converged there stays where it is."""
     problem = _Problem(girdle, list(measured), list(weights))
-    angles, nowhere = list(start.angles), [xp.full_like(x, xp.inf) for x in start.angles]
-    first = _first(angles, list(start.multipliers), problem.closest_point_multipliers(angles))._replace(
-        converged=start.converged
-    )
-    end = _iterated(problem, first, nowhere, iterations)
-    return _judged(problem, *_last_step(end, end.converged & ~start.converged), end.iterations)
+    (angles, multipliers), converged = map(list, start[:2]), start[2]
+    first = _first(angles, multipliers, problem.closest_point_multipliers(angles))._replace(converged=converged)
+    end = _iterated(problem, first, [xp.full_like(x, xp.inf) for x in angles], iterations)
+    return _judged(problem, *_last_step(end, end.converged & ~converged), end.iterations)
 
 
-def sweep_from_two_starts(
+def iterate_from_two_starts(
     girdle: Girdle,
     measured: Float[Array, " 6 problems"],
     weights: Float[Array, " 6 problems"],
@@ -181,7 +162,7 @@ def sweep_from_two_starts(
 
     _, _, best = repeat(2, tried, (list(starts[0]), closing_steps[0], nothing))
     q = [xp.where(best.j_deg2 < xp.inf, x, s) for x, s in zip(best.q, measured, strict=True)]
-    return Lowest(_judged(problem, q, best.multipliers, best.iterations), best.settled, best.apart)
+    return _judged(problem, q, best.multipliers, best.iterations), best.settled, best.apart
 
 
 def _near(q: Components, known: Components) -> Array:
@@ -220,14 +201,14 @@ def _last_step(end: _State, last: Array) -> tuple[Components, Components]:
     return q, [xp.where(last, x + dx, x) for x, dx in zip(end.multipliers, end.change, strict=True)]
 
 
-def _judged(problem: _Problem, q: Components, multipliers: Components, iterations: Array) -> SweptPostures:
-    """The conditions of ``adapt.solvers.reference.posture`` there, with the closest points computed anew."""
+def _judged(problem: _Problem, q: Components, multipliers: Components, iterations: Array) -> PostureSolution:
+    """The conditions of an optimum there, with the closest points computed anew."""
     at = problem.chain(q, multipliers, problem.closest_point_multipliers(q))
     rest = stationarity(at, problem.objective_gradient(q), multipliers) / DEG
     converged = (largest(at.g) <= CLOSED_MM.for_dtype_of(rest)) & (rest <= STATIONARY.for_dtype_of(rest))
-    return SweptPostures(
-        stacked(q), stacked(multipliers), stacked(at.g), rest, problem.j_deg2(q), iterations, converged
-    )
+    code = xp.where(converged, status.CONVERGED, status.UNCONVERGED)
+    J, no_jump = problem.j_deg2(q), rest < -1.0
+    return PostureSolution(stacked(q), stacked(multipliers), stacked(at.g), rest, J, iterations, code, no_jump)
 
 
 def _iterate(problem: _Problem, known: Components, state: _State) -> _State:

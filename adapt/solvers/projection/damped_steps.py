@@ -1,0 +1,69 @@
+"""The loop of damped steps of many groups side by side: each has a damping of its own and ends on its own."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from adapt.engine.batching import take_problems, with_problems
+from adapt.solvers.projection.parts import Parts
+
+_FEW = 0.75
+"""Share of the groups below which those that are going on do so without the others: leaving them costs a copy."""
+
+STUCK = 0.1
+"""A step with more damping than this is short because it must be, not because it is the last."""
+
+
+class Damping(NamedTuple):
+    """How the damping of a group goes along its steps."""
+
+    less: float
+    """Factor after a step down; below ``least`` it is 0."""
+    more: float
+    """After a step up."""
+    least: float
+    least_after_failure: float
+    hopeless: float
+    """A group that needs more stands at a wall: it ends there."""
+
+    def after(
+        self, damping: Float[np.ndarray, " groups"], better: Bool[np.ndarray, " groups"]
+    ) -> Float[np.ndarray, " groups"]:
+        """Give the damping of the next step."""
+        less = damping * self.less * (damping > self.least)
+        return np.where(better, less, np.maximum(damping * self.more, self.least_after_failure))
+
+
+class Steps(NamedTuple):
+    """Where all groups are: trees of arrays with the rows, the parts or the groups as their last axis."""
+
+    rows: Any
+    parts: Any
+    groups: Any
+    """``going``: which are not at their end yet."""
+
+
+class Objective(Protocol):
+    """What the steps go down on."""
+
+    @property
+    def parts(self) -> Parts: ...
+    def of(self, groups: Bool[np.ndarray, " groups"]) -> Any: ...
+
+
+Of = TypeVar("Of", bound=Objective)
+
+
+def until_ended(objective: Of, steps: Steps, step: Callable[[Of, Steps], Steps], most_steps: int) -> Steps:
+    """Take at most so many steps; once enough groups have ended the others go on without them."""
+    while most_steps and (going := steps.groups.going).any():
+        if going.mean() <= _FEW:
+            parts = going[objective.parts.group]
+            places = parts[objective.parts.part], parts, going
+            others = Steps(*map(take_problems, steps, places))
+            others = until_ended(objective.of(going), others, step, most_steps)
+            return Steps(*map(with_problems, steps, map(np.flatnonzero, places), others))
+        steps, most_steps = step(objective, steps), most_steps - 1
+    return steps

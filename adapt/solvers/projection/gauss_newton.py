@@ -1,0 +1,234 @@
+"""Adaptations of several subjects of any chain, with amplitudes that are given or that subjects share.
+
+    a* = argmin_a sum_i min_theta E_i(theta, a) + sum ((a - mean) / scale)^2,   E_i = D + w mean(J_p) within bounds
+
+J_p is the squared distance to the nearest closed posture, so its slope in theta and a needs no derivative of that
+posture (envelope theorem), and damped Gauss-Newton steps with y of ``projection.nearest_posture`` follow; the rest of
+the curvature is learnt on the way (``projection.secant``). Part i is one subject with the postures that it is adapted
+to; the parts of a group share a.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.engine.batching import where_problems
+from adapt.solvers.projection.bounded_step import lowest
+from adapt.solvers.projection.damped_steps import STUCK, Damping, Steps, until_ended
+from adapt.solvers.projection.nearest_posture import THERE, Nearest
+from adapt.solvers.projection.parts import Parts, Shared
+from adapt.solvers.projection.secant import secant
+from adapt.solvers.projection.thorax_term import ThoraxPart
+from models.adapted_parameters import ADAPTED
+
+_N = len(ADAPTED)
+
+_OPEN_MM = 0.05
+_OPEN_COST = 100.0
+"""A posture whose chain stays open by more than this costs the square of it, mm^2, times this: a wall, not a slope."""
+
+_FIRST_DAMPING = 1e-3
+
+_DAMPING = Damping(less=0.1, more=30.0, least=0.0, least_after_failure=1e-2, hopeless=1e8)
+
+_SAME = 1e-12
+"""Relative rounding of E: a step that changes it by less is no step up."""
+
+_ENOUGH, _ROUGHEST = 1e-5, 1e-4
+"""A posture is near enough where a projection moves it by less than so many SDs a unit of slope (mm^2 a mm) that
+its part had before the step, and by less than the roughest: 3000 adaptations took the same steps as with none."""
+
+
+class End(NamedTuple):
+    """Where the steps ended."""
+
+    theta_mm: Float[np.ndarray, "adapted parts"]
+    amplitude: Float[np.ndarray, "own groups"]
+    E: Float[np.ndarray, " parts"]
+    nearest: Nearest
+    slope: Float[np.ndarray, "adapted parts"]
+    """dE/dtheta, 0 where a bound holds it."""
+    steps: Int[np.ndarray, " groups"]
+    settled: Bool[np.ndarray, " groups"]
+
+
+Finished = Callable[[Float[np.ndarray, " groups"], Float[np.ndarray, "adapted parts"]], Bool[np.ndarray, " groups"]]
+"""Which groups are, by the last decrease of each and the slopes in theta of their parts."""
+
+
+def cost_of_open_chains(near: Nearest) -> Float[np.ndarray, " rows"]:
+    """Compute what each posture costs whose chain does not close."""
+    return np.where(near.open_mm > _OPEN_MM, _OPEN_COST * np.minimum(near.open_mm, 1.0) ** 2, 0.0)
+
+
+class _OfParts(NamedTuple):
+    theta: Float[np.ndarray, "adapted parts"]
+    E: Float[np.ndarray, " parts"]
+    thorax: ThoraxPart
+    gradient: Float[np.ndarray, "n parts"]
+    matrix: Float[np.ndarray, "n n parts"]
+    """Of Gauss-Newton."""
+    slope: Float[np.ndarray, "adapted parts"]
+    rest: Float[np.ndarray, "n n parts"]
+    """Of the curvature, beside the matrix."""
+    moved: Float[np.ndarray, "n parts"]
+    """By the last step; and the gradient before it."""
+    before: Float[np.ndarray, "n parts"]
+    taken: Bool[np.ndarray, " parts"]
+    """Whether the last step was."""
+
+
+class _OfGroups(NamedTuple):
+    a: Float[np.ndarray, "own groups"]
+    total: Float[np.ndarray, " groups"]
+    damping: Float[np.ndarray, " groups"]
+    gain: Float[np.ndarray, " groups"]
+    """By the last step."""
+    steps: Int[np.ndarray, " groups"]
+    settled: Bool[np.ndarray, " groups"]
+    going: Bool[np.ndarray, " groups"]
+
+
+@dataclass(frozen=True)
+class Objective:
+    """E of every part with the prior of the shared amplitudes, as a function of theta and the amplitudes a."""
+
+    parts: Parts
+    shared: Shared
+
+    @cached_property
+    def used(self) -> Int[np.ndarray, " used"]:
+        """The channels that the amplitudes act in."""
+        return np.flatnonzero(self.shared.columns.any(axis=(0, 2)))
+
+    @cached_property
+    def columns(self) -> Float[np.ndarray, "own used rows"]:
+        """Strength in these channels of an amplitude of 1."""
+        return self.shared.columns[:, self.used]
+
+    def of(self, groups: Bool[np.ndarray, " groups"]) -> "Objective":
+        """Take some groups."""
+        rows = groups[self.parts.group][self.parts.part]
+        return Objective(self.parts.of(groups), self.shared.of(groups, rows))
+
+    def nearest(self, theta, a, start, there=THERE) -> Nearest:
+        """Find the nearest postures of all rows."""
+        parts, strengths = self.parts, self.parts.strengths
+        if len(self.used):
+            strengths = strengths.copy()
+            strengths[self.used] += np.einsum("kr,kcr->cr", a[:, parts.group[parts.part]], self.columns)
+        return parts.nearest(theta, strengths, start, there)
+
+    def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxPart]:
+        """Evaluate it: nearest postures, E of every part, and D with its slopes."""
+        parts, near = self.parts, self.nearest(theta, a, start, there)
+        thorax = parts.thorax(theta)
+        E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
+        return near, np.where(np.isfinite(E), E, np.inf), thorax
+
+    def total(self, E: Float[np.ndarray, " parts"], a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, " groups"]:
+        """Add up the parts of every group, and the prior of its amplitudes."""
+        prior = (((a - self.shared.mean) / self.shared.scale) ** 2).sum(axis=0)
+        return np.bincount(self.parts.group, E, a.shape[1]) + prior
+
+    def normal_equations(
+        self, near: Nearest, thorax: ThoraxPart
+    ) -> tuple[Float[np.ndarray, "n parts"], Float[np.ndarray, "n n parts"]]:
+        """Compute the gradient of E of every part in theta and the amplitudes, and its Gauss-Newton matrix."""
+        every = np.concatenate([near.by_theta, self.by_amplitude(near), near.y[:, None]], axis=1)
+        products = self.parts.products(np.sqrt(2.0 * self.parts.weights) * every)
+        gradient, matrix = products[:-1, -1], products[:-1, :-1]
+        gradient[:_N] += thorax.gradient
+        matrix[:_N, :_N] += thorax.matrix
+        return gradient, matrix
+
+    def by_amplitude(self, near: Nearest) -> Float[np.ndarray, "3 own rows"]:
+        """Give dy in the amplitudes."""
+        return np.einsum("icr,kcr->ikr", near.by_channel[:, self.used], self.columns)
+
+    def step(
+        self, gradient, matrix, theta, a, damping: Float[np.ndarray, " groups"]
+    ) -> tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "own groups"]]:
+        """Find the lowest point of the damped quadratic model within the bounds; the matrix is changed."""
+        parts, shared = self.parts, self.shared
+        trace = np.einsum("iip->p", matrix[:_N, :_N])
+        matrix[range(_N), range(_N)] += damping[parts.group] * trace
+        lower, upper = parts.bounds_mm
+        precision = 2.0 / shared.scale**2
+        prior_matrix = np.eye(len(a))[..., None] * (precision * (1.0 + damping))
+        return lowest(
+            gradient, matrix, parts.group, precision * (a - shared.mean), prior_matrix, (lower - theta, upper - theta)
+        )
+
+
+def minimise(
+    parts: Parts,
+    shared: Shared,
+    theta_mm: Float[np.ndarray, "adapted parts"],
+    amplitude: Float[np.ndarray, "own groups"],
+    finished: Finished,
+    most_steps: int,
+    start: Float[np.ndarray, "6 rows"] | None = None,
+) -> End:
+    """Step until every group is ``finished``; each has its own damping, and stays where it is then."""
+    objective = Objective(parts, shared)
+    first = _begin(objective, np.clip(theta_mm, *parts.bounds_mm), np.array(amplitude), start, finished)
+    near, of_parts, of_groups = until_ended(objective, first, partial(_stepped, finished), most_steps)
+    return End(of_parts.theta, of_groups.a, of_parts.E, near, of_parts.slope, of_groups.steps, of_groups.settled)
+
+
+def _begin(objective: Objective, theta, a, start, finished: Finished) -> Steps:
+    near, E, thorax = objective.at(theta, a, start)
+    gradient, matrix = objective.normal_equations(near, thorax)
+    (n, parts), groups = gradient.shape, a.shape[1]
+    nothing, never = np.zeros((n, parts)), np.zeros(groups, bool)
+    slope, rest = _unheld(objective.parts, theta, gradient), np.zeros((n, n, parts))
+    of_parts = _OfParts(theta, E, thorax, gradient, matrix, slope, rest, nothing, nothing, np.zeros(parts, bool))
+    damping, gain = np.full(groups, _FIRST_DAMPING), np.full(groups, np.inf)
+    of_groups = _OfGroups(a, objective.total(E, a), damping, gain, np.zeros(groups, int), never, never)
+    return Steps(near, of_parts, _judged(of_groups, slope, finished))
+
+
+def _unheld(parts: Parts, theta, gradient) -> Float[np.ndarray, "adapted parts"]:
+    """The slope in theta, 0 where a bound holds it."""
+    (lower, upper), own = parts.bounds_mm, gradient[:_N]
+    return np.where(((theta <= lower) & (own > 0)) | ((theta >= upper) & (own < 0)), 0.0, own)
+
+
+def _judged(groups: _OfGroups, slope, finished: Finished) -> _OfGroups:
+    settled = finished(groups.gain, slope) & (groups.damping < STUCK)
+    return groups._replace(settled=settled, going=~settled & (groups.damping < _DAMPING.hopeless))
+
+
+def _stepped(finished: Finished, objective: Objective, steps: Steps) -> Steps:
+    """Take a step in every group that is going on, if it leads down; else damp it more."""
+    parts, (near, own, groups) = objective.parts, steps
+    learnt = secant(own.rest, own.matrix, own.moved, own.gradient - own.before)
+    rest = np.where(own.taken, learnt, 0.0)
+    dtheta, da = objective.step(own.gradient, own.matrix + rest, own.theta, groups.a, groups.damping)
+    there = np.clip(_ENOUGH * np.abs(own.slope).max(axis=0), THERE, _ROUGHEST)[parts.part]
+    theta, a = own.theta + dtheta, groups.a + da
+    tried, E, thorax = objective.at(theta, a, near.angles, there)
+    total = objective.total(E, a)
+    better = (total <= groups.total + _SAME * np.abs(groups.total)) & groups.going
+    taken = better[parts.group]
+    near = where_problems(taken[parts.part], tried, near)
+    theta, E, thorax = where_problems(taken, (theta, E, thorax), (own.theta, own.E, own.thorax))
+    gradient, matrix = objective.normal_equations(near, thorax)
+    slope, moved = _unheld(parts, theta, gradient), np.concatenate([dtheta, da[:, parts.group]])
+    gain = np.where(better, groups.total - total, np.where(groups.going, np.inf, groups.gain))
+    new = _OfGroups(
+        a=np.where(better, a, groups.a),
+        total=np.where(better, total, groups.total),
+        damping=np.where(groups.going, _DAMPING.after(groups.damping, better), groups.damping),
+        gain=gain,
+        steps=groups.steps + groups.going,
+        settled=groups.settled,
+        going=groups.going,
+    )
+    of_parts = _OfParts(theta, E, thorax, gradient, matrix, slope, rest, moved, own.gradient, taken)
+    return Steps(near, of_parts, _judged(new, slope, finished))

@@ -1,0 +1,205 @@
+"""Posture fits of any chain: projections onto the constraints; Newton steps where projections go round in circles."""
+
+from functools import partial
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from adapt.engine.batching import put_problems, take_problems
+from adapt.solvers import status
+from adapt.solvers.objective import angle_weights, mean_square_deg2
+from adapt.solvers.projection.nearest_posture import NO_CHANNELS, THERE, Nearest, closed, nearest_postures
+from adapt.solvers.solution import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE, PostureSolution, put_lower
+from adapt.solvers.starts import OFFSETS_DEG
+from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
+from models.girdle import Girdle
+from motions.rotations import DEG
+
+_HERE = np.inf
+"""No projection moves farther: everything is computed where the search starts."""
+
+_MORE_STARTS = 2
+"""Places around the measured angles that every fit starts from too: the nearest local minimum may be a higher one."""
+
+FREE_SD = 30.0
+"""Of an angle that was not measured, in a projection, beside 1 of one that was: it holds to where it was, so little
+that ``_ROUNDS`` settle it, and not so little that rounding does the rest."""
+
+_ROUNDS = 8
+
+_MOST_STEPS = 60
+"""Of Newton; from where projections stop the hardest posture of those that were tried takes 13."""
+
+_DIFFERENCE_DEG = 1e-3
+"""Of central differences: rounding and what is left out of the slope are both some 1e-9 of it."""
+
+_LEAST_CURVATURE = 1e-6
+"""Of the distance along the constraints, in a step; 1 where they are straight, and 1e-5 where an angle that was not
+measured turns the conoid hardly longer."""
+
+_SAME = 1e-12
+"""Relative rounding of the merit: a step that changes it by less is no step up."""
+
+_SHORTEST = 2.0**-8
+"""Of a step: one that leads down nowhere along it ends the search."""
+
+
+def fit_postures(
+    girdle: AnyGirdle,
+    angles: Float[np.ndarray, "6 problems"],
+    measured: Bool[np.ndarray, "6 problems"],
+    start: Float[np.ndarray, "6 problems"] | None = None,
+) -> PostureSolution:
+    """Find the closed posture nearest to the measured angles (rad): from ``start`` alone, else from the angles and
+    places around. An angle that was not measured begins at its number in ``angles``."""
+    found = fit_from(girdle, angles, measured, start)
+    for number, offset in enumerate(OFFSETS_DEG if start is None else ()):
+        again = np.arange(angles.shape[1]) if number < _MORE_STARTS else np.flatnonzero(~found.converged)
+        if len(again):
+            chain, s, known = take_problems((girdle, angles, measured), again)
+            put_lower(found, again, fit_from(chain, s, known, s + offset[:, None] / DEG))
+    left = np.flatnonzero(~found.converged)
+    if len(left):
+        chain, s, known = take_problems((girdle, angles, measured), left)
+        put_lower(found, left, _by_newton(chain, s, known, found.angles[:, left]))
+    return found
+
+
+def fit_from(
+    girdle: AnyGirdle,
+    angles: Float[np.ndarray, "6 problems"],
+    measured: Bool[np.ndarray, "6 problems"],
+    start: Float[np.ndarray, "6 problems"] | None,
+) -> PostureSolution:
+    """Find the nearest closed posture reached by projections from one start. An angle that was not measured is
+    projected anew from where it was, until it stays."""
+    found = _projected(girdle, angles, measured, start, THERE)[0]
+    for _ in range(_ROUNDS):
+        left = np.flatnonzero(~found.converged & ~measured.all(axis=0) & measured.any(axis=0))
+        if not len(left):
+            break
+        some, s, known, here = take_problems((girdle, angles, measured, found.angles), left)
+        put_problems(found, left, _projected(some, np.where(known, s, here), known, here, THERE)[0])
+    return found
+
+
+def close_chains(
+    girdle: AnyGirdle, start: Float[np.ndarray, "6 problems"]
+) -> tuple[Float[np.ndarray, "6 problems"], Float[np.ndarray, "3 problems"]]:
+    """Find the angles (rad) near ``start`` where each chain is closed or, if it cannot, least open; with A1-A3, mm."""
+    plain, active = _parts_of(girdle)
+    return closed(plain, active.effects, _strengths(active, start.shape[1]), start)
+
+
+def _by_newton(girdle: AnyGirdle, angles, measured, start) -> PostureSolution:
+    """Find the nearest closed posture x of measured angles s where projections go round in circles.
+
+    They do where the constraints bend by more than the gap. r = x - s + B'y is 0 at the posture, and dr/dx along the
+    constraints is the Hessian of the distance there: steps across to the constraints and along them to where it is
+    least, as far as |x - s|^2 / 2 + penalty |g| falls. A step costs some 15 evaluations. An angle that was not measured
+    is where it should be, wherever that is.
+    """
+    x = np.array(start)
+    found, near = _here(girdle, angles, measured, x)
+    for _ in range(_MOST_STEPS):
+        going = ~found.converged & np.isfinite(near.y).all(axis=0) & measured.any(axis=0)
+        if not going.any():
+            break
+        some, s, known, here = take_problems((girdle, angles, measured, x), going)
+        new = _newton_step(some, s, known, here, take_problems(near, going))
+        if (new == here).all():
+            break
+        x[:, going] = new
+        found, near = _here(girdle, angles, measured, x)
+    return found
+
+
+def _newton_step(girdle: AnyGirdle, angles, measured, x, near: Nearest) -> Float[np.ndarray, "6 problems"]:
+    """Step as far as the merit falls; where it does not, stay."""
+    B = np.moveaxis(near.B, -1, 0) / float(DEG)  # orthonormal rows: every SD is a degree
+    c, apart = _off(near, x, angles, measured), np.where(measured, x - angles, 0.0).T[..., None]
+    along = np.swapaxes(np.linalg.svd(B)[2][:, 3:], 1, 2)
+    hessian = np.swapaxes(along, 1, 2) @ _slopes(girdle, angles, measured, x) @ along
+    curvature, axes = np.linalg.eigh(0.5 * (hessian + np.swapaxes(hessian, 1, 2)))
+    across = -np.swapaxes(B, 1, 2) @ c.T[..., None]
+    downhill = np.swapaxes(axes, 1, 2) @ np.swapaxes(along, 1, 2) @ -(apart + across)
+    step = across + along @ axes @ (downhill / np.maximum(np.abs(curvature), _LEAST_CURVATURE)[..., None])
+    step = step[..., 0].T
+    merit_of = partial(_merit, penalty=2.0 * np.abs(near.h).max(axis=0) / float(DEG) ** 2)
+    new, length, least = x.copy(), 1.0, merit_of(near, np.where(measured, x - angles, 0.0))
+    left = np.arange(x.shape[1])
+    while len(left) and length >= _SHORTEST:
+        some, s, known = take_problems((girdle, angles, measured), left)
+        tried = x[:, left] + length * step[:, left]
+        there = _here(some, s, known, tried)[1]
+        tried -= np.einsum("kar,kr->ar", there.B / float(DEG), _off(there, tried, s, known))  # back to the constraints
+        there = _here(some, s, known, tried)[1]
+        lower = merit_of(there, np.where(known, tried - s, 0.0), left) <= least[left] * (1.0 + _SAME)
+        new[:, left[lower]] = tried[:, lower]
+        left, length = left[~lower], 0.5 * length
+    return new
+
+
+def _off(near: Nearest, x, angles, measured) -> Float[np.ndarray, "3 problems"]:
+    """Compute c = V^-1/2 g, rad."""
+    apart = np.where(measured, x - angles, 0.0)
+    return (near.y + np.einsum("kar,ar->kr", near.B, apart)) / float(DEG)
+
+
+def _merit(near: Nearest, apart, some=slice(None), *, penalty) -> Float[np.ndarray, " problems"]:
+    return 0.5 * np.square(apart).sum(axis=0) + penalty[some] * np.abs(near.g_mm).sum(axis=0)
+
+
+def _slopes(girdle: AnyGirdle, angles, measured, x) -> Float[np.ndarray, "problems 6 6"]:
+    """dr/dx by central differences."""
+    count, h = x.shape[1], _DIFFERENCE_DEG / float(DEG)
+    everyone = np.tile(np.arange(count), 12)
+    same, s, known = take_problems((girdle, angles, measured), everyone)
+    moved = x[:, everyone] + np.repeat(np.concatenate([h * np.eye(6), -h * np.eye(6)]), count, axis=0).T
+    near = _here(same, s, known, moved)[1]
+    r = np.where(known, moved - s, 0.0) + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
+    up, down = r.reshape(6, 2, 6, count).transpose(1, 3, 0, 2)
+    return np.nan_to_num((up - down) / (2.0 * h))
+
+
+def _here(girdle: AnyGirdle, angles, measured, x) -> tuple[PostureSolution, Nearest]:
+    """Compute all where x is, which is the target of what was not measured."""
+    return _projected(girdle, np.where(measured, angles, x), measured, x, _HERE, 1.0)
+
+
+def _projected(
+    girdle: AnyGirdle, angles, measured, start, there: float, free_sd: float = FREE_SD
+) -> tuple[PostureSolution, Nearest]:
+    """Project until no angle moves by more of its SD than that."""
+    plain, active = _parts_of(girdle)
+    every = _strengths(active, angles.shape[1])
+    near = nearest_postures(plain, active.effects, every, angles, measured, start, True, there, free_sd)
+    weights = angle_weights(measured)
+    apart = np.where(measured, near.angles - angles, 0.0)
+    moved = apart + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
+    stationarity = weights.max(axis=0) / float(DEG) * np.abs(moved).max(axis=0)
+    converged = (near.open_mm <= CONSTRAINT_TOLERANCE_MM) & (stationarity <= STATIONARITY_TOLERANCE)
+    return PostureSolution(
+        near.angles,
+        weights.max(axis=0) / float(DEG) ** 2 * near.h,
+        near.g_mm,
+        stationarity,
+        mean_square_deg2(near.angles, angles, weights),
+        np.zeros(len(converged), int),
+        np.where(converged, status.CONVERGED, status.UNCONVERGED),
+        np.zeros(len(converged), bool),
+    ), near
+
+
+def _parts_of(girdle: AnyGirdle) -> tuple[Girdle, ActiveEffects]:
+    """The girdle itself, for the engine, and what is at work."""
+    plain, active = (
+        (girdle, NO_ACTIVE_EFFECTS) if isinstance(girdle, Girdle) else (girdle.girdle, girdle.active_effects)
+    )
+    return jax.tree.map(lambda x: np.ascontiguousarray(x, float), plain), active
+
+
+def _strengths(active: ActiveEffects, count: int) -> Float[np.ndarray, "channels problems"]:
+    every = [np.broadcast_to(np.asarray(one), (len(one), count)) for one in active.strengths]
+    return np.concatenate(every) if every else np.zeros((NO_CHANNELS, count))

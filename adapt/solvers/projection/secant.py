@@ -1,0 +1,34 @@
+"""What Gauss-Newton leaves out of the curvature of E, learnt from how the gradient changes along the steps.
+
+E'' = M + S with M of Gauss-Newton. Dennis, Gay and Welsch (NL2SOL, ACM Trans Math Softw 7:348, 1981): S is made smaller
+where it was too large along the last step s, then changed as little as makes (M + S) s the change of the gradient.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+_LEAST = 1e-300
+"""In place of 0 where nothing is there and nothing wanted."""
+
+
+def secant(
+    S: Float[np.ndarray, "n n parts"],
+    M: Float[np.ndarray, "n n parts"],
+    step: Float[np.ndarray, "n parts"],
+    change: Float[np.ndarray, "n parts"],
+) -> Float[np.ndarray, "n n parts"]:
+    """Update S of every part; M is that at the end of the step. Where the gradient has fallen along it, S is only made
+    smaller."""
+    wanted = change - _times(M, step)
+    there, wanted_there = (np.abs((step * one).sum(axis=0)) for one in (_times(S, step), wanted))
+    S = S * (wanted_there / np.maximum(np.maximum(there, wanted_there), _LEAST))
+    missing = wanted - _times(S, step)
+    risen = (change * step).sum(axis=0)
+    v = change / np.where(risen > 0.0, risen, np.inf)
+    both = missing[:, None] * v[None]
+    return S + both + np.swapaxes(both, 0, 1) - (missing * step).sum(axis=0) * v[:, None] * v[None]
+
+
+def _times(matrix: Float[np.ndarray, "m n parts"], vector: Float[np.ndarray, "n parts"]) -> np.ndarray:
+    """Multiply the matrix of every part with its vector."""
+    return (matrix * vector[None]).sum(axis=1)

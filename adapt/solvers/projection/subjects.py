@@ -1,0 +1,226 @@
+"""Whole subjects of any chain by damped Gauss-Newton steps: adaptations, those with sizes of effects of each person's
+own, and how the optimum curves. Each problem is a part and a group of its own (``adapt.solvers.projection.parts``).
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.engine.batching import put_problems, take_problems
+from adapt.solvers import status
+from adapt.solvers.newton.subject import SubjectProblem
+from adapt.solvers.projection.gauss_newton import End, minimise
+from adapt.solvers.projection.nearest_posture import NO_CHANNELS, strengths_of
+from adapt.solvers.projection.parts import Parts, Shared
+from adapt.solvers.projection.postures import FREE_SD
+from adapt.solvers.projection.thorax_term import Thorax
+from adapt.solvers.solution import (
+    CONSTRAINT_TOLERANCE_MM,
+    STATIONARITY_TOLERANCE,
+    THETA_TOLERANCE,
+    SubjectSolution,
+)
+from models.adapted_parameters import ADAPTED
+from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
+from motions.rotations import DEG
+
+_MOST_STEPS = 200
+"""Most take 5 to 20."""
+
+_ROUNDS = 8
+"""Each takes on those that have not converged: most often their postures, projected once more, are as near as they can
+be; angles that were not measured begin anew where they are, until they stay."""
+
+_MOST_STEPS_OF_SIZES = 400
+"""Of measured shoulders with three to five causes half take fewer than 140, the hardest 350."""
+
+_SETTLED = 1e-8
+"""Decrease of E, mm^2, in a step at which the sizes are found: E is 1 to 1000, its rounding 1e-12 of it."""
+
+_LEAST_WEIGHT = 1e-9
+"""Of |v|^2 in E: with w = 0 nothing says anything of the sizes, and they stay at the mean."""
+
+_STEP_MM = 1e-3
+"""Of differences of the slope. Truncation goes with its square times third derivatives, 1e-8 of the second ones;
+rounding of the slope is 1e-11."""
+
+
+def fit_subjects(
+    problem: SubjectProblem,
+    theta: Float[np.ndarray, "adapted problems"],
+    angles: Float[np.ndarray, "6 postures problems"],
+    active_effects: ActiveEffects = NO_ACTIVE_EFFECTS,
+) -> SubjectSolution:
+    """Find the optimum of each problem reached from here (mm, rad); look at ``converged``."""
+    found, left = _unsolved(theta, angles), np.arange(theta.shape[1])
+    for _ in range(_ROUNDS):
+        if not len(left):
+            break
+        some, active = take_problems((problem, active_effects), left)
+        before = take_problems(found, left)
+        end = _steps(some, active, before.theta, before.angles)
+        put_problems(found, left, _solution(some, end, before.angles, before.iterations))
+        left = left[~found.converged[left]]
+    return found
+
+
+def _unsolved(theta, angles) -> SubjectSolution:
+    """Everything as it stands, nothing converged."""
+    _, postures, count = angles.shape
+    return SubjectSolution(
+        theta=np.array(theta, float),
+        angles=np.array(angles, float),
+        multipliers=np.zeros((3, postures, count)),
+        residual_mm=np.zeros((3, postures, count)),
+        stationarity=np.zeros((postures, count)),
+        slope=np.full((len(ADAPTED), count), np.inf),
+        iterations=np.zeros(count, int),
+        code=np.full(count, status.UNCONVERGED),
+    )
+
+
+def _steps(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles) -> End:
+    """An angle that was not measured holds a little to where it is."""
+    parts = parts_of(problem, active_effects)
+    count, start = theta.shape[1], _of_rows(problem, angles)
+    nothing = Shared(np.zeros((0, *parts.strengths.shape)), np.zeros((0, count)), np.zeros((0, count)))
+
+    def finished(_, slope: Float[np.ndarray, "adapted parts"]) -> Bool[np.ndarray, " parts"]:
+        return np.abs(slope).max(axis=0) <= THETA_TOLERANCE
+
+    parts = replace(parts, angles=np.where(parts.measured, parts.angles, start), unmeasured_sd=FREE_SD)
+    return minimise(parts, nothing, theta, np.zeros((0, count)), finished, _MOST_STEPS, start)
+
+
+def _solution(problem: SubjectProblem, end: End, angles, iterations: Int[np.ndarray, " problems"]) -> SubjectSolution:
+    """Where the steps ended, with the conditions there; padding keeps its ``angles``."""
+    near, weights, places = end.nearest, row_weights(problem), _rows(problem)
+    apart = np.where(_of_rows(problem, problem.weights) > 0.0, near.angles - _of_rows(problem, problem.angles), 0.0)
+    moved = apart + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
+    found = _unsolved(end.theta_mm, angles)
+    for whole, rows in (
+        (found.angles, near.angles),
+        (found.multipliers, 2.0 * weights * near.h),
+        (found.residual_mm, near.g_mm),
+        (found.stationarity, 2.0 * weights * float(DEG) * np.abs(moved).max(axis=0)),
+    ):
+        whole[..., *places] = rows
+    closed = np.abs(found.residual_mm).max(axis=(0, 1)) <= CONSTRAINT_TOLERANCE_MM
+    still = found.stationarity.max(axis=0) <= STATIONARITY_TOLERANCE
+    converged = closed & still & (np.abs(end.slope) <= THETA_TOLERANCE).all(axis=0)
+    return found._replace(
+        slope=end.slope,
+        iterations=iterations + end.steps,
+        code=np.where(converged, status.CONVERGED, status.UNCONVERGED),
+    )
+
+
+class OwnSizes(NamedTuple):
+    """Where the fits of sizes ended."""
+
+    sizes: Float[np.ndarray, "sizes problems"]
+    """v: in SDs off the mean."""
+    theta_mm: Float[np.ndarray, "adapted problems"]
+    E: Float[np.ndarray, " problems"]
+    """Without the sizes' own term."""
+    settled: Bool[np.ndarray, " problems"]
+
+
+def fit_sizes(
+    problem: SubjectProblem,
+    theta: Float[np.ndarray, "adapted problems"],
+    angles: Float[np.ndarray, "6 postures problems"],
+    active_effects: ActiveEffects,
+) -> OwnSizes:
+    """Find the sizes of effects that differ between persons, beside the adapted parameters, from here (mm, rad).
+
+        min over theta and v of E = D + w (mean(J_p) + |v|^2 / (6 n)),   sizes = mean + SD v
+
+    of n postures with six measured angles. A size an SD off counts as much as a degree in one angle of one posture:
+    with SDs between persons over the SD of the noise that is the posterior mode for white noise, D standing for what is
+    believed of the parameters.
+    """
+    parts = parts_of(problem, active_effects)
+    columns = [_of_rows(problem, one) for one in active_effects.own]
+    shape = sum(map(len, columns)), len(parts.group)
+    scale = np.broadcast_to(1.0 / np.sqrt(weight_of_sizes(parts)), shape)
+    shared, start = Shared(strengths_of(columns), scale, np.zeros(shape)), _of_rows(problem, angles)
+
+    def finished(gain, _) -> Bool[np.ndarray, " parts"]:
+        return gain < _SETTLED
+
+    end = minimise(parts, shared, theta, np.zeros(shape), finished, _MOST_STEPS_OF_SIZES, start)
+    return OwnSizes(end.amplitude, end.theta_mm, end.E, end.settled)
+
+
+def weight_of_sizes(parts: Parts) -> Float[np.ndarray, " parts"]:
+    """Give the weight of |v|^2 in E: that of one degree in one angle of a posture."""
+    return np.maximum(parts.sums(parts.weights) / parts.sums(np.ones(len(parts.weights))), _LEAST_WEIGHT)
+
+
+def motion_curvature(
+    problem: SubjectProblem,
+    theta: Float[np.ndarray, "adapted problems"],
+    angles: Float[np.ndarray, "6 postures problems"],
+    active_effects: ActiveEffects,
+) -> tuple[Float[np.ndarray, "adapted adapted problems"], Float[np.ndarray, "6 postures adapted problems"]]:
+    """Compute d2(w mean J)/dtheta2 at an optimum, and dq/dtheta of every posture, rad a mm; 0 for padding.
+
+    By central differences of the exact slope of w mean J: nothing to compile.
+    """
+    parts, start = parts_of(problem, active_effects), _of_rows(problem, angles)
+    parts = replace(parts, angles=np.where(parts.measured, parts.angles, start))
+    n, (_, postures, count) = len(ADAPTED), problem.angles.shape
+    hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))
+    posture, number = _rows(problem)
+    for k in range(n):
+        ends = []
+        for sign in (1.0, -1.0):
+            shifted = np.array(theta)
+            shifted[k] += sign * _STEP_MM
+            near = parts.nearest(shifted, parts.strengths, start)
+            slope = 2.0 * parts.weights * np.einsum("kir,kr->ir", near.by_theta, near.y)
+            ends.append((parts.sums(slope), near.angles))
+        hessian[:, k] = (ends[0][0] - ends[1][0]) / (2.0 * _STEP_MM)
+        moved[:, posture, k, number] = (ends[0][1] - ends[1][1]) / (2.0 * _STEP_MM)
+    return 0.5 * (hessian + np.swapaxes(hessian, 0, 1)), moved
+
+
+def parts_of(problem: SubjectProblem, active_effects: ActiveEffects) -> Parts:
+    """Lay the postures that count out as rows, each problem a part and a group of its own."""
+    girdle, strengths = jax.tree.map(np.asarray, problem.girdle), active_effects.strengths
+    _, number = _rows(problem)
+    return Parts(
+        girdle=girdle,
+        thorax=Thorax(girdle, problem.points_mm, problem.point_weights, problem.levels_mm),
+        bounds_mm=(np.asarray(problem.lower), np.asarray(problem.upper)),
+        effects=active_effects.effects,
+        strengths=np.concatenate([_of_rows(problem, one) for one in strengths])
+        if strengths
+        else np.zeros((NO_CHANNELS, len(number))),
+        angles=_of_rows(problem, problem.angles),
+        measured=_of_rows(problem, problem.weights) > 0.0,
+        weights=row_weights(problem),
+        part=number,
+        group=np.arange(problem.counted.shape[-1]),
+        strengths_are_known=not active_effects.own,
+    )
+
+
+def row_weights(problem: SubjectProblem) -> Float[np.ndarray, " rows"]:
+    """Give the weights of |y|^2 in E, deg^2: those of the angles that were measured."""
+    return _of_rows(problem, problem.weights).max(axis=0) / (2.0 * float(DEG) ** 2)
+
+
+def _rows(problem: SubjectProblem) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
+    """Posture and problem of every row that counts, problem by problem."""
+    number, posture = np.nonzero(np.asarray(problem.counted).T)
+    return posture, number
+
+
+def _of_rows(problem: SubjectProblem, values) -> np.ndarray:
+    """Take the postures that count of (..., postures, problems) as rows."""
+    return np.asarray(values)[..., *_rows(problem)]
