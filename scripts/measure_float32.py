@@ -23,15 +23,12 @@ import typer  # noqa: E402
 from adapt import adapt_subjects, fit_postures  # noqa: E402
 from adapt.engine.batching import as_type, take_problems  # noqa: E402
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
-from adapt.solvers import status  # noqa: E402
+from adapt.solvers import newton, status  # noqa: E402
 from adapt.solvers.adaptation import adapt_batch  # noqa: E402
-from adapt.solvers.newton.postures import fitted_from_places  # noqa: E402
-from adapt.solvers.newton.subjects import sweep_from  # noqa: E402
 from adapt.solvers.objective import WEIGHT  # noqa: E402
 from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
-from adapt.solvers.problem_batch import ProblemBatch, subject_problem, problem_batch  # noqa: E402
-from adapt.solvers.reference.posture import objective_weights  # noqa: E402
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch, subject_problem  # noqa: E402
 from models import ParameterSet, load_model  # noqa: E402
 from motions import Motions, read_motions, write_motions  # noqa: E402
 from motions.rhythm import REST_DEG  # noqa: E402
@@ -97,11 +94,10 @@ def _spread(values: np.ndarray) -> dict[str, float]:
 def shares_in_float64(data: ProblemBatch) -> dict[str, float]:
     """Of posture fits, with the models as they are, and of adaptations: those that did not converge in float32."""
     single = as_type(data, np.float32)
-    girdle, angles, measured = of_postures(single)
-    fits = fitted_from_places((girdle, angles, objective_weights(measured)))
+    fits = newton.fit_postures(*of_postures(single))
     theta = np.clip(single.girdle.adapted_mm, *single.bounds_mm)
-    swept = sweep_from(subject_problem(single, np.full(data.counted.shape[1], WEIGHT)), theta, single.angles)
-    return {"posture_fits": float(1.0 - fits.converged.mean()), "adaptations": float(1.0 - swept.converged.mean())}
+    adapted = newton.fit_subjects(subject_problem(single, np.full(data.counted.shape[1], WEIGHT)), theta, single.angles)
+    return {"posture_fits": float(1.0 - fits.converged.mean()), "adaptations": float(1.0 - adapted.converged.mean())}
 
 
 def of_postures(data: ProblemBatch) -> tuple[Any, np.ndarray, np.ndarray]:

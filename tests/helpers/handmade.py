@@ -10,7 +10,7 @@ from adapt import Adaptations
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
-from adapt.solvers.posture_fits import Fitted
+from adapt.solvers.solution import PostureSolution
 from adapt.tables.held_out import BONE_PREFIXES, COLUMNS, MOTION
 from adapt.tables.results import fits_table, parameters_table, rows_of_subjects
 from adapt.trust.covariance import Uncertainty
@@ -98,16 +98,17 @@ def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndarray) -> Fitted:
+def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndarray) -> PostureSolution:
     rows = len(lost)
     angles_deg = np.nan_to_num(motions.angles_deg) + gap_deg[:, None]
-    return Fitted(
+    return PostureSolution(
         angles=np.where(lost[:, None], np.nan, angles_deg).T / float(DEG),
         multipliers=np.zeros((3, rows)),
         residual_mm=np.zeros((3, rows)),
         stationarity=np.zeros(rows),
         j_deg2=gap_deg**2,
-        status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
+        iterations=np.ones(rows, dtype=int),
+        code=np.where(lost, status.UNCONVERGED, status.CONVERGED),
         jump=np.zeros(rows, dtype=bool),
     )
 

@@ -36,10 +36,9 @@ import json
 import numpy as np
 from adapt import adapt_subjects
 from adapt.solvers.adaptation import fitted_angles
-from adapt.solvers.objective import thorax_distance_mm2
+from adapt.solvers.objective import angle_weights, mean_square_deg2, thorax_distance_mm2
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import problem_batch
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from motions.rhythm_subjects import simulate_subjects
@@ -50,7 +49,7 @@ adapted, data = result.adapted["R2"], problem_batch(pack(motions), [model])
 
 def objective(theta):
     angles = fitted_angles(data, theta)
-    j = mean_square_deg2(angles, data.angles, objective_weights(data.measured))
+    j = mean_square_deg2(angles, data.angles, angle_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / data.counted.sum(axis=0)
     return thorax_distance_mm2(data.girdle.with_adapted(theta), data.points_mm, data.point_weights) + 10.0 * mean_j
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 import pytest
+from adapt.solvers.reference.posture import objective_weights
 from oracles import Posture, bones, constraints, kkt_residual, slsqp
 
 from adapt.solvers import status
 from adapt.solvers.continuation import follow_motions
 from adapt.solvers.posture_fits import Fitted, at_rest_where_unknown, fit_batch, reference_fit
-from adapt.solvers.reference.posture import objective_weights
 from models import load_model, model_names
 from models.girdle import Girdle
 from models.parameter_sets import shortest_conoid_mm

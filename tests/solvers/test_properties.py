@@ -14,11 +14,10 @@ from programs import few_runs
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch, fitted_angles
-from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
+from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2, thorax_distance_mm2
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm
@@ -153,7 +152,7 @@ def before(data: ProblemBatch, weight: float) -> tuple[np.ndarray, np.ndarray]:
     """E and mean J of the girdle as it is, with its postures fitted."""
     theta = data.girdle.adapted_mm
     D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.point_weights))
-    j = mean_square_deg2(fitted_angles(data, theta), data.angles, objective_weights(data.measured))
+    j = mean_square_deg2(fitted_angles(data, theta), data.angles, angle_weights(data.measured))
     mean_j = np.asarray(jnp.sum(jnp.where(data.counted, j, 0.0), axis=0) / jnp.sum(data.counted, axis=0))
     return D + weight * mean_j, mean_j
 
