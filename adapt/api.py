@@ -28,7 +28,7 @@ from adapt.tables.results import (
 )
 from adapt.trust.covariance import Uncertainty, uncertainty
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, sizes_of_persons, weight_factor
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects, sizes_of_persons, weight_factor
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
 from motions.table import Motions, check_motions
@@ -115,7 +115,7 @@ def adapt_subjects(
 
     ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
     ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
-    each subject is adapted too. See ``models.effects.known``. They act in the chain; D stays that of the ellipsoid
+    each subject is adapted too. See ``models.effects.amplitudes``. They act in the chain; D stays that of the ellipsoid
     without them. ``thorax_points`` multiplies w. Their fits are iterated in float64 whatever ``dtype``; they take
     two to four times as long as those without.
     """

@@ -32,8 +32,8 @@ from adapt.diagnosis.thorax_points import thorax_option
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects import EFFECTS, Effect
+from models.effects.amplitudes import read_amplitudes
 from models.effects.effect import cause_of
-from models.effects.known import read_amplitudes
 from motions import Motions, read_motions
 from scripts.blind.cases import Case
 from scripts.blind.lines import line_of

@@ -19,7 +19,7 @@ from adapt.diagnosis.result import ALL
 from adapt.diagnosis.wording import gap_text
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
-from models.effects.known import Amplitudes, read_amplitudes
+from models.effects.amplitudes import Amplitudes, read_amplitudes
 from motions import Motions
 from scripts.reporting import bone_pins
 

@@ -22,12 +22,12 @@ from rich.progress import track
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis, candidate_effects
 from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.fit.shoulders import usable
-from adapt.diagnosis.inference.naming import name_causes
 from adapt.diagnosis.inference.search import Search, search_of
+from adapt.diagnosis.inference.selection import name_causes
 from adapt.diagnosis.result import ALL
 from adapt.diagnosis.thorax_points import thorax_option
 from models import ParameterSet, load_model
-from models.effects.known import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
 from motions import Motions
 from scripts.measured_check import one_left_out, unseen_gaps_deg
 from scripts.reporting import bone_pins, markdown, measured

@@ -18,7 +18,7 @@ from rich.progress import track
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.result import ALL
 from models import ParameterSet, load_model
-from models.effects.known import NO_EFFECTS, read_amplitudes
+from models.effects.amplitudes import NO_EFFECTS, read_amplitudes
 from motions import Motions
 from scripts.measured_check import one_left_out, unseen_gaps_deg
 from scripts.reporting import bone_pins, markdown

@@ -8,8 +8,8 @@ import typer
 from adapt.cli.print_tables import PlainConsole
 from adapt.output.repeat import other_versions, read_record, recorded_arguments
 from adapt.solvers.objective import READINGS
+from models.effects.amplitudes import OPTION
 from models.effects.course import FULL_ELEVATION_DEG
-from models.effects.known import OPTION
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.stand_ins import OFFSETS
 

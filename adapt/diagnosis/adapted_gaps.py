@@ -17,7 +17,7 @@ from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import MOTION, POSTURES
 from adapt.trust.held_out import Fold, folds, held_out
 from models.effects import EFFECTS, AnyGirdle, Effect
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, weight_factor
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects, weight_factor
 from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
 from motions.table import Motions

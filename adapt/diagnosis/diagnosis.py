@@ -15,11 +15,11 @@ from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung, alone_deg
-from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
+from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
-from adapt.diagnosis.inference.naming import Named, name_causes, nothing_named
 from adapt.diagnosis.inference.search import search_of
+from adapt.diagnosis.inference.selection import Named, name_causes, nothing_named
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
@@ -49,8 +49,8 @@ from adapt.diagnosis.thorax_points import thorax_amplitude, thorax_cause
 from adapt.tables.held_out import MOTION, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
+from models.effects.amplitudes import THORAX_POINTS, read_amplitudes
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS, read_amplitudes
 from models.effects.own_effects import check_own_effects
 from models.person.family import AnyModel, as_list, unique_sets
 from motions.table import Motions, check_motions

@@ -8,7 +8,7 @@ from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.result import ALL, Diagnosis, Noise
 from adapt.diagnosis.thorax_points import thorax_option
 from adapt.diagnosis.wording import gap_text, listed, unseen_text
-from models.effects.known import OPTION, THORAX_POINTS
+from models.effects.amplitudes import OPTION, THORAX_POINTS
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from adapt.diagnosis.location.where import Where
-from models.effects.known import THORAX_POINTS
+from models.effects.amplitudes import THORAX_POINTS
 
 Answer = Literal["none", "effect", "unknown"]
 NONE: Answer = "none"

@@ -8,7 +8,7 @@ them. It says nothing of the chain, so it is no answer by itself.
 import numpy as np
 
 from adapt.diagnosis.result import Cause, CauseAmplitude, Interval
-from models.effects.known import THORAX_POINTS, THORAX_POINTS_WHAT
+from models.effects.amplitudes import THORAX_POINTS, THORAX_POINTS_WHAT
 
 
 def thorax_cause(adapted_deg: float, relieved_deg: float, noise_deg: float) -> Cause:

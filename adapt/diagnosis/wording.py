@@ -17,8 +17,8 @@ from adapt.diagnosis.result import (
     Interval,
     Verdict,
 )
+from models.effects.amplitudes import THORAX_POINTS
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS
 
 MOST_WORDS = 30
 """Of the sentence."""

@@ -22,7 +22,7 @@ from adapt.api import adapt_subjects
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv
-from models.effects.known import Amplitudes
+from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces
 from motions.table import Motions

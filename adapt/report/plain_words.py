@@ -5,8 +5,8 @@ import re
 from markupsafe import Markup, escape
 
 from models.effects import EFFECTS
+from models.effects.amplitudes import THORAX_POINTS, THORAX_POINTS_WHAT
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS, THORAX_POINTS_WHAT
 
 PLAIN_NAMES = {
     "clavicle_axial_estimate": "axial rotation of the clavicle estimated, not measured",

@@ -15,7 +15,7 @@ from adapt.solvers.posture_fits import Fitted, fit_batch
 from adapt.solvers.problem_batch import ProblemBatch
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models.effects import ActiveEffects
-from models.effects.known import Amplitudes, active_effects
+from models.effects.amplitudes import Amplitudes, active_effects
 from models.girdle import Girdle
 from motions.rotations import DEG
 from motions.table import Motions

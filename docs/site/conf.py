@@ -18,8 +18,8 @@ from sphinx.util.typing import stringify_annotation
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
+from models.effects.amplitudes import Amplitudes  # noqa: E402
 from models.effects.effect import Adjust, Show  # noqa: E402
-from models.effects.known import Amplitudes  # noqa: E402
 from models.person.family import AnyModel  # noqa: E402
 from scripts.reference import documented_names  # noqa: E402
 

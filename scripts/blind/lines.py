@@ -14,8 +14,8 @@ from adapt.diagnosis.result import ALL, Diagnosis, GapLevels
 from adapt.tables.held_out import MOTION
 from models import ParameterSet
 from models.effects import EFFECTS
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, read_amplitudes
 from models.effects.effect import cause_of
-from models.effects.known import NO_EFFECTS, Amplitudes, read_amplitudes
 from motions import Motions
 from scripts.blind.cases import SHOWN_MOTIONS, UNSEEN_MOTION
 from scripts.blind.runs import Line

@@ -20,7 +20,7 @@ from adapt.tables.results import STATISTICS
 from models import load_model, model_names
 from models.adapted_parameters import ADAPTED, HALF_WIDTHS_MM
 from models.effects import EFFECTS
-from models.effects.known import THORAX_POINTS
+from models.effects.amplitudes import THORAX_POINTS
 from models.ellipsoid import signed_distance_mm
 from models.parameter_sets import FOLDER
 from motions import ANGLES

@@ -11,13 +11,13 @@ from small_worlds import CANDIDATES, every_frame, simulated
 from adapt import adapt_subjects, diagnose
 from adapt.diagnosis.fit.noise import ASSUMED
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
-from adapt.diagnosis.inference.fingerprint import ESTIMATE
+from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
 from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import ALL, EFFECT, NONE, UNKNOWN
 from adapt.tables.held_out import MOTION
 from models import load_model
 from models.effects import EFFECTS
-from models.effects.known import read_amplitudes
+from models.effects.amplitudes import read_amplitudes
 from motions import read_motions
 from motions.landmarks.girdle_angles import estimated_axial_deg
 from motions.landmarks.sampled_postures import ESTIMATED, SLIPPED

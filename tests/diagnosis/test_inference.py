@@ -19,18 +19,18 @@ from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.bagging import resampled_persons
 from adapt.diagnosis.inference.budget import alone_deg, ladder
-from adapt.diagnosis.inference.fingerprint import axial_is_computed
+from adapt.diagnosis.inference.computed_axial_rotation import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval
 from adapt.diagnosis.inference.left_over import left_over_share
-from adapt.diagnosis.inference.naming import carrying_over, gain, name_causes
 from adapt.diagnosis.inference.search import Search, search_of
+from adapt.diagnosis.inference.selection import carrying_over, gain, name_causes
 from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
-from models.effects.known import THORAX_POINTS, PersonalSize
+from models.effects.amplitudes import THORAX_POINTS, PersonalSize
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
 

@@ -18,7 +18,7 @@ from adapt.solvers.posture_fits import reference_fit
 from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.effects import ActiveEffects
-from models.effects.known import THORAX_POINTS, PersonalSize
+from models.effects.amplitudes import THORAX_POINTS, PersonalSize
 from motions.rotations import DEG
 
 RELIEVED = {THORAX_POINTS: (RELIEF,)}

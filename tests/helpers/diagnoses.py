@@ -33,7 +33,7 @@ from adapt.diagnosis.result import (
 from adapt.diagnosis.thorax_points import thorax_amplitude
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
-from models.effects.known import THORAX_POINTS
+from models.effects.amplitudes import THORAX_POINTS
 from motions.table import BONES
 
 CAUSES = tuple(dict.fromkeys(effect.cause for effect in EFFECTS.values()))

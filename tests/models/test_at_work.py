@@ -14,7 +14,7 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
-from models.effects.known import THORAX_POINTS, PersonalSize, active_effects, as_option, described, read_amplitudes
+from models.effects.amplitudes import THORAX_POINTS, PersonalSize, active_effects, as_option, described, read_amplitudes
 from motions import InputError, Motions, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from adapt.report.plain_words import PLAIN_NAMES, explained, with_hover
 from models.effects import EFFECTS
+from models.effects.amplitudes import THORAX_POINTS
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS
 
 
 def test_every_cause_has_a_plain_name_and_no_other():

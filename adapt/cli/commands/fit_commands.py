@@ -39,7 +39,7 @@ from adapt.output.run_files import inputs_record, results_folder, run_key, trans
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
-from models.effects.known import described, read_amplitudes
+from models.effects.amplitudes import described, read_amplitudes
 from motions import InputError, MotionStream
 
 

@@ -13,8 +13,8 @@ from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
+from models.effects.amplitudes import as_option
 from models.effects.by_posture import UNIT_DEG, ByPosture
-from models.effects.known import as_option
 from motions.rhythm import REST_DEG
 from motions.table import ANGLES
 
