@@ -55,6 +55,7 @@ class Work:
     float32: bool = False
     effects: Amplitudes = field(default_factory=dict)
     """A dict, which can be sent to a worker."""
+    thorax_downweighting: float = 1.0
 
     def part(self, motions: Motions) -> bytes:
         """Compute the part of these subjects; it is the same wherever it is made."""
@@ -67,6 +68,7 @@ class Work:
             held_out=self.held_out,
             dtype=dtype,
             effects=self.effects,
+            thorax_downweighting=self.thorax_downweighting,
         )
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w") as file:

@@ -22,6 +22,7 @@ from models.derivatives import Distance, distance, ellipsoid_curvature, ellipsoi
 from models.ellipsoid import closest_point_multiplier, signed_distance_mm
 from models.girdle import Girdle
 from motions.arrays import Array, xp
+from motions.errors import InputError
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
@@ -185,6 +186,18 @@ class ThoraxPoints:
         p, a = xp.broadcast_arrays(self.points_mm - moved.centre_mm, moved.semi_axes_mm)
         at = distance(tuple(p), tuple(a), closest_point_multiplier(p, a))
         return at._replace(d=at.d - self.levels_mm)
+
+
+def down_weighted(weight: float, thorax_downweighting: float, place: str = "thorax_downweighting") -> float:
+    """Give w where the prior thorax points, another person's, count 1/k: k w, for D / k + w mean(J) has its minimum
+    where D + k w mean(J) has it.
+
+    InputError that names the place where k is no positive number.
+    """
+    if not 0.0 < thorax_downweighting < np.inf:
+        remedy = "Give a positive number, as 30: the prior thorax points then count a thirtieth"
+        raise InputError(place, None, f"the down-weighting of thorax points is {thorax_downweighting:g}", remedy)
+    return weight * thorax_downweighting
 
 
 _ON_THE_POINTS_MM2 = 1e-18
