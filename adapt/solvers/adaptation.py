@@ -90,7 +90,7 @@ class Adapted:
     """v of it."""
     iterations: Int[np.ndarray, " problems"]
     sizes: Float[np.ndarray, "sizes problems"]
-    """Of effects that differ between persons, in SDs off the mean (``models.effects.known.PersonalSize``)."""
+    """Of effects that differ between persons, in SDs off the mean (``models.effects.amplitudes.PersonalSize``)."""
     status: Shaped[np.ndarray, " problems"]
 
     def take(self, chosen) -> "Adapted":

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from motions.arrays import Array, xp
+from motions.errors import InputError
 from motions.rotations import DEG
 
 WEIGHT = 10.0
@@ -137,3 +138,15 @@ READINGS = {
 """The readings by name; ``mm2_deg2`` is the default (docs/thesis.md compares those that the thesis leaves open)."""
 
 DEFAULT_READING = "mm2_deg2"
+
+
+def down_weighted(weight: float, thorax_downweighting: float, place: str = "thorax_downweighting") -> float:
+    """Give w where the prior thorax points, another person's, count 1/k: k w, for D / k + w mean(J) has its minimum
+    where D + k w mean(J) has it.
+
+    InputError that names the place where k is no positive number.
+    """
+    if not 0.0 < thorax_downweighting < np.inf:
+        remedy = "Give a positive number, as 30: the prior thorax points then count a thirtieth"
+        raise InputError(place, None, f"the down-weighting of thorax points is {thorax_downweighting:g}", remedy)
+    return weight * thorax_downweighting

@@ -19,7 +19,7 @@ from adapt.solvers.problem_batch import subject_problem, problem_batch, set_arra
 from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
-from models.effects.known import active_effects
+from models.effects.amplitudes import active_effects
 from models.parameter_sets import shortest_conoid_mm
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
