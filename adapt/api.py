@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike
 from adapt.engine.batching import as_type, take_problems
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.motion_rows import MotionRows, fit_rows, rows_of_optima
-from adapt.solvers.objective import DEFAULT_READING, WEIGHT
+from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import problem_batch
 from adapt.solvers.solution import PostureSolution
@@ -28,7 +28,7 @@ from adapt.tables.results import (
 )
 from adapt.trust.covariance import Uncertainty, uncertainty
 from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, sizes_of_persons, weight_factor
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
 from motions.table import Motions, check_motions
@@ -99,6 +99,7 @@ def adapt_subjects(
     held_out: Collection[str] | None = None,
     dtype: DTypeLike = np.float64,
     effects: Amplitudes = NO_EFFECTS,
+    thorax_downweighting: float = 1.0,
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
@@ -115,11 +116,14 @@ def adapt_subjects(
 
     ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
     ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
-    each subject is adapted too. See ``models.effects.known``. They act in the chain; D stays that of the ellipsoid
-    without them. ``thorax_points`` multiplies w. Their fits are iterated in float64 whatever ``dtype``; they take
-    two to four times as long as those without.
+    each subject is adapted too. See ``models.effects.amplitudes``. They act in the chain; D stays that of the ellipsoid
+    without them. Their fits are iterated in float64 whatever ``dtype``; they take two to four times as long as those
+    without.
+
+    ``thorax_downweighting``: k lets the thorax points of the set, where they are another person's, count 1/k in E, as w
+    k times as large does.
     """
-    models, motions, weight = as_list(models), _with_gaps(motions), weight * weight_factor(effects)
+    models, motions, weight = as_list(models), _with_gaps(motions), down_weighted(weight, thorax_downweighting)
     dtype = _type_of(dtype, effects)
     _, before = _before(motions, models, progress, dtype, effects)
     batch = pack(motions)

@@ -45,7 +45,7 @@ from adapt.solvers.posture_fits import fit_batch  # noqa: E402
 from adapt.solvers.problem_batch import ProblemBatch, subject_problem, problem_batch, select_problems  # noqa: E402
 from adapt.solvers.reference.subject import Subject  # noqa: E402
 from models import load_model  # noqa: E402
-from models.effects.known import active_effects, read_amplitudes  # noqa: E402
+from models.effects.amplitudes import active_effects, read_amplitudes  # noqa: E402
 from models.girdle import Girdle  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 from motions.rotations import DEG  # noqa: E402

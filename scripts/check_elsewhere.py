@@ -25,15 +25,14 @@ import typer
 
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.adapted_gaps import adapted_gaps
-from adapt.diagnosis.fit.joint_fit import RELIEF
+from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.result import ALL, NONE, Diagnosis
-from adapt.diagnosis.thorax_points import thorax_option
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
 from models.effects import EFFECTS, Effect
+from models.effects.amplitudes import NO_EFFECTS
 from models.effects.effect import cause_of
-from models.effects.known import read_amplitudes
 from motions import Motions, read_motions
 from scripts.blind.cases import Case
 from scripts.blind.lines import line_of
@@ -88,7 +87,7 @@ def examine(case: Elsewhere, only_at_work: bool) -> Line:
 def true_sizes(truth: dict[str, Any], motions: Motions, found: Diagnosis) -> dict[str, dict[str, float]]:
     """By effect at work and direction: the first amplitude of the library's course nearest to the true strengths of a
     subject, the mean over the subjects; of the effects whose sizes the diagnosis and the truth both tell."""
-    courses = {name: EFFECTS.get(one.option.partition("=")[0]) for name, one in found.amplitude.items()}
+    courses = {cause_of(name): EFFECTS.get(name) for name in found.effects}
     of_subjects: dict[str, list[dict[str, float]]] = {}
     for subject, effects in truth.get("strengths", {}).items():
         if subject in found.subjects:
@@ -109,10 +108,10 @@ def _nearest_amplitudes(effect: Effect, strength: dict[str, list[float]], own: M
 def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) -> float:
     """The share of the adapted gap beyond noise that is there without the causes too, another person's thorax known."""
     levels = found.gaps.hardest
-    known = read_amplitudes([thorax_option(RELIEF)])
     person = {name: number for number, name in enumerate(without_causes.subjects)}
-    left = adapted_gaps(without_causes, model, known, person).unseen[MOTION][ALL]
-    return left_over_share(levels["adapted"][ALL].value, left.value, levels["noise_floor"][ALL].value)
+    left = adapted_gaps(without_causes, model, NO_EFFECTS, person, thorax_downweighting=THORAX_DOWNWEIGHTING)
+    left_deg = left.unseen[MOTION][ALL].value
+    return left_over_share(levels["adapted"][ALL].value, left_deg, levels["noise_floor"][ALL].value)
 
 
 def main(

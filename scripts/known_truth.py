@@ -81,7 +81,7 @@ def known_truth(
         for added in _combinations():
             motions = with_faults(as_is.select(chosen), in_aa.select(chosen), added, lag)
             verdict = diagnose(motions, load_model(name))[name].verdict
-            named = tuple(cause.names for cause in verdict.of_the_chain)
+            named = tuple(cause.names for cause in verdict.causes)
             said = ", ".join(" or ".join(names) for names in named) or verdict.answer
             print(f"| {name} | {who} | {', '.join(added)} | {said} |", flush=True)
             if added:

@@ -19,7 +19,7 @@ from adapt.diagnosis.result import ALL
 from adapt.diagnosis.wording import gap_text
 from adapt.tables.held_out import MOTION
 from models import ParameterSet, load_model
-from models.effects.known import Amplitudes, read_amplitudes
+from models.effects.amplitudes import Amplitudes
 from motions import Motions
 from scripts.reporting import bone_pins
 
@@ -49,7 +49,8 @@ def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
         return dict.fromkeys(_BONES, np.nan)
     found = []
     for others, left_out in one_left_out(motions):
-        unseen = unseen_gaps_deg(left_out, model, read_amplitudes(diagnose(others, model)[model.name].options))
+        of_others = diagnose(others, model)[model.name]
+        unseen = unseen_gaps_deg(left_out, model, of_others.effects, of_others.thorax_downweighting)
         found.append([unseen[bone] for bone in _BONES])
     return dict(zip(_BONES, known_mean(np.array(found).T).tolist(), strict=True))
 
@@ -66,10 +67,14 @@ def one_left_out(motions: Motions) -> Iterator[tuple[Motions, Motions]]:
         yield motions.select((person >= 0) & (person != one)), motions.select(person == one)
 
 
-def unseen_gaps_deg(motions: Motions, model: ParameterSet, effects: Amplitudes) -> dict[str, float]:
+def unseen_gaps_deg(
+    motions: Motions, model: ParameterSet, effects: Amplitudes, thorax_downweighting: float = 1.0
+) -> dict[str, float]:
     """Compute the mean gap of motions that the subjects were not adapted to, of all angles and by bone; NaN where each
     has but one."""
-    gaps = adapted_gaps(motions, model, effects, dict.fromkeys(motions.subjects, 0)).unseen.get(MOTION)
+    person = dict.fromkeys(motions.subjects, 0)
+    adapted = adapted_gaps(motions, model, effects, person, thorax_downweighting=thorax_downweighting)
+    gaps = adapted.unseen.get(MOTION)
     return {part: gaps[part].value if gaps else np.nan for part in (ALL, *_BONES)}
 
 

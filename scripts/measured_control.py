@@ -20,14 +20,13 @@ from rich.console import Console
 from rich.progress import track
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis, candidate_effects
-from adapt.diagnosis.fit.joint_fit import RELIEF
+from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.fit.shoulders import usable
-from adapt.diagnosis.inference.naming import name_causes
 from adapt.diagnosis.inference.search import Search, search_of
+from adapt.diagnosis.inference.selection import name_causes
 from adapt.diagnosis.result import ALL
-from adapt.diagnosis.thorax_points import thorax_option
 from models import ParameterSet, load_model
-from models.effects.known import NO_EFFECTS, Amplitudes, PersonalSize, read_amplitudes
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize
 from motions import Motions
 from scripts.measured_check import one_left_out, unseen_gaps_deg
 from scripts.reporting import bone_pins, markdown, measured
@@ -62,7 +61,7 @@ def main() -> None:
         found = [_compared(seen, unseen, model, options.drawn, generator) for seen, unseen in every[who]]
         rows.append([name, who, *cells(found)])
     sizes = [f"{of}: {which}" for of in ("sizes of others", "own sizes") for which in ("named", "at random", "as good")]
-    print(markdown(["parameter set", "tried on", "adapted, deg", "+ thorax_points", *sizes], rows))
+    print(markdown(["parameter set", "tried on", "adapted, deg", "thorax points down-weighted", *sizes], rows))
 
 
 def tried(motions: Motions, elsewhere: Motions | None) -> Tried:
@@ -73,12 +72,13 @@ def tried(motions: Motions, elsewhere: Motions | None) -> Tried:
 
 
 def _compared(seen: Motions, unseen: Motions, model: ParameterSet, draws: int, generator: np.random.Generator) -> tuple:
-    """Give the gaps of the unseen motions: adapted, relieved, with what is named on the seen ones, with each draw."""
+    """Give the gaps of the unseen motions: adapted, with thorax points down-weighted, with what is named on the seen
+    ones, with each draw."""
     gaps, (shoulders, _) = partial(unseen_gaps_deg, unseen, model), usable(seen)
     search = search_of(model, shoulders, candidate_effects(model, shoulders.subjects)).run()
     named = name_causes(search, 0.0).hypothesis
     drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(draws)]
-    without = (gaps(effects)[ALL] for effects in (NO_EFFECTS, _RELIEVED))
+    without = (gaps(NO_EFFECTS, downweighting)[ALL] for downweighting in (1.0, THORAX_DOWNWEIGHTING))
     return *without, *(_gaps(search, one, gaps) for one in (named, *drawn))
 
 
@@ -89,8 +89,8 @@ def drawn_at_random(candidates: Candidates, causes: int, generator: np.random.Ge
 
 
 def cells(found: list) -> list[str]:
-    """Write the means over the persons: adapted, relieved; then of each kind of size named, the median at random, and
-    how many of those at random leave as little on the same person as what is named."""
+    """Write the means over the persons: adapted, with thorax points down-weighted; then of each kind of size named, the
+    median at random, and how many of those at random leave as little on the same person as what is named."""
     texts = [f"{np.mean([one[k] for one in found]):.2f}" for k in range(2)]
     for kind in Gaps._fields:
         named = np.array([getattr(one[2], kind) for one in found])
@@ -100,10 +100,7 @@ def cells(found: list) -> list[str]:
     return texts
 
 
-_RELIEVED = read_amplitudes([thorax_option(RELIEF)])
-
-
-def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes], dict[str, float]]) -> Gaps:
+def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes, float], dict[str, float]]) -> Gaps:
     """With the sizes of a set that the search's persons have in common."""
     candidates = search.joint.candidates
     given = search.given(search.mode(hypothesis), hypothesis)
@@ -111,7 +108,7 @@ def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes], d
     sizes = {one.name: (given.amplitude[own], sd[own]) for one, own in candidates.slices(hypothesis)}
     fixed = {name: tuple(a) for name, (a, _) in sizes.items()}
     personal = {name: PersonalSize(tuple(a), tuple(sd)) for name, (a, sd) in sizes.items()}
-    return Gaps(*(gaps({**_RELIEVED, **effects})[ALL] for effects in (fixed, personal)))
+    return Gaps(*(gaps(effects, THORAX_DOWNWEIGHTING)[ALL] for effects in (fixed, personal)))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from rich.progress import track
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.result import ALL
 from models import ParameterSet, load_model
-from models.effects.known import NO_EFFECTS, read_amplitudes
+from models.effects.amplitudes import NO_EFFECTS
 from motions import Motions
 from scripts.measured_check import one_left_out, unseen_gaps_deg
 from scripts.reporting import bone_pins, markdown
@@ -60,9 +60,9 @@ def parts(motions: Motions) -> Iterator[Seen]:
 
 def gaps_of_others_deg(model: ParameterSet, seen: Seen) -> tuple[float, float]:
     """Compute the mean gap of the others on unseen motions, without causes and with those named on what is seen."""
-    named = read_amplitudes(diagnose(seen.motions, model)[model.name].options)
-    without, with_causes = (unseen_gaps_deg(seen.others, model, effects)[ALL] for effects in (NO_EFFECTS, named))
-    return without, with_causes
+    found = diagnose(seen.motions, model)[model.name]
+    with_causes = unseen_gaps_deg(seen.others, model, found.effects, found.thorax_downweighting)[ALL]
+    return unseen_gaps_deg(seen.others, model, NO_EFFECTS)[ALL], with_causes
 
 
 def table(gaps: dict[str, list[tuple[float, float]]]) -> str:

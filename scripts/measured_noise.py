@@ -46,7 +46,7 @@ def verdicts(motions: Motions, model: ParameterSet) -> Iterator[Verdict]:
 
 def first_names(verdict: Verdict) -> list[str]:
     """Give the first name of each cause."""
-    return [cause.names[0] for cause in verdict.of_the_chain]
+    return [cause.names[0] for cause in verdict.causes]
 
 
 def compared(found: Sequence[Verdict]) -> tuple[str, str]:

@@ -13,12 +13,6 @@ EXIT_SOME_NOT_HANDLED = 3
 EXIT_INTERRUPTED = 130
 
 
-def say_known(effects: str) -> None:
-    """Print what ``described`` says of known effects, if there are any."""
-    if effects:
-        console.print(f"With {effects} at work in every subject.", soft_wrap=True)
-
-
 def say_report(folder: Path, wrong: Exception | None) -> None:
     """Say which page to open; raise what went wrong with it, if anything did."""
     raise_without_report(folder, wrong)

@@ -6,10 +6,11 @@ from typing import Annotated
 import typer
 
 from adapt.cli.print_tables import PlainConsole
+from adapt.diagnosis.result import THORAX_OPTION
 from adapt.output.repeat import other_versions, read_record, recorded_arguments
 from adapt.solvers.objective import READINGS
+from models.effects.amplitudes import OPTION
 from models.effects.course import FULL_ELEVATION_DEG
-from models.effects.known import OPTION
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.stand_ins import OFFSETS
 
@@ -86,6 +87,16 @@ KnownEffects = Annotated[
         "scapula_landmark_bias=0,12,0. With ~2,2,2 behind it the size of each subject is adapted too, about this mean: "
         "one that is 2 off counts as a degree in one angle of one posture. Repeatable; always in float64.",
         show_default=False,
+    ),
+]
+
+ThoraxDownweighting = Annotated[
+    float,
+    typer.Option(
+        THORAX_OPTION,
+        metavar="K",
+        help="Let the thorax points of the set, where they are another person's, count 1/K in E. A w that is K times "
+        "as large does the same.",
     ),
 ]
 

@@ -110,7 +110,7 @@ def _causes(diagnosis: Diagnosis) -> Table:
 def _gaps(diagnosis: Diagnosis) -> Table:
     gaps, table = diagnosis.gaps, _table([""], _COLUMNS)
     kinds: dict[GapKind, str] = {"noise_floor": "noise alone", "base": "model as it is", "adapted": "adapted"}
-    if diagnosis.options:
+    if diagnosis.goes_further:
         kinds["with_effect"] = "with the causes"
     parts: dict[str, GapLevels | None] = {
         "other person": gaps.other_person,
@@ -141,7 +141,7 @@ def _where(diagnosis: Diagnosis) -> Table:
 
 
 def _constraints(diagnosis: Diagnosis) -> Table:
-    known = bool(diagnosis.options)
+    known = diagnosis.goes_further
     table = _table(["constraint"], ["adapted", *(["with the causes"] if known else []), "noise alone"])
     for one in diagnosis.where.constraint_spread:
         sizes = (one.adapted_mm, *([one.with_causes_mm] if known else []), one.noise_mm)

@@ -11,13 +11,13 @@ from adapt.diagnosis.result import BoneGaps
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.motion_rows import MotionRows, fit_rows
-from adapt.solvers.objective import WEIGHT
+from adapt.solvers.objective import WEIGHT, down_weighted
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.problem_batch import problem_batch
 from adapt.tables.held_out import MOTION, POSTURES
 from adapt.trust.held_out import Fold, folds, held_out
 from models.effects import EFFECTS, AnyGirdle, Effect
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects, weight_factor
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
 from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
 from motions.table import Motions
@@ -52,14 +52,16 @@ def adapted_gaps(
     effects: Amplitudes,
     person: Mapping[str, int],
     library: Mapping[str, Effect] = EFFECTS,
+    thorax_downweighting: float = 1.0,
 ) -> AdaptedGaps:
     """Adapt the model to all subjects, and again without each motion and each third of the postures.
 
     ``person``: the number of the person of each subject, for the intervals. ``library``: the effects by name.
+    ``thorax_downweighting``: see :func:`adapt.adapt_subjects`.
     """
     batch = pack(motions)
     data = problem_batch(batch, [model], active_effects(effects, motions, library).at(batch.rows))
-    weight = WEIGHT * weight_factor(effects)
+    weight = down_weighted(WEIGHT, thorax_downweighting)
     adapted = adapt_batch(data, weight)
     measured = np.where(batch.measured & batch.counted, batch.angles, np.nan)
     after = np.abs(np.where(adapted.status == status.OK, adapted.angles, np.nan) - measured) * float(DEG)

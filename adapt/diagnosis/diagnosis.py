@@ -15,11 +15,11 @@ from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.fit.unseen_folds import PERSON
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung, alone_deg
-from adapt.diagnosis.inference.fingerprint import ESTIMATE, axial_is_computed
+from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
-from adapt.diagnosis.inference.naming import Named, name_causes, nothing_named
 from adapt.diagnosis.inference.search import search_of
+from adapt.diagnosis.inference.selection import name_causes, nothing_named
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
@@ -30,6 +30,7 @@ from adapt.diagnosis.result import (
     EFFECT,
     NOISE,
     NONE,
+    THORAX_POINTS,
     UNKNOWN,
     Answer,
     BoneGaps,
@@ -41,16 +42,15 @@ from adapt.diagnosis.result import (
     Gaps,
     Noise,
     ParameterMeans,
+    PriorThorax,
     Step,
     Verdict,
     can_test,
 )
-from adapt.diagnosis.thorax_points import thorax_amplitude, thorax_cause
 from adapt.tables.held_out import MOTION, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS, read_amplitudes
 from models.effects.own_effects import check_own_effects
 from models.person.family import AnyModel, as_list, unique_sets
 from motions.table import Motions, check_motions
@@ -58,7 +58,8 @@ from motions.table import Motions, check_motions
 Progress = Callable[[str], None]
 
 _LEAST_WORTH = 0.05
-"""Share of the unseen gap beyond noise that ``thorax_points`` takes away where it is listed alone."""
+"""Share of the unseen gap beyond noise that down-weighting the prior thorax points takes away where that is listed
+without a cause."""
 
 
 def diagnose(
@@ -128,20 +129,19 @@ class _Study:
         sizes = amplitudes(search, named.hypothesis)
         order = [rung.added for rung in named.rungs[1:]]
         sizes = {name: sizes[name] for name in order}
-        if self.relieved:
-            sizes[THORAX_POINTS] = thorax_amplitude(search.joint.model.relief)
         self.progress("gaps of girdle adapt")
         base = base_gaps(self.motions, self.model, self.person)
         adapted = adapted_gaps(self.motions, self.model, {}, self.person)
-        with_causes = self._with_causes(sizes) if sizes else adapted
+        with_causes = self._with_causes(sizes) if sizes or self.has_prior_thorax else adapted
         gaps = self._gaps(base, adapted, with_causes, named.rungs, floor)
         worth = 1.0 - _left_over(gaps) >= _LEAST_WORTH  # False where there is no gap beyond noise
         if not order and not worth:
-            sizes, with_causes = {}, adapted
+            with_causes = adapted
             gaps = self._gaps(base, adapted, adapted, named.rungs, floor)
         budget = self._budget(gaps, named.rungs)
-        causes = self._causes(named, order, budget) if sizes else []
+        causes = [Cause(*named.sets[name], named.gains[name].share, named.gains[name].t) for name in order]
         verdict = self._verdict(causes, weights, gaps, noise)
+        prior_thorax = self._prior_thorax(budget) if self.has_prior_thorax and (order or worth) else None
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -157,6 +157,7 @@ class _Study:
             axial_is_computed=self.computed,
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
+            prior_thorax=prior_thorax,
             landmark_sizes={name: of_landmarks(candidates.effect(name), one) for name, one in candidates.sizes.items()},
             budget=budget,
             alone_deg=alone_deg(search),
@@ -166,13 +167,14 @@ class _Study:
             parameters=_changes(adapted, with_causes),
             where=self._where(adapted, with_causes, floor, noise),
             indistinguishable=indistinguishable(none),
-            lacking=lacking(len(shoulders.kinds), shoulders.persons, THORAX_POINTS in sizes),
+            lacking=lacking(len(shoulders.kinds), shoulders.persons, prior_thorax is not None),
             next_measurement=propose(search, named.chosen, [named.sets[name].names for name in order]),
         )
 
     def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
-        known = read_amplitudes([one.option for one in sizes.values()], self.library)
-        return adapted_gaps(self.motions, self.model, known, self.person, self.library)
+        known = {name: one.amplitude for name, one in sizes.items() if one.amplitude is not None}
+        downweighting = self.search.joint.model.thorax_downweighting
+        return adapted_gaps(self.motions, self.model, known, self.person, self.library, downweighting)
 
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:
         """Locate the gap; ``floor`` is what noise leaves of it, on average, in each posture of the search."""
@@ -181,9 +183,15 @@ class _Study:
         return locate(data, adapted.adapted.angles, noise_deg2, chains, noise.angle_deg)
 
     @property
-    def relieved(self) -> bool:
-        """Whether the points on the thorax are another person's, and count less."""
-        return self.search.joint.model.relief > 1.0
+    def has_prior_thorax(self) -> bool:
+        """Whether the points on the thorax are another person's, and down-weighted."""
+        return self.search.joint.model.thorax_downweighting > 1.0
+
+    def _prior_thorax(self, budget: tuple[Step, ...]) -> PriorThorax:
+        level = {step.step: step.gap_deg.value for step in budget}
+        beyond = level[ADAPTED_STEP] - level[NOISE]
+        gain = (level[ADAPTED_STEP] - level[THORAX_POINTS]) / beyond if beyond > 0 else np.nan
+        return PriorThorax(self.search.joint.model.thorax_downweighting, gain)
 
     def _amplitude(self, verdict: Verdict, sizes: dict[str, CauseAmplitude]) -> dict[str, CauseAmplitude]:
         """Sizes by the first name of each cause; one that no gap shows has none."""
@@ -192,14 +200,6 @@ class _Study:
             effect = self.search.joint.candidates.effect(cause.names[0])
             found[effect.name] = unseen_amplitude(effect)
         return found
-
-    def _causes(self, named: Named, order: Sequence[str], budget: tuple[Step, ...]) -> list[Cause]:
-        """What is named, in this order, and last another person's thorax."""
-        causes = [Cause(*named.sets[name], named.gains[name].share, named.gains[name].t) for name in order]
-        if self.relieved:
-            level = {step.step: step.gap_deg.value for step in budget}
-            causes.append(thorax_cause(level[ADAPTED_STEP], level[THORAX_POINTS], level[NOISE]))
-        return causes
 
     def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, noise: Noise) -> Verdict:
         answer = self._answer(causes, gaps, noise)
@@ -210,8 +210,8 @@ class _Study:
         return Verdict(answer, tuple(causes), weights.inclusion, probability)
 
     def _answer(self, causes: list[Cause], gaps: Gaps, noise: Noise) -> Answer:
-        """The thorax of the person is no answer by itself; noise that was assumed shows nothing that is larger."""
-        if any(cause.names != (THORAX_POINTS,) for cause in causes):
+        """Noise that was assumed shows nothing that is larger."""
+        if causes:
             return EFFECT
         left = gaps.hardest["with_effect"][ALL].value
         shown = noise.source != ASSUMED or left <= gaps.hardest["noise_floor"][ALL].value
@@ -253,7 +253,7 @@ class _Study:
         seen = gaps.other_motion or gaps.unseen
         steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
         chosen = folds.of_kind(MOTION)
-        for rung in rungs if self.relieved else rungs[1:]:
+        for rung in rungs if self.has_prior_thorax else rungs[1:]:
             gap = interval(known_mean(rung.gaps_deg[chosen]), person[folds.subject])
             steps.append(Step(cause_of(rung.added) or THORAX_POINTS, gap))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))

@@ -10,7 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from adapt.diagnosis.result import CauseAmplitude, Diagnoses, Diagnosis, Gaps, Step
+from adapt.diagnosis.result import (
+    THORAX_POINTS,
+    Cause,
+    CauseAmplitude,
+    Diagnoses,
+    Diagnosis,
+    Gaps,
+    Interval,
+    PriorThorax,
+    Step,
+)
 from adapt.diagnosis.wording import sentence
 
 JsonObject = dict[str, Any]
@@ -30,13 +40,14 @@ def as_json(diagnoses: Diagnoses) -> JsonObject:
 
 
 def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
+    amplitude = {cause.names[0]: _size(diagnosis, cause.names[0]) for cause in _causes(diagnosis)}
     return plain(
         {
             "model": diagnosis.model,
             "verdict": _verdict(diagnosis),
             "inclusion": diagnosis.verdict.inclusion,
             "probability": diagnosis.verdict.probability,
-            "amplitude": {name: _amplitude(one) for name, one in diagnosis.amplitude.items()},
+            "amplitude": amplitude,
             "landmark_sizes": diagnosis.landmark_sizes,
             "budget": [_step(one) for one in diagnosis.budget],
             "alone_deg": diagnosis.alone_deg,
@@ -62,22 +73,50 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "postures": diagnosis.postures,
             "searched_postures": diagnosis.searched_postures,
             "highest_elevation_deg": diagnosis.highest_elevation_deg,
-            "options": diagnosis.options,
+            "options": [one["option"] for one in amplitude.values() if one["option"]],
         }
     )
 
 
 def _verdict(diagnosis: Diagnosis) -> JsonObject:
     """With ``effects``, the first name of each cause; the last three go with ``causes``, one by one."""
-    verdict = diagnosis.verdict
+    causes = _causes(diagnosis)
     return {
-        "answer": verdict.answer,
-        "causes": [one.names for one in verdict.causes],
-        "effects": verdict.names,
+        "answer": diagnosis.verdict.answer,
+        "causes": [one.names for one in causes],
+        "effects": [one.names[0] for one in causes],
         "sentence": sentence(diagnosis),
-        "shares": [one.shares for one in verdict.causes],
-        "gain": [one.gain for one in verdict.causes],
-        "t": [one.t for one in verdict.causes],
+        "shares": [one.shares for one in causes],
+        "gain": [one.gain for one in causes],
+        "t": [one.t for one in causes],
+    }
+
+
+def _causes(diagnosis: Diagnosis) -> list[Cause]:
+    """The causes, and behind those with a size the prior thorax points, down-weighted."""
+    causes, sized, thorax = diagnosis.verdict.causes, len(diagnosis.effects), diagnosis.prior_thorax
+    beside = [Cause((THORAX_POINTS,), (1.0,), thorax.gain, math.nan)] if thorax else []
+    return [*causes[:sized], *beside, *causes[sized:]]
+
+
+def _size(diagnosis: Diagnosis, name: str) -> JsonObject:
+    if name == THORAX_POINTS and diagnosis.prior_thorax:
+        return _thorax(diagnosis.prior_thorax)
+    return _amplitude(diagnosis.amplitude[name])
+
+
+def _thorax(thorax: PriorThorax) -> JsonObject:
+    k = Interval(thorax.downweighting, math.nan, math.nan)
+    return {
+        "what": "prior thorax points down-weighted: another person's, they count 1/k",
+        "course": "",
+        "unit": "1",
+        **k._asdict(),
+        "typical": k.value,
+        "too_large": False,
+        "directions": {"k": k},
+        "option": f"{THORAX_POINTS}={k.value:g}",
+        "by_subject": {},
     }
 
 

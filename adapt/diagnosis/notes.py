@@ -3,18 +3,16 @@
 import math
 from collections.abc import Collection, Sequence
 
-from adapt.diagnosis.fit.joint_fit import RELIEF
+from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
-from adapt.diagnosis.result import ALL, Diagnosis, Noise
-from adapt.diagnosis.thorax_points import thorax_option
-from adapt.diagnosis.wording import gap_text, listed, unseen_text
-from models.effects.known import OPTION, THORAX_POINTS
+from adapt.diagnosis.result import ALL, THORAX_OPTION, THORAX_POINTS, Diagnosis, Noise
+from adapt.diagnosis.wording import DOWN_WEIGHTED, gap_text, listed, unseen_text
+from models.effects.amplitudes import OPTION
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
     """Say what the numbers of a diagnosis rest on, what they do not say, and how to adapt with the causes."""
     candidates = set(diagnosis.verdict.inclusion)
-    sized = [name for name, one in diagnosis.amplitude.items() if one.option]
     too_large = [name for name, one in diagnosis.amplitude.items() if one.too_large]
     return [
         f"Parameter set {diagnosis.model}.",
@@ -30,19 +28,20 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
         *(f"Left out: {slip}." for slip in diagnosis.slips),
-        *([_how_to_adapt(sized, diagnosis.options)] if diagnosis.options else []),
+        *([_how_to_adapt(diagnosis)] if diagnosis.goes_further else []),
     ]
 
 
 def _thorax(diagnosis: Diagnosis) -> list[str]:
     """What another person's points on the thorax do; nothing of the person's own."""
-    relieved = [step.gap_deg.value for step in diagnosis.budget if step.step == THORAX_POINTS]
-    if not relieved:
+    gaps_deg = [step.gap_deg.value for step in diagnosis.budget if step.step == THORAX_POINTS]
+    if not gaps_deg:
         return []
-    adapted_with = f"adapted with {OPTION} {thorax_option(RELIEF)} the gap on {unseen_text(diagnosis.gaps)} is"
+    count_less = f"with {THORAX_OPTION} {THORAX_DOWNWEIGHTING:g} they count 1/{THORAX_DOWNWEIGHTING:g}"
     return [
-        f"The points on the thorax are another person's: {adapted_with} {gap_text(relieved[0])} deg. "
-        "Better measure the person's own (girdle model --points)."
+        f"The points on the thorax are prior, another person's: {count_less}, and the gap on "
+        f"{unseen_text(diagnosis.gaps)} is {gap_text(gaps_deg[0])} deg. Better measure the person's own (girdle model "
+        "--points)."
     ]
 
 
@@ -110,6 +109,11 @@ def _indistinguishable(names: Sequence[str], candidates: Collection[str]) -> str
     return f"These data cannot tell apart {which}."
 
 
-def _how_to_adapt(names: Sequence[str], options: Sequence[str]) -> str:
-    """How the next adaptation takes all causes into account at once."""
-    return f"To adapt with {listed(names, 'and')}: girdle adapt ... {' '.join(f'{OPTION} {one}' for one in options)}"
+def _how_to_adapt(diagnosis: Diagnosis) -> str:
+    """How the next adaptation takes all of it into account at once."""
+    names = [name for name, one in diagnosis.amplitude.items() if one.amplitude is not None]
+    options = [f"{OPTION} {one}" for one in diagnosis.options]
+    if thorax := diagnosis.prior_thorax:
+        names.append(DOWN_WEIGHTED)
+        options.append(f"{THORAX_OPTION} {thorax.downweighting:g}")
+    return f"To adapt with {listed(names, 'and')}: girdle adapt ... {' '.join(options)}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from adapt.diagnosis.location.where import Where
-from models.effects.known import THORAX_POINTS
+from models.effects.amplitudes import Amplitude, as_option
 
 Answer = Literal["none", "effect", "unknown"]
 NONE: Answer = "none"
@@ -21,6 +21,13 @@ ALL = "all"
 
 BASE, ADAPTED_STEP, NOISE = "base", "adapted", "noise"
 """Steps of the gap budget beside the causes."""
+
+THORAX_POINTS = "thorax_points"
+"""The step of the budget that down-weights the prior thorax points. ``diagnosis.json`` lists it like a cause, with the
+option that ``--effect`` takes for it: scripts of users rely on that."""
+
+THORAX_OPTION = "--thorax-downweighting"
+"""Of `girdle adapt`."""
 
 
 class Interval(NamedTuple):
@@ -52,8 +59,8 @@ class Verdict:
 
     answer: Answer
     causes: tuple[Cause, ...]
-    """Those that predict motions and persons that were not fitted, the one that takes most of the gap first; then
-    another person's thorax, which is no answer by itself, and an estimate that the angles show themselves."""
+    """Those that predict motions and persons that were not fitted, the one that takes most of the gap first; then an
+    estimate that the angles show themselves."""
     inclusion: dict[str, float]
     """Probability of every candidate of being at work, alone or with others; the most probable first."""
     probability: dict[str, float]
@@ -61,13 +68,8 @@ class Verdict:
     have equal parts."""
 
     def at_work(self, name: str) -> float:
-        """Look up the probability of a name of being at work; NaN of what is no candidate: ``thorax_points``."""
+        """Look up the probability of a name of being at work; NaN of what is no candidate."""
         return self.inclusion.get(name, math.nan)
-
-    @property
-    def of_the_chain(self) -> tuple[Cause, ...]:
-        """The causes that change the chain or what is measured of it: all but ``thorax_points``."""
-        return tuple(cause for cause in self.causes if cause.names != (THORAX_POINTS,))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,6 +85,8 @@ _HAS_IT = 0.5
 class CauseAmplitude:
     """How large a cause is: the largest that it is at any posture, all directions together."""
 
+    effect: str
+    """Its name with that of its course."""
     what: str
     """What it changes, one line."""
     course: str
@@ -92,11 +96,16 @@ class CauseAmplitude:
     typical: float
     """How large such an effect typically is, by the same measure: its prior."""
     directions: dict[str, Interval]
-    """Its amplitudes, in the unit of the option."""
-    option: str
-    """The cause as ``girdle adapt --effect`` takes it; empty where no gap shows how large it is."""
+    """Its amplitudes, in the unit of the effect."""
+    amplitude: Amplitude | None
+    """As an adaptation takes it, in the digits that are printed; None where no gap shows how large it is."""
     by_subject: Mapping[str, float] = field(default_factory=dict)
     """Share of the mean size that it has in each subject; what a subject's data do not say is taken from the mean."""
+
+    @property
+    def option(self) -> str:
+        """Write the cause as ``girdle adapt --effect`` takes it; empty without an amplitude."""
+        return "" if self.amplitude is None else as_option(self.effect, self.amplitude)
 
     @property
     def shown_by(self) -> tuple[str, ...]:
@@ -110,11 +119,25 @@ class CauseAmplitude:
 
 
 @dataclass(frozen=True)
+class PriorThorax:
+    """The thorax points of the set, another person's, down-weighted: no cause, for they say nothing of the chain.
+
+    No set but one of the person (``girdle model --points``) has points of the person that it is adapted to. They hold
+    the ellipsoid where this person's is not, so causes are searched, sized and predicted with them down-weighted.
+    """
+
+    downweighting: float
+    """k: the points count 1/k in E."""
+    gain: float
+    """Share of the adapted gap beyond noise, on unseen motions, that this takes away; NaN where there is none."""
+
+
+@dataclass(frozen=True)
 class Step:
     """One step of the gap budget: the mean absolute gap on motions not seen, degrees."""
 
     step: str
-    """BASE, ADAPTED_STEP, the name of a cause that is added, or NOISE."""
+    """BASE, ADAPTED_STEP, THORAX_POINTS, the name of a cause that is added, or NOISE."""
     gap_deg: Interval
 
 
@@ -122,7 +145,8 @@ BoneGaps = Mapping[str, Interval]
 """By bone: ALL, then those of ``motions.table.BONES``; degrees, with 95 % intervals over persons."""
 
 GapKind = Literal["noise_floor", "base", "adapted", "with_effect"]
-"""What noise alone leaves, and what the model leaves as it is, adapted, and adapted with the causes."""
+"""What noise alone leaves, and what the model leaves as it is, adapted, and adapted with the causes and with the prior
+thorax points down-weighted."""
 
 GapLevels = Mapping[GapKind, BoneGaps]
 
@@ -232,6 +256,9 @@ class Diagnosis:
     verdict: Verdict
     amplitude: dict[str, CauseAmplitude]
     """By the first name of each cause."""
+    prior_thorax: PriorThorax | None
+    """Beside the causes, the prior thorax points down-weighted; None with points of the person, or where that alone
+    takes next to nothing."""
     landmark_sizes: dict[str, dict[str, Interval]]
     """By name and direction, what landmarks say of the sizes that candidates change, against the set: the diagnosis
     starts from it. Empty without landmarks."""
@@ -255,9 +282,24 @@ class Diagnosis:
     """What would tell names of a cause apart."""
 
     @property
+    def effects(self) -> dict[str, Amplitude]:
+        """All causes whose size a gap shows, as ``adapt_subjects`` takes them."""
+        return {one.effect: one.amplitude for one in self.amplitude.values() if one.amplitude is not None}
+
+    @property
     def options(self) -> tuple[str, ...]:
-        """All causes whose size a gap shows, as ``girdle adapt --effect`` takes them."""
-        return tuple(one.option for one in self.amplitude.values() if one.option)
+        """The same, as ``girdle adapt --effect`` takes them."""
+        return tuple(as_option(name, amplitude) for name, amplitude in self.effects.items())
+
+    @property
+    def thorax_downweighting(self) -> float:
+        """How many times less the thorax points count beside the causes, as ``adapt_subjects`` takes it."""
+        return self.prior_thorax.downweighting if self.prior_thorax else 1.0
+
+    @property
+    def goes_further(self) -> bool:
+        """Whether the gap ``with_effect`` is another one than ``adapted``."""
+        return bool(self.effects) or self.prior_thorax is not None
 
     @property
     def can_test(self) -> bool:

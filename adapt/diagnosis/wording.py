@@ -10,6 +10,7 @@ from adapt.diagnosis.result import (
     EFFECT,
     NOISE,
     NONE,
+    THORAX_POINTS,
     Cause,
     CauseAmplitude,
     Diagnosis,
@@ -18,7 +19,6 @@ from adapt.diagnosis.result import (
     Verdict,
 )
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS
 
 MOST_WORDS = 30
 """Of the sentence."""
@@ -28,6 +28,9 @@ _FINE = 1.0
 
 _LEAST_PROBABILITY = 0.005
 """Less than it would be written as 0.00, which says that there is none."""
+
+DOWN_WEIGHTED = "prior thorax points down-weighted"
+"""What stands beside the causes where the points on the thorax are another person's."""
 
 _MOST_NAMES = 3
 """Causes that are named where not all of them have room."""
@@ -41,23 +44,23 @@ def sentence(diagnosis: Diagnosis) -> str:
     verb = "shrinks" if diagnosis.gaps.shrinkage > 0.0 else "goes"
     goes = f"the gap of {subjects_text(diagnosis)} {verb} from {adapted} to {with_effect} deg"
     start, end = f"On {unseen_text(diagnosis.gaps)} {goes} with", f"noise alone leaves {floor}."
+    beside = f", {DOWN_WEIGHTED}" if diagnosis.prior_thorax else ""
     too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
-    *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
+    *_, shortest = said = [f"{start} {names}{beside}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
     return next((one for one in said if len(one.split()) <= MOST_WORDS), shortest)
 
 
 def _without_cause(diagnosis: Diagnosis) -> str:
-    """Say that none is named, and what another person's thorax takes away."""
+    """Say that none is named, and what the prior thorax points take away, down-weighted."""
     adapted, with_effect, floor = _levels(diagnosis)
-    unseen, subjects = unseen_text(diagnosis.gaps), subjects_text(diagnosis)
-    thorax = bool(diagnosis.options)
-    goes = f"goes from {adapted} to {with_effect} deg with {THORAX_POINTS}" if thorax else f"stays at {adapted} deg"
-    gap = f"the gap of {subjects} {goes}; noise alone leaves {floor}."
+    unseen, subjects, thorax = unseen_text(diagnosis.gaps), subjects_text(diagnosis), diagnosis.prior_thorax
+    goes = f"goes from {adapted} to {with_effect} deg with {DOWN_WEIGHTED}" if thorax else f"stays at {adapted} deg"
+    end = f"{goes}; noise alone leaves {floor}."
     if not diagnosis.can_test:
-        return f"One motion of one person cannot show a cause: on {unseen} {gap}"
+        return f"One motion of one person cannot show a cause: the gap on {unseen} {end}"
     if diagnosis.verdict.answer == NONE:
-        return f"Nothing beyond noise{' but the thorax' if thorax else ''}: on {unseen} {gap}"
-    return f"No candidate {'but the thorax ' if thorax else ''}predicts {unseen} better: {gap}"
+        return f"Nothing beyond noise{' but the thorax' if thorax else ''}: on {unseen} the gap of {subjects} {end}"
+    return f"No candidate predicts {unseen} better: the gap of {subjects} {end}"
 
 
 def number(value: float | None, coarse: float | None = None) -> str:
@@ -118,7 +121,8 @@ def answer_text(verdict: Verdict) -> str:
 
 def step_text(step: str) -> str:
     """Write a step of the gap budget: 'model as it is', '+ ac_translation', 'noise alone'."""
-    return {BASE: "model as it is", ADAPTED_STEP: "adapted", NOISE: "noise alone"}.get(step, f"+ {step}")
+    words = {BASE: "model as it is", ADAPTED_STEP: "adapted", THORAX_POINTS: DOWN_WEIGHTED, NOISE: "noise alone"}
+    return words.get(step, f"+ {step}")
 
 
 def subjects_text(diagnosis: Diagnosis) -> str:

@@ -22,7 +22,7 @@ from adapt.api import adapt_subjects
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv
-from models.effects.known import Amplitudes
+from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces
 from motions.table import Motions
@@ -55,6 +55,7 @@ class Work:
     float32: bool = False
     effects: Amplitudes = field(default_factory=dict)
     """A dict, which can be sent to a worker."""
+    thorax_downweighting: float = 1.0
 
     def part(self, motions: Motions) -> bytes:
         """Compute the part of these subjects; it is the same wherever it is made."""
@@ -67,6 +68,7 @@ class Work:
             held_out=self.held_out,
             dtype=dtype,
             effects=self.effects,
+            thorax_downweighting=self.thorax_downweighting,
         )
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w") as file:

@@ -46,6 +46,7 @@ def write_report(
     sampled_from: int = 0,
     active_effects: str = "",
     muscles: MuscleTables | None = None,
+    thorax_downweighting: float = 1.0,
 ) -> Exception | None:
     """Write the report page, to take its place with the tables; return what went wrong with it, or None.
 
@@ -54,7 +55,9 @@ def write_report(
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        page = report_html(motions, models, result, failed, diagnoses, sampled_from, active_effects, muscles)
+        page = report_html(
+            motions, models, result, failed, diagnoses, sampled_from, active_effects, muscles, thorax_downweighting
+        )
         atomic_write(folder / REPORT, page)
     except Exception as error:
         return error

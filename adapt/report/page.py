@@ -52,13 +52,14 @@ def report_html(
     sampled_from: int = 0,
     active_effects: str = "",
     muscles: MuscleTables | None = None,
+    thorax_downweighting: float = 1.0,
 ) -> str:
     """Build the report page; the same results give the same text.
 
     No other file and no network is needed to read it. ``not_handled`` names the subjects that could not be fitted, each
     with its reason; ``diagnoses`` are of the same motions and models. ``sampled_from`` is the number of subjects of
     which these are a sample, if they are. ``active_effects`` says with which effects they were fitted, if any. With
-    ``muscles`` the page has their lines and arms.
+    ``muscles`` the page has their lines and arms. ``thorax_downweighting``: see :func:`adapt.adapt_subjects`.
     """
     by_model = diagnoses.by_model if diagnoses else {}
     noise_deg = {name: one.noise.angle_deg for name, one in by_model.items()}
@@ -88,6 +89,7 @@ def report_html(
             who=who,
             sampled_from=sampled_from,
             active_effects=active_effects,
+            thorax_downweighting=thorax_downweighting,
             simulated=simulated_subjects(motions),
             subjects=motions.subjects,
             drawn=len(data["subjects"]),
@@ -119,7 +121,7 @@ def _gaps(diagnosis: Diagnosis) -> JsonObject:
     """The most unseen gaps of one model, and those in sample; without a cause there is no gap with it."""
 
     def shown(levels: GapLevels) -> JsonObject:
-        return {kind: one for kind, one in plain(levels).items() if diagnosis.options or kind != "with_effect"}
+        return {kind: one for kind, one in plain(levels).items() if diagnosis.goes_further or kind != "with_effect"}
 
     gaps = diagnosis.gaps
     return {"unseen": shown(gaps.hardest), "in_sample": shown(gaps.in_sample), "what": unseen_text(gaps)}

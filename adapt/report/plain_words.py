@@ -6,32 +6,8 @@ from markupsafe import Markup, escape
 
 from models.effects import EFFECTS
 from models.effects.effect import cause_of
-from models.effects.known import THORAX_POINTS, THORAX_POINTS_WHAT
 
-PLAIN_NAMES = {
-    "clavicle_axial_estimate": "axial rotation of the clavicle estimated, not measured",
-    "clavicle_frame_bias": "clavicle frame turned",
-    "scapula_landmark_bias": "scapula frame turned",
-    "skin_artefact": "skin marker lags the scapula",
-    "thorax_extension": "thorax bends with the arm",
-    "clavicle_length": "clavicle of another length",
-    "scapula_size": "scapula of another size",
-    "sc_offset": "SC joint elsewhere on the thorax",
-    "clavicle_conoid_offset": "conoid attached elsewhere on the clavicle",
-    "scapula_conoid_offset": "conoid attached elsewhere on the scapula",
-    "ts_offset": "TS elsewhere on the scapula",
-    "ai_offset": "AI elsewhere on the scapula",
-    "ts_distance_offset": "TS at another distance from the thorax",
-    "ai_distance_offset": "AI at another distance from the thorax",
-    "ac_translation": "AC joint moves",
-    "conoid_strain": "conoid stretches",
-    "sc_translation": "SC joint moves",
-    "scapulothoracic_gap": "scapula lifts off the thorax",
-    "thorax_asymmetry": "thorax beside the midline",
-    "thorax_shape": "thorax is no ellipsoid",
-    "thorax_tilt": "thorax ellipsoid tilted",
-    THORAX_POINTS: "thorax of another person",
-}
+_PLAIN_NAMES = {effect.cause: effect.plain_name for effect in EFFECTS.values() if effect.plain_name}
 """By cause. An effect from elsewhere has its own name alone."""
 
 GLOSSARY = {
@@ -43,6 +19,7 @@ GLOSSARY = {
     "tipping": "tilting of the scapula about its spine; backward is positive",
     "gap": "mean absolute difference between simulated and measured angles, degrees",
     "adaptation": "ellipsoid and conoid length are changed until the model comes closest to this person",
+    "prior thorax points": "points on the thorax that the parameter set has, another person's",
     "unseen": "of motions, postures or persons that the numbers were not fitted to",
     "noise alone": "what would be left if the model were right and the measurement had this noise",
 }
@@ -53,9 +30,10 @@ _IDENTIFIER = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 def explained(name: str) -> Markup:
     """Write a candidate's plain name with its description on hover and focus, and its identifier beside it."""
     cause = cause_of(name)
-    if cause not in PLAIN_NAMES:
+    if cause not in _PLAIN_NAMES:
         return Markup("<code>{}</code>").format(name)
-    plain = Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(_what(name), PLAIN_NAMES[cause])
+    what = EFFECTS[name].what if name in EFFECTS else ""
+    plain = Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(what, _PLAIN_NAMES[cause])
     return plain + Markup(" <code>{}</code>").format(name)
 
 
@@ -64,14 +42,8 @@ def with_hover(text: str) -> Markup:
 
     def one(found: re.Match[str]) -> str:
         name = found.group()
-        if name not in PLAIN_NAMES:
+        if name not in _PLAIN_NAMES:
             return name
-        return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(PLAIN_NAMES[name], name))
+        return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(_PLAIN_NAMES[name], name))
 
     return Markup(_IDENTIFIER.sub(one, str(escape(text))))  # escaped first; identifiers have no marks
-
-
-def _what(name: str) -> str:
-    if name == THORAX_POINTS:
-        return THORAX_POINTS_WHAT
-    return EFFECTS[name].what if name in EFFECTS else ""

@@ -90,7 +90,7 @@ class Adapted:
     """v of it."""
     iterations: Int[np.ndarray, " problems"]
     sizes: Float[np.ndarray, "sizes problems"]
-    """Of effects that differ between persons, in SDs off the mean (``models.effects.known.PersonalSize``)."""
+    """Of effects that differ between persons, in SDs off the mean (``models.effects.amplitudes.PersonalSize``)."""
     status: Shaped[np.ndarray, " problems"]
 
     def take(self, chosen) -> "Adapted":
@@ -190,8 +190,7 @@ def _at_optimum(data: ProblemBatch, reading: Reading, theta_mm, mean_j_deg2) -> 
 def _in_terms_of(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted) -> Adapted:
     """D and E of points that count as in ``data``, of an optimum found with other weights of them."""
     at = _at_optimum(data, reading, adapted.theta_mm, adapted.mean_j_deg2)
-    D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
-    return replace(adapted, D_mm2=D, E=reading.value(weight, at))
+    return replace(adapted, D_mm2=at.D_mm2, E=reading.value(weight, at))
 
 
 def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
@@ -363,12 +362,11 @@ def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved
     j = mean_square_deg2(solved.angles, data.angles, angle_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / count
     at = _at_optimum(data, reading, theta, mean_j)
-    D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
     angles = np.sum(data.measured, axis=0)
     determined = np.all(angles >= FEWEST_ANGLES, axis=0)
     informed = np.any(data.counted & (angles > FEWEST_ANGLES), axis=0) | (mean_j > _EXACT_DEG2)
-    converged = np.asarray(solved.converged) & np.isfinite(D) & np.isfinite(mean_j)
+    converged = np.asarray(solved.converged) & np.isfinite(at.D_mm2) & np.isfinite(mean_j)
     words = np.where(informed, np.where(converged, status.OK, status.NOT_CONVERGED), status.UNDERDETERMINED)
     with np.errstate(divide="ignore", invalid="ignore"):
         per_weight = count / equivalent  # W of an angle in E is weight / postures times that in J
@@ -380,7 +378,7 @@ def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved
         multipliers=multipliers,
         residual_mm=np.asarray(solved.residual_mm),
         stationarity=stationarity,
-        D_mm2=D,
+        D_mm2=at.D_mm2,
         L_mm2=at.L_mm2,
         mean_j_deg2=mean_j,
         E=reading.value(weight, at),

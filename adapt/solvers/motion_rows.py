@@ -16,7 +16,7 @@ from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch
 from adapt.solvers.solution import PostureSolution
 from models.effects import ActiveEffects
-from models.effects.known import Amplitudes, active_effects
+from models.effects.amplitudes import Amplitudes, active_effects
 from models.girdle import Girdle
 from motions.rotations import DEG
 from motions.table import Motions

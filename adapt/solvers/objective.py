@@ -12,15 +12,11 @@ to the ellipsoid and L in the units of D. AC and SC would add nothing: no constr
 from dataclasses import dataclass
 from typing import Literal
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from models.adapted_parameters import ELLIPSOID
-from models.ellipsoid import signed_distance_mm
-from models.girdle import Girdle
 from motions.arrays import Array, xp
+from motions.errors import InputError
 from motions.rotations import DEG
 
 WEIGHT = 10.0
@@ -61,6 +57,11 @@ class AtOptimum:
     """Of the measured TS and AI; NaN where none was measured, or they do not count."""
 
     @property
+    def D_mm2(self) -> Float[np.ndarray, " problems"]:
+        """D, the mean square over the points."""
+        return np.sum(self.point_weights * self.distance_mm**2, axis=0)
+
+    @property
     def points(self) -> Int[np.ndarray, " problems"]:
         """How many points count."""
         return np.sum(self.point_weights > 0.0, axis=0)
@@ -95,8 +96,7 @@ class Reading:
             u = at.point_weights / (2.0 * _length_mm(at.distance_mm))
             return u / u.sum(axis=0), share * self.distance_per_mm / u.sum(axis=0)
         if self.form == "roots":
-            D = np.sum(at.point_weights * at.distance_mm**2, axis=0)
-            ratio = np.maximum(D, _NOTHING) / np.maximum(at.mean_j_deg2, _NOTHING)
+            ratio = np.maximum(at.D_mm2, _NOTHING) / np.maximum(at.mean_j_deg2, _NOTHING)
             return at.point_weights, np.sqrt(w * share * ratio)
         return at.point_weights, share
 
@@ -140,52 +140,13 @@ READINGS = {
 DEFAULT_READING = "mm2_deg2"
 
 
-def thorax_distance_mm2(
-    girdle: Girdle,
-    points_mm: Float[Array, " 3 points *batch"],
-    point_weights: Float[Array, " points *batch"],
-    levels_mm: Float[Array, " points *batch"] | float = 0.0,
-) -> Float[Array, " *batch"]:
-    """Compute D, the mean squared distance of the thorax points to the ellipsoid, mm^2.
+def down_weighted(weight: float, thorax_downweighting: float, place: str = "thorax_downweighting") -> float:
+    """Give w where the prior thorax points, another person's, count 1/k: k w, for D / k + w mean(J) has its minimum
+    where D + k w mean(J) has it.
 
-    ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding. ``levels_mm``: where a point should be, if not
-    on the surface.
+    InputError that names the place where k is no positive number.
     """
-    spread = girdle.over_postures()
-    distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
-    return xp.sum(point_weights * (distance - levels_mm) ** 2, axis=0)
-
-
-_ON_THE_POINTS_MM2 = 1e-18
-"""D of an ellipsoid that lies on its points, 1e-9 mm off them by the digits of their file: nothing is left to fit."""
-
-
-def fitted_girdle(girdle: Girdle, points_mm: Float[np.ndarray, "3 points"]) -> Girdle:
-    """Fit a girdle by :func:`geometric_fit`, as numpy; one whose ellipsoid lies on its points stays as it is."""
-    point_weights = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
-    if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, point_weights) <= _ON_THE_POINTS_MM2:
-        return girdle
-    return jax.tree.map(np.asarray, jitted_geometric_fit(girdle, jnp.asarray(points_mm)))
-
-
-def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdle:
-    """Fit the girdle's ellipsoid to its thorax points, the closest one, min D (thesis 6.2.6, Table 6.6).
-
-    Levenberg-Marquardt from the girdle's own ellipsoid over its adapted parameters. The thesis found it the best start
-    of an adaptation. For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.
-    """
-
-    def distances(ellipsoid, _):
-        moved = girdle.with_adapted(xp.append(ellipsoid, girdle.conoid_length_mm))
-        return signed_distance_mm(points_mm, moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
-
-    import optimistix  # 0.2 s: not for every command
-
-    solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
-    start = girdle.adapted_mm[: len(ELLIPSOID)]
-    solution = optimistix.least_squares(distances, solver, start, throw=False, max_steps=200)
-    found = xp.where(solution.result == optimistix.RESULTS.successful, solution.value, start)
-    return girdle.with_adapted(xp.append(found, girdle.conoid_length_mm))
-
-
-jitted_geometric_fit = jax.jit(geometric_fit)
+    if not 0.0 < thorax_downweighting < np.inf:
+        remedy = "Give a positive number, as 30: the prior thorax points then count a thirtieth"
+        raise InputError(place, None, f"the down-weighting of thorax points is {thorax_downweighting:g}", remedy)
+    return weight * thorax_downweighting

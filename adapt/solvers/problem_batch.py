@@ -12,13 +12,13 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import as_type, in_chunks, take_problems, with_problems
 from adapt.solvers.newton.subject import SubjectProblem
-from adapt.solvers.objective import angle_weights, fitted_girdle, geometric_fit, thorax_distance_mm2
+from adapt.solvers.objective import angle_weights
 from adapt.solvers.padded_batch import Batch
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, stacked_girdles, unique_sets
-from models.person.thorax_ellipsoid import thorax_sd_mm
+from models.person.thorax_ellipsoid import fitted_girdle, geometric_fit, thorax_distance_mm2, thorax_sd_mm
 from motions.arrays import Array, xp
 
 

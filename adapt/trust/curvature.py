@@ -24,10 +24,10 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.newton.elimination import Elimination
 from adapt.solvers.newton.linear_algebra import backward, factorised, forward, product
-from adapt.solvers.newton.subject import SubjectProblem, exact_multiplier, from_centre, thorax_terms
+from adapt.solvers.newton.subject import SubjectProblem, point_distance, point_multiplier, thorax_terms
 from adapt.solvers.problem_batch import ProblemBatch, subject_problem
 from adapt.solvers.projection.subjects import motion_curvature
-from models.derivatives import chain, closest_point_multipliers, distance, ellipsoid_slope
+from models.derivatives import chain, closest_point_multipliers
 
 _TOGETHER = 128
 """Problems at a time: their arrays stay in the cache."""
@@ -98,10 +98,10 @@ def _multipliers(G, gradient, zero) -> list[np.ndarray]:
 def _of_points(problem: SubjectProblem, theta) -> tuple[np.ndarray, np.ndarray]:
     """H_D and I_D."""
     girdle, points, weights, levels, *_ = problem
-    feet = exact_multiplier(girdle, list(theta), points)
+    feet = point_multiplier(girdle, list(theta), points)
     sums, _ = thorax_terms(girdle, list(theta), points, weights, levels, feet)
     lower, n = jax.tree.map(lambda x: np.sum(x, axis=0), sums.matrix), range(len(theta))
-    at = distance(*from_centre(girdle, list(theta), points), feet)
-    slope = np.stack([*ellipsoid_slope(at), np.zeros_like(at.d)])
+    off, slopes, _ = point_distance(girdle, list(theta), points, levels, feet)
+    slope = np.stack([*slopes, np.zeros_like(off)])
     H = np.array([[lower[max(i, j)][min(i, j)] for j in n] for i in n])
     return H, 2.0 * np.einsum("inl,nl,jnl->ijl", slope, weights, slope)

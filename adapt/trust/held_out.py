@@ -20,7 +20,7 @@ from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_prob
 from adapt.tables.held_out import BONE_PREFIXES, MOTION, NOTHING, OTHER, POSTURES, SEEN
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.folds import hold_out_motions, hold_out_thirds
-from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
 from models.person.family import AnyModel
 from motions.rotations import DEG
 from motions.table import Motions

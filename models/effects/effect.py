@@ -46,6 +46,8 @@ class Effect:
     may_follow: tuple[str, ...] = ()
     """Bone angles that it may follow in place of the elevation of the arm: then it has a second course
     (:func:`models.effects.by_posture.by_posture`)."""
+    plain_name: str = ""
+    """Of the cause, for a reader of the report who does not know the project; without one its name stands alone."""
 
     def __post_init__(self) -> None:
         """Check the prior. ValueError if scales or signs are not one a direction, or a scale is not above 0."""

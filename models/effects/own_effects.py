@@ -20,7 +20,7 @@ _ROUNDING_MM = 1e-9
 _FELT_MM = 1e-6
 
 
-def is_own(effect: Effect) -> bool:
+def is_user_defined(effect: Effect) -> bool:
     """Tell whether an effect is none of those that are listed, by what it does."""
     return effect.name not in EFFECTS or EFFECTS[effect.name].adjust is not effect.adjust
 
@@ -31,7 +31,7 @@ def check_own_effects(effects: Iterable[Effect], girdle: Girdle) -> None:
     Raises ValueError if ``adjust`` or what it returns is of no use: it fails, is not finite, does something at strength
     0, or nothing at its scale.
     """
-    own = list(filter(is_own, effects))
+    own = list(filter(is_user_defined, effects))
     if not own:
         return
     girdle = girdle.over_axes(1)

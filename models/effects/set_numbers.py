@@ -22,17 +22,17 @@ _DOUBTFUL = ("assumed", "derived")
 _ATTACHMENT_MM, _BONE_MM, _DISTANCE_MM = 8.0, 6.0, 10.0
 
 _NUMBERS = {
-    "clavicle.sc_mm": ("sc_mm", "xyz", _DISTANCE_MM),
-    "clavicle.conoid_mm": ("clavicle_conoid_mm", "xyz", _ATTACHMENT_MM),
-    "scapula.conoid_mm": ("scapula_conoid_mm", "xyz", _ATTACHMENT_MM),
-    "scapula.ts_mm": ("ts_mm", "x", _BONE_MM),
-    "scapula.ai_mm": ("ai_mm", "xy", _BONE_MM),
-    "constraint.ts_distance_mm": ("ts_distance_mm", "", _DISTANCE_MM),
-    "constraint.ai_distance_mm": ("ai_distance_mm", "", _DISTANCE_MM),
+    "clavicle.sc_mm": ("sc_mm", "SC joint elsewhere on the thorax", "xyz", _DISTANCE_MM),
+    "clavicle.conoid_mm": ("clavicle_conoid_mm", "conoid attached elsewhere on the clavicle", "xyz", _ATTACHMENT_MM),
+    "scapula.conoid_mm": ("scapula_conoid_mm", "conoid attached elsewhere on the scapula", "xyz", _ATTACHMENT_MM),
+    "scapula.ts_mm": ("ts_mm", "TS elsewhere on the scapula", "x", _BONE_MM),
+    "scapula.ai_mm": ("ai_mm", "AI elsewhere on the scapula", "xy", _BONE_MM),
+    "constraint.ts_distance_mm": ("ts_distance_mm", "TS at another distance from the thorax", "", _DISTANCE_MM),
+    "constraint.ai_distance_mm": ("ai_distance_mm", "AI at another distance from the thorax", "", _DISTANCE_MM),
 }
-"""By key in the file: field of the girdle, components that the bone's frame leaves free, and prior SD where the set
-states no range (the shipped sets differ by about as much). The ellipsoid and the conoid's length are adapted; the
-length of the clavicle is an effect of its own."""
+"""By key in the file: field of the girdle, plain name of an error in it, components that the bone's frame leaves free,
+and prior SD where the set states no range (the shipped sets differ by about as much). The ellipsoid and the conoid's
+length are adapted; the length of the clavicle is an effect of its own."""
 
 _SIZES = {"clavicle_length": ("clavicle.length_mm",), "scapula_size": ("scapula.ts_mm", "scapula.ai_mm")}
 """The effects of a bone's size, and the numbers that it shows in."""
@@ -51,9 +51,10 @@ def _adjust(field: str, axes: str) -> Adjust:
     return adjusted
 
 
-def _number(key: str, field: str, axes: str, scale_mm: float) -> Effect:
+def _number(key: str, field: str, plain_name: str, axes: str, scale_mm: float) -> Effect:
     return Effect(
         name=f"{field.removesuffix('_mm')}_offset",
+        plain_name=plain_name,
         what=f"{key} is not the set's",
         unit="mm",
         directions=tuple(axes) or ("outward",),

@@ -75,8 +75,8 @@ def _is_minimum(values, J, left) -> bool:
     return bool((np.abs(J.T @ left) <= slack).all())
 
 
-@partial(jax.jit, static_argnums=0)
-def _solved(distances, start, points, weights, fixed) -> tuple[Any, ...]:
+def minimised(distances, start, points, weights, fixed: tuple[Any, ...]) -> tuple[Array, Array]:
+    """Minimise sum (weights distances)^2 from a start, as a function of JAX; and tell whether that ended well."""
     import optimistix  # 0.2 s: not for every command
 
     def residuals(values, _):
@@ -84,5 +84,13 @@ def _solved(distances, start, points, weights, fixed) -> tuple[Any, ...]:
 
     solver = optimistix.LevenbergMarquardt(rtol=_SETTLED, atol=_SETTLED)
     solution = optimistix.least_squares(residuals, solver, start, throw=False, max_steps=_MOST_STEPS)
-    values = solution.value
-    return values, jax.jacfwd(lambda v: residuals(v, None))(values), residuals(values, None)
+    return solution.value, solution.result == optimistix.RESULTS.successful
+
+
+@partial(jax.jit, static_argnums=0)
+def _solved(distances, start, points, weights, fixed) -> tuple[Any, ...]:
+    def residuals(values):
+        return weights * distances(values, points, *fixed)
+
+    values, _ = minimised(distances, start, points, weights, fixed)
+    return values, jax.jacfwd(residuals)(values), residuals(values)

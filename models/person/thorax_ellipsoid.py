@@ -2,12 +2,14 @@
 
     min D = mean d_k^2   over M_y, M_z, A_x, A_y, A_z, with M_x = 0,
 
-d_k the distance of point k to the surface. The points cover a patch, along which M_y and A_y change together (4.3.6):
+d_k the distance of point k to the surface. The thesis found the closest ellipsoid the best start of an adaptation. The
+points cover a patch, along which M_y and A_y change together (4.3.6):
 their correlation and SDs say how far the patch fixes them.
 """
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -16,9 +18,52 @@ from models.adapted_parameters import ADAPTED, ELLIPSOID, PERSON_SD_MM, ellipsoi
 from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
 from models.parameter_sets import FEWEST_POINTS, SHORTEST_MM, ParameterSet
-from models.person.least_squares import Fit, Points, fitted
+from models.person.least_squares import Fit, Points, fitted, minimised
+from motions.arrays import Array, xp
 
 _M_Y, _A_Y = ADAPTED.index("M_y"), ADAPTED.index("A_y")
+
+
+_ON_THE_POINTS_MM2 = 1e-18
+"""D of an ellipsoid that lies on its points, 1e-9 mm off them by the digits of their file: nothing is left to fit."""
+
+
+def thorax_distance_mm2(
+    girdle: Girdle,
+    points_mm: Float[Array, " 3 points *batch"],
+    point_weights: Float[Array, " points *batch"],
+    levels_mm: Float[Array, " points *batch"] | float = 0.0,
+) -> Float[Array, " *batch"]:
+    """Compute D, the mean squared distance of the thorax points to the ellipsoid, mm^2.
+
+    ``point_weights`` sum to 1 over the points: 1/n each, 0 for padding. ``levels_mm``: where a point should be, if not
+    on the surface.
+    """
+    spread = girdle.over_postures()
+    distance = signed_distance_mm(points_mm, spread.centre_mm, spread.semi_axes_mm)
+    return xp.sum(point_weights * (distance - levels_mm) ** 2, axis=0)
+
+
+def fitted_girdle(girdle: Girdle, points_mm: Points) -> Girdle:
+    """Fit a girdle by :func:`geometric_fit`, as numpy; one whose ellipsoid lies on its points stays as it is."""
+    point_weights = np.full(points_mm.shape[1], 1.0 / points_mm.shape[1])
+    if thorax_distance_mm2(jax.tree.map(np.asarray, girdle), points_mm, point_weights) <= _ON_THE_POINTS_MM2:
+        return girdle
+    return jax.tree.map(np.asarray, jitted_geometric_fit(girdle, jnp.asarray(points_mm)))
+
+
+def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdle:
+    """Fit the girdle's ellipsoid to its thorax points, the closest one, min D (thesis 6.2.6, Table 6.6); it stays what
+    it is where no ellipsoid is closest.
+
+    For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.
+    """
+    start, weights = girdle.adapted_mm[: len(ELLIPSOID)], jnp.ones(points_mm.shape[1])
+    values, found = minimised(_distances, start, points_mm, weights, (girdle.centre_mm, girdle.semi_axes_mm))
+    return girdle.with_adapted(xp.append(xp.where(found, values, start), girdle.conoid_length_mm))
+
+
+jitted_geometric_fit = jax.jit(geometric_fit)
 
 
 @dataclass(frozen=True)

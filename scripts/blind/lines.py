@@ -14,8 +14,8 @@ from adapt.diagnosis.result import ALL, Diagnosis, GapLevels
 from adapt.tables.held_out import MOTION
 from models import ParameterSet
 from models.effects import EFFECTS
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes
 from models.effects.effect import cause_of
-from models.effects.known import NO_EFFECTS, Amplitudes, read_amplitudes
 from motions import Motions
 from scripts.blind.cases import SHOWN_MOTIONS, UNSEEN_MOTION
 from scripts.blind.runs import Line
@@ -28,7 +28,7 @@ def _causes(names: Iterable[str]) -> list[str]:
 def line_of(found: Diagnosis) -> Line:
     """What is kept of a diagnosis."""
     verdict = found.verdict
-    named = verdict.of_the_chain  # the persons of a world have other thoraces than its set, whatever is at work
+    named = verdict.causes
     probability = dict.fromkeys(_causes(verdict.probability), 0.0)
     inclusion = dict.fromkeys(_causes(verdict.inclusion), 0.0)
     for name, value in verdict.probability.items():
@@ -67,12 +67,14 @@ def realised_gaps(found: Diagnosis, model: ParameterSet, motions: Motions) -> di
     """Mean absolute gap on the unseen motion, deg, of shoulders adapted to the others: with none, and all causes."""
     mine = motions.select(np.isin(motions.subject, found.subjects))
 
-    def gap(effects: Amplitudes) -> float:
-        table = adapt_subjects(mine, model, held_out=found.subjects, effects=effects).heldout
+    def gap(effects: Amplitudes, downweighting: float) -> float:
+        table = adapt_subjects(
+            mine, model, held_out=found.subjects, effects=effects, thorax_downweighting=downweighting
+        ).heldout
         unseen = table[(table["kind"] == MOTION) & (table["held_out"] == UNSEEN_MOTION)]
         return float(np.mean(unseen["gap_unseen_deg"]))
 
-    return {"adapted": gap(NO_EFFECTS), "with_effect": gap(read_amplitudes(found.options))}
+    return {"adapted": gap(NO_EFFECTS, 1.0), "with_effect": gap(found.effects, found.thorax_downweighting)}
 
 
 def with_truth(found: Diagnosis, truth: dict[str, Any]) -> Line:

@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 from small_worlds import CANDIDATES, every_frame, simulated
 
-from adapt import adapt_subjects, diagnose
+from adapt import Adaptations, Diagnosis, adapt_subjects, diagnose
+from adapt.cli.commands.known_effects import Known, read_known
 from adapt.diagnosis.fit.noise import ASSUMED
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
-from adapt.diagnosis.inference.fingerprint import ESTIMATE
+from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
+from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.notes import notes
-from adapt.diagnosis.result import ALL, EFFECT, NONE, UNKNOWN
+from adapt.diagnosis.result import ALL, EFFECT, NONE, THORAX_POINTS, UNKNOWN, Diagnoses
 from adapt.tables.held_out import MOTION
 from models import load_model
 from models.effects import EFFECTS
-from models.effects.known import read_amplitudes
-from motions import read_motions
+from motions import Motions, read_motions
 from motions.landmarks.girdle_angles import estimated_axial_deg
 from motions.landmarks.sampled_postures import ESTIMATED, SLIPPED
 from motions.table import ANGLES
@@ -52,9 +53,8 @@ def test_the_hidden_cause_is_named_and_takes_the_gap_away(biased):
     assert biased.left_over_share < 0.5
     assert sum(biased.verdict.probability.values()) == pytest.approx(1.0)
     steps = [step.step for step in biased.budget]
-    assert steps[:3] == ["base", "adapted", "thorax_points"]
-    assert biased.verdict.names[-1] == "thorax_points", "R2 has another person's points on the thorax"
-    assert "thorax_points=30" in biased.options
+    assert steps[:3] == ["base", "adapted", THORAX_POINTS]
+    assert biased.thorax_downweighting == 30.0, "R2 has another person's points on the thorax"
     assert steps[-1] == "noise"
     assert BIAS in steps
 
@@ -66,11 +66,22 @@ def test_a_size_that_all_persons_have_carries_over_to_others(biased):
     assert carried.share > CARRIED
 
 
+def adapted_with(found: Diagnosis, motions: Motions) -> Adaptations:
+    """What `girdle adapt` makes of all that a diagnosis says."""
+    model, thorax = load_model(found.model), found.thorax_downweighting
+    return adapt_subjects(motions, model, effects=found.effects, thorax_downweighting=thorax)
+
+
+def test_the_options_of_diagnosis_json_repeat_the_adaptation_exactly(biased):
+    """To the last bit of each amplitude and SD."""
+    assert biased.effects
+    assert read_known(as_json(Diagnoses({"R2": biased}))["options"]) == Known(biased.effects, 30.0)
+
+
 def test_adapted_means_what_girdle_adapt_reports(biased):
     motions, model = simulated(BIAS).motions, load_model("R2")
-    known = read_amplitudes(biased.options)
-    for kind, effects in (("adapted", {}), ("with_effect", known)):
-        result = adapt_subjects(motions, model, effects=effects)
+    found_of = {"adapted": adapt_subjects(motions, model), "with_effect": adapted_with(biased, motions)}
+    for kind, result in found_of.items():
         rows = result.heldout[result.heldout["kind"] == MOTION]
         found = biased.gaps.other_motion[kind]
         assert found[ALL].value == pytest.approx(rows["gap_unseen_deg"].mean(), abs=SAME_DEG)
@@ -120,7 +131,7 @@ def test_of_every_frame_the_search_takes_some_and_the_gaps_are_of_all(biased):
         f"Causes were searched in 120 of {found.postures} postures, at most 20 of a motion; gaps are of all."
         in notes(found)
     )
-    result = adapt_subjects(motions, model, effects=read_amplitudes(found.options))
+    result = adapted_with(found, motions)
     rows = result.heldout[result.heldout["kind"] == MOTION]
     assert found.gaps.other_motion["with_effect"][ALL].value == pytest.approx(
         rows["gap_unseen_deg"].mean(), abs=SAME_DEG
@@ -131,16 +142,17 @@ def test_nothing_is_found_where_nothing_is_hidden():
     motions = simulated(noise_deg=1.5).motions
     found = diagnose(motions, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
     assert found.verdict.answer == NONE
-    assert found.verdict.of_the_chain == ()
-    assert found.options == ("thorax_points=30",), "R2 has another person's points on the thorax"
+    assert found.verdict.causes == ()
+    assert found.options == ()
+    assert found.thorax_downweighting == 30.0, "R2 has another person's points on the thorax"
 
 
 def test_another_persons_thorax_alone_takes_what_girdle_adapt_takes_with_it():
     """No answer by itself, but adapted with it the gap falls by what the budget says. Noise hides R4's other bones."""
     motions, model = simulated(noise_deg=3.5).motions, load_model("R4")
     found = diagnose(motions, model, effects=[EFFECTS[name] for name in CANDIDATES])["R4"]
-    assert (found.verdict.answer, found.verdict.names) == (NONE, ("thorax_points",))
-    rows = adapt_subjects(motions, model, effects=read_amplitudes(found.options)).heldout
+    assert (found.verdict.answer, found.verdict.names) == (NONE, ())
+    rows = adapted_with(found, motions).heldout
     unseen = float(rows[rows["kind"] == MOTION]["gap_unseen_deg"].to_numpy().mean())
     levels = found.gaps.hardest
     assert levels["with_effect"][ALL].value == pytest.approx(unseen, abs=SAME_DEG)
@@ -155,7 +167,7 @@ def test_one_motion_of_one_person_names_no_cause():
     found = diagnose(one, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
     assert not found.can_test
     assert found.verdict.answer == UNKNOWN
-    assert found.verdict.of_the_chain == ()
+    assert found.verdict.causes == ()
     assert [one.split(":")[0] for one in found.lacking[:2]] == ["another kind of motion", "more persons"]
 
 
@@ -198,7 +210,7 @@ def test_an_angle_that_was_not_measured_counts_nowhere():
     found = diagnose(replace(motions, angles_deg=angles_deg, extra=extra), load_model("R4"), effects=[EFFECTS[BIAS]])
     by_step = {step.step: step.gap_deg.value for step in found["R4"].budget}
     with_it = found["R4"].gaps.hardest["with_effect"][ALL].value
-    assert by_step["thorax_points"] == pytest.approx(with_it, rel=0.08), "counted as 0 it would be a sixth less"
+    assert by_step[THORAX_POINTS] == pytest.approx(with_it, rel=0.08), "counted as 0 it would be a sixth less"
     assert found["R4"].declared_effects == ()
 
 
@@ -206,8 +218,9 @@ def test_points_on_the_thorax_of_the_person_are_not_doubted():
     own = {f"thorax.{key}": "measured: fitted to 60 points; +-2 mm" for key in ("centre_mm", "semi_axes_mm")}
     model = replace(load_model("R2"), source={**load_model("R2").source, **own})
     found = diagnose(simulated(noise_deg=1.5).motions, model, effects=[EFFECTS[BIAS]])["R2"]
-    assert "thorax_points" not in [step.step for step in found.budget]
-    assert "thorax_points=30" not in found.options
+    assert THORAX_POINTS not in [step.step for step in found.budget]
+    assert found.prior_thorax is None
+    assert found.thorax_downweighting == 1.0
 
 
 @pytest.mark.parametrize("name", UNSEEN_DEG)

@@ -9,7 +9,7 @@ from small_worlds import every_frame, joint_fit, root_of, searched, simulated
 
 from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.evidence import Likelihood
-from adapt.diagnosis.fit.joint_fit import RELIEF
+from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
@@ -19,25 +19,22 @@ from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.bagging import resampled_persons
 from adapt.diagnosis.inference.budget import alone_deg, ladder
-from adapt.diagnosis.inference.fingerprint import axial_is_computed
+from adapt.diagnosis.inference.computed_axial_rotation import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval
 from adapt.diagnosis.inference.left_over import left_over_share
-from adapt.diagnosis.inference.naming import carrying_over, gain, name_causes
 from adapt.diagnosis.inference.search import Search, search_of
+from adapt.diagnosis.inference.selection import carrying_over, gain, name_causes
 from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
 from adapt.tables.held_out import MOTION
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
-from models.effects.known import THORAX_POINTS, PersonalSize
+from models.effects.amplitudes import PersonalSize
 from motions.rhythm import clavicle_axial_rotation
 from motions.rotations import DEG, rotation_from_cardan
 
 BIAS = "scapula_landmark_bias"
-
-RELIEVED = {THORAX_POINTS: (RELIEF,)}
-"""As the diagnosis adapts where the points on the thorax are another person's."""
 
 SAME_DEG = 1e-3
 """Of adaptations that end at a decrease of 1e-4 beside those that end where nothing moves."""
@@ -103,13 +100,16 @@ def test_what_a_test_has_seen_is_adapted_as_girdle_adapt_does(between):
     """With sizes of its own about the amplitudes, and with these as they are."""
     search, mean = searched(BIAS), (3.0, -4.0, 5.0)
     personal = PersonalSize(mean, tuple(between * EFFECTS[BIAS].prior_sd))
-    option = {BIAS: personal if between else mean, **RELIEVED}
+    effects = {BIAS: personal if between else mean}
     amplitude = np.tile([mean], (len(search.folds.tests), 1))
     theta_mm = search.mode((BIAS,)).theta_mm
     (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], [theta_mm], [amplitude], between)
     shoulders = search.joint.shoulders
     person = {name: k for k, name in enumerate(shoulders.subjects)}
-    unseen = adapted_gaps(shoulders.motions, load_model("R2"), option, person).unseen[MOTION]
+    adapted = adapted_gaps(
+        shoulders.motions, load_model("R2"), effects, person, thorax_downweighting=THORAX_DOWNWEIGHTING
+    )
+    unseen = adapted.unseen[MOTION]
     mean = gaps[search.folds.of_kind(MOTION)].mean(axis=0)
     assert mean[3:].mean() == pytest.approx(unseen["scapula"].value, abs=SAME_DEG)
     assert mean[:3].mean() == pytest.approx(unseen["clavicle"].value, abs=SAME_DEG)
@@ -125,7 +125,12 @@ def test_a_hidden_bias_is_named_with_its_size():
     size = amplitudes(search, named.hypothesis)[BIAS]
     for value, one in zip(truth, size.directions.values(), strict=True):
         assert one.low - 1.0 < value < one.high + 1.0
-    assert size.option.startswith(BIAS)
+    assert size.effect == BIAS
+    assert isinstance(size.amplitude, PersonalSize)
+    np.testing.assert_allclose(size.amplitude.mean, [one.value for one in size.directions.values()], rtol=5e-4)
+    np.testing.assert_allclose(
+        size.amplitude.sd, search.discrepancy.between_per_deg * EFFECTS[BIAS].prior_sd, rtol=5e-4
+    )
     own = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].to_numpy()
     shares = own @ own.mean(axis=0) / (own.mean(axis=0) @ own.mean(axis=0))
     assert list(size.by_subject) == list(simulated(BIAS).motions.subjects)

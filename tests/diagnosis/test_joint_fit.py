@@ -1,5 +1,6 @@
 """The joint fit against the fits of `girdle adapt` and finite differences, its quadratic steps against SciPy."""
 
+from functools import partial
 from itertools import count
 
 import jax
@@ -10,7 +11,7 @@ from scipy.optimize import minimize
 from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
-from adapt.diagnosis.fit.joint_fit import RELIEF, JointFit
+from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING, JointFit
 from adapt.engine.batching import take_problems
 from adapt.solvers.posture_fits import reference_fit
 from adapt.solvers.projection import gauss_newton
@@ -18,11 +19,11 @@ from adapt.solvers.projection.bounded_step import Quadratic, lowest
 from adapt.solvers.projection.nearest_posture import nearest_postures
 from models import load_model
 from models.effects import ActiveEffects
-from models.effects.known import THORAX_POINTS, PersonalSize
+from models.effects.amplitudes import PersonalSize
 from motions.rotations import DEG
 
-RELIEVED = {THORAX_POINTS: (RELIEF,)}
-"""Of R2, whose points on the thorax are another person's."""
+R2 = partial(adapt_subjects, models=load_model("R2"), held_out=(), thorax_downweighting=THORAX_DOWNWEIGHTING)
+"""The adaptation of R2, whose points on the thorax are another person's."""
 
 SAME_E = 1e-4
 """mm^2: the joint fit stops where a step gains less."""
@@ -39,7 +40,7 @@ FD = 1e-5
 
 def test_without_effects_it_is_the_adaptation_of_girdle_adapt():
     joint = joint_fit()
-    adapted = adapt_subjects(simulated().motions, load_model("R2"), held_out=(), effects=RELIEVED).adapted["R2"]
+    adapted = R2(simulated().motions).adapted["R2"]
     np.testing.assert_allclose(joint.from_starts().E, adapted.E, atol=SAME_E)
 
 
@@ -52,8 +53,8 @@ def test_personal_sizes_give_the_optimum_of_girdle_adapt():
     name, between = "scapula_landmark_bias", 0.7
     joint = joint_fit(name)
     mean, scale = (3.0, -4.0, 5.0), joint.candidates.scale[joint.candidates.where((name,))]
-    effects = {name: PersonalSize(mean, tuple(between * scale)), **RELIEVED}
-    adapted = adapt_subjects(simulated(name).motions, load_model("R2"), held_out=(), effects=effects).adapted["R2"]
+    effects = {name: PersonalSize(mean, tuple(between * scale))}
+    adapted = R2(simulated(name).motions, effects=effects).adapted["R2"]
     start, count = joint.from_starts(), len(joint.parts)
     found = each_alone(joint).adapt([(name,)] * count, start.theta_mm, [np.array(mean)] * count, between)
     assert (adapted.status == "ok").all()

@@ -8,11 +8,28 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnoses import ALL_AND_BONES, ANSWERS, BLIND, BY_KIND, CAUSES, LONE, NOTHING, ONE, TWO, alone, gap_of, json_of
+from diagnoses import (
+    ALL_AND_BONES,
+    ANSWERS,
+    BLIND,
+    BY_KIND,
+    CAUSES,
+    LONE,
+    NOTHING,
+    ONE,
+    ONE_THORAX,
+    TWO,
+    alone,
+    cause,
+    gap_of,
+    json_of,
+)
 
+from adapt.diagnosis.inference.amplitude import unseen_amplitude
 from adapt.diagnosis.json_form import as_json
-from adapt.diagnosis.result import ADAPTED_STEP, BASE, EFFECT, NOISE, NONE, UNKNOWN, Diagnoses, Noise
+from adapt.diagnosis.result import ADAPTED_STEP, BASE, EFFECT, NOISE, NONE, THORAX_POINTS, UNKNOWN, Diagnoses, Noise
 from models.adapted_parameters import ADAPTED
+from models.effects import EFFECTS
 
 KEYS = {
     *("model", "verdict", "inclusion", "probability", "amplitude", "budget", "alone_deg", "left_over_share", "gap_deg"),
@@ -47,7 +64,9 @@ def assert_contract(found: Mapping[str, Any]) -> None:
         assert numbers({key: amplitude[key] for key in INTERVAL}, INTERVAL)
         assert all(numbers(one, INTERVAL) for one in amplitude["directions"].values())
     assert [one["option"] for one in found["amplitude"].values() if one["option"]] == found["options"]
-    assert [one["step"] for one in found["budget"]] == [BASE, ADAPTED_STEP, *verdict["effects"], NOISE]
+    thorax = [THORAX_POINTS] if THORAX_POINTS in verdict["effects"] else []
+    causes = [name for name in verdict["effects"] if name != THORAX_POINTS]
+    assert [one["step"] for one in found["budget"]] == [BASE, ADAPTED_STEP, *thorax, *causes, NOISE]
     assert all(set(one) == {"step", "gap_deg", "low", "high"} for one in found["budget"])
     gap = found["gap_deg"]
     parts = {"in_sample", "postures", "other_motion", "other_person"}
@@ -95,6 +114,21 @@ def test_causes_that_cannot_be_told_apart_stand_together():
     assert found["verdict"]["gain"] == [0.5, 0.3]
     assert [one["too_large"] for one in found["amplitude"].values()] == [False, True]
     assert found["budget"][2] == pytest.approx({"gap_deg": 1.4, "low": 1.3, "high": 1.5} | {"step": "ac_translation"})
+
+
+def test_the_prior_thorax_stands_like_a_cause_behind_those_with_a_size():
+    """Scripts of users read it there. The last cause here has none: no gap shows how large it is."""
+    estimate = unseen_amplitude(EFFECTS["clavicle_axial_estimate"])
+    causes = (*ONE_THORAX.verdict.causes, cause("clavicle_axial_estimate"))
+    amplitude = ONE_THORAX.amplitude | {"clavicle_axial_estimate": estimate}
+    found = json_of(replace(ONE_THORAX, verdict=replace(ONE_THORAX.verdict, causes=causes), amplitude=amplitude))
+    names = ["scapula_landmark_bias", "thorax_points", "clavicle_axial_estimate"]
+    assert list(found["amplitude"]) == found["verdict"]["effects"] == names
+    assert found["verdict"]["causes"][1] == ["thorax_points"]
+    assert [found["verdict"][key][1] for key in ("shares", "gain", "t")] == [[1.0], 0.4, None]
+    assert found["options"] == ["scapula_landmark_bias=7,0,0", "thorax_points=30"]
+    thorax, k = found["amplitude"]["thorax_points"], {"value": 30.0, "low": None, "high": None}
+    assert thorax == thorax | k | {"unit": "1", "directions": {"k": k}, "option": "thorax_points=30", "by_subject": {}}
 
 
 def test_what_was_not_held_out_is_null():

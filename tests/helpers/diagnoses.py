@@ -14,6 +14,7 @@ from adapt.diagnosis.result import (
     EFFECT,
     NOISE,
     NONE,
+    THORAX_POINTS,
     UNKNOWN,
     Answer,
     CarriedOver,
@@ -26,14 +27,13 @@ from adapt.diagnosis.result import (
     Interval,
     Noise,
     ParameterMeans,
+    PriorThorax,
     Proposal,
     Step,
     Verdict,
 )
-from adapt.diagnosis.thorax_points import thorax_amplitude
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
-from models.effects.known import THORAX_POINTS
 from motions.table import BONES
 
 CAUSES = tuple(dict.fromkeys(effect.cause for effect in EFFECTS.values()))
@@ -94,8 +94,10 @@ def amplitude(name: str, size: float, typical: float, course: str = "", suffix: 
     effect = EFFECTS[name + suffix]
     first, *others = effect.directions
     directions = {first: around(size)} | dict.fromkeys(others, Interval(0.0, -0.1, 0.1))
-    option = f"{effect.name}={','.join([f'{size:g}', *('0' for _ in others)])}"
-    return CauseAmplitude(effect.what, course, EFFECTS[name].unit, around(size), typical, directions, option)
+    values = (size, *(0.0 for _ in others))
+    return CauseAmplitude(
+        effect.name, effect.what, course, EFFECTS[name].unit, around(size), typical, directions, values
+    )
 
 
 def cell(angle: str, low: float, mean_absolute: float, share: float) -> Cell:
@@ -123,6 +125,7 @@ ONE = Diagnosis(
     axial_is_computed=False,
     verdict=verdict(EFFECT, cause("scapula_landmark_bias", gain=0.6), scapula_landmark_bias=0.97),
     amplitude={"scapula_landmark_bias": amplitude("scapula_landmark_bias", 7.0, 5.0)},
+    prior_thorax=None,
     landmark_sizes={},
     budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
     alone_deg={"scapula_landmark_bias": 0.9, "ac_translation": 2.1, NONE: 2.8},
@@ -210,21 +213,29 @@ LONE = replace(
 
 THORAX = replace(
     ONE,
-    verdict=verdict(NONE, cause(THORAX_POINTS)),
-    amplitude={THORAX_POINTS: thorax_amplitude(30.0)},
+    verdict=verdict(NONE),
+    amplitude={},
+    prior_thorax=PriorThorax(30.0, 0.4),
     budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 1.3, THORAX_POINTS: 0.9, NOISE: 0.3}),
     gaps=gap_of(1.3, 0.9),
     carried_over=None,
 )
 """Nothing beyond noise but another person's thorax."""
 
-OUTSIDE_THORAX = replace(THORAX, verdict=verdict(UNKNOWN, cause(THORAX_POINTS)), gaps=gap_of(2.8, 2.0))
+OUTSIDE_THORAX = replace(THORAX, verdict=verdict(UNKNOWN), gaps=gap_of(2.8, 2.0))
 """A gap of which another person's thorax takes a part."""
 
 UNTESTED = replace(LONE, persons=1, verdict=verdict(UNKNOWN), amplitude={}, budget=OUTSIDE.budget)
 """One kind of motion of one person: no cause can be tested."""
 
-UNTESTED_THORAX = replace(UNTESTED, verdict=OUTSIDE_THORAX.verdict, amplitude=THORAX.amplitude, budget=THORAX.budget)
+UNTESTED_THORAX = replace(UNTESTED, prior_thorax=THORAX.prior_thorax, budget=THORAX.budget)
+
+ONE_THORAX = replace(
+    ONE,
+    prior_thorax=THORAX.prior_thorax,
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, THORAX_POINTS: 2.0, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
+)
+"""One cause beside another person's thorax."""
 
 BLIND = replace(
     NOTHING,
@@ -238,6 +249,7 @@ BLIND = replace(
 
 BY_KIND = {
     "one": ONE,
+    "one thorax": ONE_THORAX,
     "two": TWO,
     "many": MANY,
     "nothing": NOTHING,

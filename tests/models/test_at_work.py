@@ -14,7 +14,7 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
-from models.effects.known import THORAX_POINTS, PersonalSize, active_effects, as_option, described, read_amplitudes
+from models.effects.amplitudes import PersonalSize, active_effects, as_option, described, read_amplitudes, rounded
 from motions import InputError, Motions, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
@@ -161,8 +161,8 @@ def test_numbers_that_do_not_fit_an_effect_are_named(effects, cause, remedy):
 
 def test_a_number_alone_and_a_name_alone_are_named_from_python():
     motions = over(0.0, 90.0)
-    with pytest.raises(InputError, match="thorax_points has 30"):
-        adapt_subjects(motions, load_model("R2"), effects={"thorax_points": 30.0})  # type: ignore[dict-item]
+    with pytest.raises(InputError, match="thorax_asymmetry has 30"):
+        adapt_subjects(motions, load_model("R2"), effects={"thorax_asymmetry": 30.0})  # type: ignore[dict-item]
     with pytest.raises(InputError, match=r"'R6' is no parameter set\. Load it: models\.load_model"):
         adapt_subjects(motions, ["R6"])  # type: ignore[list-item]
     with pytest.raises(InputError, match=r"'R6' is no parameter set"):
@@ -228,18 +228,58 @@ def test_a_size_of_each_person_is_in_the_table_of_parameters(noisy, tmp_path):
 
 def test_points_on_the_thorax_that_count_less_are_a_larger_weight(noisy):
     motions, _, _ = noisy
-    less = adapt_subjects(motions, MODEL, held_out=(), effects={THORAX_POINTS: (30.0,)}).adapted["R2"]
+    less = adapt_subjects(motions, MODEL, held_out=(), thorax_downweighting=30.0).adapted["R2"]
     more = adapt_subjects(motions, MODEL, weight=300.0, held_out=()).adapted["R2"]
     np.testing.assert_array_equal(less.theta_mm, more.theta_mm)
     np.testing.assert_array_equal(less.E, more.E)
-    as_it_is, same = (fit_postures(motions, MODEL, effects=one).fits for one in ({}, {THORAX_POINTS: (30.0,)}))
-    pd.testing.assert_frame_equal(as_it_is, same)
 
 
-def test_points_on_the_thorax_are_read_and_described_like_an_effect():
-    found = read_amplitudes(["thorax_points=30", "thorax_asymmetry=5"])
-    assert found == {"thorax_points": (30.0,), "thorax_asymmetry": (5.0,)}
-    assert described(found) == "thorax_points of 30, thorax_asymmetry of 5 mm"
+@pytest.mark.parametrize("k", [0.0, -1.0, np.inf, np.nan])
+def test_a_down_weighting_that_cannot_be_is_named(noisy, k):
+    motions, _, _ = noisy
+    with pytest.raises(InputError, match=f"thorax_downweighting: .* is {k:g}. Give a positive number"):
+        adapt_subjects(motions, MODEL, thorax_downweighting=k)
+
+
+def test_the_command_line_down_weights_thorax_points_by_its_option_or_as_an_effect(noisy, tmp_path):
+    """``--effect thorax_points=30`` is what diagnosis.json says; a posture fit has no thorax points to weigh."""
+    motions, _, _ = noisy
+    file, outs = tmp_path / "motions.csv", [tmp_path / name for name in ("option", "effect", "again")]
+    write_motions(motions, file)
+    expected = adapt_subjects(read_motions(file), MODEL, thorax_downweighting=30.0).parameters
+    named = ("--effect", "thorax_points=30")
+    ended = [
+        girdle("adapt", file, "--thorax-downweighting", "30", "--out", outs[0]),
+        girdle("adapt", file, *named, "--out", outs[1]),
+        girdle("adapt", "--repeat", outs[1] / "run.json", "--out", outs[2]),
+    ]
+    assert [one.status for one in ended] == [0, 0, 0], [one.err for one in ended]
+    tables = [(out / "parameters.csv").read_bytes() for out in outs]
+    assert tables[0] == tables[1] == tables[2]
+    found = pd.read_csv(outs[0] / "parameters.csv")["A_z_mm"]
+    np.testing.assert_allclose(found, expected["A_z_mm"], rtol=1e-12)
+    assert "Prior thorax points down-weighted 30 times." in ended[0].out
+    assert "at work in every subject" not in ended[0].out
+    assert "Prior thorax points down-weighted:</b> they count 1/30 in" in (outs[0] / "report.html").read_text()
+    assert all(
+        "prior thorax points down-weighted 30 times" in path.read_text() for path in (outs[0] / "models").iterdir()
+    )
+    plain, same = tmp_path / "plain", tmp_path / "same"
+    assert girdle("fit", file, "--out", plain).status == girdle("fit", file, *named, "--out", same).status == 0
+    assert (plain / "fits.csv").read_bytes() == (same / "fits.csv").read_bytes()
+
+
+@pytest.mark.parametrize("option", ["--thorax-downweighting=0", "--effect=thorax_points=0"])
+def test_a_down_weighting_that_cannot_be_is_refused(option, tmp_path):
+    ended = girdle("adapt", "no.csv", option, "--out", tmp_path / "out")
+    refused(ended, "--thorax-downweighting", "is 0", "Give a positive number")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_down_weighting_that_is_there_twice_is_refused(tmp_path):
+    options = ("--effect", "thorax_points=30", "--thorax-downweighting", "10")
+    ended = girdle("adapt", "no.csv", *options, "--out", tmp_path / "out")
+    refused(ended, "--thorax-downweighting", "it is there twice", "Give it once")
 
 
 def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
@@ -261,16 +301,15 @@ def test_amplitudes_are_read_from_words_and_can_be_sent_to_a_worker():
         (["thorax_asymmetry"], "'' is not a list of numbers", "thorax_asymmetry=0"),
         (["thorax_asymmetry=nan"], "thorax_asymmetry has", "Give 1, in mm"),
         (["thorax_asymmetry=1", "thorax_asymmetry=2"], "thorax_asymmetry is there twice", "once"),
-        (["thorax_points=0"], "thorax_points has [0.0]", "thorax_points=30"),
-        (["thorax_points=1,2"], "thorax_points has", "thorax_points=30"),
-        (["thorax_points=inf"], "thorax_points has", "thorax_points=30"),
-        (["thorax_points=30~1"], "thorax_points has [30.0, 1.0]", "thorax_points=30"),
+        (["thorax_points=1,2"], "thorax_points has '1,2'", "--thorax-downweighting 30"),
+        (["thorax_points=30~1"], "thorax_points has '30~1'", "--thorax-downweighting 30"),
+        (["thorax_points=x"], "thorax_points has 'x'", "--thorax-downweighting 30"),
+        (["thorax_points"], "thorax_points has ''", "--thorax-downweighting 30"),
         (["thorax_asymmetry=5~1,2"], "thorax_asymmetry has 1 sizes and the SDs [1.0, 2.0]", "one SD"),
         (["thorax_asymmetry=5~-1"], "thorax_asymmetry has 1 sizes and the SDs [-1.0]", "0 or more"),
         (["thorax_asymmetry=5~inf"], "thorax_asymmetry has 1 sizes and the SDs [inf]", "0 or more"),
         (["thorax_asymmetry=5~"], "'5~' is not a list of numbers", "thorax_asymmetry=0"),
         (["thorax_asymmetry=5~1~2"], "'5~1~2' is not a list of numbers", "thorax_asymmetry=0"),
-        (["thorax_points=x"], "'x' is not a list of numbers", "thorax_points=0"),
     ],
 )
 @pytest.mark.parametrize("command", ["fit", "adapt"])
@@ -282,18 +321,16 @@ def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, c
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_an_option_is_read_as_it_was_written(effect):
-    """All terms, to four digits; and so it acts."""
+    """All terms, exactly as they were rounded, to four digits; and so it acts."""
     amplitude = effect.prior_sd * np.linspace(-1.0, 1.234567, effect.amplitudes)
     sd = np.abs(amplitude) + effect.prior_sd
-    ((name, found),) = read_amplitudes([as_option(effect, amplitude.tolist())]).items()
-    ((_, personal),) = read_amplitudes([as_option(effect, amplitude.tolist(), sd.tolist())]).items()
-    assert name == effect.name
-    assert isinstance(personal, PersonalSize)
-    assert personal.mean == found
+    found, personal = rounded(amplitude.tolist()), PersonalSize(rounded(amplitude.tolist()), rounded(sd.tolist()))
+    for one in (found, personal):
+        assert read_amplitudes([as_option(effect.name, one)]) == {effect.name: one}
     np.testing.assert_allclose(personal.mean, amplitude, rtol=OPTION_DIGITS)
     np.testing.assert_allclose(personal.sd, sd, rtol=OPTION_DIGITS)
     motions = over(0.0, 60.0, 120.0)
-    (strength,) = active_effects({name: found}, motions).strengths
+    (strength,) = active_effects({effect.name: found}, motions).strengths
     largest = np.abs(effect.columns(motions)).max() * np.abs(amplitude).max()
     np.testing.assert_allclose(
         strength, effect.strengths(amplitude, motions), atol=len(amplitude) * OPTION_DIGITS * largest

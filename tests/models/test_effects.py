@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects, Effect, ExtendedGirdle
+from models.effects.amplitudes import active_effects
 from models.effects.course import CONSTANT, ELEVATION, LATE
-from models.effects.known import active_effects
 from models.girdle import constraint_residuals_mm
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects

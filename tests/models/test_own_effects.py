@@ -8,7 +8,7 @@ import pytest
 from adapt import diagnose, simulate_model_subjects
 from models import load_model
 from models.effects import EFFECTS, Effect, EffectPrior
-from models.effects.own_effects import check_own_effects, is_own
+from models.effects.own_effects import check_own_effects, is_user_defined
 
 MODEL = load_model("R2")
 
@@ -72,9 +72,9 @@ def test_whoever_takes_effects_refuses_it():
 
 
 def test_what_is_listed_is_nobodys_own():
-    assert not any(map(is_own, EFFECTS.values()))
-    assert is_own(effect(shorter_conoid))
-    assert is_own(replace(EFFECTS["conoid_strain"], adjust=shorter_conoid))
+    assert not any(map(is_user_defined, EFFECTS.values()))
+    assert is_user_defined(effect(shorter_conoid))
+    assert is_user_defined(replace(EFFECTS["conoid_strain"], adjust=shorter_conoid))
 
 
 def test_those_that_are_listed_would_pass():

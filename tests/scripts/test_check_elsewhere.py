@@ -11,7 +11,6 @@ import pytest
 from adapt.diagnosis.result import ALL, Cause, Interval, Noise, Verdict
 from models import ParameterSet
 from models.effects import Effect
-from models.effects.effect import cause_of
 from motions import Motions
 from scripts import check_elsewhere
 from scripts.blind.runs import read_lines
@@ -127,8 +126,7 @@ def test_a_true_size_is_one_of_the_course_that_is_named(name: str, told: float |
 
 def saying(*names: str) -> Any:
     """A diagnosis that names these courses."""
-    amplitude = {cause_of(name): SimpleNamespace(option=f"{name}=1") for name in (*names, "thorax_points")}
-    return SimpleNamespace(subjects=["a", "b"], amplitude=amplitude)
+    return SimpleNamespace(subjects=["a", "b"], effects=dict.fromkeys(names, (1.0,)))
 
 
 def test_a_folder_without_worlds_says_what_is_missing(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ def test_an_effect_of_ones_own_is_found(example):
     found = names["main"]()
     effect = names["EXAGGERATED"]
     assert found.verdict.answer == "effect"
-    assert found.verdict.of_the_chain[0].names == (effect.name,)
+    assert found.verdict.causes[0].names == (effect.name,)
     size = found.amplitude[effect.name].size
     assert size.low < effect.prior.scale[0] < size.high
 

@@ -19,7 +19,7 @@ from adapt.solvers.projection.subjects import solve_extended
 from adapt.solvers.projection.thorax_term import Thorax
 from models import load_model
 from models.adapted_parameters import ADAPTED
-from models.effects.known import active_effects
+from models.effects.amplitudes import active_effects
 from models.parameter_sets import shortest_conoid_mm
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE

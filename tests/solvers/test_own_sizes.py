@@ -10,7 +10,7 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import WEIGHT
 from models import load_model
 from models.effects import EFFECTS
-from models.effects.known import PersonalSize, active_effects
+from models.effects.amplitudes import PersonalSize, active_effects
 from motions import Motions
 
 BIAS = EFFECTS["scapula_landmark_bias"]

@@ -14,7 +14,7 @@ from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
 from adapt.trust.curvature import curvature
 from models import load_model
-from models.effects.known import active_effects
+from models.effects.amplitudes import active_effects
 from motions import Motions, read_motions
 from motions.landmarks.sampled_postures import SLIPPED
 from motions.rotations import DEG

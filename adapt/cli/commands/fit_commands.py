@@ -8,7 +8,8 @@ import numpy as np
 import typer
 
 from adapt.api import fit_postures
-from adapt.cli.ending import finish, say_known, say_report
+from adapt.cli.commands.known_effects import read_known, say_known
+from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, warn_of, without_subjects
 from adapt.cli.options import (
     Float32,
@@ -19,6 +20,7 @@ from adapt.cli.options import (
     Out,
     Reading,
     Repeat,
+    ThoraxDownweighting,
     Weight,
     console,
     errors,
@@ -39,7 +41,7 @@ from adapt.output.run_files import inputs_record, results_folder, run_key, trans
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.tables.results import Tables
 from adapt.trust.held_out import sample
-from models.effects.known import described, read_amplitudes
+from models.effects.amplitudes import described
 from motions import InputError, MotionStream
 
 
@@ -56,16 +58,16 @@ def fit(
 
     Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
     """
-    effects = read_amplitudes(effect)
+    known = read_known(effect)
     table, models, record = read_inputs(motions, asked_models(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
-            result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
+            result = fit_postures(table, models, report, np.float32 if float32 else np.float64, known.effects)
         with transaction(folder) as part:
             write_fits(part, result)
             write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
     print_summary(console, result.summary)
-    say_known(described(effects))
+    say_known(known)
     finish(table, failed_subjects(result.fits))
 
 
@@ -89,6 +91,7 @@ def adapt(
     ] = "",
     float32: Float32 = False,
     effect: KnownEffects = [],  # noqa: B006
+    thorax_downweighting: ThoraxDownweighting = 1.0,
     repeat: Repeat = None,
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
@@ -101,17 +104,23 @@ def adapt(
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
-    effects = read_amplitudes(effect)
-    known = described(effects)
-    how = f"w = {weight:g}, reading {reading}" + (f", with {known}" if known else "")
+    known = read_known(effect, thorax_downweighting)
+    how = ", ".join([f"w = {weight:g}", f"reading {reading}", *known.texts])
     named = asked_models(model, models_of)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
-    options: dict[str, object] = {"weight": weight, "reading": reading, "float32": float32, "effect": effect}
+    options: dict[str, object] = {
+        "weight": weight,
+        "reading": reading,
+        "float32": float32,
+        "effect": effect,
+        "thorax_downweighting": thorax_downweighting,
+    }
     missing = subjects_without_set(models, files.subjects)
     subjects = tuple(name for name in files.subjects if name not in missing)
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
-    work = Work(tuple(models), weight, reading, shown, sample(subjects), float32, effects)
+    held_out, less = sample(subjects), known.thorax_downweighting
+    work = Work(tuple(models), weight, reading, shown, held_out, float32, known.effects, less)
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
@@ -129,8 +138,16 @@ def adapt(
                 write_run(part, "adapt", record, options, rejected)
                 table = replace(table, rejected=rejected)
                 drawn = result.select(table.subjects)
+                at_work = described(known.effects)
                 wrong = write_report(
-                    part, table, models, drawn, failed, sampled_from=len(subjects), active_effects=known
+                    part,
+                    table,
+                    models,
+                    drawn,
+                    failed,
+                    sampled_from=len(subjects),
+                    active_effects=at_work,
+                    thorax_downweighting=known.thorax_downweighting,
                 )
         parts.remove()
         remove_models_of_failed(folder, result.parameters)

@@ -10,7 +10,7 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from models import load_model, model_names
 from models.effects import EFFECTS
-from models.effects.known import OPTION, THORAX_POINTS, THORAX_POINTS_WHAT, effect_named
+from models.effects.amplitudes import OPTION, effect_named
 from motions import write_motions
 
 NO_EFFECT = "none"
@@ -64,4 +64,3 @@ def list_effects() -> None:
         scale = " / ".join(f"{value:g}" for value in one.prior.scale)
         along = " / ".join(one.directions)
         console.print(f"{one.name:28} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
-    console.print(f"{THORAX_POINTS:28} {THORAX_POINTS_WHAT} (k)", soft_wrap=True)

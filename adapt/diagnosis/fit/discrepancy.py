@@ -39,7 +39,7 @@ class Discrepancy(NamedTuple):
     @property
     def between_per_deg(self) -> float:
         """What an adaptation with sizes of its own may have of the prior SD for each degree of the noise
-        (``models.effects.known.PersonalSize``)."""
+        (``models.effects.amplitudes.PersonalSize``)."""
         return self.between_shoulders / self.noise_deg
 
 

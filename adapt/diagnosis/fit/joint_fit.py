@@ -1,8 +1,8 @@
 """The fits of the diagnosis: subjects with sets of causes, all postures or some of them, side by side.
 
 The E of each subject is that of `girdle adapt` (thesis Eq. 6.5), the points on the thorax counting less where they are
-another person's (``Model.relief``); see ``adapt.solvers.projection.gauss_newton``. A part is one subject in one group;
-the parts of a group have one set of causes.
+another person's (``Model.thorax_downweighting``); see ``adapt.solvers.projection.gauss_newton``. A part is one subject
+in one group; the parts of a group have one set of causes.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.solvers.objective import WEIGHT
+from adapt.solvers.objective import WEIGHT, down_weighted
 from adapt.solvers.problem_batch import SetArrays, set_arrays
 from adapt.solvers.projection.gauss_newton import End, Objective, minimise
 from adapt.solvers.projection.nearest_posture import Nearest
@@ -36,7 +36,7 @@ _MOST_STEPS = 400
 SETTLED = 1e-4
 """Decrease of E + prior in a step at which a search has seen enough: a thousandth of what one effect adds."""
 
-RELIEF = 30.0
+THORAX_DOWNWEIGHTING = 30.0
 """Points on the thorax that are another person's count 1/30 of what they do in E. With w = 10, made for them, the
 ellipsoid stays so close to another person's thorax that every candidate that lets it go predicts better, whatever is at
 work. w = 300 predicts unseen motions of measured shoulders best, with every set (docs/trust.md)."""
@@ -57,19 +57,19 @@ class Model:
     sets: SetArrays
     """Of the subjects, in their order: one set may be everybody's."""
     effects: tuple[Effect, ...]
-    relief: float = 1.0
-    """The points on the thorax count 1 / relief: w is as many times as large."""
+    thorax_downweighting: float = 1.0
+    """The points on the thorax count 1/k: w is k times as large."""
 
     @property
     def weight(self) -> float:
         """w of E."""
-        return WEIGHT * self.relief
+        return down_weighted(WEIGHT, self.thorax_downweighting)
 
     @staticmethod
     def of(parameters: AnyModel, subjects: Sequence[str], effects: tuple[Effect, ...]) -> "Model":
         """Fit each set's ellipsoid to its thorax points, where every adaptation starts."""
         own = all(has_own_thorax(one) for one in unique_sets([parameters], subjects)[0])
-        return Model(set_arrays([parameters], subjects), effects, 1.0 if own else RELIEF)
+        return Model(set_arrays([parameters], subjects), effects, 1.0 if own else THORAX_DOWNWEIGHTING)
 
     @cached_property
     def theta_mm(self) -> Float[np.ndarray, "subjects adapted"]:

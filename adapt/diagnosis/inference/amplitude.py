@@ -13,8 +13,8 @@ from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.trust.covariance import NORMAL_95
 from models.effects import Effect
+from models.effects.amplitudes import PersonalSize, rounded
 from models.effects.by_posture import UNIT_DEG, ByPosture
-from models.effects.known import as_option
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 from motions.table import ANGLES
@@ -82,7 +82,9 @@ def unseen_amplitude(effect: Effect) -> CauseAmplitude:
     unknown = Interval(np.nan, np.nan, np.nan)
     typical = float(np.linalg.norm(effect.prior.scale))
     directions = dict.fromkeys(effect.directions, unknown)
-    return CauseAmplitude(effect.what, effect.course.word, _unit(effect), unknown, typical, directions, "")
+    return CauseAmplitude(
+        effect.name, effect.what, effect.course.word, _unit(effect), unknown, typical, directions, None
+    )
 
 
 def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
@@ -108,13 +110,14 @@ def _described(effect: Effect, value, sd, draws, columns, candidates: Candidates
         for k, direction in enumerate(effect.directions)
     }
     return CauseAmplitude(
+        effect=effect.name,
         what=effect.what,
         course=effect.course.word,
         unit=effect.unit.partition(" a ")[0] if isinstance(effect.course, ByPosture) else _unit(effect),
         size=Interval(size, float(low), float(high)),
         typical=float(np.percentile(typical, _REACHED)),
         directions=numbers,
-        option=as_option(effect, value.tolist(), sd.tolist()),
+        amplitude=PersonalSize(rounded(value.tolist()), rounded(sd.tolist())),
     )
 
 

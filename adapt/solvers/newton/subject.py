@@ -34,6 +34,7 @@ from adapt.solvers.newton.linear_algebra import Components, backward, factorised
 from adapt.solvers.solution import THETA_TOLERANCE, SubjectSolution
 from models.adapted_parameters import ADAPTED, ELLIPSOID, ellipsoid_components
 from models.derivatives import (
+    Distance,
     Vector,
     chain,
     closest_point_multiplier_near,
@@ -151,7 +152,7 @@ def iterate(problem: SubjectProblem, start: Start, iterations: Float[Array, " pr
         return (), (), _Posture(list(q), list(multipliers), none, none[:3], list(multipliers), none[:3], t)
 
     *_, postures = over_postures.reduced(first, first_angles, first_multipliers)
-    *_, points = over_points.reduced(lambda point: ((), (), exact_multiplier(girdle, theta, point)), points_mm)
+    *_, points = over_points.reduced(lambda point: ((), (), point_multiplier(girdle, theta, point)), points_mm)
     state = _State(
         theta,
         [zero] * len(theta),
@@ -181,7 +182,7 @@ def iterate(problem: SubjectProblem, start: Start, iterations: Float[Array, " pr
     slope, (violation, rest), kept = over_postures.reduced(end_of, postures, problem.angles, problem.weights)
 
     def thorax_slope(point, point_weight, level):
-        t = exact_multiplier(girdle, theta, point)
+        t = point_multiplier(girdle, theta, point)
         return thorax_terms(girdle, theta, point, point_weight, level, t)[0].slope, (), ()
 
     of_points, *_ = over_points.reduced(thorax_slope, points_mm, point_weights, levels_mm)
@@ -217,30 +218,36 @@ def _closed_and_stationary(violation: Array, rest: Array, free_slope: Components
     return closed & (largest(free_slope) <= _FLAT.for_dtype_of(violation))
 
 
-def from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vector]:
-    """Give the point from the ellipsoid's centre at theta, and the semi-axes there, mm."""
+def point_multiplier(girdle: Girdle, theta: Components, point, near: Array | None = None) -> Array:
+    """Find the multiplier t of the closest point on the ellipsoid at theta; from ``near`` in a few steps."""
+    place = _from_centre(girdle, theta, point)
+    return closest_point_multiplier(*place) if near is None else closest_point_multiplier_near(*place, near)
+
+
+def point_distance(girdle: Girdle, theta: Components, point, level, t: Array) -> tuple[Array, Components, Distance]:
+    """Compute how far a point is from its level, mm, with its slopes in the ellipsoid's parameters, and what they are
+    made of; t: of its closest point."""
+    at = distance(*_from_centre(girdle, theta, point), t)
+    return at.d - level, ellipsoid_slope(at), at
+
+
+def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vector]:
+    """The point from the ellipsoid's centre at theta, and the semi-axes there, mm."""
     centre, semi_axes = ellipsoid_components(girdle, theta)
     return (point[0] - centre[0], point[1] - centre[1], point[2] - centre[2]), semi_axes
 
 
-def exact_multiplier(girdle: Girdle, theta: Components, point) -> Array:
-    return closest_point_multiplier(*from_centre(girdle, theta, point))
-
-
 def thorax_terms(girdle: Girdle, theta: Components, point, point_weight, level, t) -> tuple[_Sums, Array]:
     """A point's part of sum share_i (d_i - level_i)^2 with its derivatives, and the t of its closest point."""
-    p, axes = from_centre(girdle, theta, point)
-    at = distance(p, axes, closest_point_multiplier_near(p, axes, t))
-    slope, curvature = ellipsoid_slope(at), ellipsoid_curvature(at)
-    off = at.d - level
-    objective_gradient = 2.0 * point_weight * off
-    zero = xp.zeros_like(off)
+    t = point_multiplier(girdle, theta, point, near=t)
+    off, slope, at = point_distance(girdle, theta, point, level, t)
+    curvature, objective_gradient, zero = ellipsoid_curvature(at), 2.0 * point_weight * off, xp.zeros_like(off)
     by_parameter = [*(objective_gradient * x for x in slope), zero]
     matrix = [
         [2.0 * point_weight * slope[i] * slope[j] + objective_gradient * curvature[i][j] for j in range(i + 1)]
         for i in range(len(ELLIPSOID))
     ]
-    return _Sums(point_weight * off**2, zero, by_parameter, by_parameter, [*matrix, [zero] * len(ADAPTED)]), at.t
+    return _Sums(point_weight * off**2, zero, by_parameter, by_parameter, [*matrix, [zero] * len(ADAPTED)]), t
 
 
 def _iterate(

@@ -19,7 +19,7 @@ from adapt.engine.kernel import Kernel
 from adapt.solvers.newton.postures import GIRDLE
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects, Effect
-from models.effects.own_effects import is_own
+from models.effects.own_effects import is_user_defined
 from models.girdle import Girdle
 from motions.arrays import Array
 from motions.rotations import DEG
@@ -175,7 +175,7 @@ def _digest(effects: tuple[Effect, ...], function, shapes: Sequence[int | tuple[
     """One word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
     source the cache of machine code does not know, by all that JAX traces."""
     words = " ".join(one.name for one in effects)
-    if any(map(is_own, effects)):
+    if any(map(is_user_defined, effects)):
         girdle = jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)
         words += str(jax.make_jaxpr(function)(girdle, *(np.zeros(shape) for shape in shapes)))
     return hashlib.sha256(words.encode()).hexdigest()[:12]

@@ -175,6 +175,7 @@ def motion_curvature(
     By central differences of the exact slope of w mean J: nothing to compile.
     """
     parts, start = parts_of(problem, active_effects), _of_rows(problem, angles)
+    parts = replace(parts, angles=np.where(parts.measured, parts.angles, start))
     n, (_, postures, count) = len(ADAPTED), problem.angles.shape
     hessian, moved = np.zeros((n, n, count)), np.zeros((6, postures, n, count))
     posture, number = _rows(problem)
@@ -193,12 +194,13 @@ def motion_curvature(
 
 def _settled(parts: Parts, theta, start) -> Nearest:
     """The nearest postures, with angles that were not measured where they stay: each round they hold to the last."""
+    near = parts.nearest(theta, parts.strengths, start)
     for _ in range(_MOST_ROUNDS):
-        parts = replace(parts, angles=np.where(parts.measured, parts.angles, start))
-        near = parts.nearest(theta, parts.strengths, start)
         if parts.measured.all() or np.abs(near.angles - start).max() <= _AT_REST_RAD:
             break
         start = near.angles
+        parts = replace(parts, angles=np.where(parts.measured, parts.angles, start))
+        near = parts.nearest(theta, parts.strengths, start)
     return near
 
 

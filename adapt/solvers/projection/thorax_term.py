@@ -8,10 +8,8 @@ from jaxtyping import Float
 from adapt.engine.axes import along, stacked
 from adapt.engine.kernel import Kernel
 from adapt.solvers.newton.postures import GIRDLE
-from adapt.solvers.newton.subject import from_centre
+from adapt.solvers.newton.subject import point_distance, point_multiplier
 from models.adapted_parameters import ADAPTED
-from models.derivatives import distance, ellipsoid_slope
-from models.ellipsoid import closest_point_multiplier
 from models.girdle import Girdle
 
 _N = len(ADAPTED)
@@ -46,9 +44,8 @@ def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):
     """sum u (d - level)^2, its gradient, and 2 sum u d' d'^T, of one part."""
 
     def of_point(point, weight, level):
-        p, semi_axes = from_centre(girdle, theta, point)
-        at = distance(p, semi_axes, closest_point_multiplier(p, semi_axes))
-        slope, off = [*ellipsoid_slope(at), 0.0 * at.d], at.d - level
+        off, slope, _ = point_distance(girdle, theta, point, level, point_multiplier(girdle, theta, point))
+        slope = [*slope, 0.0 * off]
         weighted = [2.0 * weight * x for x in slope]
         return (weight * off**2, [off * x for x in weighted], [x * y for x in weighted for y in slope]), (), ()
 

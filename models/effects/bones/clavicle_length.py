@@ -22,6 +22,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rota
 
 EFFECT = Effect(
     name="clavicle_length",
+    plain_name="clavicle of another length",
     what="the subject's clavicle is not the cadaver's",
     unit="%",
     directions=("length",),

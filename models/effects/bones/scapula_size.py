@@ -26,6 +26,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rota
 
 EFFECT = Effect(
     name="scapula_size",
+    plain_name="scapula of another size",
     what="the subject's scapula is not the cadaver's",
     unit="%",
     directions=("size",),

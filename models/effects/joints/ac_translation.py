@@ -14,6 +14,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations
 
 EFFECT = Effect(
     name="ac_translation",
+    plain_name="AC joint moves",
     what="AC centre moves in the clavicle with elevation",
     unit="mm",
     directions=("along", "up", "back"),

@@ -14,6 +14,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations
 
 EFFECT = Effect(
     name="conoid_strain",
+    plain_name="conoid stretches",
     what="conoid length changes with elevation",
     unit="mm",
     directions=("length",),

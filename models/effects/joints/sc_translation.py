@@ -14,6 +14,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations
 
 EFFECT = Effect(
     name="sc_translation",
+    plain_name="SC joint moves",
     what="SC centre moves in the thorax with elevation",
     unit="mm",
     directions=("lateral", "up", "back"),

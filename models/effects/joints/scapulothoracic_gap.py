@@ -15,6 +15,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations
 
 EFFECT = Effect(
     name="scapulothoracic_gap",
+    plain_name="scapula lifts off the thorax",
     what="TS and AI distance to the thorax change with elevation",
     unit="mm",
     directions=("TS", "AI"),

@@ -24,6 +24,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
 
 EFFECT = Effect(
     name="clavicle_axial_estimate",
+    plain_name="axial rotation of the clavicle estimated, not measured",
     what="the clavicle's axial rotation as measured is an estimate that lags",
     unit="deg",
     directions=("axial",),

@@ -18,6 +18,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
 
 EFFECT = Effect(
     name="clavicle_frame_bias",
+    plain_name="clavicle frame turned",
     what="constant rotation of the measured clavicle in its own frame",
     unit="deg",
     directions=("about x", "about y", "about z"),

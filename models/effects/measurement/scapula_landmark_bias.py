@@ -17,6 +17,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
 
 EFFECT = Effect(
     name="scapula_landmark_bias",
+    plain_name="scapula frame turned",
     what="constant rotation of the measured scapula in its own frame",
     unit="deg",
     directions=("about x", "about y", "about z"),

@@ -101,6 +101,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
 
 EFFECT = Effect(
     name="skin_artefact",
+    plain_name="skin marker lags the scapula",
     what="a skin marker lags the scapula as pins beside skin markers showed",
     unit="of the measured lag",
     directions=("share",),

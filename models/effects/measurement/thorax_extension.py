@@ -18,6 +18,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
 
 EFFECT = Effect(
     name="thorax_extension",
+    plain_name="thorax bends with the arm",
     what="the thorax frame turns with elevation, both bones alike",
     unit="deg",
     directions=("about x", "about y", "about z"),

@@ -16,6 +16,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations
 
 EFFECT = Effect(
     name="thorax_asymmetry",
+    plain_name="thorax beside the midline",
     what="M_x is not 0",
     unit="mm",
     directions=("M_x",),

@@ -38,6 +38,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, exponent) -> tuple[Girdle, Rot
 
 EFFECT = Effect(
     name="thorax_shape",
+    plain_name="thorax is no ellipsoid",
     what="the surface is not an ellipsoid (superquadric exponent - 2)",
     unit="1",
     directions=("exponent",),

@@ -20,6 +20,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotation
 
 EFFECT = Effect(
     name="thorax_tilt",
+    plain_name="thorax ellipsoid tilted",
     what="ellipsoid axes rotated from the thorax frame",
     unit="deg",
     directions=("about x", "about y", "about z"),

@@ -1,4 +1,4 @@
-"""Effects that are known to be at work, by the numbers that a caller or a command line gives."""
+"""Amplitudes of effects that are known to be at work: as fits take them, and as a command line gives them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,21 +25,17 @@ class PersonalSize:
     sd: Sequence[float]
 
 
-Amplitudes = Mapping[str, Sequence[float] | PersonalSize]
-"""By name of the effect, the amplitude of each of its directions in its unit (``girdle effects``). That of one that
-goes with elevation holds at ``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each
-direction in turn."""
+Amplitude = Sequence[float] | PersonalSize
+"""Of each direction of an effect in its unit (``girdle effects``). That of one that goes with elevation holds at
+``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each direction in turn."""
+
+Amplitudes = Mapping[str, Amplitude]
+"""By name of the effect."""
 
 NO_EFFECTS: Amplitudes = MappingProxyType({})
 
 OPTION = "--effect"
 """Of the command line, where an error names it."""
-
-THORAX_POINTS = "thorax_points"
-"""Known beside the effects of the chain: the points on the thorax are another person's. ``{"thorax_points": (k,)}``
-lets them count 1/k: D / k + w mean(J) has its minimum where D + k w mean(J) has it, so w is multiplied by k."""
-
-THORAX_POINTS_WHAT = "points on the thorax are another person's: D counts 1/k"
 
 
 def active_effects(amplitudes: Amplitudes, motions: Motions, library: Mapping[str, Effect] = EFFECTS) -> ActiveEffects:
@@ -58,7 +54,7 @@ def active_effects(amplitudes: Amplitudes, motions: Motions, library: Mapping[st
 
 
 def _in_order(amplitudes: Amplitudes, library: Mapping[str, Effect]) -> list[Effect]:
-    named = (effect_named(name, "effects", library=library) for name in amplitudes if name != THORAX_POINTS)
+    named = (effect_named(name, "effects", library=library) for name in amplitudes)
     return sorted(named, key=list(library.values()).index)
 
 
@@ -79,13 +75,11 @@ def sizes_of_persons(
     return found
 
 
-def _mean(given: Sequence[float] | PersonalSize) -> Sequence[float]:
+def _mean(given: Amplitude) -> Sequence[float]:
     return given.mean if isinstance(given, PersonalSize) else given
 
 
-def _own(
-    effect: Effect, given: Sequence[float] | PersonalSize, motions: Motions
-) -> Float[np.ndarray, "sizes channels rows"]:
+def _own(effect: Effect, given: Amplitude, motions: Motions) -> Float[np.ndarray, "sizes channels rows"]:
     """The strengths of a size that is an SD off, in every way in which persons differ."""
     columns = effect.columns(motions)
     if not isinstance(given, PersonalSize):
@@ -102,41 +96,32 @@ def read_amplitudes(
     found: dict[str, tuple[float, ...] | PersonalSize] = {}
     for word in words:
         name, _, numbers = (part.strip() for part in word.partition("="))
-        effect = None if name == THORAX_POINTS else effect_named(name, OPTION, THORAX_POINTS, library=library)
+        effect = effect_named(name, OPTION, library=library)
         if name in found:
             raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
         try:
             mean, *sd = (tuple(float(number) for number in part.split(",")) for part in numbers.split("~", 1))
             found[name] = PersonalSize(mean, *sd) if sd else mean
         except ValueError:
-            remedy = f"Give {name}={','.join('0' * (len(effect.directions) if effect else 1))} with numbers of your own"
+            remedy = f"Give {name}={','.join('0' * len(effect.directions))} with numbers of your own"
             raise InputError(OPTION, None, f"'{numbers}' is not a list of numbers", remedy) from None
-        if effect:
-            _check(effect, found[name], OPTION)
-    weight_factor(found)
+        _check(effect, found[name], OPTION)
     return found
 
 
-def weight_factor(amplitudes: Amplitudes) -> float:
-    """Give what w of E is multiplied by: k of ``thorax_points``, else 1; InputError where it is no positive number."""
-    given = amplitudes.get(THORAX_POINTS, (1.0,))
-    if isinstance(given, PersonalSize):
-        given = (*given.mean, *given.sd)
-    if np.shape(given) != (1,) or not np.isfinite(given[0]) or given[0] <= 0.0:
-        remedy = f"Give one positive number, as (30,) or {THORAX_POINTS}=30: the points then count a thirtieth"
-        raise InputError(OPTION, None, f"{THORAX_POINTS} has {given if np.ndim(given) == 0 else list(given)}", remedy)
-    return float(given[0])
-
-
 _DIGITS = 4
-"""Of a number in an option: to 0.01 % of what is at work."""
+"""Of an amplitude that is printed: to 0.01 % of what is at work."""
 
 
-def as_option(effect: Effect, amplitude: Sequence[float], sd: Sequence[float] = ()) -> str:
-    """Write ``NAME=A,B,C`` or ``NAME=A,B,C~D,E,F`` with all amplitudes of the effect, rounded: the reverse of
-    ``read_amplitudes``."""
-    parts = (",".join(f"{value:.{_DIGITS}g}" for value in part) for part in (amplitude, sd) if len(part))
-    return f"{effect.name}={'~'.join(parts)}"
+def rounded(values: Sequence[float]) -> tuple[float, ...]:
+    """Round amplitudes to the digits that ``as_option`` writes, so that the option repeats an adaptation exactly."""
+    return tuple(float(f"{value:.{_DIGITS}g}") for value in values)
+
+
+def as_option(name: str, amplitude: Amplitude) -> str:
+    """Write ``NAME=A,B,C`` or ``NAME=A,B,C~D,E,F`` for people; ``read_amplitudes`` reads it as it was ``rounded``."""
+    parts = (amplitude.mean, amplitude.sd) if isinstance(amplitude, PersonalSize) else (amplitude,)
+    return f"{name}={'~'.join(','.join(f'{value:.{_DIGITS}g}' for value in part) for part in parts)}"
 
 
 def described(amplitudes: Amplitudes) -> str:
@@ -168,7 +153,7 @@ def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effe
     return library[name]
 
 
-def _check(effect: Effect, given: Sequence[float] | PersonalSize, place: str) -> None:
+def _check(effect: Effect, given: Amplitude, place: str) -> None:
     if isinstance(given, PersonalSize):
         _check(effect, given.mean, place)
         sd = np.asarray(given.sd, float)
