@@ -20,7 +20,7 @@ from adapt.engine.machine_code import MachineCodeError
 from adapt.solvers.newton.postures import lowest_kernel, postures_kernel
 from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.newton.subjects import subjects_kernel
-from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2, thorax_distance_mm2
+from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
@@ -32,6 +32,7 @@ from adapt.solvers.solution import (
 )
 from adapt.solvers.starts import OFFSETS_DEG
 from models import load_model
+from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG

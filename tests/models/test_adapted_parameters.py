@@ -36,11 +36,12 @@ import json
 import numpy as np
 from adapt import adapt_subjects
 from adapt.solvers.adaptation import fitted_angles
-from adapt.solvers.objective import angle_weights, mean_square_deg2, thorax_distance_mm2
+from adapt.solvers.objective import angle_weights, mean_square_deg2
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import problem_batch
 from models import load_model
 from models.adapted_parameters import ADAPTED
+from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions.rhythm_subjects import simulate_subjects
 
 motions, model = simulate_subjects(2, seed=4), load_model("R2")

@@ -11,10 +11,11 @@ from command import girdle, refused
 from adapt import Adaptations, adapt_subjects, fit_postures
 from adapt.diagnosis import diagnose
 from adapt.model_subjects import simulate_model_subjects
-from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
+from adapt.solvers.objective import WEIGHT
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
 from models.effects.amplitudes import PersonalSize, active_effects, as_option, described, read_amplitudes, rounded
+from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions import InputError, Motions, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG

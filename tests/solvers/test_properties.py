@@ -14,13 +14,14 @@ from programs import few_runs
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch, fitted_angles
-from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2, thorax_distance_mm2
+from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm
+from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions import read_motions
 from motions.motion_csv.posture_rows import MIRROR_ANGLES, MIRROR_POSITION
 from motions.rhythm_subjects import simulate_subjects

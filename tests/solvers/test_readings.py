@@ -9,9 +9,10 @@ import pytest
 from oracles import Bones, bones, cardan, constraints, ellipsoid_distance, slsqp, with_theta
 
 from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT, ThoraxPoints
+from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
+from adapt.solvers.projection.thorax_term import Thorax
 from adapt.trust.curvature import curvature
 from models import load_model
 from models.effects.amplitudes import active_effects
@@ -188,10 +189,11 @@ def test_with_landmarks_the_covariance_knows_of_them(data, adapted):
     curved = curvature(data, found)
     assert np.abs(curved.of_points - curvature(data, adapted["mm2_deg2"]).of_points).max() > 0.01
     fixed = subject_problem(data, found.weight, 1.0)
-    thorax = ThoraxPoints(*fixed[:4])
+    thorax = Thorax(*fixed[:4])
     for k in range(5):
         step = 1e-3 * np.eye(6)[k][:, None]
-        slope = (thorax.slope(found.theta_mm + step) - thorax.slope(found.theta_mm - step)) / 2e-3
+        up, down = (thorax(found.theta_mm + sign * step).gradient for sign in (1.0, -1.0))
+        slope = (up - down) / 2e-3
         np.testing.assert_allclose(curved.of_points[:, k], slope, rtol=0.0, atol=1e-6)
 
 
