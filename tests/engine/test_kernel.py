@@ -4,21 +4,19 @@ XLA where there is no machine code.
 
 import logging
 import sys
-from functools import partial
 
 import jax
 import llvmlite.binding as llvm
 import numpy as np
 import platformdirs
 import pytest
-from programs import few_runs
+from lagrangian import conditions
 
 from adapt.engine import kernel, machine_code, object_cache
 from adapt.engine.batching import take_problems
 from adapt.engine.kernel import Kernel
 from adapt.engine.machine_code import MachineCodeError
 from adapt.solvers.newton.postures import lowest_kernel, postures_kernel
-from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.newton.subjects import subjects_kernel
 from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
 from adapt.solvers.padded_batch import pack
@@ -28,11 +26,9 @@ from adapt.solvers.solution import (
     CONSTRAINT_TOLERANCE_MM,
     STATIONARITY_TOLERANCE,
     THETA_TOLERANCE,
-    SubjectSolution,
 )
 from adapt.solvers.starts import OFFSETS_DEG
 from models import load_model
-from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
@@ -150,7 +146,7 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
     """On the way as at the end: JAX's derivatives of E + lambda'g at the point where the iterations stopped."""
     problem, *rest = arguments(data, iterations)
     found = subjects_kernel.by_machine(problem, *rest)
-    residual, by_angle, by_theta = map(np.asarray, derivatives_by_jax(problem, found))
+    residual, by_angle, by_theta = map(np.asarray, conditions(problem, *found[:3]))
     held = (found.theta <= problem.lower) & (by_theta > 0.0) | (found.theta >= problem.upper) & (by_theta < 0.0)
     expected = {
         "residual_mm": residual,
@@ -165,23 +161,6 @@ def test_the_conditions_are_those_of_the_definition(data, iterations):
     ended = (closed <= CONSTRAINT_TOLERANCE_MM) & (still <= STATIONARITY_TOLERANCE)
     np.testing.assert_array_equal(found.converged, ended & (flat.max(axis=0) <= THETA_TOLERANCE))
     assert found.converged.all() == (iterations == 60.0)
-
-
-@few_runs
-@partial(jax.vmap, in_axes=-1, out_axes=-1)
-def derivatives_by_jax(problem: SubjectProblem, at: SubjectSolution):
-    """g, and the derivatives of D + sum 1/2 (q - s)' W (q - s) + lambda'g in q of every posture and in theta."""
-
-    def lagrangian(q, theta, part):
-        moved = problem.girdle.with_adapted(theta)
-        D = thorax_distance_mm2(moved, problem.points_mm, problem.point_weights, problem.levels_mm)
-        g = moved.over_postures().residuals_mm(q)
-        of_postures = 0.5 * (problem.weights * (q - problem.angles) ** 2).sum(axis=0) + (at.multipliers * g).sum(axis=0)
-        return D + (part * of_postures).sum(), g
-
-    by_angle, g = jax.grad(lagrangian, has_aux=True)(at.angles, at.theta, 1.0)
-    by_theta, _ = jax.grad(lagrangian, 1, has_aux=True)(at.angles, at.theta, problem.counted)
-    return g, by_angle, by_theta
 
 
 def test_a_problem_is_the_same_alone_and_in_any_company(data):

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 import pytest
 from oracles import Posture, bones, constraints, kkt_residual, slsqp
-from scipy.spatial.transform import Rotation
+from turned_scapula import active_in_all, without_effects
 
 from adapt.engine.batching import take_problems, with_problems
 from adapt.solvers import newton, projection, status
@@ -18,7 +18,7 @@ from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.solution import PostureSolution
 from adapt.solvers.starts import at_rest_where_unknown
 from models import load_model, model_names
-from models.effects import EFFECTS, ActiveEffects, AnyGirdle
+from models.effects import AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import shortest_conoid_mm
 from motions import read_motions
@@ -76,15 +76,13 @@ class Problem:
     """With the constraints of ``chain``, as the other engine knows them."""
     angles_deg: np.ndarray
     measured: np.ndarray
-    effects: ActiveEffects | None = None
-    """At work on ``base``."""
-    base: Girdle | None = None
+    with_effects: AnyGirdle | None = None
     by_hand: tuple[np.ndarray, np.ndarray] | None = None
     """Angles (deg) and multipliers of the fits."""
 
     @property
     def chain(self) -> AnyGirdle:
-        return self.plain if self.effects is None else self.effects.on(self.base)
+        return self.with_effects or self.plain
 
     @property
     def count(self) -> int:
@@ -205,21 +203,9 @@ def far() -> Problem:
 
 
 def with_effects(gap_mm: tuple[float, float], turned_deg: tuple[float, float, float]) -> Problem:
-    """TS and AI farther from the thorax, the scapula's frame turned: as R2 with other lengths and a turned scapula."""
-    base = with_set("R2", near_deg())
-    active = ActiveEffects(
-        tuple(np.repeat(np.array(one)[:, None], base.count, axis=1) for one in (gap_mm, turned_deg)),
-        (EFFECTS["scapulothoracic_gap"], EFFECTS["scapula_landmark_bias"]),
-    )
-    back = Rotation.from_rotvec(-np.radians(turned_deg)).as_matrix()
-    girdle = base.plain
-    other = replace(
-        girdle,
-        ts_distance_mm=girdle.ts_distance_mm + gap_mm[0],
-        ai_distance_mm=girdle.ai_distance_mm + gap_mm[1],
-        **{name: back @ getattr(girdle, name) for name in ("ts_mm", "ai_mm", "scapula_conoid_mm")},
-    )
-    return replace(base, plain=other, effects=active, base=girdle)
+    one, amplitudes = with_set("R2", near_deg()), (gap_mm, turned_deg)
+    active = active_in_all(amplitudes, (one.count,))
+    return replace(one, plain=without_effects(one.plain, amplitudes), with_effects=active.on(one.plain))
 
 
 PROBLEMS: dict[str, Callable[[], Problem]] = {
