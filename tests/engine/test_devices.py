@@ -23,7 +23,7 @@ from motions.rhythm_subjects import simulate_subjects
 postures_kernel.chunk = 64
 target = simulate_subjects(20, seed=2).angles_deg.T / DEG
 count = target.shape[1]
-girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
+girdle = load_model("R2").girdle.repeated(count)
 used, put = set(), jax.device_put
 
 

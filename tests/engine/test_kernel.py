@@ -69,50 +69,44 @@ def arguments(data: ProblemBatch, iterations: float = 60.0):
 def posture_arguments(iterations: float = 30.0):
     target = simulate_subjects(3, seed=7).angles_deg.T / DEG
     count = target.shape[1]
-    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R4").girdle)
+    girdle = load_model("R4").girdle.repeated(count)
     measured = np.ones(target.shape, bool)
     measured[2, ::3] = False
     start = target, np.zeros((3, count)), np.zeros(count, bool)
     return girdle, target, angle_weights(measured), start, np.full(count, iterations)
 
 
-def test_subjects_by_three_engines(data):
-    given = arguments(data)
-    found = subjects_kernel.by_machine(*given)
-    assert found.converged.all()
+def by_three_engines(kernel: Kernel, given):
+    """By machine code, as it is written, and by XLA."""
     with np.errstate(all="ignore"):
-        at_once = subjects_kernel.text(*given)
-    for other in (at_once, subjects_kernel.by_jax(*given)):
+        return kernel.by_machine(*given), kernel.text(*given), kernel.by_jax(*given)
+
+
+def test_subjects_by_three_engines(data):
+    found, *others = by_three_engines(subjects_kernel, arguments(data))
+    assert found.converged.all()
+    for other in others:
         np.testing.assert_array_equal(found.converged, other.converged)
         np.testing.assert_allclose(found.theta, other.theta, rtol=SAME_RELATIVE, atol=0.0)
         np.testing.assert_allclose(found.angles, other.angles, rtol=0.0, atol=SAME_RAD)
 
 
 def test_postures_by_three_engines():
-    given = posture_arguments()
-    found = postures_kernel.by_machine(*given)
+    found, *others = by_three_engines(postures_kernel, posture_arguments())
     ended = found.converged
     assert ended.mean() > 0.8  # in one round from one start
-    with np.errstate(all="ignore"):
-        at_once = postures_kernel.text(*given)
-    for other in (at_once, postures_kernel.by_jax(*given)):
-        np.testing.assert_array_equal(found.converged, other.converged)
+    for other in others:
+        np.testing.assert_array_equal(ended, other.converged)
         np.testing.assert_allclose(found.angles[:, ended], other.angles[:, ended], rtol=0.0, atol=SAME_RAD)
 
 
-def two_starts(iterations: float = 30.0):
-    girdle, target, weights, _, most = posture_arguments(iterations)
-    steps = np.full(len(most), 3.0), np.full(len(most), 1.0)
-    return girdle, target, weights, (target, target), steps, most
-
-
 def test_the_lowest_from_two_starts_by_three_engines():
-    given = two_starts()
-    found, settled, apart = lowest_kernel.by_machine(*given)
+    girdle, target, weights, _, most = posture_arguments()
+    steps = np.full(len(most), 3.0), np.full(len(most), 1.0)
+    given = girdle, target, weights, (target, target), steps, most
+    (found, settled, apart), *others = by_three_engines(lowest_kernel, given)
     assert settled.mean() > 0.9
-    with np.errstate(all="ignore"):
-        at_once = lowest_kernel.text(*given)
-    for other, *truths in (at_once, lowest_kernel.by_jax(*given)):
+    for other, *truths in others:
         np.testing.assert_array_equal(truths, (settled, apart))
         np.testing.assert_allclose(found.angles[:, settled], other.angles[:, settled], rtol=0.0, atol=SAME_RAD)
 
@@ -122,7 +116,7 @@ def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
     target = simulate_subjects(8, seed=9).angles_deg.T / DEG
     target = target + np.random.default_rng(1).normal(size=target.shape) * 20.0 / DEG
     count = target.shape[1]
-    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R4").girdle)
+    girdle = load_model("R4").girdle.repeated(count)
     weights, most, closed = angle_weights(np.ones(target.shape, bool)), np.full(count, 400.0), np.full(count, 6.0)
     starts = tuple(target + offset[:, None] / DEG for offset in OFFSETS_DEG[:2])
 

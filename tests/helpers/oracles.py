@@ -72,9 +72,8 @@ def ellipsoid_distance(p: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarr
 
     low = max(ap - a2 for ap, a2 in terms)
     high = np.sqrt(sum(ap * ap for ap, _ in terms)) - min(a2 for _, a2 in terms)
-    if secular(high) >= 0.0:  # to rounding: a sphere's root
-        t = high
-    else:
+    t: Any = high
+    if secular(high) < 0.0:  # else a sphere's root, to rounding
         t = brentq(secular, low, high, xtol=1e-14, rtol=_RTOL) if secular(low) > 0.0 else low
     n = p / (t + axes * axes)
     length = np.linalg.norm(n)

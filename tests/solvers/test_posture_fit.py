@@ -77,7 +77,7 @@ class Problem:
     angles_deg: np.ndarray
     measured: np.ndarray
     with_effects: AnyGirdle | None = None
-    by_hand: tuple[np.ndarray, np.ndarray] | None = None
+    by_hand: tuple[np.ndarray, ...] = ()
     """Angles (deg) and multipliers of the fits."""
 
     @property
@@ -99,9 +99,8 @@ def with_set(name: str, angles_deg: np.ndarray, measured: np.ndarray | None = No
 
 
 def with_every_set(angles_deg: np.ndarray) -> Problem:
-    each = [with_set(name, angles_deg) for name in MODELS]
-    girdle = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *(one.plain for one in each))
-    return Problem(girdle, *(np.concatenate([getattr(one, k) for one in each], 1) for k in ("angles_deg", "measured")))
+    each, every = [with_set(name, angles_deg).plain for name in MODELS], np.tile(angles_deg, len(MODELS))
+    return Problem(jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *each), every, np.isfinite(every))
 
 
 @cache
@@ -174,7 +173,7 @@ def one_angle() -> Problem:
 def missing() -> Problem:
     """One to three angles were not measured."""
     generator, angles_deg = np.random.default_rng(4), simulated_deg()
-    known = np.ones(angles_deg.shape, bool)
+    known = np.isfinite(angles_deg)
     for k in range(known.shape[1]):
         known[generator.permutation(6)[: 1 + k % 3], k] = False
     return with_set("R2", np.where(known, angles_deg, np.nan), known)
@@ -281,8 +280,8 @@ def test_ends_no_higher_than_slsqp(solver, name):
 
 def slsqp_lanes(one: Problem, start_deg: np.ndarray, lanes) -> dict[int, Posture]:
     """SLSQP on the given lanes, without those where it gives up."""
-    given = ((k, bones(one.plain, k), *(x[:, k] for x in (one.angles_deg, start_deg, one.measured))) for k in lanes)
-    found = {k: slsqp(*rest) for k, *rest in given}
+    each = {k: [x[:, k] for x in (one.angles_deg, start_deg, one.measured)] for k in lanes}
+    found = {k: slsqp(bones(one.plain, k), *given) for k, given in each.items()}
     return {k: one for k, one in found.items() if one.success and one.open_mm < OPEN_MM}
 
 

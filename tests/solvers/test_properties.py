@@ -117,20 +117,6 @@ def test_the_unit_of_length_does_not_matter_to_the_angles(seed, scale):
     np.testing.assert_allclose(other.multipliers * scale, one.multipliers, rtol=1e-6, atol=1e-8)
 
 
-@few
-@given(seed=seeds, order=st.permutations(range(POSTURES)), turned=st.floats(-1.0, 1.0))
-def test_order_and_company_of_postures_do_not_matter(seed, order, turned):
-    """The last posture of the batch is replaced by another one, far off."""
-    angles = measured(seed)
-    other = angles.copy()
-    other[:, -1] += turned
-    one, shuffled = fitted(R2, angles), fitted(R2, other[:, list(order)])
-    back = np.argsort(order)[:-1]
-    for name in ("angles", "multipliers", "j_deg2"):
-        expected = getattr(one, name)[..., :-1]
-        np.testing.assert_allclose(getattr(shuffled, name)[..., back], expected, rtol=PARTNERS, atol=PARTNERS)
-
-
 # --- adaptation ------------------------------------------------------------------------------------------------------
 
 SUBJECTS = 8
