@@ -29,7 +29,7 @@ from adapt.diagnosis.fit.joint_fit import RELIEF
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.result import ALL, NONE, Diagnosis
 from adapt.diagnosis.thorax_points import thorax_option
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION
 from models import ParameterSet, load_model
 from models.effects import EFFECTS, Effect
 from models.effects.effect import cause_of

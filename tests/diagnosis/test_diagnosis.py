@@ -14,7 +14,7 @@ from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.inference.fingerprint import ESTIMATE
 from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import ALL, EFFECT, NONE, UNKNOWN
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION
 from models import load_model
 from models.effects import EFFECTS
 from models.effects.known import read_amplitudes
