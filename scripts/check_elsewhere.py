@@ -28,7 +28,7 @@ from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.result import ALL, NONE, Diagnosis
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION
 from models import ParameterSet, load_model
 from models.effects import EFFECTS, Effect
 from models.effects.amplitudes import NO_EFFECTS

@@ -27,7 +27,8 @@ from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch
-from adapt.trust.held_out import Fold, fewest_folds, held_out
+from adapt.tables.folds import Fold, motions_or_thirds
+from adapt.trust.held_out import held_out
 from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm
@@ -144,7 +145,7 @@ def shoulders(motions: Motions, means: Sequence[str]) -> Shoulders:
     """Pack them. Left and right of one name are one person."""
     batch = pack(motions)
     person = np.array([person_of(name) for name in batch.subjects])
-    return Shoulders(motions, batch, fewest_folds(motions, batch), person, np.isin(batch.subjects, means))
+    return Shoulders(motions, batch, motions_or_thirds(motions), person, np.isin(batch.subjects, means))
 
 
 def outcome(models: Sequence[ParameterSet], of: Shoulders) -> Outcome:
@@ -155,10 +156,10 @@ def outcome(models: Sequence[ParameterSet], of: Shoulders) -> Outcome:
     adapted = adapt_batch(data)
     ok = adapted.status == status.OK
     after = np.where(_known(data) & ok, np.abs(adapted.angles - data.angles) * DEG, np.nan)
-    unseen = held_out(data, subjects, of.folds).unseen_deg
-    by_fold = unseen.reshape(6, -1, len(models), len(of.folds))
+    unseen = held_out(data, of.batch, of.folds).unseen_deg
+    by_fold = [np.stack(unseen[k :: len(of.folds)], axis=-1) for k in range(len(of.folds))]  # (6, tested, models)
     of_subject = [
-        np.concatenate([by_fold[..., k] for k, fold in enumerate(of.folds) if fold.subject == s], axis=1)
+        np.concatenate([by_fold[k] for k, fold in enumerate(of.folds) if fold.subject == s], axis=1)
         for s in range(subjects)
     ]
     split = (-1, len(models), subjects)

@@ -22,7 +22,7 @@ from adapt import adapt_subjects
 from adapt.cli import app as cli
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import problem_batch
-from adapt.trust.held_out import folds, folds_between, held_out_gaps
+from adapt.tables.folds import motions_and_thirds, one_motion_for_another
 from adapt.trust.weight_choice import weight_table
 from models import load_model
 from motions import InputError, read_motions
@@ -80,18 +80,18 @@ def main(
     motions = read_motions(*files)
     names = model or ["R2", "R4", "R6"]
     models = [load_model(name) for name in names]
-    batch = pack(motions)
-    fits = adapt_subjects(motions, models, held_out=()).fits
     for fitted, tested in ((one, other), (other, one)):
-        choose = partial(folds_between, fitted=fitted, tested=tested)
-        if not choose(motions, batch):
+        folds = partial(one_motion_for_another, fitted=fitted, tested=tested)
+        if not folds(motions):
             known = ", ".join(sorted(set(motions.motion.tolist())))
             raise InputError("--one", None, f"no subject has both '{one}' and '{other}'", f"The motions are {known}")
-        print(gap_table(held_out_gaps(motions, models, fits, choose=choose), fitted), end="\n\n")
+        heldout = adapt_subjects(motions, models, held_out=motions.subjects, folds=folds).heldout
+        print(gap_table(heldout, fitted), end="\n\n")
     if weights:
         report = lambda stage: print(stage, file=sys.stderr, flush=True)  # noqa: E731
-        data, parts = problem_batch(batch, models), folds(motions, batch)
-        print(curve(weight_table(data, batch.subjects, names, parts, progress=report)))
+        batch = pack(motions)
+        data, folds = problem_batch(batch, models), motions_and_thirds(motions)
+        print(curve(weight_table(data, batch, names, folds, progress=report)))
 
 
 if __name__ == "__main__":

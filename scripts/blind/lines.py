@@ -11,7 +11,7 @@ import numpy as np
 
 from adapt import adapt_subjects
 from adapt.diagnosis.result import ALL, Diagnosis, GapLevels
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION
 from models import ParameterSet
 from models.effects import EFFECTS
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes

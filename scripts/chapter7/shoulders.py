@@ -9,13 +9,14 @@ from scipy.stats import t as student
 
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from adapt.engine.batching import take_problems
+from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.padded_batch import Batch, pack
+from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import problem_batch
-from adapt.tables.held_out import MOTION
-from adapt.trust.held_out import Fold, folds, held_out
+from adapt.tables.folds import MOTION, motions_and_thirds
+from adapt.trust.held_out import held_out
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions import InputError, Motions
@@ -70,23 +71,18 @@ def adapt_rows(motions: Motions, model: ParameterSet) -> AdaptedRows:
     batch = pack(motions)
     data = problem_batch(batch, [model])
     adapted = adapt_batch(data)
-    parts = [part for part in folds(motions, batch) if part.kind == MOTION]
-    theta = held_out(data, len(batch.subjects), parts).adapted if parts else adapted.take(slice(0))
+    folds = [fold for fold in motions_and_thirds(motions) if fold.kind == MOTION]
+    theta = held_out(data, batch, folds).adapted if folds else take_problems(adapted, slice(0))
     number = {name: k for k, name in enumerate(batch.subjects)}
     rows = np.array([number[name] for name in motions.subject.tolist()])
     without = np.full((len(adapted.theta_mm), len(rows)), np.nan)
     unseen = []
-    for k, part in enumerate(parts):
+    for k, fold in enumerate(folds):
         if theta.status[k] == status.OK:
-            unseen.append(_unseen(batch, part, theta.theta_mm[:, k]))
-            without[:, unseen[-1].tested] = theta.theta_mm[:, k, None]
+            unseen.append(Unseen(fold.tested, fold.fitted, theta.theta_mm[:, k]))
+            without[:, fold.tested] = theta.theta_mm[:, k, None]
     good = np.where(adapted.status == status.OK, adapted.theta_mm, np.nan)
     return AdaptedRows(model, motions, good[:, rows], without, tuple(unseen))
-
-
-def _unseen(batch: Batch, part: Fold, theta_mm) -> Unseen:
-    rows = batch.rows[:, part.subject]
-    return Unseen(rows[part.tested], rows[part.fitted], theta_mm)
 
 
 def closest(girdle: Girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 rows"]:
