@@ -17,9 +17,9 @@ from adapt.diagnosis.result import ALL, Cause, Interval, Noise, Verdict
 from models import ParameterSet
 from models.effects import EFFECTS, Effect
 from motions import Motions
-from scripts import blind_check
-from scripts.blind import report
-from scripts.blind.cases import (
+from scripts.research.named_causes import blind_check
+from scripts.research.named_causes.blind import report
+from scripts.research.named_causes.blind.cases import (
     CALIBRATION_SEEDS,
     CONDITIONS,
     LISTED,
@@ -31,8 +31,8 @@ from scripts.blind.cases import (
     plan,
     world_of,
 )
-from scripts.blind.lines import line_of, true_directions
-from scripts.blind.runs import Line, append_lines, key, missing, read_lines, run_missing
+from scripts.research.named_causes.blind.lines import line_of, true_directions
+from scripts.research.named_causes.blind.runs import Line, append_lines, key, missing, read_lines, run_missing
 
 TRUE, OTHER, THIRD = "conoid_strain", "ac_translation", "thorax_tilt"
 

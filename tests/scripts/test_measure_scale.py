@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from scripts.measure_scale import family, measure, memory_mib, watched
+from scripts.research.speed.measure_scale import family, measure, memory_mib, watched
 
 HOLDS = "import time; x = b'x' * 60_000_000; time.sleep(1.5)"
 FAMILY = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {HOLDS!r}])"

@@ -13,10 +13,10 @@ from adapt.diagnosis.fit.shoulders import usable
 from models import load_model
 from models.effects import EFFECTS
 from motions import read_motions
-from scripts.measured_check import named_without
-from scripts.measured_control import LEFT_OUT, Gaps, cells, drawn_at_random, tried
-from scripts.measured_fewer import LESS, ONE, REST, SHOULDER, parts, table
-from scripts.measured_noise import compared
+from scripts.research.named_causes.measured_check import named_without
+from scripts.research.named_causes.measured_control import LEFT_OUT, Gaps, cells, drawn_at_random, tried
+from scripts.research.named_causes.measured_fewer import LESS, ONE, REST, SHOULDER, parts, table
+from scripts.research.named_causes.measured_noise import compared
 
 BIAS, TILT, SIZE = "scapula_landmark_bias", "thorax_tilt", "scapula_size"
 

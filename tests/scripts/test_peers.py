@@ -6,10 +6,10 @@ import pytest
 from oracles import T_SCALE_MM2, bones, foot_point_multipliers, slsqp, subject_problem, whole_objective
 
 from models import load_model
-from scripts import benchmark
-from scripts.peers.casadi_compiled import fatrop_call, in_stages
-from scripts.peers.cases import Cases
-from scripts.roofline.counted import times_an_iteration
+from scripts.research.speed import side_by_side
+from scripts.research.speed.peers.casadi_compiled import fatrop_call, in_stages
+from scripts.research.speed.peers.cases import Cases
+from scripts.research.speed.roofline.counted import times_an_iteration
 
 ROUNDING = 1e-12
 """Relative, of sums of some hundred numbers in another order."""
@@ -56,15 +56,15 @@ def _values(problem, x, p) -> tuple[float, np.ndarray]:
 
 
 def test_what_is_not_installed_is_left_out_and_said(monkeypatch, capsys):
-    there, missing = benchmark.PEERS["ipopt"], benchmark.Peer(benchmark.ipopt.run, "no_such_package")
-    monkeypatch.setattr(benchmark, "PEERS", {"there": there, "missing": missing})
-    assert list(benchmark.installed_peers()) == ["there"]
+    there, missing = side_by_side.PEERS["ipopt"], side_by_side.Peer(side_by_side.ipopt.run, "no_such_package")
+    monkeypatch.setattr(side_by_side, "PEERS", {"there": there, "missing": missing})
+    assert list(side_by_side.installed_peers()) == ["there"]
     assert capsys.readouterr().err == "missing is left out: no_such_package is not installed\n"
 
 
 def test_optima_are_compared_subject_by_subject():
     ours, peer = np.array([1.0, 1.0, 1.0, 1.0, 5.0]), np.array([1.0, 1.0 + 1e-8, 1.1, np.nan])
-    found = benchmark.compared(ours, peer)
+    found = side_by_side.compared(ours, peer)
     assert found == {
         "subjects": 4.0,
         "same": 0.5,

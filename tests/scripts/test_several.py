@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scripts.blind.several import several_report
+from scripts.research.named_causes.blind.several import several_report
 
 OTHER = "ac_translation"
 """Is at work in none of them."""

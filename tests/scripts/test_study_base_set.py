@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from scripts import study_base_set
-from scripts.study_base_set import row, with_every_base
+from scripts.research.person import study_base_set
+from scripts.research.person.study_base_set import row, with_every_base
 
 BASES = ["R2", "breteler_dissection"]
 """Two of the six, each a run of its own."""

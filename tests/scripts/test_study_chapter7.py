@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 from motions import InputError, read_motions
 from motions.motion_csv.writing import write_motions
 from motions.rhythm_subjects import DATA_FILE
-from scripts.chapter7.ellipsoids import line_over_elevation, mean_change
-from scripts.chapter7.shoulders import Persons, whole
-from scripts.study_chapter7 import MEASURED, SIMULATED, app
+from scripts.research.thesis.chapter7.ellipsoids import line_over_elevation, mean_change
+from scripts.research.thesis.chapter7.shoulders import Persons, whole
+from scripts.research.thesis.study_chapter7 import MEASURED, SIMULATED, app
 
 EXACT = 1e-12
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from motions import read_motions
-from scripts import study_forms
-from scripts.other_world.worlds import Case, write_case
+from scripts.research.named_causes import study_forms
+from scripts.research.named_causes.synthetic_b.worlds import Case, write_case
 
 NAME = "scapula_landmark_bias"
 

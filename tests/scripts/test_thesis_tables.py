@@ -17,11 +17,9 @@ from models.girdle import landmarks
 from motions import Motions, read_motions
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.motion_csv.writing import write_motions
-from scripts import compare_thesis, study_objective
-from scripts.rooms import ROOT
-from scripts.thesis import printed, scores
-from scripts.thesis.outcomes import ABDUCTION, FLEXION, Outcome, Study, outcomes, prepare
-from scripts.thesis.variants import (
+from scripts.research.thesis import compare_thesis, printed, scores, study_objective
+from scripts.research.thesis.outcomes import ABDUCTION, FLEXION, Outcome, Study, outcomes, prepare
+from scripts.research.thesis.variants import (
     AXIAL,
     BOUNDS,
     LEFT_OUT,
@@ -32,6 +30,7 @@ from scripts.thesis.variants import (
     with_bounds,
     with_points,
 )
+from scripts.rooms import ROOT
 
 HALF_DIGIT = 0.05 + 1e-9
 """The tables are printed to 0.1; subjects too, whose rounding averages out."""

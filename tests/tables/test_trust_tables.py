@@ -18,7 +18,8 @@ from adapt.trust.held_out import fewest_folds, folds, folds_between, held_out_ga
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
 from models import load_model, model_names
 from motions import Motions
-from scripts import reporting, study_sets
+from scripts import reporting
+from scripts.research.trust import study_sets
 
 ROUNDING = 1e-12
 

@@ -1,0 +1,1 @@
+"""Does a person's own parameter set fit better than a cadaver's, and which set should give what was not measured?"""
