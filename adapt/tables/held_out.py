@@ -6,8 +6,8 @@ import pandas as pd
 
 from motions.table import ANGLES, BONES
 
-MOTION, POSTURES, OTHER = "motion", "postures", "only"
-"""Kinds of folds: one motion held out, every third posture held out, one motion alone adapted to."""
+MOTION, POSTURES = "motion", "postures"
+"""Kinds of folds: one motion held out, every third posture held out."""
 
 SEEN = {"before": 0, "in_sample": 1}
 """Gaps of the fits that are reported, by their word; and the column ``adapted`` of their table."""

@@ -17,7 +17,7 @@ from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
-from adapt.tables.held_out import BONE_PREFIXES, MOTION, NOTHING, OTHER, POSTURES, SEEN
+from adapt.tables.held_out import BONE_PREFIXES, MOTION, NOTHING, POSTURES, SEEN
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.folds import hold_out_motions, hold_out_thirds
 from models.effects.known import NO_EFFECTS, Amplitudes, active_effects
@@ -60,16 +60,6 @@ def fewest_folds(motions: Motions, batch: Batch) -> list[Fold]:
     every = folds(motions, batch)
     several = {part.subject for part in every if part.kind == MOTION}
     return [part for part in every if part.kind == MOTION or part.subject not in several]
-
-
-def folds_between(motions: Motions, batch: Batch, fitted: str, tested: str) -> list[Fold]:
-    """Adapt to one motion, look at another one, of every subject that has both."""
-    found = []
-    for subject, (names, counted) in enumerate(_named(motions, batch)):
-        one, other = counted & (names == fitted), counted & (names == tested)
-        if one.any() and other.any():
-            found.append(Fold(subject, OTHER, tested, one, other))
-    return found
 
 
 def _named(motions: Motions, batch: Batch):

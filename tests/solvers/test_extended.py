@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracles import shortest_conoid_mm
 
 from adapt.engine.batching import take_problems
 from adapt.solvers.adaptation import adapt_batch
@@ -20,7 +21,6 @@ from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects.known import active_effects
-from models.parameter_sets import shortest_conoid_mm
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
 from motions.table import ANGLES

@@ -12,14 +12,15 @@ from adapt.cli.print_tables import PlainConsole
 from adapt.cli.print_trust import print_weights
 from adapt.output.trust_words import trust_sentences
 from adapt.solvers.padded_batch import pack
-from adapt.tables.held_out import COLUMNS, MOTION, OTHER, POSTURES, by_model, by_subject
+from adapt.tables.held_out import COLUMNS, MOTION, POSTURES, by_model, by_subject
 from adapt.trust.covariance import NORMAL_95
-from adapt.trust.held_out import fewest_folds, folds, folds_between, held_out_gaps, reported_gaps_deg, sample
+from adapt.trust.held_out import fewest_folds, folds, held_out_gaps, reported_gaps_deg, sample
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
 from models import load_model, model_names
 from motions import Motions
 from scripts import reporting
 from scripts.research.trust import study_sets
+from scripts.research.trust.study_heldout import ONLY, folds_between
 
 ROUNDING = 1e-12
 
@@ -97,7 +98,7 @@ def test_a_fold_between_two_motions_is_of_those_who_have_both():
     motions = two_motions()
     batch = pack(motions)
     (fold,) = folds_between(motions, batch, "abduction", "flexion")
-    assert (fold.subject, fold.kind, fold.held_out) == (0, OTHER, "flexion")
+    assert (fold.subject, fold.kind, fold.held_out) == (0, ONLY, "flexion")
     assert set(motions.motion[batch.rows[fold.fitted, 0]]) == {"abduction"}
     assert set(motions.motion[batch.rows[fold.tested, 0]]) == {"flexion"}
 

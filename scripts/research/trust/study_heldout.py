@@ -15,22 +15,37 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import pandas as pd
 import typer
 
 from adapt import adapt_subjects
 from adapt.cli import app as cli
-from adapt.solvers.padded_batch import pack
+from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.problem_batch import problem_batch
-from adapt.trust.held_out import folds, folds_between, held_out_gaps
+from adapt.trust.held_out import Fold, folds, held_out_gaps
 from adapt.trust.weight_choice import weight_table
 from models import load_model
-from motions import InputError, read_motions
+from motions import InputError, Motions, read_motions
 from scripts.reporting import markdown
 
 app = typer.Typer(add_completion=False)
 
 GAPS = ("gap_before_deg", "gap_in_sample_deg", "gap_unseen_deg")
+
+ONLY = "only"
+"""Kind of a fold: one motion alone is adapted to."""
+
+
+def folds_between(motions: Motions, batch: Batch, fitted: str, tested: str) -> list[Fold]:
+    """Adapt to one motion, look at another one, of every subject that has both."""
+    found = []
+    for subject, counted in enumerate(np.asarray(batch.counted).T):
+        names = motions.motion[batch.rows[:, subject]]
+        one, other = counted & (names == fitted), counted & (names == tested)
+        if one.any() and other.any():
+            found.append(Fold(subject, ONLY, tested, one, other))
+    return found
 
 
 def gap_table(table: pd.DataFrame, fitted: str) -> str:

@@ -4,8 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from adapt.trust.constant_distance import POINTS, DistanceCourse, distance_courses, noise_courses, thorax_distances_mm
 from scripts.reporting import markdown
+from scripts.research.thesis.chapter7.constant_distance import (
+    POINTS,
+    DistanceCourse,
+    distance_courses,
+    noise_courses,
+    thorax_distances_mm,
+)
 from scripts.research.thesis.chapter7.shoulders import AdaptedRows, Persons, closest
 
 REPEATS, SEED = 200, 7

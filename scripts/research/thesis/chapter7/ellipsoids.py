@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers import status
-from adapt.trust.posture_ellipsoids import foreseen_square_sd, least_change, smooth_share
 from models.adapted_parameters import ADAPTED_PARAMETERS
 from motions.rotations import DEG
 from motions.table import BONES
+from scripts.research.thesis.chapter7.posture_ellipsoids import foreseen_square_sd, least_change, smooth_share
 from scripts.research.thesis.chapter7.shoulders import AdaptedRows, Persons, Unseen, closest
 
 SIZE_HEADER = ["data", "set", "part", "change, SDs", "varying, SDs", "varying by noise, SDs", "share that is smooth"]

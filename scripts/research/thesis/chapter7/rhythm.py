@@ -7,10 +7,10 @@ from jaxtyping import Float
 
 from models.drive import drive, free_coordinates_mm
 from motions import Motions
-from motions.rhythm_prediction import Predicted, predict_from_lowest
 from motions.rotations import DEG
 from motions.table import ANGLE_NAMES, ANGLES, BONES
 from scripts.reporting import markdown
+from scripts.research.thesis.chapter7.rhythm_prediction import Predicted, predict_from_lowest
 from scripts.research.thesis.chapter7.shoulders import AdaptedRows, Persons, closest
 
 _NORMAL_95 = 1.959964

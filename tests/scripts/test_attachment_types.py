@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from models.person.attachment_types import CROSS, LARGE, SHIFT, SLIDE, SMALL, attachment_type
+from scripts.research.thesis.attachment_types import CROSS, LARGE, SHIFT, SLIDE, SMALL, attachment_type
 
 THESIS = Path(__file__).parents[3] / "shared" / "thesis.txt"
 ROW = re.compile(r"^R2\d?-R2\d\s+([\d.]+)\s+([\d.]+)\s+([\d.]+)\s+(SMALL|LARGE|T[123])\b", re.MULTILINE)
