@@ -18,7 +18,7 @@ from sphinx.util.typing import stringify_annotation
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from models.effects.effect import Adjust, Show  # noqa: E402
+from models.effects.effect import Adjust  # noqa: E402
 from models.effects.known import Amplitudes  # noqa: E402
 from models.person.family import AnyModel  # noqa: E402
 from scripts.reference import documented_names  # noqa: E402
@@ -53,7 +53,7 @@ NAVIGATION = Path(__file__).with_name("navigation.md")
 MARKED = re.compile(r"(?P<code>``?[^`]+``?)|(?P<role>:\w+:(?=`))|(?P<mark>[*|_\\])")
 """What of a docstring reStructuredText would read as markup: only code and roles are meant."""
 
-NAMED = {"DTypeLike": DTypeLike, "AnyModel": AnyModel, "Amplitudes": Amplitudes, "Adjust": Adjust, "Show": Show}
+NAMED = {"DTypeLike": DTypeLike, "AnyModel": AnyModel, "Amplitudes": Amplitudes, "Adjust": Adjust}
 ALIASES = {stringify_annotation(alias, "smart"): name for name, alias in NAMED.items()}
 """Types that have a name, which a signature spells out."""
 
