@@ -9,7 +9,7 @@ MEANS ?= --mean mean_ludewig2009 --mean mean_oki2012
 # Where it is set, every process compiles all that it imports anew: three seconds each, and the tests start hundreds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed fuzz mutants rooms frames docs clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed studies fuzz mutants rooms frames docs clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -36,6 +36,9 @@ lock: .venv/dev ## after a change of dependencies in pyproject.toml
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra peers -c requirements-dev.lock pyproject.toml -o requirements-peers.lock
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra docs -c requirements-dev.lock pyproject.toml -o requirements-docs.lock
 	echo uv | $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes -c requirements-dev.lock - -o requirements-uv.lock
+
+studies: .venv/dev ## the tests of the studies themselves, which guard nothing that runs; after a change in scripts/research
+	$(BIN)/pytest scripts/research/tests
 
 blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
 	$(BIN)/python scripts/research/named_causes/blind_check.py --out out/blind

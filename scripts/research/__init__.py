@@ -6,5 +6,5 @@
     person          does a person's own parameter set fit better than a cadaver's?
     speed           how fast are the fits, beside other solvers and what the machine can reach?
 
-Nothing that runs imports them: they import the library, and `make test` runs what guards it.
+Nothing that runs imports them. `make studies` runs their tests (``tests``); `make test` what guards the library.
 """

@@ -1,7 +1,7 @@
 """Two measurements of one bone: what differs between the distances of its points (thesis, chapters 4 and 5).
 
 The distance matrices are DM_1 and DM_2, and E = DM_1 - DM_2 (Eq. 4.1 and 5.1). A point that is wrong in one of them
-spoils its whole row; the largest subset that agrees is kept. Tables 4.1 and 5.1 come out again (tests/scripts).
+spoils its whole row; the largest subset that agrees is kept. Tables 4.1 and 5.1 come out again.
 """
 
 from collections.abc import Sequence

@@ -20,7 +20,7 @@ from scripts.research.named_causes.measured_noise import compared
 
 BIAS, TILT, SIZE = "scapula_landmark_bias", "thorax_tilt", "scapula_size"
 
-SHIPPED = Path(__file__).parents[2] / "motions" / "data" / "simulated_subjects.csv"
+SHIPPED = Path(__file__).parents[3] / "motions" / "data" / "simulated_subjects.csv"
 
 
 @pytest.mark.parametrize("column", ["subject", "motion"])

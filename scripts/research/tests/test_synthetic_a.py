@@ -1,8 +1,6 @@
 """The blind world: its chains close, its files say nothing of the effect, and every effect is there to be found."""
 
-import ast
 import json
-import sys
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from scripts.research.named_causes import synthetic_a
 from scripts.research.named_causes.synthetic_a import (
     LABELS,
     World,
@@ -28,7 +25,7 @@ from scripts.research.named_causes.synthetic_a.__main__ import main
 from scripts.research.named_causes.synthetic_a.catalogue import EFFECTS
 from scripts.research.named_causes.synthetic_a.conventions import ANGLES
 
-MODELS = Path(__file__).parents[2] / "models" / "sets"
+MODELS = Path(__file__).parents[3] / "models" / "sets"
 R2 = MODELS / "R2.toml"
 COLUMNS = ["subject", "motion", "posture", "humerus_elevation_deg", *ANGLES]
 VISIBLE_MM = 0.3
@@ -216,29 +213,12 @@ def test_the_people_of_each_world_differ_in_their_own_way() -> None:
         assert 0.9 * most < sd.max() <= most
 
 
-@pytest.mark.parametrize("model", sorted(MODELS.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_parameter_set_makes_a_world(model: Path) -> None:
-    world = make_world("none", model, subjects=4, seed=0)
-    assert len(world.table) + len(world.truth["dropped"]) == 56
-    assert len(world.table) > 45
-    assert np.max(np.abs(world.closure_mm)) < chain.CLOSED_MM
-
-
 def test_true_postures_follow_each_other_smoothly() -> None:
     world = clean("none")
     frame = world.table[["subject", "motion"]].assign(row=np.arange(len(world.table)))
     for _, rows in frame.groupby(["subject", "motion"])["row"]:
         for before, after in pairwise(rows):
             assert np.max(np.abs(world.true_deg[after] - world.true_deg[before])) < 25.0
-
-
-def test_the_world_shares_no_code_with_what_it_tests() -> None:
-    files = sorted(Path(synthetic_a.__file__).parent.glob("*.py"))
-    nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
-    imported = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
-    imported |= {node.module or "." for node in nodes if isinstance(node, ast.ImportFrom)}
-    foreign = {name for name in imported if not name.startswith("scripts.research.named_causes.synthetic_a.")}
-    assert {name.split(".")[0] for name in foreign} - set(sys.stdlib_module_names) == {"numpy", "pandas"}
 
 
 def test_wrong_requests_say_what_there_is() -> None:

@@ -19,7 +19,7 @@ from scripts.research.named_causes.synthetic_a import make_world
 from tests.helpers.handmade import motions_of
 
 BIAS = "scapula_landmark_bias"
-MODEL = Path(__file__).parents[2] / "models" / "sets" / "R4.toml"
+MODEL = Path(__file__).parents[3] / "models" / "sets" / "R4.toml"
 
 
 def told(folder: Path, **truth: Any) -> Path:
