@@ -120,8 +120,9 @@ def adapt_subjects(
     ``folds``: another choice of what is held out in turn (``adapt.tables.folds``).
 
     ``dtype``: with float32 the fits are iterated in it, and again in float64 where that does not converge. Of simulated
-    subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm (``scripts/measure_float32.py``); where E
-    has several optima, one subject in a thousand ends in another one, as often a lower as a higher one.
+    subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm
+    (``scripts/research/speed/measure_float32.py``); where E has several optima, one subject in a thousand ends in
+    another one, as often a lower as a higher one.
 
     ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
     ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of

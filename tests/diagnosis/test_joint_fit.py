@@ -6,17 +6,17 @@ from itertools import count
 import jax
 import numpy as np
 import pytest
+from adapt.solvers.reference.posture import objective_weights
 from scipy.optimize import minimize
 from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING, JointFit
 from adapt.engine.batching import take_problems
+from adapt.solvers.posture_fits import reference_fit
 from adapt.solvers.projection import gauss_newton
 from adapt.solvers.projection.bounded_step import Quadratic, lowest
 from adapt.solvers.projection.nearest_posture import nearest_postures
-from adapt.solvers.posture_fits import reference_fit
-from adapt.solvers.reference.posture import objective_weights
 from models import load_model
 from models.effects import ActiveEffects
 from models.effects.amplitudes import PersonalSize

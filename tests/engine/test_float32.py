@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 import pytest
+from adapt.solvers.reference.posture import objective_weights
 from command import girdle
 
 from adapt.engine.batching import as_type
@@ -17,14 +18,13 @@ from adapt.solvers.newton.subjects import sweep_from
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import subject_problem, problem_batch
-from adapt.solvers.reference.posture import objective_weights
+from adapt.solvers.problem_batch import problem_batch, subject_problem
 from models import load_model
 from models.effects import NO_ACTIVE_EFFECTS
 from models.parameter_sets import FOLDER
 from motions import ANGLES, Motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
-from scripts.measure_float32 import errors, of_postures
+from scripts.research.speed.measure_float32 import errors, of_postures
 
 MOST_DEG, MOST_MM, MOST_E = 5e-4, 0.05, 5e-6
 """Largest change of an angle, of a parameter and (relative) of E by float32: twice what 1000 subjects showed. A

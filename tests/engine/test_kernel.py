@@ -10,6 +10,9 @@ import llvmlite.binding as llvm
 import numpy as np
 import platformdirs
 import pytest
+from adapt.solvers.reference.constraints import ByHand
+from adapt.solvers.reference.posture import objective_weights
+from adapt.solvers.reference.subject import conditions, joint
 
 from adapt.engine import kernel, machine_code, object_cache
 from adapt.engine.batching import take_problems
@@ -23,10 +26,7 @@ from adapt.solvers.newton.subject import Start
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, subject_problem, problem_batch, select_problems
-from adapt.solvers.reference.constraints import ByHand
-from adapt.solvers.reference.posture import objective_weights
-from adapt.solvers.reference.subject import conditions, joint
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
 from models import load_model
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
@@ -305,7 +305,7 @@ def test_xla_does_it_where_there_is_no_machine_code(damage, dtype, tmp_path, mon
 
 
 def test_machine_code_runs_beside_a_gpu_too(monkeypatch):
-    """A GPU is slower: docs/performance.md."""
+    """A GPU is slower: docs/research/performance.md."""
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     monkeypatch.setattr(Kernel, "by_jax", fail)
     np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64)(np.arange(9.0)), 2.0 * np.arange(9))

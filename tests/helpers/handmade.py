@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import jax
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
@@ -12,8 +13,8 @@ from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.posture_fits import Fitted
 from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import BONE_PREFIXES, COLUMNS
 from adapt.tables.results import fits_table, parameters_table, rows_of_subjects
@@ -95,9 +96,9 @@ def adaptations(
 def _problems(motions: Motions, models: Sequence[AnyModel], results: dict[str, Adapted]) -> AdaptedSubjects:
     """All models side by side, nothing held out."""
     batch = pack(motions)
-    every = [vars(one) for one in results.values()]
-    adapted = Adapted(**{name: np.concatenate([one[name] for one in every], axis=-1) for name in every[0]})
-    return AdaptedSubjects(batch, problem_batch(batch, models), adapted, HeldOut((), take_problems(adapted, slice(0)), ()))
+    adapted: Adapted = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results.values())
+    nothing = HeldOut((), take_problems(adapted, slice(0)), ())
+    return AdaptedSubjects(batch, problem_batch(batch, models), adapted, nothing)
 
 
 def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:
@@ -113,16 +114,17 @@ def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndarray) -> Fitted:
+def _fitted(motions: Motions, gap_deg: Float[np.ndarray, " rows"], lost: np.ndarray) -> PostureSolution:
     rows = len(lost)
     angles_deg = np.nan_to_num(motions.angles_deg) + gap_deg[:, None]
-    return Fitted(
+    return PostureSolution(
         angles=np.where(lost[:, None], np.nan, angles_deg).T / float(DEG),
         multipliers=np.zeros((3, rows)),
         residual_mm=np.zeros((3, rows)),
         stationarity=np.zeros(rows),
         j_deg2=gap_deg**2,
-        status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
+        iterations=np.ones(rows, dtype=int),
+        code=np.where(lost, status.UNCONVERGED, status.CONVERGED),
         jump=np.zeros(rows, dtype=bool),
     )
 

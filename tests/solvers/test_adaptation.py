@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from nested import values_and_slopes
 from oracles import bones, ipopt, whole_objective
 
@@ -16,7 +17,6 @@ from adapt.solvers.adaptation import STARTS_MM, Adapted, _distinct, adapt_batch,
 from adapt.solvers.newton.postures import fitted_from
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import ParameterSet, load_model, model_names
 from models.ellipsoid import closest_point
 from motions import Motions, read_motions

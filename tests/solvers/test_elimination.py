@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 import pytest
+from adapt.solvers.reference.elimination import UNMEASURED_WEIGHT
 
 from adapt.solvers.newton.elimination import (
     PENALTY_GROWTH,
@@ -14,7 +15,6 @@ from adapt.solvers.newton.elimination import (
     augmented,
     stationarity,
 )
-from adapt.solvers.reference.elimination import UNMEASURED_WEIGHT
 from models import load_model
 from models.derivatives import ELLIPSOID, ConstraintDerivatives, chain, closest_point_multipliers
 from motions.rhythm_subjects import simulate_subjects

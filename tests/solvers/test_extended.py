@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 
 from adapt.engine.batching import take_problems
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.projection import thorax_term
-from adapt.solvers.projection.postures import fit_by_newton, fit_extended
-from adapt.solvers.projection.secant import secant
-from adapt.solvers.projection.thorax_term import Thorax
-from adapt.solvers.projection.subjects import solve_extended
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import at_rest_where_unknown, reference_fit
-from adapt.solvers.problem_batch import subject_problem, problem_batch, set_arrays
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
+from adapt.solvers.problem_batch import problem_batch, set_arrays, subject_problem
+from adapt.solvers.projection import thorax_term
+from adapt.solvers.projection.postures import fit_by_newton, fit_extended
+from adapt.solvers.projection.secant import secant
+from adapt.solvers.projection.subjects import solve_extended
+from adapt.solvers.projection.thorax_term import Thorax
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects.amplitudes import active_effects

@@ -5,15 +5,14 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 import pytest
-from oracles import Posture, bones, constraints, kkt_residual, slsqp
+from adapt.solvers.reference.posture import objective_weights
+from oracles import Posture, bones, constraints, kkt_residual, shortest_conoid_mm, slsqp
 
 from adapt.solvers import status
 from adapt.solvers.continuation import follow_motions
 from adapt.solvers.posture_fits import Fitted, at_rest_where_unknown, fit_batch, reference_fit
-from adapt.solvers.reference.posture import objective_weights
 from models import load_model, model_names
 from models.girdle import Girdle
-from models.parameter_sets import shortest_conoid_mm
 from motions import read_motions
 from motions.rhythm import COEFFICIENTS, REST_DEG, girdle_angles_deg
 from motions.rhythm_subjects import simulate_subjects

@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from programs import few_runs
@@ -18,7 +19,6 @@ from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm

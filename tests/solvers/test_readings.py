@@ -11,7 +11,7 @@ from oracles import Bones, bones, cardan, constraints, ellipsoid_distance, slsqp
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT, ThoraxPoints
 from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, subject_problem, problem_batch, select_problems
+from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
 from adapt.trust.curvature import curvature
 from models import load_model
 from models.effects.amplitudes import active_effects
