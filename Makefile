@@ -9,7 +9,7 @@ MEANS ?= --mean mean_ludewig2009 --mean mean_oki2012
 # Where it is set, every process compiles all that it imports anew: three seconds each, and the tests start hundreds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed fuzz mutants rooms frames docs clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed studies fuzz mutants rooms frames docs clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -37,8 +37,11 @@ lock: .venv/dev ## after a change of dependencies in pyproject.toml
 	$(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes --extra docs -c requirements-dev.lock pyproject.toml -o requirements-docs.lock
 	echo uv | $(BIN)/uv pip compile -q --universal --python-version 3.11 --generate-hashes -c requirements-dev.lock - -o requirements-uv.lock
 
+studies: .venv/dev ## the tests of the studies themselves, which guard nothing that runs; after a change in scripts/research
+	$(BIN)/pytest scripts/research/tests
+
 blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
-	$(BIN)/python scripts/blind_check.py --out out/blind
+	$(BIN)/python scripts/research/named_causes/blind_check.py --out out/blind
 
 fuzz: .venv/dev ## thousands of broken files through every reader: a quarter of an hour; prints what became of them
 	$(BIN)/python scripts/fuzz_readers.py --inputs 2000 --keep out/fuzz
@@ -47,29 +50,29 @@ mutants: .venv/dev ## small faults put into the numerical core: which of them do
 	$(BIN)/python scripts/mutate_core.py --mutants 40
 
 recovery: .venv/runtime ## do the intervals of adapted parameters hold the truth? simulated subjects; prints its figures
-	$(BIN)/python scripts/study_recovery.py
+	$(BIN)/python scripts/research/trust/study_recovery.py
 
 heldout: .venv/runtime ## adapted to one motion, looked at on another; w by motions held out; of measured motions
-	$(BIN)/python scripts/study_heldout.py $(MOTIONS) --weights
+	$(BIN)/python scripts/research/trust/study_heldout.py $(MOTIONS) --weights
 
 sets: .venv/runtime ## what depends on the cadaver; of measured motions
-	$(BIN)/python scripts/study_sets.py $(MOTIONS)
+	$(BIN)/python scripts/research/trust/study_sets.py $(MOTIONS)
 
 completion: .venv/runtime ## how what is not printed of R2, R4 and R6 is best placed: two minutes; of measured motions
-	$(BIN)/python scripts/study_completion.py $(MOTIONS) $(MEANS)
+	$(BIN)/python scripts/research/thesis/study_completion.py $(MOTIONS) $(MEANS)
 
 tables: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
-	$(BIN)/python scripts/compare_thesis.py $(MOTIONS) $(MEANS)
-	$(BIN)/python scripts/study_objective.py $(MOTIONS) $(MEANS:--mean=--leave-out)
+	$(BIN)/python scripts/research/thesis/compare_thesis.py $(MOTIONS) $(MEANS)
+	$(BIN)/python scripts/research/thesis/study_objective.py $(MOTIONS) $(MEANS:--mean=--leave-out)
 
 questions: .venv/runtime ## what measured motions say of the questions of chapter 7: a minute
-	$(BIN)/python scripts/study_chapter7.py $(MOTIONS) $(MEANS)
+	$(BIN)/python scripts/research/thesis/study_chapter7.py $(MOTIONS) $(MEANS)
 
 thesis: tables completion questions ## all that measured motions say of the thesis: minutes; prints Markdown
 
 speed: .venv/dev .venv/peers ## the fits against other solvers, and where their time goes: a quarter of an hour; simulated subjects
 	$(BIN)/python scripts/benchmark.py --subjects 1000 --peers 30 --repeats 5
-	$(BIN)/python scripts/measure_roofline.py
+	$(BIN)/python scripts/research/speed/measure_roofline.py
 
 rooms: .venv/runtime ## the drawing of the rooms, docs/rooms.svg, from the imports in the source
 	$(BIN)/python scripts/draw_rooms.py

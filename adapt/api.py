@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import jax
 import numpy as np
@@ -10,13 +11,11 @@ import pandas as pd
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
-from adapt.solvers.adaptation import Adapted, adapt_batch
+from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_rows import MotionRows, fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import problem_batch
 from adapt.solvers.solution import PostureSolution
-from adapt.tables.held_out import NOTHING
+from adapt.tables.folds import Fold, motions_and_thirds, motions_or_thirds
 from adapt.tables.results import (
     ALL_MOTIONS,
     STATISTICS,
@@ -27,8 +26,8 @@ from adapt.tables.results import (
     summary_table,
 )
 from adapt.trust.covariance import Uncertainty, uncertainty
-from adapt.trust.held_out import fewest_folds, held_out_gaps, sample
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects, sizes_of_persons
+from adapt.trust.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
 from motions.table import Motions, check_motions
@@ -55,10 +54,18 @@ class PostureFits:
 class Adaptations(Tables, PostureFits):
     """The same before and after adaptation, with the adapted parameters."""
 
+    before: dict[str, PostureSolution]
+    """As ``by_model``, without adaptation."""
     adapted: dict[str, Adapted]
     """By model; problems in the order of ``motions.subjects``."""
+    problems: AdaptedSubjects
+    """The same of all models side by side, and without what was held out: problem = model * subjects + subject."""
     uncertainty: Uncertainty
     """Of problem number = model * subjects + subject."""
+
+    def of(self, model: str) -> AdaptedSubjects:
+        """Give the problems of one model, by its name."""
+        return self.problems.of(list(self.adapted).index(model))
 
 
 def fit_postures(
@@ -100,6 +107,7 @@ def adapt_subjects(
     dtype: DTypeLike = np.float64,
     effects: Amplitudes = NO_EFFECTS,
     thorax_downweighting: float = 1.0,
+    folds: Callable[[Motions], list[Fold]] = motions_or_thirds,
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
@@ -109,10 +117,12 @@ def adapt_subjects(
     one that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
     each of their motions, or, with a single motion, each third of their postures: see ``adapt.trust.held_out``. By
     default all are, of more than 400 a sample; this takes about twice the time of the rest, and ``()`` spares it.
+    ``folds``: another choice of what is held out in turn (``adapt.tables.folds``).
 
     ``dtype``: with float32 the fits are iterated in it, and again in float64 where that does not converge. Of simulated
-    subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm (``scripts/measure_float32.py``); where E
-    has several optima, one subject in a thousand ends in another one, as often a lower as a higher one.
+    subjects angles differ by at most 3e-4 degrees and parameters by 0.03 mm
+    (``scripts/research/speed/measure_float32.py``); where E has several optima, one subject in a thousand ends in
+    another one, as often a lower as a higher one.
 
     ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
     ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
@@ -125,46 +135,41 @@ def adapt_subjects(
     """
     models, motions, weight = as_list(models), _with_gaps(motions), down_weighted(weight, thorax_downweighting)
     dtype = _type_of(dtype, effects)
-    _, before = _before(motions, models, progress, dtype, effects)
-    batch = pack(motions)
-    known = active_effects(effects, motions).at(batch.rows)
-    data = as_type(problem_batch(batch, models, known), dtype)
-    adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
-    data = data.with_sizes(adapted.sizes)
-    parts = _parts(len(models), len(batch.subjects))
-    results = {model.name: adapted.take(part) for model, part in zip(models, parts, strict=True)}
+    before, table_before = _before(motions, models, progress, dtype, effects)
+    subjects = motions.subjects
+    chosen = sample(subjects) if held_out is None else set(held_out)
+    parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
+    found = adapt_with_folds(motions, models, parts, weight, reading, progress, dtype, effects)
     progress("uncertainty")
-    uncertain = uncertainty(as_type(data, float), adapted)
+    uncertain = uncertainty(as_type(found.data, float), found.adapted)
     progress("postures after adaptation")
     rows = MotionRows.of_models(motions, len(models), effects, dtype)
-    by_model = _by_model(models, rows_of_optima(rows, batch, data, adapted))
-    tables = [fits_table(motions, name, True, fitted) for name, fitted in by_model.items()]
-    fits = pd.concat([before, *tables], ignore_index=True)
-    parameters = parameters_table(motions.subjects, models, results, uncertain.sd_mm, fits)
-    parameters = parameters.assign(**sizes_of_persons(effects, adapted.sizes))
-    chosen = sample(motions.subjects) if held_out is None else held_out
-    heldout = _held_out(motions, models, fits, weight, reading, progress, dtype, effects, chosen)
+    after = _by_model(models, rows_of_optima(rows, found.batch, found.data, found.adapted))
+    tables = [fits_table(motions, name, True, fitted) for name, fitted in after.items()]
+    fits = pd.concat([table_before, *tables], ignore_index=True)
+    results = _by_model(models, found.adapted)
+    parameters = parameters_table(subjects, models, results, uncertain.sd_mm, fits)
+    seen = {"before": before, "in_sample": after}
+    seen_deg = {word: [gaps_deg(motions, one) for one in fitted.values()] for word, fitted in seen.items()}
     return Adaptations(
-        by_model=by_model,
+        by_model=after,
         fits=fits,
+        before=before,
         adapted=results,
+        problems=found,
         uncertainty=uncertain,
         subjects=rows_of_subjects(fits),
-        parameters=parameters,
-        heldout=heldout,
+        parameters=parameters.assign(**sizes_of_persons(effects, found.adapted.sizes)),
+        heldout=heldout_table(subjects, list(results), found.held_out, seen_deg),
     )
 
 
-def _held_out(
-    motions: Motions, models, fits, weight, reading, progress, dtype, effects, subjects: Collection[str]
-) -> pd.DataFrame:
-    chosen = np.isin(motions.subject, list(subjects))
-    if not chosen.any():
-        return NOTHING
-    of_chosen = pd.DataFrame(fits[fits["subject"].isin(list(subjects))])
-    return held_out_gaps(
-        motions.select(chosen), models, of_chosen, weight, reading, progress, fewest_folds, dtype, effects
-    )
+def adapt_with_every_fold(
+    motions: Motions, models: Sequence[AnyModel], weight: float = WEIGHT, progress: Progress = lambda _: None
+) -> Adaptations:
+    """Adapt as :func:`adapt_subjects` does, and again without each motion and each third of everybody's postures."""
+    everybody = motions.subjects
+    return adapt_subjects(motions, models, weight, progress=progress, held_out=everybody, folds=motions_and_thirds)
 
 
 def _check_names(motions: Motions) -> None:
@@ -187,11 +192,10 @@ def _type_of(dtype: DTypeLike, effects: Amplitudes) -> DTypeLike:
     return np.float64 if effects else dtype
 
 
-def _by_model(models: Sequence[AnyModel], fitted: PostureSolution) -> dict[str, PostureSolution]:
-    parts = _parts(len(models), len(fitted.code) // len(models))
-    return {model.name: take_problems(fitted, part) for model, part in zip(models, parts, strict=True)}
+_Problems = TypeVar("_Problems", PostureSolution, Adapted)
 
 
-def _parts(models: int, width: int) -> list[slice]:
-    """Of each model in turn, where its ``width`` problems are."""
-    return [slice(k * width, (k + 1) * width) for k in range(models)]
+def _by_model(models: Sequence[AnyModel], every: _Problems) -> dict[str, _Problems]:
+    """Share the problems of all models, as many of each, out to them."""
+    width = len(every.status) // len(models)
+    return {model.name: take_problems(every, slice(k * width, (k + 1) * width)) for k, model in enumerate(models)}

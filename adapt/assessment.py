@@ -5,33 +5,32 @@
 forces act as before."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from adapt.api import Adaptations, adapt_subjects
+from adapt.api import Adaptations, adapt_with_every_fold
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch
+from adapt.solvers.problem_batch import ProblemBatch
 from adapt.tables.before_after import before_and_after
 from adapt.tables.contact_table import contact_table
-from adapt.tables.held_out import MOTION, POSTURES, by_subject
+from adapt.tables.folds import MOTION, POSTURES
+from adapt.tables.held_out import by_subject
 from adapt.tables.muscle_tables import serratus_arms
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.changed_forces import force_checks
 from adapt.trust.covariance import NORMAL_95, Uncertainty, sd
 from adapt.trust.flat_directions import FLAT_MM, flat_directions
-from adapt.trust.held_out import folds, held_out_gaps
 from adapt.trust.profile import Profile, profile_intervals
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from adapt.trust.weight_choice import weight_table
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, as_list
-from motions.table import Motions
+from motions.table import Motions, check_motions
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
 """Where an interval comes from: +-1.96 SD within the bounds; the bounds, at one of them."""
@@ -70,34 +69,27 @@ def assess_trust(
     E = D + weight mean(J), mm^2 and deg^2, as in ``adapt_subjects``; ``choose_weight`` also tries other w on held-out
     motions.
     """
+    check_motions(motions)
     models = as_list(models)
-    names = [model.name for model in models]
-    result = adapt_subjects(motions, models, weight, progress=progress, held_out=())
-    batch = pack(motions)
-    subjects, data = batch.subjects, problem_batch(batch, models)
-    adapted, found = joined([result.adapted[name] for name in names]), result.uncertainty
+    names, everyone = [model.name for model in models], motions.subjects
+    result = adapt_with_every_fold(motions, models, weight, progress)
+    problems, found = result.problems, result.uncertainty
+    data, adapted = problems.data, problems.adapted
     progress("profiles of E")
     profile = profile_intervals(data, adapted, found, found.sd_mm > FLAT_MM)
     progress("adaptation without the thorax points")
     free = adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
-    heldout = held_out_gaps(motions, models, result.fits, weight, progress=progress)
     progress("forces before and after")
     pairs = [(model, before_and_after(model, result.fits, result.parameters)) for model in models]
     contact = contact_table(pairs)
     forces = force_checks(contact, serratus_arms(pairs))
-    plausible = pd.concat([plausibility_table(subjects, models, adapted), forces], ignore_index=True)
-    spread = uncertainty_table(subjects, models, data, adapted, found, profile)
+    plausible = pd.concat([plausibility_table(everyone, models, adapted), forces], ignore_index=True)
+    spread = uncertainty_table(everyone, models, data, adapted, found, profile)
     weights = None
     if choose_weight:
-        weights = weight_table(data, subjects, names, folds(motions, batch), progress=progress)
-    summary = _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible)
-    result = replace(result, heldout=heldout)
+        weights = weight_table(data, problems.batch, names, problems.held_out.folds, progress=progress)
+    summary = _subjects_table(motions, everyone, names, result, adapted, found, free, result.heldout, plausible)
     return Trust(result, summary, spread, plausible, contact, weights)
-
-
-def joined(parts: Sequence[Adapted]) -> Adapted:
-    """Join the problems of all parts, one part after the other."""
-    return Adapted(**{k: np.concatenate([getattr(part, k) for part in parts], axis=-1) for k in vars(parts[0])})
 
 
 def intervals(

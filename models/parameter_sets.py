@@ -121,17 +121,6 @@ def model_file(name_or_path: str | os.PathLike[str]) -> Path:
     return Path(name_or_path) if _is_path(name_or_path) else _shipped(os.fspath(name_or_path))
 
 
-def shortest_conoid_mm(girdle: Girdle) -> float:
-    """Compute ||u| - |v||, the shortest distance between the attachments in any posture, mm.
-
-    u: from the clavicular attachment to AC; v: from AC to the scapular attachment. A conoid shorter than
-    this, or longer than |u| + |v|, closes in no posture (A3).
-    """
-    u = np.asarray(girdle.ac_mm - girdle.clavicle_conoid_mm)
-    v = np.asarray(girdle.scapula_conoid_mm)
-    return float(abs(np.linalg.norm(u) - np.linalg.norm(v)))
-
-
 def parameter_set(document: dict[str, Any], file: str) -> ParameterSet:
     """Build the parameter set of a TOML document that was read from the file. InputError as in ``load_model``."""
     _check_keys(document, file)

@@ -2,8 +2,8 @@
 
 The thesis prints ellipsoid, clavicle, conoid length and scapula of R2, R4 and R6 (Tables 3.2, 3.3), and
 landmarks and ellipsoid of one cadaver, dissected and in MRI (Tables 4.2, 4.5). The same cadaver is in DAS3,
-with the conoid's attachments. What is missing is placed by one ``Rule``; scripts/study_completion.py compares rules on
-measured shoulders. In mm.
+with the conoid's attachments. What is missing is placed by one ``Rule``; scripts/research/thesis/study_completion.py
+compares rules on measured shoulders. In mm.
 """
 
 import os
@@ -415,7 +415,7 @@ def _measured_sources(ellipsoid: str, at_rest: str) -> dict[str, str]:
         "into the frame of Appendix A by Table 4.2, dissection, and scaled by the length of the clavicle; +-8 mm",
         "scapula.conoid_mm": f"assumed: in {at_rest}, the conoid hangs straight down from the clavicle. In DAS3 it is "
         "21 deg from there, its lower end backward; of measured shoulders hanging predicts unseen motions better "
-        "(docs/completion.md); +-8 mm",
+        "(docs/research/completion.md); +-8 mm",
     }
 
 

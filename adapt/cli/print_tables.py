@@ -18,7 +18,8 @@ from rich.segment import Segment
 from rich.table import Table
 
 from adapt.solvers import status
-from adapt.tables.held_out import MOTION, by_model, by_subject
+from adapt.tables.folds import MOTION
+from adapt.tables.held_out import by_model, by_subject
 from adapt.tables.results import ALL_MOTIONS, STATISTICS, parameter_statistics
 from motions.files import printable
 from motions.table import ANGLES

@@ -1,6 +1,6 @@
 """The gaps of `girdle adapt`, and of `girdle adapt --effect`: the same fits, bounds and held-out folds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,16 +9,15 @@ from jaxtyping import Float, Int
 from adapt.diagnosis.inference.intervals import by_bone, known_mean
 from adapt.diagnosis.result import BoneGaps
 from adapt.solvers import status
-from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.motion_rows import MotionRows, fit_rows
+from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT, down_weighted
-from adapt.solvers.padded_batch import Batch, pack
-from adapt.solvers.problem_batch import problem_batch
-from adapt.tables.held_out import MOTION, POSTURES
-from adapt.trust.held_out import Fold, folds, held_out
+from adapt.solvers.padded_batch import Batch
+from adapt.solvers.solution import PostureSolution
+from adapt.tables.folds import MOTION, POSTURES, Fold, motions_and_thirds
+from adapt.trust.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg
 from models.effects import EFFECTS, AnyGirdle, Effect
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
-from models.person.family import AnyModel, girdles_of
+from models.effects.amplitudes import Amplitudes
+from models.person.family import AnyModel
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -59,46 +58,45 @@ def adapted_gaps(
     ``person``: the number of the person of each subject, for the intervals. ``library``: the effects by name.
     ``thorax_downweighting``: see :func:`adapt.adapt_subjects`.
     """
-    batch = pack(motions)
-    data = problem_batch(batch, [model], active_effects(effects, motions, library).at(batch.rows))
-    weight = down_weighted(WEIGHT, thorax_downweighting)
-    adapted = adapt_batch(data, weight)
+    folds, weight = motions_and_thirds(motions), down_weighted(WEIGHT, thorax_downweighting)
+    return gaps_of(adapt_with_folds(motions, [model], folds, weight, effects=effects, library=library), person)
+
+
+def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:
+    """Average the gaps that the adaptations of one model leave, on all postures and on those that are held out."""
+    batch, adapted, data = found.batch, found.adapted, found.data
     measured = np.where(batch.measured & batch.counted, batch.angles, np.nan)
     after = np.abs(np.where(adapted.status == status.OK, adapted.angles, np.nan) - measured) * float(DEG)
-    parts = folds(motions, batch)
-    found = held_out(data, len(batch.subjects), parts, weight).unseen_deg
-    of_folds = [found[:, part.tested, k] for k, part in enumerate(parts)]
-    everyone = _persons(batch, person)
-    chain = data.with_sizes(adapted.sizes).active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
-    return AdaptedGaps(batch, chain, adapted, _of_subjects(after, everyone), _of_folds(of_folds, parts, everyone))
+    everyone = _persons(batch.subjects, person)
+    chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
+    unseen = _of_folds(found.held_out.unseen_deg, found.held_out.folds, everyone)
+    return AdaptedGaps(batch, chain, adapted, _of_subjects(list(np.moveaxis(after, -1, 0)), everyone), unseen)
 
 
-def base_gaps(motions: Motions, model: AnyModel, person: Mapping[str, int]) -> BaseGaps:
-    """Fit every posture with the model as it is; the gaps on all postures, and on those that are held out."""
-    batch = pack(motions)
-    fitted = fit_rows(MotionRows.of_models(motions, 1, NO_EFFECTS, float), girdles_of(model, motions.subject.tolist()))
-    rows = np.abs(np.where(fitted.status == status.OK, fitted.angles, np.nan) * DEG - motions.angles_deg.T)
-    before = np.where(batch.counted, rows[:, batch.rows], np.nan)
-    parts = folds(motions, batch)
-    of_folds = [before[:, part.tested, part.subject] for part in parts]
-    everyone = _persons(batch, person)
-    return BaseGaps(_of_subjects(before, everyone), _of_folds(of_folds, parts, everyone))
+def base_gaps(motions: Motions, before: PostureSolution, folds: Sequence[Fold], person: Mapping[str, int]) -> BaseGaps:
+    """Average the gaps of the model as it is, on all postures and on those that are held out.
+
+    ``before``: its fits of all rows of the motions.
+    """
+    gaps, everyone = gaps_deg(motions, before), _persons(motions.subjects, person)
+    in_sample = _of_subjects([gaps[:, motions.subject == name] for name in motions.subjects], everyone)
+    return BaseGaps(in_sample, _of_folds([gaps[:, fold.tested] for fold in folds], folds, everyone))
 
 
-def _persons(batch: Batch, person: Mapping[str, int]) -> Int[np.ndarray, " subjects"]:
-    return np.array([person[name] for name in batch.subjects])
+def _persons(subjects: Sequence[str], person: Mapping[str, int]) -> Int[np.ndarray, " subjects"]:
+    return np.array([person[name] for name in subjects])
 
 
-def _of_subjects(gaps: Float[np.ndarray, "6 postures subjects"], everyone) -> BoneGaps:
-    return by_bone(np.array([known_mean(gaps[..., s]) for s in range(gaps.shape[-1])]), everyone)
+def _of_subjects(gaps: Sequence[Float[np.ndarray, "6 some"]], everyone) -> BoneGaps:
+    return by_bone(np.array([known_mean(one) for one in gaps]), everyone)
 
 
-def _of_folds(gaps: list[Float[np.ndarray, "6 some"]], parts: list[Fold], everyone) -> dict[str, BoneGaps]:
+def _of_folds(gaps: Sequence[Float[np.ndarray, "6 some"]], folds: Sequence[Fold], everyone) -> dict[str, BoneGaps]:
     """The gaps of all folds of each kind."""
     found = {}
     for kind in (MOTION, POSTURES):
-        chosen = [k for k, part in enumerate(parts) if part.kind == kind]
+        chosen = [k for k, fold in enumerate(folds) if fold.kind == kind]
         if chosen:
-            persons = everyone[[parts[k].subject for k in chosen]]
+            persons = everyone[[folds[k].subject for k in chosen]]
             found[kind] = by_bone(np.array([known_mean(gaps[k]) for k in chosen]), persons)
     return found

@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps
+from adapt.api import Adaptations, adapt_with_every_fold
+from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps, gaps_of
 from adapt.diagnosis.declared_effects import declared_effects
 from adapt.diagnosis.design.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
 from adapt.diagnosis.fit.slips import without_slips
-from adapt.diagnosis.fit.unseen_folds import PERSON
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung, alone_deg
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
@@ -47,7 +47,7 @@ from adapt.diagnosis.result import (
     Verdict,
     can_test,
 )
-from adapt.tables.held_out import MOTION, POSTURES
+from adapt.tables.folds import MOTION, PERSON, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
 from models.effects.effect import cause_of
@@ -68,27 +68,33 @@ def diagnose(
     noise_deg: float | None = None,
     effects: Sequence[Effect] | None = None,
     progress: Progress = lambda _: None,
+    adaptations: Adaptations | None = None,
 ) -> dict[str, Diagnosis]:
     """Diagnose the gap of all subjects together, with every model on its own; by name of the model.
 
     ``noise_deg`` is the SD of one measured angle; without it, it is estimated. ``effects``: the candidates; by default
     all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
+    ``adaptations``: of these models to these motions (``adapt.api.adapt_with_every_fold``), where they are known; they
+    are computed anew where a posture is left out.
     Raises InputError where ``motions`` are none or no subject has enough postures, ValueError for an effect of one's
     own that does nothing, or something at amplitude 0.
     """
     check_motions(motions)
     models = as_list(models)
-    motions, slips = without_slips(motions)
-    every, left_out = usable(motions)
+    clean, slips = without_slips(motions)
+    every, left_out = usable(clean)
     for one in unique_sets(models, every.subjects)[0]:
         check_own_effects(effects or (), one.girdle)
-    declared = declared_effects(motions)
+    declared = declared_effects(clean)
     computed = axial_is_computed(every)
+    if adaptations is None or len(every.motions.posture) < len(motions.posture):
+        adaptations = adapt_with_every_fold(every.motions, models, progress=progress)
     with threadpool_limits(1, "blas"):  # of small matrices, more threads wait for each other longer than they work
         return {
             model.name: _Study(
                 model,
                 every,
+                adaptations,
                 candidate_effects(model, every.subjects) if effects is None else tuple(effects),
                 computed,
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
@@ -101,8 +107,15 @@ class _Study:
     """One model and the subjects: the steps of its diagnosis share the search."""
 
     def __init__(
-        self, model: AnyModel, every: Shoulders, effects: tuple[Effect, ...], computed: bool, progress: Progress
+        self,
+        model: AnyModel,
+        every: Shoulders,
+        plain: Adaptations,
+        effects: tuple[Effect, ...],
+        computed: bool,
+        progress: Progress,
     ):
+        self.plain = plain
         self.model, self.motions, self.computed, self.progress = model, every.motions, computed, progress
         self.shoulders, self.nearest = sampled(every)
         self.library = {one.name: one for one in effects}  # the caller's own among them
@@ -130,8 +143,9 @@ class _Study:
         order = [rung.added for rung in named.rungs[1:]]
         sizes = {name: sizes[name] for name in order}
         self.progress("gaps of girdle adapt")
-        base = base_gaps(self.motions, self.model, self.person)
-        adapted = adapted_gaps(self.motions, self.model, {}, self.person)
+        plain = self.plain.of(self.model.name)
+        base = base_gaps(self.motions, self.plain.before[self.model.name], plain.held_out.folds, self.person)
+        adapted = gaps_of(plain, self.person)
         with_causes = self._with_causes(sizes) if sizes or self.has_prior_thorax else adapted
         gaps = self._gaps(base, adapted, with_causes, named.rungs, floor)
         worth = 1.0 - _left_over(gaps) >= _LEAST_WORTH  # False where there is no gap beyond noise

@@ -7,7 +7,7 @@ import pandas as pd
 
 from adapt.diagnosis.wording import MOST_WORDS
 from adapt.report.fit_states import STATES, state_rows
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
 from motions.table import ANGLES, BONES
 

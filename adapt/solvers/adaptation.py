@@ -1,7 +1,8 @@
 """Adaptation of the girdle to subjects: min E = D + w mean(J_p) over ellipsoid and conoid (thesis Eq. 6.5)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
@@ -62,8 +63,7 @@ _EXACT_DEG2 = 1e-9
 they do say something of its parameters."""
 
 
-@dataclass(frozen=True)
-class Adapted:
+class Adapted(NamedTuple):
     """Adaptations of a batch of problems (see ``adapt.solvers.problem_batch``), numpy."""
 
     theta_mm: Float[np.ndarray, "adapted problems"]
@@ -92,17 +92,6 @@ class Adapted:
     sizes: Float[np.ndarray, "sizes problems"]
     """Of effects that differ between persons, in SDs off the mean (``models.effects.amplitudes.PersonalSize``)."""
     status: Shaped[np.ndarray, " problems"]
-
-    def take(self, chosen) -> "Adapted":
-        """Take some problems, by their numbers, where they are or as a slice."""
-        return Adapted(**{name: value[..., chosen] for name, value in vars(self).items()})
-
-    def replaced(self, chosen: Int[np.ndarray, " chosen"], values: "Adapted") -> "Adapted":
-        """Replace some problems by those of ``values``, in a copy."""
-        result = {name: np.array(value) for name, value in vars(self).items()}
-        for name, value in result.items():
-            value[..., chosen] = getattr(values, name)
-        return Adapted(**result)
 
 
 Progress = Callable[[str], None]
@@ -141,13 +130,13 @@ def _with_own_sizes(data: ProblemBatch, weight: float, reading: str, progress: P
     progress("sizes of effects")
     left, settled = np.arange(count), np.zeros(count, bool)
     for _ in range(_ROUNDS):
-        part, before = take_problems(data, left), adapted.take(left)
+        part, before = take_problems(data, left), take_problems(adapted, left)
         problem = subject_problem(part, np.full(len(left), weight))
         found = fit_sizes(problem, before.theta_mm, before.angles, part.active_effects)
         moved = np.abs(found.sizes - sizes[:, left]).max(axis=0) > _SAME_SIZE
         sizes[:, left] = found.sizes
         after = adapted_from(part.with_sizes(found.sizes), found.theta_mm, weight)
-        adapted = adapted.replaced(left, after)
+        adapted = with_problems(adapted, left, after)
         again = moved & (after.E < found.E * (1.0 - _SAME_VALLEY))
         settled[left] = found.settled & ~again
         left = left[again]
@@ -156,7 +145,7 @@ def _with_own_sizes(data: ProblemBatch, weight: float, reading: str, progress: P
     if reading != DEFAULT_READING:
         adapted = adapt_batch(data.with_sizes(sizes), weight, reading, progress)
     adapted.status[~settled] = status.NOT_CONVERGED
-    return replace(adapted, sizes=sizes)
+    return adapted._replace(sizes=sizes)
 
 
 def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
@@ -164,11 +153,11 @@ def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Ad
     left = np.arange(len(adapted.status))
     for number in range(_REWEIGHTED):
         progress(f"weights of the reading, round {number + 1}")
-        part, before = take_problems(data, left), adapted.take(left)
+        part, before = take_problems(data, left), take_problems(adapted, left)
         u, W = reading.equivalent(weight, _at_optimum(part, reading, before.theta_mm, before.mean_j_deg2))
         W = np.maximum(W, _LEAST_WEIGHT)
         found = _from_theta(replace(part, point_weights=u), weight, reading, W, before.theta_mm, lambda _: None)
-        adapted = adapted.replaced(left, _in_terms_of(part, weight, reading, found))
+        adapted = with_problems(adapted, left, _in_terms_of(part, weight, reading, found))
         moving = np.abs(np.log(W / before.weight)) > _SETTLED
         moving |= np.abs(u - before.point_weights).max(axis=0) > _SETTLED
         left = left[moving]
@@ -190,7 +179,7 @@ def _at_optimum(data: ProblemBatch, reading: Reading, theta_mm, mean_j_deg2) -> 
 def _in_terms_of(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted) -> Adapted:
     """D and E of points that count as in ``data``, of an optimum found with other weights of them."""
     at = _at_optimum(data, reading, adapted.theta_mm, adapted.mean_j_deg2)
-    return replace(adapted, D_mm2=at.D_mm2, E=reading.value(weight, at))
+    return adapted._replace(D_mm2=at.D_mm2, E=reading.value(weight, at))
 
 
 def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
@@ -219,7 +208,7 @@ def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, pro
     lowest = np.full(count, np.inf)
     np.minimum.at(lowest, problem, E)
     among_lowest = np.flatnonzero(lowest[problem] * (1.0 + same) >= E)
-    return ended.take(among_lowest[np.unique(problem[among_lowest], return_index=True)[1]])
+    return take_problems(ended, among_lowest[np.unique(problem[among_lowest], return_index=True)[1]])
 
 
 def _distinct(E: Float[np.ndarray, "starts problems"], same: float) -> Bool[np.ndarray, "starts problems"]:

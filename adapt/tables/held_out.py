@@ -2,12 +2,12 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """``heldout.csv`` as a table: its columns, and what it says of a model, a subject and a motion."""
 
+from collections.abc import Collection
+
 import pandas as pd
 
+from adapt.tables.folds import MOTION
 from motions.table import ANGLES, BONES
-
-MOTION, POSTURES, OTHER = "motion", "postures", "only"
-"""Kinds of folds: one motion held out, every third posture held out, one motion alone adapted to."""
 
 SEEN = {"before": 0, "in_sample": 1}
 """Gaps of the fits that are reported, by their word; and the column ``adapted`` of their table."""
@@ -43,3 +43,10 @@ def by_subject(table: pd.DataFrame) -> pd.DataFrame:
 def by_model(table: pd.DataFrame) -> pd.DataFrame:
     """Average the gaps of each model over the subjects, whatever was held out of each."""
     return pd.DataFrame(by_subject(table).drop(columns=["subject", "kind"]).groupby("model", sort=False).mean())
+
+
+def fewest_parts(table: pd.DataFrame, subjects: Collection[str]) -> pd.DataFrame:
+    """Keep of these subjects what ``adapt.tables.folds.motions_or_thirds`` holds out: motions, else thirds."""
+    motions = table["kind"] == MOTION
+    several = table["subject"].isin(table["subject"][motions])
+    return pd.DataFrame(table[table["subject"].isin(subjects) & (motions | ~several)]).reset_index(drop=True)

@@ -17,7 +17,8 @@ from jaxtyping import Float, Shaped
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.solution import PostureSolution
-from adapt.tables.held_out import MOTION, NOTHING, by_subject
+from adapt.tables.folds import MOTION
+from adapt.tables.held_out import NOTHING, by_subject
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG

@@ -3,9 +3,9 @@
 """Whether an adaptation keeps the forces as they were: contact, conoid and the arms of the serratus (thesis 6.4).
 
 The limits are ours. They are the largest difference between two of the five published sets with landmarks in the
-published rhythm (``scripts/spread_of_sets.py``): an adaptation that changes a force by more has made another cadaver of
-the model than any that was measured. A pass says that the difference is within that spread: not that it is small, nor
-that the forces are a person's. Of a set without landmarks (das3) the serratus is not checked.
+published rhythm (``scripts/research/trust/spread_of_sets.py``): an adaptation that changes a force by more has made
+another cadaver of the model than any that was measured. A pass says that the difference is within that spread: not that
+it is small, nor that the forces are a person's. Of a set without landmarks (das3) the serratus is not checked.
 """
 
 import pandas as pd

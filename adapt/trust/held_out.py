@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportOperatorIssue=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""The gap on postures that an adaptation has not seen: each motion held out in turn, and every third posture."""
+"""The gap on postures that an adaptation has not seen: every subject adapted, and again without each of its folds."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,16 +10,17 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from numpy.typing import DTypeLike
 
-from adapt.engine.batching import as_type
+from adapt.engine.batching import as_type, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
-from adapt.tables.held_out import BONE_PREFIXES, MOTION, NOTHING, OTHER, POSTURES, SEEN
-from adapt.tables.results import DIFFERENCES
-from adapt.trust.folds import hold_out_motions, hold_out_thirds
+from adapt.solvers.solution import PostureSolution
+from adapt.tables.folds import Fold
+from adapt.tables.held_out import BONE_PREFIXES, NOTHING, SEEN
+from models.effects import EFFECTS, Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
 from models.person.family import AnyModel
 from motions.rotations import DEG
@@ -27,54 +28,6 @@ from motions.table import Motions
 
 MOST_SUBJECTS = 400
 """Of whom parts are held out where nobody says of whom: more take longer than their adaptation, and tell no more."""
-
-
-@dataclass(frozen=True)
-class Fold:
-    """One subject, the postures its girdle is adapted to and those its gap is looked at."""
-
-    subject: int
-    kind: str
-    held_out: str
-    fitted: Bool[np.ndarray, " postures"]
-    tested: Bool[np.ndarray, " postures"]
-
-
-def folds(motions: Motions, batch: Batch) -> list[Fold]:
-    """Hold out every motion of every subject that has several, and every third posture of every subject."""
-    found = []
-    for subject, (names, counted) in enumerate(_named(motions, batch)):
-        motions_of_subject = hold_out_motions(counted, names)
-        held = [(MOTION, str(name), part) for name, part in motions_of_subject.items() if len(motions_of_subject) > 1]
-        held += [(POSTURES, f"third {k + 1}", part) for k, part in enumerate(hold_out_thirds(counted))]
-        found += [
-            Fold(subject, kind, name, counted & ~part, part)
-            for kind, name, part in held
-            if part.any() and (counted & ~part).any()
-        ]
-    return found
-
-
-def fewest_folds(motions: Motions, batch: Batch) -> list[Fold]:
-    """Hold out every motion of a subject that has several, and every third posture of one that has not."""
-    every = folds(motions, batch)
-    several = {part.subject for part in every if part.kind == MOTION}
-    return [part for part in every if part.kind == MOTION or part.subject not in several]
-
-
-def folds_between(motions: Motions, batch: Batch, fitted: str, tested: str) -> list[Fold]:
-    """Adapt to one motion, look at another one, of every subject that has both."""
-    found = []
-    for subject, (names, counted) in enumerate(_named(motions, batch)):
-        one, other = counted & (names == fitted), counted & (names == tested)
-        if one.any() and other.any():
-            found.append(Fold(subject, OTHER, tested, one, other))
-    return found
-
-
-def _named(motions: Motions, batch: Batch):
-    counted = np.asarray(batch.counted)
-    return [(motions.motion[batch.rows[:, s]], counted[:, s]) for s in range(len(batch.subjects))]
 
 
 def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]:
@@ -86,114 +39,140 @@ def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]
 class HeldOut:
     """L = models x folds problems; problem = model * folds + fold."""
 
+    folds: tuple[Fold, ...]
     adapted: Adapted
     """Without the postures held out."""
-    unseen_deg: Float[np.ndarray, "6 postures problems"]
-    """|simulated - measured| at the postures tested; NaN elsewhere and where a fit failed."""
+    unseen_deg: tuple[Float[np.ndarray, "6 tested"], ...]
+    """|simulated - measured| at the postures tested, by problem; NaN where not measured and where a fit failed."""
+
+
+@dataclass(frozen=True)
+class AdaptedSubjects:
+    """Every subject adapted with every model; problem = model * subjects + subject."""
+
+    batch: Batch
+    data: ProblemBatch
+    """With the sizes of effects that were found."""
+    adapted: Adapted
+    """To all postures."""
+    held_out: HeldOut
+
+    def of(self, model: int) -> "AdaptedSubjects":
+        """Take one model, by its number."""
+        subjects, folds = len(self.batch.subjects), len(self.held_out.folds)
+        mine, parts = (slice(model * width, (model + 1) * width) for width in (subjects, folds))
+        without = take_problems(self.held_out.adapted, parts)
+        found = HeldOut(self.held_out.folds, without, self.held_out.unseen_deg[parts])
+        data = select_problems(self.data, np.arange(mine.start, mine.stop))
+        return AdaptedSubjects(self.batch, data, take_problems(self.adapted, mine), found)
+
+
+def adapt_with_folds(
+    motions: Motions,
+    models: Sequence[AnyModel],
+    folds: Sequence[Fold],
+    weight: float = WEIGHT,
+    reading: str = DEFAULT_READING,
+    progress: Callable[[str], None] = lambda _: None,
+    dtype: DTypeLike = np.float64,
+    effects: Amplitudes = NO_EFFECTS,
+    library: Mapping[str, Effect] = EFFECTS,
+) -> AdaptedSubjects:
+    """Adapt every model to every subject, and again without what each fold holds out.
+
+    The arguments are those of ``adapt.adapt_subjects``; ``library``: the effects by name.
+    """
+    batch = pack(motions)
+    known = active_effects(effects, motions, library).at(batch.rows)
+    data = as_type(problem_batch(batch, models, known), dtype)
+    adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
+    found = HeldOut((), take_problems(adapted, slice(0)), ())
+    if folds:
+        found = held_out(data, batch, folds, weight, reading, progress)
+    return AdaptedSubjects(batch, data.with_sizes(adapted.sizes), adapted, found)
 
 
 def held_out(
     data: ProblemBatch,
-    subjects: int,
-    parts: Sequence[Fold],
+    batch: Batch,
+    folds: Sequence[Fold],
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
 ) -> HeldOut:
-    """Adapt every problem (model * subjects + subject) of ``data`` anew without the postures of each of its folds."""
+    """Adapt every problem (model * subjects + subject) of ``data`` anew without what each of its folds holds out.
+
+    At least one fold.
+    """
+    subjects = len(batch.subjects)
     models = data.counted.shape[1] // subjects
-    problem = np.concatenate([m * subjects + np.array([part.subject for part in parts]) for m in range(models)])
+    of_fold = np.array([fold.subject for fold in folds])
+    problem = np.concatenate([model * subjects + of_fold for model in range(models)])
     fitted, tested = (
-        np.tile(np.stack([getattr(part, k) for part in parts], axis=1), models) for k in ("fitted", "tested")
+        np.tile(_places(batch, [getattr(fold, rows) for fold in folds]), models) for rows in ("fitted", "tested")
     )
     progress(f"held-out gaps, {len(problem)} adaptations")
     part_of = select_problems(data, problem, counted=fitted)
     without = adapt_batch(part_of, weight, reading)
     part_of = part_of.with_sizes(without.sizes)
-    return HeldOut(without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK)))
+    gaps = _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK))
+    return HeldOut(tuple(folds), without, tuple(gaps[:, tested[:, k], k] for k in range(len(problem))))
 
 
-def held_out_gaps(
-    motions: Motions,
-    models: Sequence[AnyModel],
-    fits: pd.DataFrame,
-    weight: float = WEIGHT,
-    reading: str = DEFAULT_READING,
-    progress: Callable[[str], None] = lambda _: None,
-    choose: Callable[[Motions, Batch], list[Fold]] = folds,
-    dtype: DTypeLike = np.float64,
-    effects: Amplitudes = NO_EFFECTS,
-) -> pd.DataFrame:
-    """Compute ``heldout.csv`` of these motions and the table of their fits before and after adaptation."""
-    batch, names = pack(motions), [model.name for model in models]
-    parts = choose(motions, batch)
-    if not parts:
-        return NOTHING
-    known = active_effects(effects, motions).at(batch.rows)
-    data = as_type(problem_batch(batch, list(models), known), dtype)
-    found = held_out(data, len(batch.subjects), parts, weight, reading, progress)
-    return heldout_table(batch.subjects, names, parts, found, reported_gaps_deg(batch, names, fits))
-
-
-def reported_gaps_deg(batch: Batch, models: Sequence[str], fits: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Look up |simulated - measured|, degrees, of all postures in the table of their fits.
-
-    By state, before and after adaptation (in sample), (6, postures, problems); NaN where the fit is not ``ok``.
-    """
-    gaps = {}
-    for word, state in SEEN.items():
-        parts = []
-        for model in models:
-            rows = fits[(fits["model"] == model) & (fits["adapted"] == state)]
-            good = (rows["status"] == status.OK).to_numpy()
-            parts.append(np.where(good, rows[DIFFERENCES].abs().to_numpy().T, np.nan)[:, batch.rows])
-        gaps[word] = np.concatenate(parts, axis=-1)
-    return gaps
+def _places(batch: Batch, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:
+    """Where the rows of each part are among the postures of its subject."""
+    place = batch.unpack(np.broadcast_to(np.arange(len(batch.counted))[:, None], batch.counted.shape))
+    found = np.zeros((len(batch.counted), len(parts)), bool)
+    for k, rows in enumerate(parts):
+        found[place[rows], k] = True
+    return found
 
 
 def _gaps_deg(
     data: ProblemBatch, theta_mm, tested: Bool[np.ndarray, "postures problems"]
 ) -> Float[np.ndarray, "6 postures problems"]:
     posture, problem = np.nonzero(tested)
-    if not len(problem):
-        return np.full((6, *tested.shape), np.nan)
+    result = np.full((6, *tested.shape), np.nan)
+    if not len(problem):  # every adaptation failed
+        return result
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
     found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
-    result = np.full((6, *tested.shape), np.nan)
     result[:, posture, problem] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
     )
     return result
 
 
+def gaps_deg(motions: Motions, fitted: PostureSolution) -> Float[np.ndarray, "6 rows"]:
+    """Compute |simulated - measured| of fits of all rows, degrees; NaN where not measured and where the fit failed."""
+    return np.where(fitted.status == status.OK, np.abs(fitted.angles * DEG - motions.angles_deg.T), np.nan)
+
+
 def heldout_table(
     subjects: Sequence[str],
     models: Sequence[str],
-    parts: Sequence[Fold],
     found: HeldOut,
-    seen_deg: Mapping[str, Float[np.ndarray, "6 postures problems"]],
+    seen_deg: Mapping[str, Sequence[Float[np.ndarray, "6 rows"]]],
 ) -> pd.DataFrame:
     """Tabulate ``heldout.csv``: one row per model, subject and part held out.
 
     Gaps are mean |simulated - measured|, degrees. All are of the postures held out: before adaptation, adapted to
-    everything (in_sample) and without them (unseen). ``seen_deg``: the first two, by problem model * subjects +
-    subject.
+    everything (in_sample) and without them (unseen). ``seen_deg``: the first two, by model, of all rows.
     """
     rows = []
     for m, model in enumerate(models):
-        for k, part in enumerate(parts):
-            problem = m * len(parts) + k
-            row: dict[str, object] = {"model": model, "subject": subjects[part.subject]}
-            row |= {"kind": part.kind, "held_out": part.held_out}
-            row |= {"postures": int(part.tested.sum()), "adapted_to": int(part.fitted.sum())}
-            of_subject = m * len(subjects) + part.subject
-            gaps = {word: seen_deg[word][:, part.tested, of_subject] for word in SEEN if word in seen_deg}
-            for word, gap in (gaps | {"unseen": found.unseen_deg[:, part.tested, problem]}).items():
+        for k, fold in enumerate(found.folds):
+            problem = m * len(found.folds) + k
+            row: dict[str, object] = {"model": model, "subject": subjects[fold.subject]}
+            row |= {"kind": fold.kind, "held_out": fold.held_out}
+            row |= {"postures": len(fold.tested), "adapted_to": len(fold.fitted)}
+            gaps = {word: seen_deg[word][m][:, fold.tested] for word in SEEN if word in seen_deg}
+            for word, gap in (gaps | {"unseen": found.unseen_deg[problem]}).items():
                 for bone, angles in BONE_PREFIXES.items():
                     row[f"{bone}gap_{word}_deg"] = mean_of(gap[angles])
             row["status"] = found.adapted.status[problem]
             rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows) if rows else NOTHING
 
 
 def mean_of(gaps_deg: Float[np.ndarray, "..."]) -> float:

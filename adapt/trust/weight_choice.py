@@ -9,9 +9,11 @@ import pandas as pd
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
+from adapt.solvers.padded_batch import Batch
 from adapt.solvers.problem_batch import ProblemBatch
-from adapt.tables.held_out import MOTION, by_subject
-from adapt.trust.held_out import Fold, held_out, heldout_table
+from adapt.tables.folds import MOTION, Fold
+from adapt.tables.held_out import by_subject
+from adapt.trust.held_out import held_out, heldout_table
 from motions.rotations import DEG
 
 WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
@@ -20,9 +22,9 @@ WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 
 def weight_table(
     data: ProblemBatch,
-    subjects: Sequence[str],
+    batch: Batch,
     models: Sequence[str],
-    parts: Sequence[Fold],
+    folds: Sequence[Fold],
     weights: Sequence[float] = WEIGHTS,
     progress: Callable[[str], None] = lambda _: None,
 ) -> pd.DataFrame:
@@ -32,14 +34,14 @@ def weight_table(
     trade-off curve; ``gap_unseen_deg`` is on motions held out, and ``best`` = 1 where it is smallest. Subjects with a
     single motion have no part in the choice.
     """
-    chosen = [part for part in parts if part.kind == MOTION]
+    chosen, subjects = [fold for fold in folds if fold.kind == MOTION], len(batch.subjects)
     rows = []
     for weight in weights:
         progress(f"w = {weight:g}")
         adapted = adapt_batch(data, weight)
-        gaps = _gaps(data, adapted, subjects, models, chosen, weight)
+        gaps = _gaps(data, adapted, batch, models, chosen, weight)
         for m, model in enumerate(models):
-            mine = slice(m * len(subjects), (m + 1) * len(subjects))
+            mine = slice(m * subjects, (m + 1) * subjects)
             good = adapted.status[mine] == status.OK
             D, J = (x[mine][good] for x in (adapted.D_mm2, adapted.mean_j_deg2))
             row: dict[str, object] = {"model": model, "weight": weight, "subjects_ok": int(good.sum())}
@@ -52,12 +54,13 @@ def weight_table(
     return table.reset_index(drop=True)
 
 
-def _gaps(data, adapted: Adapted, subjects, models, parts, weight) -> dict[str, dict[str, float]]:
-    if not parts:
+def _gaps(data, adapted: Adapted, batch: Batch, models, folds, weight) -> dict[str, dict[str, float]]:
+    if not folds:
         return {}
-    found = held_out(data, len(subjects), parts, weight)
+    found = held_out(data, batch, folds, weight)
     good = np.asarray(data.measured) & (adapted.status == status.OK)
     in_sample = np.where(good, np.abs(adapted.angles - np.asarray(data.angles)) * DEG, np.nan)
-    gaps = by_subject(heldout_table(subjects, models, parts, found, {"in_sample": in_sample}))
+    of_rows = [batch.unpack(part) for part in np.split(in_sample, len(models), axis=-1)]
+    gaps = by_subject(heldout_table(batch.subjects, models, found, {"in_sample": of_rows}))
     words = ["gap_in_sample_deg", "gap_unseen_deg"]
     return gaps.groupby("model")[words].mean().to_dict("index")

@@ -1,4 +1,4 @@
-"""The documentation site: Sphinx reads README, CONTRIBUTING, CHANGELOG and docs/*.md where they are (`make docs`).
+"""The documentation site: Sphinx reads README, CONTRIBUTING, CHANGELOG and docs where they are (`make docs`).
 
 Sphinx rather than MkDocs: MkDocs 1 has had no release since 2024, and the Material theme ends in May 2027.
 """
@@ -26,7 +26,7 @@ from scripts.reference import documented_names  # noqa: E402
 project = "girdle"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
 root_doc = "README"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "docs/site/*.md"]
+include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "docs/research/*.md", "docs/site/*.md"]
 exclude_patterns = [".venv", "out", "docs/site/navigation.md"]
 source_suffix = {".md": "markdown"}
 

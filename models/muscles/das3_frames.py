@@ -1,10 +1,10 @@
 """Where DAS3 has its clavicle and scapula: its attachments brought to the frames of the thesis (Appendix A).
 
 DAS3 and Table 4.2 of the thesis describe one cadaver in one thorax frame. DAS3's frames are not those of Appendix A
-(docs/completion.md): its scapula frame has its origin in AA and goes through TS, AI and AA (Wu et al., J. Biomech.
-38:981-992, 2005); the x-axis of its clavicle frame is parallel to SC-AC, without axial rotation. The landmarks that
-these frames are made of lie the attachments into the thorax frame, in the posture the cadaver was measured in. There
-GH, which no frame is made from, comes out within 3 mm of Table 4.2, and where DAS3's clavicle ends, AA.
+(docs/research/completion.md): its scapula frame has its origin in AA and goes through TS, AI and AA (Wu et al., J.
+Biomech. 38:981-992, 2005); the x-axis of its clavicle frame is parallel to SC-AC, without axial rotation. The landmarks
+that these frames are made of lie the attachments into the thorax frame, in the posture the cadaver was measured in.
+There GH, which no frame is made from, comes out within 3 mm of Table 4.2, and where DAS3's clavicle ends, AA.
 """
 
 from typing import Any, NamedTuple

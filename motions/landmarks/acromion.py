@@ -12,7 +12,6 @@ from jaxtyping import Float
 
 from motions.errors import InputError
 from motions.landmarks.frames import scapula_frame
-from motions.landmarks.registration import nearest_rotation
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan
 
 
@@ -39,6 +38,12 @@ _KOLZ_PRINTED = np.array(
         [0.257022458695919, 0.17978585104532, 0.949534887979275],
     ]
 )
+
+
+def nearest_rotation(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Compute the rotation nearest to a matrix, U diag(1, 1, +-1) V' of U S V'; the sign keeps it from a mirror."""
+    U, _, Vt = np.linalg.svd(matrix)
+    return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
 
 
 KOLZ = AcromionRotation(
@@ -83,16 +88,5 @@ def ac_from_aa_deg(
     scapula_aa_deg: Float[np.ndarray, "postures 3"], rotation: AcromionRotation
 ) -> Float[np.ndarray, "postures 3"]:
     """Convert Cardan angles of the AA frame to those of the AC frame, R_thorax_AC = R_thorax_AA R_AC_AA', degrees."""
-    return _turned_deg(scapula_aa_deg, rotation.R_ac_aa.T)
-
-
-def aa_from_ac_deg(
-    scapula_ac_deg: Float[np.ndarray, "postures 3"], rotation: AcromionRotation
-) -> Float[np.ndarray, "postures 3"]:
-    """Convert Cardan angles of the AC frame to those of the AA frame, R_thorax_AA = R_thorax_AC R_AC_AA, degrees."""
-    return _turned_deg(scapula_ac_deg, rotation.R_ac_aa)
-
-
-def _turned_deg(angles_deg, R) -> Float[np.ndarray, "postures 3"]:
-    R_thorax_scapula = rotation_from_cardan(angles_deg.T / DEG)
-    return cardan_from_rotation(compose(R_thorax_scapula, R[:, :, None])).T * float(DEG)
+    R_thorax_aa = rotation_from_cardan(scapula_aa_deg.T / DEG)
+    return cardan_from_rotation(compose(R_thorax_aa, rotation.R_ac_aa.T[:, :, None])).T * float(DEG)

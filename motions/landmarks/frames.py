@@ -66,18 +66,6 @@ def humerus_angles(R_thorax_humerus: Rotations) -> Points:
     )
 
 
-def humerus_rotation(angles: Points) -> Rotations:
-    """Compute R_thorax_humerus = Ry(p) Rz(e) Ry(q) of (p, e, q), the inverse of `humerus_angles`."""
-    (cp, ce, cq), (sp, se, sq) = np.cos(angles), np.sin(angles)
-    return np.stack(
-        [
-            np.stack([cp * ce * cq - sp * sq, -cp * se, cp * ce * sq + sp * cq]),
-            np.stack([se * cq, ce, se * sq]),
-            np.stack([-sp * ce * cq - cp * sq, sp * se, cp * cq - sp * ce * sq]),
-        ]
-    )
-
-
 def frame(x: Points, y: Points) -> Rotations:
     """Build the right-handed frame with these orthogonal unit axes."""
     return np.stack([x, y, cross(x, y)], axis=1)

@@ -9,9 +9,9 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+from adapt.solvers.differentiable import QUICK_TO_COMPILE, posture_fit
 from simulated_trial import shipped_subjects
 
-from adapt.solvers.differentiable import QUICK_TO_COMPILE, posture_fit
 from models import load_model
 
 

@@ -11,7 +11,7 @@ from models import load_model
 from models.parameter_sets import FOLDER
 from models.person.family import load_personal_sets
 from motions import write_motions
-from scripts.simulated_persons import landmark_table, point_table, simulate_persons
+from scripts.research.person.simulated_persons import landmark_table, point_table, simulate_persons
 from tests.helpers.command import girdle
 from tests.helpers.laboratory import simulated_trial, trc_lines
 from tests.helpers.round_points import cylinder_points, sphere_points

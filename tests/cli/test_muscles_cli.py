@@ -20,7 +20,7 @@ from models.muscles.balance import arm_weight_N
 from models.muscles.muscle_lines import muscle_lines
 from models.person.family import load_personal_sets
 from motions import write_motions
-from scripts.simulated_persons import landmark_table, simulate_persons
+from scripts.research.person.simulated_persons import landmark_table, simulate_persons
 
 ALONE_MM = 1e-6
 """A subject adapted in a batch and alone ends at the same place to rounding; files hold 1e-9."""

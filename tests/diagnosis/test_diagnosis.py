@@ -16,7 +16,7 @@ from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
 from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import ALL, EFFECT, NONE, THORAX_POINTS, UNKNOWN, Diagnoses
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION
 from models import load_model
 from models.effects import EFFECTS
 from motions import Motions, read_motions

@@ -14,7 +14,7 @@ from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
-from adapt.diagnosis.fit.unseen_folds import PERSON, folds_of
+from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.bagging import resampled_persons
@@ -26,7 +26,7 @@ from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import carrying_over, gain, name_causes
 from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION, PERSON
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
@@ -54,12 +54,12 @@ def test_left_and_right_of_a_person_are_held_out_together():
     shoulders = shoulders_of(renamed)
     assert shoulders.person.tolist() == [0, 0, 1]
     folds = folds_of(shoulders)
-    for test in folds.tests:
-        assert sorted([*test.rows, *test.seen_rows]) == shoulders.rows_of(test.subject).tolist()
-        assert set(shoulders.motion[test.rows]) == {test.motion}
-        assert test.motion not in shoulders.motion[test.seen_rows]
-        expected = {s for s in range(3) if shoulders.person[s] == shoulders.person[test.subject]}
-        assert set(np.flatnonzero(test.unseen)) == (expected if test.kind == PERSON else set())
+    for fold in folds.each:
+        assert sorted([*fold.tested, *fold.fitted]) == shoulders.rows_of(fold.subject).tolist()
+        assert set(renamed.motion[fold.tested]) == {fold.held_out}
+        assert fold.held_out not in renamed.motion[fold.fitted]
+        expected = {s for s in range(3) if shoulders.person[s] == shoulders.person[fold.subject]}
+        assert set(fold.unseen) == (expected if fold.kind == PERSON else set())
     assert set(folds.kinds) == {MOTION, PERSON}
 
 
@@ -78,30 +78,30 @@ def test_few_postures_of_a_motion_are_taken_from_end_to_end():
         assert np.bincount(nearest[given])[taken].max() <= np.ceil(len(given) / (MOST_POSTURES - 1))
 
 
-def test_amplitudes_of_a_test_are_those_of_data_without_what_it_holds_out():
+def test_amplitudes_of_a_fold_are_those_of_data_without_what_it_holds_out():
     """The mode of the shoulders and motions that are left, found from nothing, is where the linear model says."""
     search, hypothesis = searched(BIAS), (BIAS,)
     joint, at = search.joint, search.mode(hypothesis)
     found = unseen_amplitudes(search.folds, joint.candidates, hypothesis, at, search.likelihood_without)
-    for test, amplitude in list(zip(search.folds.tests, found, strict=True))[::4]:
-        motions = joint.shoulders.motions
-        kept = (search.folds.label != test.motion) & ~test.unseen[joint.shoulders.subject]
+    for fold, amplitude in list(zip(search.folds.each, found, strict=True))[::4]:
+        motions, others = joint.shoulders.motions, ~np.isin(np.arange(len(joint.shoulders.subjects)), fold.unseen)
+        kept = (search.folds.label != fold.held_out) & others[joint.shoulders.subject]
         left = shoulders_of(motions.select(kept))
         alone = search_of(load_model("R2"), left, joint.model.effects)
         likelihood = Likelihood.of(alone.joint.model, left, search.discrepancy)
-        (again,) = modes(alone.joint, likelihood, [hypothesis], [at.theta_mm[~test.unseen]], [at.amplitude])
+        (again,) = modes(alone.joint, likelihood, [hypothesis], [at.theta_mm[others]], [at.amplitude])
         given = alone.given(again, hypothesis)
         off = root_of(given).T @ (given.amplitude - amplitude)
         assert np.linalg.norm(off) < AT_THE_MODE
 
 
 @pytest.mark.parametrize("between", [0.7, 0.0])
-def test_what_a_test_has_seen_is_adapted_as_girdle_adapt_does(between):
+def test_what_a_fold_has_seen_is_adapted_as_girdle_adapt_does(between):
     """With sizes of its own about the amplitudes, and with these as they are."""
     search, mean = searched(BIAS), (3.0, -4.0, 5.0)
     personal = PersonalSize(mean, tuple(between * EFFECTS[BIAS].prior_sd))
     effects = {BIAS: personal if between else mean}
-    amplitude = np.tile([mean], (len(search.folds.tests), 1))
+    amplitude = np.tile([mean], (len(search.folds.each), 1))
     theta_mm = search.mode((BIAS,)).theta_mm
     (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], [theta_mm], [amplitude], between)
     shoulders = search.joint.shoulders
@@ -209,12 +209,12 @@ def test_a_candidate_that_does_nothing_is_like_no_other():
 
 def test_a_cause_may_be_named_that_predicts_unseen_postures_better_and_motions_among_them():
     search = replace(searched(BIAS), gaps={})
-    tests = len(search.folds.tests)
+    folds = len(search.folds.each)
     generator = np.random.default_rng(0)
 
     def with_gaps(hypothesis: tuple[str, ...], share_left: float, scatter: float) -> None:
-        factor = share_left * (1.0 + scatter * generator.standard_normal(tests))
-        search.gaps[hypothesis, True] = np.full((tests, 6), 2.0) * factor[:, None]
+        factor = share_left * (1.0 + scatter * generator.standard_normal(folds))
+        search.gaps[hypothesis, True] = np.full((folds, 6), 2.0) * factor[:, None]
 
     with_gaps((), 1.0, 0.0)
     with_gaps((BIAS,), 0.5, 0.01)

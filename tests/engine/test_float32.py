@@ -21,7 +21,7 @@ from models.effects import NO_ACTIVE_EFFECTS
 from models.parameter_sets import FOLDER
 from motions import ANGLES, Motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
-from scripts.measure_float32 import errors, of_postures
+from scripts.research.speed.measure_float32 import errors, of_postures
 
 MOST_DEG, MOST_MM, MOST_E = 5e-4, 0.05, 5e-6
 """Largest change of an angle, of a parameter and (relative) of E by float32: twice what 1000 subjects showed. A

@@ -287,7 +287,7 @@ def test_xla_does_it_where_there_is_no_machine_code(damage, dtype, tmp_path, mon
 
 
 def test_machine_code_runs_beside_a_gpu_too(monkeypatch):
-    """A GPU is slower: docs/performance.md."""
+    """A GPU is slower: docs/research/performance.md."""
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     monkeypatch.setattr(Kernel, "by_jax", fail)
     np.testing.assert_array_equal(Kernel("doubled", doubled, ("",), "", 64)(np.arange(9.0)), 2.0 * np.arange(9))

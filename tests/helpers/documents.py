@@ -10,6 +10,7 @@ DOCUMENTS = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "research").glob("*.md")),
     ROOT / "docs" / "site" / "api.md",
 ]
 """Not the changelog: it names what was."""

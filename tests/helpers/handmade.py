@@ -2,19 +2,25 @@
 
 from collections.abc import Sequence
 
+import jax
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
 from adapt import Adaptations
+from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import problem_batch
 from adapt.solvers.solution import PostureSolution
-from adapt.tables.held_out import BONE_PREFIXES, COLUMNS, MOTION
+from adapt.tables.folds import MOTION
+from adapt.tables.held_out import BONE_PREFIXES, COLUMNS
 from adapt.tables.results import fits_table, parameters_table, rows_of_subjects
 from adapt.trust.covariance import Uncertainty
 from adapt.trust.curvature import Curvature
+from adapt.trust.held_out import AdaptedSubjects, HeldOut
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, girdles_of
 from motions import ANGLES, Motions
@@ -72,17 +78,27 @@ def adaptations(
     results = {model.name: _adapted(motions, model, failed) for model in models}
     uncertainty = _uncertainty(len(models) * len(motions.subjects))
     parameters = parameters_table(motions.subjects, models, results, uncertainty.sd_mm, fits)
-    by_model = {one.name: fitted[True] for one in models}
+    before, by_model = ({one.name: fitted[state] for one in models} for state in by_state)
     heldout = _heldout(motions, models)
     return Adaptations(
         by_model=by_model,
         fits=fits,
+        before=before,
+        problems=_problems(motions, models, results),
         subjects=rows_of_subjects(fits),
         adapted=results,
         uncertainty=uncertainty,
         parameters=parameters,
         heldout=heldout,
     )
+
+
+def _problems(motions: Motions, models: Sequence[AnyModel], results: dict[str, Adapted]) -> AdaptedSubjects:
+    """All models side by side, nothing held out."""
+    batch = pack(motions)
+    adapted: Adapted = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results.values())
+    nothing = HeldOut((), take_problems(adapted, slice(0)), ())
+    return AdaptedSubjects(batch, problem_batch(batch, models), adapted, nothing)
 
 
 def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:

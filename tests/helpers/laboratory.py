@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.random import Generator
 from programs import few_runs
+from scipy.spatial.transform import Rotation
 
 from models import load_model
 from models.girdle import Girdle, landmarks
-from motions.landmarks.frames import humerus_rotation
 from motions.rhythm import COEFFICIENTS, REST_DEG, girdle_angles_deg
 from motions.rotations import DEG, rotation_from_cardan
 
@@ -79,8 +79,8 @@ def trial_of(girdle: Girdle, angles: np.ndarray, elevation_deg: np.ndarray, plan
     at = landmarks(girdle.repeated(len(elevation_deg)), angles)
     R_scapula = rotation_from_cardan(angles[3:])
     AC = at.AC
-    zeros = np.zeros_like(elevation_deg)
-    R_humerus = humerus_rotation(np.stack([zeros + plane_deg, elevation_deg, zeros + 20.0]) / float(DEG))
+    arm_deg = np.stack([np.full_like(elevation_deg, plane_deg), elevation_deg, np.full_like(elevation_deg, 20.0)])
+    R_humerus = np.moveaxis(Rotation.from_euler("YZY", arm_deg.T, degrees=True).as_matrix(), 0, -1)
     GH = AC + np.einsum("ijn,j->in", R_scapula, GH_MM)
     elbow = GH - HUMERUS_MM * R_humerus[:, 1]
     thorax = {name: np.repeat(xyz[:, None], len(elevation_deg), axis=1) for name, xyz in THORAX_MM.items()}

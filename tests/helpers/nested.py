@@ -2,9 +2,9 @@
 
 import jax
 import jax.numpy as jnp
+from adapt.solvers.differentiable import nested_objective
 from programs import few_runs
 
-from adapt.solvers.differentiable import nested_objective
 from adapt.solvers.objective import WEIGHT
 from models.girdle import Girdle
 

@@ -49,6 +49,17 @@ def bones(girdle, problem: int | None = None) -> Bones:
     return Bones(**values)
 
 
+def shortest_conoid_mm(girdle) -> float:
+    """||u| - |v||, the shortest distance between the attachments of the conoid in any posture.
+
+    u: from the clavicular attachment to AC; v: from AC to the scapular attachment. A conoid shorter than this, or
+    longer than |u| + |v|, closes in no posture (A3).
+    """
+    u = np.asarray(girdle.ac_mm - girdle.clavicle_conoid_mm)
+    v = np.asarray(girdle.scapula_conoid_mm)
+    return float(abs(np.linalg.norm(u) - np.linalg.norm(v)))
+
+
 def cardan(angles_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """R = Ry Rz Rx, each exp(angle K), and its three derivatives a degree."""
     angles = np.radians(angles_deg)[:, None, None]

@@ -89,6 +89,12 @@ def test_every_page_is_linked_from_the_readme():
     assert {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")} <= linked
 
 
+def test_every_page_of_results_is_linked_from_their_list():
+    research = ROOT / "docs" / "research"
+    linked = set(LINK.findall((research / "README.md").read_text(encoding="utf-8")))
+    assert {page.name for page in research.glob("*.md")} - {"README.md"} <= linked
+
+
 def test_every_page_is_in_the_navigation_of_the_site():
     listed = re.findall(
         r"(\S+?)>?$", (ROOT / "docs" / "site" / "navigation.md").read_text(encoding="utf-8"), re.MULTILINE

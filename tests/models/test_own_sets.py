@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import shortest_conoid_mm
 
 from models import load_model, model_names
-from models.parameter_sets import SHORTEST_MM, shortest_conoid_mm
+from models.parameter_sets import SHORTEST_MM
 from motions.errors import InputError
 
 OWN = """\

@@ -9,12 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import shortest_conoid_mm
 
 from models import ParameterSet, load_model, model_names
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm, landmarks
 from models.muscles.muscle_lines import published_lines
-from models.parameter_sets import FOLDER, shortest_conoid_mm
+from models.parameter_sets import FOLDER
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG

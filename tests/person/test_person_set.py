@@ -19,7 +19,7 @@ from models.person.thorax_ellipsoid import thorax_sd_mm
 from motions.landmarks.frames import clavicle_frame, scapula_frame
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation
-from scripts.simulated_persons import sized
+from scripts.research.person.simulated_persons import sized
 from tests.helpers.laboratory import on_constraints, simulated_trial, trial_of
 from tests.helpers.thesis_tables import DISSECTION, MRI
 

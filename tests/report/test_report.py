@@ -19,7 +19,7 @@ from adapt.report.figure_data import figure_data
 from adapt.report.gap_cells import ALL, heat_maps
 from adapt.report.headline import closest, headline
 from adapt.report.overview import overview, people
-from adapt.tables.held_out import MOTION, POSTURES
+from adapt.tables.folds import MOTION, POSTURES
 from adapt.tables.results import summary_table
 from models import load_model
 from motions import ANGLES, Motions

@@ -6,8 +6,8 @@ import pytest
 from models import load_model
 from models.effects import EFFECTS
 from motions.table import ANGLES
-from scripts import draw_causes
-from scripts.draw_causes import ELEVATIONS_DEG, MODEL, NOTHING, gaps_deg
+from scripts.research.named_causes import draw_causes
+from scripts.research.named_causes.draw_causes import ELEVATIONS_DEG, MODEL, NOTHING, gaps_deg
 from scripts.rooms import ROOT
 
 ROUNDING_DEG = 1e-9

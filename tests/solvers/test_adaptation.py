@@ -323,7 +323,8 @@ def test_order_and_company_of_the_subjects_do_not_matter():
     backward = np.arange(data.counted.shape[1])[::-1]
     angles, others = data.angles[..., backward], backward % 4 == 0
     angles[..., others] = pack(simulate_subjects(1, seed=99)).angles
-    one, other = adapt_batch(data).take(backward[~others]), adapt_batch(select_problems(data, backward, angles=angles))
+    one = take_problems(adapt_batch(data), backward[~others])
+    other = adapt_batch(select_problems(data, backward, angles=angles))
     for name in ("theta_mm", "E"):
         np.testing.assert_allclose(getattr(other, name)[..., ~others], getattr(one, name), rtol=PARTNERS)
 

@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adapt.solvers.differentiable import posture_fit
 from oracles import bones, constraints
 from programs import few_runs, one_run
 
 from adapt import fit_postures
-from adapt.solvers.differentiable import posture_fit
 from models import load_model
 from models.girdle import Girdle, constraint_residuals_mm
 from motions import InputError, read_motions

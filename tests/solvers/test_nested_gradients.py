@@ -5,10 +5,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adapt.solvers.differentiable import nested_objective
 from nested import values_and_slopes
 from programs import one_run
 
-from adapt.solvers.differentiable import nested_objective
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.posture_fits import fit_batch
 from models import load_model

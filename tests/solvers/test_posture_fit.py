@@ -8,7 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from oracles import Posture, bones, constraints, kkt_residual, slsqp
+from oracles import Posture, bones, constraints, kkt_residual, shortest_conoid_mm, slsqp
 from turned_scapula import active_in_all, without_effects
 
 from adapt.engine.batching import take_problems, with_problems
@@ -20,7 +20,6 @@ from adapt.solvers.starts import at_rest_where_unknown
 from models import load_model, model_names
 from models.effects import AnyGirdle
 from models.girdle import Girdle
-from models.parameter_sets import shortest_conoid_mm
 from motions import read_motions
 from motions.rhythm import COEFFICIENTS, REST_DEG, girdle_angles_deg
 from motions.rhythm_subjects import simulate_subjects

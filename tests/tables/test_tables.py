@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from adapt.solvers import status
-from adapt.tables.held_out import MOTION, NOTHING, POSTURES
+from adapt.tables.folds import MOTION, POSTURES
+from adapt.tables.held_out import NOTHING
 from adapt.tables.results import (
     ALL_MOTIONS,
     DIFFERENCES,

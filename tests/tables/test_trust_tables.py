@@ -11,14 +11,23 @@ from adapt.assessment import improvement_blocked_by_points, jump_free_share
 from adapt.cli.print_tables import PlainConsole
 from adapt.cli.print_trust import print_weights
 from adapt.output.trust_words import trust_sentences
-from adapt.solvers.padded_batch import pack
-from adapt.tables.held_out import COLUMNS, MOTION, OTHER, POSTURES, by_model, by_subject
+from adapt.tables.folds import (
+    MOTION,
+    OTHER,
+    PERSON,
+    POSTURES,
+    motions_and_persons,
+    motions_and_thirds,
+    motions_or_thirds,
+    one_motion_for_another,
+)
+from adapt.tables.held_out import NOTHING, by_model, by_subject, fewest_parts
 from adapt.trust.covariance import NORMAL_95
-from adapt.trust.held_out import fewest_folds, folds, folds_between, held_out_gaps, reported_gaps_deg, sample
+from adapt.trust.held_out import gaps_deg, sample
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
 from models import load_model, model_names
 from motions import Motions
-from scripts import reporting, study_sets
+from scripts import reporting
 
 ROUNDING = 1e-12
 
@@ -37,28 +46,40 @@ def two_motions() -> Motions:
 
 def test_each_motion_of_who_has_several_and_every_third_posture_is_held_out_once():
     motions = two_motions()
-    batch = pack(motions)
-    found = folds(motions, batch)
-    kinds = [(fold.subject, fold.kind, fold.held_out, int(fold.tested.sum())) for fold in found]
+    found = motions_and_thirds(motions)
+    kinds = [(fold.subject, fold.kind, fold.held_out, len(fold.tested)) for fold in found]
     thirds = ("third 1", "third 2", "third 3")
     assert kinds == [
         *((0, MOTION, name, 6) for name in ("abduction", "flexion")),
         *((0, POSTURES, name, 4) for name in thirds),
         *((1, POSTURES, name, 2) for name in thirds),
     ]
-    counted = np.asarray(batch.counted)
+    rows = {0: [*range(6), *range(12, 18)], 1: list(range(6, 12))}
     for fold in found:
-        assert not (fold.fitted & fold.tested).any()
-        np.testing.assert_array_equal(fold.fitted | fold.tested, counted[:, fold.subject])
+        assert sorted([*fold.fitted, *fold.tested]) == rows[fold.subject]
     for subject in (0, 1):
-        tested = sum(fold.tested.astype(int) for fold in found if (fold.subject, fold.kind) == (subject, POSTURES))
-        np.testing.assert_array_equal(tested, counted[:, subject])
+        tested = [fold.tested for fold in found if (fold.subject, fold.kind) == (subject, POSTURES)]
+        assert [rows[subject].index(one[0]) for one in tested] == [2, 0, 1]
+        assert sorted(np.concatenate(tested)) == rows[subject]
 
 
 def test_the_fewest_folds_leave_out_postures_only_of_who_has_one_motion():
-    motions = two_motions()
-    found = fewest_folds(motions, pack(motions))
+    found = motions_or_thirds(two_motions())
     assert [(fold.subject, fold.kind) for fold in found] == [*[(0, MOTION)] * 2, *[(1, POSTURES)] * 3]
+
+
+def test_the_fewest_parts_of_a_table_are_those_of_the_fewest_folds():
+    """As `girdle diagnose` writes them, which holds out more."""
+    motions = two_motions()
+    every, fewest = (
+        pd.DataFrame([(motions.subjects[fold.subject], fold.kind, fold.held_out) for fold in folds(motions)])
+        for folds in (motions_and_thirds, motions_or_thirds)
+    )
+    names = {0: "subject", 1: "kind", 2: "held_out"}
+    kept = fewest_parts(every.rename(columns=names), motions.subjects)
+    pd.testing.assert_frame_equal(kept, fewest.rename(columns=names))
+    assert fewest_parts(every.rename(columns=names), ["s2"])["subject"].tolist() == ["s2"] * 3
+    assert fewest_parts(NOTHING, motions.subjects).empty
 
 
 def test_of_very_many_subjects_every_so_manieth_has_something_held_out():
@@ -70,35 +91,40 @@ def test_of_very_many_subjects_every_so_manieth_has_something_held_out():
 
 def test_who_has_a_single_posture_has_nothing_to_hold_out():
     motions = motions_of(rising(1, 1))
-    made = adaptations(motions, [load_model("R2")])
-    found = held_out_gaps(motions, [load_model("R2")], made.fits)
-    assert (len(found), tuple(found.columns)) == (0, COLUMNS)
-    assert len(by_model(found)) == 0
+    assert motions_and_thirds(motions) == []
+    assert len(by_model(NOTHING)) == 0
 
 
-def test_reported_gaps_are_those_of_the_table_of_fits():
+def test_gaps_are_those_of_the_fits():
     """Every angle 6 degrees off before and 2 after; one that was not measured and a fit that failed have none."""
     angles_deg = rising(2, 4)
     angles_deg[0, 1, 3] = np.nan
     motions = motions_of(angles_deg)
-    made = adaptations(motions, [load_model("R2"), load_model("R4")], failed=["s2"])
-    gaps = reported_gaps_deg(pack(motions), ["R2", "R4"], made.fits)
-    for word, gap_deg in (("before", 6.0), ("in_sample", 2.0)):
-        assert gaps[word].shape == (6, 4, 4)
-        for problem in (0, 2):  # s1 with both models
-            missing = np.isnan(gaps[word][..., problem])
-            assert np.argwhere(missing).tolist() == [[3, 1]]
-            np.testing.assert_allclose(gaps[word][..., problem][~missing], gap_deg)
-        assert np.isnan(gaps[word][..., 1]).all() == (word == "in_sample")
+    made = adaptations(motions, [load_model("R2")], failed=["s2"])
+    for fitted, gap_deg in ((made.before["R2"], 6.0), (made.by_model["R2"], 2.0)):
+        gaps = gaps_deg(motions, fitted)
+        assert np.argwhere(np.isnan(gaps[:, :4])).tolist() == [[3, 1]]
+        np.testing.assert_allclose(gaps[:, :4][np.isfinite(gaps[:, :4])], gap_deg)
+        assert np.isnan(gaps[:, 4:]).all() == (gap_deg == 2.0)
 
 
-def test_a_fold_between_two_motions_is_of_those_who_have_both():
+def test_a_fold_of_one_motion_for_another_is_of_those_who_have_both():
     motions = two_motions()
-    batch = pack(motions)
-    (fold,) = folds_between(motions, batch, "abduction", "flexion")
+    (fold,) = one_motion_for_another(motions, "abduction", "flexion")
     assert (fold.subject, fold.kind, fold.held_out) == (0, OTHER, "flexion")
-    assert set(motions.motion[batch.rows[fold.fitted, 0]]) == {"abduction"}
-    assert set(motions.motion[batch.rows[fold.tested, 0]]) == {"flexion"}
+    assert set(motions.motion[fold.fitted]) == {"abduction"}
+    assert set(motions.motion[fold.tested]) == {"flexion"}
+
+
+def test_of_a_single_kind_of_motion_thirds_are_held_out_with_persons():
+    """Four shoulders of three persons: s1 and s4 are one, and are unseen together."""
+    motions = motions_of(rising(4, 6))
+    folds, label = motions_and_persons(motions, np.array([0, 1, 2, 0]))
+    order = [(kind, s, third) for kind in (MOTION, PERSON) for s in range(4) for third in (2, 3, 1)]
+    assert [(fold.kind, fold.subject, fold.held_out) for fold in folds] == [(k, s, f"third {n}") for k, s, n in order]
+    for fold in folds:
+        assert set(label[fold.tested]) == {fold.held_out}
+        assert fold.unseen == (() if fold.kind == MOTION else (0, 3) if fold.subject in (0, 3) else (fold.subject,))
 
 
 def test_the_gap_of_a_subject_counts_each_part_by_its_postures():
@@ -245,39 +271,6 @@ def test_what_may_be_used_is_said_in_three_sentences(columns, place, said):
 
 
 # --- studies -------------------------------------------------------------------------------------------------------
-
-
-def test_variance_is_shared_out_as_by_hand():
-    """A set effect of -+1 and subject effects of -+2, nothing else: 1 / 5 and 4 / 5."""
-    values = np.array([[-1.0], [1.0]]) + np.array([[-2.0, 2.0]])
-    assert study_sets.variance_shares(values) == pytest.approx((0.2, 0.8, 0.0), abs=ROUNDING)
-    values[0, 0] += 4.0
-    assert sum(study_sets.variance_shares(values)) == pytest.approx(1.0)
-    assert study_sets.variance_shares(values)[2] > 0.0
-
-
-def test_what_all_subjects_share_depends_on_the_set_alone():
-    """All moved alike."""
-    made = adaptations(motions_of(rising(2, 4)), [load_model(name) for name in study_sets.SETS])
-    agreement = study_sets.agreement_table(made.parameters, made.summary).splitlines()
-    (M_y,) = (line for line in agreement if line.startswith("| M_y, mm"))
-    assert "| 100 % | 0 % | 0 % |" in M_y
-
-
-def test_the_sets_are_compared_by_their_gap_held_out_too():
-    """On motions held out R4 is 1 degree worse than R2 and R6, and s2 by 3 degrees than s1, whatever the set."""
-    made = adaptations(motions_of(rising(2, 4)), [load_model(name) for name in study_sets.SETS])
-    summary = made.summary
-    for bone in ("clavicle", "scapula"):
-        summary[f"{bone}_held_out_deg"] += 1.0 * (summary["model"] == "R4") + 3.0 * (summary["subject"] == "s2")
-    lines = study_sets.agreement_table(made.parameters, summary).splitlines()
-    for bone in ("clavicle", "scapula"):
-        (held_out,) = (line for line in lines if line.startswith(f"| {bone}, gap held out, deg "))
-        # SDs of 0, 1, 0 and of 0, 3; sums of squares 2 (2/3) and 6 (9/4).
-        assert held_out.endswith("| 0.6 | 2.1 | 9 % | 91 % | 0 % |")
-        assert (
-            sum(line.startswith(f"| {bone}, gap {state}, deg ") for line in lines for state in ("before", "after")) == 2
-        )
 
 
 def test_the_interval_of_a_share_by_the_published_example():

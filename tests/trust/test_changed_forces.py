@@ -22,7 +22,7 @@ from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED_PARAMETERS
 from motions import read_motions
 from scripts.reporting import CADAVER_SETS as SETS
-from scripts.spread_of_sets import rhythm, spread
+from scripts.research.trust.spread_of_sets import rhythm, spread
 
 UNBOUND_MM = 1e4
 

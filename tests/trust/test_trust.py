@@ -19,7 +19,8 @@ from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch, adapted_from
 from adapt.solvers.padded_batch import pack
 from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
-from adapt.tables.held_out import MOTION, POSTURES, by_subject
+from adapt.tables.folds import MOTION, POSTURES, motions_and_thirds
+from adapt.tables.held_out import by_subject
 from adapt.tables.results import HELD_OUT
 from adapt.trust.covariance import (
     NORMAL_95,
@@ -30,7 +31,7 @@ from adapt.trust.covariance import (
     within_bounds,
 )
 from adapt.trust.flat_directions import flat_directions
-from adapt.trust.held_out import folds, held_out
+from adapt.trust.held_out import held_out
 from adapt.trust.profile import profile_intervals
 from adapt.trust.weight_choice import WEIGHTS, weight_table
 from models import ParameterSet, load_model
@@ -272,15 +273,16 @@ def test_a_loose_parameter_is_named_alone_and_a_firm_one_not():
 def test_postures_held_out_have_no_part_in_the_adaptation(case):
     """One third held out, then spoilt by 40 degrees: the same girdle; its gap on them, and only it, is spoilt."""
     batch = pack(case.motions)
-    parts = [fold for fold in folds(case.motions, batch) if fold.kind == POSTURES][:1]
-    clean = held_out(case.data, SUBJECTS, parts)
+    fold = next(fold for fold in motions_and_thirds(case.motions) if fold.kind == POSTURES)
+    clean = held_out(case.data, batch, [fold])
     angles = np.array(case.data.angles)
-    angles[:, parts[0].tested, 0] += 40.0 / DEG
-    spoilt = held_out(select_problems(case.data, np.arange(SUBJECTS), angles=angles), SUBJECTS, parts)
+    angles[:, np.isin(batch.rows[:, 0], fold.tested), 0] += 40.0 / DEG
+    spoilt = held_out(select_problems(case.data, np.arange(SUBJECTS), angles=angles), batch, [fold])
     np.testing.assert_allclose(spoilt.adapted.theta_mm, clean.adapted.theta_mm, rtol=0.0, atol=SAME_THETA_MM)
-    assert np.nanmean(spoilt.unseen_deg) > 5.0 + np.nanmean(clean.unseen_deg)
-    assert np.isfinite(clean.unseen_deg[:, parts[0].tested]).all()
-    assert np.isnan(clean.unseen_deg[:, ~parts[0].tested]).all()
+    (before,), (after,) = clean.unseen_deg, spoilt.unseen_deg
+    assert before.shape == (6, len(fold.tested))
+    assert np.isfinite(before).all()
+    assert after.mean() > 5.0 + before.mean()
 
 
 def test_the_gap_in_sample_is_that_of_the_adapted_postures(case):
@@ -314,8 +316,8 @@ def test_every_subject_has_a_held_out_gap_unless_nobody_shall(case):
 
 def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_smallest_unseen_gap(case):
     """Of optima of D + w J a larger w has no larger J and no smaller D; the thesis's w is the adaptation itself."""
-    parts = folds(case.motions, pack(case.motions))
-    table = weight_table(case.data, case.motions.subjects, [case.model.name], parts, weights=(0.1, 10.0, 1000.0))
+    batch, folds = pack(case.motions), motions_and_thirds(case.motions)
+    table = weight_table(case.data, batch, [case.model.name], folds, weights=(0.1, 10.0, 1000.0))
     assert table["weight"].tolist() == [0.1, 10.0, 1000.0]
     assert (table["subjects_ok"] == SUBJECTS).all()
     assert (table["thorax_points_rms_mm"].diff().dropna() >= 0.0).all()
@@ -323,8 +325,8 @@ def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_
     of_thesis = table.iloc[1]
     assert of_thesis["thorax_points_rms_mm"] == pytest.approx(np.sqrt(case.adapted.D_mm2.mean()))
     assert of_thesis["j_rms_deg"] == pytest.approx(np.sqrt(case.adapted.mean_j_deg2.mean()))
-    motions_alone = [part for part in parts if part.kind == MOTION]
-    unseen = held_out(case.data, SUBJECTS, motions_alone).unseen_deg
+    motions_alone = [fold for fold in folds if fold.kind == MOTION]
+    unseen = np.concatenate(held_out(case.data, batch, motions_alone).unseen_deg, axis=1)
     assert of_thesis["gap_unseen_deg"] == pytest.approx(np.nanmean(unseen), rel=1e-9)  # all motions are of one length
     assert table["best"].tolist() == [int(gap == table["gap_unseen_deg"].min()) for gap in table["gap_unseen_deg"]]
 

@@ -1,10 +1,11 @@
 """``girdle diagnose``, ``girdle trust`` and ``girdle muscles``: what to think of an adaptation."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
 
-from adapt.api import adapt_subjects
+from adapt.api import adapt_subjects, adapt_with_every_fold
 from adapt.assessment import assess_trust
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, read_inputs
@@ -20,7 +21,9 @@ from adapt.large_runs.parts import not_adapted
 from adapt.output.result_files import write_adaptations, write_figures, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
 from adapt.solvers.objective import WEIGHT
+from adapt.tables.held_out import fewest_parts
 from adapt.tables.muscle_tables import BODY_MASS_KG, muscle_tables
+from adapt.trust.held_out import sample
 from models.muscles.muscle_lines import muscle_lines_of
 from motions import InputError
 
@@ -66,8 +69,9 @@ def diagnose_gap(
     table, models, record = read_inputs(motions, asked_models(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
-            diagnoses = Diagnoses(diagnose(table, models, noise_deg, progress=report))
-            result = adapt_subjects(table, models, progress=report)
+            result = adapt_with_every_fold(table, models, progress=report)
+            diagnoses = Diagnoses(diagnose(table, models, noise_deg, progress=report, adaptations=result))
+            result = replace(result, heldout=fewest_parts(result.heldout, sample(table.subjects)))
             report("figures")
             with transaction(folder) as part:
                 write_figures(part, diagnoses.closest)

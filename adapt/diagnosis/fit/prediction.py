@@ -1,6 +1,6 @@
 """What a set of causes predicts of unseen postures.
 
-The amplitudes of a test are where their posterior without all that it holds out is highest, in the linear model around
+The amplitudes of a fold are where their posterior without all that it holds out is highest, in the linear model around
 a mode (``fit.evidence``). About them each shoulder has sizes of its own, adapted to what it has seen, as `girdle adapt
 --effect` does.
 """
@@ -26,23 +26,24 @@ def unseen_amplitudes(
     candidates: Candidates,
     hypothesis: Hypothesis,
     at: Posterior,
-    likelihood_without: Callable[[int], Likelihood],
-) -> Float[np.ndarray, "tests own"]:
-    """Give the amplitudes of a hypothesis for every test, in the linear model around the mode of one within it."""
+    likelihood_without: Callable[[str], Likelihood],
+) -> Float[np.ndarray, "folds own"]:
+    """Give the amplitudes of a hypothesis for every fold, in the linear model around the mode of one within it."""
     where, here = candidates.where(hypothesis), np.zeros(len(candidates.scale))
     here[candidates.where(at.hypothesis)] = at.amplitude
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
     of_motion = {
         motion: likelihood_without(motion).evidence(at.theta_mm, at.y, Z)
-        for motion in {test.motion for test in folds.tests}
+        for motion in dict.fromkeys(fold.held_out for fold in folds.each)
     }
-    found: dict[tuple[int, bytes], np.ndarray] = {}
-    for test in folds.tests:
-        if (held_out := (test.motion, test.unseen.tobytes())) not in found:
-            evidence = of_motion[test.motion].of(~test.unseen)
+    subjects = np.arange(len(at.theta_mm))
+    found: dict[tuple[str, tuple[int, ...]], np.ndarray] = {}
+    for fold in folds.each:
+        if (held_out := (fold.held_out, fold.unseen)) not in found:
+            evidence = of_motion[fold.held_out].of(~np.isin(subjects, fold.unseen))
             given = evidence.given(own, here[where], candidates.mean[where], candidates.scale[where])
             found[held_out] = given.amplitude
-    return np.array([found[test.motion, test.unseen.tobytes()] for test in folds.tests])
+    return np.array([found[fold.held_out, fold.unseen] for fold in folds.each])
 
 
 def unseen_gaps_deg(
@@ -50,18 +51,18 @@ def unseen_gaps_deg(
     folds: Folds,
     hypotheses: Sequence[Hypothesis],
     thetas_mm: Sequence[Float[np.ndarray, "subjects adapted"]],
-    amplitudes: Sequence[Float[np.ndarray, "tests own"]],
+    amplitudes: Sequence[Float[np.ndarray, "folds own"]],
     between_per_deg: float,
-) -> list[Float[np.ndarray, "tests 6"]]:
-    """Adapt the shoulder of every test with each hypothesis, from its parameters (``JointFit.adapt``): mean
+) -> list[Float[np.ndarray, "folds 6"]]:
+    """Adapt the shoulder of every fold with each hypothesis, from its parameters (``JointFit.adapt``): mean
     |simulated - measured| of its rows, NaN of an angle that was not measured. With ``between_per_deg`` 0 the amplitudes
     stay as they are."""
-    tests, shoulders = folds.tests * len(hypotheses), joint.shoulders
-    seen = tuple(Part(test.subject, number, test.seen_rows) for number, test in enumerate(tests))
-    unseen = tuple(part._replace(rows=test.rows) for part, test in zip(seen, tests, strict=True))
-    names = [hypothesis for hypothesis in hypotheses for _ in folds.tests]
-    values = [amplitude for of_tests in amplitudes for amplitude in of_tests]
-    start_mm = np.concatenate([theta_mm[[test.subject for test in folds.tests]] for theta_mm in thetas_mm])
+    every, shoulders = folds.each * len(hypotheses), joint.shoulders
+    seen = tuple(Part(fold.subject, number, fold.fitted) for number, fold in enumerate(every))
+    unseen = tuple(part._replace(rows=fold.tested) for part, fold in zip(seen, every, strict=True))
+    names = [hypothesis for hypothesis in hypotheses for _ in folds.each]
+    values = [amplitude for of_folds in amplitudes for amplitude in of_folds]
+    start_mm = np.concatenate([theta_mm[[fold.subject for fold in folds.each]] for theta_mm in thetas_mm])
     end = joint.of(seen).adapt(names, start_mm, values, between_per_deg)
     own = [found[: len(value)] for found, value in zip(end.amplitude.T, values, strict=True)]
     near = joint.of(unseen).nearest(names, end.theta_mm.T, own)

@@ -11,16 +11,16 @@ from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.result import NONE
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION
 
 
 class Rung(NamedTuple):
-    """One hypothesis, in every test."""
+    """One hypothesis, in every fold."""
 
     added: str
     """The cause that it adds to the one before; empty for the first."""
     hypothesis: Hypothesis
-    gaps_deg: Float[np.ndarray, "tests 6"]
+    gaps_deg: Float[np.ndarray, "folds 6"]
 
 
 def ladder(search: Search, named: Hypothesis) -> list[Rung]:
@@ -54,5 +54,5 @@ def unseen_gap_deg(search: Search, hypothesis: Hypothesis) -> float:
     return _mean_gap_deg(search.folds, search.unseen_gaps_deg(hypothesis))
 
 
-def _mean_gap_deg(folds: Folds, gaps_deg: Float[np.ndarray, "tests 6"]) -> float:
-    return float(folds.by_fold(known_mean(gaps_deg)).mean())
+def _mean_gap_deg(folds: Folds, gaps_deg: Float[np.ndarray, "folds 6"]) -> float:
+    return float(folds.by_part(known_mean(gaps_deg)).mean())

@@ -22,8 +22,9 @@ from adapt.diagnosis.fit.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders
-from adapt.diagnosis.fit.unseen_folds import PERSON, Folds, folds_of
+from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.bagging import resampled_persons
+from adapt.tables.folds import PERSON
 from models.effects import Effect
 from models.person.family import AnyModel
 
@@ -72,10 +73,10 @@ class Search:
     """V of sets from the modes of others, by both names."""
     posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
     """Of the few sets of which it was asked what they predict (``mode``)."""
-    gaps: dict[tuple[Hypothesis, bool], Float[np.ndarray, "tests 6"]] = field(default_factory=dict)
+    gaps: dict[tuple[Hypothesis, bool], Float[np.ndarray, "folds 6"]] = field(default_factory=dict)
     """Of unseen postures, of those, with and without sizes of one's own (``unseen_gaps_deg``)."""
     discrepancy: Discrepancy = TYPICAL
-    likelihoods: dict[tuple[Discrepancy, int | None], Likelihood] = field(default_factory=dict)
+    likelihoods: dict[tuple[Discrepancy, str | None], Likelihood] = field(default_factory=dict)
     """By the discrepancy, and what is held out of them."""
 
     @cached_property
@@ -94,7 +95,7 @@ class Search:
         """With the discrepancy as it is known now."""
         return self.likelihood_without(None)
 
-    def likelihood_without(self, motion: int | None) -> Likelihood:
+    def likelihood_without(self, motion: str | None) -> Likelihood:
         """Hold a motion out."""
         key = self.discrepancy, motion
         if key not in self.likelihoods:
@@ -246,7 +247,7 @@ class Search:
             self.posteriors[hypothesis] = found
         return self.posteriors[hypothesis]
 
-    def unseen_gaps_deg(self, hypothesis: Hypothesis, own_sizes: bool = True) -> Float[np.ndarray, "tests 6"]:
+    def unseen_gaps_deg(self, hypothesis: Hypothesis, own_sizes: bool = True) -> Float[np.ndarray, "folds 6"]:
         """Predict unseen postures with a set; with the sizes of others as they are, of persons who were not seen."""
         self.predict([hypothesis], own_sizes)
         return self.gaps[hypothesis, own_sizes]
@@ -261,9 +262,9 @@ class Search:
 
     def predicted_gaps_deg(
         self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Sequence[Posterior], own_sizes: bool = True
-    ) -> list[Float[np.ndarray, "tests 6"]]:
-        """Predict tests with each of some sets, in the linear model around the mode of one within it; the shoulder of
-        a test has sizes of its own about the amplitudes, or the amplitudes themselves."""
+    ) -> list[Float[np.ndarray, "folds 6"]]:
+        """Predict folds with each of some sets, in the linear model around the mode of one within it; the shoulder of
+        a fold has sizes of its own about the amplitudes, or the amplitudes themselves."""
         candidates, without = self.joint.candidates, self.likelihood_without
         every = list(zip(hypotheses, at, strict=True))
         amplitudes = [unseen_amplitudes(folds, candidates, *one, without) for one in every]

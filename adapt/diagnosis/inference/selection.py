@@ -9,13 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
-from adapt.diagnosis.fit.unseen_folds import PERSON
 from adapt.diagnosis.inference.alternatives import LEVEL, CredibleSet, credible_set
 from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
-from adapt.tables.held_out import MOTION
+from adapt.tables.folds import MOTION, PERSON
 
 LEAST_PROBABILITY = 0.8
 """Of sets with a cause in a place, whichever, against the set with none there, averaged over persons drawn anew."""
@@ -27,7 +26,7 @@ class Gain(NamedTuple):
     share: float
     """Of the gap without it, beyond what noise leaves."""
     t: float
-    """Of the paired differences of the folds, in their standard errors."""
+    """Of the paired differences of the parts, in their standard errors."""
     motions_deg: float
     """Mean difference of unseen motions of persons who were seen."""
 
@@ -38,14 +37,14 @@ class Gain(NamedTuple):
 
 
 def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: float) -> Gain:
-    """Compare the unseen gaps of two hypotheses, fold by fold; noise alone leaves ``floor_deg``."""
+    """Compare the unseen gaps of two hypotheses, part by part; noise alone leaves ``floor_deg``."""
     folds, before = search.folds, search.unseen_gaps_deg(less)
     difference = known_mean(before - search.unseen_gaps_deg(hypothesis))
-    by_fold = folds.by_fold(difference)
-    error = _standard_error(by_fold)
-    beyond = folds.by_fold(known_mean(before)).mean() - floor_deg
-    share = by_fold.mean() / max(beyond, by_fold.mean(), 1e-9)
-    t = by_fold.mean() / error if error > 0 else np.inf
+    by_part = folds.by_part(difference)
+    error = _standard_error(by_part)
+    beyond = folds.by_part(known_mean(before)).mean() - floor_deg
+    share = by_part.mean() / max(beyond, by_part.mean(), 1e-9)
+    t = by_part.mean() / error if error > 0 else np.inf
     return Gain(float(share), float(t), float(difference[folds.of_kind(MOTION)].mean()))
 
 

@@ -1,0 +1,117 @@
+"""Which postures are held out in turn: motions, thirds of the postures, one motion against another, and persons.
+
+A fold is of one subject: the postures that its girdle is adapted to, and those that are then predicted.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Int, Shaped
+
+from motions.table import Motions
+
+MOTION, POSTURES, OTHER, PERSON = "motion", "postures", "only", "person and motion"
+"""Kinds of folds: one motion held out, every third posture held out, one motion alone adapted to, and a motion held out
+together with persons, of whom what is shared between persons has seen nothing."""
+
+THIRDS = ("third 2", "third 3", "third 1")
+"""The third that each posture of a subject belongs to in turn."""
+
+_PERSON_GROUPS = 6
+"""Persons are held out in so many groups at most: more take longer and tell little more."""
+
+Rows = Int[np.ndarray, " some"]
+"""Of the motions, ascending."""
+
+Label = Shaped[np.ndarray, " rows"]
+"""What each row is held out with, by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Postures of one subject, by their rows in the motions."""
+
+    kind: str
+    subject: int
+    """Its number among the subjects of the motions."""
+    held_out: str
+    """The name of the motion or third."""
+    fitted: Rows
+    """What the girdle of the subject is adapted to."""
+    tested: Rows
+    """What is predicted."""
+    unseen: tuple[int, ...] = ()
+    """Subjects of whom nothing that is shared between subjects has seen anything."""
+
+
+def motions_and_thirds(motions: Motions) -> list[Fold]:
+    """Hold out every motion of every subject that has several, and every third posture of every subject."""
+    found, thirds = [], thirds_of(motions)
+    for subject, rows in enumerate(rows_by_subject(motions)):
+        found += _leave_out(MOTION, subject, rows, motions.motion, dict.fromkeys(motions.motion[rows].tolist()))
+        found += _leave_out(POSTURES, subject, rows, thirds, sorted(THIRDS))
+    return found
+
+
+def motions_or_thirds(motions: Motions) -> list[Fold]:
+    """Hold out every motion of a subject that has several, and every third posture of one that has not."""
+    every = motions_and_thirds(motions)
+    several = {fold.subject for fold in every if fold.kind == MOTION}
+    return [fold for fold in every if fold.kind == MOTION or fold.subject not in several]
+
+
+def one_motion_for_another(motions: Motions, fitted: str, tested: str) -> list[Fold]:
+    """Adapt to one motion, look at another one, of every subject that has both."""
+    found = []
+    for subject, rows in enumerate(rows_by_subject(motions)):
+        one, other = (rows[motions.motion[rows] == name] for name in (fitted, tested))
+        if len(one) and len(other):
+            found.append(Fold(OTHER, subject, tested, one, other))
+    return found
+
+
+def motions_and_persons(motions: Motions, person: Int[np.ndarray, " subjects"]) -> tuple[list[Fold], Label]:
+    """Hold out every kind of motion, and with it every person where there are several; of a single kind of motion every
+    third posture in its place. The folds by kind, subject and name, and what each row is held out with.
+
+    ``person``: the number of the person of each subject.
+    """
+    kinds = sorted(set(motions.motion.tolist()))
+    label, names = (motions.motion, kinds) if len(kinds) > 1 else (thirds_of(motions), THIRDS)
+    subjects = rows_by_subject(motions)
+    found = [fold for s, rows in enumerate(subjects) for fold in _leave_out(MOTION, s, rows, label, names)]
+    persons = int(person.max()) + 1
+    if persons > 1:
+        groups = np.array_split(np.arange(persons), min(persons, _PERSON_GROUPS))
+        unseen = {one: tuple(np.flatnonzero(np.isin(person, group)).tolist()) for group in groups for one in group}
+        for s, rows in enumerate(subjects):
+            found += _leave_out(PERSON, s, rows, label, names, unseen[person[s]])
+    return found, label
+
+
+def _leave_out(
+    kind: str, subject: int, rows: Rows, label: Label, names: Iterable[str], unseen: tuple[int, ...] = ()
+) -> Iterator[Fold]:
+    """Hold out the rows of each name in turn, where there are some and others are left."""
+    own = label[rows]
+    for name in names:
+        fitted, tested = rows[own != name], rows[own == name]
+        if len(fitted) and len(tested):
+            yield Fold(kind, subject, str(name), fitted, tested, unseen)
+
+
+def thirds_of(motions: Motions) -> Label:
+    """Name the third of its subject's postures that each posture is in."""
+    label = np.empty(len(motions.posture), object)
+    for rows in rows_by_subject(motions):
+        label[rows] = np.resize(np.array(THIRDS, object), len(rows))
+    return label
+
+
+def rows_by_subject(motions: Motions) -> list[Rows]:
+    """Find the rows of each subject, in the order of the subjects."""
+    number = {name: k for k, name in enumerate(motions.subjects)}
+    of_row = np.array([number[name] for name in motions.subject.tolist()])
+    counts = np.bincount(of_row, minlength=len(number))
+    return np.split(np.argsort(of_row, kind="stable"), np.cumsum(counts)[:-1])

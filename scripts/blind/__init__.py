@@ -1,1 +1,0 @@
-"""What `scripts/blind_check.py` does: its cases, their runs and lines, and the figures."""

@@ -1,0 +1,97 @@
+"""Does the diagnosis name causes that predict measured shoulders? The gap on motions and persons that were not fitted.
+
+For each parameter set: what `girdle diagnose` names by itself, and the mean |simulated - measured| of scapula and
+clavicle, degrees, adapted without each motion: without the causes, with them (``girdle adapt --effect``), with the
+sizes that other persons have, as they are, and with causes that were named and sized without the person at all; '-'
+where there is no other motion, or no other person.
+"""
+
+import argparse
+from collections.abc import Iterator
+
+import numpy as np
+
+from adapt.diagnosis import Diagnosis, diagnose
+from adapt.diagnosis.adapted_gaps import adapted_gaps
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.intervals import known_mean
+from adapt.diagnosis.result import ALL
+from adapt.diagnosis.wording import gap_text
+from adapt.tables.folds import MOTION
+from models import ParameterSet, load_model
+from models.effects.amplitudes import Amplitudes
+from motions import Motions
+from scripts.reporting import bone_pins
+
+_BONES = ("scapula", "clavicle")
+
+_NEVER_UNDER_PINS = ("skin_artefact", "clavicle_axial_estimate")
+"""Bone pins exclude them."""
+
+
+def main() -> None:
+    """Diagnose the motions with each set and print one table."""
+    described = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    motions, options = bone_pins(described)
+    unseen = "motion unseen | sizes of others as they are | names and sizes without the person"
+    print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
+    print("|---|---|---|---|---|---|")
+    for name in options.model:
+        model = load_model(name)
+        print(_row(diagnose(motions, model)[name], named_without(motions, model)), flush=True)
+
+
+def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
+    """Compute the mean gaps of persons on unseen motions, with causes that the diagnosis of all others names; NaN where
+    nothing is unseen."""
+    shoulders, _ = usable(motions)
+    if shoulders.persons < 2 or len(shoulders.kinds) < 2:
+        return dict.fromkeys(_BONES, np.nan)
+    found = []
+    for others, left_out in one_left_out(motions):
+        of_others = diagnose(others, model)[model.name]
+        unseen = unseen_gaps_deg(left_out, model, of_others.effects, of_others.thorax_downweighting)
+        found.append([unseen[bone] for bone in _BONES])
+    return dict(zip(_BONES, known_mean(np.array(found).T).tolist(), strict=True))
+
+
+def one_left_out(motions: Motions) -> Iterator[tuple[Motions, Motions]]:
+    """Leave each person out in turn, left and right together: the motions of all others, and the person's; nothing of
+    one person. Subjects that say too little are in neither."""
+    shoulders, _ = usable(motions)
+    if shoulders.persons < 2:
+        return
+    of_subject = dict(zip(shoulders.subjects, shoulders.person.tolist(), strict=True))
+    person = np.array([of_subject.get(subject, -1) for subject in motions.subject.tolist()])
+    for one in range(shoulders.persons):
+        yield motions.select((person >= 0) & (person != one)), motions.select(person == one)
+
+
+def unseen_gaps_deg(
+    motions: Motions, model: ParameterSet, effects: Amplitudes, thorax_downweighting: float = 1.0
+) -> dict[str, float]:
+    """Compute the mean gap of motions that the subjects were not adapted to, of all angles and by bone; NaN where each
+    has but one."""
+    person = dict.fromkeys(motions.subjects, 0)
+    adapted = adapted_gaps(motions, model, effects, person, thorax_downweighting=thorax_downweighting)
+    gaps = adapted.unseen.get(MOTION)
+    return {part: gaps[part].value if gaps else np.nan for part in (ALL, *_BONES)}
+
+
+def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:
+    causes = ["/".join(cause.names) for cause in diagnosis.verdict.causes]
+    wrong = [name for name in diagnosis.verdict.names if name in _NEVER_UNDER_PINS]
+    seen, carried = diagnosis.gaps.other_motion, diagnosis.carried_over
+    cells = [_bones(seen["adapted"]), _bones(seen["with_effect"])] if seen else ["-", "-"]
+    cells.append(_bones(carried.sizes_of_others) if carried else "-")
+    cells.append(", ".join(gap_text(without[bone]) for bone in _BONES))
+    said = ", ".join(causes) or diagnosis.verdict.answer
+    return f"| {diagnosis.model} | {said}{' WRONG' if wrong else ''} | {' | '.join(cells)} |"
+
+
+def _bones(gaps) -> str:
+    return ", ".join(gap_text(gaps[bone].value) for bone in _BONES)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""Would any other causes do as well? Named causes against as many drawn at random, on persons who were not seen.
+
+Of each person in turn and with each parameter set: what is named on the other persons, and as many candidates drawn at
+random, each with all numbers that it can have. Both get the sizes that the other persons show, and the person left out
+is adapted with them: once with these sizes as they are, and once with sizes of its own about them, as `girdle adapt
+--effect` does with what `girdle diagnose` says. Mean |simulated - measured| on motions that it was not adapted to;
+"as good" counts the sets at random that leave no more than what is named. With `--elsewhere` causes are named on all
+persons, and tried on what another laboratory measured.
+"""
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from adapt.diagnosis.fit.candidates import Candidates, Hypothesis, candidate_effects
+from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.search import Search, search_of
+from adapt.diagnosis.inference.selection import name_causes
+from adapt.diagnosis.result import ALL
+from models import ParameterSet, load_model
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize
+from motions import Motions
+from scripts.reporting import bone_pins, markdown, measured
+from scripts.research.named_causes.measured_check import one_left_out, unseen_gaps_deg
+
+SEED, DRAWN = 1, 20
+"""Sets drawn for each person and parameter set."""
+
+
+class Gaps(NamedTuple):
+    """Of one person on unseen motions, degrees: with sizes as those of others, and of its own."""
+
+    as_others: float
+    own: float
+
+
+LEFT_OUT = "each person left out"
+
+Tried = dict[str, list[tuple[Motions, Motions]]]
+"""For each on whom causes are tried: the motions on which they are named, and those on which they are tried."""
+
+
+def main() -> None:
+    """Adapt persons with what is named without them and with sets drawn at random; print one table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--drawn", type=int, default=DRAWN, help=f"sets drawn for each person; default: {DRAWN}")
+    parser.add_argument("--elsewhere", action="append", type=Path, help="motions that another laboratory measured")
+    motions, options = bone_pins(parser)
+    every = tried(motions, measured(parser, options.elsewhere) if options.elsewhere else None)
+    rows, generator = [], np.random.default_rng(SEED)
+    for name, who in track(list(product(options.model, every)), console=Console(stderr=True)):
+        model = load_model(name)
+        found = [_compared(seen, unseen, model, options.drawn, generator) for seen, unseen in every[who]]
+        rows.append([name, who, *cells(found)])
+    sizes = [f"{of}: {which}" for of in ("sizes of others", "own sizes") for which in ("named", "at random", "as good")]
+    print(markdown(["parameter set", "tried on", "adapted, deg", "thorax points down-weighted", *sizes], rows))
+
+
+def tried(motions: Motions, elsewhere: Motions | None) -> Tried:
+    """Choose on whom causes are tried: each person in turn, or each subject that was measured elsewhere."""
+    if elsewhere is None:
+        return {LEFT_OUT: list(one_left_out(motions))}
+    return {one: [(motions, elsewhere.select(elsewhere.subject == one))] for one in elsewhere.subjects}
+
+
+def _compared(seen: Motions, unseen: Motions, model: ParameterSet, draws: int, generator: np.random.Generator) -> tuple:
+    """Give the gaps of the unseen motions: adapted, with thorax points down-weighted, with what is named on the seen
+    ones, with each draw."""
+    gaps, (shoulders, _) = partial(unseen_gaps_deg, unseen, model), usable(seen)
+    search = search_of(model, shoulders, candidate_effects(model, shoulders.subjects)).run()
+    named = name_causes(search, 0.0).hypothesis
+    drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(draws)]
+    without = (gaps(NO_EFFECTS, downweighting)[ALL] for downweighting in (1.0, THORAX_DOWNWEIGHTING))
+    return *without, *(_gaps(search, one, gaps) for one in (named, *drawn))
+
+
+def drawn_at_random(candidates: Candidates, causes: int, generator: np.random.Generator) -> Hypothesis:
+    """Draw so many different causes, each with the course that has the most numbers."""
+    richest = {one.cause: one.name for one in sorted(candidates.effects, key=lambda one: one.amplitudes)}
+    return candidates.ordered(generator.choice(list(richest.values()), causes, replace=False).tolist())
+
+
+def cells(found: list) -> list[str]:
+    """Write the means over the persons: adapted, with thorax points down-weighted; then of each kind of size named, the
+    median at random, and how many of those at random leave as little on the same person as what is named."""
+    texts = [f"{np.mean([one[k] for one in found]):.2f}" for k in range(2)]
+    for kind in Gaps._fields:
+        named = np.array([getattr(one[2], kind) for one in found])
+        drawn = np.array([[getattr(other, kind) for other in one[3:]] for one in found])
+        as_good = int((drawn <= named[:, None]).sum())
+        texts += [f"{named.mean():.2f}", f"{np.median(drawn):.2f}", f"{as_good} of {drawn.size}"]
+    return texts
+
+
+def _gaps(search: Search, hypothesis: Hypothesis, gaps: Callable[[Amplitudes, float], dict[str, float]]) -> Gaps:
+    """With the sizes of a set that the search's persons have in common."""
+    candidates = search.joint.candidates
+    given = search.given(search.mode(hypothesis), hypothesis)
+    sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
+    sizes = {one.name: (given.amplitude[own], sd[own]) for one, own in candidates.slices(hypothesis)}
+    fixed = {name: tuple(a) for name, (a, _) in sizes.items()}
+    personal = {name: PersonalSize(tuple(a), tuple(sd)) for name, (a, sd) in sizes.items()}
+    return Gaps(*(gaps(effects, THORAX_DOWNWEIGHTING)[ALL] for effects in (fixed, personal)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""How few measured shoulders are enough? Causes named and sized on some, and the gap that they leave on others.
+
+A row says what the diagnosis has seen: all persons but one, one person, one shoulder, or two kinds of motion of one
+person; each in turn, with each parameter set. The persons it has not seen are then adapted with what it names (``girdle
+adapt --effect``): mean |simulated - measured| on motions that they were not adapted to, and the share that is left of
+the gap without causes, in the median and at most.
+"""
+
+import argparse
+from collections.abc import Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from adapt.diagnosis import diagnose
+from adapt.diagnosis.result import ALL
+from models import ParameterSet, load_model
+from models.effects.amplitudes import NO_EFFECTS
+from motions import Motions
+from scripts.reporting import bone_pins, markdown
+from scripts.research.named_causes.measured_check import one_left_out, unseen_gaps_deg
+
+REST, ONE, SHOULDER, LESS = "all persons but one", "one person", "one shoulder", "one person, two kinds of motion"
+
+
+class Seen(NamedTuple):
+    """What a diagnosis sees, and of whom the gap is told."""
+
+    what: str
+    motions: Motions
+    others: Motions
+
+
+def main() -> None:
+    """Diagnose parts of the motions with each set and print one table."""
+    described = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    motions, options = bone_pins(described)
+    gaps: dict[str, list[tuple[float, float]]] = {}
+    for name in options.model:
+        model = load_model(name)
+        for seen in track(list(parts(motions)), name, console=Console(stderr=True)):
+            gaps.setdefault(seen.what, []).append(gaps_of_others_deg(model, seen))
+    print(table(gaps))
+
+
+def parts(motions: Motions) -> Iterator[Seen]:
+    """Choose what is seen in turn; nothing where there is one person."""
+    kinds = sorted(set(motions.motion.tolist()))
+    for others, one in one_left_out(motions):
+        yield Seen(REST, others, one)
+        yield Seen(ONE, one, others)
+        for subject in one.subjects:
+            yield Seen(SHOULDER, one.select(one.subject == subject), others)
+        for pair in combinations(kinds, 2):
+            yield Seen(LESS, one.select(np.isin(one.motion, pair)), others)
+
+
+def gaps_of_others_deg(model: ParameterSet, seen: Seen) -> tuple[float, float]:
+    """Compute the mean gap of the others on unseen motions, without causes and with those named on what is seen."""
+    found = diagnose(seen.motions, model)[model.name]
+    with_causes = unseen_gaps_deg(seen.others, model, found.effects, found.thorax_downweighting)[ALL]
+    return unseen_gaps_deg(seen.others, model, NO_EFFECTS)[ALL], with_causes
+
+
+def table(gaps: dict[str, list[tuple[float, float]]]) -> str:
+    """Write a row for all that is seen of one kind, as Markdown."""
+    rows = []
+    for what, found in gaps.items():
+        adapted, with_causes = np.array(found).T
+        left = with_causes / adapted
+        means = [f"{mean:.2f}" for mean in (adapted.mean(), with_causes.mean())]
+        shares = [f"{np.median(left):.0%}", f"{left.max():.0%}"]
+        rows.append([what, str(len(found)), *means, *shares, f"{np.sum(left > 1.0)} of {len(found)}"])
+    return markdown(["seen", "diagnoses", "adapted, deg", "with the causes", "left", "at most", "larger"], rows)
+
+
+if __name__ == "__main__":
+    main()

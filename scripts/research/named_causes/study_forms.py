@@ -1,0 +1,147 @@
+"""Is an effect missed because a candidate has another form? Its evidence as the library has it, and as it truly is.
+
+Of worlds with one cause whose truth tells the strength in every posture (`synthetic_b`): the log evidence above
+that of no cause, of the best course of the library, and of the true strengths of each subject times one number; and the
+gap of unseen postures with each, deg. Where the true strengths gain much and the library little, its form is too
+narrow. Where they gain little, no candidate of any form is found in such data.
+
+    python -m scripts.research.named_causes.synthetic_b out/forms --condition several --seed 38
+    python scripts/research/named_causes/study_forms.py out/forms
+"""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pandas as pd
+import typer
+from jaxtyping import Float
+
+from adapt.cli import app as cli
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.posterior import likeliest
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.search import Node, Search, search_of
+from models import load_model
+from models.effects import EFFECTS, Effect
+from models.effects.effect import cause_of
+from models.effects.prior import EffectPrior
+from motions import Motions, read_motions
+from scripts.reporting import markdown
+from scripts.research.named_causes.external_worlds import MOTIONS, TRUTH, worlds
+
+SHARE_SD = 0.3
+"""Of the number by which the true strengths are multiplied, about 1: a hundredth of it would do as well."""
+
+TRUE = "as it truly is"
+
+
+class Outcome(NamedTuple):
+    """Of one hypothesis on one world."""
+
+    log_evidence: float
+    gap_deg: float
+    """Of unseen postures."""
+
+
+@dataclass(frozen=True, eq=False)
+class AsItIs:
+    """One amplitude, the share of strengths that are known in every posture."""
+
+    strengths: Float[np.ndarray, "channels postures"]
+    sd: tuple[float, ...] = (1.0,)
+    word: str = TRUE
+
+    def channels(self, directions: int) -> int:
+        """Count them."""
+        return len(self.strengths)
+
+    def columns(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
+        """Give them."""
+        return self.strengths[None]
+
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def study_forms(
+    folder: Annotated[Path, typer.Argument(help="Folder of worlds.", exists=True, file_okay=False)],
+) -> None:
+    """Compare forms on every world of one cause below a folder; print a line a world and the means of each effect."""
+    rows = []
+    print(f"| effect | world | {' | '.join(_HEADER)} |\n" + "|---" * (2 + len(_HEADER)) + "|")
+    for world in worlds(folder):
+        path = Path(world.folder)
+        truth = json.loads((path / TRUTH).read_text(encoding="utf-8"))
+        if told(truth):
+            row = compared(truth, read_motions(path / MOTIONS))
+            print(f"| {world.label} | {path.relative_to(folder)} | {' | '.join(cells(row))} |", flush=True)
+            rows.append({"effect": world.label, **row})
+    if not rows:
+        raise typer.BadParameter(f"no world below {folder} has one cause with strengths that its {TRUTH} tells")
+    means = []
+    for name, own in pd.DataFrame(rows).groupby("effect"):
+        means.append([str(name), str(len(own)), *cells(own.drop(columns="effect").mean())])
+    print("\n" + markdown(["effect", "worlds", *_HEADER], means))
+
+
+_HEADER = ("library, log evidence", "true", "no cause, deg", "library", "true")
+
+
+def told(truth: dict) -> bool:
+    """Tell whether one cause is at work, with known strengths."""
+    strengths = truth.get("strengths", {})
+    return truth["label"] in EFFECTS and bool(strengths) and all(truth["label"] in one for one in strengths.values())
+
+
+def cells(row) -> list[str]:
+    """Write the gains in log evidence, then the gaps."""
+    gaps = ("deg", "library_deg", "true_deg")
+    return [f"{row['library']:.0f}", f"{row['true']:.0f}", *(f"{row[gap]:.2f}" for gap in gaps)]
+
+
+def compared(truth: dict, motions: Motions) -> dict[str, float]:
+    """Compare no cause, the best course of the library and the true strengths, and what these leave unexplained."""
+    label, model = truth["label"], load_model(truth["model"])
+    shoulders, _ = usable(motions)
+    effects = (*(one for one in EFFECTS.values() if cause_of(one.name) == label), true_effect(truth, shoulders.motions))
+    first = search_of(model, shoulders, effects)
+    left_over = likeliest(first.joint, fitted(first, (TRUE,)).posterior, first.discrepancy)
+    settled = Search(first.joint, first.folds, discrepancy=left_over)
+    none, *library, true = (outcome(settled, hypothesis) for hypothesis in ((), *((one.name,) for one in effects)))
+    best = max(library)
+    gains = {"library": best.log_evidence - none.log_evidence, "true": true.log_evidence - none.log_evidence}
+    return gains | {"deg": none.gap_deg, "library_deg": best.gap_deg, "true_deg": true.gap_deg}
+
+
+def true_effect(truth: dict, motions: Motions) -> Effect:
+    """Give the effect with the strengths that each subject truly has, in postures that are left."""
+    effect = EFFECTS[truth["label"]]
+    by_subject = {name: pd.DataFrame(one[effect.name]) for name, one in truth["strengths"].items()}
+    kinds = list(dict.fromkeys(motions.motion.tolist()))
+    postures = {name: len(one) // len(kinds) for name, one in by_subject.items()}
+    strengths = [
+        by_subject[subject].iloc[kinds.index(kind) * postures[subject] + int(posture) - 1]
+        for subject, kind, posture in zip(motions.subject, motions.motion, motions.posture, strict=True)
+    ]
+    prior = EffectPrior(scale=(SHARE_SD,), mean=1.0, source=TRUE)
+    return replace(effect, name=TRUE, directions=("share",), course=AsItIs(np.transpose(strengths)), prior=prior)
+
+
+def fitted(search: Search, hypothesis: Hypothesis) -> Node:
+    """Fit a hypothesis from no cause."""
+    none = search.fit((), None)
+    return search.fit(hypothesis, none) if hypothesis else none
+
+
+def outcome(search: Search, hypothesis: Hypothesis) -> Outcome:
+    """Weigh a hypothesis and predict unseen postures with it."""
+    given = search.given(fitted(search, hypothesis).posterior, hypothesis)
+    return Outcome(given.log_evidence, float(np.nanmean(search.unseen_gaps_deg(hypothesis))))
+
+
+if __name__ == "__main__":
+    cli.main(app)

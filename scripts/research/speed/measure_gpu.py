@@ -1,0 +1,142 @@
+"""The adaptation by XLA on the devices that JAX sees, against machine code on the CPU: same results, and how fast.
+
+Runs unattended in a few minutes. It makes its own (simulated) subjects, works on them on each platform in a process of
+its own, compares the results and writes a table as Markdown and as JSON. Without a GPU it measures the CPU alone and
+says so.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+ROOT = Path(__file__).parents[3]
+sys.path[:0] = [str(ROOT)]
+
+import jax  # noqa: E402
+import numpy as np  # noqa: E402
+import typer  # noqa: E402
+
+from adapt.engine.kernel import Kernel  # noqa: E402
+from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
+from adapt.solvers.padded_batch import pack  # noqa: E402
+from adapt.solvers.problem_batch import problem_batch  # noqa: E402
+from models import load_model  # noqa: E402
+from motions.rhythm_subjects import simulate_subjects  # noqa: E402
+
+SAME = 1e-8
+"""Relative difference of E that float64 on another device may have."""
+
+SEED = 5
+
+REPEATS = 3
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def measure(
+    out: Annotated[Path, typer.Option(help="Folder for gpu.md and gpu.json.")] = Path("out/gpu"),
+    model: str = "R2",
+    sizes: Annotated[str, typer.Option(help="Numbers of simulated subjects.")] = "256,1024,4096,16384",
+    worker: Annotated[str, typer.Option(hidden=True)] = "",
+) -> None:
+    """Measure and compare every platform there is."""
+    counts = [int(word) for word in sizes.split(",")]
+    if worker:
+        if worker != "cpu":
+            Kernel.__call__ = Kernel.by_jax  # where there is machine code, that is what runs, beside a GPU too
+        print(json.dumps(_measured(model, counts, out / f"{worker}.npy")))
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    platforms = ["cpu", *_accelerators()]
+    found = {platform: _in_its_own_process(platform, model, sizes, out) for platform in platforms}
+    results = {platform: np.load(out / f"{platform}.npy") for platform in platforms}
+    off = {platform: _difference(results[platform], results["cpu"]) for platform in platforms[1:]}
+    text = _table(model, found, off)
+    (out / "gpu.md").write_text(text)
+    (out / "gpu.json").write_text(json.dumps({"platforms": found, "against_cpu": off}, indent=2) + "\n")
+    print(text)
+    if any(one["different"] for one in off.values()):
+        raise typer.Exit(1)
+
+
+def _accelerators() -> list[str]:
+    """Asked in a process of its own, which gives the device back."""
+    code = "import jax; print(jax.default_backend())"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return [name for name in ended.stdout.split() if name != "cpu"]
+
+
+def _in_its_own_process(platform: str, model: str, sizes: str, out: Path) -> dict[str, Any]:
+    command = [sys.executable, __file__, "--worker", platform, "--model", model, "--sizes", sizes, "--out", str(out)]
+    # The names of plugins and of what they say of themselves differ: "gpu" is that of all.
+    environment = os.environ | ({"JAX_PLATFORMS": "cpu"} if platform == "cpu" else {})
+    ended = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(ended.stdout.splitlines()[-1])
+
+
+def _measured(model: str, counts: list[int], path: Path) -> dict[str, Any]:
+    """Seconds by number of subjects, the first run apart, and theta and convergence of the largest to ``path``."""
+    seconds, first = {}, {}
+    solved = None
+    for count in counts:
+        data = problem_batch(pack(simulate_subjects(count, seed=SEED)), [load_model(model)])
+        start = time.perf_counter()
+        solved_from_geometric_fit(data)
+        first[count] = time.perf_counter() - start
+        taken = []
+        for _ in range(REPEATS):
+            start = time.perf_counter()
+            solved = solved_from_geometric_fit(data)
+            taken.append(time.perf_counter() - start)
+        seconds[count] = {"median": float(np.median(taken)), "least": min(taken), "most": max(taken)}
+    assert solved is not None
+    np.save(path, np.vstack([solved.theta, solved.converged]))
+    devices = [str(device) for device in jax.devices()]
+    return {"devices": devices, "seconds": seconds, "first_s": first, "cores": os.cpu_count()}
+
+
+def _difference(found: np.ndarray, expected: np.ndarray) -> dict[str, Any]:
+    """Of the parameters, relative, where both converged."""
+    both = (found[-1] > 0) & (expected[-1] > 0)
+    off = np.abs(found[:-1, both] / expected[:-1, both] - 1.0).max(axis=0)
+    return {
+        "subjects": int(both.sum()),
+        "converged": [float(np.mean(found[-1])), float(np.mean(expected[-1]))],
+        "median": float(np.median(off)),
+        "largest": float(off.max()),
+        "different": int((off > SAME).sum()),
+    }
+
+
+def _table(model: str, found: dict[str, Any], off: dict[str, Any]) -> str:
+    lines = [
+        f"Adaptation of simulated subjects (14 postures each) with {model}, float64, one start; seconds are the median "
+        f"of {REPEATS} (least-most), without compilation.",
+        "",
+        "| platform | devices | subjects | seconds | subjects a second | first run, s |",
+        "|---|---|---|---|---|---|",
+    ]
+    for platform, one in found.items():
+        for count, s in one["seconds"].items():
+            took = f"{s['median']:.2f} ({s['least']:.2f}-{s['most']:.2f})"
+            rate = f"{int(count) / s['median']:.0f}"
+            first = one["first_s"][count]
+            lines.append(f"| {platform} | {', '.join(one['devices'])} | {count} | {took} | {rate} | {first:.1f} |")
+    lines.append("")
+    if not off:
+        lines.append("JAX sees no GPU here: this is the CPU alone, and nothing was compared.")
+    for platform, one in off.items():
+        lines.append(
+            f"{platform} against cpu, {one['subjects']} subjects: parameters differ by {one['median']:.1e} (median), "
+            f"{one['largest']:.1e} (largest, relative); {one['different']} by more than {SAME:.0e}."
+        )
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,44 @@
+"""SciPy's L-BFGS-B through jaxopt on the nested objective, with every posture fitted anew: compiled, one subject after
+another. Only first derivatives, and a posture fit in each of its steps: what a general optimiser makes of it."""
+
+import warnings
+
+import jax
+import jax.numpy as jnp
+from adapt.solvers.differentiable import nested_objective
+
+from adapt.solvers.objective import WEIGHT
+from models import load_model
+from models.person.thorax_ellipsoid import jitted_geometric_fit
+from motions.rhythm_subjects import simulate_subjects
+from motions.rotations import DEG
+from scripts.reporting import timed
+from scripts.research.speed.peers.cases import SEED
+
+
+def seconds_a_subject(model: str, subjects: int) -> float:
+    """From the geometric fit."""
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import jaxopt
+
+    chosen = load_model(model)
+    points = jnp.asarray(chosen.points_mm)
+    girdle = jitted_geometric_fit(chosen.girdle, points)
+
+    def nested(theta, angles):
+        return nested_objective(theta, girdle, points, angles, jnp.ones(angles.shape, bool), WEIGHT)
+
+    both = jax.jit(jax.value_and_grad(nested))
+    motions = simulate_subjects(subjects, seed=SEED)
+    every = [jnp.asarray(motions.angles_deg[motions.subject == name].T / DEG) for name in motions.subjects]
+    both(girdle.adapted_mm, every[0])
+    bounds = tuple(jnp.asarray(b) for b in chosen.bounds_mm)
+
+    def run():
+        for angles in every:
+            solver = jaxopt.ScipyBoundedMinimize(
+                method="L-BFGS-B", fun=lambda theta, angles=angles: both(theta, angles), value_and_grad=True, jit=False
+            )
+            solver.run(girdle.adapted_mm, bounds=bounds)
+
+    return timed(run) / subjects

@@ -1,0 +1,73 @@
+"""Distances of TS and AI: of closed postures the set's own, courses worked by hand, and the spread that noise gives."""
+
+import jax
+import numpy as np
+import pytest
+from programs import few_runs
+
+from adapt import fit_postures
+from models import load_model
+from models.girdle import Girdle
+from motions import read_motions
+from motions.rhythm_subjects import DATA_FILE
+from motions.rotations import DEG
+from scripts.research.thesis.chapter7.constant_distance import distance_courses, noise_courses, thorax_distances_mm
+
+CLOSED_MM = 1e-9
+"""What a posture fit promises."""
+
+EXACT = 1e-12
+"""Sums of a few numbers of order 10."""
+
+CHANCE = 0.06
+"""Relative: the SD of 14 postures times 300 repeats has an error of 1 %; six of them."""
+
+NOISE_DEG = 0.05
+"""So small that the distances follow the errors in a straight line to a hundredth."""
+
+
+@pytest.fixture(scope="module")
+def closed() -> tuple[Girdle, np.ndarray]:
+    """14 closed postures of one simulated subject with R2, and the girdle of each."""
+    model, motions = load_model("R2"), read_motions(DATA_FILE)
+    fitted = fit_postures(motions.select(motions.subject == "simulated01"), model).by_model["R2"]
+    return model.girdle.repeated(fitted.angles.shape[1]), fitted.angles
+
+
+def test_closed_postures_have_the_distances_of_the_set(closed):
+    girdle, angles = closed
+    found = thorax_distances_mm(girdle, angles)
+    expected = np.stack([girdle.ts_distance_mm, girdle.ai_distance_mm])
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=CLOSED_MM)
+
+
+def test_mean_sd_and_slope_of_distances_made_by_hand():
+    """Two motions, offsets 1 and 5, rise by 0.1 mm a degree; a third at one elevation says nothing of the slope."""
+    elevation = np.array([0.0, 40.0, 80.0, 10.0, 60.0, 90.0, 90.0, 0.0, 0.0])
+    motion = np.array(["a", "a", "a", "b", "b", "c", "c", "d", "d"], object)
+    subject = np.array(["one"] * 7 + ["still"] * 2, object)
+    offset = np.array([1.0, 1.0, 1.0, 5.0, 5.0, -30.0, 70.0, 2.0, 4.0])
+    moving = np.where(elevation == 90.0, 0.0, 0.1 * elevation)
+    distances = np.stack([offset + moving, -offset])
+    found = distance_courses(distances, subject, motion, elevation)
+    np.testing.assert_allclose(found.slope_mm_per_deg[:, 0], [0.1, 0.0], rtol=0.0, atol=EXACT)
+    assert np.isnan(found.slope_mm_per_deg[:, 1]).all()
+    np.testing.assert_allclose(found.mean_mm[:, 1], [3.0, -3.0], rtol=EXACT)
+    np.testing.assert_allclose(found.sd_mm[:, 1], np.sqrt(2.0), rtol=EXACT)
+    np.testing.assert_allclose(found.sd_mm[0, 0], np.std(distances[0, :7], ddof=1), rtol=EXACT)
+
+
+def test_noise_alone_gives_the_spread_of_the_slopes_of_the_constraints(closed):
+    """Variance of A1 and A2 in a posture: s^2 |dg/dq|^2; of the slope: its share of it by the lever, squared."""
+    girdle, angles = closed
+    subject, motion = np.full(14, "one", object), np.repeat(np.array(["a", "b"], object), 7)
+    elevation = np.tile(np.linspace(0.0, 150.0, 7), 2)
+    found = noise_courses(girdle, angles, NOISE_DEG, subject, motion, elevation, repeats=300, seed=3)
+    units = np.broadcast_to(np.eye(6)[:, :, None], (6, *angles.shape)).copy()
+    along = few_runs(lambda unit: jax.jvp(girdle.residuals_mm, (angles,), (unit,))[1][:2])
+    G = np.array([along(unit) for unit in units])
+    variance = (NOISE_DEG / DEG) ** 2 * (G**2).sum(axis=0)
+    np.testing.assert_allclose((found.sd_mm[:, 0] ** 2).mean(axis=-1), variance.mean(axis=-1), rtol=2.0 * CHANCE)
+    lever = elevation - elevation.mean()
+    expected = np.sqrt((variance * lever**2).sum(axis=-1)) / (lever @ lever)
+    np.testing.assert_allclose(found.slope_mm_per_deg[:, 0].std(axis=-1), expected, rtol=4.0 * CHANCE)

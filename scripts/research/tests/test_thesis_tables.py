@@ -1,0 +1,253 @@
+"""The printed tables against themselves, the scores by hand, and each choice of the study against what it says."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from handmade import adaptations, motions_of, rising
+from oracles import ellipsoid_distance
+from typer.testing import CliRunner
+
+from adapt.solvers.adaptation import adapt_batch
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import problem_batch
+from models import load_model
+from models.girdle import landmarks
+from motions import Motions, read_motions
+from motions.landmarks.girdle_angles import CLAVICLE_X
+from motions.motion_csv.writing import write_motions
+from scripts.research.thesis import compare_thesis, printed, scores, study_objective
+from scripts.research.thesis.outcomes import ABDUCTION, FLEXION, Outcome, Study, outcomes, prepare
+from scripts.research.thesis.variants import (
+    AXIAL,
+    BOUNDS,
+    LEFT_OUT,
+    POINTS,
+    Variant,
+    azimuth_deg,
+    on_sides,
+    with_bounds,
+    with_points,
+)
+from scripts.rooms import ROOT
+
+HALF_DIGIT = 0.05 + 1e-9
+"""The tables are printed to 0.1; subjects too, whose rounding averages out."""
+
+SAME = 1e-12
+
+
+@pytest.fixture(scope="module")
+def motions() -> Motions:
+    """Three shipped (simulated) subjects, their motions named as the study's."""
+    every = read_motions(ROOT / "motions" / "data" / "simulated_subjects.csv")
+    names = {"abduction": ABDUCTION, "forward_flexion": FLEXION}
+    every = replace(every, motion=np.array([names[name] for name in every.motion.tolist()]))
+    return every.select(np.isin(every.subject, every.subjects[:3]))
+
+
+@pytest.fixture(scope="module")
+def study(motions) -> Study:
+    return prepare(motions, printed.SETS)
+
+
+# --- as printed ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Table 6.1", "Table 6.2", "Table 6.3", "Table 6.4"])
+@pytest.mark.parametrize("statistic", printed.STATISTICS)
+def test_statistics_are_those_of_the_printed_subjects_but_for_the_misprints(name, statistic):
+    table = printed.tables()[name]
+    recomputed = printed.STATISTICS[statistic](table.of_subjects)
+    wrong = {one.column: one for one in printed.misprints() if (one.table, one.row) == (name, statistic)}
+    for column, value in zip(table.columns, recomputed, strict=True):
+        off = abs(table.cell(statistic, column) - value)
+        if column in wrong:
+            assert table.cell(statistic, column) == wrong[column].printed
+            assert value == pytest.approx(wrong[column].recomputed, abs=0.005)
+            assert off > HALF_DIGIT
+        else:
+            assert off <= HALF_DIGIT, column
+
+
+def test_every_table_is_whole():
+    for table in printed.tables().values():
+        assert table.values.shape == (len(table.rows), len(table.columns))
+        assert table.pages
+    assert [len(table.of_subjects) for table in printed.tables().values()] == [0, 0, 10, 10, 10, 10, 0, 0]
+
+
+def test_six_angles_in_j_would_have_grown_with_r6():
+    """The mean of squares is at least the square of the mean: R6 from 96 to 122 deg^2, in eight of ten subjects."""
+    for angles, (before, after, grew) in ((printed.ANGLES, (96, 122, 8)), (compare_thesis.FIVE, (47, 29, 1))):
+        least = [printed.least_mean_j_deg2(printed.gaps_deg(adapted), angles)[2] for adapted in (False, True)]
+        assert [round(float(x.mean())) for x in least] == [before, after]
+        assert int((least[1] > least[0]).sum()) == grew
+
+
+# --- scores --------------------------------------------------------------------------------------------------------
+
+
+def as_published(k: int) -> Outcome:
+    """Ten subjects whose gaps are those printed, and whose parameters have the printed means and SDs."""
+    unit = np.linspace(-1.0, 1.0, 10)
+    unit = (unit - unit.mean()) / unit.std(ddof=1)
+    theta = printed.adapted_mm()[k][:, None] + printed.sd_mm()[k][:, None] * unit
+    return Outcome(
+        own_mm=np.repeat(printed.own_mm()[k][:, None], 10, axis=1),
+        theta_mm=theta,
+        before_deg=printed.gaps_deg(adapted=False)[k],
+        after_deg=printed.gaps_deg(adapted=True)[k],
+        E=np.zeros(10),
+        at_bound=np.zeros((6, 10), bool),
+        ok=np.ones(10, bool),
+    )
+
+
+PUBLISHED = {name: as_published(k) for k, name in enumerate(printed.SETS)}
+
+
+def changed(**fields) -> dict[str, Outcome]:
+    """The published outcome, each set's fields changed by a function of them."""
+    return {
+        name: replace(one, **{k: change(getattr(one, k)) for k, change in fields.items()})
+        for name, one in PUBLISHED.items()
+    }
+
+
+def test_the_thesis_scores_nothing():
+    np.testing.assert_allclose(scores.scores(PUBLISHED), 0.0, rtol=0.0, atol=SAME)
+
+
+def test_scores_by_hand():
+    """SDs twice as large; means one SD off; gaps a tenth of before; a range of A_z of 12 mm; nothing shrinks."""
+    about = {name: one.theta_mm.mean(axis=1, keepdims=True) for name, one in PUBLISHED.items()}
+    wide = {name: replace(one, theta_mm=2.0 * one.theta_mm - about[name]) for name, one in PUBLISHED.items()}
+    assert scores.scores(wide) == pytest.approx([np.log(2.0), 0.0, 0.0, 0.0, 0.0], abs=SAME)
+    moved = {
+        name: replace(one, theta_mm=one.theta_mm + printed.sd_mm()[k][:, None])
+        for k, (name, one) in enumerate(PUBLISHED.items())
+    }
+    assert scores.scores(moved)[:3] == pytest.approx([0.0, 1.0, 0.0], abs=SAME)
+    conoid = {name: replace(one, theta_mm=one.theta_mm + 9.0 * np.eye(6)[:, [5]]) for name, one in PUBLISHED.items()}
+    assert scores.scores(conoid)[1] > 1.0
+    assert scores.scores(conoid, scores.WITHOUT_CONOID) == pytest.approx([0.0] * 5, abs=SAME)
+    smaller = scores.scores(changed(before_deg=lambda x: 10.0 * x))
+    assert smaller[[2, 4]] == pytest.approx([np.log(10.0), 0.3])
+    a_z = np.eye(6)[:, [4]]
+    apart = {name: replace(one, theta_mm=one.theta_mm + shift * a_z) for one, name, shift in _apart()}
+    assert scores.scores(apart)[3] == pytest.approx(np.log(2.0))
+    assert scores.scores(changed(after_deg=lambda x: x + 99.0))[4] == pytest.approx(0.7)
+
+
+def _apart():
+    """R2's A_z 6 mm further from R6's, which was 6 mm away."""
+    return zip(PUBLISHED.values(), PUBLISHED, (6.0, 0.0, 0.0), strict=True)
+
+
+def test_a_reading_beats_what_is_worse_in_everybody_and_not_itself():
+    worse = changed(after_deg=lambda x: 3.0 * x)
+    assert (scores.beats(PUBLISHED, worse), scores.beats(worse, PUBLISHED)) == (1.0, 0.0)
+    assert scores.beats(PUBLISHED, PUBLISHED) == 0.0
+
+
+def test_who_failed_with_one_set_is_left_out_of_all():
+    failed = dict(PUBLISHED) | {"R4": replace(PUBLISHED["R4"], ok=np.arange(10) != 3)}
+    kept = scores.complete(failed)
+    assert {one.theta_mm.shape[1] for one in kept.values()} == {9}
+    np.testing.assert_array_equal(kept["R2"].theta_mm, np.delete(PUBLISHED["R2"].theta_mm, 3, axis=1))
+
+
+# --- choices -------------------------------------------------------------------------------------------------------
+
+
+def test_blank_axial_angles_are_the_five_angle_j(motions):
+    """Theta, and J of five angles in E, are the same: of one subject, as five angles take the careful solver."""
+    motions = motions.select(motions.subject == motions.subjects[0])
+    blank = motions.angles_deg.copy()
+    blank[:, CLAVICLE_X] = np.nan
+    expected = adapt_batch(problem_batch(pack(replace(motions, angles_deg=blank)), [load_model("R6")]))
+    found = outcomes(prepare(motions, ("R6",)), Variant(axial=LEFT_OUT))["R6"]
+    np.testing.assert_allclose(found.theta_mm, expected.theta_mm, rtol=SAME, atol=0.0)
+    np.testing.assert_allclose(found.E, expected.E, rtol=SAME, atol=0.0)
+
+
+def test_an_estimated_axial_rotation_starts_where_it_says(study):
+    """With the arm lowest: at 0, and at what the set closes with, where J of six angles is that of five."""
+    measured, estimated, from_set, *_ = (study.axial[name] for name in AXIAL)
+    lowest = np.where(study.data.counted, 0.0, np.nan)
+    lowest[0] = 1.0  # the shipped subjects begin there
+    assert np.abs(estimated[lowest == 1.0]).max() < SAME
+    apart = from_set - estimated
+    np.testing.assert_allclose(apart, np.broadcast_to(apart[0], apart.shape), rtol=0.0, atol=SAME)
+    assert np.abs(measured - estimated).max() > 0.01
+
+
+def test_points_and_bounds_are_those_named(study):
+    data = study.data
+    for name, columns in POINTS.items():
+        weights = np.asarray(with_points(data, name).point_weights)
+        np.testing.assert_allclose(weights.sum(axis=0), 1.0, rtol=SAME)
+        near = np.abs(azimuth_deg(data)[..., None] - np.array(columns)).min(axis=-1) < 1e-6
+        np.testing.assert_array_equal(weights > 0.0, near)
+    own, bounds = np.asarray(data.girdle.adapted_mm), np.asarray(data.bounds_mm)
+    np.testing.assert_allclose(with_bounds(data, BOUNDS["as shipped"]).bounds_mm, bounds, rtol=SAME)
+    np.testing.assert_allclose(with_bounds(data, 0.5).bounds_mm, 0.5 * (own + bounds), rtol=SAME)
+    assert (with_bounds(data, BOUNDS["none"]).bounds_mm[0, 2:] > 0.0).all()
+
+
+def test_unsigned_distances_let_a_bone_be_on_either_side(study):
+    """R2 with TS and AI inside its ellipsoid. E is the lowest of four choices, which include its own."""
+    data = on_sides(study.data, -1.0, -1.0)
+    np.testing.assert_array_equal(data.girdle.ts_distance_mm, -np.abs(study.data.girdle.ts_distance_mm))
+    girdle = load_model("R2").girdle
+    found = adapt_batch(data)
+    theta, angles = found.theta_mm[:, 0], found.angles[:, 0, 0]
+    adapted_girdle = girdle.with_adapted(theta)
+    at = landmarks(adapted_girdle, angles)
+    centre, axes = np.asarray(adapted_girdle.centre_mm), np.asarray(adapted_girdle.semi_axes_mm)
+    for place, distance in ((at.TS, girdle.ts_distance_mm), (at.AI, girdle.ai_distance_mm)):
+        assert distance > 0.0
+        assert ellipsoid_distance(np.asarray(place) - centre, axes)[0] == pytest.approx(-float(distance), abs=1e-6)
+    signed, unsigned = (outcomes(study, Variant(distances=name)) for name in ("signed", "unsigned"))
+    for name in printed.SETS:
+        assert (unsigned[name].E <= signed[name].E + 1e-9).all()
+
+
+def test_without_a_weight_nothing_moves(study):
+    for one in outcomes(study, Variant(weight=0.0)).values():
+        np.testing.assert_array_equal(one.theta_mm, one.own_mm)
+        np.testing.assert_array_equal(one.after_deg, one.before_deg)
+
+
+# --- what is printed -----------------------------------------------------------------------------------------------
+
+
+def test_table_3_4_beside_ours():
+    """A gap of 6 degrees in every angle and posture, by hand-made fits: mean 6.0, SD 0.0."""
+    made = adaptations(motions_of(rising(2, 4), motion=ABDUCTION), [load_model(name) for name in printed.SETS])
+    before = made.fits[made.fits["adapted"] == 0]
+    lines = compare_thesis.mean_motion_table(before, "Table 3.4", ["s1"]).splitlines()
+    assert len(lines) == 2 + 3 * 2
+    published, ours = ([cell.strip() for cell in lines[k].strip("|").split("|")] for k in (4, 5))
+    assert published[:4] == ["R4", "thesis", "2.8 (1.7)", "5.8 (1.7)"]
+    assert set(ours[2:8]) == {"6.0 (0.0)"}
+
+
+def test_both_commands_print_their_tables(motions, study, tmp_path: Path, monkeypatch):
+    path = tmp_path / "motions.csv"
+    write_motions(motions, path)
+    result = CliRunner().invoke(compare_thesis.app, [str(path), "--mean", motions.subjects[0]], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "2 of 2 subjects; thesis: 10." in result.stdout
+    assert "| scapula, mean | 7.2 -> 3.8 |" in result.stdout
+    few = {"weight": {"w = 0": Variant(weight=0.0), "w = 10": Variant()}}
+    monkeypatch.setattr(study_objective, "choices", lambda: few)
+    result = CliRunner().invoke(study_objective.app, [str(path)], catch_exceptions=False)
+    assert result.exit_code == 0
+    *_, thesis, shipped, nothing = result.stdout.strip().splitlines()
+    assert thesis.startswith("| thesis |")
+    assert "115, 112, 109" in thesis
+    assert shipped.startswith("| as shipped |")
+    assert "| 130, 130, 111 | +0, +0, +0 | 0 | 0 |" in nothing

@@ -1,0 +1,141 @@
+"""Measured postures with a model's adapted parameters in each, and averages over persons with their intervals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.stats import t as student
+
+from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
+from adapt.engine.batching import take_problems
+from adapt.solvers import status
+from adapt.solvers.adaptation import adapt_batch
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.problem_batch import problem_batch
+from adapt.tables.folds import MOTION, motions_and_thirds
+from adapt.trust.held_out import held_out
+from models.girdle import Girdle
+from models.parameter_sets import ParameterSet
+from motions import InputError, Motions
+from motions.rotations import DEG
+from scripts.reporting import check_known
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A motion of a subject, and the parameters adapted without it."""
+
+    tested: Int[np.ndarray, " tested"]
+    """Rows of the motion."""
+    fitted: Int[np.ndarray, " fitted"]
+    """Rows of the subject's other motions."""
+    theta_mm: Float[np.ndarray, " adapted"]
+
+
+@dataclass(frozen=True)
+class AdaptedRows:
+    """The rows of motions with a model: as it is, adapted, and adapted without the motion of each row."""
+
+    model: ParameterSet
+    motions: Motions
+    adapted_mm: Float[np.ndarray, "adapted rows"]
+    without_mm: Float[np.ndarray, "adapted rows"]
+    """NaN in a subject with one motion, or where the adaptation failed."""
+    unseen: tuple[Unseen, ...]
+
+    @property
+    def angles(self) -> Float[np.ndarray, "6 rows"]:
+        """Measured, rad."""
+        return self.motions.angles_deg.T / DEG
+
+    def girdle(self, theta_mm: Float[np.ndarray, "adapted rows"] | None = None) -> Girdle:
+        """Give the model's girdle for each row, as it is or with adapted parameters."""
+        own = self.model.girdle.repeated(len(self.motions.posture) if theta_mm is None else theta_mm.shape[1])
+        return own if theta_mm is None else own.with_adapted(theta_mm)
+
+
+def whole(motions: Motions) -> Motions:
+    """Leave out postures without all six angles or without an elevation. InputError where none is left."""
+    known = np.isfinite(motions.angles_deg).all(axis=1) & np.isfinite(motions.humerus_elevation_deg)
+    if not known.any():
+        remedy = "Give motions measured with bone pins, or with landmarks and an estimated axial rotation"
+        raise InputError("the motions", None, "no posture has six angles and an elevation of the arm", remedy)
+    return motions.select(known)
+
+
+def adapt_rows(motions: Motions, model: ParameterSet) -> AdaptedRows:
+    """Adapt the model to each subject, and to each subject without each of its motions."""
+    batch = pack(motions)
+    data = problem_batch(batch, [model])
+    adapted = adapt_batch(data)
+    folds = [fold for fold in motions_and_thirds(motions) if fold.kind == MOTION]
+    theta = held_out(data, batch, folds).adapted if folds else take_problems(adapted, slice(0))
+    number = {name: k for k, name in enumerate(batch.subjects)}
+    rows = np.array([number[name] for name in motions.subject.tolist()])
+    without = np.full((len(adapted.theta_mm), len(rows)), np.nan)
+    unseen = []
+    for k, fold in enumerate(folds):
+        if theta.status[k] == status.OK:
+            unseen.append(Unseen(fold.tested, fold.fitted, theta.theta_mm[:, k]))
+            without[:, fold.tested] = theta.theta_mm[:, k, None]
+    good = np.where(adapted.status == status.OK, adapted.theta_mm, np.nan)
+    return AdaptedRows(model, motions, good[:, rows], without, tuple(unseen))
+
+
+def closest(girdle: Girdle, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 rows"]:
+    """Fit the closest closed posture of each row, rad; NaN where there is none, and where an angle is not known."""
+    known = np.isfinite(angles).all(axis=0) & np.isfinite(girdle.adapted_mm).all(axis=0)
+    part = np.flatnonzero(known)
+    fitted = fit_batch(take_problems(girdle, part), angles[:, part], np.ones((6, len(part)), bool))
+    found = np.full(angles.shape, np.nan)
+    found[:, part] = np.where(fitted.status == status.OK, fitted.angles, np.nan)
+    return found
+
+
+def with_noise_alone(data: AdaptedRows, noise_deg: float, seed: int) -> Motions:
+    """Simulate measurements of the closed postures of the adapted model, errors of SD ``noise_deg`` in every angle."""
+    closed = closest(data.girdle(data.adapted_mm), data.angles).T * DEG
+    errors = np.random.Generator(np.random.PCG64(seed)).standard_normal(closed.shape)
+    return replace(data.motions, angles_deg=closed + noise_deg * errors)
+
+
+@dataclass(frozen=True)
+class Persons:
+    """Who is a person: the subjects that are not group means, left and right of one being one."""
+
+    shoulders: Shoulders
+    is_mean: Bool[np.ndarray, " subjects"]
+
+    @staticmethod
+    def of(motions: Motions, means: Sequence[str]) -> "Persons":
+        """Tell persons from group means. BadParameter for a mean that is no subject."""
+        check_known(means, motions.subjects, "subject")
+        return Persons(shoulders_of(motions), np.isin(motions.subjects, list(means)))
+
+    def by_subject(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " subjects"]:
+        """Average what the rows of each subject have; NaN where none has anything."""
+        parts = [values[self.shoulders.rows_of(s)] for s in range(len(self.is_mean))]
+        return np.array([np.nanmean(part) if np.isfinite(part).any() else np.nan for part in parts])
+
+    def each(self, of_subjects: Float[np.ndarray, " subjects"]) -> Float[np.ndarray, " persons"]:
+        """Average the sides of each person that is no group mean, of those that have a value."""
+        number, known = self.shoulders.person, np.isfinite(of_subjects)
+        real = dict.fromkeys(number[~self.is_mean & known].tolist())
+        return np.array([of_subjects[(number == one) & known].mean() for one in real])
+
+    def cell(self, of_subjects: Float[np.ndarray, " subjects"], digits: int = 1, sign: str = "") -> str:
+        """Write mean and 95 % t interval over persons; the mean alone of one person, nothing of none."""
+        values = self.each(of_subjects)
+        if not len(values):
+            return ""
+        middle, form = values.mean(), f"{sign}.{digits}f"
+        if len(values) < 2:
+            return f"{middle:{form}}"
+        half = student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
+        return f"{middle:{form}} ({middle - half:{form}} to {middle + half:{form}})"
+
+    def of_means(self, of_subjects: Float[np.ndarray, " subjects"], digits: int = 1) -> str:
+        """Write the value of each group mean."""
+        return ", ".join(f"{value:.{digits}f}" for value in of_subjects[self.is_mean])

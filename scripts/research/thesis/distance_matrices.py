@@ -1,0 +1,45 @@
+"""Two measurements of one bone: what differs between the distances of its points (thesis, chapters 4 and 5).
+
+The distance matrices are DM_1 and DM_2, and E = DM_1 - DM_2 (Eq. 4.1 and 5.1). A point that is wrong in one of them
+spoils its whole row; the largest subset that agrees is kept. Tables 4.1 and 5.1 come out again.
+"""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+
+
+def distance_matrix(points: Float[np.ndarray, "3 points"]) -> Float[np.ndarray, "points points"]:
+    """Compute the distances of all points to each other."""
+    return np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
+
+
+def difference_matrix(
+    one: Float[np.ndarray, "points points"], other: Float[np.ndarray, "points points"]
+) -> Float[np.ndarray, "points points"]:
+    """Compute E = DM_1 - DM_2 (Eq. 4.1, 5.1): positive where the distance in the first is larger."""
+    return one - other
+
+
+def largest_consistent(differences: Float[np.ndarray, "points points"]) -> tuple[int, ...]:
+    """Find the largest set of points whose differences are all within the mean of the absolute differences (Table 5.1);
+    of several the one that agrees best."""
+    apart = np.abs(differences)
+    count = len(apart)
+    limit = float(apart[np.triu_indices(count, 1)].mean())
+    for size in range(count, 1, -1):
+        kept = [part for part in combinations(range(count), size) if _mean_of(apart, part, np.max) <= limit]
+        if kept:
+            return min(kept, key=lambda part: _mean_of(apart, part, np.mean))
+    return ()
+
+
+def mean_difference(differences: Float[np.ndarray, "points points"], points: Sequence[int]) -> float:
+    """Average the absolute differences between these points."""
+    return _mean_of(np.abs(differences), points, np.mean)
+
+
+def _mean_of(apart: np.ndarray, points: Sequence[int], what) -> float:
+    return float(what([apart[i, j] for i, j in combinations(points, 2)]))

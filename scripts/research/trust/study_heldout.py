@@ -1,0 +1,98 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""Does an adaptation hold on motions it has not seen? Adapt to one motion, look at another; and which w is best then.
+
+    python scripts/research/trust/study_heldout.py ../shared/motions/*.csv --model R6 --weights
+
+Prints Markdown: for every subject that has both motions, the gap (mean |simulated - measured|, degrees) of the model as
+it is, adapted to all motions, and adapted to the first motion alone, on the second; then the same the other way round.
+With --weights also the trade-off curve of w: how far the thorax points are from the ellipsoid against how large J is,
+and the gap on each motion held out from the others.
+"""
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from adapt import adapt_subjects
+from adapt.cli import app as cli
+from adapt.solvers.padded_batch import pack
+from adapt.solvers.problem_batch import problem_batch
+from adapt.tables.folds import motions_and_thirds, one_motion_for_another
+from adapt.trust.weight_choice import weight_table
+from models import load_model
+from motions import InputError, read_motions
+from scripts.reporting import markdown
+
+app = typer.Typer(add_completion=False)
+
+GAPS = ("gap_before_deg", "gap_in_sample_deg", "gap_unseen_deg")
+
+
+def gap_table(table: pd.DataFrame, fitted: str) -> str:
+    """Markdown: one line a model and subject, then the mean of each model."""
+    tested = table["held_out"].iloc[0]
+    header = ["set", "subject", f"{tested}: before", "adapted to all", f"adapted to {fitted} alone"]
+    header += ["scapula", "clavicle"]
+    lines = []
+    for model, rows in table.groupby("model", sort=False):
+        for row in rows.to_dict("records"):
+            lines.append([str(model), row["subject"], *cells(row)])
+        means = rows.select_dtypes("number").mean()
+        lines.append([str(model), f"mean of {len(rows)}", *cells(means)])
+    return markdown(header, lines)
+
+
+def cells(row) -> list[str]:
+    """Gaps of all angles, then of each bone from before to unseen."""
+    bones = [
+        f"{row[f'{bone}_gap_before_deg']:.1f} -> {row[f'{bone}_gap_unseen_deg']:.1f}"
+        for bone in ("scapula", "clavicle")
+    ]
+    return [*(f"{row[gap]:.2f}" for gap in GAPS), *bones]
+
+
+def curve(table: pd.DataFrame) -> str:
+    """Markdown of the trade-off curve."""
+    header = ["set", "w", "thorax points, rms mm", "J, rms deg", "gap seen, deg", "gap unseen, deg", "at a bound"]
+    lines = []
+    for row in table.to_dict("records"):
+        keys = ("thorax_points_rms_mm", "j_rms_deg", "gap_in_sample_deg", "gap_unseen_deg")
+        weight = f"{row['weight']:g}" + (" (best)" if row["best"] else "")
+        bound = f"{row['at_bound']} of {row['subjects_ok']}"
+        lines.append([row["model"], weight, *(f"{row[key]:.2f}" for key in keys), bound])
+    return markdown(header, lines)
+
+
+@app.command()
+def main(
+    files: Annotated[list[Path], typer.Argument(metavar="MOTION.csv...", help="Motion files.")],
+    model: Annotated[list[str] | None, typer.Option(help="Parameter set; repeatable. Default R2, R4 and R6.")] = None,
+    one: Annotated[str, typer.Option(help="A motion.")] = "frontal_elevation",
+    other: Annotated[str, typer.Option(help="Another one.")] = "sagittal_elevation",
+    weights: Annotated[bool, typer.Option("--weights", help="Also the trade-off curve of w.")] = False,
+) -> None:
+    """Print, as Markdown, the gaps on a motion that an adaptation has not seen."""
+    motions = read_motions(*files)
+    names = model or ["R2", "R4", "R6"]
+    models = [load_model(name) for name in names]
+    for fitted, tested in ((one, other), (other, one)):
+        folds = partial(one_motion_for_another, fitted=fitted, tested=tested)
+        if not folds(motions):
+            known = ", ".join(sorted(set(motions.motion.tolist())))
+            raise InputError("--one", None, f"no subject has both '{one}' and '{other}'", f"The motions are {known}")
+        heldout = adapt_subjects(motions, models, held_out=motions.subjects, folds=folds).heldout
+        print(gap_table(heldout, fitted), end="\n\n")
+    if weights:
+        report = lambda stage: print(stage, file=sys.stderr, flush=True)  # noqa: E731
+        batch = pack(motions)
+        data, folds = problem_batch(batch, models), motions_and_thirds(motions)
+        print(curve(weight_table(data, batch, names, folds, progress=report)))
+
+
+if __name__ == "__main__":
+    cli.main(app)

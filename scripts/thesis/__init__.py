@@ -1,1 +1,0 @@
-"""The tables of the thesis as printed, the adaptations beside them, and how far the two are apart."""

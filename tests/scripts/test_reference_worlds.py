@@ -1,0 +1,111 @@
+"""The reference worlds against the library: no code in common, and the same closed chain, effects, signs and units."""
+
+import ast
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models import load_model
+from models.effects import EFFECTS, ActiveEffects
+from motions import read_motions
+from motions.rotations import DEG
+from scripts.research.named_causes import synthetic_a
+from scripts.research.named_causes.blind.cases import LISTED, world_of
+from scripts.research.named_causes.blind.cases import Case as BlindCase
+from scripts.research.named_causes.blind.lines import true_directions
+from scripts.research.named_causes.synthetic_a import chain, make_world
+from scripts.research.named_causes.synthetic_b.effects import SIZES
+from scripts.research.named_causes.synthetic_b.mistakes import OUTSIDE_SIZES
+from scripts.research.named_causes.synthetic_b.worlds import Case, write_case
+
+MODELS = Path(__file__).parents[2] / "models" / "sets"
+
+SAME_MM = 1e-3
+"""Angles are written with four decimals: 1e-4 degrees at arms of up to 200 mm, several of them."""
+
+SEEN_MM = 0.5
+"""Less than this would hardly be an effect."""
+
+HAVE_STRENGTHS = (
+    "scapulothoracic_gap",
+    "conoid_strain",
+    "ac_translation",
+    "sc_translation",
+    "thorax_asymmetry",
+    "thorax_tilt",
+    "scapula_landmark_bias",
+    "thorax_extension",
+    "clavicle_axial_estimate",
+    "skin_artefact",
+)
+"""Effects that have the library's form."""
+
+ADAPTED = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid_length")
+
+
+@pytest.mark.parametrize("model", sorted(MODELS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_parameter_set_makes_a_world(model: Path) -> None:
+    world = make_world("none", model, subjects=4, seed=0)
+    assert len(world.table) + len(world.truth["dropped"]) == 56
+    assert len(world.table) > 45
+    assert np.max(np.abs(world.closure_mm)) < chain.CLOSED_MM
+
+
+def test_the_world_shares_no_code_with_what_it_tests() -> None:
+    files = sorted(Path(synthetic_a.__file__).parent.glob("*.py"))
+    nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))]
+    imported = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    imported |= {node.module or "." for node in nodes if isinstance(node, ast.ImportFrom)}
+    foreign = {name for name in imported if not name.startswith("scripts.research.named_causes.synthetic_a.")}
+    assert {name.split(".")[0] for name in foreign} - set(sys.stdlib_module_names) == {"numpy", "pandas"}
+
+
+@pytest.mark.parametrize("label", LISTED)
+def test_every_world_with_a_listed_effect_has_its_directions(label: str) -> None:
+    world = world_of(BlindCase("three", label, 0))
+    found = true_directions(label, world.truth["effects"][label], tuple(world.table["subject"].unique()))
+    assert tuple(found) == (() if label == "skin_artefact" else EFFECTS[label].directions)
+
+
+def residuals_mm(folder: Path, with_effects: bool = False) -> np.ndarray:
+    """A1-A3 of the base model with each subject's true parameters, and with its effects as strong as the truth says
+    they are, (3, rows)."""
+    truth = json.loads((folder / "truth.json").read_text())
+    motions, girdle = read_motions(folder / "motions.csv"), load_model(truth["model"]).girdle
+    found = []
+    for subject in truth["subjects"]:
+        own = motions.select(motions.subject == subject["subject"])
+        theta = np.array([[subject[f"{name}_mm"]] for name in ADAPTED])
+        adapted = girdle.repeated(len(own.posture)).with_adapted(theta)
+        at_work = truth["strengths"][subject["subject"]] if with_effects else {}
+        strengths = tuple(np.array(list(by_direction.values())) for by_direction in at_work.values())
+        effects = ActiveEffects(strengths, tuple(EFFECTS[name] for name in at_work))
+        found.append(effects.on(adapted).residuals_mm(own.angles_deg.T / DEG))
+    return np.concatenate(found, axis=1)
+
+
+def made(folder: Path, *names: str, **how) -> Path:
+    write_case(folder / "one" / "case", list(names), Case(**{"model": "R2", "seed": 3, "subjects": 1, **how}))
+    return folder / "one" / "case"
+
+
+def test_without_effect_and_noise_the_chain_is_closed(tmp_path):
+    """By another text than that which closed it."""
+    assert np.abs(residuals_mm(made(tmp_path, subjects=3, noise_deg=0.0))).max() < SAME_MM
+
+
+@pytest.mark.parametrize("name", [*SIZES, *OUTSIDE_SIZES])
+def test_every_effect_opens_the_chain_of_the_base_model(tmp_path, name):
+    folder = made(tmp_path, name, noise_deg=0.0)
+    assert np.abs(residuals_mm(folder)).max() > SEEN_MM
+    assert json.loads((folder / "truth.json").read_text())["label"] == name
+
+
+@pytest.mark.parametrize("name", HAVE_STRENGTHS)
+def test_with_the_strengths_that_the_truth_tells_the_library_closes_the_chain(tmp_path, name):
+    """Directions, signs and units are the library's: its own text of the effect takes the whole gap away."""
+    folder = made(tmp_path, name, subjects=2, noise_deg=0.0)
+    assert np.abs(residuals_mm(folder, with_effects=True)).max() < SAME_MM
