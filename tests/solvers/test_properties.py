@@ -22,7 +22,6 @@ from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm
 from models.person.thorax_ellipsoid import thorax_distance_mm2
-from motions import read_motions
 from motions.motion_csv.posture_rows import MIRROR_ANGLES, MIRROR_POSITION
 from motions.rhythm_subjects import simulate_subjects
 from motions.rotations import DEG
@@ -32,9 +31,6 @@ ROUNDING_MM = 1e-11
 
 SAME_FIT_RAD = 1e-9
 """Converged fits agree to this, whatever rounding went before (adapt.solvers.posture_fits.SAME_BRANCH_RAD is wider)."""
-
-PARTNERS = 1e-12
-"""Relative: lanes are elementwise, so company and order change nothing but which instruction rounds."""
 
 RISES = 1e-9
 """Relative: of two optima of one problem from several starts."""
@@ -85,24 +81,6 @@ def test_a_left_shoulder_is_the_mirror_image_in_constraints_and_fits(seed):
     near = one.j_deg2 < FEW_VALLEYS_DEG2
     np.testing.assert_allclose(other.angles[:, near], (one.angles * mirror)[:, near], rtol=0.0, atol=SAME_FIT_RAD)
     np.testing.assert_allclose(other.multipliers[:, near], one.multipliers[:, near], rtol=1e-6, atol=1e-8)
-
-
-def test_a_file_of_a_left_shoulder_is_read_as_the_right_one_that_it_mirrors(tmp_path):
-    """Bit for bit: so are the fits."""
-    motions = simulate_subjects(2, seed=5)
-    header = "subject,side,motion,posture,humerus_elevation_deg," + ",".join(
-        f"{bone}_{axis}_deg" for bone in ("clavicle", "scapula") for axis in "yzx"
-    )
-    read = []
-    for side, mirror in (("right", np.ones(6)), ("left", MIRROR_ANGLES)):
-        rows = [
-            f"{motions.subject[k]},{side},{motions.motion[k]},{motions.posture[k]},{float(motions.humerus_elevation_deg[k])!r},"
-            + ",".join(repr(float(x)) for x in motions.angles_deg[k] * mirror)
-            for k in range(len(motions.posture))
-        ]
-        (tmp_path / f"{side}.csv").write_text("\n".join([header, *rows]) + "\n")
-        read.append(read_motions(tmp_path / f"{side}.csv"))
-    np.testing.assert_array_equal(read[0].angles_deg, read[1].angles_deg)
 
 
 @few
