@@ -15,8 +15,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import STARTS_MM, Adapted, _distinct, adapt_batch, adapted_from, fitted_angles
 from adapt.solvers.newton.postures import fitted_from
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
+from adapt.solvers.rows import posture_rows
+from adapt.solvers.problems import Problems, problems_of, select_problems
 from models import ParameterSet, load_model, model_names
 from models.ellipsoid import closest_point
 from motions import Motions, read_motions
@@ -56,7 +56,7 @@ class Run:
 
     models: list[ParameterSet]
     motions: Motions
-    data: ProblemBatch
+    data: Problems
     adapted: Adapted
 
     def problem(self, model: int, subject: int) -> int:
@@ -72,7 +72,7 @@ class Run:
 
 
 def adaptation(motions: Motions, models: list[ParameterSet]) -> Run:
-    data = problem_batch(pack(motions), models)
+    data = problems_of(posture_rows(motions), models)
     return Run(models, motions, data, adapt_batch(data))
 
 
@@ -159,7 +159,7 @@ def test_no_posture_of_an_adaptation_is_in_the_higher_of_two_valleys():
     """From 20 drawn places each, of 200 subjects with noise of 5 degrees: three postures once were, with gaps of 6 to 7
     degrees."""
     for seed in (5, 6):
-        data = problem_batch(pack(simulate_subjects(100, seed=seed, noise_deg=5.0)), [load_model("R2")])
+        data = problems_of(posture_rows(simulate_subjects(100, seed=seed, noise_deg=5.0)), [load_model("R2")])
         adapted, (posture, problem) = adapt_batch(data), np.nonzero(data.counted)
         q, s = (np.asarray(x)[:, posture, problem] for x in (adapted.angles, data.angles))
         girdles = take_problems(data.girdle.with_adapted(adapted.theta_mm), problem)

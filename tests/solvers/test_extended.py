@@ -9,9 +9,9 @@ from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from adapt.engine.batching import take_problems
 from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.objective import WEIGHT, ThoraxPoints
-from adapt.solvers.padded_batch import pack
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.posture_fits import at_rest_where_unknown, reference_fit
-from adapt.solvers.problem_batch import problem_batch, set_arrays, subject_problem
+from adapt.solvers.problems import problems_of, sets_of, subject_problem
 from adapt.solvers.projection import thorax_term
 from adapt.solvers.projection.postures import fit_by_newton, fit_extended
 from adapt.solvers.projection.secant import secant
@@ -49,7 +49,7 @@ SAME = 1e-9
 @pytest.fixture(scope="module")
 def thorax() -> tuple[Thorax, np.ndarray]:
     """The points of R2 off nine ellipsoids, at levels off their surface."""
-    sets = set_arrays([load_model("R2")], [f"s{number}" for number in range(9)])
+    sets = sets_of([load_model("R2")], [f"s{number}" for number in range(9)])
     generator = np.random.default_rng(2)
     theta = np.asarray(sets.girdle.adapted_mm) + 8.0 * generator.standard_normal((len(ADAPTED), 9))
     levels = 5.0 * generator.standard_normal(sets.point_weights.shape)
@@ -121,7 +121,7 @@ def test_newton_steps_end_where_the_reference_solver_does_and_projections_do_not
     measured = read_motions(DATA_FILE).angles_deg.T
     off = [np.random.default_rng(seed).standard_normal(measured.shape) for seed in range(3)]
     every = np.radians(np.concatenate([measured + OFF_DEG * one for one in off], axis=1))
-    girdles = set_arrays([load_model("R2")], [f"posture_{number}" for number in range(every.shape[1])]).girdle
+    girdles = sets_of([load_model("R2")], [f"posture_{number}" for number in range(every.shape[1])]).girdle
     projected = fit_extended(girdles, every, objective_weights(np.ones(every.shape, bool)), None)
     left = np.flatnonzero(~projected.converged)
     girdle, target, start = take_problems((girdles, every, projected.angles), left)
@@ -151,7 +151,7 @@ def test_with_angles_that_were_not_measured_postures_end_where_the_reference_sol
     known[[ANGLES.index(name) for name in free]] = False
     target = at_rest_where_unknown(np.radians(measured_deg), known)
     weights = objective_weights(known)
-    girdle = set_arrays([load_model("R2")], [f"posture_{number}" for number in range(target.shape[1])]).girdle
+    girdle = sets_of([load_model("R2")], [f"posture_{number}" for number in range(target.shape[1])]).girdle
     found, reference = fit_extended(girdle, target, weights, None), reference_fit(girdle, target, weights, None)
     assert found.converged.mean() > MOST
     both = found.converged & reference.converged
@@ -172,8 +172,8 @@ def test_an_effect_of_no_size_changes_no_adaptation_where_angles_were_not_measur
     angles_deg = few.angles_deg.copy()
     angles_deg[few.subject != every.subjects[0], ANGLES.index("clavicle_x")] = np.nan
     motions = replace(few, angles_deg=angles_deg)
-    batch = pack(motions)
-    data = problem_batch(batch, [load_model("R2")])
+    batch = posture_rows(motions)
+    data = problems_of(batch, [load_model("R2")])
     effect = active_effects({"scapulothoracic_gap": (0.0, 0.0)}, motions).at(batch.rows)
     plain, start = adapt_batch(data), at_rest_where_unknown(data.angles, data.measured)
     found = solve_extended(subject_problem(data, np.full(3, WEIGHT)), effect, data.girdle.adapted_mm, start)
