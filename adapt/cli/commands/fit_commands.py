@@ -132,7 +132,7 @@ def adapt(
             table = parts.make(work, chunks, maker, report)
             report("writing")
             with transaction(folder) as part:
-                result, failed = parts.merge(part, models)
+                result, failed = parts.merge(part, work)
                 write_adapted_models(part, models, result.parameters, how)
                 rejected = (*files.rejected, *missing.values())
                 write_run(part, "adapt", record, options, rejected)
