@@ -12,8 +12,9 @@ from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.motion_rows import MotionRows, fit_rows, rows_of_optima
+from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold, motions_and_thirds, motions_or_thirds
 from adapt.tables.results import (
@@ -92,7 +93,7 @@ def _before(
     progress("posture fits")
     names = motions.subject.tolist()
     girdle = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *[girdles_of(one, names) for one in models])
-    rows = MotionRows.of_models(motions, len(models), effects, dtype)
+    rows = posture_rows(motions, effects).repeated(len(models), dtype)
     by_model = _by_model(models, fit_rows(rows, girdle))
     return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
 
@@ -143,8 +144,7 @@ def adapt_subjects(
     progress("uncertainty")
     uncertain = uncertainty(as_type(found.data, float), found.adapted)
     progress("postures after adaptation")
-    rows = MotionRows.of_models(motions, len(models), effects, dtype)
-    after = _by_model(models, rows_of_optima(rows, found.batch, found.data, found.adapted))
+    after = _by_model(models, rows_of_optima(found.rows, found.data, found.adapted))
     tables = [fits_table(motions, name, True, fitted) for name, fitted in after.items()]
     fits = pd.concat([table_before, *tables], ignore_index=True)
     results = _by_model(models, found.adapted)

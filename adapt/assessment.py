@@ -15,7 +15,7 @@ from adapt.api import Adaptations, adapt_with_every_fold
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
-from adapt.solvers.problem_batch import ProblemBatch
+from adapt.solvers.problems import Problems
 from adapt.tables.before_after import before_and_after
 from adapt.tables.contact_table import contact_table
 from adapt.tables.folds import MOTION, POSTURES
@@ -87,13 +87,13 @@ def assess_trust(
     spread = uncertainty_table(everyone, models, data, adapted, found, profile)
     weights = None
     if choose_weight:
-        weights = weight_table(data, problems.batch, names, problems.held_out.folds, progress=progress)
+        weights = weight_table(data, problems.rows, names, problems.held_out.folds, progress=progress)
     summary = _subjects_table(motions, everyone, names, result, adapted, found, free, result.heldout, plausible)
     return Trust(result, summary, spread, plausible, contact, weights)
 
 
 def intervals(
-    data: ProblemBatch, adapted: Adapted, found: Uncertainty
+    data: Problems, adapted: Adapted, found: Uncertainty
 ) -> tuple[Float[np.ndarray, "2 6 problems"], np.ndarray]:
     """Compute the 95 % intervals, mm, within the bounds, and name where each comes from."""
     bounds = np.asarray(data.bounds_mm)
@@ -106,7 +106,7 @@ def intervals(
 def uncertainty_table(
     subjects: Sequence[str],
     models: Sequence[AnyModel],
-    data: ProblemBatch,
+    data: Problems,
     adapted: Adapted,
     found: Uncertainty,
     profile: Profile,

@@ -11,7 +11,7 @@ from adapt.diagnosis.result import BoneGaps
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT, down_weighted
-from adapt.solvers.padded_batch import Batch
+from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION, POSTURES, Fold, motions_and_thirds
 from adapt.trust.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg
@@ -26,7 +26,7 @@ from motions.table import Motions
 class AdaptedGaps:
     """What the adaptations of one model leave, with known effects or without; mean |simulated - measured|, degrees."""
 
-    batch: Batch
+    rows: PostureRows
     chain: AnyGirdle
     """Of all subjects, adapted, with the effects at work: (component, postures, subjects)."""
     adapted: Adapted
@@ -64,13 +64,13 @@ def adapted_gaps(
 
 def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:
     """Average the gaps that the adaptations of one model leave, on all postures and on those that are held out."""
-    batch, adapted, data = found.batch, found.adapted, found.data
-    measured = np.where(batch.measured & batch.counted, batch.angles, np.nan)
+    rows, adapted, data = found.rows, found.adapted, found.data
+    measured = np.where(data.measured & data.counted, data.angles, np.nan)
     after = np.abs(np.where(adapted.status == status.OK, adapted.angles, np.nan) - measured) * float(DEG)
-    everyone = _persons(batch.subjects, person)
+    everyone = _persons(rows.subjects, person)
     chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
     unseen = _of_folds(found.held_out.unseen_deg, found.held_out.folds, everyone)
-    return AdaptedGaps(batch, chain, adapted, _of_subjects(list(np.moveaxis(after, -1, 0)), everyone), unseen)
+    return AdaptedGaps(rows, chain, adapted, _of_subjects(list(np.moveaxis(after, -1, 0)), everyone), unseen)
 
 
 def base_gaps(motions: Motions, before: PostureSolution, folds: Sequence[Fold], person: Mapping[str, int]) -> BaseGaps:

@@ -192,8 +192,8 @@ class _Study:
 
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:
         """Locate the gap; ``floor`` is what noise leaves of it, on average, in each posture of the search."""
-        noise_deg2 = np.nan_to_num(floor[self.nearest].T[:, adapted.batch.rows]) ** 2 * (np.pi / 2.0)
-        data, chains = observe(self.motions, adapted.batch), (adapted.chain, with_causes.chain)
+        noise_deg2 = np.nan_to_num(floor[self.nearest].T[:, adapted.rows.place]) ** 2 * (np.pi / 2.0)
+        data, chains = observe(self.motions, adapted.rows), (adapted.chain, with_causes.chain)
         return locate(data, adapted.adapted.angles, noise_deg2, chains, noise.angle_deg)
 
     @property

@@ -2,23 +2,22 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """A batch of any size, part by part: a part holds all that a chunk of subjects adds to the tables of ``girdle adapt``.
 
-A part is one zip file, written whole or not at all. Parts wait in ``unfinished/KEY`` below the folder of the results;
-a run that was stopped goes on with those that are there, and when all are there they become the tables.
+A part is one file of arrays (npz, without pickle), written whole or not at all. Parts wait in ``unfinished/KEY`` below
+the folder of the results; a run that was stopped goes on with those that are there, and when all are there they become
+the tables, each written once.
 """
 
 import io
-import json
 import shutil
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from adapt.api import adapt_subjects
+from adapt.api import Adaptations, adapt_subjects
+from adapt.large_runs.table_arrays import Rows, as_rows, as_table
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv
@@ -39,6 +38,8 @@ MOST_SHOWN = 400
 
 _STATES = (0, 1)
 """Of the column ``adapted``."""
+
+_ENDING = ".npz"
 
 
 @dataclass(frozen=True)
@@ -71,19 +72,26 @@ class Work:
             thorax_downweighting=self.thorax_downweighting,
         )
         content = io.BytesIO()
-        with zipfile.ZipFile(content, "w") as file:
-            for k, model in enumerate(self.models):
-                fits = result.fits[result.fits["model"] == model.name]
-                for state in _STATES:
-                    rows = fits[fits["adapted"] == state]
-                    text, shown = as_csv(rows), rows["subject"].isin(self.shown)
-                    file.writestr(f"fits{state}/{k}.csv", text)
-                    file.writestr(f"shown{state}/{k}.csv", text if bool(shown.all()) else as_csv(rows[shown]))
-                    file.writestr(f"summary{state}/{k}.csv", as_csv(result.subjects[model.name, state]))
-                for name, table in (("parameters", result.parameters), ("heldout", result.heldout)):
-                    file.writestr(f"{name}/{k}.csv", as_csv(table[table["model"] == model.name]))
-            file.writestr("failed.json", json.dumps(not_adapted(result)))
+        np.savez(content, allow_pickle=False, **_arrays(result, [model.name for model in self.models]))
         return content.getvalue()
+
+
+def _arrays(result: Adaptations, models: Sequence[str]) -> dict[str, np.ndarray]:
+    """What a part holds, by name: the rows of each table, of each model and state apart."""
+    found: dict[str, np.ndarray] = {"failed": np.array(list(not_adapted(result).items()), dtype=str).reshape(-1, 2)}
+    for k, model in enumerate(models):
+        fits = result.fits[result.fits["model"] == model]
+        for state in _STATES:
+            found[_name("fits", k, state)] = as_rows(fits[fits["adapted"] == state])
+            found[_name("subjects", k, state)] = as_rows(result.subjects[model, state])
+        found[_name("parameters", k)] = as_rows(result.parameters[result.parameters["model"] == model])
+        found[_name("heldout", k)] = as_rows(result.heldout[result.heldout["model"] == model])
+    return found
+
+
+def _name(table: str, model: int, state: int | str = "") -> str:
+    """The rows of a table of one model, by its number, and of one state where the table has two."""
+    return f"{table}{state}/{model}"
 
 
 Chunks = Iterator[tuple[int, Motions]]
@@ -127,32 +135,48 @@ class Parts:
             atomic_write_bytes(self._path(number), part)
         return Motions.concatenate(shown)
 
-    def merge(self, folder: Path, models: Sequence[AnyModel]) -> tuple[Tables, dict[str, str]]:
+    def merge(self, folder: Path, work: Work) -> tuple[Tables, dict[str, str]]:
         """Write fits.csv, parameters.csv, heldout.csv and summary.csv. The tables, fits only of the subjects that the
         report shows; and by subject what failed."""
-        states = [(state, k) for state in _STATES for k in range(len(models))]
-        with ExitStack() as stack:
-            parts = [stack.enter_context(zipfile.ZipFile(path)) for path in sorted(self._home.glob("*.zip"))]
-            parameters, heldout = ([f"{n}/{k}.csv" for k in range(len(models))] for n in ("parameters", "heldout"))
-            atomic_write_pieces(folder / "fits.csv", _joined(parts, [f"fits{state}/{k}.csv" for state, k in states]))
-            atomic_write_pieces(folder / "parameters.csv", _joined(parts, parameters))
-            atomic_write_pieces(folder / "heldout.csv", _joined(parts, heldout))
-            tables = Tables(
-                fits=_table(parts, [f"shown{state}/{k}.csv" for state, k in states]),
-                parameters=_table(parts, parameters),
-                heldout=_table(parts, heldout),
-                subjects={(models[k].name, s): _table(parts, [f"summary{s}/{k}.csv"]) for s, k in states},
-            )
-            failed = {subject: why for part in parts for subject, why in json.loads(part.read("failed.json")).items()}
-        atomic_write_pieces(folder / "summary.csv", _pieces(tables.summary))
-        return tables, failed
+        models = range(len(work.models))
+        states = [(state, k) for state in _STATES for k in models]
+        shown: list[pd.DataFrame] = []
+
+        def every_fit() -> Iterator[pd.DataFrame]:
+            for rows in self._rows(_name("fits", k, state) for state, k in states):
+                table = as_table([rows])
+                shown.append(table[table["subject"].isin(work.shown)])
+                yield table
+
+        atomic_write_pieces(folder / "fits.csv", _pieces(every_fit()))
+        tables = Tables(
+            fits=pd.concat(shown, ignore_index=True),
+            parameters=self._table(_name("parameters", k) for k in models),
+            heldout=self._table(_name("heldout", k) for k in models),
+            subjects={(work.models[k].name, state): self._table([_name("subjects", k, state)]) for state, k in states},
+        )
+        for name in ("parameters", "heldout", "summary"):
+            atomic_write_pieces(folder / f"{name}.csv", _pieces([getattr(tables, name)]))
+        return tables, {subject: why for pairs in self._rows(["failed"]) for subject, why in pairs.tolist()}
+
+    def _table(self, names: Iterable[str]) -> pd.DataFrame:
+        return as_table(list(self._rows(names)))
+
+    def _rows(self, names: Iterable[str]) -> Iterator[Rows]:
+        """The arrays of these names, name by name of all parts, one of them in memory at a time."""
+        paths = sorted(self._home.glob(f"*{_ENDING}"))
+        for name in names:
+            for path in paths:
+                with np.load(path) as part:
+                    rows = part[name]
+                yield rows
 
     def remove(self) -> None:
         """Remove the parts of the run, to be called when all files are there."""
         shutil.rmtree(self._home.parent)
 
     def _path(self, number: int) -> Path:
-        return self._home / f"{number:07d}.zip"
+        return self._home / f"{number:07d}{_ENDING}"
 
 
 def not_adapted(result: Tables) -> dict[str, str]:
@@ -173,30 +197,15 @@ def failed_subjects(fits: pd.DataFrame) -> dict[str, str]:
     }
 
 
-def _joined(parts: Sequence[zipfile.ZipFile], names: Sequence[str]) -> Iterator[bytes]:
-    """One table of these, name by name: a header, then all rows, a part of them in memory at a time."""
-    first = True
-    for name in names:
-        for part in parts:
-            header, _, rows = part.read(name).partition(b"\n")
-            if first:
-                yield header + b"\n"
-            first = False
-            yield rows
-
-
 _ROWS = 10_000
 """Of a table that are text at a time: a row as text takes ten times its memory as numbers."""
 
 
-def _pieces(table: pd.DataFrame) -> Iterator[bytes]:
-    for first in range(0, max(1, len(table)), _ROWS):
-        text = as_csv(table.iloc[first : first + _ROWS])
-        yield (text.partition("\n")[2] if first else text).encode()
-
-
-def _table(parts: Sequence[zipfile.ZipFile], names: Sequence[str]) -> pd.DataFrame:
-    """The same, read. Every number as it was written, names as text."""
-    content = io.BytesIO(b"".join(_joined(parts, names)))
-    text = dict.fromkeys(("model", "subject", "motion", "status", "held_out"), str)
-    return pd.read_csv(content, dtype=text, keep_default_na=False, na_values=[""])
+def _pieces(tables: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    """One CSV of tables with the same columns: a header, then all rows, some of them as text at a time."""
+    headed = False
+    for table in tables:
+        for first in range(0, max(1, len(table)), _ROWS):
+            text = as_csv(table.iloc[first : first + _ROWS])
+            yield (text.partition("\n")[2] if headed else text).encode()
+            headed = True

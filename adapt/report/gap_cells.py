@@ -11,7 +11,7 @@ from adapt.diagnosis.location.gap_location import BIN_DEG, AngleGaps, Cell, cell
 from adapt.diagnosis.location.observations import observe
 from adapt.report.fit_states import STATES, simulated_deg, state_rows
 from adapt.solvers import status
-from adapt.solvers.padded_batch import pack
+from adapt.solvers.rows import posture_rows
 from motions.rotations import DEG
 from motions.table import ANGLES, Motions
 
@@ -40,11 +40,9 @@ def heat_maps(motions: Motions, fits: pd.DataFrame, model: str) -> dict[str, Any
 
 
 def _cells(motions: Motions, fits: pd.DataFrame) -> list[Cell]:
-    batch = pack(motions)
-    data = observe(motions, batch)
-    rows = batch.rows[:, : len(batch.subjects)]
-    simulated = (simulated_deg(fits) / DEG)[:, rows]
-    fitted: Bool[np.ndarray, "postures subjects"] = (fits["status"] == status.OK).to_numpy()[rows]
+    rows = posture_rows(motions)
+    data, simulated = observe(motions, rows), rows.packed(simulated_deg(fits) / DEG)
+    fitted: Bool[np.ndarray, "postures subjects"] = rows.packed((fits["status"] == status.OK).to_numpy())
     data = replace(data, measured=data.measured & fitted & np.isfinite(simulated).all(axis=0))
     together = replace(data, motion=np.zeros_like(data.motion), motions=(ALL,))
     one_by_one = [data] if 1 < len(data.motions) <= MOST_MOTIONS else []

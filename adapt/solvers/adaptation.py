@@ -20,7 +20,7 @@ from adapt.solvers.objective import (
     mean_square_deg2,
 )
 from adapt.solvers.posture_fits import fit_batch, nearby_angles
-from adapt.solvers.problem_batch import ProblemBatch, measured_landmarks, subject_problem
+from adapt.solvers.problems import Problems, landmarks_distance_mm2, subject_problem
 from adapt.solvers.projection.subjects import fit_sizes
 from adapt.solvers.solution import SubjectSolution
 from adapt.solvers.starts import at_rest_where_unknown
@@ -64,7 +64,7 @@ they do say something of its parameters."""
 
 
 class Adapted(NamedTuple):
-    """Adaptations of a batch of problems (see ``adapt.solvers.problem_batch``), numpy."""
+    """Adaptations of a batch of problems (see ``adapt.solvers.problems``), numpy."""
 
     theta_mm: Float[np.ndarray, "adapted problems"]
     """In the order of ``ADAPTED_PARAMETERS``, mm."""
@@ -98,7 +98,7 @@ Progress = Callable[[str], None]
 
 
 def adapt_batch(
-    data: ProblemBatch,
+    data: Problems,
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Progress = lambda _: None,
@@ -107,7 +107,7 @@ def adapt_batch(
 
     A problem is ``ok`` when the optimality conditions of the whole-subject problem hold to tolerance. Sizes of effects
     that differ between persons are fitted too, by the default reading; what comes after knows them
-    (``ProblemBatch.with_sizes``).
+    (``Problems.with_sizes``).
     """
     if data.active_effects.own:
         return _with_own_sizes(data, weight, reading, progress)
@@ -121,7 +121,7 @@ def adapt_batch(
     return _reweighted(data, weight, chosen, _lowest(data, weight, chosen, np.full(count, WEIGHT), progress), progress)
 
 
-def _with_own_sizes(data: ProblemBatch, weight: float, reading: str, progress: Progress) -> Adapted:
+def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progress) -> Adapted:
     """Adapt with the mean sizes, from several starts; then sizes and parameters from there, as long as E is lower with
     postures in another valley."""
     count = data.counted.shape[1]
@@ -148,7 +148,7 @@ def _with_own_sizes(data: ProblemBatch, weight: float, reading: str, progress: P
     return adapted._replace(sizes=sizes)
 
 
-def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
+def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
     """The optimum whose own weights of points and postures it is the optimum of, each problem until it has settled."""
     left = np.arange(len(adapted.status))
     for number in range(_REWEIGHTED):
@@ -167,22 +167,22 @@ def _reweighted(data: ProblemBatch, weight: float, reading: Reading, adapted: Ad
     return adapted
 
 
-def _at_optimum(data: ProblemBatch, reading: Reading, theta_mm, mean_j_deg2) -> AtOptimum:
+def _at_optimum(data: Problems, reading: Reading, theta_mm, mean_j_deg2) -> AtOptimum:
     """What E is made of at theta."""
     moved = data.girdle.with_adapted(theta_mm).over_postures()
     distance_mm = signed_distance_mm(data.points_mm, moved.centre_mm, moved.semi_axes_mm)
     postures = np.sum(data.counted, axis=0)
-    L = measured_landmarks(data, reading.landmarks > 0.0).mean_square_mm2(theta_mm, data.girdle)
+    L = landmarks_distance_mm2(data, theta_mm) if reading.landmarks > 0.0 else np.full(len(postures), np.nan)
     return AtOptimum(np.asarray(distance_mm), np.asarray(data.point_weights), mean_j_deg2, postures, L)
 
 
-def _in_terms_of(data: ProblemBatch, weight: float, reading: Reading, adapted: Adapted) -> Adapted:
+def _in_terms_of(data: Problems, weight: float, reading: Reading, adapted: Adapted) -> Adapted:
     """D and E of points that count as in ``data``, of an optimum found with other weights of them."""
     at = _at_optimum(data, reading, adapted.theta_mm, adapted.mean_j_deg2)
     return adapted._replace(D_mm2=at.D_mm2, E=reading.value(weight, at))
 
 
-def _lowest(data: ProblemBatch, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
+def _lowest(data: Problems, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
     """All starts of all problems side by side; each optimum goes on until its postures are the lowest."""
     whole = subject_problem(data, equivalent, reading.landmarks)
     theta, angles = _starts(data)
@@ -222,7 +222,7 @@ def _distinct(E: Float[np.ndarray, "starts problems"], same: float) -> Bool[np.n
     return kept
 
 
-def _starts(data: ProblemBatch) -> tuple[Float[np.ndarray, "adapted starts"], Float[np.ndarray, "6 postures starts"]]:
+def _starts(data: Problems) -> tuple[Float[np.ndarray, "adapted starts"], Float[np.ndarray, "6 postures starts"]]:
     """Theta at every offset to the geometric fit, with the postures that are fitted there and with the measured angles;
     with effects at work, which close the chains themselves, with the measured angles alone."""
     lower, upper = data.bounds_mm
@@ -235,7 +235,7 @@ def _starts(data: ProblemBatch) -> tuple[Float[np.ndarray, "adapted starts"], Fl
     return np.concatenate(each_theta, axis=-1), np.concatenate(each_angles, axis=-1)
 
 
-def solved_from_geometric_fit(data: ProblemBatch) -> SubjectSolution:
+def solved_from_geometric_fit(data: Problems) -> SubjectSolution:
     """Solve from one start alone, the geometric fit and the measured angles, with the default weight: what benchmarks
     compare."""
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
@@ -244,7 +244,7 @@ def solved_from_geometric_fit(data: ProblemBatch) -> SubjectSolution:
 
 
 def adapted_from(
-    data: ProblemBatch,
+    data: Problems,
     theta: Float[np.ndarray, "adapted problems"],
     weight: float | Float[np.ndarray, " problems"] = WEIGHT,
 ) -> Adapted:
@@ -255,7 +255,7 @@ def adapted_from(
     return _from_theta(data, weight, reading, equivalent, theta, lambda _: None)
 
 
-def _from_theta(data: ProblemBatch, weight, reading: Reading, equivalent, theta, progress: Progress) -> Adapted:
+def _from_theta(data: Problems, weight, reading: Reading, equivalent, theta, progress: Progress) -> Adapted:
     """The optimum reached from theta and the postures that are fitted there."""
     problem = subject_problem(data, equivalent, reading.landmarks)
     progress("round 1")
@@ -265,7 +265,7 @@ def _from_theta(data: ProblemBatch, weight, reading: Reading, equivalent, theta,
 
 
 def _to_the_lowest_postures(
-    data: ProblemBatch,
+    data: Problems,
     weight,
     reading: Reading,
     equivalent,
@@ -315,7 +315,7 @@ def _ended(problem: SubjectProblem, active_effects: ActiveEffects, result: Subje
     return with_problems(result, left, projection.fit_subjects(*given))
 
 
-def _lower_postures(data: ProblemBatch, solved: SubjectSolution) -> tuple[np.ndarray, np.ndarray]:
+def _lower_postures(data: Problems, solved: SubjectSolution) -> tuple[np.ndarray, np.ndarray]:
     """The postures fitted anew at the solution, where that lowers their J, and the problems where it does.
 
     A posture can be carried along in a valley that has become the higher one; E is the sum of the lowest.
@@ -327,26 +327,26 @@ def _lower_postures(data: ProblemBatch, solved: SubjectSolution) -> tuple[np.nda
     return np.where(lower[None], fresh, solved.angles), np.any(lower, axis=0)
 
 
-def fitted_angles(data: ProblemBatch, theta: Float[Array, " adapted problems"]) -> Float[Array, " 6 postures problems"]:
+def fitted_angles(data: Problems, theta: Float[Array, " adapted problems"]) -> Float[Array, " 6 postures problems"]:
     """Fit the postures of every problem with its own girdle at theta; padding is a copy of the last that counts."""
     girdles = data.girdles_at(theta, *np.nonzero(data.counted))
     return _over_postures(data, fit_batch(girdles, *_of_rows(data)).angles)
 
 
-def _of_rows(data: ProblemBatch) -> tuple[Float[np.ndarray, "6 rows"], Bool[np.ndarray, "6 rows"]]:
+def _of_rows(data: Problems) -> tuple[Float[np.ndarray, "6 rows"], Bool[np.ndarray, "6 rows"]]:
     """Measured angles of every posture that counts, and which are known."""
     posture, problem = np.nonzero(data.counted)
     return np.asarray(data.angles)[:, posture, problem], np.asarray(data.measured)[:, posture, problem]
 
 
-def _over_postures(data: ProblemBatch, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 postures problems"]:
+def _over_postures(data: Problems, angles: Float[np.ndarray, "6 rows"]) -> Float[np.ndarray, "6 postures problems"]:
     """Lay the angles of the postures that count out; padding is a copy of the last."""
     place = np.zeros(data.counted.shape, int)
     place[np.nonzero(data.counted)] = np.arange(angles.shape[1])
     return angles[:, np.maximum.accumulate(place, axis=0)]
 
 
-def _as_adapted(data: ProblemBatch, weight, reading: Reading, equivalent, solved: SubjectSolution) -> Adapted:
+def _as_adapted(data: Problems, weight, reading: Reading, equivalent, solved: SubjectSolution) -> Adapted:
     theta, count = np.asarray(solved.theta), np.sum(data.counted, axis=0)
     j = mean_square_deg2(solved.angles, data.angles, angle_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / count

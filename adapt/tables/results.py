@@ -80,9 +80,9 @@ def as_csv(table: pd.DataFrame) -> str:
 
     pandas would write the same, in three times as much time.
     """
-    header = [_text(name) for name in table]
-    lines = [header, *zip(*(_cells(table[name]) for name in table), strict=True)]
-    return "".join(f"{','.join(cells)}\n" for cells in lines)
+    header = ",".join(_text(name) for name in table)
+    rows = zip(*(_cells(table[name]) for name in table), strict=True)
+    return "\n".join([header, *map(",".join, rows), ""])
 
 
 def _cells(column: pd.Series) -> list[str]:
@@ -97,14 +97,15 @@ def _number_cells(numbers: Shaped[np.ndarray, " rows"]) -> list[str]:
     """The shortest text that gives each number back, as Python's ``repr`` writes it."""
     cells = orjson.dumps(np.ascontiguousarray(numbers), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1].decode().split(",")
     size = np.abs(numbers)
-    others = np.flatnonzero(~((numbers == 0) | (size >= _LEAST_ALIKE) & (size < _FIRST_OTHER)))
+    others = np.flatnonzero(~((size < _MOST_TINY) | (size >= _LEAST_ALIKE) & (size < _FIRST_OTHER)))
     for k, x in zip(others.tolist(), numbers[others].tolist(), strict=True):
         cells[k] = "" if x != x else repr(x)
     return cells
 
 
-_LEAST_ALIKE, _FIRST_OTHER = 1e-4, 1e16
-"""Between them JSON writes a number as Python does. Outside Python has an exponent; not a number is in no JSON."""
+_MOST_TINY, _LEAST_ALIKE, _FIRST_OTHER = 1e-9, 1e-4, 1e16
+"""Below the first and between the others JSON writes a number as Python does. Elsewhere Python has an exponent of two
+digits at least; not a number is in no JSON."""
 
 
 def _text(value: object) -> str:

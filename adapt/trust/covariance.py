@@ -35,7 +35,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.problem_batch import ProblemBatch
+from adapt.solvers.problems import Problems
 from adapt.trust.curvature import Curvature, curvature
 from motions.rotations import DEG
 
@@ -78,7 +78,7 @@ def sd(covariance: Float[np.ndarray, "n n problems"]) -> Float[np.ndarray, "n pr
 
 
 def uncertainty(
-    data: ProblemBatch, adapted: Adapted, person_sd_mm: Float[np.ndarray, " adapted"] | None = None
+    data: Problems, adapted: Adapted, person_sd_mm: Float[np.ndarray, " adapted"] | None = None
 ) -> Uncertainty:
     """Give the uncertainty of each adaptation of ``data`` by its E = D + W mean(J), mm^2 and deg^2.
 
@@ -150,7 +150,7 @@ def reduced_inverse(
 
 
 def _noise_rad(
-    data: ProblemBatch, adapted: Adapted, followed: Float[np.ndarray, " problems"]
+    data: Problems, adapted: Adapted, followed: Float[np.ndarray, " problems"]
 ) -> Float[np.ndarray, " problems"]:
     """s; ``followed`` = tr(I^-1 I_J) parameters follow the errors. NaN where no angle is left over."""
     counts = np.asarray(data.measured) & np.asarray(data.counted)[None]

@@ -25,7 +25,7 @@ from adapt.solvers.adaptation import Adapted
 from adapt.solvers.newton.elimination import Elimination
 from adapt.solvers.newton.linear_algebra import backward, factorised, forward, product
 from adapt.solvers.newton.subject import SubjectProblem, point_distance, point_multiplier, thorax_terms
-from adapt.solvers.problem_batch import ProblemBatch, subject_problem
+from adapt.solvers.problems import Problems, subject_problem
 from adapt.solvers.projection.subjects import motion_curvature
 from models.derivatives import chain, closest_point_multipliers
 
@@ -49,7 +49,7 @@ class Curvature:
     """I_J."""
 
 
-def curvature(data: ProblemBatch, adapted: Adapted) -> Curvature:
+def curvature(data: Problems, adapted: Adapted) -> Curvature:
     """Differentiate E = sum u d^2 + W mean(J) (mm^2, deg^2) twice at the adaptations of ``data``, each problem's."""
     data = replace(data, point_weights=adapted.point_weights)
     problem = subject_problem(data, adapted.weight, float(adapted.landmark_weight.max(initial=0.0)))

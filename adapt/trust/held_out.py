@@ -14,14 +14,14 @@ from adapt.engine.batching import as_type, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
-from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
+from adapt.solvers.problems import Problems, problems_of, select_problems
+from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold
 from adapt.tables.held_out import BONE_PREFIXES, NOTHING, SEEN
 from models.effects import EFFECTS, Effect
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes
 from models.person.family import AnyModel
 from motions.rotations import DEG
 from motions.table import Motions
@@ -50,8 +50,8 @@ class HeldOut:
 class AdaptedSubjects:
     """Every subject adapted with every model; problem = model * subjects + subject."""
 
-    batch: Batch
-    data: ProblemBatch
+    rows: PostureRows
+    data: Problems
     """With the sizes of effects that were found."""
     adapted: Adapted
     """To all postures."""
@@ -59,12 +59,12 @@ class AdaptedSubjects:
 
     def of(self, model: int) -> "AdaptedSubjects":
         """Take one model, by its number."""
-        subjects, folds = len(self.batch.subjects), len(self.held_out.folds)
+        subjects, folds = len(self.rows.subjects), len(self.held_out.folds)
         mine, parts = (slice(model * width, (model + 1) * width) for width in (subjects, folds))
         without = take_problems(self.held_out.adapted, parts)
         found = HeldOut(self.held_out.folds, without, self.held_out.unseen_deg[parts])
         data = select_problems(self.data, np.arange(mine.start, mine.stop))
-        return AdaptedSubjects(self.batch, data, take_problems(self.adapted, mine), found)
+        return AdaptedSubjects(self.rows, data, take_problems(self.adapted, mine), found)
 
 
 def adapt_with_folds(
@@ -82,19 +82,18 @@ def adapt_with_folds(
 
     The arguments are those of ``adapt.adapt_subjects``; ``library``: the effects by name.
     """
-    batch = pack(motions)
-    known = active_effects(effects, motions, library).at(batch.rows)
-    data = as_type(problem_batch(batch, models, known), dtype)
+    rows = posture_rows(motions, effects, library)
+    data = as_type(problems_of(rows, models), dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     found = HeldOut((), take_problems(adapted, slice(0)), ())
     if folds:
-        found = held_out(data, batch, folds, weight, reading, progress)
-    return AdaptedSubjects(batch, data.with_sizes(adapted.sizes), adapted, found)
+        found = held_out(data, rows, folds, weight, reading, progress)
+    return AdaptedSubjects(rows, data.with_sizes(adapted.sizes), adapted, found)
 
 
 def held_out(
-    data: ProblemBatch,
-    batch: Batch,
+    data: Problems,
+    rows: PostureRows,
     folds: Sequence[Fold],
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
@@ -104,12 +103,12 @@ def held_out(
 
     At least one fold.
     """
-    subjects = len(batch.subjects)
+    subjects = len(rows.subjects)
     models = data.counted.shape[1] // subjects
     of_fold = np.array([fold.subject for fold in folds])
     problem = np.concatenate([model * subjects + of_fold for model in range(models)])
     fitted, tested = (
-        np.tile(_places(batch, [getattr(fold, rows) for fold in folds]), models) for rows in ("fitted", "tested")
+        np.tile(_places(rows, [getattr(fold, part) for fold in folds]), models) for part in ("fitted", "tested")
     )
     progress(f"held-out gaps, {len(problem)} adaptations")
     part_of = select_problems(data, problem, counted=fitted)
@@ -119,17 +118,17 @@ def held_out(
     return HeldOut(tuple(folds), without, tuple(gaps[:, tested[:, k], k] for k in range(len(problem))))
 
 
-def _places(batch: Batch, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:
+def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:
     """Where the rows of each part are among the postures of its subject."""
-    place = batch.unpack(np.broadcast_to(np.arange(len(batch.counted))[:, None], batch.counted.shape))
-    found = np.zeros((len(batch.counted), len(parts)), bool)
-    for k, rows in enumerate(parts):
-        found[place[rows], k] = True
+    place = rows.unpacked(np.indices(rows.counted.shape)[0])
+    found = np.zeros((len(rows.counted), len(parts)), bool)
+    for k, part in enumerate(parts):
+        found[place[part], k] = True
     return found
 
 
 def _gaps_deg(
-    data: ProblemBatch, theta_mm, tested: Bool[np.ndarray, "postures problems"]
+    data: Problems, theta_mm, tested: Bool[np.ndarray, "postures problems"]
 ) -> Float[np.ndarray, "6 postures problems"]:
     posture, problem = np.nonzero(tested)
     result = np.full((6, *tested.shape), np.nan)

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
-from adapt.solvers.problem_batch import ProblemBatch, select_problems
+from adapt.solvers.problems import Problems, select_problems
 from adapt.trust.covariance import NORMAL_95, Uncertainty, reduced_inverse
 
 _STRIDES = (1.0, 2.0, 4.0)
@@ -33,7 +33,7 @@ class Profile:
 
 
 def profile_intervals(
-    data: ProblemBatch,
+    data: Problems,
     adapted: Adapted,
     found: Uncertainty,
     chosen: Bool[np.ndarray, "adapted problems"],
@@ -98,7 +98,7 @@ def _crossing(inside, outside, short_inside, short_outside):
     return inside + np.where(apart > 0.0, short_inside / np.where(apart > 0.0, apart, 1.0), 0.0) * (outside - inside)
 
 
-def _least_e(data: ProblemBatch, parameter, value_mm, start_mm, weight) -> Float[np.ndarray, " problems"]:
+def _least_e(data: Problems, parameter, value_mm, start_mm, weight) -> Float[np.ndarray, " problems"]:
     """E with one parameter of each problem held at a value, the others from where the parabola has them; NaN where that
     did not converge."""
     problem = np.arange(len(value_mm))

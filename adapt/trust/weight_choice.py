@@ -9,8 +9,8 @@ import pandas as pd
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.padded_batch import Batch
-from adapt.solvers.problem_batch import ProblemBatch
+from adapt.solvers.problems import Problems
+from adapt.solvers.rows import PostureRows
 from adapt.tables.folds import MOTION, Fold
 from adapt.tables.held_out import by_subject
 from adapt.trust.held_out import held_out, heldout_table
@@ -21,8 +21,8 @@ WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 
 
 def weight_table(
-    data: ProblemBatch,
-    batch: Batch,
+    data: Problems,
+    rows: PostureRows,
     models: Sequence[str],
     folds: Sequence[Fold],
     weights: Sequence[float] = WEIGHTS,
@@ -34,12 +34,12 @@ def weight_table(
     trade-off curve; ``gap_unseen_deg`` is on motions held out, and ``best`` = 1 where it is smallest. Subjects with a
     single motion have no part in the choice.
     """
-    chosen, subjects = [fold for fold in folds if fold.kind == MOTION], len(batch.subjects)
-    rows = []
+    chosen, subjects = [fold for fold in folds if fold.kind == MOTION], len(rows.subjects)
+    lines = []
     for weight in weights:
         progress(f"w = {weight:g}")
         adapted = adapt_batch(data, weight)
-        gaps = _gaps(data, adapted, batch, models, chosen, weight)
+        gaps = _gaps(data, adapted, rows, models, chosen, weight)
         for m, model in enumerate(models):
             mine = slice(m * subjects, (m + 1) * subjects)
             good = adapted.status[mine] == status.OK
@@ -47,20 +47,20 @@ def weight_table(
             row: dict[str, object] = {"model": model, "weight": weight, "subjects_ok": int(good.sum())}
             row |= {"thorax_points_rms_mm": float(np.sqrt(D.mean())), "j_rms_deg": float(np.sqrt(J.mean()))}
             row["at_bound"] = int(adapted.at_bound[:, mine][:, good].any(axis=0).sum())
-            rows.append(row | gaps.get(model, {"gap_in_sample_deg": np.nan, "gap_unseen_deg": np.nan}))
-    table = pd.DataFrame(rows).sort_values("model", kind="stable", key=lambda x: x.map(list(models).index))
+            lines.append(row | gaps.get(model, {"gap_in_sample_deg": np.nan, "gap_unseen_deg": np.nan}))
+    table = pd.DataFrame(lines).sort_values("model", kind="stable", key=lambda x: x.map(list(models).index))
     least = table.groupby("model")["gap_unseen_deg"].transform("min")
     table["best"] = (table["gap_unseen_deg"] == least).astype(int)
     return table.reset_index(drop=True)
 
 
-def _gaps(data, adapted: Adapted, batch: Batch, models, folds, weight) -> dict[str, dict[str, float]]:
+def _gaps(data, adapted: Adapted, rows: PostureRows, models, folds, weight) -> dict[str, dict[str, float]]:
     if not folds:
         return {}
-    found = held_out(data, batch, folds, weight)
+    found = held_out(data, rows, folds, weight)
     good = np.asarray(data.measured) & (adapted.status == status.OK)
     in_sample = np.where(good, np.abs(adapted.angles - np.asarray(data.angles)) * DEG, np.nan)
-    of_rows = [batch.unpack(part) for part in np.split(in_sample, len(models), axis=-1)]
-    gaps = by_subject(heldout_table(batch.subjects, models, found, {"in_sample": of_rows}))
+    of_rows = [rows.unpacked(part) for part in np.split(in_sample, len(models), axis=-1)]
+    gaps = by_subject(heldout_table(rows.subjects, models, found, {"in_sample": of_rows}))
     words = ["gap_in_sample_deg", "gap_unseen_deg"]
     return gaps.groupby("model")[words].mean().to_dict("index")

@@ -268,7 +268,13 @@ def test_the_record_is_enough_to_repeat_the_run(fitted, adapted):
         assert record["models"] == [{"name": "R2", "sha256": model}]
         assert {"python", "girdle", "jax", "jaxlib", "numpy", "pandas"} <= set(record["versions"])
     assert fitted.record["options"] == {"float32": False, "effect": []}
-    assert adapted.record["options"] == {"weight": 5.0, "reading": "mm2_deg2", "float32": False, "effect": []}
+    assert adapted.record["options"] == {
+        "weight": 5.0,
+        "reading": "mm2_deg2",
+        "float32": False,
+        "effect": [],
+        "thorax_downweighting": 1.0,
+    }
 
 
 def test_a_repeated_run_writes_the_same_bytes(adapted, tmp_path, monkeypatch):

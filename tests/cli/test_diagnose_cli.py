@@ -38,14 +38,20 @@ ROWS = [f"P1,abduction,{k},{30 * k},-30,12,7,32,{10 * k},-10" for k in range(1, 
 def asked(monkeypatch) -> dict[str, Any]:
     """What the command asks of the diagnosis, which answers with two hand-made models."""
     asked: dict[str, Any] = {}
+    made = []
 
-    def answer(motions, models, noise_deg, progress):
+    def adapted(motions, models, progress):
+        made.append(adaptations(motions, models))
+        return made[-1]
+
+    def answer(motions, models, noise_deg, progress, adaptations):
         progress("noise")
+        assert adaptations is made[-1], "those of the tables"
         asked.update(models=[one.name for one in models], noise_deg=noise_deg)
         return dict(BOTH)
 
     monkeypatch.setattr(cli, "diagnose", answer)
-    monkeypatch.setattr(cli, "adapt_subjects", lambda motions, models, progress: adaptations(motions, models))
+    monkeypatch.setattr(cli, "adapt_with_every_fold", adapted)
     return asked
 
 

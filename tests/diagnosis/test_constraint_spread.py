@@ -9,7 +9,7 @@ from programs import one_run
 
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread, constraint_spread
 from adapt.diagnosis.location.observations import Observed, observe
-from adapt.solvers.padded_batch import pack
+from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.girdle import CONSTRAINTS, Girdle
 from motions.rhythm_subjects import shipped_subjects
@@ -27,7 +27,7 @@ NOISE_DEG = 1.5
 @pytest.fixture(scope="module")
 def data() -> Observed:
     """The shipped subjects, simulated."""
-    return observe(shipped_subjects(), pack(shipped_subjects()))
+    return observe(shipped_subjects(), posture_rows(shipped_subjects()))
 
 
 @pytest.fixture(scope="module")

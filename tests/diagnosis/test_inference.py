@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from small_worlds import every_frame, joint_fit, root_of, searched, simulated
 
-from adapt.diagnosis.adapted_gaps import adapted_gaps
+from adapt.api import adapt_with_every_fold
+from adapt.diagnosis.adapted_gaps import adapted_gaps, gaps_of
 from adapt.diagnosis.fit.evidence import Likelihood
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.fit.noise import estimate_noise
@@ -26,7 +27,7 @@ from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import carrying_over, gain, name_causes
 from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
-from adapt.tables.folds import MOTION, PERSON
+from adapt.tables.folds import MOTION, PERSON, POSTURES
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
@@ -93,6 +94,17 @@ def test_amplitudes_of_a_fold_are_those_of_data_without_what_it_holds_out():
         given = alone.given(again, hypothesis)
         off = root_of(given).T @ (given.amplitude - amplitude)
         assert np.linalg.norm(off) < AT_THE_MODE
+
+
+def test_the_gaps_of_the_tables_of_several_sets_are_those_of_a_diagnosis_alone():
+    """To the last bit: one adaptation serves both."""
+    motions, R2 = simulated().motions, load_model("R2")
+    person = {name: k for k, name in enumerate(motions.subjects)}
+    shared = adapt_with_every_fold(motions, [load_model("R4"), R2]).of("R2")
+    found, alone = gaps_of(shared, person), adapted_gaps(motions, R2, {}, person)
+    assert (found.in_sample, found.unseen) == (alone.in_sample, alone.unseen)
+    assert set(found.unseen) == {MOTION, POSTURES}
+    np.testing.assert_array_equal(found.adapted.theta_mm, alone.adapted.theta_mm)
 
 
 @pytest.mark.parametrize("between", [0.7, 0.0])

@@ -13,9 +13,9 @@ from adapt.solvers import newton, status
 from adapt.solvers.adaptation import solved_from
 from adapt.solvers.newton.postures import postures_kernel
 from adapt.solvers.objective import WEIGHT, angle_weights
-from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import problem_batch, subject_problem
+from adapt.solvers.problems import problems_of, subject_problem
+from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.effects import NO_ACTIVE_EFFECTS
 from models.parameter_sets import FOLDER
@@ -67,7 +67,9 @@ def assert_float64_where_not_done(found, double, names: Sequence[str], done: np.
 
 def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
     """Measured angles far from any closed chain: many valleys."""
-    data = as_type(problem_batch(pack(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32)
+    data = as_type(
+        problems_of(posture_rows(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32
+    )
     problem = of_postures(data)
     done = newton.fit_postures(*problem).converged
     assert 0.5 < done.mean() < 0.98
@@ -78,7 +80,7 @@ def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
 
 
 def test_adaptations_that_float32_cannot_do_are_those_of_float64():
-    data = as_type(problem_batch(pack(hard(24)), [load_model("R2")]), np.float32)
+    data = as_type(problems_of(posture_rows(hard(24)), [load_model("R2")]), np.float32)
     theta, factor = np.clip(data.girdle.adapted_mm, *data.bounds_mm), np.full(24, WEIGHT)
     given = (
         subject_problem(data, factor),
@@ -95,7 +97,7 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
 
 def test_a_parameter_at_its_bound_is_at_it():
     """What float32 makes of a bound is not beside it."""
-    data = as_type(problem_batch(pack(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
+    data = as_type(problems_of(posture_rows(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
     given = subject_problem(data, np.full(SUBJECTS, WEIGHT))
     theta = solved_from(given, NO_ACTIVE_EFFECTS, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
     lower, upper = data.bounds_mm.astype(float)
@@ -105,7 +107,7 @@ def test_a_parameter_at_its_bound_is_at_it():
 
 
 def test_three_engines_in_float32():
-    data = as_type(problem_batch(pack(simulate_subjects(4, seed=7)), [load_model("R4")]), np.float32)
+    data = as_type(problems_of(posture_rows(simulate_subjects(4, seed=7)), [load_model("R4")]), np.float32)
     girdle_, target, measured = of_postures(data)
     count = target.shape[1]
     start = target, np.zeros((3, count)), np.zeros(count, bool)
@@ -125,7 +127,7 @@ def test_statuses_are_those_of_float64(tmp_path):
     short = tmp_path / "short.toml"
     short.write_text((FOLDER / "R4.toml").read_text().replace("conoid_length_mm = 13.2", "conoid_length_mm = 2.0"))
     for model, expected in ((load_model(str(short)), status.UNREACHABLE), (load_model("R4"), status.OK)):
-        problem = of_postures(problem_batch(pack(simulate_subjects(1, seed=3)), [model]))
+        problem = of_postures(problems_of(posture_rows(simulate_subjects(1, seed=3)), [model]))
         problem[2][2:, 0] = False
         found = fit_batch(*as_type(problem, np.float32))
         assert found.status.tolist() == [status.INVALID] + [expected] * 13

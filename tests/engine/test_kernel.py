@@ -19,9 +19,9 @@ from adapt.engine.machine_code import MachineCodeError
 from adapt.solvers.newton.postures import lowest_kernel, postures_kernel
 from adapt.solvers.newton.subjects import subjects_kernel
 from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
-from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
+from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.solution import (
     CONSTRAINT_TOLERANCE_MM,
     STATIONARITY_TOLERANCE,
@@ -54,11 +54,11 @@ def ragged() -> Motions:
 
 
 @pytest.fixture(scope="module")
-def data() -> ProblemBatch:
-    return problem_batch(pack(ragged()), [load_model("R6")])
+def data() -> Problems:
+    return problems_of(posture_rows(ragged()), [load_model("R6")])
 
 
-def arguments(data: ProblemBatch, iterations: float = 60.0):
+def arguments(data: Problems, iterations: float = 60.0):
     count, postures = data.counted.shape[1], data.counted.shape[0]
     fixed = subject_problem(data, np.full(count, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)

@@ -12,8 +12,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.problems import problems_of
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import BONE_PREFIXES, COLUMNS
@@ -95,10 +95,10 @@ def adaptations(
 
 def _problems(motions: Motions, models: Sequence[AnyModel], results: dict[str, Adapted]) -> AdaptedSubjects:
     """All models side by side, nothing held out."""
-    batch = pack(motions)
+    batch = posture_rows(motions)
     adapted: Adapted = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results.values())
     nothing = HeldOut((), take_problems(adapted, slice(0)), ())
-    return AdaptedSubjects(batch, problem_batch(batch, models), adapted, nothing)
+    return AdaptedSubjects(batch, problems_of(batch, models), adapted, nothing)
 
 
 def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:

@@ -37,8 +37,8 @@ import numpy as np
 from adapt import adapt_subjects
 from adapt.solvers.adaptation import fitted_angles
 from adapt.solvers.objective import angle_weights, mean_square_deg2
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.rows import posture_rows
+from adapt.solvers.problems import problems_of
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.person.thorax_ellipsoid import thorax_distance_mm2
@@ -46,7 +46,7 @@ from motions.rhythm_subjects import simulate_subjects
 
 motions, model = simulate_subjects(2, seed=4), load_model("R2")
 result = adapt_subjects(motions, model, held_out=())
-adapted, data = result.adapted["R2"], problem_batch(pack(motions), [model])
+adapted, data = result.adapted["R2"], problems_of(posture_rows(motions), [model])
 
 def objective(theta):
     angles = fitted_angles(data, theta)

@@ -192,7 +192,7 @@ def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, oth
     monkeypatch.setattr(Path, "open", full)
     result = girdle("adapt", other, "--out", earlier)
     (home,) = (earlier / parts.FOLDER).iterdir()
-    refused(result, str(home / "0000000.zip" if nth == 1 else earlier), "No space left on device", "Make room")
+    refused(result, str(home / "0000000.npz" if nth == 1 else earlier), "No space left on device", "Make room")
     assert contents(earlier) == before
 
 

@@ -21,7 +21,9 @@ from adapt.api import adapt_subjects
 from adapt.large_runs import parts as parts_module
 from adapt.large_runs.local_processes import in_processes
 from adapt.large_runs.parts import FOLDER, Chunks, Parts, Work, one_after_another
+from adapt.large_runs.table_arrays import as_rows, as_table
 from adapt.output.run_files import inputs_record, run_key
+from adapt.tables.held_out import NOTHING
 from models import load_model
 from motions import InputError, MotionStream, read_motions, write_motions
 from motions.rhythm_subjects import simulate_subjects
@@ -84,12 +86,23 @@ def test_a_part_is_what_its_subjects_are_alone(motion):
     folder.mkdir()
     made = Parts(folder, "key")
     made.make(work(motions.subjects), [motions], one_after_another, lambda _: None)
-    found, failed = made.merge(folder, work().models)
+    found, failed = made.merge(folder, work())
     made.remove()
     for name in ("summary", "parameters", "heldout"):
         pd.testing.assert_frame_equal(getattr(found, name), getattr(tables, name), check_exact=True)
     assert failed == {}
     assert not (folder / FOLDER).exists()
+
+
+def test_arrays_hold_a_table_exactly_and_a_part_without_rows_changes_nothing():
+    """Numbers to the last bit, whole numbers as such, names of any length; and no table of no part at all."""
+    names = ["s1", "a,b", "x" * 300, "ä"]
+    table = pd.DataFrame({"subject": names, "gap_deg": [np.nan, np.inf, 0.1 + 0.2, 5e-324], "postures": range(4)})
+    parts = [as_rows(part) for part in (table.iloc[:0], table.iloc[:1], table.iloc[1:])]
+    assert not any(rows.dtype.hasobject for rows in parts)
+    pd.testing.assert_frame_equal(as_table(parts), table, check_exact=True)
+    empty = as_table([as_rows(NOTHING)])
+    assert (len(empty), tuple(empty)) == (0, tuple(NOTHING))
 
 
 class StoppedError(Exception):
@@ -108,7 +121,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
     with pytest.raises(StoppedError):
         girdle(*arguments)
     assert [path.name for path in tmp_path.iterdir()] == [FOLDER]
-    assert len(list((tmp_path / FOLDER).rglob("*.zip"))) == 2
+    assert len(list((tmp_path / FOLDER).rglob("*.npz"))) == 2
 
     made = []
 
@@ -126,9 +139,9 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
 
 def test_parts_of_another_run_are_removed(tmp_path):
     Parts(tmp_path, "one")
-    (tmp_path / FOLDER / "one" / "0000000.zip").write_bytes(b"a part")
+    (tmp_path / FOLDER / "one" / "0000000.npz").write_bytes(b"a part")
     Parts(tmp_path, "one")
-    assert (tmp_path / FOLDER / "one" / "0000000.zip").exists()
+    assert (tmp_path / FOLDER / "one" / "0000000.npz").exists()
     Parts(tmp_path, "other")
     assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ["other"]
 
@@ -192,7 +205,7 @@ def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypa
         address = cluster.scheduler_address
         ended = girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--dask", address, "--out", tmp_path)
     assert ended.status == 0, ended.err
-    assert sorted(written) == [f"{number:07d}.zip" for number in range(5)]
+    assert sorted(written) == [f"{number:07d}.npz" for number in range(5)]
     assert_same_tables(tmp_path, whole)
 
 

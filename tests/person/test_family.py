@@ -8,7 +8,7 @@ import pytest
 from adapt.api import adapt_subjects
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.objective import fitted_girdle
-from adapt.solvers.problem_batch import set_arrays
+from adapt.solvers.problems import sets_of
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.parameter_sets import ParameterSet
@@ -37,7 +37,7 @@ def sets(count: int) -> dict[str, ParameterSet]:
 
 def test_many_sets_are_fitted_together_as_each_alone():
     own = PersonalSets("own", sets(MANY))
-    found = set_arrays([own], list(own.by_subject))
+    found = sets_of([own], list(own.by_subject))
     for k, one in enumerate(own.by_subject.values()):
         alone = fitted_girdle(one.girdle, one.points_mm)
         np.testing.assert_allclose(np.asarray(found.girdle.adapted_mm)[:, k], alone.adapted_mm, atol=SAME_MM)

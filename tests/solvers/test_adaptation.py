@@ -15,8 +15,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.adaptation import STARTS_MM, Adapted, _distinct, adapt_batch, adapted_from, fitted_angles
 from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
+from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
+from adapt.solvers.rows import posture_rows
 from models import load_model, model_names
 from models.ellipsoid import closest_point
 from models.girdle import Girdle
@@ -55,10 +55,10 @@ class Answer(NamedTuple):
     converged: np.ndarray
 
 
-def from_geometric_fit(fit_subjects: Callable) -> Callable[[ProblemBatch], Answer]:
+def from_geometric_fit(fit_subjects: Callable) -> Callable[[Problems], Answer]:
     """A kernel from the geometric fit and the postures that are fitted there."""
 
-    def solved(data: ProblemBatch) -> Answer:
+    def solved(data: Problems) -> Answer:
         theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
         problem = subject_problem(data, np.full(theta.shape[1], WEIGHT))
         effects = (data.active_effects,) if data.active_effects.effects else ()
@@ -68,13 +68,13 @@ def from_geometric_fit(fit_subjects: Callable) -> Callable[[ProblemBatch], Answe
     return solved
 
 
-def by_adapt_batch(data: ProblemBatch) -> Answer:
+def by_adapt_batch(data: Problems) -> Answer:
     found = adapt_batch(data)
     of_E = found.multipliers * WEIGHT / data.counted.sum(axis=0)
     return Answer(found.theta_mm, found.angles, of_E, found.status == status.OK)
 
 
-SOLVERS: dict[str, Callable[[ProblemBatch], Answer]] = {
+SOLVERS: dict[str, Callable[[Problems], Answer]] = {
     "newton": from_geometric_fit(newton.fit_subjects),
     "projection": from_geometric_fit(projection.fit_subjects),
     "adapt_batch": by_adapt_batch,
@@ -90,7 +90,7 @@ NOT_FOR = {"newton": {"effects", "effects of no size"}}
 class Problem:
     """Subjects with models, and all that is known of their adaptations."""
 
-    data: ProblemBatch
+    data: Problems
     plain: Girdle
     """With the constraints of the data's girdle and effects, as the other engine knows them."""
 
@@ -104,7 +104,7 @@ class Problem:
 
 
 def with_sets(motions: Motions, *names: str) -> Problem:
-    data = problem_batch(pack(motions), [load_model(name) for name in names])
+    data = problems_of(posture_rows(motions), [load_model(name) for name in names])
     return Problem(data, data.girdle)
 
 
@@ -318,7 +318,7 @@ def test_order_and_company_of_the_subjects_do_not_matter():
     data = problem("R2, R4 and R6").data
     backward = np.arange(data.counted.shape[1])[::-1]
     angles, others = data.angles[..., backward], backward % 4 == 0
-    angles[..., others] = pack(simulate_subjects(1, seed=99)).angles
+    angles[..., others] = posture_rows(simulate_subjects(1, seed=99)).angles[..., None]
     one = take_problems(adapt_batch(data), backward[~others])
     other = adapt_batch(select_problems(data, backward, angles=angles))
     for name in ("theta_mm", "E"):

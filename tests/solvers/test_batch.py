@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from adapt.solvers.padded_batch import Batch, pack
+from adapt.solvers.rows import PostureRows, posture_rows
 from motions import Motions
 from motions.rotations import DEG
 
@@ -27,14 +27,14 @@ RAGGED = ["c", "a", "a", "b", "c", "c", "a", "c", "c"]
 """Three subjects of 5, 3 and 1 postures, not in order and taking turns."""
 
 
-def padding(batch: Batch) -> np.ndarray:
+def padding(batch: PostureRows) -> np.ndarray:
     """True where an element is not a real posture."""
     return ~batch.counted
 
 
 @pytest.fixture
-def batch() -> Batch:
-    return pack(motions_of(RAGGED))
+def batch() -> PostureRows:
+    return posture_rows(motions_of(RAGGED))
 
 
 def test_shapes_are_rounded_up_and_subjects_keep_their_order(batch):
@@ -55,7 +55,7 @@ def test_a_subjects_postures_are_its_rows_in_their_order(batch):
 @pytest.mark.parametrize("subject", [RAGGED, ["a"], ["a"] * 4, list("abcde") * 3], ids=len)
 def test_unpack_undoes_pack(subject):
     motions = motions_of(subject)
-    batch = pack(motions)
+    batch = posture_rows(motions)
     np.testing.assert_allclose(batch.unpack(np.asarray(batch.angles)).T * DEG, motions.angles_deg, rtol=1e-14)
     np.testing.assert_array_equal(batch.unpack(batch.rows), np.arange(len(subject)))
 
@@ -83,7 +83,7 @@ def test_values_in_the_padding_never_come_back(batch):
 def test_an_angle_that_was_not_measured_is_zero_and_marked():
     motions = motions_of(RAGGED)
     motions.angles_deg[4, 2] = np.nan
-    batch = pack(motions)
+    batch = posture_rows(motions)
     assert np.isfinite(np.asarray(batch.angles)).all()
     measured = batch.unpack(np.asarray(batch.measured))
     assert np.argwhere(~measured).tolist() == [[2, 4]]

@@ -15,9 +15,9 @@ from programs import few_runs
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch, fitted_angles
 from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
-from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch
+from adapt.solvers.problems import Problems, problems_of
+from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm
@@ -100,7 +100,7 @@ def test_the_unit_of_length_does_not_matter_to_the_angles(seed, scale):
 SUBJECTS = 8
 
 
-def held(data: ProblemBatch, free: set[str]) -> ProblemBatch:
+def held(data: Problems, free: set[str]) -> Problems:
     """The same with every other parameter held at the girdle's own value."""
     own = np.asarray(data.girdle.adapted_mm)
     is_free = np.array([name in free for name in ADAPTED])[:, None]
@@ -113,7 +113,7 @@ NO_POINTS = 1e4
 """A weight with which E is the gap but for D / w: 1000 mm^2 of it, more than there is, count as 0.1 deg^2."""
 
 
-def before(data: ProblemBatch, weight: float) -> tuple[np.ndarray, np.ndarray]:
+def before(data: Problems, weight: float) -> tuple[np.ndarray, np.ndarray]:
     """E and mean J of the girdle as it is, with its postures fitted."""
     theta = data.girdle.adapted_mm
     D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.point_weights))
@@ -125,7 +125,7 @@ def before(data: ProblemBatch, weight: float) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("weight", [WEIGHT, NO_POINTS], ids=["E", "the gap alone"])
 def test_nothing_rises_by_adapting_nor_by_freeing_a_parameter(weight):
     """Nested: nothing free, the conoid, the centre too, all. Each problem contains the one before."""
-    data = problem_batch(pack(simulate_subjects(SUBJECTS, seed=3, noise_deg=2.0)), [load_model("R2")])
+    data = problems_of(posture_rows(simulate_subjects(SUBJECTS, seed=3, noise_deg=2.0)), [load_model("R2")])
     nested = [{"conoid_length"}, {"conoid_length", "M_y", "M_z"}, set(ADAPTED)]
     found = [before(data, weight)]
     for free in nested:

@@ -10,12 +10,11 @@ from oracles import Bones, bones, cardan, ellipsoid_distance, slsqp, with_theta
 
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem
+from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
 from adapt.solvers.projection.thorax_term import Thorax
+from adapt.solvers.rows import posture_rows
 from adapt.trust.curvature import curvature
 from models import load_model
-from models.effects.amplitudes import active_effects
 from motions import Motions, read_motions
 from motions.landmarks.sampled_postures import SLIPPED
 from motions.rotations import DEG
@@ -83,8 +82,8 @@ def palpated(angles_deg: np.ndarray) -> dict[str, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def data(motions) -> ProblemBatch:
-    return problem_batch(pack(motions), [load_model("R6")])
+def data(motions) -> Problems:
+    return problems_of(posture_rows(motions), [load_model("R6")])
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +161,9 @@ def test_landmarks_count_where_they_were_measured_in_the_postures_that_do(motion
         for name, const in (("TS", moved.ts_distance_mm), ("AI", moved.ai_distance_mm))
     ]
     assert of_first.L_mm2[0] == pytest.approx(np.mean(np.square(away)), rel=SAME)
-    nobody = adapt_batch(problem_batch(pack(replace(motions, landmarks_mm={})), [load_model("R6")]), WEIGHT, LANDMARKS)
+    nobody = adapt_batch(
+        problems_of(posture_rows(replace(motions, landmarks_mm={})), [load_model("R6")]), WEIGHT, LANDMARKS
+    )
     assert np.isnan(nobody.L_mm2[0])
     np.testing.assert_allclose(nobody.theta_mm, adapted["mm2_deg2"].theta_mm, rtol=0.0, atol=1e-6)
 
@@ -183,9 +184,8 @@ def test_with_landmarks_the_covariance_knows_of_them(data, adapted):
 
 def test_landmarks_with_an_effect_at_work_of_no_size(motions, data, adapted):
     """The careful and the fast path of effects have the same optimum as the batched one."""
-    batch = pack(motions)
-    known = active_effects({"scapula_landmark_bias": (0.0, 0.0, 0.0)}, motions).at(batch.rows)
-    found = adapt_batch(problem_batch(batch, [load_model("R6")], known), WEIGHT, LANDMARKS)
+    rows = posture_rows(motions, {"scapula_landmark_bias": (0.0, 0.0, 0.0)})
+    found = adapt_batch(problems_of(rows, [load_model("R6")]), WEIGHT, LANDMARKS)
     assert found.status[0] == "ok"
     np.testing.assert_allclose(found.theta_mm, adapted[LANDMARKS].theta_mm, rtol=0.0, atol=1e-5)
     assert found.E[0] == pytest.approx(adapted[LANDMARKS].E[0], rel=1e-10)
@@ -194,10 +194,7 @@ def test_landmarks_with_an_effect_at_work_of_no_size(motions, data, adapted):
 def test_a_landmark_that_slipped_is_not_one_that_was_measured(motions):
     marks = ["", "AI", "", "", "TS AC"]
     marked = replace(motions, extra=motions.extra.assign(**{SLIPPED: marks}))
-    before, after = pack(motions).landmarks_mm, pack(marked).landmarks_mm
-    assert before is not None
-    assert after is not None
-    gone = np.isnan(after) & ~np.isnan(before)
-    expected = np.zeros_like(gone)
-    expected[:, 1, 1] = expected[:, 0, 4] = True  # AI, then TS
-    np.testing.assert_array_equal(gone[:, :, : len(marks)], expected[:, :, : len(marks)])
+    before, after = (posture_rows(one).landmarks_mm for one in (motions, marked))
+    for name, row in (("AI", 1), ("TS", 4)):
+        gone = np.isnan(after[name]) & ~np.isnan(before[name])
+        np.testing.assert_array_equal(gone, np.broadcast_to(np.arange(len(marks)) == row, gone.shape))

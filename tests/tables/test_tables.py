@@ -227,6 +227,7 @@ def test_csv_is_that_of_pandas():
     generator = np.random.default_rng(4)
     values = generator.normal(size=200) * 10.0 ** generator.integers(-20, 20, 200)
     values[:8] = np.nan, np.inf, -np.inf, -0.0, 1e16, np.nextafter(1e16, 0.0), 1e-4, np.nextafter(1e-4, 0.0)
+    values[8:12] = 1e-9, np.nextafter(1e-9, 0.0), 5e-324, -1e-100
     names = ["plain", "a,b", 'say "so"', "two\nlines", "", " space ", "ä", "=1"]
     table = pd.DataFrame({"name": np.resize(names, 200), "number": values, "count": np.arange(200), "x": np.nan})
     table["large"] = 10**17 + np.arange(200)

@@ -17,8 +17,8 @@ from adapt.assessment import BOUNDS, NONE, intervals
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch, adapted_from
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems
+from adapt.solvers.problems import Problems, problems_of, select_problems
+from adapt.solvers.rows import posture_rows
 from adapt.tables.folds import MOTION, POSTURES, motions_and_thirds
 from adapt.tables.held_out import by_subject
 from adapt.tables.results import HELD_OUT
@@ -67,7 +67,7 @@ class Case:
 
     model: ParameterSet
     motions: Motions
-    data: ProblemBatch
+    data: Problems
     adapted: Adapted
     found: Uncertainty
 
@@ -76,7 +76,7 @@ class Case:
 def case() -> Case:
     model = load_model("breteler_dissection")
     motions = simulate_model_subjects(model, None, SUBJECTS, 1.5, seed=7).motions
-    data = problem_batch(pack(motions), [model])
+    data = problems_of(posture_rows(motions), [model])
     adapted = adapt_batch(data)
     assert set(adapted.status) == {status.OK}
     assert not adapted.at_bound.any()
@@ -272,7 +272,7 @@ def test_a_loose_parameter_is_named_alone_and_a_firm_one_not():
 
 def test_postures_held_out_have_no_part_in_the_adaptation(case):
     """One third held out, then spoilt by 40 degrees: the same girdle; its gap on them, and only it, is spoilt."""
-    batch = pack(case.motions)
+    batch = posture_rows(case.motions)
     fold = next(fold for fold in motions_and_thirds(case.motions) if fold.kind == POSTURES)
     clean = held_out(case.data, batch, [fold])
     angles = np.array(case.data.angles)
@@ -316,7 +316,7 @@ def test_every_subject_has_a_held_out_gap_unless_nobody_shall(case):
 
 def test_more_weight_on_the_motion_costs_the_points_and_the_best_is_that_of_the_smallest_unseen_gap(case):
     """Of optima of D + w J a larger w has no larger J and no smaller D; the thesis's w is the adaptation itself."""
-    batch, folds = pack(case.motions), motions_and_thirds(case.motions)
+    batch, folds = posture_rows(case.motions), motions_and_thirds(case.motions)
     table = weight_table(case.data, batch, [case.model.name], folds, weights=(0.1, 10.0, 1000.0))
     assert table["weight"].tolist() == [0.1, 10.0, 1000.0]
     assert (table["subjects_ok"] == SUBJECTS).all()

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from adapt.api import fit_postures
-from adapt.cli.commands.known_effects import read_known, say_known
+from adapt.cli.commands.known_effects import Known, read_known, say_known
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, warn_of, without_subjects
 from adapt.cli.options import (
@@ -58,16 +58,16 @@ def fit(
 
     Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
     """
-    known = read_known(effect)
+    effects = read_known(effect).effects  # without adaptation there are no thorax points to weigh
     table, models, record = read_inputs(motions, asked_models(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
-            result = fit_postures(table, models, report, np.float32 if float32 else np.float64, known.effects)
+            result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
         with transaction(folder) as part:
             write_fits(part, result)
             write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
     print_summary(console, result.summary)
-    say_known(known)
+    say_known(Known(effects))
     finish(table, failed_subjects(result.fits))
 
 
@@ -132,7 +132,7 @@ def adapt(
             table = parts.make(work, chunks, maker, report)
             report("writing")
             with transaction(folder) as part:
-                result, failed = parts.merge(part, models)
+                result, failed = parts.merge(part, work)
                 write_adapted_models(part, models, result.parameters, how)
                 rejected = (*files.rejected, *missing.values())
                 write_run(part, "adapt", record, options, rejected)

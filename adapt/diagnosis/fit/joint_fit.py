@@ -17,7 +17,7 @@ from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
 from adapt.solvers.objective import WEIGHT, down_weighted
-from adapt.solvers.problem_batch import SetArrays, set_arrays
+from adapt.solvers.problems import Sets, sets_of
 from adapt.solvers.projection.gauss_newton import End, Objective, minimise
 from adapt.solvers.projection.nearest_posture import Nearest
 from adapt.solvers.projection.parts import Parts, Shared
@@ -54,7 +54,7 @@ class Part(NamedTuple):
 class Model:
     """The parameter set of each subject after its geometric fit, with the effects that may be at work."""
 
-    sets: SetArrays
+    sets: Sets
     """Of the subjects, in their order: one set may be everybody's."""
     effects: tuple[Effect, ...]
     thorax_downweighting: float = 1.0
@@ -69,7 +69,7 @@ class Model:
     def of(parameters: AnyModel, subjects: Sequence[str], effects: tuple[Effect, ...]) -> "Model":
         """Fit each set's ellipsoid to its thorax points, where every adaptation starts."""
         own = all(has_own_thorax(one) for one in unique_sets([parameters], subjects)[0])
-        return Model(set_arrays([parameters], subjects), effects, 1.0 if own else THORAX_DOWNWEIGHTING)
+        return Model(sets_of([parameters], subjects), effects, 1.0 if own else THORAX_DOWNWEIGHTING)
 
     @cached_property
     def theta_mm(self) -> Float[np.ndarray, "subjects adapted"]:

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.starts import at_rest_where_unknown
 from motions.errors import InputError
-from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES, Motions
 
 FEWEST_POSTURES = 4
@@ -109,18 +109,17 @@ def person_of(subject: str) -> str:
 
 def shoulders_of(motions: Motions) -> Shoulders:
     """Lay out all postures."""
-    known = np.isfinite(motions.angles_deg).T
-    subjects = motions.subjects
+    rows = posture_rows(motions)
     kinds = tuple(sorted(set(motions.motion.tolist())))
-    persons = [person_of(name) for name in subjects]
+    persons = [person_of(name) for name in rows.subjects]
     different = list(dict.fromkeys(persons))
     return Shoulders(
         motions=motions,
-        angles=at_rest_where_unknown(motions.angles_deg.T / DEG, known),
-        measured=known,
-        subject=np.array([subjects.index(name) for name in motions.subject.tolist()]),
+        angles=at_rest_where_unknown(rows.angles, rows.measured),
+        measured=rows.measured,
+        subject=rows.subject,
         motion=np.array([kinds.index(name) for name in motions.motion.tolist()]),
-        subjects=subjects,
+        subjects=rows.subjects,
         kinds=kinds,
         person=np.array([different.index(name) for name in persons]),
     )

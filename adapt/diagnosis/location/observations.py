@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.solvers.padded_batch import Batch
-from motions.rhythm import REST_DEG
-from motions.rotations import DEG
+from adapt.solvers.rows import PostureRows
+from adapt.solvers.starts import at_rest_where_unknown
 from motions.table import Motions
 
 
@@ -26,16 +25,15 @@ class Observed:
     motions: tuple[str, ...]
 
 
-def observe(motions: Motions, batch: Batch) -> Observed:
-    """Arrange the motions as the batch is. A missing elevation counts as the arm hanging."""
-    angles = np.moveaxis(motions.angles_deg[batch.rows], -1, 0) / DEG
+def observe(motions: Motions, rows: PostureRows) -> Observed:
+    """Arrange the motions by subject, as their rows are packed. A missing elevation counts as the arm hanging."""
     names = tuple(dict.fromkeys(motions.motion.tolist()))
     number = np.array([names.index(name) for name in motions.motion.tolist()])
     return Observed(
-        angles=np.where(np.isfinite(angles), angles, (REST_DEG / DEG)[:, None, None]),
-        measured=np.isfinite(angles) & batch.counted,
-        elevation_deg=np.nan_to_num(motions.humerus_elevation_deg)[batch.rows],
-        motion=number[batch.rows],
-        subjects=batch.subjects,
+        angles=rows.packed(at_rest_where_unknown(rows.angles, rows.measured)),
+        measured=rows.packed(rows.measured) & rows.counted,
+        elevation_deg=rows.packed(np.nan_to_num(motions.humerus_elevation_deg)),
+        motion=rows.packed(number),
+        subjects=rows.subjects,
         motions=names,
     )

@@ -26,9 +26,9 @@ from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
 from adapt.solvers import newton, status  # noqa: E402
 from adapt.solvers.adaptation import adapt_batch  # noqa: E402
 from adapt.solvers.objective import WEIGHT  # noqa: E402
-from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, subject_problem  # noqa: E402
+from adapt.solvers.problems import Problems, problems_of, subject_problem  # noqa: E402
+from adapt.solvers.rows import posture_rows  # noqa: E402
 from models import ParameterSet, load_model  # noqa: E402
 from motions import Motions, read_motions, write_motions  # noqa: E402
 from motions.rhythm import REST_DEG  # noqa: E402
@@ -91,7 +91,7 @@ def _spread(values: np.ndarray) -> dict[str, float]:
     return {"median": float(np.median(values)), "most": float(values.max())}
 
 
-def shares_in_float64(data: ProblemBatch) -> dict[str, float]:
+def shares_in_float64(data: Problems) -> dict[str, float]:
     """Of posture fits, with the models as they are, and of adaptations: those that did not converge in float32."""
     single = as_type(data, np.float32)
     girdle, angles, measured = of_postures(single)
@@ -102,7 +102,7 @@ def shares_in_float64(data: ProblemBatch) -> dict[str, float]:
     return {"posture_fits": float(1.0 - fits.converged.mean()), "adaptations": float(1.0 - solved.converged.mean())}
 
 
-def of_postures(data: ProblemBatch) -> tuple[Any, np.ndarray, np.ndarray]:
+def of_postures(data: Problems) -> tuple[Any, np.ndarray, np.ndarray]:
     """Girdle, angles (at rest where not measured) and what was measured, of each posture that counts."""
     posture, problem = np.nonzero(data.counted)
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
@@ -110,10 +110,10 @@ def of_postures(data: ProblemBatch) -> tuple[Any, np.ndarray, np.ndarray]:
     return take_problems(data.girdle, problem), np.where(measured, angles, rest), measured
 
 
-def speeds(data: ProblemBatch, repeats: int) -> dict[str, float]:
+def speeds(data: Problems, repeats: int) -> dict[str, float]:
     """Times as fast in float32: posture fits, and adaptations with all their starts and rounds."""
 
-    def ratio(run: Callable[[ProblemBatch], Any]) -> float:
+    def ratio(run: Callable[[Problems], Any]) -> float:
         both = [as_type(data, dtype) for dtype in (np.float64, np.float32)]
         for one in both:
             run(one)
@@ -155,7 +155,7 @@ def measure(
     keep_compiled()
     table = read_motions(*motions) if motions else simulate_subjects(subjects, seed=SEED)
     models = [load_model(name) for name in model]
-    data = problem_batch(pack(table), models)
+    data = problems_of(posture_rows(table), models)
     of_what = "motions of files" if motions else "simulated"
     print(f"{len(table.subjects)} subjects, {of_what}, {', '.join(model)}")
     print(f"float32 against float64: {errors(table, models)}")

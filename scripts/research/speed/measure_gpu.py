@@ -22,8 +22,8 @@ import typer  # noqa: E402
 
 from adapt.engine.kernel import Kernel  # noqa: E402
 from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
-from adapt.solvers.padded_batch import pack  # noqa: E402
-from adapt.solvers.problem_batch import problem_batch  # noqa: E402
+from adapt.solvers.problems import problems_of  # noqa: E402
+from adapt.solvers.rows import posture_rows  # noqa: E402
 from models import load_model  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 
@@ -84,7 +84,7 @@ def _measured(model: str, counts: list[int], path: Path) -> dict[str, Any]:
     seconds, first = {}, {}
     solved = None
     for count in counts:
-        data = problem_batch(pack(simulate_subjects(count, seed=SEED)), [load_model(model)])
+        data = problems_of(posture_rows(simulate_subjects(count, seed=SEED)), [load_model(model)])
         start = time.perf_counter()
         solved_from_geometric_fit(data)
         first[count] = time.perf_counter() - start

@@ -38,12 +38,12 @@ from adapt.solvers.adaptation import adapt_batch, solved_from_geometric_fit  # n
 from adapt.solvers.newton.subject import Start, SubjectProblem  # noqa: E402
 from adapt.solvers.newton.subjects import subjects_kernel  # noqa: E402
 from adapt.solvers.objective import WEIGHT  # noqa: E402
-from adapt.solvers.padded_batch import pack  # noqa: E402
 from adapt.solvers.posture_fits import fit_batch  # noqa: E402
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch, select_problems, subject_problem  # noqa: E402
+from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem  # noqa: E402
+from adapt.solvers.rows import posture_rows  # noqa: E402
 from adapt.solvers.solution import SubjectSolution  # noqa: E402
 from models import load_model  # noqa: E402
-from models.effects.amplitudes import active_effects, read_amplitudes  # noqa: E402
+from models.effects.amplitudes import read_amplitudes  # noqa: E402
 from models.girdle import Girdle  # noqa: E402
 from models.person.thorax_ellipsoid import thorax_distance_mm2  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
@@ -108,9 +108,7 @@ def values_of(data: Any, solved: Any) -> np.ndarray:
 def prepared(model: str, subjects: int, effects: tuple[str, ...] = ()):
     """The problems of simulated subjects, with known effects as options of the command line."""
     motions = simulate_subjects(subjects, seed=SEED)
-    batch = pack(motions)
-    known = active_effects(read_amplitudes(effects), motions).at(batch.rows)
-    return problem_batch(batch, [load_model(model)], known)
+    return problems_of(posture_rows(motions, read_amplitudes(effects)), [load_model(model)])
 
 
 def sweep_gflops(data: Any, operations: int) -> float:
@@ -174,10 +172,10 @@ class Cases(NamedTuple):
     """What our solvers are given, everything compiled, and what they find."""
 
     model: str
-    data: ProblemBatch
-    extended: ProblemBatch
+    data: Problems
+    extended: Problems
     """With a known effect."""
-    one: ProblemBatch
+    one: Problems
     """The first subject alone."""
     postures: tuple[Girdle, np.ndarray, np.ndarray]
     """Girdles, measured angles (rad) and which of them are known, of all posture fits."""

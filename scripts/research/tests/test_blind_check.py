@@ -383,13 +383,14 @@ def diagnosed(*causes: Cause, **more: Any) -> Any:
     names = [name for cause in causes for name in cause.names]
     share = dict.fromkeys(names, 0.9 / max(1, len(names)))
     verdict = Verdict("effect" if causes else "none", causes, dict.fromkeys(names, 0.8), {**share, "unknown": 0.1})
-    fields = {"subjects": ("S01", "S02", "S03"), "left_out": {}, "options": (), "amplitude": {}}
+    fields = {"subjects": ("S01", "S02", "S03"), "left_out": {}, "options": (), "effects": {}, "amplitude": {}}
     return SimpleNamespace(
         verdict=verdict,
         noise=Noise(1.5, "estimated", 100.0),
         gaps=gaps,
         left_over_share=0.2,
         indistinguishable=[[f"{TRUE}:posture", OTHER]],
+        thorax_downweighting=1.0,
         **fields | more,
     )
 

@@ -60,6 +60,7 @@ def libraries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[set[str] 
             left_out={},
             slips=(),
             options=(),
+            effects={},
             amplitude={},
         )
         return {model.name: found}

@@ -10,8 +10,8 @@ from oracles import ellipsoid_distance
 from typer.testing import CliRunner
 
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.problems import problems_of
+from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.girdle import landmarks
 from motions import Motions, read_motions
@@ -167,7 +167,7 @@ def test_blank_axial_angles_are_the_five_angle_j(motions):
     motions = motions.select(motions.subject == motions.subjects[0])
     blank = motions.angles_deg.copy()
     blank[:, CLAVICLE_X] = np.nan
-    expected = adapt_batch(problem_batch(pack(replace(motions, angles_deg=blank)), [load_model("R6")]))
+    expected = adapt_batch(problems_of(posture_rows(replace(motions, angles_deg=blank)), [load_model("R6")]))
     found = outcomes(prepare(motions, ("R6",)), Variant(axial=LEFT_OUT))["R6"]
     np.testing.assert_allclose(found.theta_mm, expected.theta_mm, rtol=SAME, atol=0.0)
     np.testing.assert_allclose(found.E, expected.E, rtol=SAME, atol=0.0)

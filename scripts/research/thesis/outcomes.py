@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch
+from adapt.solvers.problems import Problems, problems_of
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.solution import PostureSolution
 from models import load_model
 from motions import InputError, Motions, read_motions
@@ -60,7 +60,7 @@ class Study:
 
     sets: tuple[str, ...]
     subjects: tuple[str, ...]
-    data: ProblemBatch
+    data: Problems
     """As shipped."""
     abduction: Bool[np.ndarray, "postures problems"]
     """Postures whose gap is looked at."""
@@ -84,18 +84,18 @@ def prepare(motions: Motions, sets: Sequence[str]) -> Study:
     if not both:
         raise InputError("motions", None, f"no subject has both {ABDUCTION} and {FLEXION}", "Give other motions")
     motions = motions.select(np.isin(motions.subject, both))
-    batch = pack(motions)
-    abduction = batch.counted & (motions.motion == ABDUCTION)[batch.rows]
+    rows = posture_rows(motions)
+    abduction = rows.counted & rows.packed(motions.motion == ABDUCTION)
     count = len(sets)
-    estimated = np.tile((axial_estimate_deg(motions) / float(DEG))[batch.rows], count)
-    data = problem_batch(batch, [load_model(name) for name in sets])
-    lowest = np.where(batch.counted, motions.humerus_elevation_deg[batch.rows], np.inf).argmin(axis=0)
+    estimated = np.tile(rows.packed(axial_estimate_deg(motions) / float(DEG)), count)
+    data = problems_of(rows, [load_model(name) for name in sets])
+    lowest = np.where(rows.counted, rows.packed(motions.humerus_elevation_deg), np.inf).argmin(axis=0)
     at_lowest = np.tile(lowest, count), np.arange(len(lowest) * count)
     closes = _fitted(without_axial(with_axial(data, estimated))).angles[CLAVICLE_X]
     from_set = estimated + (closes - estimated)[at_lowest]
     measured = np.asarray(data.angles)[CLAVICLE_X]
     axial = dict(zip(map(str, AXIAL), (measured, estimated, from_set, measured, from_set), strict=True))
-    return Study(tuple(sets), batch.subjects, data, np.tile(abduction, count), axial)
+    return Study(tuple(sets), rows.subjects, data, np.tile(abduction, count), axial)
 
 
 def axial_estimate_deg(motions: Motions) -> Float[np.ndarray, " postures"]:
@@ -140,7 +140,7 @@ class _Fit:
     ok: np.ndarray
 
 
-def _fitted(data: ProblemBatch) -> _Fit:
+def _fitted(data: Problems) -> _Fit:
     """The sets as they are; not ok where a posture that counts has no fit."""
     theta, counted = np.asarray(data.girdle.adapted_mm), np.asarray(data.counted)
     fitted = _postures(data, theta)
@@ -150,7 +150,7 @@ def _fitted(data: ProblemBatch) -> _Fit:
     return _Fit(theta, fitted.angles.reshape(6, *counted.shape), J, nothing, ok)
 
 
-def _postures(data: ProblemBatch, theta: np.ndarray) -> PostureSolution:
+def _postures(data: Problems, theta: np.ndarray) -> PostureSolution:
     """Every posture fitted with the girdle at theta, from several starts.
 
     An angle left out of J is followed from its measured value. Of the clavicle's axial rotation two values close the
@@ -163,7 +163,7 @@ def _postures(data: ProblemBatch, theta: np.ndarray) -> PostureSolution:
     return fit_batch(girdles, angles, measured, start=None if all_in else angles)
 
 
-def _adapted(data: ProblemBatch, variant: Variant, before: _Fit) -> _Fit:
+def _adapted(data: Problems, variant: Variant, before: _Fit) -> _Fit:
     """Adapted; with w = 0 nothing moves the ellipsoid off its points, nor the conoid."""
     if variant.weight == 0.0:
         return before

@@ -25,9 +25,9 @@ from adapt.cli import app as cli
 from adapt.diagnosis.fit.shoulders import person_of
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.padded_batch import Batch, pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import ProblemBatch, problem_batch
+from adapt.solvers.problems import Problems, problems_of
+from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import Fold, motions_or_thirds
 from adapt.trust.held_out import held_out
 from models import ParameterSet, load_model
@@ -136,7 +136,7 @@ class Shoulders:
     """The subjects, which person each is, and who is a group mean."""
 
     motions: Motions
-    batch: Batch
+    rows: PostureRows
     folds: list[Fold]
     person: np.ndarray
     is_mean: np.ndarray
@@ -144,27 +144,27 @@ class Shoulders:
 
 def shoulders(motions: Motions, means: Sequence[str]) -> Shoulders:
     """Pack them. Left and right of one name are one person."""
-    batch = pack(motions)
-    person = np.array([person_of(name) for name in batch.subjects])
-    return Shoulders(motions, batch, motions_or_thirds(motions), person, np.isin(batch.subjects, means))
+    rows = posture_rows(motions)
+    person = np.array([person_of(name) for name in rows.subjects])
+    return Shoulders(motions, rows, motions_or_thirds(motions), person, np.isin(rows.subjects, means))
 
 
 def outcome(models: Sequence[ParameterSet], of: Shoulders) -> Outcome:
     """Fit, adapt and hold out every model with every subject, as one batch."""
-    data, subjects = problem_batch(of.batch, list(models)), len(of.batch.subjects)
+    data, subjects = problems_of(of.rows, list(models)), len(of.rows.subjects)
     own = np.repeat(np.stack([np.asarray(model.girdle.adapted_mm) for model in models], axis=-1), subjects, axis=-1)
     before, reached = gaps_before_deg(data, own)
     adapted = adapt_batch(data)
     ok = adapted.status == status.OK
     after = np.where(_known(data) & ok, np.abs(adapted.angles - data.angles) * DEG, np.nan)
-    unseen = held_out(data, of.batch, of.folds).unseen_deg
+    unseen = held_out(data, of.rows, of.folds).unseen_deg
     by_fold = [np.stack(unseen[k :: len(of.folds)], axis=-1) for k in range(len(of.folds))]  # (6, tested, models)
     of_subject = [
         np.concatenate([by_fold[k] for k, fold in enumerate(of.folds) if fold.subject == s], axis=1)
         for s in range(subjects)
     ]
     split = (-1, len(models), subjects)
-    abduction = of.motions.motion[of.batch.rows] == "frontal_elevation"
+    abduction = of.rows.packed(of.motions.motion == "frontal_elevation")
     in_abduction = np.where(np.tile(abduction, len(models)), before, np.nan)
     return Outcome(
         gaps_deg={
@@ -180,7 +180,7 @@ def outcome(models: Sequence[ParameterSet], of: Shoulders) -> Outcome:
     )
 
 
-def gaps_before_deg(data: ProblemBatch, theta_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def gaps_before_deg(data: Problems, theta_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """|simulated - measured| of the sets as they are, (6, postures, problems); whether every posture was reached."""
     posture, problem = np.nonzero(data.counted)
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
@@ -191,7 +191,7 @@ def gaps_before_deg(data: ProblemBatch, theta_mm: np.ndarray) -> tuple[np.ndarra
     return gaps, np.bincount(problem[~good], minlength=data.counted.shape[1]) == 0
 
 
-def _known(data: ProblemBatch) -> np.ndarray:
+def _known(data: Problems) -> np.ndarray:
     return np.asarray(data.measured & data.counted)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
-from adapt.solvers.problem_batch import ProblemBatch
+from adapt.solvers.problems import Problems
 from models.parameter_sets import SHORTEST_MM
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from scripts.completion import POINT_AZIMUTHS_DEG
@@ -51,9 +51,7 @@ class Variant:
     distances: str = "signed"
 
 
-def problems_of(
-    data: ProblemBatch, axial: Float[np.ndarray, " postures problems"], variant: Variant
-) -> list[ProblemBatch]:
+def problems_of(data: Problems, axial: Float[np.ndarray, " postures problems"], variant: Variant) -> list[Problems]:
     """The problems of a variant, once for each choice of sides; ``axial``: the clavicle's axial rotation in it, rad."""
     data = with_axial(data, axial)
     if variant.axial in (LEFT_OUT, LEFT_OUT_FROM_SET):
@@ -62,27 +60,27 @@ def problems_of(
     return [on_sides(data, *signs) for signs in SIDES[variant.distances]]
 
 
-def with_axial(data: ProblemBatch, axial: Float[np.ndarray, " postures problems"]) -> ProblemBatch:
+def with_axial(data: Problems, axial: Float[np.ndarray, " postures problems"]) -> Problems:
     """Another axial rotation of the clavicle, rad."""
     angles = np.array(data.angles)
     angles[CLAVICLE_X] = axial
     return replace(data, angles=angles)
 
 
-def without_axial(data: ProblemBatch) -> ProblemBatch:
+def without_axial(data: Problems) -> Problems:
     """J of five angles."""
     measured = np.array(data.measured)
     measured[CLAVICLE_X] = False
     return replace(data, measured=measured)
 
 
-def azimuth_deg(data: ProblemBatch) -> Float[np.ndarray, "points problems"]:
+def azimuth_deg(data: Problems) -> Float[np.ndarray, "points problems"]:
     """Azimuth of each point about the ellipsoid's centre, of the parameter, from lateral toward backward."""
     scaled = np.asarray((data.points_mm - data.girdle.centre_mm[:, None]) / data.girdle.semi_axes_mm[:, None])
     return np.degrees(np.arctan2(scaled[2], scaled[0]))
 
 
-def with_points(data: ProblemBatch, name: str) -> ProblemBatch:
+def with_points(data: Problems, name: str) -> Problems:
     """Equal shares for the named columns of points, none for the others."""
     columns = np.array(POINT_AZIMUTHS_DEG)
     nearest = columns[np.argmin(np.abs(azimuth_deg(data)[..., None] - columns), axis=-1)]
@@ -90,7 +88,7 @@ def with_points(data: ProblemBatch, name: str) -> ProblemBatch:
     return replace(data, point_weights=counts / counts.sum(axis=0))
 
 
-def with_bounds(data: ProblemBatch, factor: float | None) -> ProblemBatch:
+def with_bounds(data: Problems, factor: float | None) -> Problems:
     """Bounds at a multiple of their distance, or none, but semi-axes and conoid at least ``SHORTEST_MM``."""
     own = data.girdle.adapted_mm
     away = data.bounds_mm - own if factor is not None else NO_BOUND_MM * np.array([-1.0, 1.0])[:, None, None]
@@ -98,7 +96,7 @@ def with_bounds(data: ProblemBatch, factor: float | None) -> ProblemBatch:
     return replace(data, bounds_mm=np.asarray(bounds.at[0, 2:].max(SHORTEST_MM)))
 
 
-def on_sides(data: ProblemBatch, ts: float | None, ai: float | None) -> ProblemBatch:
+def on_sides(data: Problems, ts: float | None, ai: float | None) -> Problems:
     """TS and AI as far from the ellipsoid as they are, outside (1) or inside (-1); None leaves them."""
     girdle = data.girdle
     distances = [

@@ -20,8 +20,8 @@ import typer
 
 from adapt import adapt_subjects
 from adapt.cli import app as cli
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.problems import problems_of
+from adapt.solvers.rows import posture_rows
 from adapt.tables.folds import motions_and_thirds, one_motion_for_another
 from adapt.trust.weight_choice import weight_table
 from models import load_model
@@ -89,8 +89,8 @@ def main(
         print(gap_table(heldout, fitted), end="\n\n")
     if weights:
         report = lambda stage: print(stage, file=sys.stderr, flush=True)  # noqa: E731
-        batch = pack(motions)
-        data, folds = problem_batch(batch, models), motions_and_thirds(motions)
+        batch = posture_rows(motions)
+        data, folds = problems_of(batch, models), motions_and_thirds(motions)
         print(curve(weight_table(data, batch, names, folds, progress=report)))
 
 

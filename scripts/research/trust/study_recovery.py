@@ -32,8 +32,8 @@ from adapt.model_subjects import simulate_model_subjects
 from adapt.output.run_files import prepare_folder, write_table
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.padded_batch import pack
-from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.problems import problems_of
+from adapt.solvers.rows import posture_rows
 from adapt.trust.covariance import NORMAL_95, sd, uncertainty
 from adapt.trust.flat_directions import FLAT_MM
 from adapt.trust.profile import profile_intervals
@@ -67,9 +67,9 @@ WORLDS = (
 def recovered(model: ParameterSet, world: World, subjects: int, seed: int, profiles: bool) -> pd.DataFrame:
     """One row a subject and parameter: error, SDs, and which intervals hold the truth."""
     made = simulate_model_subjects(model, None, subjects, world.noise_deg, seed, spread=world.spread)
-    batch = pack(made.motions)
+    batch = posture_rows(made.motions)
     names = list(batch.subjects)
-    data = problem_batch(batch, [model])
+    data = problems_of(batch, [model])
     adapted = adapt_batch(data)
     found = uncertainty(data, adapted)
     truth = made.truth.set_index("subject").loc[names][[f"{name}_mm" for name in ADAPTED]].to_numpy().T

@@ -11,9 +11,9 @@ from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
-from adapt.solvers.padded_batch import pack
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problem_batch import problem_batch
+from adapt.solvers.problems import problems_of
+from adapt.solvers.rows import posture_rows
 from adapt.tables.folds import MOTION, motions_and_thirds
 from adapt.trust.held_out import held_out
 from models.girdle import Girdle
@@ -67,8 +67,8 @@ def whole(motions: Motions) -> Motions:
 
 def adapt_rows(motions: Motions, model: ParameterSet) -> AdaptedRows:
     """Adapt the model to each subject, and to each subject without each of its motions."""
-    batch = pack(motions)
-    data = problem_batch(batch, [model])
+    batch = posture_rows(motions)
+    data = problems_of(batch, [model])
     adapted = adapt_batch(data)
     folds = [fold for fold in motions_and_thirds(motions) if fold.kind == MOTION]
     theta = held_out(data, batch, folds).adapted if folds else take_problems(adapted, slice(0))

@@ -1,4 +1,4 @@
-"""Every subject with every model as one batch of whole-subject problems.
+"""Every subject with every model as a whole-subject problem.
 
 Problem number = model * subjects + subject. The last axis of every array is the problem.
 """
@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from adapt.engine.batching import as_type, in_chunks, take_problems, with_problems
 from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.objective import angle_weights
-from adapt.solvers.padded_batch import Batch
+from adapt.solvers.rows import PostureRows
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
@@ -21,11 +21,14 @@ from models.person.family import AnyModel, stacked_girdles, unique_sets
 from models.person.thorax_ellipsoid import fitted_girdle, geometric_fit, thorax_distance_mm2, thorax_sd_mm
 from motions.arrays import Array, xp
 
+ON_THE_THORAX = ("TS", "AI")
+"""The landmarks whose distance to the ellipsoid the model keeps, in the order of A1 and A2."""
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class ProblemBatch:
-    """The data and models of a batch, padding included. All numbers float64; or float32, to iterate in that."""
+class Sets:
+    """Parameter sets side by side, that of every subject with every model."""
 
     girdle: Girdle
     """Each model's girdle after its geometric fit, (component, problems)."""
@@ -35,6 +38,14 @@ class ProblemBatch:
     bounds_mm: Float[Array, " 2 adapted problems"]
     person_sd_mm: Float[Array, " adapted problems"]
     """Of the subject's parameters about the set's (``models.person.thorax_ellipsoid.thorax_sd_mm``)."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Problems(Sets):
+    """The sets and the postures of the subjects, padding included. All numbers float64; or float32, to iterate in
+    that."""
+
     angles: Float[Array, " 6 postures problems"]
     """Measured, rad."""
     measured: Bool[Array, " 6 postures problems"]
@@ -45,7 +56,7 @@ class ProblemBatch:
     landmarks_mm: Float[Array, " 3 2 postures problems"] | None = None
     """Measured TS and AI, thorax frame, NaN where not measured; None where nobody has one."""
 
-    def with_sizes(self, sizes: Float[np.ndarray, "sizes problems"]) -> "ProblemBatch":
+    def with_sizes(self, sizes: Float[np.ndarray, "sizes problems"]) -> "Problems":
         """Give every person the sizes of effects that an adaptation has found (``Adapted.sizes``)."""
         return replace(self, active_effects=self.active_effects.with_sizes(sizes))
 
@@ -54,39 +65,27 @@ class ProblemBatch:
         return self.active_effects.at(posture, problem).on(take_problems(self.girdle.with_adapted(theta_mm), problem))
 
 
-def problem_batch(
-    batch: Batch, models: Sequence[AnyModel], active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
-) -> ProblemBatch:
-    """Pair every subject of the batch with every model, or with its own set of it.
-
-    ``active_effects``: their strengths are (channels, postures, subjects).
-    """
+def problems_of(rows: PostureRows, models: Sequence[AnyModel]) -> Problems:
+    """Pair every subject with every model, or with its own set of it."""
 
     def each_model(values):
-        return np.tile(values, [1] * (values.ndim - 1) + [len(models)])
+        padded = rows.packed(values)
+        return np.tile(padded, [1] * (padded.ndim - 1) + [len(models)])
 
-    return ProblemBatch(
-        **vars(set_arrays(models, batch.subjects)),
-        angles=each_model(batch.angles),
-        measured=each_model(batch.measured),
-        counted=each_model(batch.counted),
-        active_effects=jax.tree.map(each_model, active_effects),
-        landmarks_mm=None if batch.landmarks_mm is None else each_model(batch.landmarks_mm),
+    there = [rows.landmarks_mm.get(name) for name in ON_THE_THORAX]
+    nowhere = np.full((3, len(rows.subject)), np.nan)
+    landmarks = np.stack([nowhere if one is None else one for one in there], axis=1)
+    return Problems(
+        **vars(sets_of(models, rows.subjects)),
+        angles=each_model(rows.angles),
+        measured=each_model(rows.measured),
+        counted=np.tile(rows.counted, len(models)),
+        active_effects=jax.tree.map(each_model, rows.active_effects),
+        landmarks_mm=None if all(one is None for one in there) else each_model(landmarks),
     )
 
 
-@dataclass(frozen=True)
-class SetArrays:
-    """Parameter sets side by side, as ``ProblemBatch`` has them: problem number = model * subjects + subject."""
-
-    girdle: Girdle
-    points_mm: Float[np.ndarray, "3 points problems"]
-    point_weights: Float[np.ndarray, "points problems"]
-    bounds_mm: Float[np.ndarray, "2 adapted problems"]
-    person_sd_mm: Float[np.ndarray, "adapted problems"]
-
-
-def set_arrays(models: Sequence[AnyModel], subjects: Sequence[str]) -> SetArrays:
+def sets_of(models: Sequence[AnyModel], subjects: Sequence[str]) -> Sets:
     """Lay out the set of every subject with every model, each after its geometric fit."""
     sets, place = unique_sets(models, subjects)
     points = max(one.points_mm.shape[1] for one in sets)
@@ -101,7 +100,7 @@ def set_arrays(models: Sequence[AnyModel], subjects: Sequence[str]) -> SetArrays
         count = model.points_mm.shape[1]
         return np.where(np.arange(points) < count, 1.0 / count, 0.0)
 
-    return SetArrays(
+    return Sets(
         girdle=take_problems(_fitted_girdles(sets), place),
         points_mm=each([padded(one) for one in sets]),
         point_weights=each([point_weights(one) for one in sets]),
@@ -134,33 +133,26 @@ def _fitted_girdles(sets: Sequence[ParameterSet]) -> Girdle:
 _fit_sets = jax.jit(jax.vmap(geometric_fit, in_axes=-1, out_axes=-1))
 
 
-def select_problems(data: ProblemBatch, index: Int[np.ndarray, " chosen"], **changed: np.ndarray) -> ProblemBatch:
+def select_problems(data: Problems, index: Int[np.ndarray, " chosen"], **changed: np.ndarray) -> Problems:
     """Take some problems, any of them as often as wanted, with some of their arrays replaced."""
-    return replace(ProblemBatch(**{k: take_problems(v, index) for k, v in vars(data).items()}), **changed)
+    return replace(take_problems(data, index), **changed)
 
 
-@dataclass(frozen=True)
-class MeasuredLandmarks:
-    """TS and AI of each posture as points that should be const1 and const2 from the ellipsoid; none if they do not
-    count."""
-
-    points_mm: Float[Array, " 3 landmarks problems"]
-    levels_mm: Float[Array, " landmarks problems"]
-    weights: Float[Array, " landmarks problems"]
-    """1/m for each of m that were measured in the postures that count, else 0."""
-
-    def mean_square_mm2(self, theta_mm: Float[Array, " adapted problems"], girdle: Girdle) -> Float[Array, " problems"]:
-        """Compute L; NaN where no landmark was measured."""
-        L = thorax_distance_mm2(girdle.with_adapted(theta_mm), self.points_mm, self.weights, self.levels_mm)
-        return np.where(np.any(self.weights > 0.0, axis=0), L, np.nan)
+def landmarks_distance_mm2(data: Problems, theta_mm: Float[Array, " adapted problems"]) -> Float[Array, " problems"]:
+    """Compute L, the mean square of what TS and AI are off const1 and const2 where they were measured; NaN where none
+    was."""
+    points, weights, levels = _landmarks(data)
+    L = thorax_distance_mm2(data.girdle.with_adapted(theta_mm), points, weights, levels)
+    return np.where(np.any(weights > 0.0, axis=0), L, np.nan)
 
 
-def measured_landmarks(data: ProblemBatch, counts: bool) -> MeasuredLandmarks:
-    """Lay out the measured TS and AI of the postures that count."""
+def _landmarks(data: Problems) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Measured TS and AI of the postures that count as points, (3, landmarks, problems); their weights, 1/m for each of
+    m, and the levels that they should have."""
     problems = data.counted.shape[1:]
-    if data.landmarks_mm is None or not counts:
+    if data.landmarks_mm is None:
         nothing = np.zeros((0, *problems))
-        return MeasuredLandmarks(np.zeros((3, 0, *problems)), nothing, nothing)
+        return np.zeros((3, 0, *problems)), nothing, nothing
     positions = np.asarray(data.landmarks_mm)
     known = np.isfinite(positions).all(axis=0) & data.counted
     anywhere = np.asarray(data.points_mm)[:, :1, None]
@@ -169,23 +161,20 @@ def measured_landmarks(data: ProblemBatch, counts: bool) -> MeasuredLandmarks:
     def flat(values: np.ndarray) -> np.ndarray:
         return values.reshape(*values.shape[:-3], -1, *problems)
 
-    return MeasuredLandmarks(
-        points_mm=flat(np.where(known, positions, anywhere)),
-        levels_mm=flat(np.broadcast_to(levels, known.shape)),
-        weights=flat(known / np.maximum(known.sum(axis=(0, 1)), 1)),
-    )
+    weights = known / np.maximum(known.sum(axis=(0, 1)), 1)
+    return flat(np.where(known, positions, anywhere)), flat(weights), flat(np.broadcast_to(levels, known.shape))
 
 
-def subject_problem(
-    data: ProblemBatch, weight: Float[np.ndarray, " problems"], landmarks: float = 0.0
-) -> SubjectProblem:
+def subject_problem(data: Problems, weight: Float[np.ndarray, " problems"], landmarks: float = 0.0) -> SubjectProblem:
     """Lay out min E = D + landmarks L [mm^2] + weight mean(J) [deg^2] of each problem."""
-    also, weights = measured_landmarks(data, landmarks > 0.0), np.asarray(data.point_weights)
+    also = replace(data, landmarks_mm=data.landmarks_mm if landmarks > 0.0 else None)
+    places, shares, levels = _landmarks(also)
+    weights = np.asarray(data.point_weights)
     problem = SubjectProblem(
         data.girdle,
-        np.concatenate([data.points_mm, also.points_mm], axis=1),
-        np.concatenate([weights, landmarks * also.weights]),
-        np.concatenate([np.zeros_like(weights), also.levels_mm]),
+        np.concatenate([data.points_mm, places], axis=1),
+        np.concatenate([weights, landmarks * shares]),
+        np.concatenate([np.zeros_like(weights), levels]),
         data.angles,
         # of an angle in E: weight / postures times that in J
         angle_weights(data.measured) * (weight / xp.sum(data.counted, axis=0))[None, None],

@@ -1,0 +1,109 @@
+"""The measured postures of motions as arrays: one row a posture, or padded to as many of each subject.
+
+Component first; the last axis is the row, or postures and subjects. Subjects have different numbers of postures.
+Padding postures are copies of the subject's last one and do not count. Their number is rounded up, so that few distinct
+shapes are ever compiled.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import DTypeLike
+
+from models.effects import EFFECTS, ActiveEffects, Effect
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
+from motions.landmarks.sampled_postures import marked_slips
+from motions.rotations import DEG
+from motions.table import Motions
+
+_POSTURE_STEP = 2
+"""Postures are padded to a multiple of this."""
+
+
+@dataclass(frozen=True)
+class PostureRows:
+    """The rows of the motions of S subjects."""
+
+    angles: Float[np.ndarray, "6 rows"]
+    """Measured angles s, rad; 0 where not measured."""
+    measured: Bool[np.ndarray, "6 rows"]
+    subject: Int[np.ndarray, " rows"]
+    """Its number."""
+    previous: Int[np.ndarray, " rows"]
+    """The row of the posture before in its motion, -1 for the first."""
+    subjects: tuple[str, ...]
+    """Their names."""
+    landmarks_mm: Mapping[str, Float[np.ndarray, "3 rows"]]
+    """Measured positions, thorax frame, by landmark; NaN where not measured or an outlier."""
+    active_effects: ActiveEffects
+    """Strengths (channels, rows)."""
+
+    @cached_property
+    def counted(self) -> Bool[np.ndarray, "postures subjects"]:
+        """Which postures of the padded subjects are rows, and no padding."""
+        counts = np.bincount(self.subject, minlength=len(self.subjects))
+        postures = -(-counts.max(initial=0) // _POSTURE_STEP) * _POSTURE_STEP
+        return np.arange(postures)[:, None] < counts
+
+    @cached_property
+    def place(self) -> Int[np.ndarray, "postures subjects"]:
+        """The row of each posture of the padded subjects."""
+        counts = self.counted.sum(axis=0)
+        nearest = np.minimum(np.arange(len(self.counted))[:, None], counts - 1)
+        return np.argsort(self.subject, kind="stable")[np.cumsum(counts) - counts + nearest]
+
+    def packed(self, values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures subjects"]:
+        """Lay values of the rows out by subject."""
+        return values[..., self.place]
+
+    def unpacked(self, values: Float[np.ndarray, "*k postures subjects"]) -> Float[np.ndarray, "*k rows"]:
+        """Put values of the postures that count in the order of the rows; axes before the postures stay."""
+        result = np.empty((*values.shape[:-2], len(self.subject)), values.dtype)
+        result[..., self.place[self.counted]] = values[..., self.counted]
+        return result
+
+    def repeated(self, times: int, dtype: DTypeLike = float) -> "PostureRows":
+        """Give all rows again and again, as for several models; angles in this type."""
+        count = len(self.subject)
+        before = [np.where(self.previous < 0, -1, self.previous + k * count) for k in range(times)]
+        return replace(
+            self,
+            angles=np.tile(self.angles, times).astype(dtype, copy=False),
+            measured=np.tile(self.measured, times),
+            subject=np.tile(self.subject, times),
+            previous=np.concatenate(before),
+            landmarks_mm={name: np.tile(place, times) for name, place in self.landmarks_mm.items()},
+            active_effects=self.active_effects.at(np.tile(np.arange(count), times)),
+        )
+
+
+def posture_rows(
+    motions: Motions, effects: Amplitudes = NO_EFFECTS, library: Mapping[str, Effect] = EFFECTS
+) -> PostureRows:
+    """Lay out the motions of one or many subjects, with effects that are known to be at work.
+
+    ``library``: the effects by name.
+    """
+    number = {name: k for k, name in enumerate(motions.subjects)}
+    measured = np.isfinite(motions.angles_deg.T)
+    return PostureRows(
+        angles=np.where(measured, motions.angles_deg.T, 0.0) / DEG,
+        measured=measured,
+        subject=np.array([number[name] for name in motions.subject]),
+        previous=motions.previous_rows(),
+        subjects=motions.subjects,
+        landmarks_mm=_landmarks_mm(motions),
+        active_effects=active_effects(effects, motions, library),
+    )
+
+
+def _landmarks_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 rows"]]:
+    """Without outliers."""
+    found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
+    for row, names in marked_slips(motions).items():
+        for name in set(names.split()) & found.keys():
+            found[name][:, row] = np.nan
+    return found
