@@ -8,7 +8,7 @@ problem to one size, so that one program serves every batch.
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from inspect import unwrap
 from typing import Any
 
@@ -105,15 +105,27 @@ def in_rounds(
         problems = start[0].shape[-1]
         return function(*fixed, (*start, np.zeros(problems, bool)), np.full(problems, float(iterations)))
 
+    def go_on(fixed: tuple[Any, ...], before: Any, *, iterations: int) -> Any:
+        found = done(fixed, [getattr(before, name) for name in names], iterations)
+        return found._replace(iterations=before.iterations + found.iterations)
+
     result = done(fixed, start, rounds[0])
     for iterations in rounds[1:]:
-        left = np.flatnonzero(~result.converged)
-        if not len(left):
-            break
-        before = take_problems(result, left)
-        further = done(take_problems(fixed, left), [getattr(before, name) for name in names], iterations)
-        result = with_problems(result, left, further._replace(iterations=before.iterations + further.iterations))
+        refit(result, ~result.converged, partial(go_on, iterations=iterations), fixed, result)
     return result
+
+
+def refit(
+    found: Any, which: Any, function: Callable[..., Any], *given: Any, put: Callable[..., None] | None = None
+) -> Any:
+    """Run ``function`` on these problems of ``given`` alone, and put what it finds into their places in ``found``.
+
+    ``which``: a truth a problem. ``put``: another way to put it there than to replace what was.
+    """
+    left = np.flatnonzero(which)
+    if len(left):
+        (put or put_problems)(found, left, function(*take_problems(given, left)))
+    return found
 
 
 def as_type(tree: Any, dtype: DTypeLike) -> Any:

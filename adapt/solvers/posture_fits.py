@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.engine.batching import as_type, put_problems, take_problems
+from adapt.engine.batching import as_type, put_problems, refit, take_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.objective import angle_weights, mean_square_deg2
 from adapt.solvers.solution import PostureSolution, put_lower
@@ -75,9 +75,8 @@ def nearby_angles(
 ) -> Float[np.ndarray, "6 problems"]:
     """Fit postures by Newton alone, for a start: where that does not converge, the angles (rad) that it ends with, or
     the measured ones if they are not finite."""
-    target = at_rest_where_unknown(angles, measured)
-    found = newton.fit_postures(girdle, target, measured, far_deg2=_FAR_START_DEG2).angles
-    return np.where(np.isfinite(found).all(axis=0), found, target)
+    found = newton.fit_postures(girdle, angles, measured, far_deg2=_FAR_START_DEG2).angles
+    return np.where(np.isfinite(found).all(axis=0), found, angles)
 
 
 def _solved(girdle: AnyGirdle, target, measured, start) -> PostureSolution:
@@ -86,15 +85,11 @@ def _solved(girdle: AnyGirdle, target, measured, start) -> PostureSolution:
     if not isinstance(girdle, Girdle):
         return projection.fit_postures(girdle, target, measured, start)
     found = as_type(newton.fit_postures(girdle, target, measured, start), float)
-    left = np.flatnonzero(~found.converged & measured.any(axis=0))  # without any it is padding
-    if len(left):
-        girdle, s, known = take_problems((girdle, target, measured), left)
-        start = None if start is None else start[:, left]
-        fit = projection.fit_postures
-        if s.dtype == np.float32:
-            (girdle, s), fit = as_type((girdle, s), float), _solved
-        put_lower(found, left, fit(girdle, s, known, start))
-    return found
+    further = projection.fit_postures
+    if target.dtype == np.float32:
+        (girdle, target), further = as_type((girdle, target), float), _solved
+    left = ~found.converged & measured.any(axis=0)  # without any it is padding
+    return refit(found, left, further, girdle, target, measured, start, put=put_lower)
 
 
 def _start_again(found: PostureSolution, least_open, again, problem, places) -> None:
