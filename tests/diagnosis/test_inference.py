@@ -73,7 +73,7 @@ def test_few_postures_of_a_motion_are_taken_from_end_to_end():
     some, nearest = sampled(every)
     for taken, given in zip(some.sequences(), every.sequences(), strict=True):
         assert some.motions.posture[taken].tolist() == list(range(1, MOST_POSTURES + 1))
-        np.testing.assert_array_equal(some.measured_deg[:, taken[[0, -1]]], every.measured_deg[:, given[[0, -1]]])
+        np.testing.assert_array_equal(some.angles[:, taken[[0, -1]]], every.angles[:, given[[0, -1]]])
         assert nearest[given].tolist() == sorted(nearest[given])
         assert set(nearest[given]) == set(taken)
         assert np.bincount(nearest[given])[taken].max() <= np.ceil(len(given) / (MOST_POSTURES - 1))

@@ -6,19 +6,18 @@ from itertools import count
 import jax
 import numpy as np
 import pytest
-from adapt.solvers.reference.posture import objective_weights
+from programs import few_runs
 from scipy.optimize import minimize
 from small_worlds import joint_fit, simulated
 
 from adapt import adapt_subjects
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING, JointFit
 from adapt.engine.batching import take_problems
-from adapt.solvers.posture_fits import reference_fit
-from adapt.solvers.projection import gauss_newton
-from adapt.solvers.projection.bounded_step import Quadratic, lowest
-from adapt.solvers.projection.nearest_posture import nearest_postures
+from adapt.solvers.projection import damped_steps, gauss_newton
+from adapt.solvers.projection.bounded_step import lowest
+from adapt.solvers.projection.nearest_posture import THERE, _nearest_kernel, nearest_postures
 from models import load_model
-from models.effects import ActiveEffects
+from models.effects import ActiveEffects, AnyGirdle
 from models.effects.amplitudes import PersonalSize
 from motions.rotations import DEG
 
@@ -56,33 +55,51 @@ def test_personal_sizes_give_the_optimum_of_girdle_adapt():
     effects = {name: PersonalSize(mean, tuple(between * scale))}
     adapted = R2(simulated(name).motions, effects=effects).adapted["R2"]
     start, count = joint.from_starts(), len(joint.parts)
-    found = each_alone(joint).adapt([(name,)] * count, start.theta_mm, [np.array(mean)] * count, between)
+    found = each_alone(joint).adapt([(name,)] * count, start.theta_mm.T, [np.array(mean)] * count, between)
     assert (adapted.status == "ok").all()
     of_sizes = joint.model.weight / (6.0 * np.array([len(part.rows) for part in joint.parts]))
-    sizes = (found.amplitude - mean) / (between * scale)
-    ours, theirs = found.E + of_sizes * (sizes**2).sum(axis=1), adapted.E + of_sizes * (adapted.sizes**2).sum(axis=0)
+    sizes = ((found.amplitude.T - mean) / (between * scale)).T
+    ours, theirs = found.E + of_sizes * (sizes**2).sum(axis=0), adapted.E + of_sizes * (adapted.sizes**2).sum(axis=0)
     np.testing.assert_allclose(ours, theirs, atol=SAME_E)
-    np.testing.assert_allclose(sizes, adapted.sizes.T, atol=SAME_SIZE)
+    np.testing.assert_allclose(sizes, adapted.sizes, atol=SAME_SIZE)
     assert (start.E > adapted.E + 1.0).all()
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.99])
-def test_the_nearest_posture_is_that_of_the_reference_solver(strength):
+def test_the_nearest_posture_is_that_of_slsqp(strength):
+    """SciPy's SLSQP stays where it is, with JAX's slopes of the constraints."""
     joint = joint_fit()
     rows = np.arange(0, len(joint.shoulders.subject), 9)
     girdle = take_problems(joint.model.sets.girdle, joint.shoulders.subject[rows])
     generator = np.random.default_rng(3)
     scale = np.concatenate([one.prior.scale for one in joint.model.effects])
     strengths = strength * scale[:, None] * generator.standard_normal((joint.candidates.columns.shape[1], len(rows)))
-    measured = joint.shoulders.measured_deg[:, rows]
-    near = nearest_postures(girdle, joint.model.effects, strengths, measured, np.ones_like(measured))
+    angles = joint.shoulders.angles[:, rows]
+    near = nearest_postures(girdle, joint.model.effects, strengths, angles, np.ones(angles.shape, bool))
     counts = [one.course.channels(len(one.directions)) for one in joint.model.effects]
     active = ActiveEffects(tuple(np.split(strengths, np.cumsum(counts)[:-1])), joint.model.effects)
-    weights = objective_weights(np.ones((6, len(rows)), bool))
-    other = reference_fit(active.on(girdle), measured / DEG, weights, near.angles_deg / DEG)
-    assert other.converged.all()
-    np.testing.assert_allclose(near.angles_deg, np.asarray(other.angles) * DEG, atol=SAME_DEG)
-    np.testing.assert_allclose((near.y**2).sum(axis=0) / 6.0, other.j_deg2, rtol=1e-9)
+    for k in range(len(rows)):
+        found = slsqp(take_problems(active.on(girdle), k), angles[:, k] * DEG, near.angles[:, k] * DEG)
+        np.testing.assert_allclose(near.angles[:, k] * DEG, found.x, atol=SAME_DEG)
+        np.testing.assert_allclose((near.y[:, k] ** 2).sum(), found.fun, rtol=1e-9)
+
+
+def slsqp(chain: AnyGirdle, target_deg: np.ndarray, start_deg: np.ndarray):
+    """min |q - s|^2 on the closed chain, in degrees."""
+    found = minimize(
+        lambda q: np.sum((q - target_deg) ** 2),
+        start_deg,
+        jac=lambda q: 2.0 * (q - target_deg),
+        constraints={"type": "eq", "fun": lambda q: _open_mm(q, chain), "jac": lambda q: _slopes(q, chain)},
+        method="SLSQP",
+        options={"ftol": 1e-12},
+    )
+    assert found.success
+    return found
+
+
+_open_mm = few_runs(lambda q_deg, chain: chain.residuals_mm(q_deg / DEG))
+_slopes = few_runs(jax.jacobian(lambda q_deg, chain: chain.residuals_mm(q_deg / DEG)))
 
 
 def test_its_slope_in_the_amplitudes_is_that_of_finite_differences():
@@ -110,44 +127,42 @@ def test_the_quadratic_step_is_the_lowest_within_its_bounds():
     generator = np.random.default_rng(11)
     parts, k = 3, 2
     root = generator.standard_normal((parts, 12, 6 + k))
-    matrix = np.einsum("pij,pik->pjk", root, root)
-    gradient = 5.0 * generator.standard_normal((parts, 6 + k))
-    low, high = np.full((parts, 6), -0.3), np.full((parts, 6), 0.2)
-    prior = np.eye(k)[None] * 0.7
-    prior_gradient = generator.standard_normal((1, k))
-    step = lowest(Quadratic(gradient, matrix, np.zeros(parts, int)), 1, prior_gradient, prior, (low, high))
+    matrix = np.einsum("pij,pik->jkp", root, root)
+    gradient = 5.0 * generator.standard_normal((parts, 6 + k)).T
+    room = np.full((6, parts), -0.3), np.full((6, parts), 0.2)
+    prior = np.eye(k)[..., None] * 0.7
+    prior_gradient = generator.standard_normal((k, 1))
+    dtheta, da = lowest(gradient, matrix, np.zeros(parts, int), prior_gradient, prior, room)
 
     def value(x):
-        theta, a = x[: 6 * parts].reshape(parts, 6), x[6 * parts :]
-        d = np.concatenate([theta, np.tile(a, (parts, 1))], axis=1)
-        own = 0.5 * np.einsum("pi,pij,pj->", d, matrix, d) + (gradient * d).sum()
-        return own + 0.5 * a @ prior[0] @ a + prior_gradient[0] @ a
+        theta, a = x[: 6 * parts].reshape(6, parts), x[6 * parts :]
+        d = np.concatenate([theta, np.tile(a[:, None], parts)])
+        own = 0.5 * np.einsum("ip,ijp,jp->", d, matrix, d) + (gradient * d).sum()
+        return own + 0.5 * a @ prior[..., 0] @ a + prior_gradient[:, 0] @ a
 
     bounds = [(-0.3, 0.2)] * (6 * parts) + [(None, None)] * k
     best = minimize(
         value, np.zeros(6 * parts + k), method="L-BFGS-B", bounds=bounds, options={"maxiter": 5000, "ftol": 1e-15}
     )
-    found = np.concatenate([step.theta.ravel(), step.amplitude.ravel()])
+    found = np.concatenate([dtheta.ravel(), da.ravel()])
     assert value(found) == pytest.approx(best.fun, rel=1e-6)
-    assert ((step.theta == -0.3) | (step.theta == 0.2)).any(), "no bound was met: the case tests nothing"
+    assert ((dtheta == -0.3) | (dtheta == 0.2)).any(), "no bound was met: the case tests nothing"
 
 
 def test_machine_code_and_xla_agree():
     joint = joint_fit()
     rows = np.arange(8)
     girdle = jax.tree.map(np.ascontiguousarray, take_problems(joint.model.sets.girdle, np.zeros(8, int)))
-    from adapt.solvers.projection.nearest_posture import THERE_DEG, _kernel
-
     channels = joint.candidates.columns.shape[1]
-    measured = joint.shoulders.measured_deg[:, rows]
-    none, known, there = np.zeros((channels, 8)), np.ones_like(measured), np.full(8, THERE_DEG)
-    arguments = girdle, girdle.adapted_mm, none, measured, known, measured, there
-    kernel = _kernel(joint.model.effects, False)
+    angles = joint.shoulders.angles[:, rows]
+    none, sd, there = np.zeros((channels, 8)), np.full(angles.shape, 1.0 / DEG), np.full(8, THERE)
+    arguments = girdle, girdle.adapted_mm, none, angles, sd, angles, there
+    kernel = _nearest_kernel(joint.model.effects, False)
     by_machine = kernel.by_machine(*arguments)
     for one, other in zip(by_machine, kernel.by_jax(*arguments), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9)
     *others, _ = by_machine
-    for one, other in zip(_kernel(joint.model.effects, True).by_machine(*arguments), others, strict=True):
+    for one, other in zip(_nearest_kernel(joint.model.effects, True).by_machine(*arguments), others, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)  # strengths that are known
 
 
@@ -155,29 +170,28 @@ def test_machine_code_and_xla_agree():
 def test_groups_that_go_on_without_the_others_end_where_they_do_beside_them(few, monkeypatch):
     """But for rounding: a group that has finished stays, and each has its own damping."""
     joint = joint_fit("scapula_landmark_bias")
-    name, start, mean = ("scapula_landmark_bias",), joint.from_starts().theta_mm, np.zeros(3)
+    name, start, mean = ("scapula_landmark_bias",), joint.from_starts().theta_mm.T, np.zeros(3)
     parts = each_alone(joint)
-    monkeypatch.setattr(gauss_newton, "FEW", few)
+    monkeypatch.setattr(damped_steps, "_FEW", few)
     every = parts.adapt([name] * parts.groups, start, [mean] * parts.groups, 1.0)
     assert every.settled.all()
     for group, part in enumerate(parts.parts):
         alone = joint.of((part._replace(group=0),)).adapt([name], start[[group]], [mean], 1.0)
         assert alone.settled.all()
         np.testing.assert_allclose(alone.E, every.E[[group]], rtol=1e-9)
-        np.testing.assert_allclose(alone.amplitude[0], every.amplitude[group], rtol=1e-6)
+        np.testing.assert_allclose(alone.amplitude[:, 0], every.amplitude[:, group], rtol=1e-6)
 
 
 def test_a_group_at_a_wall_ends_without_having_settled(monkeypatch):
     """Whatever it tries is higher than what was before."""
-    joint, higher, evaluate = joint_fit("scapula_landmark_bias"), count(), gauss_newton.Objective.at
+    joint, higher, evaluate = joint_fit("scapula_landmark_bias"), count(), gauss_newton.Objective.total
 
-    def at(*given):
-        point = evaluate(*given)
-        return point._replace(total=point.total + 1e6 * next(higher))
+    def total(*given):
+        return evaluate(*given) + 1e6 * next(higher)
 
-    monkeypatch.setattr(gauss_newton.Objective, "at", at)
+    monkeypatch.setattr(gauss_newton.Objective, "total", total)
     start, parts = joint.model.theta_mm, each_alone(joint)
     walled = parts.adapt([()] * parts.groups, start, [np.zeros(0)] * parts.groups, 1.0)
     assert not walled.settled.any()
-    np.testing.assert_array_equal(walled.theta_mm, start)
+    np.testing.assert_array_equal(walled.theta_mm.T, start)
     assert next(higher) < 2 * 20, "with the mean sizes, and with each one's own"

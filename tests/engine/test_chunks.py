@@ -10,13 +10,6 @@ from adapt.engine.batching import compiled, in_chunks, in_rounds
 SIZE = 64
 
 
-class Begin(NamedTuple):
-    """Where something is iterated from."""
-
-    value: np.ndarray
-    converged: np.ndarray
-
-
 class Count(NamedTuple):
     """Where it ended: halved until it is at most 1, if the iterations allow it."""
 
@@ -67,20 +60,23 @@ def test_who_has_converged_is_left_alone():
 
     def halved(fixed, start, iterations):
         handled.append((fixed.tolist(), iterations.tolist()))
-        value = np.where(start.converged, start.value, start.value / 2.0**iterations)
-        return Count(value, start.converged, np.where(start.converged, 0.0, iterations), value <= 1.0)
+        value, also, converged = start
+        value = value / 2.0**iterations
+        return Count(value, also + 1.0, iterations, converged | (value <= 1.0))
 
     values = np.array([1.5, 8.0, 0.5, 3.0])
-    end = in_rounds(halved, (1, 1, 2), (np.arange(4),), Begin(values, values <= 1.0))
-    np.testing.assert_array_equal(end.value, [0.75, 0.5, 0.5, 0.75])
-    np.testing.assert_array_equal(end.iterations, [1, 4, 0, 2])
+    end = in_rounds(halved, (1, 1, 2), (np.arange(4),), ("value", "also"), values, np.zeros(4))
+    np.testing.assert_array_equal(end.value, [0.75, 0.5, 0.25, 0.75])
+    np.testing.assert_array_equal(end.also, [1.0, 3.0, 1.0, 2.0])
+    np.testing.assert_array_equal(end.iterations, [1, 4, 1, 2])
     assert handled == [([0, 1, 2, 3], [1.0] * 4), ([1, 3], [1.0] * 2), ([1], [2.0])]
 
 
 def test_rounds_end_where_nothing_converges():
     def stays(start, iterations):
-        return Count(start.value, start.converged, iterations, start.converged)
+        value, converged = start
+        return Count(value, value, iterations, converged)
 
-    end = in_rounds(stays, (3, 2), (), Begin(np.ones(3), np.zeros(3, bool)))
+    end = in_rounds(stays, (3, 2), (), ("value",), np.ones(3))
     assert end.iterations.tolist() == [5, 5, 5]
     assert not end.converged.any()

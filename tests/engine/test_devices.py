@@ -14,17 +14,16 @@ PROGRAM = """
 import json
 import jax
 import numpy as np
-from adapt.solvers.newton import posture_kernels as quick_fit
-from adapt.solvers.reference.posture import objective_weights
-from adapt.solvers.newton.posture import PostureStart
+from adapt.solvers.newton.postures import postures_kernel
+from adapt.solvers.objective import angle_weights
 from models import load_model
 from motions.rotations import DEG
 from motions.rhythm_subjects import simulate_subjects
 
-quick_fit.postures_kernel.chunk = 64
+postures_kernel.chunk = 64
 target = simulate_subjects(20, seed=2).angles_deg.T / DEG
 count = target.shape[1]
-girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
+girdle = load_model("R2").girdle.repeated(count)
 used, put = set(), jax.device_put
 
 
@@ -34,10 +33,10 @@ def recorded(tree, device):
 
 
 jax.device_put = recorded
-start = PostureStart(target, np.zeros((3, count)), np.zeros(count, bool))
-given = girdle, target, objective_weights(np.ones(target.shape, bool)), start, np.full(count, 30.0)
-found = quick_fit.postures_kernel.by_jax(*given).angles
-expected = quick_fit.postures_kernel.by_machine(*given).angles
+start = (target, np.zeros((3, count)), np.zeros(count, bool))
+given = girdle, target, angle_weights(np.ones(target.shape, bool)), start, np.full(count, 30.0)
+found = postures_kernel.by_jax(*given).angles
+expected = postures_kernel.by_machine(*given).angles
 print(json.dumps({"devices": len(jax.devices()), "used": len(used), "off": float(np.abs(found - expected).max())}))
 """
 

@@ -6,19 +6,16 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 import pytest
-from adapt.solvers.reference.posture import objective_weights
 from command import girdle
 
 from adapt.engine.batching import as_type
-from adapt.solvers import status
-from adapt.solvers.adaptation import fast_path
-from adapt.solvers.newton import posture_kernels as quick_fit
-from adapt.solvers.newton.postures import fitted_from_places
-from adapt.solvers.newton.subjects import sweep_from
-from adapt.solvers.objective import WEIGHT
-from adapt.solvers.rows import posture_rows
+from adapt.solvers import newton, status
+from adapt.solvers.adaptation import solved_from
+from adapt.solvers.newton.postures import postures_kernel
+from adapt.solvers.objective import WEIGHT, angle_weights
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import problems_of, subject_problem
+from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.effects import NO_ACTIVE_EFFECTS
 from models.parameter_sets import FOLDER
@@ -70,9 +67,11 @@ def assert_float64_where_not_done(found, double, names: Sequence[str], done: np.
 
 def test_posture_fits_that_float32_cannot_do_are_those_of_float64():
     """Measured angles far from any closed chain: many valleys."""
-    data = as_type(problems_of(posture_rows(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32)
-    problem = girdle_, angles, measured = of_postures(data)
-    done = fitted_from_places((girdle_, angles, objective_weights(measured))).converged
+    data = as_type(
+        problems_of(posture_rows(simulate_subjects(20, seed=21, noise_deg=30.0)), [load_model("R2")]), np.float32
+    )
+    problem = of_postures(data)
+    done = newton.fit_postures(*problem).converged
     assert 0.5 < done.mean() < 0.98
     found, double = fit_batch(*problem), fit_batch(*as_type(problem, float))
     assert found.angles.dtype == float
@@ -88,9 +87,9 @@ def test_adaptations_that_float32_cannot_do_are_those_of_float64():
         theta,
         data.angles,
     )
-    done = sweep_from(*given).converged
+    done = newton.fit_subjects(*given).converged
     assert 0.1 < done.mean() < 0.9
-    found, double = (fast_path(fixed, NO_ACTIVE_EFFECTS, *start) for fixed, *start in (given, as_type(given, float)))
+    found, double = (solved_from(fixed, NO_ACTIVE_EFFECTS, *start) for fixed, *start in (given, as_type(given, float)))
     assert found.theta.dtype == float
     np.testing.assert_array_equal(found.converged, double.converged)
     assert_float64_where_not_done(found, double, ("theta", "angles", "residual_mm", "slope"), done)
@@ -100,7 +99,7 @@ def test_a_parameter_at_its_bound_is_at_it():
     """What float32 makes of a bound is not beside it."""
     data = as_type(problems_of(posture_rows(simulate_subjects(SUBJECTS, seed=3)), [load_model("R2")]), np.float32)
     given = subject_problem(data, np.full(SUBJECTS, WEIGHT))
-    theta = fast_path(given, NO_ACTIVE_EFFECTS, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
+    theta = solved_from(given, NO_ACTIVE_EFFECTS, np.clip(data.girdle.adapted_mm, *data.bounds_mm), data.angles).theta
     lower, upper = data.bounds_mm.astype(float)
     assert np.all((theta >= lower) & (theta <= upper))
     assert (theta == upper)[3].mean() > 0.1  # A_y's
@@ -111,12 +110,12 @@ def test_three_engines_in_float32():
     data = as_type(problems_of(posture_rows(simulate_subjects(4, seed=7)), [load_model("R4")]), np.float32)
     girdle_, target, measured = of_postures(data)
     count = target.shape[1]
-    start = quick_fit.PostureStart(target, np.zeros((3, count)), np.zeros(count, bool))
-    given = as_type((girdle_, target, objective_weights(measured), start, np.full(count, 30.0)), np.float32)
-    found = quick_fit.postures_kernel.by_machine(*given)
+    start = target, np.zeros((3, count)), np.zeros(count, bool)
+    given = as_type((girdle_, target, angle_weights(measured), start, np.full(count, 30.0)), np.float32)
+    found = postures_kernel.by_machine(*given)
     with np.errstate(all="ignore"):
-        at_once = quick_fit.postures_kernel.text(*given)
-    for other in (at_once, quick_fit.postures_kernel.by_jax(*given)):
+        at_once = postures_kernel.text(*given)
+    for other in (at_once, postures_kernel.by_jax(*given)):
         assert other.angles.dtype == found.angles.dtype == np.float32
         both = found.converged & other.converged
         assert both.mean() > SAME_CONVERGED

@@ -10,23 +10,24 @@ import llvmlite.binding as llvm
 import numpy as np
 import platformdirs
 import pytest
-from adapt.solvers.reference.constraints import ByHand
-from adapt.solvers.reference.posture import objective_weights
-from adapt.solvers.reference.subject import conditions, joint
+from lagrangian import conditions
 
 from adapt.engine import kernel, machine_code, object_cache
 from adapt.engine.batching import take_problems
 from adapt.engine.kernel import Kernel
 from adapt.engine.machine_code import MachineCodeError
-from adapt.solvers import posture_fits as fit
-from adapt.solvers.newton import posture_kernels as quick_fit
-from adapt.solvers.newton import subject_kernels
-from adapt.solvers.newton.posture import PostureStart
-from adapt.solvers.newton.subject import Start
-from adapt.solvers.objective import WEIGHT, ThoraxPoints
-from adapt.solvers.rows import posture_rows
+from adapt.solvers.newton.postures import lowest_kernel, postures_kernel
+from adapt.solvers.newton.subjects import subjects_kernel
+from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
+from adapt.solvers.rows import posture_rows
+from adapt.solvers.solution import (
+    CONSTRAINT_TOLERANCE_MM,
+    STATIONARITY_TOLERANCE,
+    THETA_TOLERANCE,
+)
+from adapt.solvers.starts import OFFSETS_DEG
 from models import load_model
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
@@ -61,61 +62,53 @@ def arguments(data: Problems, iterations: float = 60.0):
     count, postures = data.counted.shape[1], data.counted.shape[0]
     fixed = subject_problem(data, np.full(count, WEIGHT))
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
-    start = Start(theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool))
+    start = theta, data.angles, np.zeros((3, postures, count)), np.zeros(count, bool)
     return fixed, start, np.full(count, iterations)
 
 
 def posture_arguments(iterations: float = 30.0):
     target = simulate_subjects(3, seed=7).angles_deg.T / DEG
     count = target.shape[1]
-    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R4").girdle)
+    girdle = load_model("R4").girdle.repeated(count)
     measured = np.ones(target.shape, bool)
     measured[2, ::3] = False
-    start = PostureStart(target, np.zeros((3, count)), np.zeros(count, bool))
-    return girdle, target, objective_weights(measured), start, np.full(count, iterations)
+    start = target, np.zeros((3, count)), np.zeros(count, bool)
+    return girdle, target, angle_weights(measured), start, np.full(count, iterations)
+
+
+def by_three_engines(kernel: Kernel, given):
+    """By machine code, as it is written, and by XLA."""
+    with np.errstate(all="ignore"):
+        return kernel.by_machine(*given), kernel.text(*given), kernel.by_jax(*given)
 
 
 def test_subjects_by_three_engines(data):
-    given = arguments(data)
-    found = subject_kernels.subjects_kernel.by_machine(*given)
+    found, *others = by_three_engines(subjects_kernel, arguments(data))
     assert found.converged.all()
-    with np.errstate(all="ignore"):
-        at_once = subject_kernels.subjects_kernel.text(*given)
-    for other in (at_once, subject_kernels.subjects_kernel.by_jax(*given)):
+    for other in others:
         np.testing.assert_array_equal(found.converged, other.converged)
         np.testing.assert_allclose(found.theta, other.theta, rtol=SAME_RELATIVE, atol=0.0)
         np.testing.assert_allclose(found.angles, other.angles, rtol=0.0, atol=SAME_RAD)
 
 
 def test_postures_by_three_engines():
-    given = posture_arguments()
-    found = quick_fit.postures_kernel.by_machine(*given)
+    found, *others = by_three_engines(postures_kernel, posture_arguments())
     ended = found.converged
     assert ended.mean() > 0.8  # in one round from one start
-    with np.errstate(all="ignore"):
-        at_once = quick_fit.postures_kernel.text(*given)
-    for other in (at_once, quick_fit.postures_kernel.by_jax(*given)):
-        np.testing.assert_array_equal(found.converged, other.converged)
+    for other in others:
+        np.testing.assert_array_equal(ended, other.converged)
         np.testing.assert_allclose(found.angles[:, ended], other.angles[:, ended], rtol=0.0, atol=SAME_RAD)
 
 
-def two_starts(iterations: float = 30.0):
-    girdle, target, weights, _, most = posture_arguments(iterations)
-    steps = np.full(len(most), 3.0), np.full(len(most), 1.0)
-    return girdle, target, weights, (target, target), steps, most
-
-
 def test_the_lowest_from_two_starts_by_three_engines():
-    given = two_starts()
-    found = quick_fit.lowest_kernel.by_machine(*given)
-    assert found.settled.mean() > 0.9
-    with np.errstate(all="ignore"):
-        at_once = quick_fit.lowest_kernel.text(*given)
-    for other in (at_once, quick_fit.lowest_kernel.by_jax(*given)):
-        np.testing.assert_array_equal(found.settled, other.settled)
-        np.testing.assert_array_equal(found.apart, other.apart)
-        same = found.settled
-        np.testing.assert_allclose(found.swept.angles[:, same], other.swept.angles[:, same], rtol=0.0, atol=SAME_RAD)
+    girdle, target, weights, _, most = posture_arguments()
+    steps = np.full(len(most), 3.0), np.full(len(most), 1.0)
+    given = girdle, target, weights, (target, target), steps, most
+    (found, settled, apart), *others = by_three_engines(lowest_kernel, given)
+    assert settled.mean() > 0.9
+    for other, *truths in others:
+        np.testing.assert_array_equal(truths, (settled, apart))
+        np.testing.assert_allclose(found.angles[:, settled], other.angles[:, settled], rtol=0.0, atol=SAME_RAD)
 
 
 def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
@@ -123,58 +116,62 @@ def test_the_lowest_from_two_starts_is_the_lower_of_two_fits():
     target = simulate_subjects(8, seed=9).angles_deg.T / DEG
     target = target + np.random.default_rng(1).normal(size=target.shape) * 20.0 / DEG
     count = target.shape[1]
-    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R4").girdle)
-    weights, most, closed = objective_weights(np.ones(target.shape, bool)), np.full(count, 400.0), np.full(count, 6.0)
-    starts = tuple(target + offset[:, None] / DEG for offset in quick_fit.OFFSETS_DEG[:2])
+    girdle = load_model("R4").girdle.repeated(count)
+    weights, most, closed = angle_weights(np.ones(target.shape, bool)), np.full(count, 400.0), np.full(count, 6.0)
+    starts = tuple(target + offset[:, None] / DEG for offset in OFFSETS_DEG[:2])
 
     def fitted(*two: np.ndarray):
-        return quick_fit.lowest_kernel.by_machine(girdle, target, weights, two, (closed, closed), most)
+        return lowest_kernel.by_machine(girdle, target, weights, two, (closed, closed), most)
 
-    both, each = fitted(*starts), [fitted(one, one) for one in starts]
-    ended = both.settled & each[0].settled & each[1].settled
-    assert ended.mean() > 0.8  # the others go on to the careful path
-    assert (both.apart & ended).sum() > 3
-    j = np.stack([one.swept.j_deg2 for one in each])
-    np.testing.assert_allclose(both.swept.j_deg2[ended], j.min(axis=0)[ended], rtol=0.0, atol=1e-6)
-    np.testing.assert_array_equal(both.apart[ended], (np.abs(j[1] - j[0]) > 1e-6)[ended])
-    assert not any(one.apart.any() for one in each)
-    expected = fit.mean_square_deg2(both.swept.angles, target, weights)
-    np.testing.assert_allclose(both.swept.j_deg2, expected, rtol=1e-12, atol=0.0)
+    (both, settled, apart), each = fitted(*starts), [fitted(one, one) for one in starts]
+    ended = settled & each[0][1] & each[1][1]
+    assert ended.mean() > 0.8  # the others go on by projections
+    assert (apart & ended).sum() > 3
+    j = np.stack([one.j_deg2 for one, *_ in each])
+    np.testing.assert_allclose(both.j_deg2[ended], j.min(axis=0)[ended], rtol=0.0, atol=1e-6)
+    np.testing.assert_array_equal(apart[ended], (np.abs(j[1] - j[0]) > 1e-6)[ended])
+    assert not any(one.any() for *_, one in each)
+    expected = mean_square_deg2(both.angles, target, weights)
+    np.testing.assert_allclose(both.j_deg2, expected, rtol=1e-12, atol=0.0)
 
 
 @pytest.mark.parametrize("iterations", [2.0, 60.0])
 def test_the_conditions_are_those_of_the_definition(data, iterations):
-    """On the way as at the end: ``adapt.solvers.reference.subject.conditions`` at the point where the sweep stopped."""
-    fixed, *rest = arguments(data, iterations)
-    found = subject_kernels.subjects_kernel.by_machine(fixed, *rest)
-    constraints, thorax = ByHand(fixed.girdle.over_postures()), ThoraxPoints(*fixed[:4])
-    z, point = joint(found.angles, found.theta), (found.theta, found.angles, found.multipliers)
-    at = constraints.residual(z), constraints.multiplier_gradient(z, found.multipliers)
-    expected = conditions(thorax, fixed.problem, *point, *at)
-    for name in ("residual_mm", "stationarity", "slope"):
-        scale = max(1.0, np.abs(getattr(expected, name)).max())
-        np.testing.assert_allclose(
-            getattr(found, name), getattr(expected, name), rtol=0.0, atol=SAME_CONDITION * scale, err_msg=name
-        )
-    np.testing.assert_array_equal(found.converged, expected.converged)
+    """On the way as at the end: JAX's derivatives of E + lambda'g at the point where the iterations stopped."""
+    problem, *rest = arguments(data, iterations)
+    found = subjects_kernel.by_machine(problem, *rest)
+    residual, by_angle, by_theta = map(np.asarray, conditions(problem, *found[:3]))
+    held = (found.theta <= problem.lower) & (by_theta > 0.0) | (found.theta >= problem.upper) & (by_theta < 0.0)
+    expected = {
+        "residual_mm": residual,
+        "stationarity": np.abs(by_angle).max(axis=0) / float(DEG),
+        "slope": np.where(held, 0.0, by_theta),
+    }
+    for name, value in expected.items():
+        scale = max(1.0, np.abs(value).max())
+        np.testing.assert_allclose(getattr(found, name), value, rtol=0.0, atol=SAME_CONDITION * scale, err_msg=name)
+    closed, still, flat = (np.abs(value) for value in expected.values())
+    closed, still = (np.where(problem.counted, one, 0.0).max(axis=-2) for one in (closed.max(axis=0), still))
+    ended = (closed <= CONSTRAINT_TOLERANCE_MM) & (still <= STATIONARITY_TOLERANCE)
+    np.testing.assert_array_equal(found.converged, ended & (flat.max(axis=0) <= THETA_TOLERANCE))
     assert found.converged.all() == (iterations == 60.0)
 
 
 def test_a_problem_is_the_same_alone_and_in_any_company(data):
     """To the last bit: alone, among others, and among so many that every core has some."""
-    among = subject_kernels.subjects_kernel.by_machine(*arguments(data))
-    many = subject_kernels.subjects_kernel.by_machine(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
+    among = subjects_kernel.by_machine(*arguments(data))
+    many = subjects_kernel.by_machine(*arguments(select_problems(data, np.arange(300) % SUBJECTS)))
     for k in range(SUBJECTS):
-        alone = subject_kernels.subjects_kernel.by_machine(*arguments(select_problems(data, np.array([k]))))
+        alone = subjects_kernel.by_machine(*arguments(select_problems(data, np.array([k]))))
         for name in ("theta", "angles", "multipliers", "residual_mm", "slope", "converged"):
             np.testing.assert_array_equal(getattr(alone, name)[..., 0], getattr(among, name)[..., k])
             np.testing.assert_array_equal(getattr(many, name)[..., k::SUBJECTS][..., 0], getattr(among, name)[..., k])
 
 
 def test_one_bad_problem_harms_no_other(data):
-    good = subject_kernels.subjects_kernel.by_machine(*arguments(data))
+    good = subjects_kernel.by_machine(*arguments(data))
     data.angles[1, 0, 4] = np.nan
-    found = subject_kernels.subjects_kernel.by_machine(*arguments(data))
+    found = subjects_kernel.by_machine(*arguments(data))
     data.angles[1, 0, 4] = 0.1
     rest = np.arange(SUBJECTS) != 4
     assert not found.converged[4]
@@ -183,31 +180,16 @@ def test_one_bad_problem_harms_no_other(data):
 
 def test_few_and_no_problems():
     given = posture_arguments()
-    whole = quick_fit.postures_kernel.by_machine(*given)
+    whole = postures_kernel.by_machine(*given)
     for count in (0, 1, 7, 8, 9):
-        part = quick_fit.postures_kernel.by_machine(*take_problems(given, np.arange(count)))
+        part = postures_kernel.by_machine(*take_problems(given, np.arange(count)))
         np.testing.assert_array_equal(part.angles, whole.angles[:, :count])
 
 
 def test_a_wrong_shape_is_an_error():
     given = posture_arguments()
     with pytest.raises(ValueError, match="shape"):
-        quick_fit.postures_kernel.by_machine(given[0], given[1][:5], *given[2:])
-
-
-def test_far_postures_end_no_higher_than_the_careful_path():
-    """Measured angles 40 degrees and more from any closed chain: many valleys."""
-    target = simulate_subjects(2, seed=9).angles_deg.T / DEG
-    target += np.random.default_rng(1).normal(size=target.shape) * 25.0 / DEG
-    count = target.shape[1]
-    girdle = jax.tree.map(lambda x: np.repeat(np.asarray(x)[..., None], count, axis=-1), load_model("R2").girdle)
-    known = np.ones(target.shape, bool)
-    found = fit_batch(girdle, target, known)
-    careful = fit.reference_fit(girdle, target, objective_weights(known), None)
-    j = fit.mean_square_deg2(careful.angles, target, objective_weights(known))
-    assert np.all(found.status == "ok")
-    above = np.asarray(careful.converged & (found.j_deg2 > j + 1e-6))
-    assert above.mean() <= 0.05
+        postures_kernel.by_machine(given[0], given[1][:5], *given[2:])
 
 
 # --- the cache ------------------------------------------------------------------------------------------------------
@@ -320,17 +302,17 @@ def test_the_fast_paths_without_llvmlite_have_the_same_results(data, monkeypatch
     postures, subjects = posture_arguments(), arguments(data)
     measured = np.isfinite(postures[1])
     expected = (
-        quick_fit.postures_kernel(*postures),
-        subject_kernels.subjects_kernel(*subjects),
+        postures_kernel(*postures),
+        subjects_kernel(*subjects),
         fit_batch(*postures[:2], measured),
     )
-    for one in (quick_fit.postures_kernel, quick_fit.lowest_kernel, subject_kernels.subjects_kernel):
+    for one in (postures_kernel, lowest_kernel, subjects_kernel):
         monkeypatch.setattr(one, "_functions", {})
         monkeypatch.setattr(one, "_left_to_xla", set())
     llvmlite_is_missing(monkeypatch)
     swept, adapted, fitted = (
-        quick_fit.postures_kernel(*postures),
-        subject_kernels.subjects_kernel(*subjects),
+        postures_kernel(*postures),
+        subjects_kernel(*subjects),
         fit_batch(*postures[:2], measured),
     )
     ended = expected[0].converged
@@ -341,4 +323,4 @@ def test_the_fast_paths_without_llvmlite_have_the_same_results(data, monkeypatch
     np.testing.assert_allclose(adapted.angles, expected[1].angles, rtol=0.0, atol=SAME_RAD)
     np.testing.assert_array_equal(fitted.status, expected[2].status)
     np.testing.assert_allclose(fitted.angles, expected[2].angles, rtol=0.0, atol=SAME_RAD)
-    assert all(one._left_to_xla for one in (quick_fit.postures_kernel, subject_kernels.subjects_kernel))
+    assert all(one._left_to_xla for one in (postures_kernel, subjects_kernel))

@@ -12,8 +12,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
-from adapt.solvers.rows import posture_rows
 from adapt.solvers.problems import problems_of
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import BONE_PREFIXES, COLUMNS

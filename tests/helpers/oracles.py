@@ -83,7 +83,9 @@ def ellipsoid_distance(p: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarr
 
     low = max(ap - a2 for ap, a2 in terms)
     high = np.sqrt(sum(ap * ap for ap, _ in terms)) - min(a2 for _, a2 in terms)
-    t: Any = brentq(secular, low, high, xtol=1e-14, rtol=_RTOL) if secular(low) > 0.0 else low
+    t: Any = high
+    if secular(high) < 0.0:  # else a sphere's root, to rounding
+        t = brentq(secular, low, high, xtol=1e-14, rtol=_RTOL) if secular(low) > 0.0 else low
     n = p / (t + axes * axes)
     length = np.linalg.norm(n)
     return float(t * length), n / length
@@ -173,24 +175,27 @@ def ipopt(
     theta_mm: np.ndarray,
     angles_deg: np.ndarray,
     bounds_mm: np.ndarray,
+    measured: np.ndarray | None = None,
 ) -> Subject:
     """min D + w mean(J_p) over theta and all postures at once, from (theta_mm, angles_deg).
 
-    ``target_deg`` and ``angles_deg`` are (6, postures), all measured. The variables are the angles, theta and one
-    multiplier t for each TS, AI and thorax point, with its secular equation as a constraint.
+    ``target_deg`` and ``angles_deg`` are (6, postures). The variables are the angles, theta and one multiplier t for
+    each TS, AI and thorax point, with its secular equation as a constraint.
     """
     P = target_deg.shape[1]
-    solver, arguments = ipopt_call(b, points_mm, target_deg, theta_mm, angles_deg, bounds_mm)
+    solver, arguments = ipopt_call(b, points_mm, target_deg, theta_mm, angles_deg, bounds_mm, measured)
     found = solver(**arguments)
     x = np.array(found["x"]).ravel()
     angles, theta = x[: 6 * P].reshape(P, 6).T, x[6 * P : 6 * P + 6]
     # Verified here, outside CasADi: a secular equation has roots that are not the nearest point.
-    E, open_mm = whole_objective(b, points_mm, target_deg, theta, angles)
+    E, open_mm = whole_objective(b, points_mm, target_deg, theta, angles, measured)
     same = abs(E - float(found["f"])) <= 1e-7 * (1.0 + abs(E))
     return Subject(E, theta, angles, bool(solver.stats()["success"]) and same and open_mm < 1e-6)
 
 
-def ipopt_call(b: Bones, points_mm, target_deg, theta_mm, angles_deg, bounds_mm) -> tuple[Any, dict[str, Any]]:
+def ipopt_call(
+    b: Bones, points_mm, target_deg, theta_mm, angles_deg, bounds_mm, measured: np.ndarray | None = None
+) -> tuple[Any, dict[str, Any]]:
     """The solver of :func:`ipopt` and the arguments of its one call."""
     P, N = target_deg.shape[1], points_mm.shape[1]
     start_t = foot_point_multipliers(b, points_mm, theta_mm, angles_deg)
@@ -198,7 +203,8 @@ def ipopt_call(b: Bones, points_mm, target_deg, theta_mm, angles_deg, bounds_mm)
     lower, upper = np.full((2, len(x0)), [[-np.inf], [np.inf]])
     lower[6 * P : 6 * P + 6], upper[6 * P : 6 * P + 6] = bounds_mm
     parameters = np.concatenate([fixed_numbers(b), points_mm.T.ravel(), target_deg.T.ravel()])
-    return _whole_subject(P, N), {"x0": x0, "p": parameters, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
+    known = None if measured is None else tuple(map(tuple, measured.tolist()))
+    return _whole_subject(P, N, known), {"x0": x0, "p": parameters, "lbx": lower, "ubx": upper, "lbg": 0.0, "ubg": 0.0}
 
 
 def with_theta(b: Bones, theta: np.ndarray) -> Bones:
@@ -207,12 +213,19 @@ def with_theta(b: Bones, theta: np.ndarray) -> Bones:
     return Bones(**{**vars(b), **moved, "conoid_length_mm": float(theta[5])})
 
 
-def whole_objective(b: Bones, points_mm, target_deg, theta, angles_deg, weight=WEIGHT) -> tuple[float, float]:
+def shares(P: int, measured: Any = None) -> np.ndarray:
+    """Of the square of each angle, (6, postures), in mean J."""
+    known = np.ones((6, P)) if measured is None else np.array(measured, float)
+    return known / known.sum(axis=0) / P
+
+
+def whole_objective(b: Bones, points_mm, target_deg, theta, angles_deg, measured=None) -> tuple[float, float]:
     """E at given parameters and postures, and how far the chains gape, mm."""
     moved = with_theta(b, theta)
     D = np.mean([ellipsoid_distance(p - moved.centre_mm, moved.semi_axes_mm)[0] ** 2 for p in points_mm.T])
     gaps = [np.abs(constraints(moved, q)[0]).max() for q in angles_deg.T]
-    return float(D + weight * np.mean((angles_deg - target_deg) ** 2)), float(max(gaps))
+    J = np.sum(shares(target_deg.shape[1], measured) * (angles_deg - target_deg) ** 2)
+    return float(D + WEIGHT * J), float(max(gaps))
 
 
 def fixed_numbers(b: Bones) -> np.ndarray:
@@ -240,14 +253,14 @@ def foot_point_multipliers(b: Bones, points_mm, theta, angles_deg) -> np.ndarray
 
 
 @functools.cache
-def _whole_subject(P: int, N: int) -> Any:
+def _whole_subject(P: int, N: int, measured: Any) -> Any:
     """The IPOPT solver of a subject with P postures and N thorax points."""
     import casadi as ca
 
-    return ca.nlpsol("subject", "ipopt", subject_problem(P, N), {"print_time": False, "ipopt": IPOPT_OPTIONS})
+    return ca.nlpsol("subject", "ipopt", subject_problem(P, N, measured), {"print_time": False, "ipopt": IPOPT_OPTIONS})
 
 
-def subject_problem(P: int, N: int) -> dict[str, Any]:
+def subject_problem(P: int, N: int, measured: Any = None) -> dict[str, Any]:
     """The problem of a subject with P postures and N thorax points in CasADi's symbols."""
     import casadi as ca
 
@@ -272,7 +285,7 @@ def subject_problem(P: int, N: int) -> dict[str, Any]:
     return {
         "x": ca.vertcat(ca.vec(q), theta, t),
         "p": ca.vertcat(fixed, ca.vec(points), ca.vec(target)),
-        "f": D + WEIGHT * ca.sumsqr(q - target) / (6 * P),
+        "f": D + WEIGHT * ca.sum(ca.vec(ca.DM(shares(P, measured)) * (q - target) ** 2)),
         "g": ca.vertcat(*equations),
     }
 

@@ -19,9 +19,10 @@ DATA_FOLDERS = {"motions/data", "models/sets"}
 
 SAME_BASENAME = {
     "__init__": "every package has one",
-    "elimination": "solvers/reference is the careful one, solvers/batched the fast one of the same step",
-    "posture": "solvers/reference is the careful one, solvers/batched the fast one of the same fit",
-    "subject": "solvers/reference is the careful one, solvers/batched the fast one of the same fit",
+    "postures": "solvers/newton is for the plain chain, solvers/projection for any",
+    "subjects": "solvers/newton is for the plain chain, solvers/projection for any",
+    "parts": "those of a large run, and those of a joint fit",
+    "rows": "motions/motion_csv/rows.py reads them from a file, solvers/rows.py lays them out as arrays",
     "held_out": "trust/held_out.py measures the gaps, tables/held_out.py is their table",
 }
 """Basenames that several modules may have, and why."""

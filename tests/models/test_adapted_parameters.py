@@ -36,12 +36,12 @@ import json
 import numpy as np
 from adapt import adapt_subjects
 from adapt.solvers.adaptation import fitted_angles
-from adapt.solvers.objective import thorax_distance_mm2
+from adapt.solvers.objective import angle_weights, mean_square_deg2
 from adapt.solvers.rows import posture_rows
 from adapt.solvers.problems import problems_of
-from adapt.solvers.reference.posture import mean_square_deg2, objective_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
+from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions.rhythm_subjects import simulate_subjects
 
 motions, model = simulate_subjects(2, seed=4), load_model("R2")
@@ -50,7 +50,7 @@ adapted, data = result.adapted["R2"], problems_of(posture_rows(motions), [model]
 
 def objective(theta):
     angles = fitted_angles(data, theta)
-    j = mean_square_deg2(angles, data.angles, objective_weights(data.measured))
+    j = mean_square_deg2(angles, data.angles, angle_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / data.counted.sum(axis=0)
     return thorax_distance_mm2(data.girdle.with_adapted(theta), data.points_mm, data.point_weights) + 10.0 * mean_j
 

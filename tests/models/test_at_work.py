@@ -11,7 +11,6 @@ from command import girdle, refused
 from adapt import Adaptations, adapt_subjects, fit_postures
 from adapt.diagnosis import diagnose
 from adapt.model_subjects import simulate_model_subjects
-from adapt.solvers.objective import WEIGHT, thorax_distance_mm2
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
 from models.effects.amplitudes import PersonalSize, active_effects, as_option, described, read_amplitudes, rounded
@@ -36,9 +35,6 @@ OPTION_DIGITS = 5e-4
 
 CLOSED_MM = 1e-6
 """A chain is fitted closed."""
-
-BESIDE_MM = 2.0
-"""Beside the optimum: E differs by 1e-4 to 1, its rounding is 1e-12."""
 
 
 def simulated(noise_deg: float, spread: float) -> tuple[Motions, dict[str, tuple[float, ...]]]:
@@ -93,29 +89,6 @@ def test_it_is_iterated_in_float64_whatever_is_asked_for(noisy):
     motions, effects, found = noisy
     again = adapt_subjects(motions, MODEL, held_out=(), dtype=np.float32, effects=effects)
     np.testing.assert_array_equal(again.adapted["R2"].theta_mm, found.adapted["R2"].theta_mm)
-
-
-def test_an_adaptation_is_an_optimum_of_the_nested_objective(noisy):
-    """Every posture fitted anew at parameters beside the optimum: none has a lower E."""
-    motions, effects, found = noisy
-    adapted = found.adapted["R2"]
-    assert adapted.status[0] == "ok"
-
-    def nested(theta_mm: np.ndarray) -> float:
-        girdle = MODEL.girdle.with_adapted(theta_mm)
-        fits = fit_postures(motions, replace(MODEL, girdle=girdle), effects=effects).by_model["R2"]
-        points = MODEL.points_mm
-        shares = np.full(points.shape[1], 1.0 / points.shape[1])
-        return float(thorax_distance_mm2(girdle, points, shares)) + WEIGHT * float(fits.j_deg2.mean())
-
-    theta = adapted.theta_mm[:, 0]
-    lowest = nested(theta)
-    assert lowest == pytest.approx(adapted.E[0], rel=1e-9)
-    for k in range(len(theta)):
-        for step in (-BESIDE_MM, BESIDE_MM):
-            beside = theta + step * (np.arange(len(theta)) == k)
-            inside = (beside >= MODEL.bounds_mm[0]).all() and (beside <= MODEL.bounds_mm[1]).all()
-            assert not inside or nested(beside) > lowest
 
 
 def over(*elevation_deg: float) -> Motions:

@@ -8,19 +8,18 @@ import numpy as np
 import pytest
 from programs import one_run
 
+from adapt.solvers.newton.subject import point_multiplier, thorax_terms
 from adapt.solvers.objective import (
     DEFAULT_READING,
     READINGS,
     WEIGHT,
     AtOptimum,
     Reading,
-    ThoraxPoints,
-    fitted_girdle,
-    jitted_geometric_fit,
-    thorax_distance_mm2,
 )
+from adapt.solvers.projection import thorax_term
 from models import load_model
 from models.ellipsoid import signed_distance_mm
+from models.person.thorax_ellipsoid import fitted_girdle, jitted_geometric_fit, thorax_distance_mm2
 
 W = 10.0
 AT = AtOptimum(
@@ -124,29 +123,36 @@ def test_a_geometric_fit_that_fails_keeps_the_ellipsoid():
 
 
 def test_derivatives_of_d_by_hand_are_those_of_jax():
-    """At parameters off the set's own, of ten points of which one does not count, each with a level of its own."""
-    model = load_model("R2")
-    point_weights = np.append(np.full(9, 1.0 / 9.0), 0.0)
-    points = np.asarray(model.points_mm)[:, :10]
-    levels = jnp.linspace(-8.0, 15.0, 10)
-    thorax = ThoraxPoints(model.girdle, jnp.asarray(points), jnp.asarray(point_weights), levels)
-    theta = model.girdle.adapted_mm + jnp.array([12.0, -5.0, 3.0, -20.0, 4.0, 1.0])
+    """Of both kernels, off the set's own parameters, of ten points of which one does not count, each with a level."""
+    girdle, points_mm = load_model("R2").girdle, np.asarray(load_model("R2").points_mm)[:, :10]
+    weights, levels_mm = np.append(np.full(9, 1.0 / 9.0), 0.0), np.linspace(-8.0, 15.0, 10)
+    theta = np.asarray(girdle.adapted_mm) + np.array([12.0, -5.0, 3.0, -20.0, 4.0, 1.0])
 
     def D(theta):
-        given = jnp.asarray(points), jnp.asarray(point_weights), levels
-        return thorax_distance_mm2(model.girdle.with_adapted(theta), *given)
+        return thorax_distance_mm2(girdle.with_adapted(theta), points_mm, weights, levels_mm)
 
     def distances(theta):
-        moved = model.girdle.with_adapted(theta)
-        away = signed_distance_mm(jnp.asarray(points), moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
-        return away - levels
+        moved = girdle.with_adapted(theta)
+        return signed_distance_mm(points_mm, moved.centre_mm[:, None], moved.semi_axes_mm[:, None])
 
-    at, slopes = thorax.distances(theta)
-    found = [thorax.value(theta), at.d, jnp.stack(slopes, axis=-1), thorax.slope(theta), thorax.curvature(theta)]
-    automatic = one_run(lambda t: [D(t), distances(t), jax.jacobian(distances)(t), jax.grad(D)(t), jax.hessian(D)(t)])
-    for one, other in zip(found, automatic(theta), strict=True):
-        assert one.shape == other.shape
-        np.testing.assert_allclose(one, other, rtol=0.0, atol=EXACT * max(1.0, float(jnp.abs(other).max())))
+    derivatives = one_run(lambda t: (D(t), jax.grad(D)(t), jax.hessian(D)(t), jax.jacobian(distances)(t)))
+    value, gradient, hessian, slopes = derivatives(theta)
+    near = point_multiplier(girdle, list(theta), points_mm)
+    terms, _ = thorax_terms(girdle, list(theta), points_mm, weights, levels_mm, near)
+    E, slope, matrix = jax.tree.map(np.sum, (terms.E, terms.slope, terms.matrix))
+    part = girdle.repeated(1), *(one[..., None] for one in (points_mm, weights, levels_mm))
+    by_projection = thorax_term.Thorax(*part)(theta[:, None])
+    gauss_newton = 2.0 * slopes.T @ (weights[:, None] * slopes)
+    lower = np.tril_indices(len(theta))
+    for found, expected in (
+        ((E, slope, np.concatenate(matrix)), (value, gradient, hessian[lower])),
+        ([one[..., 0] for one in by_projection], (value, gradient, gauss_newton)),
+    ):
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0.0, atol=EXACT * max(1.0, np.abs(other).max()))
+    for run in (thorax_term._kernel.by_machine, thorax_term._kernel.by_jax):
+        D_again, *_ = run(*part, theta[:, None])
+        np.testing.assert_allclose(D_again, by_projection.D, rtol=EXACT)
 
 
 def test_an_ellipsoid_on_its_points_is_not_fitted_again_and_one_off_them_is():

@@ -17,8 +17,8 @@ from adapt.assessment import BOUNDS, NONE, intervals
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch, adapted_from
-from adapt.solvers.rows import posture_rows
 from adapt.solvers.problems import Problems, problems_of, select_problems
+from adapt.solvers.rows import posture_rows
 from adapt.tables.folds import MOTION, POSTURES, motions_and_thirds
 from adapt.tables.held_out import by_subject
 from adapt.tables.results import HELD_OUT

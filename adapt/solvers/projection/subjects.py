@@ -29,9 +29,10 @@ from motions.rotations import DEG
 _MOST_STEPS = 200
 """Most take 5 to 20."""
 
-_ROUNDS = 8
+_ROUNDS = 20
 """Each takes on those that have not converged: most often their postures, projected once more, are as near as they can
-be; angles that were not measured begin anew where they are, until they stay."""
+be; angles that were not measured begin anew where they are, until they stay: of 40 simulated adaptations 31 within 8,
+38 within 20."""
 
 _MOST_STEPS_OF_SIZES = 400
 """Of measured shoulders with three to five causes half take fewer than 140, the hardest 350."""

@@ -69,7 +69,7 @@ def errors(motions: Motions, models: Sequence[ParameterSet]) -> dict[str, Any]:
 
 def _joined(results: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """The lanes of every model."""
-    every = [vars(result) for result in results.values()]
+    every = [one._asdict() | {"status": one.status} for one in results.values()]
     return {name: np.concatenate([one[name] for one in every], axis=-1) for name in every[0]}
 
 

@@ -1,0 +1,27 @@
+"""Two effects that a plain girdle can have too: TS and AI farther from the thorax, the scapula's frame turned."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from models.effects import EFFECTS, ActiveEffects
+from models.girdle import Girdle
+
+Amplitudes = tuple[tuple[float, float], tuple[float, float, float]]
+"""mm of TS and AI; deg about x, y and z."""
+
+
+def active_in_all(amplitudes: Amplitudes, batch: tuple[int, ...]) -> ActiveEffects:
+    """Of the same strength everywhere."""
+    strengths = (np.multiply.outer(one, np.ones(batch)) for one in amplitudes)
+    return ActiveEffects(tuple(strengths), (EFFECTS["scapulothoracic_gap"], EFFECTS["scapula_landmark_bias"]))
+
+
+def without_effects(girdle: Girdle, amplitudes: Amplitudes) -> Girdle:
+    """The girdle whose constraints are those of ``girdle`` with the effects: R_measured B' p = R_measured (B' p)."""
+    (ts, ai), turned = amplitudes
+    back = Rotation.from_rotvec(-np.radians(turned)).as_matrix()
+    on_scapula = {name: back @ getattr(girdle, name) for name in ("ts_mm", "ai_mm", "scapula_conoid_mm")}
+    longer = {"ts_distance_mm": girdle.ts_distance_mm + ts, "ai_distance_mm": girdle.ai_distance_mm + ai}
+    return replace(girdle, **longer, **on_scapula)
