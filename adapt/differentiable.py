@@ -19,11 +19,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
-from jaxtyping import Array, Bool, Float
+from jax.core import Tracer
+from jaxtyping import Bool, Float
 
 from models.adapted_parameters import STARTS_MM
 from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
+from motions.arrays import Array
 from motions.errors import InputError
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
@@ -90,8 +92,9 @@ def fit_posture(
     """Fit postures: q, lambda and J_p (Eq. 6.1-6.2), differentiable in the girdle and the measured angles.
 
     Forward and reverse, any number of times, with ``jit`` and ``vmap`` in any order. ``angles`` in rad; those whose
-    ``measured`` is False do not count, whatever they are. A posture with none is padding: J and every derivative are 0. One with fewer than three is NaN. ``girdle`` has the same batch axes, or none. The
-    lowest J of several starts is taken, or that reached from ``start`` (rad) alone.
+    ``measured`` is False do not count, whatever they are. A posture with none is padding: J and every derivative are 0.
+    One with fewer than three is NaN. ``girdle`` has the same batch axes, or none. The lowest J of several starts is
+    taken, or that reached from ``start`` (rad) alone.
 
     The first call compiles for 5 to 20 s, a derivative as long again. InputError if the first axis is not six long, or
     if an angle is above a full turn, which ``jit`` cannot see.
@@ -170,7 +173,7 @@ def _target(angles, measured) -> tuple[Array, Array]:
         remedy = "Give (6, postures) in rad: np.deg2rad(motions.angles_deg).T"
         raise InputError("angles", None, f"their shape is {jnp.shape(angles)}", remedy)
     measured = np.ones(jnp.shape(angles), bool) if measured is None else measured
-    if not any(isinstance(x, jax.core.Tracer) for x in (angles, measured)):
+    if not any(isinstance(x, Tracer) for x in (angles, measured)):
         largest = np.max(np.abs(np.where(measured, angles, 0.0)), initial=0.0)
         if largest > 2.0 * np.pi:
             raise InputError(
@@ -266,9 +269,10 @@ def _following(girdle: Girdle, s: Array, W: Array, x: Array) -> Array:
 
 @_following.defjvp
 def _following_jvp(primals, tangents):
-    given, x = primals[:3], _following(*primals)
-    _, moved = jax.jvp(lambda *given: _conditions(*given, x), given, tangents[:3])
-    K, counts = jax.jacfwd(partial(_conditions, *given))(x), jnp.any(given[2] > 0.0)
+    girdle, s, W, _ = primals
+    x = _following(*primals)
+    _, moved = jax.jvp(lambda girdle, s, W: _conditions(girdle, s, W, x), (girdle, s, W), tangents[:3])
+    K, counts = jax.jacfwd(partial(_conditions, girdle, s, W))(x), jnp.any(W > 0.0)
     return x, -_solve(jnp.where(counts, K, jnp.eye(9)), jnp.where(counts, moved, 0.0))
 
 
@@ -353,17 +357,14 @@ class _BoundedDescent(optimistix.AbstractDescent):
         return _bounded_step(damped, slope, self.low - y, self.high - y), optimistix.RESULTS.successful
 
 
-class _BoundedLevenbergMarquardt(optimistix.AbstractGaussNewton):
-    descent: _BoundedDescent
-    rtol: float = 1e-8
-    atol: float = 1e-8
-    norm: Callable = optimistix.max_norm
-    search: optimistix.AbstractSearch = optimistix.ClassicalTrustRegion()
-    verbose: Callable = lambda **_: None
+class _BoundedLevenbergMarquardt(optimistix.LevenbergMarquardt):
+    def __init__(self, low: Array, high: Array):
+        super().__init__(rtol=1e-8, atol=1e-8)
+        self.descent = _BoundedDescent(low, high)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _least_squares(residuals: Callable[[Array], Array], theta: Array, low: Array, high: Array) -> Array:
-    solver = _BoundedLevenbergMarquardt(_BoundedDescent(low, high))
+    solver = _BoundedLevenbergMarquardt(low, high)
     return optimistix.least_squares(lambda y, _: residuals(y), solver, theta, throw=False, max_steps=200).value
 
 

@@ -156,8 +156,11 @@ def test_side_by_side_is_one_by_one_and_reverse_is_forward(side_by_side):
     direction = jax.tree.map(lambda x: jnp.ones_like(jnp.asarray(x)), LANES[0][:5])
 
     @jax.jit
-    def alone(given, measured):
-        return jax.jvp(lambda *given: adapted(*given, measured)[1], given, direction)
+    def alone(given: tuple, measured):
+        def result(girdle, points_mm, bounds_mm, angles, weight):
+            return adapted(girdle, points_mm, bounds_mm, angles, weight, measured)[1]
+
+        return jax.jvp(result, given, direction)
 
     for number in TEN:
         *given, measured = jax.tree.map(jnp.asarray, LANES[number])
