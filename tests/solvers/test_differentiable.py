@@ -10,6 +10,7 @@ import pytest
 
 from adapt import adapt_subjects
 from adapt.differentiable import WEIGHT, adapt_subject, fit_posture
+from adapt.engine.batching import take_problems
 from models import load_model, model_names
 from models.adapted_parameters import ADAPTED_PARAMETERS
 from motions import InputError, read_motions
@@ -118,7 +119,8 @@ def test_the_optimum_is_that_of_adapt_subjects(side_by_side):
     _, found = side_by_side
     one = adapt_subjects(motions_of({"one": angles_of(OF_ALL_SETS)}), [load_model(name) for name in SETS], held_out=())
     ten = adapt_subjects(motions_of({f"S{k}": x for k, x in enumerate(UNEQUAL)}), load_model("R2"), held_out=())
-    expected = [*(one.adapted[name].take([0]) for name in SETS), *(ten.adapted["R2"].take([k]) for k in range(10))]
+    expected = [take_problems(one.adapted[name], [0]) for name in SETS]
+    expected += [take_problems(ten.adapted["R2"], [k]) for k in range(10)]
     for number, reference in enumerate(expected):
         ours = lane(found, number)
         assert ours.converged
