@@ -14,6 +14,7 @@ PACKAGES = ("motions", "models", "adapt")
 ORDER = (
     "motions",
     "models",
+    "adapt.differentiable",
     "adapt.engine",
     "adapt.solvers",
     "adapt.tables",

@@ -9,12 +9,16 @@ from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 from platform import python_version
 
+import jax.numpy as jnp
 import typer
 from packaging.requirements import Requirement
 
 from adapt.cli.options import console
 from adapt.cli.print_tables import folding_table
 from adapt.engine.compilation_cache import cache_folder
+from adapt.engine.jax_program import per_problem
+from adapt.engine.kernel import Kernel
+from adapt.engine.machine_code import MachineCodeError, emit_object
 from adapt.engine.object_cache import machine_folder, of_this_version
 
 EXIT_NEEDED_IS_MISSING = 1
@@ -49,6 +53,7 @@ def doctor() -> None:
         python_found(),
         compiled_found(),
         *packages_found(requires("girdle") or []),
+        machine_code_found(),
         *cache_found(cache_folder()),
     ]
     table = folding_table(f"girdle {version('girdle')} in {Path(__file__).parents[2]}", ("what", "found", "state"))
@@ -111,6 +116,15 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return ""
+
+
+def machine_code_found() -> Finding:
+    """Tell whether a function of this JAX becomes machine code on this processor; if not, why."""
+    try:
+        emit_object(Kernel("tried", per_problem(jnp.sin), ("",), "", 1).build().text())
+    except MachineCodeError as error:
+        return Finding("machine code", f"none: {error}", OPTIONAL, "XLA runs the fits, more slowly, as exactly")
+    return Finding("machine code", f"by llvmlite {version('llvmlite')}, of JAX {version('jax')}")
 
 
 def cache_found(folder: Path) -> Iterator[Finding]:

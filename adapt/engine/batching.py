@@ -8,7 +8,7 @@ problem to one size, so that one program serves every batch.
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from inspect import unwrap
 from typing import Any
 
@@ -16,15 +16,19 @@ import jax
 import numpy as np
 from numpy.typing import DTypeLike
 
-_UNFUSED = {"xla_disable_hlo_passes": "fusion", "xla_cpu_use_fusion_emitters": True}
-"""Compiler option for the streams of elementwise operations. XLA's fusion computes a shared value anew in each of its
-uses: measured on one sweep, 23 times the operations, 4 times the run time and 6 times the compilation. The emitters are
-XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes. JAX 0.11 refuses their name."""
+_HAS_OLD_EMITTERS = jax.__version_info__ < (0, 11)
+"""XLA may emit code without its fusion emitters: later versions have no other, and refuse the option's name."""
+
+_UNFUSED = {"xla_disable_hlo_passes": "fusion", "xla_cpu_use_fusion_emitters": True} if _HAS_OLD_EMITTERS else {}
+"""Compiler option for the streams of elementwise operations. JAX 0.10's fusion computes a shared value anew in each of
+its uses: measured on one sweep, 23 times the operations, 4 times the run time and 6 times the compilation. The emitters
+are XLA's default; where ``XLA_FLAGS`` turns them off, such a program compiles for minutes. JAX 0.12 does so where it
+may not fuse: measured on the posture sweep over 60 s of CPU time, fused 12 s, and the run takes a quarter of 0.10's."""
 
 QUICK_TO_COMPILE = {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
-    "xla_cpu_use_fusion_emitters": False,
+    **({"xla_cpu_use_fusion_emitters": False} if _HAS_OLD_EMITTERS else {}),
 }
 """Compiler options for a large program that is run a few times, as exact. Measured on the reference posture fit with an
 effect, 64 postures: compiled in 6 s instead of 17, in two thirds of the memory; 0.37 ms a posture instead of 0.13."""
@@ -105,15 +109,27 @@ def in_rounds(
         problems = start[0].shape[-1]
         return function(*fixed, (*start, np.zeros(problems, bool)), np.full(problems, float(iterations)))
 
+    def go_on(fixed: tuple[Any, ...], before: Any, *, iterations: int) -> Any:
+        found = done(fixed, [getattr(before, name) for name in names], iterations)
+        return found._replace(iterations=before.iterations + found.iterations)
+
     result = done(fixed, start, rounds[0])
     for iterations in rounds[1:]:
-        left = np.flatnonzero(~result.converged)
-        if not len(left):
-            break
-        before = take_problems(result, left)
-        further = done(take_problems(fixed, left), [getattr(before, name) for name in names], iterations)
-        result = with_problems(result, left, further._replace(iterations=before.iterations + further.iterations))
+        refit(result, ~result.converged, partial(go_on, iterations=iterations), fixed, result)
     return result
+
+
+def refit(
+    found: Any, which: Any, function: Callable[..., Any], *given: Any, put: Callable[..., None] | None = None
+) -> Any:
+    """Run ``function`` on these problems of ``given`` alone, and put what it finds into their places in ``found``.
+
+    ``which``: a truth a problem. ``put``: another way to put it there than to replace what was.
+    """
+    left = np.flatnonzero(which)
+    if len(left):
+        (put or put_problems)(found, left, function(*take_problems(given, left)))
+    return found
 
 
 def as_type(tree: Any, dtype: DTypeLike) -> Any:

@@ -24,7 +24,7 @@ Numbers = np.ndarray
 
 
 class UnknownOperationError(MachineCodeError):
-    """JAX does something for which there is no instruction here: XLA runs such a function."""
+    """JAX does something that is not known here, or not so written: XLA runs such a function."""
 
 
 def per_problem(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -40,7 +40,7 @@ def per_problem(function: Callable[..., Any]) -> Callable[..., Any]:
             return jax.vmap(function, in_axes=-1, out_axes=-1)(*trees)
         shapes = [jax.ShapeDtypeStruct(_numbers(x).shape, _dtype(_first(x), builder.dtype)) for x in leaves]
         traced, result = jax.make_jaxpr(function, return_shape=True)(*jax.tree.unflatten(tree, shapes))
-        found = _run(traced, [_numbers(x) for x in leaves])
+        found = _understood(traced, [_numbers(x) for x in leaves])
         if any(x.ndim > 1 for x in found):
             raise UnknownOperationError("a result may be a number or a vector, no matrix")
         every = [_each(builder.broadcast, x).tolist() for x in found]
@@ -75,6 +75,19 @@ def _constant(x: Any) -> Numbers:
     for place, value in np.ndenumerate(x):
         array[place] = value.item()
     return array
+
+
+def _understood(program: ClosedJaxpr, arguments: Sequence[Numbers]) -> list[Numbers]:
+    """Do the equations of a jaxpr. Raises UnknownOperationError whatever goes wrong: JAX has traced it, XLA can run it.
+
+    A version of JAX may write a known operation otherwise (other parameters, operands of another type).
+    """
+    try:
+        return _run(program, arguments)
+    except MachineCodeError:
+        raise
+    except Exception as error:
+        raise UnknownOperationError(f"JAX's program is not understood: {type(error).__name__}: {error}") from error
 
 
 def _run(program: ClosedJaxpr, arguments: Sequence[Numbers]) -> list[Numbers]:
@@ -365,6 +378,8 @@ def _split(params: dict[str, Any], x: Numbers) -> list[Numbers]:
 
 def _converted(params: dict[str, Any], x: Numbers) -> Numbers:
     kind = np.dtype(params["new_dtype"])
+    if kind.kind == "c":
+        raise UnknownOperationError("complex numbers")
     convert = _as_truth if kind.kind == "b" else _as_whole if np.issubdtype(kind, np.integer) else _as_number
     return _each(convert, x)
 

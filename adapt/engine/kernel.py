@@ -4,7 +4,8 @@ The text (such as ``adapt.solvers.newton.subject.sweep``) is called once with th
 ``adapt.engine.simd_values``; LLVM makes object code of the instructions that it leaves behind, which is kept between
 runs. Threads, one a core, run it over blocks of eight problems, of sixteen in float32. No length is in the code: one
 compilation serves every batch. XLA compiles the same text where there is no machine code because llvmlite is missing or
-fails: the results agree to rounding, but take longer, on a GPU too (docs/research/performance.md).
+fails, or the text asks for an operation of JAX that the compiler does not know: the results agree to rounding, but take
+longer, on a GPU too (docs/research/performance.md). The logger of this module says so, once for each reason.
 """
 
 import ctypes

@@ -6,6 +6,8 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+import jax
+
 from adapt.engine.compilation_cache import cache_folder
 from adapt.engine.machine_code import describe_target, emit_object
 from motions.errors import InputError
@@ -24,7 +26,7 @@ def machine_folder() -> Path:
 
 
 def of_this_version(path: Path) -> bool:
-    """Say whether a file of the folder is for this text, compiler and processor: others are never read again."""
+    """Say whether a file of the folder is for this text, JAX, compiler and processor: no other is read again."""
     return path.name.endswith(f"-{_key()}")
 
 
@@ -45,8 +47,11 @@ def object_code(name: str, text: Callable[[], str]) -> bytes:
 
 @cache
 def _key() -> str:
-    """Return one word for all that the code depends on: the project's text, the compiler, the processor."""
-    return _DIGEST(describe_target().encode() + source_digest(_ROOT)).hexdigest()[:32]
+    """Return one word for all that the code depends on: the project's text, JAX, the compiler, the processor.
+
+    JAX's derivatives may differ between its versions in the order of their operations.
+    """
+    return _DIGEST(f"{jax.__version__} {describe_target()}".encode() + source_digest(_ROOT)).hexdigest()[:32]
 
 
 def source_digest(root: Path) -> bytes:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from adapt.engine.batching import as_type, take_problems, with_problems
+from adapt.engine.batching import as_type, refit, take_problems, with_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.objective import (
@@ -23,7 +23,6 @@ from adapt.solvers.posture_fits import fit_batch, nearby_angles
 from adapt.solvers.problems import Problems, landmarks_distance_mm2, subject_problem
 from adapt.solvers.projection.subjects import fit_sizes
 from adapt.solvers.solution import SubjectSolution
-from adapt.solvers.starts import at_rest_where_unknown
 from models.adapted_parameters import STARTS_MM
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
 from models.ellipsoid import signed_distance_mm
@@ -132,13 +131,13 @@ def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progr
     for _ in range(_ROUNDS):
         part, before = take_problems(data, left), take_problems(adapted, left)
         problem = subject_problem(part, np.full(len(left), weight))
-        found = fit_sizes(problem, before.theta_mm, before.angles, part.active_effects)
-        moved = np.abs(found.sizes - sizes[:, left]).max(axis=0) > _SAME_SIZE
-        sizes[:, left] = found.sizes
-        after = adapted_from(part.with_sizes(found.sizes), found.theta_mm, weight)
+        own, theta_mm, E, ended = fit_sizes(problem, before.theta_mm, before.angles, part.active_effects)
+        moved = np.abs(own - sizes[:, left]).max(axis=0) > _SAME_SIZE
+        sizes[:, left] = own
+        after = adapted_from(part.with_sizes(own), theta_mm, weight)
         adapted = with_problems(adapted, left, after)
-        again = moved & (after.E < found.E * (1.0 - _SAME_VALLEY))
-        settled[left] = found.settled & ~again
+        again = moved & (after.E < E * (1.0 - _SAME_VALLEY))
+        settled[left] = ended & ~again
         left = left[again]
         if not len(left):
             break
@@ -227,7 +226,7 @@ def _starts(data: Problems) -> tuple[Float[np.ndarray, "adapted starts"], Float[
     with effects at work, which close the chains themselves, with the measured angles alone."""
     lower, upper = data.bounds_mm
     theta = [np.clip(data.girdle.adapted_mm + offset[:, None], lower, upper) for offset in STARTS_MM]
-    angles = [at_rest_where_unknown(data.angles, data.measured)]
+    angles = [np.asarray(data.angles)]
     if not data.active_effects.effects:
         girdle = take_problems(data.girdle.with_adapted(theta[0]), np.nonzero(data.counted)[1])
         angles.insert(0, _over_postures(data, nearby_angles(girdle, *_of_rows(data))))
@@ -240,7 +239,7 @@ def solved_from_geometric_fit(data: Problems) -> SubjectSolution:
     compare."""
     theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
     problem = subject_problem(data, np.full(data.counted.shape[1:], WEIGHT))
-    return _ended(problem, NO_ACTIVE_EFFECTS, solved_from(problem, NO_ACTIVE_EFFECTS, theta, data.angles))
+    return solved_from(problem, NO_ACTIVE_EFFECTS, theta, data.angles)
 
 
 def adapted_from(
@@ -273,8 +272,7 @@ def _to_the_lowest_postures(
     result: SubjectSolution,
     progress: Progress,
 ) -> Adapted:
-    """Go on with what has not converged by projections, and with a posture in the higher of two local minima."""
-    result = _ended(problem, data.active_effects, result)
+    """Go on with what has not converged, and with a posture in the higher of two local minima."""
     left = np.arange(len(result.converged))
     for number in range(2, _ROUNDS + 1):
         angles, lower = _lower_postures(take_problems(data, left), take_problems(result, left))
@@ -284,7 +282,7 @@ def _to_the_lowest_postures(
             break
         progress(f"round {number}")
         part = take_problems((problem, data.active_effects), left)
-        further = _ended(*part, solved_from(*part, result.theta[:, left], angles[..., again]))
+        further = solved_from(*part, result.theta[:, left], angles[..., again])
         gains = further.converged | ~result.converged[left]
         left = left[gains]  # another would go the same way again
         result = with_problems(result, left, take_problems(further, gains))
@@ -294,25 +292,15 @@ def _to_the_lowest_postures(
 
 
 def solved_from(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles) -> SubjectSolution:
-    """Find the optima reached from here, by Newton where the chain is plain; look at ``converged``. What float32 leaves
-    goes on in float64."""
+    """Find the optima reached from here: by Newton where the chain is plain, by projections where it is not and where
+    Newton has not ended, in 1 of 10 000 simulated adaptations; look at ``converged``."""
     if active_effects.effects:
         return projection.fit_subjects(problem, theta, angles, active_effects)
-    result = newton.fit_subjects(problem, theta, angles)
-    left = np.flatnonzero(~result.converged)
-    if len(left) and problem.angles.dtype == np.float32:
-        again = take_problems((problem, theta, angles), left)
-        result = with_problems(result, left, newton.fit_subjects(*as_type(again, float)))
-    return result
-
-
-def _ended(problem: SubjectProblem, active_effects: ActiveEffects, result: SubjectSolution) -> SubjectSolution:
-    """Go on by projections with what Newton has not ended: 1 of 10 000 simulated adaptations."""
-    left = np.flatnonzero(~result.converged)
-    if not len(left) or active_effects.effects:
-        return result
-    given = as_type(take_problems((problem, result.theta, result.angles), left), float)
-    return with_problems(result, left, projection.fit_subjects(*given))
+    found = newton.fit_subjects(problem, theta, angles)
+    exact = as_type(problem, float)
+    if problem.angles.dtype == np.float32:
+        refit(found, ~found.converged, newton.fit_subjects, exact, *as_type((theta, angles), float))
+    return refit(found, ~found.converged, projection.fit_subjects, exact, found.theta, found.angles)
 
 
 def _lower_postures(data: Problems, solved: SubjectSolution) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,6 @@ from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import newton, status
 from adapt.solvers.projection.postures import fit_from
 from adapt.solvers.solution import PostureSolution
-from adapt.solvers.starts import at_rest_where_unknown
 from models.effects import AnyGirdle
 from models.girdle import Girdle
 from motions.arrays import ByType
@@ -61,8 +60,8 @@ def mark_jumps(
 
 
 def _targets(girdle: AnyGirdle, angles, measured):
-    """Girdle and angles of each problem, and which were measured; the others are those of rest."""
-    return girdle, at_rest_where_unknown(angles, measured).astype(float), measured
+    """Girdle and angles of each problem, and which were measured."""
+    return girdle, angles.astype(float), measured
 
 
 def _follow_from_best(fitted: PostureSolution, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:

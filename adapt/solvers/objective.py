@@ -135,7 +135,8 @@ READINGS = {
     "mm2_sum_deg2": Reading(sum_postures=True),
     "mm2_deg2_landmarks": Reading(landmarks=1.0),
 }
-"""The readings by name; ``mm2_deg2`` is the default (docs/research/thesis.md compares those that the thesis leaves open)."""
+"""The readings by name; ``mm2_deg2`` is the default. docs/research/thesis.md compares those that the thesis leaves
+open."""
 
 DEFAULT_READING = "mm2_deg2"
 

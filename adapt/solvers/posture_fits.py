@@ -5,9 +5,9 @@ A problem is one posture of one subject with one girdle; the last axis of every 
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import as_type, put_problems, take_problems
+from adapt.engine.batching import as_type, put_problems, refit, take_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.objective import angle_weights, mean_square_deg2
 from adapt.solvers.solution import PostureSolution, put_lower
@@ -29,9 +29,6 @@ all end alike from 15 on, which takes a fifth longer, and all but one without pl
 _PLACES_DEG = np.stack([np.zeros(6), *OFFSETS_DEG])
 """Where a chain is closed from before a fit, as offsets to the measured angles."""
 
-_TOGETHER = 64
-"""Fits that begin anew side by side, each from the next place, or fewer of them from several."""
-
 
 def fit_batch(
     girdle: AnyGirdle,
@@ -49,24 +46,19 @@ def fit_batch(
 
     Angles in float32 are fitted in float32, and in float64 where that does not converge.
     """
-    target = at_rest_where_unknown(angles, measured)
-    determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & np.isfinite(target).all(axis=0) & _finite(girdle)
-    target = at_rest_where_unknown(target, determined)
+    finite = np.isfinite(angles) | ~measured
+    determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & finite.all(axis=0) & _finite(girdle)
+    target = at_rest_where_unknown(angles, measured & determined)
     found = _solved(girdle, target, measured, start)
     girdle, target = as_type((girdle, target), float)
     found.code[~np.isfinite(found.j_deg2)] = status.UNCONVERGED
     found.code[~determined] = status.UNUSABLE
-    least_open = np.full(len(determined), np.inf)
-    place, together = 0, 1  # most end well at the first place
-    while place < len(_PLACES_DEG):
-        again = np.flatnonzero(found.code == status.UNCONVERGED)
-        if not len(again):
-            return found
-        places = _PLACES_DEG[place : place + together] / DEG
-        _start_again(found, least_open, again, take_problems((girdle, target, measured), again), places)
-        place += len(places)
-        together = max(1, _TOGETHER // len(again))
-    found.code[(found.code == status.UNCONVERGED) & (least_open > OPEN_CHAIN_MM)] = status.OPEN
+    found.residual_mm[:, found.code == status.UNCONVERGED] = np.inf
+    for offset in _PLACES_DEG:
+        place = target + offset[:, None] / DEG
+        refit(found, found.code == status.UNCONVERGED, _from_closed, girdle, target, measured, place, put=_put_closer)
+    open_mm = np.abs(found.residual_mm).max(axis=0)
+    found.code[(found.code == status.UNCONVERGED) & (open_mm > OPEN_CHAIN_MM)] = status.OPEN
     return found
 
 
@@ -75,9 +67,8 @@ def nearby_angles(
 ) -> Float[np.ndarray, "6 problems"]:
     """Fit postures by Newton alone, for a start: where that does not converge, the angles (rad) that it ends with, or
     the measured ones if they are not finite."""
-    target = at_rest_where_unknown(angles, measured)
-    found = newton.fit_postures(girdle, target, measured, far_deg2=_FAR_START_DEG2).angles
-    return np.where(np.isfinite(found).all(axis=0), found, target)
+    found = newton.fit_postures(girdle, angles, measured, far_deg2=_FAR_START_DEG2).angles
+    return np.where(np.isfinite(found).all(axis=0), found, angles)
 
 
 def _solved(girdle: AnyGirdle, target, measured, start) -> PostureSolution:
@@ -86,45 +77,32 @@ def _solved(girdle: AnyGirdle, target, measured, start) -> PostureSolution:
     if not isinstance(girdle, Girdle):
         return projection.fit_postures(girdle, target, measured, start)
     found = as_type(newton.fit_postures(girdle, target, measured, start), float)
-    left = np.flatnonzero(~found.converged & measured.any(axis=0))  # without any it is padding
-    if len(left):
-        girdle, s, known = take_problems((girdle, target, measured), left)
-        start = None if start is None else start[:, left]
-        fit = projection.fit_postures
-        if s.dtype == np.float32:
-            (girdle, s), fit = as_type((girdle, s), float), _solved
-        put_lower(found, left, fit(girdle, s, known, start))
+    further = projection.fit_postures
+    if target.dtype == np.float32:
+        (girdle, target), further = as_type((girdle, target), float), _solved
+    left = ~found.converged & measured.any(axis=0)  # without any it is padding
+    return refit(found, left, further, girdle, target, measured, start, put=put_lower)
+
+
+def _from_closed(girdle: AnyGirdle, target, measured, place) -> PostureSolution:
+    """Fit from where the chain closes next to the places; where that does not end well, the angles there."""
+    closed, residual = projection.close_chains(girdle, place)
+    found = _solved(girdle, target, measured, closed)
+    failed = ~found.converged
+    for whole, there in ((found.angles, closed), (found.residual_mm, residual)):
+        whole[:, failed] = there[:, failed]
+    found.j_deg2[:] = mean_square_deg2(found.angles, target, angle_weights(measured))
+    found.multipliers[:, failed], found.stationarity[failed] = 0.0, np.nan
     return found
 
 
-def _start_again(found: PostureSolution, least_open, again, problem, places) -> None:
-    """Fit the problems ``again`` from where they close next to each of the places, and put in the first that converges.
-
-    Else what was least open so far, ``least_open``. The places are tried side by side.
-    """
-    count = len(again)
-    girdle, target, measured = take_problems(problem, np.tile(np.arange(count), len(places)))
-    closed, residual = projection.close_chains(girdle, target + np.repeat(places.T, count, axis=1))
-    tried = _solved(girdle, target, measured, closed)
-    unsolved, every_open_mm = _unsolved(closed, residual, target, measured), np.abs(residual).max(axis=0)
-    for first in range(0, len(places) * count, count):
-        here = first + np.flatnonzero(found.code[again] == status.UNCONVERGED)
-        converged = tried.converged[here]
-        put_problems(found, again[here[converged] - first], take_problems(tried, here[converged]))
-        here = here[~converged]
-        here = here[every_open_mm[here] < least_open[again[here - first]]]
-        least_open[again[here - first]] = every_open_mm[here]
-        put_problems(found, again[here - first], take_problems(unsolved, here))
+def _put_closer(found: PostureSolution, problems: Int[np.ndarray, " again"], other: PostureSolution) -> None:
+    """Put in what converged, and else what is less open."""
+    before, after = (np.abs(one.residual_mm).max(axis=0) for one in (take_problems(found, problems), other))
+    closer = other.converged | (after < before)
+    put_problems(found, problems[closer], take_problems(other, closer))
 
 
 def _finite(girdle: AnyGirdle) -> Bool[np.ndarray, " problems"]:
     """Whether every number of the girdle of a problem is one."""
     return np.isfinite(sum(np.sum(x, axis=tuple(range(np.ndim(x) - 1))) for x in jax.tree.leaves(girdle)))
-
-
-def _unsolved(closed, residual, target, measured) -> PostureSolution:
-    """Angles where the chain closes, or is least open, as a fit that did not converge."""
-    j, count = mean_square_deg2(closed, target, angle_weights(measured)), closed.shape[1]
-    code, nothing = np.full(count, status.UNCONVERGED), np.zeros(count, bool)
-    unknown = np.full(count, np.nan)
-    return PostureSolution(closed, np.zeros_like(residual), residual, unknown, j, np.zeros(count, int), code, nothing)

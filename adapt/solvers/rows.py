@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
+from adapt.solvers.starts import at_rest_where_unknown
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
 from motions.landmarks.sampled_postures import marked_slips
@@ -28,7 +29,7 @@ class PostureRows:
     """The rows of the motions of S subjects."""
 
     angles: Float[np.ndarray, "6 rows"]
-    """Measured angles s, rad; 0 where not measured."""
+    """Measured angles s, rad; those of the arm at rest where not measured."""
     measured: Bool[np.ndarray, "6 rows"]
     subject: Int[np.ndarray, " rows"]
     """Its number."""
@@ -90,7 +91,7 @@ def posture_rows(
     number = {name: k for k, name in enumerate(motions.subjects)}
     measured = np.isfinite(motions.angles_deg.T)
     return PostureRows(
-        angles=np.where(measured, motions.angles_deg.T, 0.0) / DEG,
+        angles=at_rest_where_unknown(motions.angles_deg.T / DEG, measured),
         measured=measured,
         subject=np.array([number[name] for name in motions.subject]),
         previous=motions.previous_rows(),

@@ -1,42 +1,56 @@
-"""A gradient through a posture fit: how does the gap of each subject change with the length of the conoid?
+"""Derivatives of an adaptation: what do errors of the measured angles do to the adapted girdle of a person?
 
-`posture_fit` is a JAX function: `jax.grad` goes through it (by the implicit function theorem, not by its iterations),
-`jax.vmap` over subjects. The subjects are simulated.
+Two kinds of error of a simulated subject: a bias of one degree in scapular tipping, in every posture, and noise that is
+independent in every angle. `adapt_subject` is a JAX function, so both follow from one Jacobian. The SDs stand beside
+those of `girdle trust`, which also leaves out how the constraints curve.
 """
 
-from dataclasses import replace
-
 import jax
-import jax.numpy as jnp
 import numpy as np
-from adapt.solvers.differentiable import QUICK_TO_COMPILE, posture_fit
 from simulated_trial import shipped_subjects
 
+from adapt import adapt_subjects
+from adapt.differentiable import adapt_subject
 from models import load_model
 
+SUBJECT, MODEL = "simulated02", "breteler_dissection"
 
-def gap_deg2(conoid_length_mm, angles):
-    """Compute the mean J over the postures (6, postures) of a subject, in rad, as a function of the conoid's length."""
-    girdle = replace(load_model("R2").girdle, conoid_length_mm=conoid_length_mm)
-    return jnp.mean(posture_fit(girdle, angles).j_deg2)
+PARAMETERS = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid length")
+
+TIPPING = 5
+"""Of the six angles: scapula_x."""
+
+# A quarter of the compilation, for a program that runs once.
+QUICK_TO_COMPILE = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
 
 
-# Half the seconds on the first call, most of which is compilation. Leave the options out where it runs many times.
-of_every_subject = jax.jit(jax.vmap(jax.value_and_grad(gap_deg2), in_axes=(None, 0)), compiler_options=QUICK_TO_COMPILE)
+def theta_mm(angles):
+    """Compute the adapted parameters, mm, as a function of the measured angles (6, postures), rad."""
+    model = load_model(MODEL)
+    found = adapt_subject(model.girdle, model.points_mm, model.bounds_mm, angles)
+    return found.theta_mm, found
 
 
-def angles() -> np.ndarray:
-    """Arrange the measured angles by subject, (subjects, 6, postures) in rad: here all have as many postures."""
+def main() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Print mm by a degree of tipping bias, and SDs by noise: from the Jacobian, and from `girdle trust`."""
     motions = shipped_subjects()
-    return np.deg2rad(motions.angles_deg).reshape(len(motions.subjects), -1, 6).transpose(0, 2, 1)
+    motions = motions.select(motions.subject == SUBJECT)
+    slopes = jax.jit(jax.jacrev(theta_mm, has_aux=True), compiler_options=QUICK_TO_COMPILE)
+    jacobian, found = slopes(np.deg2rad(motions.angles_deg.T))
+    by_degree = np.deg2rad(np.asarray(jacobian))  # mm a degree, (6 parameters, 6 angles, postures)
 
+    bias_mm = by_degree[:, TIPPING].sum(axis=1)
+    trust = adapt_subjects(motions, load_model(MODEL), held_out=()).uncertainty
+    noise_deg = trust.noise_deg[0]
+    sd_mm = noise_deg * np.sqrt((by_degree**2).sum(axis=(1, 2)))
+    trust_sd_mm = np.sqrt(np.diag(trust.noise_mm2[..., 0]))
 
-def main() -> tuple[jax.Array, jax.Array]:
-    """Print gap and gradient of ten subjects."""
-    gaps_deg2, slopes = of_every_subject(load_model("R2").girdle.conoid_length_mm, angles())
-    for subject, gap, slope in zip(shipped_subjects().subjects, gaps_deg2, slopes, strict=True):
-        print(f"{subject}: mean J {gap:6.2f} deg^2, {slope:+.3f} deg^2 for each mm of conoid")
-    return gaps_deg2, slopes
+    print(f"{SUBJECT}, {MODEL}: mean J {found.mean_j_deg2:.2f} deg^2, noise {noise_deg:.2f} deg")
+    print(f"{'mm':14s} {'adapted':>8s} {'by 1 deg of tipping':>20s} {'SD by noise':>12s} {'girdle trust':>13s}")
+    for row in zip(PARAMETERS, found.theta_mm, bias_mm, sd_mm, trust_sd_mm, found.free, strict=True):
+        name, value, bias, sd, of_trust, free = row
+        print(f"{name:14s} {value:8.1f} {bias:+20.2f} {sd:12.2f} {of_trust:13.2f}" + ("" if free else "  at its bound"))
+    return bias_mm, sd_mm, trust_sd_mm
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from command import girdle
 
 from adapt.cli import doctor
 from adapt.engine import object_cache
+from adapt.engine.machine_code import MachineCodeError
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 
@@ -77,6 +78,20 @@ def test_a_python_that_is_too_old_is_named(monkeypatch):
 
 def test_every_extra_of_a_user_has_its_use():
     assert set(doctor.USE_OF_EXTRA) == set(PROJECT["optional-dependencies"]) - {"dev", "docs", "peers"}
+
+
+def test_a_compiler_that_fails_is_no_failure(cache, declared, monkeypatch):
+    """XLA then runs the fits."""
+    assert doctor.machine_code_found().state == doctor.OK
+
+    def fail(text):
+        raise MachineCodeError("as LLVM says it")
+
+    monkeypatch.setattr(doctor, "emit_object", fail)
+    ended = girdle("doctor")
+    assert ended.status == 0
+    assert "none: as LLVM says it" in ended.out
+    assert "machine code: XLA runs the fits, more slowly, as exactly" in ended.out.splitlines()
 
 
 def test_what_is_kept_is_counted(cache):

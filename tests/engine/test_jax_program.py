@@ -8,8 +8,11 @@ import numpy as np
 import platformdirs
 import pytest
 from jax import lax
+from jax.extend.core import Primitive
+from jax.interpreters import batching, mlir
 from programs import one_run
 
+from adapt.engine import jax_program
 from adapt.engine.function_builder import FunctionBuilder
 from adapt.engine.jax_program import UnknownOperationError, per_problem
 from adapt.engine.kernel import Kernel
@@ -435,13 +438,41 @@ def test_what_it_does_not_know_is_said(function):
         built(function, "3")
 
 
-def test_what_it_does_not_know_is_left_to_xla():
+ONE_AT_RANDOM = float(jax.random.uniform(jax.random.key(0)))
+
+cubed = Primitive("cubed_by_a_later_version")
+"""As a later JAX may bring one."""
+cubed.def_abstract_eval(lambda x: x)
+batching.primitive_batchers[cubed] = lambda operands, places: (cubed.bind(*operands), places[0])
+mlir.register_lowering(cubed, mlir.lower_fun(lambda x: x**3, multiple_results=False))
+
+
+@pytest.mark.parametrize(
+    ("function", "by_numpy"),
+    [
+        (cubed.bind, lambda x: x**3),
+        (jnp.tan, np.tan),
+        (jnp.sort, lambda x: np.sort(x, axis=0)),
+        (lambda x: jnp.abs(jnp.sqrt(x.astype(complex))), lambda x: np.sqrt(np.abs(x))),
+        (lambda x: x + jax.random.uniform(jax.random.key(0)), lambda x: x + ONE_AT_RANDOM),
+    ],
+)
+def test_what_it_does_not_know_is_left_to_xla(function, by_numpy):
     """An effect of a user may need any function of JAX."""
     (x,) = given(("3",))
-    kernel = Kernel("tangents", per_problem(jnp.tan), ("3",), "3", 64)
+    kernel = kernel_of(function, ("3",), "3")
     with pytest.raises(UnknownOperationError):
         kernel.by_machine(x)
-    np.testing.assert_allclose(kernel(x), np.tan(x), rtol=RELATIVE)
+    np.testing.assert_allclose(kernel(x), by_numpy(x), rtol=RELATIVE)
+
+
+def test_what_another_jax_writes_otherwise_is_left_to_xla(monkeypatch):
+    (x,) = given(("3",))
+    kernel = kernel_of(lambda x: x[1:], ("3",), "2")
+    monkeypatch.setitem(jax_program._STRUCTURE, "slice", lambda params, x: params["of_another_version"])
+    with pytest.raises(UnknownOperationError, match="KeyError: 'of_another_version'"):
+        kernel.by_machine(x)
+    np.testing.assert_array_equal(kernel(x), x[1:])
 
 
 def test_a_matrix_is_no_result():

@@ -1,5 +1,8 @@
 """The arithmetic of machine code against numpy's: operations, loops, memory; problems that know nothing of others."""
 
+import re
+from pathlib import Path
+
 import jax
 import numpy as np
 import platformdirs
@@ -205,3 +208,12 @@ def test_parts_of_a_turn_are_exact(dtype, bits):
     for part in parts[:2]:
         mantissa, _ = np.frexp(part)
         assert float(mantissa) * 2**bits == int(float(mantissa) * 2**bits)
+
+
+def test_the_exit_rule_names_every_file_of_the_compiler():
+    root = Path(__file__).parents[2]
+    text = (root / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rule = text.split("## When to delete the compiler")[1].split("\n## ")[0]
+    stays = {"__init__.py", "axes.py", "batching.py", "compilation_cache.py", "kernel.py"}
+    files = {path.name for path in (root / "adapt" / "engine").glob("*.py")} - stays
+    assert set(re.findall(r"`(\w+\.py)`", rule)) == files

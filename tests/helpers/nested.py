@@ -1,11 +1,10 @@
-"""The nested objective and its slopes, of several problems at once: one program for all tests that ask for it."""
+"""E as a function of theta, and its slopes, of several problems at once: one program for all tests that ask for it."""
 
 import jax
 import jax.numpy as jnp
-from adapt.solvers.differentiable import nested_objective
 from programs import few_runs
 
-from adapt.solvers.objective import WEIGHT
+from adapt.differentiable import objective
 from models.girdle import Girdle
 
 PROBLEMS = 4
@@ -13,7 +12,7 @@ PROBLEMS = 4
 
 
 def _nested(theta, girdle, points, angles):
-    return nested_objective(theta, girdle, points, angles, jnp.ones(angles.shape, bool), WEIGHT)
+    return objective(theta, girdle, points, angles)
 
 
 _values_and_slopes = few_runs(jax.vmap(jax.value_and_grad(_nested)))

@@ -11,7 +11,7 @@ FILES = rooms.source_files()
 IMPORTS = tuple(rooms.imports(FILES))
 CROSSINGS = rooms.crossings(IMPORTS)
 
-MOST_ENTRIES = 12
+MOST_ENTRIES = 13
 """Of a folder: what a reader takes in at once."""
 
 NOT_COUNTED = {"__init__.py", "__main__.py", "__pycache__"}

@@ -7,13 +7,12 @@ import pytest
 
 from adapt.api import adapt_subjects
 from adapt.model_subjects import simulate_model_subjects
-from adapt.solvers.objective import fitted_girdle
 from adapt.solvers.problems import sets_of
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.parameter_sets import ParameterSet
 from models.person.family import PersonalSets, girdles_of, without_set
-from models.person.thorax_ellipsoid import fit_thorax
+from models.person.thorax_ellipsoid import fit_thorax, fitted_girdle
 
 MANY = 12
 """More than are fitted one by one."""

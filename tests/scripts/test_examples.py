@@ -1,12 +1,14 @@
 """The examples run, and say what is so: each in this process, as a reader would run it from the shell."""
 
 import runpy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command import girdle
 
+from adapt import adapt_subjects
 from models import load_model
 from motions import read_motions, read_trial
 from scripts.rooms import ROOT
@@ -19,8 +21,8 @@ ROUNDED_MM = 1e-4
 ROUNDING_DEG = 1e-9
 """Of rotations there and back, through positions of 100 mm with all digits."""
 
-H_MM = 1e-3
-"""Of a central difference in the conoid's length."""
+STEP_DEG = 0.01
+"""Of a central difference: theta moves by up to 0.1 mm, and its own curvature leaves 1e-5 of that."""
 
 
 @pytest.fixture
@@ -84,12 +86,17 @@ def test_an_effect_of_ones_own_is_found(example):
     assert size.low < effect.prior.scale[0] < size.high
 
 
-def test_the_gradient_is_that_of_differences(example):
+def test_errors_of_the_angles_reach_the_parameters(example):
+    """The bias by differences of adaptations; the SDs beside those of the information, which leaves out curvature."""
     names = example(4)
-    _, slopes = names["main"]()
-    length_mm = load_model("R2").girdle.conoid_length_mm
-    (above, _), (below, _) = (names["of_every_subject"](length_mm + step, names["angles"]()) for step in (H_MM, -H_MM))
-    np.testing.assert_allclose(slopes, (above - below) / (2.0 * H_MM), rtol=1e-5)
+    bias_mm, sd_mm, trust_sd_mm = names["main"]()
+    motions, model = names["shipped_subjects"](), load_model(names["MODEL"])
+    motions = motions.select(motions.subject == names["SUBJECT"])
+    tipping = np.eye(6)[names["TIPPING"]]
+    moved = [replace(motions, angles_deg=motions.angles_deg + sign * STEP_DEG * tipping) for sign in (1, -1)]
+    above, below = (adapt_subjects(one, model, held_out=()).adapted[model.name].theta_mm[:, 0] for one in moved)
+    np.testing.assert_allclose(bias_mm, (above - below) / (2.0 * STEP_DEG), rtol=0.0, atol=1e-4 * abs(bias_mm).max())
+    np.testing.assert_allclose(sd_mm, trust_sd_mm, rtol=0.5)
 
 
 def test_a_persons_own_model(example, tmp_path):
@@ -108,7 +115,7 @@ def test_a_cluster(example, tmp_path):
 
 
 def test_examples_use_what_is_public():
-    public = {"adapt", "adapt.report", "adapt.solvers.differentiable", "models", "models.effects", "motions"}
+    public = {"adapt", "adapt.report", "adapt.differentiable", "models", "models.effects", "motions"}
     public |= {"motions.rotations"}
     for path in (*EXAMPLES, Path(EXAMPLES[0].parent / "simulated_trial.py")):
         lines = path.read_text().splitlines()

@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from adapt.solvers.differentiable import posture_fit
 from oracles import bones, constraints
-from programs import few_runs, one_run
+from programs import few_runs
 
 from adapt import fit_postures
+from adapt.differentiable import fit_posture
 from models import load_model
 from models.girdle import Girdle, constraint_residuals_mm
 from motions import InputError, read_motions
@@ -37,12 +37,12 @@ FIELDS = tuple(field.name for field in fields(Girdle))
 
 def test_angles_by_posture_are_named_as_such():
     with pytest.raises(InputError, match=r"their shape is \(7, 6\)\. Give \(6, postures\) in rad"):
-        posture_fit(GIRDLE, jnp.ones((7, 6)))
+        fit_posture(GIRDLE, jnp.ones((7, 6)))
 
 
 def quantities(girdle: Girdle, angles, known=ALL):
     """Angles (rad), multipliers and J of one posture as one vector, to compile everything once."""
-    fit = posture_fit(girdle, angles, known)
+    fit = fit_posture(girdle, angles, known)
     return jnp.concatenate([fit.angles, fit.multipliers, fit.j_deg2[None]])
 
 
@@ -53,7 +53,7 @@ def _twice(*arguments):
 
 _forward = few_runs(jax.jacfwd(_twice, argnums=(0, 1), has_aux=True))
 """Slopes and values, one program."""
-_reverse = one_run(jax.jacrev(quantities, argnums=(0, 1)))
+_reverse = few_runs(jax.jacrev(quantities, argnums=(0, 1)))
 
 
 def value(girdle, angles, known=ALL):
@@ -110,7 +110,7 @@ def test_the_fitted_posture_stays_on_the_constraints():
 def test_the_slope_of_j_is_the_multipliers_times_the_slope_of_the_constraints():
     """dJ/dtheta = lambda . dg/dtheta (envelope theorem), for every number of the girdle."""
     fitted = value(GIRDLE, ONE)
-    T = one_run(jax.jacfwd(constraint_residuals_mm))(GIRDLE, fitted[:6])
+    T = few_runs(jax.jacfwd(constraint_residuals_mm))(GIRDLE, fitted[:6])
     slope = forward(GIRDLE, ONE)[0]
     for field in FIELDS:
         expected = np.tensordot(np.asarray(fitted[6:9]), np.asarray(getattr(T, field)), axes=1)
@@ -125,35 +125,38 @@ def test_a_missing_angle_has_no_slope_and_takes_no_part():
     assert np.abs(slope[:, 0]).max() > 0.1
 
 
-def test_a_posture_that_fails_is_nan_alone():
-    """R2 with a conoid far too short for one of two postures: no wrong number, and no NaN next door."""
-    girdle = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), GIRDLE)
+def test_a_posture_that_fails_is_nan_alone_and_padding_is_zero():
+    """R2 with a conoid far too short for one of three postures, and one of which nothing was measured: no wrong number,
+    and no NaN next door."""
+    girdle = jax.tree.map(lambda x: jnp.stack([x, x, x], axis=-1), GIRDLE)
     short = Girdle(**(vars(girdle) | {"conoid_length_mm": girdle.conoid_length_mm.at[1].set(1.0)}))
-    pair = jnp.stack([ONE, ONE], axis=-1)
+    three = jnp.stack([ONE, ONE, jnp.full(6, jnp.nan)], axis=-1)
+    measured = jnp.isfinite(three)
 
-    def total(s):
-        fit = posture_fit(short, s)
-        return jnp.nansum(fit.j_deg2), fit.angles
+    def total(girdle, s):
+        fit = fit_posture(girdle, s, measured)
+        return jnp.nansum(fit.j_deg2), fit
 
-    (j, angles), slope = few_runs(jax.value_and_grad(total, has_aux=True))(pair)
+    (j, fit), (of_girdle, slope) = few_runs(jax.value_and_grad(total, (0, 1), has_aux=True))(short, three)
     expected = value(GIRDLE, ONE)
-    assert_close(angles[:, 0], expected[:6], EXACT)
-    assert np.isnan(np.asarray(angles)[:, 1]).all()
+    assert_close(fit.angles[:, 0], expected[:6], EXACT)
+    assert np.isnan(np.asarray(fit.angles)[:, 1]).all()
     assert float(j) == pytest.approx(float(expected[9]), rel=EXACT)
     assert_close(slope[:, 0], in_reverse()[1][9], EXACT)
+    assert float(fit.j_deg2[2]) == 0.0
+    for one in [slope, *jax.tree.leaves(of_girdle)]:
+        assert not np.asarray(one)[..., 2].any()
 
 
-def test_from_the_angles_of_fit_postures_it_is_where_they_are():
-    """Three postures of the shipped subjects of which two starts end in a higher valley; slopes are those of there."""
+def test_it_ends_where_fit_postures_ends():
+    """Three shipped postures of which two starts end in a higher minimum."""
     model, rows = load_model("R2"), [33, 40, 41]
     motions = read_motions(DATA_FILE)
     fitted = fit_postures(motions, model).by_model["R2"]
-    s, start = motions.angles_deg[rows].T / DEG, fitted.angles[:, rows]
-    fit = few_runs(lambda girdle, s, start: posture_fit(girdle, s, start=start))(model.girdle, s, start)
-    np.testing.assert_allclose(fit.j_deg2, fitted.j_deg2[rows], rtol=SAME_J)
-    np.testing.assert_allclose(fit.angles, start, rtol=0.0, atol=SAME_J)
-    alone = np.array([value(model.girdle, one)[9] for one in s.T])
-    assert (alone > 2.0 * fitted.j_deg2[rows]).all(), "else the start is not needed here"
+    for posture, row in zip(motions.angles_deg[rows] / DEG, rows, strict=True):
+        found = value(model.girdle, jnp.asarray(posture))
+        np.testing.assert_allclose(found[9], fitted.j_deg2[row], rtol=SAME_J)
+        np.testing.assert_allclose(found[:6], fitted.angles[:, row], rtol=0.0, atol=SAME_J)
 
 
 SAME_J = 1e-9

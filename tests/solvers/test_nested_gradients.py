@@ -1,15 +1,14 @@
-"""Derivatives of the nested objective: differences, both directions, the second order, and ``vmap`` and ``jit`` in any
+"""Derivatives of the objective: differences, both directions, the second order, and ``vmap`` and ``jit`` in any
 order with them."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from adapt.solvers.differentiable import nested_objective
 from nested import values_and_slopes
-from programs import one_run
+from programs import few_runs
 
-from adapt.solvers.objective import WEIGHT
+from adapt.differentiable import objective
 from adapt.solvers.posture_fits import fit_batch
 from models import load_model
 from motions.rhythm_subjects import simulate_subjects
@@ -31,7 +30,7 @@ THETA = GIRDLE.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
 
 def E(theta, angles, start):
     """From one start, which is less to compile; ``values_and_slopes`` finds its own."""
-    return nested_objective(theta, GIRDLE, POINTS, angles, jnp.ones(angles.shape, bool), WEIGHT, start)
+    return objective(theta, GIRDLE, POINTS, angles, start=start)
 
 
 def fitted():
@@ -66,7 +65,7 @@ def stepped():
 @pytest.fixture(scope="module")
 def in_forward_mode():
     """dE/dtheta in forward mode, and d2E/dtheta2 forward over reverse, in one program."""
-    slope, hessian = one_run(jax.jacfwd(jax.value_and_grad(E)))(THETA, SUBJECT, fitted())
+    slope, hessian = few_runs(jax.jacfwd(jax.value_and_grad(E)))(THETA, SUBJECT, fitted())
     return np.asarray(slope), np.asarray(hessian)
 
 
@@ -85,5 +84,5 @@ def test_nested_hessian_by_differences_and_symmetric(stepped, in_forward_mode):
 def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
     """Two subjects, the second with the postures in another order: twice the slope of one."""
     angles, start = (jnp.stack([x, x[:, ::-1]]) for x in (SUBJECT, fitted()))
-    of_sum = one_run(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0, 0))(t, angles, start))))
+    of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0, 0))(t, angles, start))))
     assert_close(of_sum(THETA), 2.0 * stepped[1][0], EXACT)

@@ -122,7 +122,7 @@ def _begin(likelihood: Likelihood, objective: Objective, theta, a) -> Steps:
     nowhere = np.full(groups, np.inf)
     first = _OfGroups(a, np.zeros((likelihood.shared, groups)), nowhere, np.zeros(groups), np.ones(groups, bool))
     near, total = _at(likelihood, objective, theta, first, None)
-    return Steps(near, theta, first._replace(total=total))
+    return (near, theta, first._replace(total=total))
 
 
 def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Steps:
@@ -141,7 +141,7 @@ def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Step
     damping = _DAMPING.after(now.damping, better)
     ended = better & (now.total - total < _ENOUGH) & (now.damping < STUCK)
     taken = better[parts.group]
-    return Steps(
+    return (
         where_problems(taken[parts.part], there, near),
         np.where(taken, theta + dtheta, theta),
         where_problems(better, tried._replace(total=total), now)._replace(

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.solvers.rows import posture_rows
-from adapt.solvers.starts import at_rest_where_unknown
 from motions.errors import InputError
 from motions.table import FEWEST_ANGLES, Motions
 
@@ -115,7 +114,7 @@ def shoulders_of(motions: Motions) -> Shoulders:
     different = list(dict.fromkeys(persons))
     return Shoulders(
         motions=motions,
-        angles=at_rest_where_unknown(rows.angles, rows.measured),
+        angles=rows.angles,
         measured=rows.measured,
         subject=rows.subject,
         motion=np.array([kinds.index(name) for name in motions.motion.tolist()]),

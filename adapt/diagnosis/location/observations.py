@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.solvers.rows import PostureRows
-from adapt.solvers.starts import at_rest_where_unknown
 from motions.table import Motions
 
 
@@ -30,7 +29,7 @@ def observe(motions: Motions, rows: PostureRows) -> Observed:
     names = tuple(dict.fromkeys(motions.motion.tolist()))
     number = np.array([names.index(name) for name in motions.motion.tolist()])
     return Observed(
-        angles=rows.packed(at_rest_where_unknown(rows.angles, rows.measured)),
+        angles=rows.packed(rows.angles),
         measured=rows.packed(rows.measured) & rows.counted,
         elevation_deg=rows.packed(np.nan_to_num(motions.humerus_elevation_deg)),
         motion=rows.packed(number),

@@ -5,10 +5,10 @@ A state has ``length`` (the share of the step that is tried), ``merit`` (of the 
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import jax
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from motions.arrays import Array, ByType, repeat_while, xp
 
@@ -22,24 +22,7 @@ _ROUNDING = ByType(1e-11, 1e-5)
 """Relative error of the merit, of some thirty terms in float32: a rise below it is no rise."""
 
 
-class Tried(Protocol):
-    """What every state has; a NamedTuple."""
-
-    @property
-    def length(self) -> Float[Array, " problems"]: ...
-    @property
-    def merit(self) -> Float[Array, " problems"]: ...
-    @property
-    def iterations(self) -> Int[Array, " problems"]: ...
-    @property
-    def converged(self) -> Bool[Array, " problems"]: ...
-    def _replace(self, **changes: Any) -> Any: ...
-
-
-State = TypeVar("State", bound=Tried)
-
-
-def good_enough(state: Tried, merit: Float[Array, " problems"]) -> Bool[Array, " problems"]:
+def good_enough(state: Any, merit: Float[Array, " problems"]) -> Bool[Array, " problems"]:
     """Decide whether to go on from the point tried. From NaN never.
 
     A step that is still refused when hardly anything is left of it goes uphill, as one may where a posture or theta is
@@ -49,7 +32,7 @@ def good_enough(state: Tried, merit: Float[Array, " problems"]) -> Bool[Array, "
     return lower | ((state.length < _HARDLY) & (merit < xp.inf))
 
 
-def accepted_or_shorter(good: Bool[Array, " problems"], accepted: State, state: State) -> State:
+def accepted_or_shorter(good: Bool[Array, " problems"], accepted: Any, state: Any) -> Any:
     """Choose the next state: the accepted one, or a shorter step from where the last one was."""
     refused = state._replace(length=_SHORTER * state.length, iterations=accepted.iterations)
     return jax.tree.map(lambda yes, no: xp.where(good, yes, no), accepted, refused)
@@ -61,7 +44,7 @@ def until_converged(advance: Callable[[Any], Any], first: Any, iterations: Float
     A problem that has converged stays where it is; what goes with the state is left alone there by ``advance`` itself.
     """
 
-    def active(state: Tried) -> Bool[Array, " problems"]:
+    def active(state: Any) -> Bool[Array, " problems"]:
         return ~state.converged & (state.iterations < iterations)
 
     def next_one(old: Any) -> Any:

@@ -107,37 +107,27 @@ class Steps(NamedTuple):
         return backward(self.lower, back), multipliers
 
 
-class _Factor(NamedTuple):
-    """L D L' = H + G' s G."""
+def _convex_factor(H: Rows, G: list[Components], scale: Array) -> tuple[Components, Rows, Components, Array]:
+    """L D L' = H + G' s G with the least stiffness, and with more of it where that leaves a pivot too small: s, L below
+    its diagonal, 1 / D, and whether no pivot is below the floor."""
 
-    attempts: Array
-    range_space_penalty: Components
-    """s."""
-    lower: Rows
-    """L below its diagonal."""
-    inverse: Components
-    """D^-1."""
-    convex: Array
-    """Whether no pivot is below the floor."""
+    def unfinished(tried) -> Array:
+        attempts, *_, convex = tried
+        return xp.any(~convex & (attempts < 2.0))
 
-
-def _convex_factor(H: list[Components], G: list[Components], scale: Array) -> _Factor:
-    """With the least stiffness; with more of it where that leaves a pivot too small."""
-
-    def unfinished(tried: _Factor) -> Array:
-        return xp.any(~tried.convex & (tried.attempts < 2.0))
-
-    def more_penalised(tried: _Factor) -> _Factor:
-        again = ~tried.convex & (tried.attempts > 0.0)
-        range_space_penalty = [xp.where(again, PENALTY_GROWTH * s, s) for s in tried.range_space_penalty]
-        stiff = [[s * x for x in row] for s, row in zip(range_space_penalty, G, strict=True)]
+    def more_penalised(tried):
+        attempts, s, *_, convex = tried
+        again = ~convex & (attempts > 0.0)
+        s = [xp.where(again, PENALTY_GROWTH * x, x) for x in s]
+        stiff = [[x * y for y in row] for x, row in zip(s, G, strict=True)]
         K = [[x + product(column(stiff, i), column(G, j)) for j, x in enumerate(row)] for i, row in enumerate(H)]
-        return _Factor(tried.attempts + 1.0, range_space_penalty, *factorised(K, PIVOT_FLOOR * scale))
+        return attempts + 1.0, s, *factorised(K, PIVOT_FLOOR * scale)
 
     zero = xp.zeros_like(scale)
     least = [RANGE_SPACE_PENALTY * scale / product(row, row) for row in G]
-    nothing = _Factor(zero, least, [[zero] * i for i in range(6)], [zero] * 6, zero > 0.0)
-    return repeat_while(unfinished, more_penalised, nothing)
+    nothing = zero, least, [[zero] * i for i in range(6)], [zero] * 6, zero > 0.0
+    _, *found = repeat_while(unfinished, more_penalised, nothing)
+    return tuple(found)  # pyright: ignore[reportReturnType]
 
 
 class Elimination:
@@ -156,10 +146,9 @@ class Elimination:
         self._at, self._coupled = at, len(ELLIPSOID) if parameters else 0
         self._T = _parameter_slopes(at.T if parameters else [])
         H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
-        factor = _convex_factor(H, at.G, scale)
-        self.convex, self.range_space_penalty = factor.convex, factor.range_space_penalty
-        lower = [[xp.where(self.convex, x, 0.0) for x in row] for row in factor.lower]
-        inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped, strict=True)]
+        self.range_space_penalty, lower, inverse, self.convex = _convex_factor(H, at.G, scale)
+        lower = [[xp.where(self.convex, x, 0.0) for x in row] for row in lower]
+        inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(inverse, damped, strict=True)]
         used = [xp.where(self.convex, s, 0.0) for s in self.range_space_penalty]
         C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
         self._sides = [forward(lower, side) for side in (*at.G, *C, objective_gradient)]

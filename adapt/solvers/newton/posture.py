@@ -99,18 +99,6 @@ class _Problem(NamedTuple):
         return closest_point_multipliers(self.girdle, q, self.theta)
 
 
-class _Best(NamedTuple):
-    """What is known of the optima after some starts."""
-
-    q: Components
-    """Of the lowest; infinite as long as there is none."""
-    multipliers: Components
-    j_deg2: Array
-    settled: Array
-    apart: Array
-    iterations: Array
-
-
 def iterate(
     girdle: Girdle,
     measured: Float[Array, " 6 problems"],
@@ -140,29 +128,29 @@ def iterate_from_two_starts(
     """
     problem = _Problem(girdle, list(measured), list(weights))
     each = xp.zeros_like(measured[0])
-    count = xp.zeros_like(each, int)
-    nothing = _Best([each + xp.inf] * 6, [each] * 3, each + xp.inf, each <= 0.0, each > 0.0, count)
+    nothing = [each + xp.inf] * 6, [each] * 3, each + xp.inf, each <= 0.0, each > 0.0, xp.zeros_like(each, int)
 
     def tried(carry):
-        start, steps, best = carry
-        end = _iterated(problem, _closed_nearby(problem, start, steps), best.q, iterations)
+        start, steps, (best, best_multipliers, lowest, settled, _, count) = carry
+        end = _iterated(problem, _closed_nearby(problem, start, steps), best, iterations)
         q, multipliers = _last_step(end, end.converged)
         J = problem.j_deg2(q)
-        another = end.converged & ~_near(q, best.q)
-        lower = another & (best.j_deg2 > J)
-        further = _Best(
-            q=[xp.where(lower, x, y) for x, y in zip(q, best.q, strict=True)],
-            multipliers=[xp.where(lower, x, y) for x, y in zip(multipliers, best.multipliers, strict=True)],
-            j_deg2=xp.where(lower, J, best.j_deg2),
-            settled=best.settled & end.converged,
-            apart=another & (best.j_deg2 < xp.inf) & (abs(J - best.j_deg2) > _SAME_DEG2.for_dtype_of(J)),
-            iterations=best.iterations + end.iterations,
+        another = end.converged & ~_near(q, best)
+        lower = another & (lowest > J)
+        further = (
+            [xp.where(lower, x, y) for x, y in zip(q, best, strict=True)],
+            [xp.where(lower, x, y) for x, y in zip(multipliers, best_multipliers, strict=True)],
+            xp.where(lower, J, lowest),
+            settled & end.converged,
+            another & (lowest < xp.inf) & (abs(J - lowest) > _SAME_DEG2.for_dtype_of(J)),
+            count + end.iterations,
         )
         return list(starts[1]), closing_steps[1], further
 
-    _, _, best = repeat(2, tried, (list(starts[0]), closing_steps[0], nothing))
-    q = [xp.where(best.j_deg2 < xp.inf, x, s) for x, s in zip(best.q, measured, strict=True)]
-    return _judged(problem, q, best.multipliers, best.iterations), best.settled, best.apart
+    _, _, found = repeat(2, tried, (list(starts[0]), closing_steps[0], nothing))
+    best, multipliers, lowest, settled, apart, count = found
+    q = [xp.where(lowest < xp.inf, x, s) for x, s in zip(best, measured, strict=True)]
+    return _judged(problem, q, multipliers, count), settled, apart
 
 
 def _near(q: Components, known: Components) -> Array:

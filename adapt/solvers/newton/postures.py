@@ -5,13 +5,14 @@ no failure: ``adapt.solvers.posture_fits`` goes on with it.
 """
 
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.engine.batching import in_rounds, put_problems, take_problems
+from adapt.engine.batching import in_rounds, refit, take_problems
 from adapt.engine.kernel import Kernel
 from adapt.solvers import status
 from adapt.solvers.newton.posture import Lowest, iterate, iterate_from_two_starts
@@ -105,11 +106,7 @@ def _from_two_starts(problem: Problem, starts: Starts, closing_steps: tuple[floa
     first, *others = _LOWEST_ROUNDS.for_dtype_of(problem[1])
     result = found(problem, starts, first)
     for iterations in others:
-        left = np.flatnonzero(~result[1])
-        if not len(left):
-            break
-        part, places = take_problems((problem, starts), left)
-        put_problems(result, left, found(part, places, iterations))
+        refit(result, ~result[1], partial(found, iterations=iterations), problem, starts)
     return result
 
 

@@ -1,13 +1,12 @@
 """The loop of damped steps of many groups side by side: each has a damping of its own and ends on its own."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.engine.batching import take_problems, with_problems
-from adapt.solvers.projection.parts import Parts
 
 _FEW = 0.75
 """Share of the groups below which those that are going on do so without the others: leaving them costs a copy."""
@@ -36,34 +35,22 @@ class Damping(NamedTuple):
         return np.where(better, less, np.maximum(damping * self.more, self.least_after_failure))
 
 
-class Steps(NamedTuple):
-    """Where all groups are: trees of arrays with the rows, the parts or the groups as their last axis."""
-
-    rows: Any
-    parts: Any
-    groups: Any
-    """``going``: which are not at their end yet."""
+Steps = tuple[Any, Any, Any]
+"""Where all groups are: trees of arrays with the rows, the parts or the groups as their last axis. Those of the groups
+say which are ``going``, not at their end yet."""
 
 
-class Objective(Protocol):
-    """What the steps go down on."""
+def until_ended(objective: Any, steps: Steps, step: Callable[[Any, Steps], Steps], most_steps: int) -> Steps:
+    """Take at most so many steps; once enough groups have ended the others go on without them.
 
-    @property
-    def parts(self) -> Parts: ...
-    def of(self, groups: Bool[np.ndarray, " groups"]) -> Any: ...
-
-
-Of = TypeVar("Of", bound=Objective)
-
-
-def until_ended(objective: Of, steps: Steps, step: Callable[[Of, Steps], Steps], most_steps: int) -> Steps:
-    """Take at most so many steps; once enough groups have ended the others go on without them."""
-    while most_steps and (going := steps.groups.going).any():
+    ``objective``: what the steps go down on, with its ``parts``; ``of`` takes some of its groups.
+    """
+    while most_steps and (going := steps[-1].going).any():
         if going.mean() <= _FEW:
             parts = going[objective.parts.group]
             places = parts[objective.parts.part], parts, going
-            others = Steps(*map(take_problems, steps, places))
-            others = until_ended(objective.of(going), others, step, most_steps)
-            return Steps(*map(with_problems, steps, map(np.flatnonzero, places), others))
+            some = tuple(map(take_problems, steps, places))
+            others = until_ended(objective.of(going), some, step, most_steps)
+            return tuple(map(with_problems, steps, map(np.flatnonzero, places), others))
         steps, most_steps = step(objective, steps), most_steps - 1
     return steps

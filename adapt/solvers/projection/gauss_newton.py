@@ -22,7 +22,7 @@ from adapt.solvers.projection.damped_steps import STUCK, Damping, Steps, until_e
 from adapt.solvers.projection.nearest_posture import THERE, Nearest
 from adapt.solvers.projection.parts import Parts, Shared
 from adapt.solvers.projection.secant import secant
-from adapt.solvers.projection.thorax_term import ThoraxPart
+from adapt.solvers.projection.thorax_term import ThoraxTerms
 from models.adapted_parameters import ADAPTED
 
 _N = len(ADAPTED)
@@ -68,7 +68,7 @@ def cost_of_open_chains(near: Nearest) -> Float[np.ndarray, " rows"]:
 class _OfParts(NamedTuple):
     theta: Float[np.ndarray, "adapted parts"]
     E: Float[np.ndarray, " parts"]
-    thorax: ThoraxPart
+    thorax: ThoraxTerms
     gradient: Float[np.ndarray, "n parts"]
     matrix: Float[np.ndarray, "n n parts"]
     """Of Gauss-Newton."""
@@ -123,11 +123,11 @@ class Objective:
             strengths[self.used] += np.einsum("kr,kcr->cr", a[:, parts.group[parts.part]], self.columns)
         return parts.nearest(theta, strengths, start, there)
 
-    def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxPart]:
+    def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
         """Evaluate it: nearest postures, E of every part, and D with its slopes."""
         parts, near = self.parts, self.nearest(theta, a, start, there)
         thorax = parts.thorax(theta)
-        E = thorax.D + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
+        E = thorax[0] + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
         return near, np.where(np.isfinite(E), E, np.inf), thorax
 
     def total(self, E: Float[np.ndarray, " parts"], a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, " groups"]:
@@ -136,14 +136,15 @@ class Objective:
         return np.bincount(self.parts.group, E, a.shape[1]) + prior
 
     def normal_equations(
-        self, near: Nearest, thorax: ThoraxPart
+        self, near: Nearest, thorax: ThoraxTerms
     ) -> tuple[Float[np.ndarray, "n parts"], Float[np.ndarray, "n n parts"]]:
         """Compute the gradient of E of every part in theta and the amplitudes, and its Gauss-Newton matrix."""
         every = np.concatenate([near.by_theta, self.by_amplitude(near), near.y[:, None]], axis=1)
         products = self.parts.products(np.sqrt(2.0 * self.parts.weights) * every)
         gradient, matrix = products[:-1, -1], products[:-1, :-1]
-        gradient[:_N] += thorax.gradient
-        matrix[:_N, :_N] += thorax.matrix
+        _, of_points, curvature = thorax
+        gradient[:_N] += of_points
+        matrix[:_N, :_N] += curvature
         return gradient, matrix
 
     def by_amplitude(self, near: Nearest) -> Float[np.ndarray, "3 own rows"]:
@@ -190,7 +191,7 @@ def _begin(objective: Objective, theta, a, start, finished: Finished) -> Steps:
     of_parts = _OfParts(theta, E, thorax, gradient, matrix, slope, rest, nothing, nothing, np.zeros(parts, bool))
     damping, gain = np.full(groups, _FIRST_DAMPING), np.full(groups, np.inf)
     of_groups = _OfGroups(a, objective.total(E, a), damping, gain, np.zeros(groups, int), never, never)
-    return Steps(near, of_parts, _judged(of_groups, slope, finished))
+    return (near, of_parts, _judged(of_groups, slope, finished))
 
 
 def _unheld(parts: Parts, theta, gradient) -> Float[np.ndarray, "adapted parts"]:
@@ -231,4 +232,4 @@ def _stepped(finished: Finished, objective: Objective, steps: Steps) -> Steps:
         going=groups.going,
     )
     of_parts = _OfParts(theta, E, thorax, gradient, matrix, slope, rest, moved, own.gradient, taken)
-    return Steps(near, of_parts, _judged(new, slope, finished))
+    return (near, of_parts, _judged(new, slope, finished))

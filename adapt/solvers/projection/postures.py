@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt.engine.batching import put_problems, take_problems
+from adapt.engine.batching import refit, take_problems
 from adapt.solvers import status
 from adapt.solvers.objective import angle_weights, mean_square_deg2
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, THERE, Nearest, closed, nearest_postures
@@ -55,15 +55,9 @@ def fit_postures(
     places around. An angle that was not measured begins at its number in ``angles``."""
     found = fit_from(girdle, angles, measured, start)
     for number, offset in enumerate(OFFSETS_DEG if start is None else ()):
-        again = np.arange(angles.shape[1]) if number < _MORE_STARTS else np.flatnonzero(~found.converged)
-        if len(again):
-            chain, s, known = take_problems((girdle, angles, measured), again)
-            put_lower(found, again, fit_from(chain, s, known, s + offset[:, None] / DEG))
-    left = np.flatnonzero(~found.converged)
-    if len(left):
-        chain, s, known = take_problems((girdle, angles, measured), left)
-        put_lower(found, left, _by_newton(chain, s, known, found.angles[:, left]))
-    return found
+        place, again = angles + offset[:, None] / DEG, ~found.converged | (number < _MORE_STARTS)
+        refit(found, again, fit_from, girdle, angles, measured, place, put=put_lower)
+    return refit(found, ~found.converged, _by_newton, girdle, angles, measured, found.angles, put=put_lower)
 
 
 def fit_from(
@@ -75,13 +69,14 @@ def fit_from(
     """Find the nearest closed posture reached by projections from one start. An angle that was not measured is
     projected anew from where it was, until it stays."""
     found = _projected(girdle, angles, measured, start, THERE)[0]
+    free = ~measured.all(axis=0) & measured.any(axis=0)
     for _ in range(_ROUNDS):
-        left = np.flatnonzero(~found.converged & ~measured.all(axis=0) & measured.any(axis=0))
-        if not len(left):
-            break
-        some, s, known, here = take_problems((girdle, angles, measured, found.angles), left)
-        put_problems(found, left, _projected(some, np.where(known, s, here), known, here, THERE)[0])
+        refit(found, free & ~found.converged, _anew, girdle, angles, measured, found.angles)
     return found
+
+
+def _anew(girdle: AnyGirdle, angles, measured, here) -> PostureSolution:
+    return _projected(girdle, np.where(measured, angles, here), measured, here, THERE)[0]
 
 
 def close_chains(

@@ -3,13 +3,13 @@ own, and how the optimum curves. Each problem is a part and a group of its own (
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
 
 import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import put_problems, take_problems
+from adapt.engine.batching import refit
 from adapt.solvers import status
 from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.projection.gauss_newton import End, minimise
@@ -59,16 +59,18 @@ def fit_subjects(
     active_effects: ActiveEffects = NO_ACTIVE_EFFECTS,
 ) -> SubjectSolution:
     """Find the optimum of each problem reached from here (mm, rad); look at ``converged``."""
-    found, left = _unsolved(theta, angles), np.arange(theta.shape[1])
+    found = _unsolved(theta, angles)
     for unmeasured_sd in _ROUNDS:
-        if not len(left):
-            break
-        some, active = take_problems((problem, active_effects), left)
-        before = take_problems(found, left)
-        end = _steps(some, active, before.theta, before.angles, unmeasured_sd)
-        put_problems(found, left, _solution(some, end, before.angles, before.iterations))
-        left = left[~found.converged[left]]
+        further = partial(_further, unmeasured_sd)
+        refit(found, ~found.converged, further, problem, active_effects, found)
     return found
+
+
+def _further(
+    unmeasured_sd: float, problem: SubjectProblem, active_effects: ActiveEffects, before: SubjectSolution
+) -> SubjectSolution:
+    end = _steps(problem, active_effects, before.theta, before.angles, unmeasured_sd)
+    return _solution(problem, end, before.angles, before.iterations)
 
 
 def _unsolved(theta, angles) -> SubjectSolution:
@@ -122,24 +124,19 @@ def _solution(problem: SubjectProblem, end: End, angles, iterations: Int[np.ndar
     )
 
 
-class OwnSizes(NamedTuple):
-    """Where the fits of sizes ended."""
-
-    sizes: Float[np.ndarray, "sizes problems"]
-    """v: in SDs off the mean."""
-    theta_mm: Float[np.ndarray, "adapted problems"]
-    E: Float[np.ndarray, " problems"]
-    """Without the sizes' own term."""
-    settled: Bool[np.ndarray, " problems"]
-
-
 def fit_sizes(
     problem: SubjectProblem,
     theta: Float[np.ndarray, "adapted problems"],
     angles: Float[np.ndarray, "6 postures problems"],
     active_effects: ActiveEffects,
-) -> OwnSizes:
-    """Find the sizes of effects that differ between persons, beside the adapted parameters, from here (mm, rad).
+) -> tuple[
+    Float[np.ndarray, "sizes problems"],
+    Float[np.ndarray, "adapted problems"],
+    Float[np.ndarray, " problems"],
+    Bool[np.ndarray, " problems"],
+]:
+    """Find the sizes of effects that differ between persons, beside the adapted parameters, from here (mm, rad): v,
+    theta, E without the term of v, and which have settled.
 
         min over theta and v of E = D + w (mean(J_p) + |v|^2 / (6 n)),   sizes = mean + SD v
 
@@ -157,7 +154,7 @@ def fit_sizes(
         return gain < _SETTLED
 
     end = minimise(parts, shared, theta, np.zeros(shape), finished, _MOST_STEPS_OF_SIZES, start)
-    return OwnSizes(end.amplitude, end.theta_mm, end.E, end.settled)
+    return end.amplitude, end.theta_mm, end.E, end.settled
 
 
 def weight_of_sizes(parts: Parts) -> Float[np.ndarray, " parts"]:

@@ -18,12 +18,10 @@ _CHUNK = 4096
 """Parts that XLA works on at a time."""
 
 
-class ThoraxPart(NamedTuple):
-    """D of every part and what it adds to the quadratic model in theta."""
-
-    D: Float[np.ndarray, " parts"]
-    gradient: Float[np.ndarray, "adapted parts"]
-    matrix: Float[np.ndarray, "adapted adapted parts"]
+ThoraxTerms = tuple[
+    Float[np.ndarray, " parts"], Float[np.ndarray, "adapted parts"], Float[np.ndarray, "adapted adapted parts"]
+]
+"""D of every part, mm^2, and what it adds to the gradient and the matrix of the quadratic model in theta."""
 
 
 class Thorax(NamedTuple):
@@ -34,10 +32,10 @@ class Thorax(NamedTuple):
     point_weights: Float[np.ndarray, "points parts"]
     levels_mm: Float[np.ndarray, "points parts"]
 
-    def __call__(self, theta_mm: Float[np.ndarray, "adapted parts"]) -> ThoraxPart:
-        """Compute D, mm^2, of every part at theta."""
+    def __call__(self, theta_mm: Float[np.ndarray, "adapted parts"]) -> ThoraxTerms:
+        """Compute D of every part at theta, with its slopes."""
         D, gradient, matrix = _kernel(*self, theta_mm)
-        return ThoraxPart(D, gradient, matrix.reshape(_N, _N, -1))
+        return D, gradient, matrix.reshape(_N, _N, -1)
 
 
 def _terms(girdle: Girdle, points_mm, point_weights, levels_mm, theta):

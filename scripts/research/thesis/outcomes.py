@@ -19,7 +19,7 @@ from motions import InputError, Motions, read_motions
 from motions.landmarks.girdle_angles import CLAVICLE_X, estimated_axial_deg
 from motions.rotations import DEG
 from scripts.reporting import check_known
-from scripts.research.thesis.variants import AXIAL, Variant, problems_of, with_axial, without_axial
+from scripts.research.thesis.variants import AXIAL, Variant, variant_problems, with_axial, without_axial
 
 ABDUCTION, FLEXION = ADAPTED_TO = "frontal_elevation", "sagittal_elevation"
 
@@ -110,7 +110,7 @@ def axial_estimate_deg(motions: Motions) -> Float[np.ndarray, " postures"]:
 
 def outcomes(study: Study, variant: Variant) -> dict[str, Outcome]:
     """Every set adapted to every subject in one way; of several choices of sides that of the lowest E."""
-    sides = problems_of(study.data, study.axial[variant.axial], variant)
+    sides = variant_problems(study.data, study.axial[variant.axial], variant)
     reported = sides[0].angles
     before = [_fitted(data) for data in sides]
     adapted = [_adapted(data, variant, fitted) for data, fitted in zip(sides, before, strict=True)]

@@ -51,7 +51,9 @@ class Variant:
     distances: str = "signed"
 
 
-def problems_of(data: Problems, axial: Float[np.ndarray, " postures problems"], variant: Variant) -> list[Problems]:
+def variant_problems(
+    data: Problems, axial: Float[np.ndarray, " postures problems"], variant: Variant
+) -> list[Problems]:
     """The problems of a variant, once for each choice of sides; ``axial``: the clavicle's axial rotation in it, rad."""
     data = with_axial(data, axial)
     if variant.axial in (LEFT_OUT, LEFT_OUT_FROM_SET):

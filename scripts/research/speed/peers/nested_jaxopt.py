@@ -1,13 +1,12 @@
-"""SciPy's L-BFGS-B through jaxopt on the nested objective, with every posture fitted anew: compiled, one subject after
-another. Only first derivatives, and a posture fit in each of its steps: what a general optimiser makes of it."""
+"""SciPy's L-BFGS-B through jaxopt on E of theta, with every posture fitted anew: compiled, one subject after another.
+Only first derivatives, and a posture fit in each of its steps: what a general optimiser makes of it."""
 
 import warnings
 
 import jax
 import jax.numpy as jnp
-from adapt.solvers.differentiable import nested_objective
 
-from adapt.solvers.objective import WEIGHT
+from adapt.differentiable import objective
 from models import load_model
 from models.person.thorax_ellipsoid import jitted_geometric_fit
 from motions.rhythm_subjects import simulate_subjects
@@ -26,7 +25,7 @@ def seconds_a_subject(model: str, subjects: int) -> float:
     girdle = jitted_geometric_fit(chosen.girdle, points)
 
     def nested(theta, angles):
-        return nested_objective(theta, girdle, points, angles, jnp.ones(angles.shape, bool), WEIGHT)
+        return objective(theta, girdle, points, angles)
 
     both = jax.jit(jax.value_and_grad(nested))
     motions = simulate_subjects(subjects, seed=SEED)
