@@ -381,7 +381,9 @@ def _descended(problem: _Problem, low: Array, high: Array, theta: Array) -> tupl
         step = _bounded_step(H, slope, low - theta, high - theta)
         longest = jnp.max(abs(step))
         theta = jnp.where(longest < _NEAR_MM, theta + step, theta)
-        further = _least_squares(lambda theta: _residuals(theta, problem, x[None, :6]), theta, low, high)
+        hopeless = jnp.any(jnp.isnan(x))  # it would keep the subjects beside it waiting
+        residuals = partial(_residuals, problem=problem, start=x[None, :6])
+        further = _least_squares(lambda theta: jnp.where(hopeless, 0.0, residuals(theta)), theta, low, high)
         return jnp.where(longest <= _SETTLED_MM, theta, further), x, longest, number + 1
 
     first = theta, jnp.concatenate([problem.s, jnp.zeros_like(problem.s[:3])]), jnp.inf, 0

@@ -2,7 +2,8 @@
 
 Two kinds of error of a simulated subject: a bias of one degree in scapular tipping, in every posture, and noise that is
 independent in every angle. `adapt_subject` is a JAX function, so both follow from one Jacobian. The SDs stand beside
-those of `girdle trust`, which also leaves out how the constraints curve.
+those that `girdle trust` has for noise. That one takes the curvature of E without what the residuals add to it, which
+matters along the flat direction of M_y and A_y.
 """
 
 import jax

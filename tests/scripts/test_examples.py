@@ -96,7 +96,9 @@ def test_errors_of_the_angles_reach_the_parameters(example):
     moved = [replace(motions, angles_deg=motions.angles_deg + sign * STEP_DEG * tipping) for sign in (1, -1)]
     above, below = (adapt_subjects(one, model, held_out=()).adapted[model.name].theta_mm[:, 0] for one in moved)
     np.testing.assert_allclose(bias_mm, (above - below) / (2.0 * STEP_DEG), rtol=0.0, atol=1e-4 * abs(bias_mm).max())
-    np.testing.assert_allclose(sd_mm, trust_sd_mm, rtol=0.5)
+    flat = np.isin(names["PARAMETERS"], ["M_y", "A_y"])
+    np.testing.assert_allclose(sd_mm[~flat], trust_sd_mm[~flat], rtol=0.2)
+    assert (sd_mm[flat] / trust_sd_mm[flat] < 2.0).all()
 
 
 def test_a_persons_own_model(example, tmp_path):
