@@ -44,8 +44,8 @@ TESTS_OF = {
     "models/girdle.py": ["tests/models/test_girdle.py"],
     "models/derivatives.py": ["tests/models/test_derivatives.py"],
     "adapt/solvers/objective.py": ["tests/solvers/test_objective.py"],
-    "adapt/solvers/batched/elimination.py": ["tests/solvers/test_elimination.py"],
-    "adapt/solvers/batched/backtracking.py": ["tests/solvers/test_backtracking.py"],
+    "adapt/solvers/newton/elimination.py": ["tests/solvers/test_elimination.py"],
+    "adapt/solvers/newton/backtracking.py": ["tests/solvers/test_backtracking.py"],
 }
 """The quick tests of each file; slower ones, which fit whole subjects, would find more."""
 
@@ -68,7 +68,7 @@ _OTHER_NAMES = "values and labels have other names, each its own"
 _ANY_SHARE = "the way that a point is moved off a plane only has to be more than 0 and less than shows"
 
 EQUIVALENT: dict[str, dict[str, str]] = {
-    "adapt/solvers/batched/elimination.py": {
+    "adapt/solvers/newton/elimination.py": {
         "zero = xp.zeros_like(T[0][0]): 0 -> 1": ("all entries are of one shape"),
         "return product([m + 0.5 * s * x for m, s, x in zip(target, range_space_penalty, g, "
         "strict=True)], g): True -> False": _SAME_LENGTH,
@@ -78,7 +78,7 @@ EQUIVALENT: dict[str, dict[str, str]] = {
         "True -> False": _SAME_LENGTH,
         "multipliers = [m - s * g for m, s, g in zip(mu, self.used, open_chain, "
         "strict=True)]: True -> False": _SAME_LENGTH,
-        "inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(factor.inverse, damped,"
+        "inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(inverse, damped,"
         " strict=True)]: True -> False": _SAME_LENGTH,
     },
     "adapt/engine/instructions.py": {
@@ -94,11 +94,6 @@ EQUIVALENT: dict[str, dict[str, str]] = {
     "adapt/engine/axes.py": {
         "return [self._builder.where(taken, a, b) for a, b in zip(new, before, strict=True)]: "
         "True -> False": _SAME_LENGTH,
-    },
-    "adapt/solvers/objective.py": {
-        "solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10): 1e-10 -> 1.5e-10": (
-            "the last step is quadratic: far less than 1e-4 mm either way"
-        ),
     },
     "models/ellipsoid.py": {
         "return (step + 1, *newton(tau)): step + 1 -> step - 1": (

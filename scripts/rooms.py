@@ -34,7 +34,7 @@ ORDER = (
 
 WITHIN = (
     ("motions.motion_csv", "motions.landmarks", "motions.formats"),
-    ("adapt.solvers.reference", "adapt.solvers.newton"),
+    ("adapt.solvers.newton", "adapt.solvers.projection"),
     ("adapt.diagnosis.fit", "adapt.diagnosis.inference"),
 )
 """Folders inside a room, in the same sense."""

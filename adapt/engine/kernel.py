@@ -1,6 +1,6 @@
 """A kernel: one text run on a batch of problems, as machine code of this processor or by XLA.
 
-The text (such as ``adapt.solvers.newton.subject.sweep``) is called once with the values of
+The text (such as ``adapt.solvers.newton.subject.iterate``) is called once with the values of
 ``adapt.engine.simd_values``; LLVM makes object code of the instructions that it leaves behind, which is kept between
 runs. Threads, one a core, run it over blocks of eight problems, of sixteen in float32. No length is in the code: one
 compilation serves every batch. XLA compiles the same text where there is no machine code because llvmlite is missing or

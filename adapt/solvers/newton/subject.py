@@ -238,7 +238,7 @@ def _from_centre(girdle: Girdle, theta: Components, point) -> tuple[Vector, Vect
 
 
 def thorax_terms(girdle: Girdle, theta: Components, point, point_weight, level, t) -> tuple[_Sums, Array]:
-    """A point's part of sum share_i (d_i - level_i)^2 with its derivatives, and the t of its closest point."""
+    """Compute a point's part of sum share_i (d_i - level_i)^2 with its derivatives, and the t of its closest point."""
     t = point_multiplier(girdle, theta, point, near=t)
     off, slope, at = point_distance(girdle, theta, point, level, t)
     curvature, objective_gradient, zero = ellipsoid_curvature(at), 2.0 * point_weight * off, xp.zeros_like(off)
