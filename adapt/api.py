@@ -14,7 +14,7 @@ from adapt.engine.batching import as_type, take_problems
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
-from adapt.solvers.rows import posture_rows
+from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold, motions_and_thirds, motions_or_thirds
 from adapt.tables.results import (
@@ -81,20 +81,19 @@ def fit_postures(
     ``dtype`` and ``effects``: see :func:`adapt_subjects`.
     """
     motions = _with_gaps(motions)
-    by_model, fits = _before(motions, as_list(models), progress, _type_of(dtype, effects), effects)
-    return PostureFits(by_model, fits)
+    rows = posture_rows(motions, effects)
+    return PostureFits(*_before(motions, rows, as_list(models), progress, _type_of(dtype, effects)))
 
 
 def _before(
-    motions: Motions, models: list[AnyModel], progress: Progress, dtype: DTypeLike, effects: Amplitudes
+    motions: Motions, rows: PostureRows, models: list[AnyModel], progress: Progress, dtype: DTypeLike
 ) -> tuple[dict[str, PostureSolution], pd.DataFrame]:
     """The fits of the models as they are, and their table."""
     _check_names(motions)
     progress("posture fits")
     names = motions.subject.tolist()
     girdle = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *[girdles_of(one, names) for one in models])
-    rows = posture_rows(motions, effects).repeated(len(models), dtype)
-    by_model = _by_model(models, fit_rows(rows, girdle))
+    by_model = _by_model(models, fit_rows(rows.repeated(len(models), dtype), girdle))
     return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
 
 
@@ -135,12 +134,12 @@ def adapt_subjects(
     k times as large does.
     """
     models, motions, weight = as_list(models), _with_gaps(motions), down_weighted(weight, thorax_downweighting)
-    dtype = _type_of(dtype, effects)
-    before, table_before = _before(motions, models, progress, dtype, effects)
-    subjects = motions.subjects
+    dtype, subjects = _type_of(dtype, effects), motions.subjects
+    rows = posture_rows(motions, effects)
+    before, table_before = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
-    found = adapt_with_folds(motions, models, parts, weight, reading, progress, dtype, effects)
+    found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype)
     progress("uncertainty")
     uncertain = uncertainty(as_type(found.data, float), found.adapted)
     progress("postures after adaptation")

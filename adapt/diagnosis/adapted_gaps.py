@@ -11,7 +11,7 @@ from adapt.diagnosis.result import BoneGaps
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT, down_weighted
-from adapt.solvers.rows import PostureRows
+from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION, POSTURES, Fold, motions_and_thirds
 from adapt.trust.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg
@@ -59,7 +59,7 @@ def adapted_gaps(
     ``thorax_downweighting``: see :func:`adapt.adapt_subjects`.
     """
     folds, weight = motions_and_thirds(motions), down_weighted(WEIGHT, thorax_downweighting)
-    return gaps_of(adapt_with_folds(motions, [model], folds, weight, effects=effects, library=library), person)
+    return gaps_of(adapt_with_folds(posture_rows(motions, effects, library), [model], folds, weight), person)
 
 
 def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:

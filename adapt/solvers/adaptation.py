@@ -1,7 +1,6 @@
 """Adaptation of the girdle to subjects: min E = D + w mean(J_p) over ellipsoid and conoid (thesis Eq. 6.5)."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from adapt.solvers.objective import (
     mean_square_deg2,
 )
 from adapt.solvers.posture_fits import fit_batch, nearby_angles
-from adapt.solvers.problems import Problems, landmarks_distance_mm2, subject_problem
+from adapt.solvers.problems import Problems, landmark_points, subject_problem
 from adapt.solvers.projection.subjects import fit_sizes
 from adapt.solvers.solution import SubjectSolution
 from models.adapted_parameters import STARTS_MM
@@ -155,8 +154,8 @@ def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapte
         part, before = take_problems(data, left), take_problems(adapted, left)
         u, W = reading.equivalent(weight, _at_optimum(part, reading, before.theta_mm, before.mean_j_deg2))
         W = np.maximum(W, _LEAST_WEIGHT)
-        found = _from_theta(replace(part, point_weights=u), weight, reading, W, before.theta_mm, lambda _: None)
-        adapted = with_problems(adapted, left, _in_terms_of(part, weight, reading, found))
+        found = _from_theta(part, weight, reading, W, before.theta_mm, u)
+        adapted = with_problems(adapted, left, found._replace(point_weights=u))
         moving = np.abs(np.log(W / before.weight)) > _SETTLED
         moving |= np.abs(u - before.point_weights).max(axis=0) > _SETTLED
         left = left[moving]
@@ -169,16 +168,12 @@ def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapte
 def _at_optimum(data: Problems, reading: Reading, theta_mm, mean_j_deg2) -> AtOptimum:
     """What E is made of at theta."""
     moved = data.girdle.with_adapted(theta_mm).over_postures()
-    distance_mm = signed_distance_mm(data.points_mm, moved.centre_mm, moved.semi_axes_mm)
-    postures = np.sum(data.counted, axis=0)
-    L = landmarks_distance_mm2(data, theta_mm) if reading.landmarks > 0.0 else np.full(len(postures), np.nan)
-    return AtOptimum(np.asarray(distance_mm), np.asarray(data.point_weights), mean_j_deg2, postures, L)
-
-
-def _in_terms_of(data: Problems, weight: float, reading: Reading, adapted: Adapted) -> Adapted:
-    """D and E of points that count as in ``data``, of an optimum found with other weights of them."""
-    at = _at_optimum(data, reading, adapted.theta_mm, adapted.mean_j_deg2)
-    return adapted._replace(D_mm2=at.D_mm2, E=reading.value(weight, at))
+    places, weights, levels = landmark_points(data, reading.landmarks > 0.0)
+    every = np.concatenate([data.points_mm, places], axis=1)
+    distance_mm = np.asarray(signed_distance_mm(every, moved.centre_mm, moved.semi_axes_mm))
+    of_points, of_landmarks = np.split(distance_mm, [np.shape(data.points_mm)[1]])
+    L = np.where(np.any(weights > 0.0, axis=0), np.sum(weights * (of_landmarks - levels) ** 2, axis=0), np.nan)
+    return AtOptimum(of_points, np.asarray(data.point_weights), mean_j_deg2, np.sum(data.counted, axis=0), L)
 
 
 def _lowest(data: Problems, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
@@ -251,16 +246,15 @@ def adapted_from(
     bounds."""
     reading = READINGS[DEFAULT_READING]
     equivalent = np.broadcast_to(np.asarray(weight, float), data.counted.shape[1:])
-    return _from_theta(data, weight, reading, equivalent, theta, lambda _: None)
+    return _from_theta(data, weight, reading, equivalent, theta)
 
 
-def _from_theta(data: Problems, weight, reading: Reading, equivalent, theta, progress: Progress) -> Adapted:
+def _from_theta(data: Problems, weight, reading: Reading, equivalent, theta, point_weights=None) -> Adapted:
     """The optimum reached from theta and the postures that are fitted there."""
-    problem = subject_problem(data, equivalent, reading.landmarks)
-    progress("round 1")
+    problem = subject_problem(data, equivalent, reading.landmarks, point_weights)
     start = data.angles if data.active_effects.effects else fitted_angles(data, theta)
     found = solved_from(problem, data.active_effects, theta, start)
-    return _to_the_lowest_postures(data, weight, reading, equivalent, problem, found, progress)
+    return _to_the_lowest_postures(data, weight, reading, equivalent, problem, found, lambda _: None)
 
 
 def _to_the_lowest_postures(

@@ -18,7 +18,7 @@ from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, stacked_girdles, unique_sets
-from models.person.thorax_ellipsoid import fitted_girdle, geometric_fit, thorax_distance_mm2, thorax_sd_mm
+from models.person.thorax_ellipsoid import fitted_girdle, geometric_fit, thorax_sd_mm
 from motions.arrays import Array, xp
 
 ON_THE_THORAX = ("TS", "AI")
@@ -138,19 +138,13 @@ def select_problems(data: Problems, index: Int[np.ndarray, " chosen"], **changed
     return replace(take_problems(data, index), **changed)
 
 
-def landmarks_distance_mm2(data: Problems, theta_mm: Float[Array, " adapted problems"]) -> Float[Array, " problems"]:
-    """Compute L, the mean square of what TS and AI are off const1 and const2 where they were measured; NaN where none
-    was."""
-    points, weights, levels = _landmarks(data)
-    L = thorax_distance_mm2(data.girdle.with_adapted(theta_mm), points, weights, levels)
-    return np.where(np.any(weights > 0.0, axis=0), L, np.nan)
+def landmark_points(data: Problems, count: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lay measured TS and AI of the postures that count out as points, (3, landmarks, problems), if they ``count``.
 
-
-def _landmarks(data: Problems) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measured TS and AI of the postures that count as points, (3, landmarks, problems); their weights, 1/m for each of
-    m, and the levels that they should have."""
+    With their weights, 1/m for each of m, and how far from the ellipsoid they should be, mm.
+    """
     problems = data.counted.shape[1:]
-    if data.landmarks_mm is None:
+    if data.landmarks_mm is None or not count:
         nothing = np.zeros((0, *problems))
         return np.zeros((3, 0, *problems)), nothing, nothing
     positions = np.asarray(data.landmarks_mm)
@@ -165,11 +159,18 @@ def _landmarks(data: Problems) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return flat(np.where(known, positions, anywhere)), flat(weights), flat(np.broadcast_to(levels, known.shape))
 
 
-def subject_problem(data: Problems, weight: Float[np.ndarray, " problems"], landmarks: float = 0.0) -> SubjectProblem:
-    """Lay out min E = D + landmarks L [mm^2] + weight mean(J) [deg^2] of each problem."""
-    also = replace(data, landmarks_mm=data.landmarks_mm if landmarks > 0.0 else None)
-    places, shares, levels = _landmarks(also)
-    weights = np.asarray(data.point_weights)
+def subject_problem(
+    data: Problems,
+    weight: Float[np.ndarray, " problems"],
+    landmarks: float = 0.0,
+    point_weights: Float[np.ndarray, "points problems"] | None = None,
+) -> SubjectProblem:
+    """Lay out min E = D + landmarks L [mm^2] + weight mean(J) [deg^2] of each problem.
+
+    ``point_weights``: in place of the equal ones of D.
+    """
+    places, shares, levels = landmark_points(data, landmarks > 0.0)
+    weights = np.asarray(data.point_weights if point_weights is None else point_weights)
     problem = SubjectProblem(
         data.girdle,
         np.concatenate([data.points_mm, places], axis=1),

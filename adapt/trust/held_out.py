@@ -16,12 +16,10 @@ from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
-from adapt.solvers.rows import PostureRows, posture_rows
+from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold
 from adapt.tables.held_out import BONE_PREFIXES, NOTHING, SEEN
-from models.effects import EFFECTS, Effect
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes
 from models.person.family import AnyModel
 from motions.rotations import DEG
 from motions.table import Motions
@@ -68,21 +66,18 @@ class AdaptedSubjects:
 
 
 def adapt_with_folds(
-    motions: Motions,
+    rows: PostureRows,
     models: Sequence[AnyModel],
     folds: Sequence[Fold],
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
     dtype: DTypeLike = np.float64,
-    effects: Amplitudes = NO_EFFECTS,
-    library: Mapping[str, Effect] = EFFECTS,
 ) -> AdaptedSubjects:
     """Adapt every model to every subject, and again without what each fold holds out.
 
-    The arguments are those of ``adapt.adapt_subjects``; ``library``: the effects by name.
+    The other arguments are those of ``adapt.adapt_subjects``.
     """
-    rows = posture_rows(motions, effects, library)
     data = as_type(problems_of(rows, models), dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     found = HeldOut((), take_problems(adapted, slice(0)), ())
@@ -106,7 +101,7 @@ def held_out(
     subjects = len(rows.subjects)
     models = data.counted.shape[1] // subjects
     of_fold = np.array([fold.subject for fold in folds])
-    problem = np.concatenate([model * subjects + of_fold for model in range(models)])
+    problem = (subjects * np.arange(models)[:, None] + of_fold).ravel()
     fitted, tested = (
         np.tile(_places(rows, [getattr(fold, part) for fold in folds]), models) for part in ("fitted", "tested")
     )
