@@ -26,7 +26,6 @@ ORDER = (
     "adapt",
     "adapt.report",
     "adapt.output",
-    "adapt.large_runs",
     "adapt.cli",
     "adapt.__main__",
 )

@@ -2,7 +2,7 @@
 
 import os
 
-from adapt.large_runs.parts import Work
+from adapt.output.large_runs.parts import Work
 from motions.table import Motions
 
 

@@ -14,7 +14,7 @@ from handmade import adaptations
 from adapt import Adaptations
 from adapt.cli import app as cli
 from adapt.cli.commands import fit_commands
-from adapt.large_runs import parts
+from adapt.output.large_runs import parts
 from models import ParameterSet
 from motions import Motions
 

@@ -13,8 +13,8 @@ import pytest
 from command import Ended, girdle, refused, shipped_lines, written
 from quick_girdle import quick_adaptations
 
-from adapt.large_runs import parts
 from adapt.output import run_files as output
+from adapt.output.large_runs import parts
 from models import load_model
 from models.parameter_sets import model_file
 from motions.files import part_name

@@ -18,10 +18,10 @@ from command import girdle
 from dying_work import DyingWork
 
 from adapt.api import adapt_subjects
-from adapt.large_runs import parts as parts_module
-from adapt.large_runs.local_processes import in_processes
-from adapt.large_runs.parts import FOLDER, Chunks, Parts, Work, one_after_another
-from adapt.large_runs.table_arrays import as_rows, as_table
+from adapt.output.large_runs import parts as parts_module
+from adapt.output.large_runs.local_processes import in_processes
+from adapt.output.large_runs.parts import FOLDER, Chunks, Parts, Work, one_after_another
+from adapt.output.large_runs.table_arrays import as_rows, as_table
 from adapt.output.run_files import inputs_record, run_key
 from adapt.tables.held_out import NOTHING
 from models import load_model
@@ -117,7 +117,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
             yield made
 
     arguments = ("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path)
-    monkeypatch.setattr("adapt.large_runs.local_processes.one_after_another", stopped)
+    monkeypatch.setattr("adapt.output.large_runs.local_processes.one_after_another", stopped)
     with pytest.raises(StoppedError):
         girdle(*arguments)
     assert [path.name for path in tmp_path.iterdir()] == [FOLDER]
@@ -130,7 +130,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
             made.append(number)
             yield number, part
 
-    monkeypatch.setattr("adapt.large_runs.local_processes.one_after_another", counted)
+    monkeypatch.setattr("adapt.output.large_runs.local_processes.one_after_another", counted)
     assert girdle(*arguments).status == 0
     assert made == [2, 3, 4]
     assert_same_tables(tmp_path, whole)
@@ -212,7 +212,7 @@ def test_a_worker_that_is_killed_costs_nothing(motion, whole, tmp_path, monkeypa
 @pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="distributed is not installed")
 @pytest.mark.filterwarnings("ignore")
 def test_an_address_without_a_scheduler_is_bad_input(motion, tmp_path, monkeypatch):
-    monkeypatch.setattr("adapt.large_runs.dask_cluster._CONNECT_S", 0.5)
+    monkeypatch.setattr("adapt.output.large_runs.dask_cluster._CONNECT_S", 0.5)
     ended = girdle("adapt", motion, "--dask", "tcp://127.0.0.1:1", "--out", tmp_path)
     assert ended.status == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:1" in ended.err
@@ -255,10 +255,10 @@ def test_a_run_of_many_parts_is_shared_between_processes(motion, whole, tmp_path
         made.append("processes")
         return one_after_another(given, chunks)
 
-    monkeypatch.setattr("adapt.large_runs.local_processes.in_processes", maker)
-    monkeypatch.setattr("adapt.large_runs.local_processes.MANY_PARTS", 5)
+    monkeypatch.setattr("adapt.output.large_runs.local_processes.in_processes", maker)
+    monkeypatch.setattr("adapt.output.large_runs.local_processes.MANY_PARTS", 5)
     for cores, expected in ((1, []), (2, ["processes"])):
-        monkeypatch.setattr("adapt.large_runs.local_processes.cores", lambda cores=cores: cores)
+        monkeypatch.setattr("adapt.output.large_runs.local_processes.cores", lambda cores=cores: cores)
         girdle("adapt", motion, "--model", "R2", "--chunk", 1, "--out", tmp_path / str(cores))
         assert made == expected
         assert_same_tables(tmp_path / str(cores), whole)

@@ -17,7 +17,7 @@ from adapt.cli.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST_DEG
 from adapt.diagnosis.json_form import as_json
-from adapt.large_runs.parts import not_adapted
+from adapt.output.large_runs.parts import not_adapted
 from adapt.output.result_files import write_adaptations, write_figures, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
 from adapt.solvers.objective import WEIGHT

@@ -32,10 +32,10 @@ from adapt.cli.print_tables import (
     print_without_landmarks,
     progress,
 )
-from adapt.large_runs.dask_cluster import on_cluster
-from adapt.large_runs.local_processes import on_this_machine
-from adapt.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
+from adapt.output.large_runs.dask_cluster import on_cluster
+from adapt.output.large_runs.local_processes import on_this_machine
+from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
 from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from adapt.api import Adaptations, adapt_subjects
-from adapt.large_runs.table_arrays import Rows, as_rows, as_table
+from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv

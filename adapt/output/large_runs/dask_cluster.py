@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from adapt.engine.compilation_cache import keep_compiled
-from adapt.large_runs.parts import Chunks, Maker, Work
+from adapt.output.large_runs.parts import Chunks, Maker, Work
 from motions.errors import InputError
 
 _CONNECT_S = 10.0

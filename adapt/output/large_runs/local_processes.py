@@ -10,7 +10,7 @@ import jax
 
 from adapt.engine.batching import cores, use_cores
 from adapt.engine.compilation_cache import keep_compiled
-from adapt.large_runs.parts import Chunks, Maker, Work, one_after_another
+from adapt.output.large_runs.parts import Chunks, Maker, Work, one_after_another
 from motions.errors import InputError
 from motions.table import Motions
 
