@@ -14,10 +14,13 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Literal
+from jax.extend.core import Literal
 
 from adapt.engine.machine_code import MachineCodeError
 from adapt.engine.simd_values import SimdValue
+
+ClosedJaxpr = Any
+"""JAX's class of that name, of which not every version says that it is public."""
 
 Numbers = np.ndarray
 """An array of SIMD values, or of Python's numbers where the program has constants."""
@@ -387,7 +390,7 @@ def _converted(params: dict[str, Any], x: Numbers) -> Numbers:
 def _iota(params: dict[str, Any]) -> Numbers:
     shape, axis = params["shape"], params["dimension"]
     return _constant(
-        np.broadcast_to(np.expand_dims(np.arange(shape[axis]), [k for k in range(len(shape)) if k != axis]), shape)
+        np.broadcast_to(np.expand_dims(np.arange(shape[axis]), tuple(k for k in range(len(shape)) if k != axis)), shape)
     )
 
 

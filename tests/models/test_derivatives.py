@@ -65,7 +65,8 @@ def distance_differentiated(*at):
 def test_distance_with_slopes_and_curvatures(k):
     point = POINTS[:, k]
     ellipsoid = jnp.concatenate([CENTRE[1:], AXES])
-    p, a = tuple(point - CENTRE), tuple(AXES)
+    (x, y, z), (of_x, of_y, of_z) = point - CENTRE, AXES
+    p, a = (x, y, z), (of_x, of_y, of_z)
     t = jnp.zeros(())
     for _ in range(SETTLED):
         t = closest_point_multiplier_near(p, a, t)
