@@ -28,7 +28,7 @@ SAME_BASENAME = {
 """Basenames that several modules may have, and why."""
 
 ONLY_IN = {
-    "distributed": ("adapt.output.large_runs",),
+    "distributed": ("adapt.output",),
     "ezc3d": ("motions",),
     "jinja2": ("adapt.report",),
     "llvmlite": ("adapt.engine",),
