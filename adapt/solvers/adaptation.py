@@ -329,13 +329,13 @@ def _over_postures(data: Problems, angles: Float[np.ndarray, "6 rows"]) -> Float
 
 
 def _as_adapted(data: Problems, weight, reading: Reading, equivalent, solved: SubjectSolution) -> Adapted:
-    theta, count = np.asarray(solved.theta), np.sum(data.counted, axis=0)
+    angles, count = np.sum(data.measured, axis=0), np.sum(data.counted, axis=0)
+    determined = np.all(angles >= FEWEST_ANGLES, axis=0)
+    theta = np.where(determined, solved.theta, np.nan)
     j = mean_square_deg2(solved.angles, data.angles, angle_weights(data.measured))
     mean_j = np.where(data.counted, j, 0.0).sum(axis=0) / count
     at = _at_optimum(data, reading, theta, mean_j)
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
-    angles = np.sum(data.measured, axis=0)
-    determined = np.all(angles >= FEWEST_ANGLES, axis=0)
     informed = np.any(data.counted & (angles > FEWEST_ANGLES), axis=0) | (mean_j > _EXACT_DEG2)
     converged = np.asarray(solved.converged) & np.isfinite(at.D_mm2) & np.isfinite(mean_j)
     words = np.where(informed, np.where(converged, status.OK, status.NOT_CONVERGED), status.UNDERDETERMINED)

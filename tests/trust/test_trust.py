@@ -154,7 +154,7 @@ def test_the_noise_part_is_what_repeated_measurements_scatter_by(case):
 def test_noise_of_no_subject_is_no_uncertainty(case):
     """Angles that the adapted chain takes exactly, by an ellipsoid that is the points': only Sigma is left."""
     exact = select_problems(case.data, np.arange(4), angles=np.asarray(case.adapted.angles))
-    adapted = replace(case.adapted)
+    adapted = case.adapted._replace()
     found = uncertainty(exact, adapted)
     assert found.noise_deg.max() == 0.0
     assert sd(found.noise_mm2).max() == 0.0
@@ -166,13 +166,13 @@ def test_noise_of_no_subject_is_no_uncertainty(case):
 
 def test_points_alone_forbid_everything_and_motion_alone_nothing(case):
     """w -> 0: theta is the points', as far off as the person is from them. The conoid has no points."""
-    tiny = uncertainty(case.data, replace(case.adapted, weight=np.full(4, 1e-9)))
+    tiny = uncertainty(case.data, case.adapted._replace(weight=np.full(4, 1e-9)))
     np.testing.assert_allclose(tiny.points_share[:5], 1.0, rtol=0.0, atol=1e-5)
     # Of the geometric fit itself, where D has no residual, what is left is Sigma.
     own_mm = np.asarray(case.data.girdle.adapted_mm)
-    own = uncertainty(case.data, replace(case.adapted, theta_mm=own_mm, weight=np.full(4, 1e-9)))
+    own = uncertainty(case.data, case.adapted._replace(theta_mm=own_mm, weight=np.full(4, 1e-9)))
     np.testing.assert_allclose(sd(own.person_mm2)[:5], PERSON_SD_MM[:5, None] * np.ones(4), rtol=1e-3)
-    huge = uncertainty(case.data, replace(case.adapted, weight=np.full(4, 1e9)))
+    huge = uncertainty(case.data, case.adapted._replace(weight=np.full(4, 1e9)))
     # The motion's information along its flattest direction is 1e-8 of that along the stiffest.
     np.testing.assert_allclose(huge.points_share, 0.0, rtol=0.0, atol=1e-2)
 
@@ -276,7 +276,7 @@ def test_postures_held_out_have_no_part_in_the_adaptation(case):
     fold = next(fold for fold in motions_and_thirds(case.motions) if fold.kind == POSTURES)
     clean = held_out(case.data, batch, [fold])
     angles = np.array(case.data.angles)
-    angles[:, np.isin(batch.rows[:, 0], fold.tested), 0] += 40.0 / DEG
+    angles[:, np.isin(batch.place[:, 0], fold.tested), 0] += 40.0 / DEG
     spoilt = held_out(select_problems(case.data, np.arange(SUBJECTS), angles=angles), batch, [fold])
     np.testing.assert_allclose(spoilt.adapted.theta_mm, clean.adapted.theta_mm, rtol=0.0, atol=SAME_THETA_MM)
     (before,), (after,) = clean.unseen_deg, spoilt.unseen_deg
