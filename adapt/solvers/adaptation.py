@@ -23,7 +23,7 @@ from adapt.solvers.problems import Problems, landmark_points, subject_problem
 from adapt.solvers.projection.subjects import fit_sizes
 from adapt.solvers.solution import SubjectSolution
 from models.adapted_parameters import STARTS_MM
-from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
+from models.effects import ActiveEffects
 from models.ellipsoid import signed_distance_mm
 from motions.arrays import Array, ByType
 from motions.table import FEWEST_ANGLES
@@ -227,14 +227,6 @@ def _starts(data: Problems) -> tuple[Float[np.ndarray, "adapted starts"], Float[
         angles.insert(0, _over_postures(data, nearby_angles(girdle, *_of_rows(data))))
     each_theta, each_angles = zip(*[(one, other) for other in angles for one in theta], strict=True)
     return np.concatenate(each_theta, axis=-1), np.concatenate(each_angles, axis=-1)
-
-
-def solved_from_geometric_fit(data: Problems) -> SubjectSolution:
-    """Solve from one start alone, the geometric fit and the measured angles, with the default weight: what benchmarks
-    compare."""
-    theta = np.clip(data.girdle.adapted_mm, *data.bounds_mm)
-    problem = subject_problem(data, np.full(data.counted.shape[1:], WEIGHT))
-    return solved_from(problem, NO_ACTIVE_EFFECTS, theta, data.angles)
 
 
 def adapted_from(

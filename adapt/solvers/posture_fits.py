@@ -55,6 +55,8 @@ def fit_batch(
     found.code[~determined] = status.UNUSABLE
     found.residual_mm[:, found.code == status.UNCONVERGED] = np.inf
     for offset in _PLACES_DEG:
+        if not (found.code == status.UNCONVERGED).any():
+            break
         place = target + offset[:, None] / DEG
         refit(found, found.code == status.UNCONVERGED, _from_closed, girdle, target, measured, place, put=_put_closer)
     open_mm = np.abs(found.residual_mm).max(axis=0)

@@ -21,11 +21,11 @@ import numpy as np  # noqa: E402
 import typer  # noqa: E402
 
 from adapt.engine.kernel import Kernel  # noqa: E402
-from adapt.solvers.adaptation import solved_from_geometric_fit  # noqa: E402
 from adapt.solvers.problems import problems_of  # noqa: E402
 from adapt.solvers.rows import posture_rows  # noqa: E402
 from models import load_model  # noqa: E402
 from motions.rhythm_subjects import simulate_subjects  # noqa: E402
+from scripts.research.speed.one_start import solved_from_geometric_fit  # noqa: E402
 
 SAME = 1e-8
 """Relative difference of E that float64 on another device may have."""

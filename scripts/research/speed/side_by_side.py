@@ -34,7 +34,7 @@ import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 
 from adapt.engine.compilation_cache import keep_compiled  # noqa: E402
-from adapt.solvers.adaptation import adapt_batch, solved_from_geometric_fit  # noqa: E402
+from adapt.solvers.adaptation import adapt_batch  # noqa: E402
 from adapt.solvers.newton.subject import Start, SubjectProblem  # noqa: E402
 from adapt.solvers.newton.subjects import subjects_kernel  # noqa: E402
 from adapt.solvers.objective import WEIGHT  # noqa: E402
@@ -50,6 +50,7 @@ from motions.rhythm_subjects import simulate_subjects  # noqa: E402
 from motions.rotations import DEG  # noqa: E402
 from scripts.reporting import timed  # noqa: E402
 from scripts.research.speed import measure_float32 as float32  # noqa: E402
+from scripts.research.speed.one_start import solved_from_geometric_fit  # noqa: E402
 from scripts.research.speed.peers import casadi_compiled, ceres, ipopt, nested_jaxopt, proxqp, septal_sqp, slsqp  # noqa: E402
 from scripts.research.speed.peers.cases import SEED  # noqa: E402
 from scripts.research.speed.peers.shares import Share  # noqa: E402
