@@ -4,7 +4,7 @@ Right shoulder, thorax frame (origin IJ, x lateral, y up, z backward), mm and ra
 constraints: three degrees of freedom (thesis 6.2.3). Arrays are component first, batch last.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import jax
 import jax.numpy as jnp
@@ -69,6 +69,17 @@ class Girdle:
             conoid_length_mm=conoid_length(adapted_mm),
         )
 
+    @property
+    def numbers_mm(self) -> Float[Array, " numbers *batch"]:
+        """All its numbers one after the other, each field at its place in ``NUMBERS``."""
+        return xp.concatenate([x[None] if name in _LENGTHS else x for name, x in vars(self).items()])
+
+    @classmethod
+    def of_numbers(cls, numbers_mm: Float[Array, " numbers *batch"]) -> "Girdle":
+        """Build the girdle that has these ``numbers_mm``."""
+        parts = {name: numbers_mm[place] for name, place in NUMBERS.items()}
+        return cls(**{name: part[0] if name in _LENGTHS else part for name, part in parts.items()})
+
     def over_axes(self, count: int) -> "Girdle":
         """Return this girdle with ``count`` more batch axes at the end, of length 1: the same for all along them."""
         return jax.tree.map(lambda value: value.reshape(*value.shape, *[1] * count), self)
@@ -79,8 +90,22 @@ class Girdle:
 
     def over_postures(self) -> "Girdle":
         """Return this girdle with an axis for the postures before the batch: ``(3, *batch)`` to ``(3, 1, *batch)``."""
-        lengths = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
-        return Girdle(**{k: v[None] if k in lengths else v[:, None] for k, v in vars(self).items()})
+        return Girdle(**{k: v[None] if k in _LENGTHS else v[:, None] for k, v in vars(self).items()})
+
+
+_LENGTHS = ("ts_distance_mm", "ai_distance_mm", "conoid_length_mm")
+"""The fields that are one number."""
+
+
+def _places() -> dict[str, slice]:
+    ends = np.cumsum([1 if one.name in _LENGTHS else 3 for one in fields(Girdle)]).tolist()
+    return {one.name: slice(a, b) for one, a, b in zip(fields(Girdle), [0, *ends], ends, strict=False)}
+
+
+NUMBERS = _places()
+"""Where each field stands in ``numbers_mm``."""
+
+COUNT_OF_NUMBERS = max(place.stop for place in NUMBERS.values())
 
 
 @dataclass(frozen=True)

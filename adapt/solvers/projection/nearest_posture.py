@@ -18,9 +18,9 @@ from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
 from adapt.solvers.newton.postures import GIRDLE
 from models.adapted_parameters import ADAPTED
-from models.effects import ActiveEffects, Effect
+from models.effects import ActiveEffects, AnyGirdle, Effect
 from models.effects.own_effects import is_user_defined
-from models.girdle import Girdle
+from models.girdle import COUNT_OF_NUMBERS, Girdle
 from motions.arrays import Array
 from motions.rotations import DEG
 
@@ -115,6 +115,33 @@ def nearest_postures(
     return Nearest(x, y, T, C[0] if C else np.zeros((3, 0, count)), B, g, h)
 
 
+def nearest_by_numbers(
+    numbers_mm: Float[np.ndarray, "numbers rows"],
+    active_effects: ActiveEffects,
+    angles: Float[np.ndarray, "6 rows"],
+    measured: Bool[np.ndarray, "6 rows"],
+    start: Float[np.ndarray, "n rows"],
+    there: float | Float[np.ndarray, " rows"] = THERE,
+    slack_mm: float = 0.0,
+) -> Nearest:
+    """Find the nearest closed postures with slopes in every number of the girdle (``Girdle.numbers_mm``) in place of
+    the adapted parameters.
+
+    With ``slack_mm`` each constraint has a slack of this SD beside the angles' degree, and ``angles`` of the result and
+    of the ``start`` three more rows, mm: |y|^2 is the squared distance to the nearest posture that closes but for them.
+    """
+    sd = _MEASURED_SD_RAD * np.where(measured, 1.0, UNMEASURED_SD)
+    rows, effects = angles.shape[1], active_effects.effects
+    strengths = np.concatenate(active_effects.strengths) if effects else np.zeros((NO_CHANNELS, rows))
+    if slack_mm:
+        angles = np.concatenate([angles, np.zeros((3, rows))])
+        sd = np.concatenate([sd, np.full((3, rows), slack_mm)])
+    kernel = _numbers_kernel(effects, len(sd))
+    x, y, B, g, h, T = kernel(numbers_mm, strengths, angles, sd, np.asarray(start), np.broadcast_to(there, (rows,)))
+    B, T = (one.reshape(3, -1, rows) for one in (B, T))
+    return Nearest(x, y, T, np.zeros((3, 0, rows)), B, g, h)
+
+
 def closed(
     girdle: Girdle,
     effects: tuple[Effect, ...],
@@ -132,52 +159,77 @@ def closed(
 @functools.cache
 def _nearest_kernel(effects: tuple[Effect, ...], strengths_are_known: bool) -> Kernel:
     """The compiled function of these effects; last of its results, if wanted, the slopes in their strengths."""
-    count = _channels(effects)[-1] or NO_CHANNELS
+    count = channels(effects)[-1] or NO_CHANNELS
 
     def nearest(girdle: Girdle, theta_mm, strengths, s, sd, start, there):
         at = (theta_mm,) if strengths_are_known else (theta_mm, strengths)
         return _nearest(_constraints(effects, girdle, strengths), at, s, sd, start, there)
 
     inputs = GIRDLE, str(len(ADAPTED)), str(count), "6", "6", "6", ""
-    name = f"nearest_{'known_' * strengths_are_known}{_digest(effects, nearest, (len(ADAPTED), count, 6, 6, 6, ()))}"
+    name = f"nearest_{'known_' * strengths_are_known}{digest(effects, nearest, (len(ADAPTED), count, 6, 6, 6, ()))}"
     outputs = "6", "3", "18", "3", "3", str(3 * len(ADAPTED)), *([] if strengths_are_known else [str(3 * count)])
     return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
 
 
 @functools.cache
+def _numbers_kernel(effects: tuple[Effect, ...], coordinates: int) -> Kernel:
+    """The same with slopes in the numbers of the girdle; the strengths of the effects are known. Coordinates beyond the
+    six angles are slacks of A1-A3."""
+    count, n = channels(effects)[-1] or NO_CHANNELS, coordinates
+
+    def nearest(numbers_mm, strengths, s, sd, start, there):
+        def g(x, numbers):
+            residuals = with_effects(effects, Girdle.of_numbers(numbers), strengths).residuals_mm(x[:6])
+            return residuals - x[6:] if n > 6 else residuals
+
+        return _nearest(g, (numbers_mm,), s, sd, start, there)
+
+    name = f"numbers_{n}_{digest(effects, nearest, (COUNT_OF_NUMBERS, count, n, n, n, ()), of_girdle=False)}"
+    inputs = str(COUNT_OF_NUMBERS), str(count), *[str(n)] * 3, ""
+    outputs = str(n), "3", str(3 * n), "3", "3", str(3 * COUNT_OF_NUMBERS)
+    return Kernel(name, per_problem(nearest), inputs, outputs, _CHUNK)
+
+
+@functools.cache
 def _closing_kernel(effects: tuple[Effect, ...]) -> Kernel:
-    count = _channels(effects)[-1] or NO_CHANNELS
+    count = channels(effects)[-1] or NO_CHANNELS
 
     def close(girdle: Girdle, theta_mm, strengths, start):
         return _closed(functools.partial(_constraints(effects, girdle, strengths), theta=theta_mm), start)
 
-    name = f"closed_{_digest(effects, close, (len(ADAPTED), count, 6))}"
+    name = f"closed_{digest(effects, close, (len(ADAPTED), count, 6))}"
     return Kernel(name, per_problem(close), (GIRDLE, str(len(ADAPTED)), str(count), "6"), ("6", "3"), _CHUNK)
 
 
-def _channels(effects: tuple[Effect, ...]) -> list[int]:
+def channels(effects: tuple[Effect, ...]) -> list[int]:
     """Where the strengths of each effect end, among those of all; first where they begin."""
     return [0, *np.cumsum([one.course.channels(len(one.directions)) for one in effects], dtype=int).tolist()]
 
 
 def _constraints(effects: tuple[Effect, ...], girdle: Girdle, known_strengths) -> Callable[..., Array]:
     """A1-A3 of one row, mm, as a function of its angles (rad), the adapted parameters and the strengths."""
-    splits = _channels(effects)[1:]
 
     def g(x, theta, strengths=known_strengths):
-        active = ActiveEffects(tuple(jnp.split(strengths, splits)[: len(effects)]), effects)
-        return active.on(girdle.with_adapted(theta)).residuals_mm(x)
+        return with_effects(effects, girdle.with_adapted(theta), strengths).residuals_mm(x)
 
     return g
 
 
-def _digest(effects: tuple[Effect, ...], function, shapes: Sequence[int | tuple[int, ...]]) -> str:
+def with_effects(effects: tuple[Effect, ...], girdle: Girdle, strengths) -> AnyGirdle:
+    """Put effects whose strengths stand one after the other on the girdle."""
+    every = jnp.split(strengths, channels(effects)[1:])[: len(effects)]
+    return ActiveEffects(tuple(every), effects).on(girdle)
+
+
+def digest(
+    effects: tuple[Effect, ...], function, shapes: Sequence[int | tuple[int, ...]], of_girdle: bool = True
+) -> str:
     """One word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
     source the cache of machine code does not know, by all that JAX traces."""
     words = " ".join(one.name for one in effects)
     if any(map(is_user_defined, effects)):
-        girdle = jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)
-        words += str(jax.make_jaxpr(function)(girdle, *(np.zeros(shape) for shape in shapes)))
+        girdle = [jax.tree.map(lambda words: np.zeros(3 if words else ()), GIRDLE)] * of_girdle
+        words += str(jax.make_jaxpr(function)(*girdle, *(np.zeros(shape) for shape in shapes)))
     return hashlib.sha256(words.encode()).hexdigest()[:12]
 
 

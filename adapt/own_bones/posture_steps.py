@@ -1,0 +1,173 @@
+"""One Newton step of a posture's optimality conditions with every number of the girdle left free, by JAX.
+
+What ``adapt.solvers.newton.elimination`` does with derivatives by hand for the ellipsoid and the conoid, for all numbers
+x of a girdle, with effects, and with derivatives by JAX: see there for K, S, rho, tau and mu.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from adapt.engine.jax_program import per_problem
+from adapt.engine.kernel import Kernel
+from adapt.solvers.newton.elimination import RANGE_SPACE_PENALTY
+from adapt.solvers.projection.nearest_posture import NO_CHANNELS, channels, digest, with_effects
+from models.effects import ActiveEffects, Effect
+from models.girdle import COUNT_OF_NUMBERS, Girdle
+from motions.arrays import Array
+
+_N = COUNT_OF_NUMBERS
+
+_PIVOT_FLOOR = 1e-6
+"""Smallest pivot of K, relative to the largest weight, of a posture at a minimum; another goes without curvature."""
+
+_CHUNK = 256
+
+
+class Postures(NamedTuple):
+    """Rows: numbers of the girdle, strengths of effects, angles q, multipliers, measured angles s, weights W."""
+
+    numbers_mm: Float[np.ndarray, "numbers rows"]
+    strengths: Float[np.ndarray, "channels rows"]
+    angles: Float[np.ndarray, "6 rows"]
+    multipliers: Float[np.ndarray, "3 rows"]
+    measured_angles: Float[np.ndarray, "6 rows"]
+    weights: Float[np.ndarray, "6 rows"]
+
+
+class Eliminated(NamedTuple):
+    """A row's share of the quadratic model in x, its own step eliminated."""
+
+    slope: Float[np.ndarray, "numbers rows"]
+    matrix: Float[np.ndarray, "entries rows"]
+    """Lower triangle, row by row."""
+    x_slope: Float[np.ndarray, "numbers rows"]
+    """T' lambda: that of E where the posture stands at its optimum."""
+    g_mm: Float[np.ndarray, "3 rows"]
+    stiffness: Float[np.ndarray, "3 rows"]
+    unstationary: Float[np.ndarray, " rows"]
+    """max |W (q - s) + G' lambda|."""
+
+
+def eliminate(effects: tuple[Effect, ...], at: Postures) -> Eliminated:
+    """Eliminate the step of every posture."""
+    return Eliminated(*_elimination_kernel(effects)(*at))
+
+
+def own_steps(effects: tuple[Effect, ...], at: Postures, dx_mm) -> tuple[np.ndarray, np.ndarray]:
+    """Compute dq (rad) and the new multipliers of every posture for a step of the numbers."""
+    return _step_kernel(effects)(*at, dx_mm)
+
+
+def violations_mm(effects: tuple[Effect, ...], at: Postures) -> Float[np.ndarray, "3 rows"]:
+    """Compute A1-A3."""
+    return _violation_kernel(effects)(at.numbers_mm, at.strengths, at.angles)[0]
+
+
+def strengths_rows(active_effects: ActiveEffects, rows: int) -> Float[np.ndarray, "channels rows"]:
+    """Lay the strengths of effects one after the other."""
+    return np.concatenate(active_effects.strengths) if active_effects.effects else np.zeros((NO_CHANNELS, rows))
+
+
+def _inputs(effects: tuple[Effect, ...], *more: str, n: int = 6) -> tuple[str, ...]:
+    return (str(_N), str(channels(effects)[-1] or NO_CHANNELS), "6", "3", "6", "6", *more)
+
+
+def _kernel(word: str, effects: tuple[Effect, ...], function, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Kernel:
+    shapes = [int(one) for one in inputs]
+    name = f"own_{word}_{digest(effects, function, shapes, of_girdle=False)}"
+    return Kernel(name, per_problem(function), inputs, outputs, _CHUNK)
+
+
+@functools.cache
+def _elimination_kernel(effects: tuple[Effect, ...]) -> Kernel:
+    def function(numbers, strengths, q, multipliers, s, weights):
+        at = _conditions(effects, numbers, strengths, q, multipliers, s, weights)
+        rho, tau = at.g - at.G @ at.K_right, at.T - at.G @ at.K_C
+        of_S = _solved(at.G @ at.K_G, jnp.concatenate([rho[:, None], tau], axis=1))[0]
+        slope = tau.T @ of_S[:, 0] - at.T.T @ (at.stiffness * at.g) - at.C.T @ at.K_right
+        M = at.U - at.C.T @ at.K_C + tau.T @ of_S[:, 1:] - (at.T.T * at.stiffness) @ at.T
+        entries = jnp.concatenate([M[i, : i + 1] for i in range(_N)])
+        rest = jnp.max(jnp.abs(at.right + at.G.T @ multipliers))
+        return slope, entries, at.T.T @ multipliers, at.g, at.stiffness, rest
+
+    outputs = str(_N), str(_N * (_N + 1) // 2), str(_N), "3", "3", ""
+    return _kernel("elimination", effects, function, _inputs(effects), outputs)
+
+
+@functools.cache
+def _step_kernel(effects: tuple[Effect, ...]) -> Kernel:
+    def function(numbers, strengths, q, multipliers, s, weights, dx):
+        at = _conditions(effects, numbers, strengths, q, multipliers, s, weights)
+        moved = at.K_C @ dx
+        mu = _solved(at.G @ at.K_G, (at.g - at.G @ at.K_right + at.T @ dx - at.G @ moved)[:, None])[0][:, 0]
+        return -(at.K_right + moved + at.K_G @ mu), mu - at.stiffness * (at.g + at.T @ dx)
+
+    return _kernel("step", effects, function, _inputs(effects, str(_N)), ("6", "3"))
+
+
+@functools.cache
+def _violation_kernel(effects: tuple[Effect, ...]) -> Kernel:
+    def function(numbers, strengths, q):
+        return (with_effects(effects, Girdle.of_numbers(numbers), strengths).residuals_mm(q),)
+
+    return _kernel("violation", effects, function, _inputs(effects)[:3], ("3",))
+
+
+class _Conditions(NamedTuple):
+    g: Array
+    G: Array
+    T: Array
+    C: Array
+    U: Array
+    stiffness: Array
+    right: Array
+    """W (q - s)."""
+    K_G: Array
+    K_C: Array
+    K_right: Array
+
+
+def _conditions(effects, numbers, strengths, q, multipliers, s, weights) -> _Conditions:
+    def g(at):
+        return with_effects(effects, Girdle.of_numbers(at[6:]), strengths).residuals_mm(at[:6])
+
+    at = jnp.concatenate([q, numbers])
+    value, pull = jax.vjp(g, at)
+    slopes = jax.vmap(lambda one: pull(one)[0])(jnp.eye(3))
+    H = jax.hessian(lambda at: multipliers @ g(at))(at)
+    G, T, C, U = slopes[:, :6], slopes[:, 6:], H[:6, 6:], H[6:, 6:]
+    largest = jnp.max(weights)
+    stiffness = RANGE_SPACE_PENALTY * largest / jnp.sum(G * G, axis=1)
+    W, stiff, right = jnp.eye(6) * weights, (G.T * stiffness) @ G, weights * (q - s)
+    sides = jnp.concatenate([G.T, C, right[:, None]], axis=1)
+    solved, pivot = _solved(H[:6, :6] + W + stiff, sides)
+    convex = pivot > _PIVOT_FLOOR * largest
+    plain = sides / weights[:, None]
+    solved, C, U, stiffness = (
+        jnp.where(convex, one, other)
+        for one, other in ((solved, plain), (C, 0.0 * C), (U, 0.0 * U), (stiffness, 0.0 * stiffness))
+    )
+    K_C = jnp.where(convex, solved[:, 3:-1], 0.0)
+    return _Conditions(value, G, T, C, U, stiffness, right, solved[:, :3], K_C, solved[:, -1])
+
+
+def _solved(A: Float[Array, "n n"], B: Float[Array, "n m"]) -> tuple[Float[Array, "n m"], Array]:
+    """A^-1 B of a symmetric A by L D L', written out, and the smallest pivot."""
+    n = len(A)
+    L, D = [[jnp.zeros(())] * n for _ in range(n)], []
+    for j in range(n):
+        D.append(A[j, j] - sum((L[j][k] ** 2 * D[k] for k in range(j)), jnp.zeros(())))
+        for i in range(j + 1, n):
+            L[i][j] = (A[i, j] - sum((L[i][k] * L[j][k] * D[k] for k in range(j)), jnp.zeros(()))) / D[j]
+    x = [B[i] for i in range(n)]
+    for i in range(n):
+        x[i] = x[i] - sum((L[i][j] * x[j] for j in range(i)), jnp.zeros(()))
+    x = [one / d for one, d in zip(x, D, strict=True)]
+    for i in reversed(range(n)):
+        x[i] = x[i] - sum((L[j][i] * x[j] for j in range(i + 1, n)), jnp.zeros(()))
+    return jnp.stack(x), functools.reduce(jnp.minimum, D)
