@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
+from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.json_form import plain
 from adapt.report.bone_positions import POINTS, bones_mm
-from adapt.report.drawn_postures import chosen_rows, chosen_subjects, gaps_deg
+from adapt.report.drawn_postures import chosen_rows, chosen_subjects
 from adapt.report.fit_states import STATES, adapted_mm, fitted_deg, state_rows
 from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
@@ -47,7 +48,7 @@ def figure_data(
     """
     first = models[[model.name for model in models].index(closest(result.summary))]
     left = _gaps(result.summary, first.name, "after", motions.subjects)
-    subjects = chosen_subjects(motions, len(models), dict(zip(motions.subjects, gaps_deg(left[:, :6]), strict=True)))
+    subjects = chosen_subjects(motions, len(models), dict(zip(motions.subjects, known_mean(left[:, :6]), strict=True)))
     rows = chosen_rows(motions, len(models), subjects)
     return plain(
         {

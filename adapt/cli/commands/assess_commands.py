@@ -79,7 +79,7 @@ def diagnose_gap(
                 write_adaptations(part, result)
                 write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
                 failed = not_adapted(result) | diagnoses.closest.left_out
-                wrong = write_report(part, table, models, result, failed, diagnoses)
+                wrong = write_report(part, table, models, result, failed, diagnoses=diagnoses)
         print_diagnosis(console, diagnoses)
         say_report(folder, wrong)
     finish(table, failed)

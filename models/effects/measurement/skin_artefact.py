@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from models.effects.course import Course
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -77,10 +78,9 @@ def _ways(R_measured, lag, subject, lowest, high) -> Float[np.ndarray, "3 subjec
 
 
 @dataclass(frozen=True)
-class MeasuredLag:
+class MeasuredLag(Course):
     """One amplitude, the share of the measured lag; three channels, its rotation vector in the scapula frame."""
 
-    sd: tuple[float, ...] = (1.0,)
     word: str = "elevation of the arm, as measured"
 
     def channels(self, directions: int) -> int:
