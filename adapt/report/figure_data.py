@@ -87,13 +87,12 @@ def _model(
     subjects: tuple[str, ...],
     noise_deg: float | None,
 ) -> dict[str, Any]:
-    order = {name: number for number, name in enumerate(motions.subjects)}
-    number = np.array([order[name] for name in subjects])
+    number = np.array([motions.subjects.index(name) for name in subjects])
     adapted = (
         result.parameters[result.parameters["model"] == model.name].set_index("subject").loc[list(motions.subjects)]
     )
     theta_mm = adapted_mm(motions, model, result)
-    of_row = np.array([order[name] for name in motions.subject[rows].tolist()])
+    of_row = motions.subject_number[rows]
     girdles = girdles_of(model, motions.subject[rows].tolist())
     at_measured = {s: bones_mm(girdles, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
     return {

@@ -51,11 +51,10 @@ def own_way(motions: Motions, lag_deg: Float[np.ndarray, " postures"]) -> Float[
     scapula = motions.angles_deg[:, BONES["scapula"]].T
     known = np.isfinite(scapula).all(axis=0)
     elevation = np.nan_to_num(motions.humerus_elevation_deg)
-    number = {name: k for k, name in enumerate(motions.subjects)}
-    subject = np.array([number[name] for name in motions.subject.tolist()])
-    lowest, high = np.zeros(len(number), int), np.zeros(len(subject))
-    for k in range(len(number)):
-        rows = np.flatnonzero((subject == k) & known)
+    subject, every = motions.subject_number, motions.rows_by_subject()
+    lowest, high = np.zeros(len(every), int), np.zeros(len(subject))
+    for k, own in enumerate(every):
+        rows = own[known[own]]
         if len(rows):
             lowest[k] = rows[np.argmin(elevation[rows])]
             up = rows[elevation[rows] >= _HIGH * elevation[rows].max()]
