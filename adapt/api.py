@@ -11,6 +11,8 @@ import pandas as pd
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
+from adapt.evaluation.covariance import Uncertainty, uncertainty
+from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
@@ -26,8 +28,6 @@ from adapt.tables.results import (
     rows_of_subjects,
     summary_table,
 )
-from adapt.trust.covariance import Uncertainty, uncertainty
-from adapt.trust.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
@@ -124,7 +124,7 @@ def adapt_subjects(
 
     ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.solvers.objective.READINGS``. Subjects are independent:
     one that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
-    each of their motions, or, with a single motion, each third of their postures: see ``adapt.trust.held_out``. By
+    each of their motions, or, with a single motion, each third of their postures: see ``adapt.evaluation.held_out``. By
     default all are, of more than 400 a sample; this takes about twice the time of the rest, and ``()`` spares it.
     ``folds``: another choice of what is held out in turn (``adapt.tables.folds``).
 

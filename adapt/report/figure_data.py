@@ -9,7 +9,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.inference.intervals import known_mean
-from adapt.diagnosis.json_form import plain
+from adapt.diagnosis.texts.json_form import plain
 from adapt.report.bone_positions import POINTS, bones_mm
 from adapt.report.drawn_postures import chosen_rows, chosen_subjects
 from adapt.report.fit_states import STATES, adapted_mm, fitted_deg, state_rows

@@ -236,7 +236,7 @@ def parameters_table(
     """Tabulate ``parameters.csv``: one row per model and subject.
 
     Lengths are in mm, J in deg^2, E in the units of its reading; ``L_mm2`` is there only where landmarks count.
-    ``sd_mm``: of ``adapt.trust.covariance``, problem = model * subjects + subject; none of who was not adapted.
+    ``sd_mm``: of ``adapt.evaluation.covariance``, problem = model * subjects + subject; none of who was not adapted.
     """
     each = np.split(sd_mm, len(models), axis=1)
     return pd.concat(

@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 from handmade import adaptations, motions_of, rising
 
-from adapt.assessment import improvement_blocked_by_points, jump_free_share
-from adapt.cli.print_tables import PlainConsole
-from adapt.cli.print_trust import print_weights, trust_sentences
+from adapt.cli.terminal.print_tables import PlainConsole
+from adapt.cli.terminal.print_trust import print_weights, trust_sentences
+from adapt.evaluation.covariance import NORMAL_95
+from adapt.evaluation.held_out import gaps_deg, sample
 from adapt.tables.folds import (
     MOTION,
     PERSON,
@@ -19,8 +20,7 @@ from adapt.tables.folds import (
     motions_or_thirds,
 )
 from adapt.tables.held_out import NOTHING, by_model, by_subject, fewest_parts
-from adapt.trust.covariance import NORMAL_95
-from adapt.trust.held_out import gaps_deg, sample
+from adapt.trust.assessment import improvement_blocked_by_points, jump_free_share
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
 from models import load_model, model_names
 from motions import Motions

@@ -94,7 +94,7 @@ def model_of_person(
     the file, `--models-of` a folder of them.
     """
     from adapt.cli.landmarks.person import write_person_sets  # readers of laboratories' files: not for every command
-    from adapt.cli.landmarks.print_person import print_persons
+    from adapt.cli.terminal.print_person import print_persons
 
     labels = _labels(subject, "", side, "", aa_to_ac, sc_from_ij)
     written, rejected = write_person_sets(source, out, load_model(model), read_mapping(names), labels, rest, points)

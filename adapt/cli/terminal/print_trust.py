@@ -7,8 +7,8 @@ import math
 import pandas as pd
 from rich.console import Console
 
-from adapt.assessment import Trust
-from adapt.cli.print_tables import folding_table
+from adapt.cli.terminal.print_tables import folding_table
+from adapt.trust.assessment import Trust
 from adapt.trust.thorax_plausibility import PASS, WARNING
 from models.adapted_parameters import ADAPTED
 

@@ -5,10 +5,10 @@ import math
 from rich.console import Console
 from rich.table import Table
 
-from adapt.cli.print_tables import folding_table
-from adapt.diagnosis.notes import notes
+from adapt.cli.terminal.print_tables import folding_table
 from adapt.diagnosis.result import ALL, Diagnoses, Diagnosis, GapKind, GapLevels
-from adapt.diagnosis.wording import (
+from adapt.diagnosis.texts.notes import notes
+from adapt.diagnosis.texts.wording import (
     amplitude_text,
     answer_text,
     gap_text,

@@ -13,6 +13,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from adapt.api import Adaptations, adapt_with_every_fold
+from adapt.evaluation.covariance import NORMAL_95, Uncertainty, sd
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
@@ -24,7 +25,6 @@ from adapt.tables.held_out import by_subject
 from adapt.tables.muscle_tables import serratus_arms
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.changed_forces import force_checks
-from adapt.trust.covariance import NORMAL_95, Uncertainty, sd
 from adapt.trust.flat_directions import FLAT_MM, flat_directions
 from adapt.trust.profile import Profile, profile_intervals
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
