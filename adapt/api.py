@@ -154,7 +154,8 @@ def adapt_subjects(
     uncertain = uncertainty(exact, found.adapted)
     progress("postures after adaptation")
     optima = rows_of_optima(found.rows, found.data, found.adapted)
-    before, after, results = (_by_model(models, every) for every in (as_they_are, optima, found.adapted))
+    before, after = (_by_model(models, every) for every in (as_they_are, optima))
+    results = _by_model(models, found.adapted)
     fits = _fits(motions, before, after)
     parameters = parameters_table(subjects, models, results, uncertain.sd_mm, fits)
     seen = {"before": before, "in_sample": after}

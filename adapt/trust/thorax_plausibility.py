@@ -81,9 +81,9 @@ class Check:
 
     def row(self, model: str, subject: str, own_value: float) -> dict[str, object]:
         """Give the row of ``plausibility.csv``; ``own_value`` is the value of the parameter set itself."""
-        row = {"model": model, "subject": subject, "check": self.name, "value": self.value, "own_value": own_value}
-        row |= {"low": self.low, "high": self.high, "unit": self.unit}
-        return row | {"verdict": self.verdict, "reason": self.reason}
+        row: dict[str, object] = {"model": model, "subject": subject, "check": self.name}
+        row |= {"value": self.value, "own_value": own_value, "low": self.low, "high": self.high}
+        return row | {"unit": self.unit, "verdict": self.verdict, "reason": self.reason}
 
 
 def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list[Check]:

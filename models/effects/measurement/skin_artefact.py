@@ -49,7 +49,7 @@ def own_way(motions: Motions, lag_deg: Float[np.ndarray, " postures"]) -> Float[
     bone turned, of which the measured way is what the lag has left. It points to lateral rotation.
     """
     scapula = motions.angles_deg[:, BONES["scapula"]].T
-    known = np.isfinite(scapula).all(axis=0)
+    known = np.asarray(np.isfinite(scapula).all(axis=0))
     elevation = np.nan_to_num(motions.humerus_elevation_deg)
     subject, every = motions.subject_number, motions.rows_by_subject()
     lowest, high = np.zeros(len(every), int), np.zeros(len(subject))
