@@ -89,7 +89,13 @@ class Adapted(NamedTuple):
     iterations: Int[np.ndarray, " problems"]
     sizes: Float[np.ndarray, "sizes problems"]
     """Of effects that differ between persons, in SDs off the mean (``models.effects.amplitudes.PersonalSize``)."""
-    status: Shaped[np.ndarray, " problems"]
+    code: Int[np.ndarray, " problems"]
+    """Of ``status.WORDS``."""
+
+    @property
+    def status(self) -> Shaped[np.ndarray, " problems"]:
+        """How each adaptation ended, in a word."""
+        return status.WORDS[self.code]
 
 
 Progress = Callable[[str], None]
@@ -141,13 +147,13 @@ def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progr
             break
     if reading != DEFAULT_READING:
         adapted = adapt_batch(data.with_sizes(sizes), weight, reading, progress)
-    adapted.status[~settled] = status.NOT_CONVERGED
+    adapted.code[~settled] = status.UNCONVERGED
     return adapted._replace(sizes=sizes)
 
 
 def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
     """The optimum whose own weights of points and postures it is the optimum of, each problem until it has settled."""
-    left = np.arange(len(adapted.status))
+    left = np.arange(len(adapted.code))
     for number in range(_REWEIGHTED):
         progress(f"weights of the reading, round {number + 1}")
         part, before = take_problems(data, left), take_problems(adapted, left)
@@ -160,7 +166,7 @@ def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapte
         left = left[moving]
         if not len(left):
             return adapted
-    adapted.status[left] = status.NOT_CONVERGED
+    adapted.code[left] = status.UNCONVERGED
     return adapted
 
 
@@ -190,7 +196,7 @@ def _lowest(data: Problems, weight: float, reading: Reading, equivalent, progres
     data, problem, equivalent, found = take_problems((data, problem, equivalent, found), kept)
     found = _to_the_lowest_postures(data, problem, found, progress)
     ended = _as_adapted(as_type(data, float), weight, reading, equivalent, found)
-    E = np.where((ended.status != status.NOT_CONVERGED) & np.isfinite(ended.E), ended.E, np.inf)
+    E = np.where((ended.code != status.UNCONVERGED) & np.isfinite(ended.E), ended.E, np.inf)
     lowest, number = np.full(count, np.inf), every[kept]
     np.minimum.at(lowest, number, E)
     among_lowest = np.flatnonzero(lowest[number] * (1.0 + same) >= E)
@@ -319,7 +325,7 @@ def _as_adapted(data: Problems, weight, reading: Reading, equivalent, solved: Su
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
     informed = np.any(data.counted & (angles > FEWEST_ANGLES), axis=0) | (mean_j > _EXACT_DEG2)
     converged = np.asarray(solved.converged) & np.isfinite(at.D_mm2) & np.isfinite(mean_j)
-    words = np.where(informed, np.where(converged, status.OK, status.NOT_CONVERGED), status.UNDERDETERMINED)
+    code = np.where(informed, np.where(converged, status.CONVERGED, status.UNCONVERGED), status.EXACT)
     with np.errstate(divide="ignore", invalid="ignore"):
         per_weight = count / equivalent  # W of an angle in E is weight / postures times that in J
         multipliers, stationarity = (np.asarray(x) * per_weight for x in (solved.multipliers, solved.stationarity))
@@ -339,5 +345,5 @@ def _as_adapted(data: Problems, weight, reading: Reading, equivalent, solved: Su
         landmark_weight=np.full(theta.shape[1:], reading.landmarks),
         iterations=np.asarray(solved.iterations),
         sizes=np.zeros((0, *theta.shape[1:])),
-        status=np.where(determined, words, status.INVALID).astype("U16"),
+        code=np.where(determined, code, status.UNUSABLE),
     )

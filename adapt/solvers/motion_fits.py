@@ -33,7 +33,7 @@ def rows_of_optima(rows: PostureRows, data: Problems, adapted: Adapted) -> Postu
     rows = rows.repeated(models, data.angles.dtype)
     chain = data.girdles_at(adapted.theta_mm, posture, problem)
     fitted = _at_optimum(rows, adapted, posture, problem)
-    without = ~((adapted.status[problem] == status.OK) & np.isfinite(fitted.multipliers).all(axis=0))
+    without = ~((adapted.code[problem] == status.CONVERGED) & np.isfinite(fitted.multipliers).all(axis=0))
     refit(fitted, without, fit_batch, chain, rows.angles, rows.measured, fitted.angles)
     return follow_motions(fitted, chain, rows.angles, rows.measured, rows.previous, may_move=without)
 

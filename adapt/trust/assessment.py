@@ -122,7 +122,7 @@ def uncertainty_table(
     holds the parameter, the share that is the thorax points'.
     """
     ends, origin = intervals(data, adapted, found)
-    good = adapted.status == status.OK
+    words, good = adapted.status, adapted.status == status.OK
     noise, person, both = sd(found.noise_mm2), sd(found.person_mm2), found.sd_mm
     rows = []
     for problem, (model, subject) in enumerate(product(models, subjects)):
@@ -137,7 +137,7 @@ def uncertainty_table(
             row |= {key: value if good[problem] else np.nan for key, value in numbers.items()}
             row["interval"] = origin[k, problem] if good[problem] else NONE
             row["at_bound"] = int(adapted.at_bound[k, problem])
-            rows.append(row | {"status": adapted.status[problem]})
+            rows.append(row | {"status": words[problem]})
     return pd.DataFrame(rows)
 
 
@@ -181,11 +181,11 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
     warned = (
         plausible[plausible["verdict"] == WARNING].groupby(["model", "subject"])["check"].apply(", ".join).to_dict()
     )
-    rows = []
+    rows, words = [], adapted.status
     for m, model in enumerate(names):
         smooth = jump_free_share(motions, fits[(fits["model"] == model) & (fits["adapted"] == 1)])
         for problem, subject in enumerate(subjects, m * len(subjects)):
-            row: dict[str, object] = {"model": model, "subject": subject, "status": adapted.status[problem]}
+            row: dict[str, object] = {"model": model, "subject": subject, "status": words[problem]}
             row |= {"gap_before_deg": gap.get((model, subject, 0)), "gap_in_sample_deg": gap.get((model, subject, 1))}
             row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
             row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)

@@ -157,5 +157,5 @@ def _adapted(motions: Motions, model: AnyModel, failed: Sequence[str]) -> Adapte
         landmark_weight=np.zeros(len(names)),
         iterations=np.ones(len(names), dtype=int),
         sizes=np.zeros((0, len(names))),
-        status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
+        code=np.where(lost, status.UNCONVERGED, status.CONVERGED),
     )
