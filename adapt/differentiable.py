@@ -11,7 +11,7 @@ and H is the derivative of that. The optimum within the bounds has H_ff dtheta_f
 are the free parameters and b those at a bound, which move with it. No derivative goes through an iteration.
 
 Inner functions are jitted although they only run inside others: JAX then keeps what ``vmap`` makes of them, which loops
-within loops ask for again and again. With the starts of a subject one after the other, its trace takes a third.
+within loops ask for again and again. For the same reason the starts of a subject come one after the other.
 """
 
 from collections.abc import Callable

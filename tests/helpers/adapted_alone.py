@@ -21,10 +21,13 @@ def theta_and_result(girdle, points_mm, bounds_mm, angles, weight, measured):
 
 def alone(*given) -> tuple[AdaptedSubject, AdaptedSubject]:
     """The result of what ``theta_and_result`` takes, and its slope where all numbers but ``measured`` grow by one."""
-    return _alone(*jax.tree.map(jnp.asarray, given))
+    *numbers, measured = jax.tree.map(jnp.asarray, given)
+    return _alone(tuple(numbers), measured)
 
 
 @jax.jit
-def _alone(*given):
-    *numbers, measured = given
-    return jax.jvp(lambda *x: theta_and_result(*x, measured)[1], numbers, jax.tree.map(jnp.ones_like, numbers))
+def _alone(numbers: tuple, measured) -> tuple[AdaptedSubject, AdaptedSubject]:
+    def result(girdle, points_mm, bounds_mm, angles, weight):
+        return theta_and_result(girdle, points_mm, bounds_mm, angles, weight, measured)[1]
+
+    return jax.jvp(result, numbers, jax.tree.map(jnp.ones_like, numbers))
