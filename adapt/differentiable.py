@@ -191,7 +191,6 @@ def _starts(s: Array, start=None) -> Array:
     return jnp.asarray(start)[None] if start is not None else s + _OFFSETS_DEG.reshape(-1, 6, *[1] * (s.ndim - 1)) / DEG
 
 
-@jax.jit
 def _solve(A: Array, b: Array) -> Array:
     """Solve A x = b by elimination: batches of LAPACK's calls have hung inside a compiled loop."""
 
@@ -323,7 +322,6 @@ def _residuals(theta: Array, problem: _Problem, start: Array) -> Array:
     return jnp.concatenate([distances, jnp.sqrt(problem.mean(problem.weight)) * gaps.ravel()])
 
 
-@jax.jit
 def _slope(theta: Array, problem: _Problem, x: Array) -> Array:
     """dE/dtheta, with the postures that follow from x."""
     fits = _fits_at(*problem.at(theta), x)
@@ -335,7 +333,6 @@ def _slope(theta: Array, problem: _Problem, x: Array) -> Array:
     return jax.grad(lagrangian)(theta)
 
 
-@jax.jit
 def _bounded_step(H: Array, slope: Array, low: Array, high: Array) -> Array:
     """Minimise slope' p + 1/2 p' H p within the bounds of p (primal-dual active sets)."""
 
