@@ -37,8 +37,9 @@ be; angles that were not measured begin anew where they are, until they stay."""
 _MOST_STEPS_OF_SIZES = 400
 """Of measured shoulders with three to five causes half take fewer than 140, the hardest 350."""
 
-_SETTLED = 1e-8
-"""Decrease of E, mm^2, in a step at which the sizes are found: E is 1 to 1000, its rounding 1e-12 of it."""
+_SETTLED = 1e-20
+"""Decrease of E, mm^2, that a step promises at which the sizes are found: with more, rounding decides where the search
+ends (1e-8 leaves 3e-4 of a size); rounding of the slope leaves 1e-24."""
 
 _LEAST_WEIGHT = 1e-9
 """Of |v|^2 in E: with w = 0 nothing says anything of the sizes, and they stay at the mean."""
