@@ -15,13 +15,13 @@ from adapt.solvers.objective import (
     WEIGHT,
     AtOptimum,
     Reading,
-    angle_weights,
     mean_square_deg2,
 )
 from adapt.solvers.posture_fits import fit_batch, nearby_angles
 from adapt.solvers.problems import Problems, landmark_points, subject_problem
 from adapt.solvers.projection.subjects import fit_sizes
 from adapt.solvers.solution import SubjectSolution
+from adapt.solvers.unmeasured import angle_weights
 from models.adapted_parameters import STARTS_MM
 from models.effects import ActiveEffects
 from models.ellipsoid import signed_distance_mm

@@ -6,11 +6,12 @@ from adapt.engine.batching import refit
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.continuation import follow_motions
-from adapt.solvers.objective import angle_weights, mean_square_deg2
+from adapt.solvers.objective import mean_square_deg2
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems
 from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
+from adapt.solvers.unmeasured import angle_weights
 from models.girdle import Girdle
 
 

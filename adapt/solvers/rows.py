@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
-from adapt.solvers.starts import at_rest_where_unknown
+from adapt.solvers.unmeasured import at_rest
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
 from motions.landmarks.sampled_postures import marked_slips
@@ -90,7 +90,7 @@ def posture_rows(
     """
     measured = np.isfinite(motions.angles_deg.T)
     return PostureRows(
-        angles=at_rest_where_unknown(motions.angles_deg.T / DEG, measured),
+        angles=at_rest(motions.angles_deg.T / DEG, measured),
         measured=measured,
         subject=motions.subject_number,
         previous=motions.previous_rows(),

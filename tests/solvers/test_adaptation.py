@@ -16,9 +16,10 @@ from turned_scapula import active_in_all, without_effects
 from adapt.engine.batching import take_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.adaptation import STARTS_MM, Adapted, _distinct, adapt_batch, adapted_from, fitted_angles
-from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
+from adapt.solvers.objective import WEIGHT, mean_square_deg2
 from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
 from adapt.solvers.rows import posture_rows
+from adapt.solvers.unmeasured import angle_weights
 from models import load_model, model_names
 from models.ellipsoid import closest_point
 from models.girdle import Girdle

@@ -17,7 +17,7 @@ from adapt.solvers import newton, projection, status
 from adapt.solvers.continuation import follow_motions
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.solution import PostureSolution
-from adapt.solvers.starts import at_rest_where_unknown
+from adapt.solvers.unmeasured import at_rest
 from models import load_model, model_names
 from models.effects import AnyGirdle
 from models.girdle import Girdle
@@ -120,7 +120,7 @@ class Problem:
 
     @property
     def angles(self) -> np.ndarray:
-        return at_rest_where_unknown(self.angles_deg / DEG, self.measured)
+        return at_rest(self.angles_deg / DEG, self.measured)
 
 
 def with_set(name: str, angles_deg: np.ndarray, measured: np.ndarray | None = None) -> Problem:
