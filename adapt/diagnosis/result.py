@@ -77,6 +77,10 @@ class Verdict:
         return tuple(cause.names[0] for cause in self.causes)
 
 
+_HAS_IT = 0.5
+"""Share of the mean size from which a subject has a cause."""
+
+
 @dataclass(frozen=True)
 class CauseAmplitude:
     """How large a cause is: the largest that it is at any posture, all directions together."""
@@ -102,6 +106,11 @@ class CauseAmplitude:
     def option(self) -> str:
         """Write the cause as ``girdle adapt --effect`` takes it; empty without an amplitude."""
         return "" if self.amplitude is None else as_option(self.effect, self.amplitude)
+
+    @property
+    def shown_by(self) -> tuple[str, ...]:
+        """The subjects that have it: at least half of the mean, the same way."""
+        return tuple(name for name, share in self.by_subject.items() if share >= _HAS_IT)
 
     @property
     def too_large(self) -> bool:
