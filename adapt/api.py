@@ -1,6 +1,6 @@
 """The two fits from Python: motions and models in, arrays and tables out."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -11,6 +11,8 @@ import pandas as pd
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
+from adapt.evaluation.covariance import Uncertainty, uncertainty
+from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
@@ -26,8 +28,6 @@ from adapt.tables.results import (
     rows_of_subjects,
     summary_table,
 )
-from adapt.trust.covariance import Uncertainty, uncertainty
-from adapt.trust.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
 from motions.errors import InputError
@@ -80,21 +80,30 @@ def fit_postures(
 
     ``dtype`` and ``effects``: see :func:`adapt_subjects`.
     """
-    motions = _with_gaps(motions)
+    models, motions = as_list(models), _checked(motions)
     rows = posture_rows(motions, effects)
-    return PostureFits(*_before(motions, rows, as_list(models), progress, _type_of(dtype, effects)))
+    fitted = _by_model(models, _before(motions, rows, models, progress, _type_of(dtype, effects)))
+    return PostureFits(fitted, _fits(motions, fitted))
 
 
 def _before(
     motions: Motions, rows: PostureRows, models: list[AnyModel], progress: Progress, dtype: DTypeLike
-) -> tuple[dict[str, PostureSolution], pd.DataFrame]:
-    """The fits of the models as they are, and their table."""
-    _check_names(motions)
+) -> PostureSolution:
+    """The fits of all models as they are, one after the other."""
     progress("posture fits")
     names = motions.subject.tolist()
     girdle = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *[girdles_of(one, names) for one in models])
-    by_model = _by_model(models, fit_rows(rows.repeated(len(models), dtype), girdle))
-    return by_model, pd.concat([fits_table(motions, k, False, v) for k, v in by_model.items()], ignore_index=True)
+    return fit_rows(rows.repeated(len(models), dtype), girdle)
+
+
+def _fits(motions: Motions, *states: Mapping[str, PostureSolution]) -> pd.DataFrame:
+    """``fits.csv`` of all models before, and after, adaptation."""
+    tables = [
+        fits_table(motions, model, bool(adapted), fitted)
+        for adapted, by_model in enumerate(states)
+        for model, fitted in by_model.items()
+    ]
+    return pd.concat(tables, ignore_index=True)
 
 
 def adapt_subjects(
@@ -115,7 +124,7 @@ def adapt_subjects(
 
     ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.solvers.objective.READINGS``. Subjects are independent:
     one that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
-    each of their motions, or, with a single motion, each third of their postures: see ``adapt.trust.held_out``. By
+    each of their motions, or, with a single motion, each third of their postures: see ``adapt.evaluation.held_out``. By
     default all are, of more than 400 a sample; this takes about twice the time of the rest, and ``()`` spares it.
     ``folds``: another choice of what is held out in turn (``adapt.tables.folds``).
 
@@ -133,20 +142,21 @@ def adapt_subjects(
     ``thorax_downweighting``: k lets the thorax points of the set, where they are another person's, count 1/k in E, as w
     k times as large does.
     """
-    models, motions, weight = as_list(models), _with_gaps(motions), down_weighted(weight, thorax_downweighting)
+    models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects
     rows = posture_rows(motions, effects)
-    before, table_before = _before(motions, rows, models, progress, dtype)
+    as_they_are = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
     found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype)
     progress("uncertainty")
-    uncertain = uncertainty(as_type(found.data, float), found.adapted)
+    exact = as_type(found.data, float)
+    uncertain = uncertainty(exact, found.adapted)
     progress("postures after adaptation")
-    after = _by_model(models, rows_of_optima(found.rows, found.data, found.adapted))
-    tables = [fits_table(motions, name, True, fitted) for name, fitted in after.items()]
-    fits = pd.concat([table_before, *tables], ignore_index=True)
+    optima = rows_of_optima(found.rows, found.data, found.adapted)
+    before, after = (_by_model(models, every) for every in (as_they_are, optima))
     results = _by_model(models, found.adapted)
+    fits = _fits(motions, before, after)
     parameters = parameters_table(subjects, models, results, uncertain.sd_mm, fits)
     seen = {"before": before, "in_sample": after}
     seen_deg = {word: [gaps_deg(motions, one) for one in fitted.values()] for word, fitted in seen.items()}
@@ -171,18 +181,15 @@ def adapt_with_every_fold(
     return adapt_subjects(motions, models, weight, progress=progress, held_out=everybody, folds=motions_and_thirds)
 
 
-def _check_names(motions: Motions) -> None:
-    """Names that the tables use themselves cannot be those of a subject or a motion."""
+def _checked(motions: Motions) -> Motions:
+    """An infinite angle, which no file gives, was not measured either. Names that the tables use themselves cannot be
+    those of a subject or a motion."""
+    check_motions(motions)
     for word, names, reserved in (("subject", motions.subject, STATISTICS), ("motion", motions.motion, (ALL_MOTIONS,))):
         taken = sorted(set(names.tolist()) & set(reserved))
         if taken:
             cause = f"a {word} is called '{taken[0]}', which is a row of the summary"
             raise InputError("motions", None, cause, "Give it another name")
-
-
-def _with_gaps(motions: Motions) -> Motions:
-    """An infinite angle, which no file gives, was not measured either."""
-    check_motions(motions)
     return replace(motions, angles_deg=np.where(np.isfinite(motions.angles_deg), motions.angles_deg, np.nan))
 
 

@@ -9,6 +9,9 @@ Posture (thesis Eq. 6.1-6.2): J = 1/2 sum W_i (q_i - s_i)^2 with g(q) = 0. Its o
 Subject (Eq. 6.3-6.5): E(theta) = D + w mean(J) has the slope dD/dtheta + w mean(lambda' dg/dtheta) (envelope theorem),
 and H is the derivative of that. The optimum within the bounds has H_ff dtheta_f = -d(slope_f) - H_fb dtheta_b, where f
 are the free parameters and b those at a bound, which move with it. No derivative goes through an iteration.
+
+Inner functions are jitted although they only run inside others: JAX then keeps what ``vmap`` makes of them, which loops
+within loops ask for again and again. For the same reason the starts of a subject come one after the other.
 """
 
 from collections.abc import Callable
@@ -203,6 +206,7 @@ def _solve(A: Array, b: Array) -> Array:
     return jax.lax.custom_linear_solve(lambda x: A @ x, b, lambda _, b: solved(A, b), lambda _, b: solved(A.T, b))
 
 
+@jax.jit
 def _conditions(girdle: Girdle, s: Array, W: Array, x: Array) -> Array:
     """F(x) of one posture."""
     g, pull = jax.vjp(girdle.residuals_mm, x[:6])
@@ -214,6 +218,7 @@ def _with_derivative(function: Callable[[Array], Array], x: Array) -> tuple[Arra
     return value, derivative
 
 
+@jax.jit
 def _newton(girdle: Girdle, s: Array, W: Array, x: Array) -> tuple[Array, Array]:
     """Step to the lowest J + penalty |g| of Newton's step and that without the curvature of g, each brought back to the
     surface; and |F| before it, in tolerances."""
@@ -239,6 +244,7 @@ def _newton(girdle: Girdle, s: Array, W: Array, x: Array) -> tuple[Array, Array]
     return jnp.concatenate([q[best], multipliers[best]]), jnp.max(abs(F) / _TOLERANCE)
 
 
+@jax.jit
 def _fit_from(girdle: Girdle, s: Array, W: Array, start: Array) -> tuple[Array, Array]:
     """x and J reached from one start; J is infinite where it does not converge."""
 
@@ -397,7 +403,7 @@ def _adapted(problem: _Problem, bounds: Array) -> tuple[Array, Array]:
     anywhere = jnp.full_like(bounds[0], jnp.inf)
     fitted = _least_squares(problem.distances, problem.girdle.adapted_mm, -anywhere, anywhere)
     starts = jnp.clip(fitted + STARTS_MM, *bounds)
-    theta, x, E = jax.vmap(partial(_descended, problem, *bounds))(starts)
+    theta, x, E = jax.lax.map(partial(_descended, problem, *bounds), starts)
     return jax.tree.map(lambda of: jnp.where(jnp.isfinite(jnp.min(E)), of[jnp.argmin(E)], jnp.nan), (theta, x))
 
 

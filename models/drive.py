@@ -119,7 +119,7 @@ def _drive_jvp(primals, tangents):
 @jax.jit
 def _newton_step(inputs, moved_inputs, q, good) -> Float[Array, " 6 *batch"]:
     """How q follows when girdle and coordinates move."""
-    _, move = jax.linearize(_equations_mm, *inputs, q)
+    _, move = jax.linearize(equations_mm, *inputs, q)
     nothing = jax.tree.map(jnp.zeros_like, inputs)
     identity = jnp.eye(6).reshape(6, 6, *[1] * (q.ndim - 1))
     by_angle = jax.vmap(lambda unit: move(*nothing, unit), out_axes=1)(jnp.broadcast_to(identity, (6, *q.shape)))
@@ -129,8 +129,8 @@ def _newton_step(inputs, moved_inputs, q, good) -> Float[Array, " 6 *batch"]:
     return jnp.moveaxis(step[..., 0], -1, 0)
 
 
-def _equations_mm(girdle: Girdle, coordinates, angles) -> Float[Array, " 6 *batch"]:
-    """What is 0 in the posture: its free coordinates less those asked for, then A1-A3."""
+def equations_mm(girdle: Girdle, coordinates, angles) -> Float[Array, " 6 *batch"]:
+    """Compute what is 0 in the posture: its free coordinates less those asked for, then A1-A3."""
     return jnp.concatenate([free_coordinates_mm(girdle, angles) - coordinates, constraint_residuals_mm(girdle, angles)])
 
 
@@ -149,7 +149,7 @@ def _search(girdle: Girdle, coordinates, start) -> Driven:
     to_attachment = to_ac + rotate(R_scapula, girdle.scapula_conoid_mm)
     axial, conoid_reached = _axial_rotation(girdle, clavicle, to_attachment, start[2])
     angles = jnp.concatenate([clavicle, axial[None], cardan_from_rotation(R_scapula)])
-    closed = (abs(_equations_mm(girdle, coordinates, angles)) <= TOLERANCE_MM).all(axis=0)
+    closed = (abs(equations_mm(girdle, coordinates, angles)) <= TOLERANCE_MM).all(axis=0)
     failed = [~finite, ~ac_reached, ~ts_reached, ~ai_reached, ~conoid_reached, ~closed]
     status = jnp.select(failed, [DRIVEN.index(word) for word in _IN_ORDER], DRIVEN.index("ok"))
     return Driven(jnp.where(status == 0, angles, jnp.nan), status)

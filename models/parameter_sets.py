@@ -8,7 +8,7 @@ import math
 import os
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -281,19 +281,10 @@ def _off_line_mm(ts_mm: Float[np.ndarray, "3"], ai_mm: Float[np.ndarray, "3"]) -
 
 
 def _girdle(numbers: dict[str, np.ndarray]) -> Girdle:
-    return Girdle(
-        centre_mm=np.asarray(numbers["thorax.centre_mm"]),
-        semi_axes_mm=np.asarray(numbers["thorax.semi_axes_mm"]),
-        sc_mm=np.asarray(numbers["clavicle.sc_mm"]),
-        ac_mm=np.asarray([float(numbers["clavicle.length_mm"]), 0.0, 0.0]),
-        clavicle_conoid_mm=np.asarray(numbers["clavicle.conoid_mm"]),
-        ts_mm=np.asarray(numbers["scapula.ts_mm"]),
-        ai_mm=np.asarray(numbers["scapula.ai_mm"]),
-        scapula_conoid_mm=np.asarray(numbers["scapula.conoid_mm"]),
-        ts_distance_mm=np.asarray(numbers["constraint.ts_distance_mm"]),
-        ai_distance_mm=np.asarray(numbers["constraint.ai_distance_mm"]),
-        conoid_length_mm=np.asarray(numbers["constraint.conoid_length_mm"]),
-    )
+    attached = {f"{bone}_conoid_mm": numbers[f"{bone}.conoid_mm"] for bone in ("clavicle", "scapula")}
+    other = {key.partition(".")[2]: value for key, value in numbers.items()} | attached
+    ac_mm = np.array([float(other["length_mm"]), 0.0, 0.0])
+    return Girdle(ac_mm=ac_mm, **{one.name: other[one.name] for one in fields(Girdle) if one.name != "ac_mm"})
 
 
 def _half_widths_mm(document: dict[str, Any], file: str) -> Float[np.ndarray, " adapted"]:

@@ -96,10 +96,3 @@ def repeat(times: int, advance: Callable[[Any], Any], state: Any) -> Any:
     for _ in range(times):
         state = advance(state)
     return state
-
-
-def for_each(function: Callable[..., Any], *arrays: Any, like: Any) -> Any:
-    """Apply the function along the first axis of the arrays: ``jax.vmap``, at once where ``like`` is numpy's."""
-    if is_jax(like):
-        return jax.vmap(function)(*map(jnp.asarray, arrays))
-    return jax.tree.map(lambda *x: np.stack(x), *map(function, *arrays))

@@ -2,7 +2,10 @@
 
 import difflib
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+
+Value = TypeVar("Value")
 
 
 class InputError(ValueError):
@@ -32,6 +35,13 @@ class InputWarning(UserWarning):
 def warn_input(doubt: InputError) -> None:
     """Warn of a file that is used as it is: InputWarning, in the words of an error that is not raised."""
     warnings.warn(InputWarning(str(doubt)), stacklevel=3)
+
+
+def named(name: str, known: Mapping[str, Value], place: str, kind: str) -> Value:
+    """Look up what has this name. InputError that names the place where nothing has."""
+    if name not in known:
+        raise InputError(place, None, f"there is no {kind} '{name}'", f"Use one of {', '.join(known)}")
+    return known[name]
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -34,6 +34,10 @@ LANDMARKS = ("SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
 """Bony landmarks whose positions a motion file may hold (thesis, Appendix A)."""
 
 
+_PER_POSTURE = ("subject", "motion", "posture", "humerus_elevation_deg", "angles_deg")
+"""Fields of ``Motions`` with an entry for each posture, but for landmarks and extra columns."""
+
+
 @dataclass(frozen=True, eq=False)
 class Motions:
     """N postures in the order of the files, all as a right shoulder; NaN means 'not measured'.
@@ -60,6 +64,17 @@ class Motions:
         """The names of the subjects, each once, in the order in which they first appear."""
         return tuple(dict.fromkeys(self.subject.tolist()))
 
+    @property
+    def subject_number(self) -> Int[np.ndarray, " postures"]:
+        """The place of each posture's subject among ``subjects``."""
+        number = {name: k for k, name in enumerate(self.subjects)}
+        return np.array([number[name] for name in self.subject.tolist()], int)
+
+    def rows_by_subject(self) -> list[Int[np.ndarray, " own"]]:
+        """Give the rows of each subject, in the order of the subjects."""
+        number = self.subject_number
+        return np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1])
+
     def previous_rows(self) -> Int[np.ndarray, " postures"]:
         """Give the row of the posture before, in the same motion of the same subject; -1 for the first."""
         previous = np.full(len(self.posture), -1)
@@ -73,11 +88,7 @@ class Motions:
         """Select the postures where the mask is true, in the same order."""
         return replace(
             self,
-            subject=self.subject[mask],
-            motion=self.motion[mask],
-            posture=self.posture[mask],
-            humerus_elevation_deg=self.humerus_elevation_deg[mask],
-            angles_deg=self.angles_deg[mask],
+            **{field: getattr(self, field)[mask] for field in _PER_POSTURE},
             landmarks_mm={name: position[mask] for name, position in self.landmarks_mm.items()},
             extra=self.extra.iloc[np.flatnonzero(mask)].reset_index(drop=True),
         )
@@ -91,11 +102,7 @@ class Motions:
         names = [name for name in LANDMARKS if any(name in part.landmarks_mm for part in parts)]
         extra = pd.concat([part.extra for part in parts], ignore_index=True).fillna("")
         return Motions(
-            subject=np.concatenate([part.subject for part in parts]),
-            motion=np.concatenate([part.motion for part in parts]),
-            posture=np.concatenate([part.posture for part in parts]),
-            humerus_elevation_deg=np.concatenate([part.humerus_elevation_deg for part in parts]),
-            angles_deg=np.concatenate([part.angles_deg for part in parts]),
+            **{field: np.concatenate([getattr(part, field) for part in parts]) for field in _PER_POSTURE},
             landmarks_mm={name: np.concatenate([_landmark(part, name) for part in parts]) for name in names},
             extra=extra,
             # A part selected twice from one table carries the same errors: each is named once.

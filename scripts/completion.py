@@ -23,8 +23,6 @@ from models.girdle import Girdle, bone_rotations, constraint_residuals_mm
 from models.muscles.das3_frames import (
     Pose,
     clavicle_in_thorax,
-    das3_clavicle_in_thorax,
-    das3_scapula_in_thorax,
     scapula_in_thorax,
 )
 from models.muscles.muscle_lines import published_lines
@@ -92,8 +90,10 @@ def das3_conoid_mm() -> tuple[Vector, Vector]:
     Each in its own frame: the clavicle's from DAS3's SC, the scapula's from the AC joint, in axes of TS, AI and AA.
     So the attachments are 19.3 mm apart, and the conoid is 17.4; from AA, where DAS3 has its scapula, they are 46.4.
     """
-    scapula = das3_scapula_in_thorax(_LANDMARKS)._replace(origin_mm=AC_JOINT_MM)
-    return _outward(das3_clavicle_in_thorax(_LANDMARKS), _DAS3_CLAVICLE_CONOID), _outward(scapula, _DAS3_SCAPULA_CONOID)
+    scapula = scapula_in_thorax(_LANDMARKS, "aa")._replace(origin_mm=AC_JOINT_MM)
+    return _outward(clavicle_in_thorax(_LANDMARKS, "joint_sc"), _DAS3_CLAVICLE_CONOID), _outward(
+        scapula, _DAS3_SCAPULA_CONOID
+    )
 
 
 def _outward(pose: Pose, point_mm: Vector) -> Vector:
@@ -322,7 +322,7 @@ def _das3_set() -> Completed:
     SC, AC, TS, AI = np.array(_LANDMARKS["joint_sc_mm"]), *list(_DISSECTION.values())[1:]
     R_thorax_clavicle, R_thorax_scapula = clavicle_frame(SC, AC, _Y_THORAX), scapula_frame(AC, TS, AI)
     on_clavicle, on_scapula = das3_conoid_mm()
-    ts, ai = (R_thorax_scapula.T @ (_outward(das3_scapula_in_thorax(_LANDMARKS), one) - AC) for one in _DAS3_CONTACTS)
+    ts, ai = (R_thorax_scapula.T @ (_outward(scapula_in_thorax(_LANDMARKS, "aa"), one) - AC) for one in _DAS3_CONTACTS)
     girdle = _unclosed(
         (0.0, -148.6, 59.1),
         (147.0, 207.9, 94.4),

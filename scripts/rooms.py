@@ -19,9 +19,9 @@ ORDER = (
     "adapt.solvers",
     "adapt.tables",
     "adapt.model_subjects",
-    "adapt.trust",
+    "adapt.evaluation",
     "adapt.api",
-    "adapt.assessment",
+    "adapt.trust",
     "adapt.diagnosis",
     "adapt",
     "adapt.report",
@@ -34,7 +34,7 @@ ORDER = (
 WITHIN = (
     ("motions.motion_csv", "motions.landmarks", "motions.formats"),
     ("adapt.solvers.newton", "adapt.solvers.projection"),
-    ("adapt.diagnosis.fit", "adapt.diagnosis.inference"),
+    ("adapt.diagnosis.fit", "adapt.diagnosis.inference", "adapt.diagnosis.texts"),
 )
 """Folders inside a room, in the same sense."""
 

@@ -14,7 +14,7 @@ import typer
 from packaging.requirements import Requirement
 
 from adapt.cli.options import console
-from adapt.cli.print_tables import folding_table
+from adapt.cli.terminal.print_tables import folding_table
 from adapt.engine.compilation_cache import cache_folder
 from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel

@@ -8,7 +8,7 @@ import numpy as np
 
 from adapt.cli.options import DEFAULT_MODEL
 from adapt.output.run_files import Files, inputs_record
-from models.person.family import AnyModel, PersonalSets, load_any_model, without_set
+from models.person.family import AnyModel, PersonalSets, load_any_model
 from motions import InputError, Motions, read_motions
 from motions.landmarks.at_rest import warn_of_subjects
 from motions.table import warn_of_alike_motions
@@ -34,19 +34,22 @@ def warn_of(motions: Motions) -> None:
 
 def subjects_without_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:
     """Name who has no set of its own in a folder, and whose sets it has. InputError if nobody has."""
-    names = {model.name: tuple(model.by_subject) for model in models if isinstance(model, PersonalSets)}
     errors = {
         subject: InputError(
-            folder, None, f"there is no parameter set of subject {subject!r}", _whose_sets(subject, names[folder])
+            model.name, None, f"there is no parameter set of subject {subject!r}", _whose_sets(subject, model)
         )
-        for subject, folder in without_set(models, subjects).items()
+        for model in models
+        if isinstance(model, PersonalSets)
+        for subject in subjects
+        if subject not in model.by_subject
     }
     if errors and len(errors) == len(subjects):
         raise next(iter(errors.values()))
     return errors
 
 
-def _whose_sets(subject: str, found: Sequence[str]) -> str:
+def _whose_sets(subject: str, model: PersonalSets) -> str:
+    found = list(model.by_subject)
     listed = ", ".join(found[:_MOST_NAMED]) + (", ..." if len(found) > _MOST_NAMED else "")
     return (
         f"It has sets of {listed}: the line name = ... of a file is the subject. Make one with girdle model --subject "

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from adapt.cli.print_tables import PlainConsole
+from adapt.cli.terminal.print_tables import PlainConsole
 from adapt.diagnosis.result import THORAX_OPTION
 from adapt.output.repeat import other_versions, read_record, recorded_arguments
 from adapt.solvers.objective import READINGS

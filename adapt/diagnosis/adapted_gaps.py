@@ -8,13 +8,13 @@ from jaxtyping import Float, Int
 
 from adapt.diagnosis.inference.intervals import by_bone, known_mean
 from adapt.diagnosis.result import BoneGaps
+from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT, down_weighted
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION, POSTURES, Fold, motions_and_thirds
-from adapt.trust.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg
 from models.effects import EFFECTS, AnyGirdle, Effect
 from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel

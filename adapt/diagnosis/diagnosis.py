@@ -7,22 +7,21 @@ from threadpoolctl import threadpool_limits
 
 from adapt.api import Adaptations, adapt_with_every_fold
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps, gaps_of
-from adapt.diagnosis.declared_effects import declared_effects
-from adapt.diagnosis.design.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
-from adapt.diagnosis.fit.slips import without_slips
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.budget import Rung, alone_deg
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
+from adapt.diagnosis.inference.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.inference.search import search_of
 from adapt.diagnosis.inference.selection import name_causes, nothing_named
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
+from adapt.diagnosis.marks import declared_effects, without_slips
 from adapt.diagnosis.result import (
     ADAPTED_STEP,
     ALL,

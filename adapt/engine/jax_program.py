@@ -203,19 +203,13 @@ def _at_once(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _function(name: str, at_once: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of numpy's namespace: that of the builder for SIMD values, at once for constants."""
+    """A function of numpy's namespace, at once for constants; for SIMD values that of the builder, else LLVM's."""
 
     def call(*values: Any) -> Any:
         builder = _builder_of(*values)
-        return _at_once(at_once)(*values) if builder is None else getattr(builder, name)(*values)
-
-    return call
-
-
-def _intrinsic(name: str, at_once: Callable[..., Any]) -> Callable[..., Any]:
-    def call(*values: Any) -> Any:
-        builder = _builder_of(*values)
-        return _at_once(at_once)(*values) if builder is None else builder.call_intrinsic(name, *values)
+        if builder is None:
+            return _at_once(at_once)(*values)
+        return getattr(builder, name, functools.partial(builder.call_intrinsic, name))(*values)
 
     return call
 
@@ -292,9 +286,9 @@ _ELEMENTWISE: dict[str, Callable[..., Any]] = {
     "sin": _function("sin", np.sin),
     "cos": _function("cos", np.cos),
     "abs": abs,
-    "atan2": _intrinsic("atan2", np.arctan2),
-    "log": _intrinsic("log", np.log),
-    "exp": _intrinsic("exp", np.exp),
+    "atan2": _function("atan2", np.arctan2),
+    "log": _function("log", np.log),
+    "exp": _function("exp", np.exp),
     "eq": _comparison("oeq", operator.eq),
     "ne": _comparison("une", operator.ne),
     "lt": _comparison("olt", operator.lt),

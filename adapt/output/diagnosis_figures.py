@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 
 from adapt.diagnosis.location.gap_location import Cell
 from adapt.diagnosis.result import ADAPTED_STEP, ALL, BASE, NOISE, THORAX_POINTS, Diagnosis, GapKind, Gaps
-from adapt.diagnosis.wording import (
+from adapt.diagnosis.texts.wording import (
     gap_text,
     held_out_text,
     probability_text,

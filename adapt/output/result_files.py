@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from adapt.api import Adaptations, PostureFits
-from adapt.diagnosis.result import Diagnoses, Diagnosis
+from adapt.diagnosis.result import Diagnosis
 from adapt.output.run_files import write_table
-from adapt.tables.muscle_tables import MuscleTables
 from adapt.tables.results import Tables
 from models.person.family import AnyModel
 from motions import InputError, Motions
@@ -42,23 +42,17 @@ def write_report(
     models: Sequence[AnyModel],
     result: Tables,
     failed: Mapping[str, str],
-    diagnoses: Diagnoses | None = None,
-    sampled_from: int = 0,
-    active_effects: str = "",
-    muscles: MuscleTables | None = None,
-    thorax_downweighting: float = 1.0,
+    **shown: Any,
 ) -> Exception | None:
     """Write the report page, to take its place with the tables; return what went wrong with it, or None.
 
-    5 MB may have no room where the tables had: that must not keep the tables from their places.
+    ``shown``: what else the page is made of, by the names of ``adapt.report.report_html``. 5 MB may have no room where
+    the tables had: that must not keep the tables from their places.
     """
     from adapt.report import report_html  # its libraries take 0.2 s to load: not for every command
 
     try:
-        page = report_html(
-            motions, models, result, failed, diagnoses, sampled_from, active_effects, muscles, thorax_downweighting
-        )
-        atomic_write(folder / REPORT, page)
+        atomic_write(folder / REPORT, report_html(motions, models, result, failed, **shown))
     except Exception as error:
         return error
     return None

@@ -14,7 +14,7 @@ from uuid import uuid4
 
 import pandas as pd
 
-from adapt.solvers.starts import OFFSETS_SEED
+from adapt.solvers.newton.postures import OFFSETS_SEED
 from adapt.tables.results import as_csv
 from models.parameter_sets import FOLDER, model_file
 from models.person.family import set_files

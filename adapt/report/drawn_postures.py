@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from motions.table import Motions
 
@@ -52,11 +52,3 @@ def _most_of_a_subject(models: int) -> int:
 def evenly(count: int, most: int) -> Int[np.ndarray, " chosen"]:
     """Indices below ``count``, at most so many, the first and the last among them."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
-
-
-def gaps_deg(all_angles: Float[np.ndarray, "subjects 6"]) -> Float[np.ndarray, " subjects"]:
-    """Average the gap of each subject, degrees, over the angles that were measured; NaN where none was."""
-    measured = np.isfinite(all_angles)
-    return np.where(measured, all_angles, 0.0).sum(axis=1) / np.where(
-        measured.any(axis=1), measured.sum(axis=1), np.nan
-    )

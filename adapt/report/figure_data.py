@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
-from adapt.diagnosis.json_form import plain
+from adapt.diagnosis.inference.intervals import known_mean
+from adapt.diagnosis.texts.json_form import plain
 from adapt.report.bone_positions import POINTS, bones_mm
-from adapt.report.drawn_postures import chosen_rows, chosen_subjects, gaps_deg
+from adapt.report.drawn_postures import chosen_rows, chosen_subjects
 from adapt.report.fit_states import STATES, adapted_mm, fitted_deg, state_rows
 from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
@@ -47,7 +48,7 @@ def figure_data(
     """
     first = models[[model.name for model in models].index(closest(result.summary))]
     left = _gaps(result.summary, first.name, "after", motions.subjects)
-    subjects = chosen_subjects(motions, len(models), dict(zip(motions.subjects, gaps_deg(left[:, :6]), strict=True)))
+    subjects = chosen_subjects(motions, len(models), dict(zip(motions.subjects, known_mean(left[:, :6]), strict=True)))
     rows = chosen_rows(motions, len(models), subjects)
     return plain(
         {
@@ -86,13 +87,12 @@ def _model(
     subjects: tuple[str, ...],
     noise_deg: float | None,
 ) -> dict[str, Any]:
-    order = {name: number for number, name in enumerate(motions.subjects)}
-    number = np.array([order[name] for name in subjects])
+    number = np.array([motions.subjects.index(name) for name in subjects])
     adapted = (
         result.parameters[result.parameters["model"] == model.name].set_index("subject").loc[list(motions.subjects)]
     )
     theta_mm = adapted_mm(motions, model, result)
-    of_row = np.array([order[name] for name in motions.subject[rows].tolist()])
+    of_row = motions.subject_number[rows]
     girdles = girdles_of(model, motions.subject[rows].tolist())
     at_measured = {s: bones_mm(girdles, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
     return {

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import numpy as np
 import pandas as pd
 
-from adapt.diagnosis.wording import MOST_WORDS
+from adapt.diagnosis.texts.wording import MOST_WORDS
 from adapt.report.fit_states import STATES, state_rows
 from adapt.tables.folds import MOTION
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT

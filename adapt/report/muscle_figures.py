@@ -67,7 +67,7 @@ def _of_model(motions: Motions, model: AnyModel, result: Tables, muscles: pd.Dat
     lines = muscle_lines_of(model, names)
     girdles = girdles_of(model, names)
     mine = muscles[muscles["model"] == model.name]
-    of_row = [motions.subjects.index(name) for name in names]
+    of_row = motions.subject_number[drawn]
     states = {}
     for state, theta_mm in adapted_mm(motions, model, result).items():
         angles = fitted_deg(state_rows(result.fits, model.name, state).iloc[drawn]) / DEG

@@ -10,10 +10,10 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from adapt.diagnosis.json_form import JsonObject, plain
-from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import Diagnoses, Diagnosis, GapLevels, Step
-from adapt.diagnosis.wording import (
+from adapt.diagnosis.texts.json_form import JsonObject, plain
+from adapt.diagnosis.texts.notes import notes
+from adapt.diagnosis.texts.wording import (
     amplitude_text,
     held_out_text,
     listed,

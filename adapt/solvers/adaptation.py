@@ -15,13 +15,13 @@ from adapt.solvers.objective import (
     WEIGHT,
     AtOptimum,
     Reading,
-    angle_weights,
     mean_square_deg2,
 )
 from adapt.solvers.posture_fits import fit_batch, nearby_angles
 from adapt.solvers.problems import Problems, landmark_points, subject_problem
 from adapt.solvers.projection.subjects import fit_sizes
 from adapt.solvers.solution import SubjectSolution
+from adapt.solvers.unmeasured import angle_weights
 from models.adapted_parameters import STARTS_MM
 from models.effects import ActiveEffects
 from models.ellipsoid import signed_distance_mm
@@ -89,7 +89,13 @@ class Adapted(NamedTuple):
     iterations: Int[np.ndarray, " problems"]
     sizes: Float[np.ndarray, "sizes problems"]
     """Of effects that differ between persons, in SDs off the mean (``models.effects.amplitudes.PersonalSize``)."""
-    status: Shaped[np.ndarray, " problems"]
+    code: Int[np.ndarray, " problems"]
+    """Of ``status.WORDS``."""
+
+    @property
+    def status(self) -> Shaped[np.ndarray, " problems"]:
+        """How each adaptation ended, in a word."""
+        return status.WORDS[self.code]
 
 
 Progress = Callable[[str], None]
@@ -109,14 +115,13 @@ def adapt_batch(
     """
     if data.active_effects.own:
         return _with_own_sizes(data, weight, reading, progress)
-    chosen = READINGS[reading]
-    count = data.counted.shape[1:]
+    chosen, equivalent = READINGS[reading], np.full(data.counted.shape[1:], WEIGHT)
     if chosen.form == "squares":
         _, equivalent = chosen.equivalent(
-            weight, _at_optimum(data, chosen, data.girdle.adapted_mm, np.full(count, np.nan))
+            weight, _at_optimum(data, chosen, data.girdle.adapted_mm, np.full(equivalent.shape, np.nan))
         )
-        return _lowest(data, weight, chosen, equivalent, progress)
-    return _reweighted(data, weight, chosen, _lowest(data, weight, chosen, np.full(count, WEIGHT), progress), progress)
+    lowest = _lowest(data, weight, chosen, equivalent, progress)
+    return lowest if chosen.form == "squares" else _reweighted(data, weight, chosen, lowest, progress)
 
 
 def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progress) -> Adapted:
@@ -142,13 +147,13 @@ def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progr
             break
     if reading != DEFAULT_READING:
         adapted = adapt_batch(data.with_sizes(sizes), weight, reading, progress)
-    adapted.status[~settled] = status.NOT_CONVERGED
+    adapted.code[~settled] = status.UNCONVERGED
     return adapted._replace(sizes=sizes)
 
 
 def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
     """The optimum whose own weights of points and postures it is the optimum of, each problem until it has settled."""
-    left = np.arange(len(adapted.status))
+    left = np.arange(len(adapted.code))
     for number in range(_REWEIGHTED):
         progress(f"weights of the reading, round {number + 1}")
         part, before = take_problems(data, left), take_problems(adapted, left)
@@ -161,7 +166,7 @@ def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapte
         left = left[moving]
         if not len(left):
             return adapted
-    adapted.status[left] = status.NOT_CONVERGED
+    adapted.code[left] = status.UNCONVERGED
     return adapted
 
 
@@ -178,31 +183,24 @@ def _at_optimum(data: Problems, reading: Reading, theta_mm, mean_j_deg2) -> AtOp
 
 def _lowest(data: Problems, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
     """All starts of all problems side by side; each optimum goes on until its postures are the lowest."""
-    whole = subject_problem(data, equivalent, reading.landmarks)
+    problem = subject_problem(data, equivalent, reading.landmarks)
     theta, angles = _starts(data)
     count = len(equivalent)
     every = np.tile(np.arange(count), theta.shape[-1] // count)
     progress("round 1")
-    some, active_effects = take_problems((whole, data.active_effects), every)
-    found = solved_from(some, active_effects, theta, angles)
-    E = _as_adapted(take_problems(data, every), weight, reading, equivalent[every], found).E
+    data, problem, equivalent = take_problems((data, problem, equivalent), every)
+    found = solved_from(problem, data.active_effects, theta, angles)
+    E = _as_adapted(data, weight, reading, equivalent, found).E
     same = _SAME_E.for_dtype_of(data.angles)
     kept = np.flatnonzero(_distinct(np.where(found.converged & np.isfinite(E), E, np.inf).reshape(-1, count), same))
-    problem = every[kept]
-    ended = _to_the_lowest_postures(
-        take_problems(data, problem),
-        weight,
-        reading,
-        equivalent[problem],
-        take_problems(whole, problem),
-        take_problems(found, kept),
-        progress,
-    )
-    E = np.where((ended.status != status.NOT_CONVERGED) & np.isfinite(ended.E), ended.E, np.inf)
-    lowest = np.full(count, np.inf)
-    np.minimum.at(lowest, problem, E)
-    among_lowest = np.flatnonzero(lowest[problem] * (1.0 + same) >= E)
-    return take_problems(ended, among_lowest[np.unique(problem[among_lowest], return_index=True)[1]])
+    data, problem, equivalent, found = take_problems((data, problem, equivalent, found), kept)
+    found = _to_the_lowest_postures(data, problem, found, progress)
+    ended = _as_adapted(as_type(data, float), weight, reading, equivalent, found)
+    E = np.where((ended.code != status.UNCONVERGED) & np.isfinite(ended.E), ended.E, np.inf)
+    lowest, number = np.full(count, np.inf), every[kept]
+    np.minimum.at(lowest, number, E)
+    among_lowest = np.flatnonzero(lowest[number] * (1.0 + same) >= E)
+    return take_problems(ended, among_lowest[np.unique(number[among_lowest], return_index=True)[1]])
 
 
 def _distinct(E: Float[np.ndarray, "starts problems"], same: float) -> Bool[np.ndarray, "starts problems"]:
@@ -224,7 +222,8 @@ def _starts(data: Problems) -> tuple[Float[np.ndarray, "adapted starts"], Float[
     angles = [np.asarray(data.angles)]
     if not data.active_effects.effects:
         girdle = take_problems(data.girdle.with_adapted(theta[0]), np.nonzero(data.counted)[1])
-        angles.insert(0, _over_postures(data, nearby_angles(girdle, *_of_rows(data))))
+        near = nearby_angles(girdle, *_of_rows(data))
+        angles.insert(0, _over_postures(data, near))
     each_theta, each_angles = zip(*[(one, other) for other in angles for one in theta], strict=True)
     return np.concatenate(each_theta, axis=-1), np.concatenate(each_angles, axis=-1)
 
@@ -246,18 +245,13 @@ def _from_theta(data: Problems, weight, reading: Reading, equivalent, theta, poi
     problem = subject_problem(data, equivalent, reading.landmarks, point_weights)
     start = data.angles if data.active_effects.effects else fitted_angles(data, theta)
     found = solved_from(problem, data.active_effects, theta, start)
-    return _to_the_lowest_postures(data, weight, reading, equivalent, problem, found, lambda _: None)
+    found = _to_the_lowest_postures(data, problem, found, lambda _: None)
+    return _as_adapted(as_type(data, float), weight, reading, equivalent, found)
 
 
 def _to_the_lowest_postures(
-    data: Problems,
-    weight,
-    reading: Reading,
-    equivalent,
-    problem: SubjectProblem,
-    result: SubjectSolution,
-    progress: Progress,
-) -> Adapted:
+    data: Problems, problem: SubjectProblem, result: SubjectSolution, progress: Progress
+) -> SubjectSolution:
     """Go on with what has not converged, and with a posture in the higher of two local minima."""
     left = np.arange(len(result.converged))
     for number in range(2, _ROUNDS + 1):
@@ -274,7 +268,7 @@ def _to_the_lowest_postures(
         result = with_problems(result, left, take_problems(further, gains))
         if not len(left):
             break
-    return _as_adapted(as_type(data, float), weight, reading, equivalent, result)
+    return result
 
 
 def solved_from(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles) -> SubjectSolution:
@@ -304,7 +298,8 @@ def _lower_postures(data: Problems, solved: SubjectSolution) -> tuple[np.ndarray
 def fitted_angles(data: Problems, theta: Float[Array, " adapted problems"]) -> Float[Array, " 6 postures problems"]:
     """Fit the postures of every problem with its own girdle at theta; padding is a copy of the last that counts."""
     girdles = data.girdles_at(theta, *np.nonzero(data.counted))
-    return _over_postures(data, fit_batch(girdles, *_of_rows(data)).angles)
+    angles = fit_batch(girdles, *_of_rows(data)).angles
+    return _over_postures(data, angles)
 
 
 def _of_rows(data: Problems) -> tuple[Float[np.ndarray, "6 rows"], Bool[np.ndarray, "6 rows"]]:
@@ -330,7 +325,7 @@ def _as_adapted(data: Problems, weight, reading: Reading, equivalent, solved: Su
     lower, upper = (np.asarray(bound) for bound in data.bounds_mm)
     informed = np.any(data.counted & (angles > FEWEST_ANGLES), axis=0) | (mean_j > _EXACT_DEG2)
     converged = np.asarray(solved.converged) & np.isfinite(at.D_mm2) & np.isfinite(mean_j)
-    words = np.where(informed, np.where(converged, status.OK, status.NOT_CONVERGED), status.UNDERDETERMINED)
+    code = np.where(informed, np.where(converged, status.CONVERGED, status.UNCONVERGED), status.EXACT)
     with np.errstate(divide="ignore", invalid="ignore"):
         per_weight = count / equivalent  # W of an angle in E is weight / postures times that in J
         multipliers, stationarity = (np.asarray(x) * per_weight for x in (solved.multipliers, solved.stationarity))
@@ -350,5 +345,5 @@ def _as_adapted(data: Problems, weight, reading: Reading, equivalent, solved: Su
         landmark_weight=np.full(theta.shape[1:], reading.landmarks),
         iterations=np.asarray(solved.iterations),
         sizes=np.zeros((0, *theta.shape[1:])),
-        status=np.where(determined, words, status.INVALID).astype("U16"),
+        code=np.where(determined, code, status.UNUSABLE),
     )

@@ -29,39 +29,26 @@ def follow_motions(
     angles: Float[np.ndarray, "6 problems"],
     measured: Bool[np.ndarray, "6 problems"],
     previous: Int[np.ndarray, " problems"],
+    may_move: bool | Bool[np.ndarray, " problems"] = True,
 ) -> PostureSolution:
     """Bring the fits onto one branch along each motion, where there is one, and mark jumps where there is not.
 
     ``previous`` is the problem of the posture before, or -1 at the start of a motion. Two neighbours are on one branch
     when continuation from one leads to the other. A motion with a jump is followed outward from its best posture
     (lowest J): where continuation succeeds, its solution replaces the one found on its own. It is done in float64.
+    ``may_move``: motions that hold another posture keep theirs.
     """
-    problem, fitted = _targets(girdle, angles, measured), mark_jumps(fitted, girdle, angles, measured, previous)
-    with_jump = [problems for problems in _motions_of(previous) if fitted.jump[problems].any()]
+    problem, same_rad = (girdle, angles.astype(float), measured), SAME_BRANCH_RAD.for_dtype_of(angles)
+    fitted = jax.tree.map(np.copy, fitted)
+    fitted.jump[:] = _breaks(fitted, problem, previous, same_rad)
+    held = ~np.broadcast_to(may_move, previous.shape)
+    with_jump = [one for one in _motions_of(previous) if fitted.jump[one].any() and not held[one].any()]
     if with_jump:
         _follow_from_best(fitted, problem, with_jump)
         moved = np.concatenate(with_jump)
         of_moved = np.where(np.isin(np.arange(len(previous)), moved), previous, -1)
-        fitted.jump[moved] = _breaks(fitted, problem, of_moved, SAME_BRANCH_RAD.for_dtype_of(angles))[moved]
+        fitted.jump[moved] = _breaks(fitted, problem, of_moved, same_rad)[moved]
     return fitted
-
-
-def mark_jumps(
-    fitted: PostureSolution,
-    girdle: AnyGirdle,
-    angles: Float[np.ndarray, "6 problems"],
-    measured: Bool[np.ndarray, "6 problems"],
-    previous: Int[np.ndarray, " problems"],
-) -> PostureSolution:
-    """Mark where a fit is not on the branch of the posture before (see :func:`follow_motions`); move none."""
-    fitted = jax.tree.map(np.copy, fitted)
-    fitted.jump[:] = _breaks(fitted, _targets(girdle, angles, measured), previous, SAME_BRANCH_RAD.for_dtype_of(angles))
-    return fitted
-
-
-def _targets(girdle: AnyGirdle, angles, measured):
-    """Girdle and angles of each problem, and which were measured."""
-    return girdle, angles.astype(float), measured
 
 
 def _follow_from_best(fitted: PostureSolution, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:

@@ -2,15 +2,16 @@
 
 import numpy as np
 
-from adapt.engine.batching import put_problems, take_problems
+from adapt.engine.batching import refit
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.continuation import follow_motions, mark_jumps
-from adapt.solvers.objective import angle_weights, mean_square_deg2
+from adapt.solvers.continuation import follow_motions
+from adapt.solvers.objective import mean_square_deg2
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems
 from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
+from adapt.solvers.unmeasured import angle_weights
 from models.girdle import Girdle
 
 
@@ -33,14 +34,9 @@ def rows_of_optima(rows: PostureRows, data: Problems, adapted: Adapted) -> Postu
     rows = rows.repeated(models, data.angles.dtype)
     chain = data.girdles_at(adapted.theta_mm, posture, problem)
     fitted = _at_optimum(rows, adapted, posture, problem)
-    without = ~((adapted.status[problem] == status.OK) & np.isfinite(fitted.multipliers).all(axis=0))
-    fitted = mark_jumps(fitted, chain, rows.angles, rows.measured, np.where(without, -1, rows.previous))
-    if without.any():
-        part = take_problems(chain, without), rows.angles[:, without], rows.measured[:, without]
-        number = np.cumsum(without) - 1
-        previous = np.where(rows.previous < 0, -1, number[rows.previous])[without]
-        put_problems(fitted, without, follow_motions(fit_batch(*part, fitted.angles[:, without]), *part, previous))
-    return fitted
+    without = ~((adapted.code[problem] == status.CONVERGED) & np.isfinite(fitted.multipliers).all(axis=0))
+    refit(fitted, without, fit_batch, chain, rows.angles, rows.measured, fitted.angles)
+    return follow_motions(fitted, chain, rows.angles, rows.measured, rows.previous, may_move=without)
 
 
 def _at_optimum(rows: PostureRows, adapted: Adapted, posture, problem) -> PostureSolution:

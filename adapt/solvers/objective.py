@@ -13,20 +13,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from motions.arrays import Array, xp
 from motions.errors import InputError
-from motions.rotations import DEG
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
-
-
-def angle_weights(measured: Bool[Array, " 6 *batch"]) -> Float[Array, " 6 *batch"]:
-    """Compute W of J = 1/2 sum W_i (q_i - s_i)^2 in deg^2 with q in rad; 0 for an angle that was not measured."""
-    count = xp.maximum(xp.sum(measured, axis=0), 1)
-    return xp.where(measured, 2.0 * DEG**2 / count[None], 0.0)
 
 
 def mean_square_deg2(

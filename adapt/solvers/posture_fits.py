@@ -9,9 +9,10 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import as_type, put_problems, refit, take_problems
 from adapt.solvers import newton, projection, status
-from adapt.solvers.objective import angle_weights, mean_square_deg2
+from adapt.solvers.newton.postures import OFFSETS_DEG
+from adapt.solvers.objective import mean_square_deg2
 from adapt.solvers.solution import PostureSolution, put_lower
-from adapt.solvers.starts import OFFSETS_DEG, at_rest_where_unknown
+from adapt.solvers.unmeasured import angle_weights, at_rest
 from models.effects import AnyGirdle
 from models.girdle import Girdle
 from motions.rotations import DEG
@@ -48,7 +49,7 @@ def fit_batch(
     """
     finite = np.isfinite(angles) | ~measured
     determined = (measured.sum(axis=0) >= FEWEST_ANGLES) & finite.all(axis=0) & _finite(girdle)
-    target = at_rest_where_unknown(angles, measured & determined)
+    target = at_rest(angles, measured & determined)
     found = _solved(girdle, target, measured, start)
     girdle, target = as_type((girdle, target), float)
     found.code[~np.isfinite(found.j_deg2)] = status.UNCONVERGED

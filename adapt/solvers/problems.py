@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import as_type, in_chunks, take_problems, with_problems
 from adapt.solvers.newton.subject import SubjectProblem
-from adapt.solvers.objective import angle_weights
 from adapt.solvers.rows import PostureRows
+from adapt.solvers.unmeasured import angle_weights
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet

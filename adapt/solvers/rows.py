@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
-from adapt.solvers.starts import at_rest_where_unknown
+from adapt.solvers.unmeasured import at_rest
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
 from motions.landmarks.sampled_postures import marked_slips
@@ -88,12 +88,11 @@ def posture_rows(
 
     ``library``: the effects by name.
     """
-    number = {name: k for k, name in enumerate(motions.subjects)}
     measured = np.isfinite(motions.angles_deg.T)
     return PostureRows(
-        angles=at_rest_where_unknown(motions.angles_deg.T / DEG, measured),
+        angles=at_rest(motions.angles_deg.T / DEG, measured),
         measured=measured,
-        subject=np.array([number[name] for name in motions.subject]),
+        subject=motions.subject_number,
         previous=motions.previous_rows(),
         subjects=motions.subjects,
         landmarks_mm=_landmarks_mm(motions),

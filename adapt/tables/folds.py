@@ -1,4 +1,4 @@
-"""Which postures are held out in turn: motions, thirds of the postures, one motion against another, and persons.
+"""Which postures are held out in turn: motions, thirds of the postures, and persons.
 
 A fold is of one subject: the postures that its girdle is adapted to, and those that are then predicted.
 """
@@ -11,9 +11,9 @@ from jaxtyping import Int, Shaped
 
 from motions.table import Motions
 
-MOTION, POSTURES, OTHER, PERSON = "motion", "postures", "only", "person and motion"
-"""Kinds of folds: one motion held out, every third posture held out, one motion alone adapted to, and a motion held out
-together with persons, of whom what is shared between persons has seen nothing."""
+MOTION, POSTURES, PERSON = "motion", "postures", "person and motion"
+"""Kinds of folds: one motion held out, every third posture held out, and a motion held out together with persons, of
+whom what is shared between persons has seen nothing."""
 
 THIRDS = ("third 2", "third 3", "third 1")
 """The third that each posture of a subject belongs to in turn."""
@@ -48,7 +48,7 @@ class Fold:
 def motions_and_thirds(motions: Motions) -> list[Fold]:
     """Hold out every motion of every subject that has several, and every third posture of every subject."""
     found, thirds = [], thirds_of(motions)
-    for subject, rows in enumerate(rows_by_subject(motions)):
+    for subject, rows in enumerate(motions.rows_by_subject()):
         found += _leave_out(MOTION, subject, rows, motions.motion, dict.fromkeys(motions.motion[rows].tolist()))
         found += _leave_out(POSTURES, subject, rows, thirds, sorted(THIRDS))
     return found
@@ -61,16 +61,6 @@ def motions_or_thirds(motions: Motions) -> list[Fold]:
     return [fold for fold in every if fold.kind == MOTION or fold.subject not in several]
 
 
-def one_motion_for_another(motions: Motions, fitted: str, tested: str) -> list[Fold]:
-    """Adapt to one motion, look at another one, of every subject that has both."""
-    found = []
-    for subject, rows in enumerate(rows_by_subject(motions)):
-        one, other = (rows[motions.motion[rows] == name] for name in (fitted, tested))
-        if len(one) and len(other):
-            found.append(Fold(OTHER, subject, tested, one, other))
-    return found
-
-
 def motions_and_persons(motions: Motions, person: Int[np.ndarray, " subjects"]) -> tuple[list[Fold], Label]:
     """Hold out every kind of motion, and with it every person where there are several; of a single kind of motion every
     third posture in its place. The folds by kind, subject and name, and what each row is held out with.
@@ -79,7 +69,7 @@ def motions_and_persons(motions: Motions, person: Int[np.ndarray, " subjects"]) 
     """
     kinds = sorted(set(motions.motion.tolist()))
     label, names = (motions.motion, kinds) if len(kinds) > 1 else (thirds_of(motions), THIRDS)
-    subjects = rows_by_subject(motions)
+    subjects = motions.rows_by_subject()
     found = [fold for s, rows in enumerate(subjects) for fold in _leave_out(MOTION, s, rows, label, names)]
     persons = int(person.max()) + 1
     if persons > 1:
@@ -104,14 +94,6 @@ def _leave_out(
 def thirds_of(motions: Motions) -> Label:
     """Name the third of its subject's postures that each posture is in."""
     label = np.empty(len(motions.posture), object)
-    for rows in rows_by_subject(motions):
+    for rows in motions.rows_by_subject():
         label[rows] = np.resize(np.array(THIRDS, object), len(rows))
     return label
-
-
-def rows_by_subject(motions: Motions) -> list[Rows]:
-    """Find the rows of each subject, in the order of the subjects."""
-    number = {name: k for k, name in enumerate(motions.subjects)}
-    of_row = np.array([number[name] for name in motions.subject.tolist()])
-    counts = np.bincount(of_row, minlength=len(number))
-    return np.split(np.argsort(of_row, kind="stable"), np.cumsum(counts)[:-1])

@@ -236,7 +236,7 @@ def parameters_table(
     """Tabulate ``parameters.csv``: one row per model and subject.
 
     Lengths are in mm, J in deg^2, E in the units of its reading; ``L_mm2`` is there only where landmarks count.
-    ``sd_mm``: of ``adapt.trust.covariance``, problem = model * subjects + subject; none of who was not adapted.
+    ``sd_mm``: of ``adapt.evaluation.covariance``, problem = model * subjects + subject; none of who was not adapted.
     """
     each = np.split(sd_mm, len(models), axis=1)
     return pd.concat(
@@ -275,16 +275,7 @@ def parameter_statistics(parameters: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for model, part in good.groupby("model", sort=False):
         for name in ADAPTED:
-            values = part[f"{name}_mm"]
-            rows.append(
-                {
-                    "model": model,
-                    "parameter": name,
-                    "model_mm": part[f"{name}_mm_model"].iloc[0],
-                    "mean_mm": values.mean(),
-                    "sd_mm": values.std(),
-                    "at_bound": int(part[f"{name}_mm_at_bound"].sum()),
-                    "subjects": len(values),
-                }
-            )
+            values, at_bound = part[f"{name}_mm"], int(part[f"{name}_mm_at_bound"].sum())
+            own_mm = part[f"{name}_mm_model"].iloc[0]
+            rows.append((model, name, own_mm, values.mean(), values.std(), at_bound, len(values)))
     return pd.DataFrame(rows, columns=["model", "parameter", "model_mm", "mean_mm", "sd_mm", "at_bound", "subjects"])

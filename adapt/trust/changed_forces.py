@@ -33,25 +33,11 @@ def force_checks(contact: pd.DataFrame, serratus: pd.DataFrame) -> pd.DataFrame:
         for force, limit in TURNED_DEG.items():
             reason = f"mean angle between the force's directions before and after; {_OURS}"
             check = Check(_NAMES[force], row[f"{force}_turned_deg"], 0.0, limit, "deg", reason)
-            rows.append(_row(row, check, 0.0))
+            rows.append(check.row(row["model"], row["subject"], 0.0))
     for row in serratus.to_dict("records"):
         for joint, limit in SERRATUS_RATIO.items():
             reason = f"length of its mean arm about {joint.upper()}, after over before (thesis 3.3.1); {_OURS}"
             name, value = f"serratus arm about {joint.upper()}", row[f"about_{joint}_ratio"]
-            rows.append(_row(row, Check(name, value, 1.0 / limit, limit, "", reason), 1.0))
+            check = Check(name, value, 1.0 / limit, limit, "", reason)
+            rows.append(check.row(row["model"], row["subject"], 1.0))
     return pd.DataFrame(rows)
-
-
-def _row(of: dict, check: Check, own_value: float) -> dict[str, object]:
-    return {
-        "model": of["model"],
-        "subject": of["subject"],
-        "check": check.name,
-        "value": check.value,
-        "own_value": own_value,
-        "low": check.low,
-        "high": check.high,
-        "unit": check.unit,
-        "verdict": check.verdict,
-        "reason": check.reason,
-    }

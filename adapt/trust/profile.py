@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from adapt.evaluation.covariance import NORMAL_95, Uncertainty, reduced_inverse
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.problems import Problems, select_problems
-from adapt.trust.covariance import NORMAL_95, Uncertainty, reduced_inverse
 
 _STRIDES = (1.0, 2.0, 4.0)
 """Where an end is looked for first, in half widths of the parabola's interval; then at the bound."""

@@ -79,6 +79,12 @@ class Check:
         """``pass`` or ``warning``; what is no number is a warning."""
         return PASS if self.low <= self.value <= self.high else WARNING
 
+    def row(self, model: str, subject: str, own_value: float) -> dict[str, object]:
+        """Give the row of ``plausibility.csv``; ``own_value`` is the value of the parameter set itself."""
+        row: dict[str, object] = {"model": model, "subject": subject, "check": self.name}
+        row |= {"value": self.value, "own_value": own_value, "low": self.low, "high": self.high}
+        return row | {"unit": self.unit, "verdict": self.verdict, "reason": self.reason}
+
 
 def checks(model: ParameterSet, theta_mm: Float[np.ndarray, " adapted"]) -> list[Check]:
     """Run the checks of size and distance of one adaptation; ``theta_mm`` in the order of ``ADAPTED_PARAMETERS``."""

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 
+from adapt.evaluation.held_out import held_out, heldout_table
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.problems import Problems
 from adapt.solvers.rows import PostureRows
 from adapt.tables.folds import MOTION, Fold
 from adapt.tables.held_out import by_subject
-from adapt.trust.held_out import held_out, heldout_table
 from motions.rotations import DEG
 
 WEIGHTS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)

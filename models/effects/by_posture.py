@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from models.effects.course import Constant
+from models.effects.course import Course
 from models.effects.effect import Adjust, Effect, Rotations
 from models.girdle import Girdle
 from motions.arrays import Array
@@ -27,7 +27,7 @@ SUFFIX = ":posture"
 
 
 @dataclass(frozen=True)
-class ByPosture(Constant):
+class ByPosture(Course):
     """Constant amplitudes a bone angle; the chain turns them into strengths."""
 
     angles: tuple[str, ...] = ()

@@ -22,7 +22,7 @@ from models.ellipsoid import closest_point
 from models.girdle import Girdle, bone_rotations, chain_landmarks
 from models.parameter_sets import ParameterSet
 from motions.rhythm import REST_DEG
-from motions.rotations import DEG
+from motions.rotations import DEG, rotation_from_cardan
 from motions.table import ANGLES
 
 Vector = Float[np.ndarray, "3"]
@@ -91,7 +91,7 @@ def contact(girdle: Girdle) -> tuple[Float[np.ndarray, "2"], Vector, Matrix]:
     from_centre = closest_point((at.TS + at.AI) / 2.0 - girdle.centre_mm, girdle.semi_axes_mm)
     x, y, z = Q @ np.asarray(from_centre) / radii_mm(girdle)
     q = np.array([np.arctan2(x, z), np.arcsin(y)])
-    R_thorax_joint = _about_y(q[0]) @ _about_x(-q[1])
+    R_thorax_joint = rotation_from_cardan(np.array([q[0], 0.0, -q[1]]))
     R_scapula_thorax = Q @ np.asarray(R_thorax_scapula).T @ Q.T
     origin_mm = Q @ np.asarray(girdle.centre_mm + from_centre - at.AC)
     return q, R_scapula_thorax @ origin_mm, R_scapula_thorax @ R_thorax_joint
@@ -210,13 +210,3 @@ def _metres(vector_mm) -> str:
 
 def _numbers(values) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-def _about_y(angle: float) -> Matrix:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def _about_x(angle: float) -> Matrix:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])

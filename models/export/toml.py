@@ -28,9 +28,9 @@ def parameters_toml(
     above = "".join(f"# {line}\n" for line in comment.splitlines())
     points = _points_lines(np.asarray(points_mm, float).tobytes(), points_mm.shape[1])
     bounds = "".join(f"{key} = {_toml(width)}\n" for key, width in (bounds_mm or {}).items())
-    sources = "".join(f'"{key}" = {_text(words)}\n' for key, words in source.items())
+    sources = "".join(f'"{key}" = {toml_text(words)}\n' for key, words in source.items())
     return f"""\
-{above}name = {_text(name)}
+{above}name = {toml_text(name)}
 
 [thorax]
 centre_mm = {_toml(g.centre_mm)}
@@ -69,6 +69,6 @@ def _toml(value: object) -> str:
 
 
 @lru_cache(maxsize=1024)
-def _text(words: str) -> str:
-    """A TOML basic string; JSON's escapes are TOML's, but for the delete character."""
+def toml_text(words: str) -> str:
+    """Write a TOML basic string; JSON's escapes are TOML's, but for the delete character."""
     return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -34,25 +34,14 @@ class Pose(NamedTuple):
         return transposed(self.R) @ (points_mm - self.origin_mm[:, None])
 
 
-def das3_scapula_in_thorax(das3: dict[str, Any]) -> Pose:
-    """Compute the pose of DAS3's scapula frame when the cadaver was measured."""
-    AA, TS, AI = (np.array(das3[f"{name}_mm"]) for name in ("aa", "ts", "ai"))
-    return Pose(scapula_frame(AA, TS, AI), AA)
+def scapula_in_thorax(cadaver: dict[str, Any], acromion: str = "ac") -> Pose:
+    """Compute the pose of the scapula frame when the cadaver was measured: the thesis's through AC, DAS3's ``aa``."""
+    origin, TS, AI = (np.array(cadaver[f"{name}_mm"]) for name in (acromion, "ts", "ai"))
+    return Pose(scapula_frame(origin, TS, AI), origin)
 
 
-def das3_clavicle_in_thorax(das3: dict[str, Any]) -> Pose:
-    """Compute the pose of DAS3's clavicle frame when the cadaver was measured."""
-    SC, AC = np.array(das3["sc_mm"]), np.array(das3["ac_mm"])
-    return Pose(clavicle_frame(SC, AC, _Y_THORAX), np.array(das3["joint_sc_mm"]))
-
-
-def scapula_in_thorax(cadaver: dict[str, Any]) -> Pose:
-    """Compute the pose of the thesis's scapula frame, origin AC, when the cadaver was measured."""
-    AC, TS, AI = (np.array(cadaver[f"{name}_mm"]) for name in ("ac", "ts", "ai"))
-    return Pose(scapula_frame(AC, TS, AI), AC)
-
-
-def clavicle_in_thorax(cadaver: dict[str, Any]) -> Pose:
-    """Compute the pose of the thesis's clavicle frame, origin SC, when the cadaver was measured."""
-    SC, AC = np.array(cadaver["sc_mm"]), np.array(cadaver["ac_mm"])
-    return Pose(clavicle_frame(SC, AC, _Y_THORAX), SC)
+def clavicle_in_thorax(cadaver: dict[str, Any], origin: str = "sc") -> Pose:
+    """Compute the pose of the clavicle frame when the cadaver was measured: the thesis's from SC, DAS3's from its
+    ``joint_sc``."""
+    SC, AC, start = (np.array(cadaver[f"{name}_mm"]) for name in ("sc", "ac", origin))
+    return Pose(clavicle_frame(SC, AC, _Y_THORAX), start)

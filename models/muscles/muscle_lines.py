@@ -26,8 +26,6 @@ from jaxtyping import Bool, Float
 from models.girdle import Girdle
 from models.muscles.das3_frames import (
     clavicle_in_thorax,
-    das3_clavicle_in_thorax,
-    das3_scapula_in_thorax,
     scapula_in_thorax,
 )
 from models.parameter_sets import ParameterSet
@@ -116,8 +114,8 @@ def muscle_lines(model: ParameterSet) -> MuscleLines:
     cadaver, das3 = document["cadaver"], document["das3"]
     in_thorax = np.where(
         on_scapula,
-        das3_scapula_in_thorax(das3).outward(bone),
-        das3_clavicle_in_thorax(das3).outward(bone),
+        scapula_in_thorax(das3, "aa").outward(bone),
+        clavicle_in_thorax(das3, "joint_sc").outward(bone),
     )
     gh = _on_scapula(np.array(cadaver["gh_mm"])[:, None], cadaver, girdle)
     return MuscleLines(

@@ -22,7 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from models.girdle import Girdle, bone_rotations, chain_landmarks, constraint_residuals_mm
+from models.drive import equations_mm
+from models.girdle import Girdle, bone_rotations, chain_landmarks
 from models.muscles.muscle_lines import MuscleLines
 from models.muscles.wrapping import outside, path_length_mm, path_points_mm, shortest_path
 from motions.arrays import Array
@@ -111,11 +112,7 @@ def free_directions(girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) ->
 
 @jax.jit
 def _chain_slopes(girdle: Girdle, q) -> Float[Array, " 6 6 postures"]:
-    def equations(q):
-        at = chain_landmarks(girdle, *bone_rotations(q))
-        return jnp.concatenate([jnp.stack([at.AC[1], at.AC[2], at.TS[0]]), constraint_residuals_mm(girdle, q)])
-
-    return _by_angle(equations, q)
+    return _by_angle(lambda q: equations_mm(girdle, 0.0, q), q)
 
 
 _WORST_CONDITION = 1e10

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from models.person.joint_centres import acromioclavicular_centre_mm, sternoclavicular_centre_mm
 from models.person.least_squares import Points
 from models.person.round_surfaces import fit_cylinder, fit_sphere
+
+NEAR_MM = 10.0
+"""Points of the clavicle nearer than this to the scapula, and the other way round, are of the AC joint (4.3.3)."""
 
 
 def described_contours(points_mm: Mapping[str, Points]) -> tuple[str, ...]:
@@ -30,11 +32,25 @@ def described_contours(points_mm: Mapping[str, Points]) -> tuple[str, ...]:
             f"{shaft.fit.sd[4]:.2f} mm (rms {shaft.fit.rms_mm:.2f} mm)"
         )
     if "sc_joint" in points_mm:
-        found.append(f"SC, middle of the joint surface: {_position(sternoclavicular_centre_mm(points_mm['sc_joint']))}")
+        found.append(f"SC, middle of the joint surface: {_position(points_mm['sc_joint'].mean(axis=1))}")
     if "clavicle" in points_mm and "scapula" in points_mm:
         joint = acromioclavicular_centre_mm(points_mm["clavicle"], points_mm["scapula"])
-        found.append(f"AC, middle of what is within 10 mm of the other bone: {_position(joint)}")
+        found.append(f"AC, middle of what is within {NEAR_MM:g} mm of the other bone: {_position(joint)}")
     return tuple(found)
+
+
+def acromioclavicular_centre_mm(clavicle_mm: Points, scapula_mm: Points) -> Float[np.ndarray, "3"]:
+    """Average the points of the clavicle within ``NEAR_MM`` of the scapula and those of the scapula near the clavicle.
+
+    ValueError where the two bones come nowhere so near.
+    """
+    apart = np.linalg.norm(clavicle_mm[:, :, None] - scapula_mm[:, None, :], axis=0)
+    near = clavicle_mm[:, apart.min(axis=1) < NEAR_MM], scapula_mm[:, apart.min(axis=0) < NEAR_MM]
+    if not near[0].shape[1]:
+        raise ValueError(
+            f"clavicle and scapula come no nearer than {apart.min():.1f} mm, and the AC joint is within {NEAR_MM:g} mm"
+        )
+    return np.concatenate(near, axis=1).mean(axis=1)
 
 
 def _position(mm: Float[np.ndarray, "3"]) -> str:

@@ -76,17 +76,6 @@ def load_any_model(name: str) -> AnyModel:
     return load_personal_sets(name) if os.sep in name and Path(name).is_dir() else load_model(name)
 
 
-def without_set(models: Sequence[AnyModel], subjects: Sequence[str]) -> dict[str, str]:
-    """Find the subjects for whom a folder has no set, and say which folder."""
-    return {
-        subject: model.name
-        for model in models
-        if isinstance(model, PersonalSets)
-        for subject in subjects
-        if subject not in model.by_subject
-    }
-
-
 def girdles_of(model: AnyModel, subjects: Sequence[str]) -> Girdle:
     """Stack the girdle of each of these subjects, as often as it is named, numpy: ``(3, subjects)``."""
     sets, place = unique_sets([model], subjects)

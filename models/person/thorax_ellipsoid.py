@@ -59,7 +59,7 @@ def geometric_fit(girdle: Girdle, points_mm: Float[Array, " 3 points"]) -> Girdl
     For the shipped sets, whose points lie on the published ellipsoid, it is that ellipsoid.
     """
     start, weights = girdle.adapted_mm[: len(ELLIPSOID)], jnp.ones(points_mm.shape[1])
-    values, found = minimised(_distances, start, points_mm, weights, (girdle.centre_mm, girdle.semi_axes_mm))
+    values, found = minimised(_distances, start, points_mm, weights, (girdle,))
     return girdle.with_adapted(xp.append(xp.where(found, values, start), girdle.conoid_length_mm))
 
 
@@ -96,9 +96,9 @@ def fit_thorax(points_mm: Points, start: Girdle) -> ThoraxFit:
     if points_mm.shape[1] < FEWEST_POINTS:
         raise ValueError(f"{points_mm.shape[1]} points on the thorax, and the ellipsoid needs {FEWEST_POINTS}")
     theta = np.asarray(start.adapted_mm)[: len(ELLIPSOID)]
-    fixed = np.asarray(start.centre_mm), np.asarray(start.semi_axes_mm)
-    fit = fitted(_distances, points_mm, theta, *fixed)
-    centre, semi_axes = (np.array(part, float) for part in ellipsoid_components(_Parts(*fixed), list(fit.values)))
+    start = jax.tree.map(np.asarray, start)
+    fit = fitted(_distances, points_mm, theta, start)
+    centre, semi_axes = (np.array(part, float) for part in ellipsoid_components(start, list(fit.values)))
     semi_axes = np.abs(semi_axes)
     if not fit.converged or semi_axes.min() < SHORTEST_MM:
         raise ValueError("no ellipsoid is closest to the points on the thorax: they cover too small or flat a patch")
@@ -121,14 +121,6 @@ def has_own_thorax(one: ParameterSet) -> bool:
     return all(one.is_measured(f"thorax.{parameter.field}") for parameter in ELLIPSOID)
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """What ``ellipsoid_components`` reads of a girdle."""
-
-    centre_mm: object
-    semi_axes_mm: object
-
-
-def _distances(theta, points_mm, centre_mm, semi_axes_mm):
-    centre, semi_axes = ellipsoid_components(_Parts(centre_mm, semi_axes_mm), theta)
+def _distances(theta, points_mm, girdle: Girdle):
+    centre, semi_axes = ellipsoid_components(girdle, theta)
     return signed_distance_mm(points_mm, jnp.stack(centre)[:, None], jnp.stack(semi_axes)[:, None])

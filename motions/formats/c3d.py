@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from motions.errors import InputError
-from motions.files import printable
+from motions.files import printable, unreadable
 from motions.formats.gaps import zeros_as_gaps
 from motions.landmarks.markers import Markers
 
@@ -72,8 +72,7 @@ def _check_header(path: Path) -> int:
         with path.open("rb") as content:
             header = content.read(_BLOCK)
     except OSError as error:
-        cause = f"the file cannot be read ({error.strerror})"
-        raise InputError(str(path), None, cause, "Check its name and folder") from error
+        raise unreadable(path, error) from error
     if len(header) < _BLOCK or header[1] != 0x50:
         raise InputError(str(path), None, "this is not a .c3d file", "Export it again as .c3d")
     # Intel and DEC processors write little-endian words, SGI big-endian: the size decides, no file has 256 x too many.

@@ -162,7 +162,8 @@ def _points(
     if "surface" not in table.columns or unit is None:
         raise InputError(file, 1, "columns surface, x_mm, y_mm and z_mm are needed", f"Surfaces: {', '.join(SURFACES)}")
     rows = [row for row in table.rows if row.cells.get("subject", "").strip() in ("", person.subject)]
-    _check_surfaces(rows)
+    for row in rows:
+        check_surface(row.cells["surface"].strip(), file, row.line)
     cells = np.array([[row.cells[f"{axis}_{unit}"] for axis in "xyz"] for row in rows], dtype=object).reshape(-1, 3)
     file_mm = UNITS_MM[unit] * mapping.axes_matrix @ numbers(cells, [row.line for row in rows], file).T
     if np.isnan(file_mm).any():
@@ -186,11 +187,10 @@ def _check_place(surface: str, points_mm: Float[np.ndarray, "3 points"], file: s
         raise InputError(file, None, cause, remedy)
 
 
-def _check_surfaces(rows: list[Row]) -> None:
-    for row in rows:
-        if row.cells["surface"].strip() not in SURFACES:
-            cause = f"there is no surface {row.cells['surface']!r}"
-            raise InputError(row.file, row.line, cause, f"Use one of {', '.join(SURFACES)}")
+def check_surface(surface: str, file: str, line: int | None = None) -> None:
+    """Raise InputError where there is no such surface."""
+    if surface not in SURFACES:
+        raise InputError(file, line, f"there is no surface {surface!r}", f"Use one of {', '.join(SURFACES)}")
 
 
 def _posture(row: Row, person: PersonLandmarks) -> int:

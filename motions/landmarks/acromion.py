@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError
 from motions.landmarks.frames import scapula_frame
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan
 
@@ -60,13 +59,6 @@ KOLZ = AcromionRotation(
 
 ROTATIONS = {"kolz2020": KOLZ}
 """By the name that --aa-to-ac takes."""
-
-
-def acromion_rotation(name: str) -> AcromionRotation:
-    """Find the rotation of this name. InputError if there is none."""
-    if name not in ROTATIONS:
-        raise InputError("--aa-to-ac", None, f"there is no rotation '{name}'", f"Use one of {', '.join(ROTATIONS)}")
-    return ROTATIONS[name]
 
 
 def ac_position_from_aa(

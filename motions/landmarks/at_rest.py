@@ -105,11 +105,7 @@ MOST_NAMED = 10
 def warn_of_subjects(motions: Motions, file: str) -> None:
     """Warn of subjects whose angles no person has with the arm lowest: another sign, radians, another frame."""
     unlike: list[tuple[str, Rest, list[str]]] = []
-    names, number = np.unique(motions.subject, return_inverse=True)
-    rows_of = np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1])
-    rows = dict(zip(names.tolist(), rows_of, strict=True))
-    for subject in motions.subjects:
-        mine = rows[subject]
+    for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
         rest = lowest_frames(motions.angles_deg[mine], motions.humerus_elevation_deg[mine])
         if found := unlike_rest(rest, {name: place[mine] for name, place in motions.landmarks_mm.items()}):
             unlike.append((subject, rest, found))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError
 from motions.landmarks.acromion import POSITION_SD_MM, AcromionRotation, ac_position_from_aa
 
 Positions = dict[str, Float[np.ndarray, "3 frames"]]
@@ -29,13 +28,6 @@ KAPTEIN = SternoclavicularOffset(
 
 OFFSETS = {"kaptein1999": KAPTEIN}
 """By the name that --sc-from-ij takes."""
-
-
-def sternoclavicular_offset(name: str) -> SternoclavicularOffset:
-    """Find the offset of this name. InputError if there is none."""
-    if name not in OFFSETS:
-        raise InputError("--sc-from-ij", None, f"there is no offset '{name}'", f"Use one of {', '.join(OFFSETS)}")
-    return OFFSETS[name]
 
 
 def with_stand_ins(

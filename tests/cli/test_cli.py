@@ -126,7 +126,7 @@ def test_the_report_draws_the_closed_chain(adapted):
 
 
 def test_a_report_that_fails_leaves_the_tables(motion, adapted, tmp_path, monkeypatch):
-    def fail(*_):
+    def fail(*_, **shown):
         raise RuntimeError("no report")
 
     monkeypatch.setattr("adapt.report.report_html", fail)

@@ -13,9 +13,9 @@ from handmade import adaptations
 
 from adapt import diagnose
 from adapt.cli.commands import assess_commands as cli
-from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.result import Diagnoses
-from adapt.diagnosis.wording import sentence
+from adapt.diagnosis.texts.json_form import as_json
+from adapt.diagnosis.texts.wording import sentence
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.diagnosis_figures import FIGURES, figures
 from models import load_model

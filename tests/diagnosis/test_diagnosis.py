@@ -13,9 +13,9 @@ from adapt.cli.commands.known_effects import Known, read_known
 from adapt.diagnosis.fit.noise import ASSUMED
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
-from adapt.diagnosis.json_form import as_json
-from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import ALL, EFFECT, NONE, THORAX_POINTS, UNKNOWN, Diagnoses
+from adapt.diagnosis.texts.json_form import as_json
+from adapt.diagnosis.texts.notes import notes
 from adapt.tables.folds import MOTION
 from models import load_model
 from models.effects import EFFECTS

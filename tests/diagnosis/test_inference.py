@@ -18,10 +18,9 @@ from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
-from adapt.diagnosis.inference.bagging import resampled_persons
 from adapt.diagnosis.inference.budget import alone_deg, ladder
 from adapt.diagnosis.inference.computed_axial_rotation import axial_is_computed
-from adapt.diagnosis.inference.intervals import fold_weights, interval
+from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import carrying_over, gain, name_causes

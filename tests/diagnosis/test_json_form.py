@@ -26,8 +26,8 @@ from diagnoses import (
 )
 
 from adapt.diagnosis.inference.amplitude import unseen_amplitude
-from adapt.diagnosis.json_form import as_json
 from adapt.diagnosis.result import ADAPTED_STEP, BASE, EFFECT, NOISE, NONE, THORAX_POINTS, UNKNOWN, Diagnoses, Noise
+from adapt.diagnosis.texts.json_form import as_json
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
 

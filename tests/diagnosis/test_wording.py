@@ -22,9 +22,9 @@ from diagnoses import (
     verdict,
 )
 
-from adapt.diagnosis.notes import notes
 from adapt.diagnosis.result import EFFECT, Gaps, Interval, Noise
-from adapt.diagnosis.wording import (
+from adapt.diagnosis.texts.notes import notes
+from adapt.diagnosis.texts.wording import (
     MOST_WORDS,
     amplitude_text,
     answer_text,

@@ -15,7 +15,7 @@ import json
 import jax
 import numpy as np
 from adapt.solvers.newton.postures import postures_kernel
-from adapt.solvers.objective import angle_weights
+from adapt.solvers.unmeasured import angle_weights
 from models import load_model
 from motions.rotations import DEG
 from motions.rhythm_subjects import simulate_subjects

@@ -12,10 +12,11 @@ from adapt.engine.batching import as_type
 from adapt.solvers import newton, status
 from adapt.solvers.adaptation import solved_from
 from adapt.solvers.newton.postures import postures_kernel
-from adapt.solvers.objective import WEIGHT, angle_weights
+from adapt.solvers.objective import WEIGHT
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import problems_of, subject_problem
 from adapt.solvers.rows import posture_rows
+from adapt.solvers.unmeasured import angle_weights
 from models import load_model
 from models.effects import NO_ACTIVE_EFFECTS
 from models.parameter_sets import FOLDER

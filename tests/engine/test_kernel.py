@@ -16,9 +16,9 @@ from adapt.engine import kernel, machine_code, object_cache
 from adapt.engine.batching import take_problems
 from adapt.engine.kernel import Kernel
 from adapt.engine.machine_code import MachineCodeError
-from adapt.solvers.newton.postures import lowest_kernel, postures_kernel
+from adapt.solvers.newton.postures import OFFSETS_DEG, lowest_kernel, postures_kernel
 from adapt.solvers.newton.subjects import subjects_kernel
-from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
+from adapt.solvers.objective import WEIGHT, mean_square_deg2
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
 from adapt.solvers.rows import posture_rows
@@ -27,7 +27,7 @@ from adapt.solvers.solution import (
     STATIONARITY_TOLERANCE,
     THETA_TOLERANCE,
 )
-from adapt.solvers.starts import OFFSETS_DEG
+from adapt.solvers.unmeasured import angle_weights
 from models import load_model
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects

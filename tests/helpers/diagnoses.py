@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-from adapt.diagnosis.json_form import JsonObject, as_json
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread
 from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, GapLevel, Profile
 from adapt.diagnosis.location.where import Where
@@ -32,6 +31,7 @@ from adapt.diagnosis.result import (
     Step,
     Verdict,
 )
+from adapt.diagnosis.texts.json_form import JsonObject, as_json
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
 from motions.table import BONES

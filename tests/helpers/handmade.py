@@ -9,6 +9,9 @@ from jaxtyping import Float
 
 from adapt import Adaptations
 from adapt.engine.batching import take_problems
+from adapt.evaluation.covariance import Uncertainty
+from adapt.evaluation.curvature import Curvature
+from adapt.evaluation.held_out import AdaptedSubjects, HeldOut
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
@@ -18,9 +21,6 @@ from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import BONE_PREFIXES, COLUMNS
 from adapt.tables.results import fits_table, parameters_table, rows_of_subjects
-from adapt.trust.covariance import Uncertainty
-from adapt.trust.curvature import Curvature
-from adapt.trust.held_out import AdaptedSubjects, HeldOut
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, girdles_of
 from motions import ANGLES, Motions
@@ -157,5 +157,5 @@ def _adapted(motions: Motions, model: AnyModel, failed: Sequence[str]) -> Adapte
         landmark_weight=np.zeros(len(names)),
         iterations=np.ones(len(names), dtype=int),
         sizes=np.zeros((0, len(names))),
-        status=np.where(lost, status.NOT_CONVERGED, status.OK).astype(object),
+        code=np.where(lost, status.UNCONVERGED, status.CONVERGED),
     )

@@ -18,6 +18,20 @@ from motions.table import ANGLES, Motions
 CANDIDATES = ("clavicle_frame_bias", "scapula_landmark_bias", "scapulothoracic_gap", "thorax_tilt")
 """Few, so that their machine code is soon made."""
 
+HAVE_STRENGTHS = (
+    "scapulothoracic_gap",
+    "conoid_strain",
+    "ac_translation",
+    "sc_translation",
+    "thorax_asymmetry",
+    "thorax_tilt",
+    "scapula_landmark_bias",
+    "thorax_extension",
+    "clavicle_axial_estimate",
+    "skin_artefact",
+)
+"""Effects of the reference worlds that have the library's form."""
+
 
 @cache
 def simulated(effect: str = "", subjects: int = 3, noise_deg: float = 0.3, seed: int = 7) -> Simulated:

@@ -23,7 +23,7 @@ SAME_BASENAME = {
     "subjects": "solvers/newton is for the plain chain, solvers/projection for any",
     "parts": "those of a large run, and those of a joint fit",
     "rows": "motions/motion_csv/rows.py reads them from a file, solvers/rows.py lays them out as arrays",
-    "held_out": "trust/held_out.py measures the gaps, tables/held_out.py is their table",
+    "held_out": "evaluation/held_out.py measures the gaps, tables/held_out.py is their table",
 }
 """Basenames that several modules may have, and why."""
 

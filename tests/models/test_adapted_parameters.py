@@ -36,7 +36,7 @@ import json
 import numpy as np
 from adapt import adapt_subjects
 from adapt.solvers.adaptation import fitted_angles
-from adapt.solvers.objective import angle_weights, mean_square_deg2
+from adapt.solvers.objective import mean_square_deg2
 from adapt.solvers.rows import posture_rows
 from adapt.solvers.problems import problems_of
 from models import load_model

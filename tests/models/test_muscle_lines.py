@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from thesis_tables import DISSECTION
 
 from models import load_model
-from models.muscles.das3_frames import das3_clavicle_in_thorax, das3_scapula_in_thorax, scapula_in_thorax
+from models.muscles.das3_frames import clavicle_in_thorax, scapula_in_thorax
 from models.muscles.muscle_lines import SERRATUS, TABLE, muscle_lines, muscle_lines_of
 from models.person.family import PersonalSets
 from motions.errors import InputError
@@ -28,17 +28,17 @@ PRINTED_MM = 1e-6
 
 def test_gh_lies_in_das3s_scapula_frame_where_the_cadaver_has_it():
     """No frame is made from GH: its coordinates in DAS3, brought to the thorax, are those of Table 4.2."""
-    GH = das3_scapula_in_thorax(DAS3).outward(np.array([[2.0, -23.0, -43.9]]).T)[:, 0]
+    GH = scapula_in_thorax(DAS3, "aa").outward(np.array([[2.0, -23.0, -43.9]]).T)[:, 0]
     assert np.linalg.norm(GH - CADAVER["gh_mm"]) < LANDMARK_MM
 
 
 def test_das3s_clavicle_ends_in_aa():
-    end = das3_clavicle_in_thorax(DAS3).outward(np.array([[207.7, -0.1, 28.2]]).T)[:, 0]
+    end = clavicle_in_thorax(DAS3, "joint_sc").outward(np.array([[207.7, -0.1, 28.2]]).T)[:, 0]
     assert np.linalg.norm(end - DAS3["aa_mm"]) < 0.1
 
 
 def test_the_frame_through_aa_is_turned_as_in_other_scapulae():
-    R_ac_aa = scapula_in_thorax(CADAVER).R.T @ das3_scapula_in_thorax(DAS3).R
+    R_ac_aa = scapula_in_thorax(CADAVER).R.T @ scapula_in_thorax(DAS3, "aa").R
     apart = Rotation.from_matrix(R_ac_aa @ np.asarray(KOLZ.R_ac_aa).T).magnitude()
     assert np.degrees(apart) < KOLZ.uncertainty_deg
 
@@ -59,7 +59,7 @@ def test_on_the_cadavers_own_bones_nothing_moves():
     np.testing.assert_allclose(lines.thorax_mm, printed, atol=1e-9)
     on_scapula = scapula_in_thorax(CADAVER).outward(lines.bone_mm[:, lines.on_scapula])
     given = np.array([row["scapula_mm"] for row in rows if "scapula_mm" in row]).T
-    np.testing.assert_allclose(on_scapula, das3_scapula_in_thorax(DAS3).outward(given), atol=PRINTED_MM)
+    np.testing.assert_allclose(on_scapula, scapula_in_thorax(DAS3, "aa").outward(given), atol=PRINTED_MM)
 
 
 @pytest.mark.parametrize("name", SETS)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from adapt.diagnosis.declared_effects import declared_effects
+from adapt.diagnosis.marks import declared_effects
 from motions import InputError
 from motions.errors import InputWarning
 from motions.formats.any_file import read_any

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from adapt.api import adapt_subjects
+from adapt.cli.inputs import subjects_without_set
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers.problems import sets_of
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.parameter_sets import ParameterSet
-from models.person.family import PersonalSets, girdles_of, without_set
+from models.person.family import PersonalSets, girdles_of
 from models.person.thorax_ellipsoid import fit_thorax, fitted_girdle
 
 MANY = 12
@@ -60,5 +61,6 @@ def test_a_batch_with_own_sets_is_each_subject_with_its_own():
 
 def test_who_has_no_set():
     own = PersonalSets("own", sets(2))
-    assert without_set([load_model("R2"), own], ["P00", "P01", "P07"]) == {"P07": "own"}
+    (missing,) = subjects_without_set([load_model("R2"), own], ["P00", "P01", "P07"]).items()
+    assert (missing[0], missing[1].file) == ("P07", "own")
     np.testing.assert_array_equal(girdles_of(own, ["P01", "P01"]).sc_mm[:, 1], own.of("P01").girdle.sc_mm)

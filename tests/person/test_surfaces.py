@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from models import load_model
-from models.person.joint_centres import acromioclavicular_centre_mm
+from models.person.bony_contours import acromioclavicular_centre_mm
 from models.person.round_surfaces import fit_cylinder, fit_sphere
 from models.person.thorax_ellipsoid import fit_thorax
 from tests.helpers.round_points import cylinder_points, sphere_points

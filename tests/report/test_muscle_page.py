@@ -11,7 +11,7 @@ from handmade import adaptations, motions_of, rising
 from pages import MODELS, R2, data_of, sentences_of, words_of
 
 from adapt import Adaptations
-from adapt.diagnosis.wording import MOST_WORDS
+from adapt.diagnosis.texts.wording import MOST_WORDS
 from adapt.report import muscle_figures as figures
 from adapt.report import report_html
 from adapt.tables.muscle_tables import JOINTS, MuscleTables, muscle_means, muscle_tables

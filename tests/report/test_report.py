@@ -11,7 +11,7 @@ from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, ris
 from pages import EVIL, MODELS, R2, data_of, one_line, sentences_of, simulated, words_of
 
 from adapt.diagnosis.result import NONE, Diagnoses
-from adapt.diagnosis.wording import MOST_WORDS, amplitude_text, sentence, step_text
+from adapt.diagnosis.texts.wording import MOST_WORDS, amplitude_text, sentence, step_text
 from adapt.report import drawn_postures as chosen
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS, bones_mm

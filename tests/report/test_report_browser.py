@@ -16,7 +16,7 @@ from playwright.sync_api import expect
 from reaching import A4_INSIDE, contrast, grave_faults, on_paper, too_small_for_a_finger, unreached_by_tab
 
 from adapt.diagnosis.result import Diagnoses
-from adapt.diagnosis.wording import sentence
+from adapt.diagnosis.texts.wording import sentence
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS
 from models.effects import EFFECTS

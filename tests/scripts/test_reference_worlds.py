@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_worlds import HAVE_STRENGTHS
 
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
@@ -28,20 +29,6 @@ SAME_MM = 1e-3
 
 SEEN_MM = 0.5
 """Less than this would hardly be an effect."""
-
-HAVE_STRENGTHS = (
-    "scapulothoracic_gap",
-    "conoid_strain",
-    "ac_translation",
-    "sc_translation",
-    "thorax_asymmetry",
-    "thorax_tilt",
-    "scapula_landmark_bias",
-    "thorax_extension",
-    "clavicle_axial_estimate",
-    "skin_artefact",
-)
-"""Effects that have the library's form."""
 
 ADAPTED = ("M_y", "M_z", "A_x", "A_y", "A_z", "conoid_length")
 

@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import pytest
+from adapted_alone import alone, padded
 from lagrangian import conditions
 from oracles import bones, ipopt, whole_objective
 from turned_scapula import active_in_all, without_effects
@@ -14,9 +16,10 @@ from turned_scapula import active_in_all, without_effects
 from adapt.engine.batching import take_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.adaptation import STARTS_MM, Adapted, _distinct, adapt_batch, adapted_from, fitted_angles
-from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
+from adapt.solvers.objective import WEIGHT, mean_square_deg2
 from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
 from adapt.solvers.rows import posture_rows
+from adapt.solvers.unmeasured import angle_weights
 from models import load_model, model_names
 from models.ellipsoid import closest_point
 from models.girdle import Girdle
@@ -74,14 +77,32 @@ def by_adapt_batch(data: Problems) -> Answer:
     return Answer(found.theta_mm, found.angles, of_E, found.status == status.OK)
 
 
+def by_differentiable(data: Problems) -> Answer:
+    """Subject by subject."""
+    measured, found = data.measured & data.counted, []
+    given = data.girdle, data.points_mm, data.bounds_mm, np.where(measured, data.angles, np.nan)
+    for k in range(data.counted.shape[1]):
+        *model, s = take_problems(given, k)
+        s = padded(s)
+        found.append(alone(*model, s, WEIGHT, np.isfinite(s))[0])
+    one = jax.tree.map(lambda *x: np.stack(x, axis=-1), *found)
+    postures, of_E = data.counted.shape[0], WEIGHT / data.counted.sum(axis=0)
+    angles, multipliers = (x[:, :postures] for x in one.postures[:2])
+    return Answer(one.theta_mm, angles, multipliers * of_E, one.converged)
+
+
 SOLVERS: dict[str, Callable[[Problems], Answer]] = {
     "newton": from_geometric_fit(newton.fit_subjects),
     "projection": from_geometric_fit(projection.fit_subjects),
     "adapt_batch": by_adapt_batch,
+    "differentiable": by_differentiable,
 }
 
-NOT_FOR = {"newton": {"effects", "effects of no size"}}
-"""Chains that a kernel does not take."""
+NOT_FOR = {
+    "newton": {"effects", "effects of no size"},
+    "differentiable": {"effects", "effects of no size", "R2, R4 and R6", "das3", "padded postures"},
+}
+"""Chains that a solver does not take; sets and padding with which tests/solvers/test_differentiable.py compares."""
 
 # --- the problems ---------------------------------------------------------------------------------
 
@@ -116,7 +137,7 @@ def missing() -> Problem:
     return with_sets(motions, "R2")
 
 
-def padded() -> Problem:
+def padded_postures() -> Problem:
     """Subjects with 14, 9 and 5 postures."""
     motions = simulate_subjects(3, seed=6)
     number, place = np.divmod(np.arange(len(motions.posture)), 14)
@@ -156,7 +177,7 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
     "R2, R4 and R6": lambda: with_sets(simulate_subjects(4, seed=11), "R2", "R4", "R6"),
     "das3": lambda: with_sets(simulate_subjects(3, seed=11), "das3"),
     "missing angles": missing,
-    "padded postures": padded,
+    "padded postures": padded_postures,
     "a girdle that is known": known,
     "at a bound": at_a_bound,
     "effects of no size": lambda: with_effects((0.0, 0.0), (0.0, 0.0, 0.0)),

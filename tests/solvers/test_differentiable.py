@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from adapted_alone import POSTURES, alone, padded, theta_and_result
 
 from adapt import adapt_subjects
 from adapt.differentiable import WEIGHT, adapt_subject, fit_posture
@@ -40,8 +41,9 @@ SHIPPED = read_motions(DATA_FILE)
 OF_ALL_SETS = "simulated02"
 """With A_y at its bound in three sets, with all parameters free in three."""
 
-POSTURES = 22
-COUNTS = np.linspace(5, POSTURES, 10).astype(int)
+COUNTS = (5, 10, 18, POSTURES)
+"""Of the subjects beside those six; ten with 5 to 22 postures, then."""
+
 SHORT = 2
 """Measured angles of a posture that is not determined."""
 
@@ -50,14 +52,10 @@ def angles_of(subject: str) -> np.ndarray:
     return np.deg2rad(SHIPPED.angles_deg[SHIPPED.subject == subject].T)
 
 
-def padded(angles: np.ndarray) -> np.ndarray:
-    return np.pad(angles, ((0, 0), (0, POSTURES - angles.shape[1])), constant_values=np.nan)
-
-
 def unequal_subjects() -> list[np.ndarray]:
-    """Ten subjects with 5 to 22 postures; beyond the 14 shipped ones they repeat, with noise."""
+    """Subjects with so many postures; beyond the 14 shipped ones they repeat, with noise."""
     noise, found = np.random.default_rng(0), []
-    for subject, count in zip(SHIPPED.subjects, COUNTS, strict=True):
+    for subject, count in zip(SHIPPED.subjects, COUNTS, strict=False):
         own = angles_of(subject)
         again = own + np.deg2rad(noise.normal(0.0, 1.5, own.shape))
         found.append(np.concatenate([own, again], axis=1)[:, :count])
@@ -68,32 +66,28 @@ UNEQUAL = unequal_subjects()
 
 
 def lanes() -> list[tuple]:
-    """One of each set, the ten with R2, and one with a posture that is not determined."""
+    """One of each set, the unequal ones with R2, and one with a posture that is not determined."""
     undetermined = angles_of(OF_ALL_SETS)
     undetermined[SHORT:, 0] = np.nan
     chosen = [(name, angles_of(OF_ALL_SETS)) for name in SETS]
     chosen += [("R2", one) for one in [*UNEQUAL, undetermined]]
-    found = []
-    for name, angles in chosen:
-        model, angles = load_model(name), padded(angles)
-        found.append((model.girdle, model.points_mm, model.bounds_mm, angles, WEIGHT, np.isfinite(angles)))
-    return found
+    models = [load_model(name) for name, _ in chosen]
+    angles = [padded(angles) for _, angles in chosen]
+    return [
+        (one.girdle, one.points_mm, one.bounds_mm, s, WEIGHT, np.isfinite(s))
+        for one, s in zip(models, angles, strict=True)
+    ]
 
 
 LANES = lanes()
-TEN = range(len(SETS), len(SETS) + 10)
-
-
-def adapted(girdle, points_mm, bounds_mm, angles, weight, measured):
-    found = adapt_subject(girdle, points_mm, bounds_mm, angles, measured, weight)
-    return found.theta_mm, found
+UNEQUAL_LANES = range(len(SETS), len(SETS) + len(COUNTS))
 
 
 @pytest.fixture(scope="module")
 def side_by_side():
     """Slopes of theta in everything, and the result, of all lanes: jit of vmap in reverse."""
     together = jax.tree.map(lambda *x: jnp.stack([jnp.asarray(one) for one in x]), *LANES)
-    slopes, found = jax.jit(jax.vmap(jax.jacrev(adapted, argnums=(0, 1, 2, 3, 4), has_aux=True)))(*together)
+    slopes, found = jax.jit(jax.vmap(jax.jacrev(theta_and_result, argnums=(0, 1, 2, 3, 4), has_aux=True)))(*together)
     return jax.tree.map(np.asarray, (slopes, found))
 
 
@@ -118,9 +112,9 @@ def motions_of(subjects: dict[str, np.ndarray]) -> Motions:
 def test_the_optimum_is_that_of_adapt_subjects(side_by_side):
     _, found = side_by_side
     one = adapt_subjects(motions_of({"one": angles_of(OF_ALL_SETS)}), [load_model(name) for name in SETS], held_out=())
-    ten = adapt_subjects(motions_of({f"S{k}": x for k, x in enumerate(UNEQUAL)}), load_model("R2"), held_out=())
+    unequal = adapt_subjects(motions_of({f"S{k}": x for k, x in enumerate(UNEQUAL)}), load_model("R2"), held_out=())
     expected = [take_problems(one.adapted[name], [0]) for name in SETS]
-    expected += [take_problems(ten.adapted["R2"], [k]) for k in range(10)]
+    expected += [take_problems(unequal.adapted["R2"], [k]) for k in range(len(UNEQUAL))]
     for number, reference in enumerate(expected):
         ours = lane(found, number)
         assert ours.converged
@@ -137,7 +131,7 @@ def test_free_and_held_parameters_are_tried(side_by_side):
 
 def test_padding_has_no_slope(side_by_side):
     slopes, found = side_by_side
-    for number, count in zip(TEN, COUNTS, strict=True):
+    for number, count in zip(UNEQUAL_LANES, COUNTS, strict=True):
         of_angles = slopes[3][number]
         assert np.isfinite(of_angles).all()
         assert not of_angles[:, :, count:].any()
@@ -154,19 +148,10 @@ def test_an_undetermined_posture_makes_its_subject_nan_alone(side_by_side):
 
 
 def test_side_by_side_is_one_by_one_and_reverse_is_forward(side_by_side):
+    """Of one with a parameter at its bound, and of the unequal ones."""
     slopes, found = side_by_side
-    direction = jax.tree.map(lambda x: jnp.ones_like(jnp.asarray(x)), LANES[0][:5])
-
-    @jax.jit
-    def alone(given: tuple, measured):
-        def result(girdle, points_mm, bounds_mm, angles, weight):
-            return adapted(girdle, points_mm, bounds_mm, angles, weight, measured)[1]
-
-        return jax.jvp(result, given, direction)
-
-    for number in TEN:
-        *given, measured = jax.tree.map(jnp.asarray, LANES[number])
-        one, slope = alone(tuple(given), measured)
+    for number in (int(np.argmin(found.free.all(axis=1))), *UNEQUAL_LANES):
+        one, slope = alone(*LANES[number])
         for ours, theirs in zip(jax.tree.leaves(one), jax.tree.leaves(lane(found, number)), strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ALONE * max(1.0, np.abs(theirs).max()))
         in_reverse = sum(np.reshape(x[number], (6, -1)).sum(axis=1) for x in jax.tree.leaves(slopes))

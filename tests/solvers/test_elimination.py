@@ -10,11 +10,11 @@ from adapt.solvers.newton.elimination import (
     PENALTY_GROWTH,
     PIVOT_FLOOR,
     RANGE_SPACE_PENALTY,
-    UNMEASURED_WEIGHT,
     Elimination,
     augmented,
     stationarity,
 )
+from adapt.solvers.unmeasured import UNMEASURED_WEIGHT
 from models import load_model
 from models.derivatives import ELLIPSOID, ConstraintDerivatives, chain, closest_point_multipliers
 from motions.rhythm_subjects import simulate_subjects

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -11,12 +11,13 @@ import pytest
 from oracles import Posture, bones, constraints, kkt_residual, shortest_conoid_mm, slsqp
 from turned_scapula import active_in_all, without_effects
 
+from adapt.differentiable import fit_posture
 from adapt.engine.batching import take_problems, with_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.continuation import follow_motions
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.solution import PostureSolution
-from adapt.solvers.starts import at_rest_where_unknown
+from adapt.solvers.unmeasured import at_rest
 from models import load_model, model_names
 from models.effects import AnyGirdle
 from models.girdle import Girdle
@@ -48,21 +49,51 @@ MODELS = model_names()
 
 # --- the solvers ----------------------------------------------------------------------------------
 
+SIDE_BY_SIDE = 70
+"""Postures of one call of ``adapt.differentiable``, the last filled up with padding: one compilation."""
+
+
+class Answer(NamedTuple):
+    angles: np.ndarray
+    multipliers: np.ndarray
+    j_deg2: np.ndarray
+    converged: np.ndarray
+
+
+def differentiable(girdle: Girdle, angles: np.ndarray, measured: np.ndarray, start: np.ndarray | None = None) -> Answer:
+    found, count = [], angles.shape[1]
+    for first in range(0, count, SIDE_BY_SIDE):
+        lanes = np.minimum(np.arange(first, first + SIDE_BY_SIDE), count - 1)
+        known = measured[:, lanes] & (np.arange(first, first + SIDE_BY_SIDE) < count)
+        one, s = take_problems((girdle, angles), lanes)
+        fits = fit_posture(one, s, known, None if start is None else start[:, lanes])
+        found.append(Answer(fits.angles, fits.multipliers, fits.j_deg2, np.isfinite(fits.j_deg2)))
+    return take_problems(jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *found), slice(count))
+
+
 SOLVERS: dict[str, Callable[..., Any]] = {
     "newton": newton.fit_postures,
     "projection": projection.fit_postures,
     "fit_batch": fit_batch,
+    "differentiable": differentiable,
 }
 """Of (girdle, angles, measured, start): an answer with angles, multipliers, j_deg2 and ``converged``."""
 
-LEAVES = {"newton": 0.01, "projection": 0.01}
-"""Share of a problem's postures that a kernel may leave to the other one (seen: 0.4 % of those 60 degrees away)."""
+LEAVES = {"newton": 0.01, "projection": 0.01, "differentiable": 0.02}
+"""Share of a problem's postures that a kernel may leave to the other one (seen: 0.4 % of those 60 degrees away), or
+that ``adapt.differentiable`` may say are NaN (seen: 1.3 % of them)."""
 
-NOT_FOR = {"newton": {"effects", "effects of no size", "hardly held"}}
-"""Chains that a kernel does not take, and postures that it leaves."""
+LEAVES_OF = {("differentiable", "missing angles"): 0.15}
+"""In place of ``LEAVES``: of postures with three angles missing more than a third are NaN (seen: 13 % of all)."""
 
-HIGHER = {("projection", "missing angles"): 0.03}
-"""In place of ``HIGHER_SHARE``: projections start at rest and from two places around, Newton then from six more."""
+ONLY_PROJECTION = {"effects", "effects of no size", "hardly held"}
+
+NOT_FOR = {"newton": ONLY_PROJECTION, "differentiable": ONLY_PROJECTION}
+"""Chains that a solver does not take, and postures that it leaves."""
+
+HIGHER = {("projection", "missing angles"): 0.03, ("differentiable", "25 degrees"): 0.08}
+"""In place of ``HIGHER_SHARE``: projections start at rest and from two places around, Newton then from six more; of 28
+postures with many local minima the ten starts of ``adapt.differentiable`` miss that of two."""
 
 # --- the problems ---------------------------------------------------------------------------------
 
@@ -89,7 +120,7 @@ class Problem:
 
     @property
     def angles(self) -> np.ndarray:
-        return at_rest_where_unknown(self.angles_deg / DEG, self.measured)
+        return at_rest(self.angles_deg / DEG, self.measured)
 
 
 def with_set(name: str, angles_deg: np.ndarray, measured: np.ndarray | None = None) -> Problem:
@@ -226,7 +257,7 @@ problem = cache(lambda name: PROBLEMS[name]())
 
 
 @cache
-def solved(solver: str, name: str) -> PostureSolution:
+def solved(solver: str, name: str) -> PostureSolution | Answer:
     one = problem(name)
     return SOLVERS[solver](one.chain, one.angles, one.measured)
 
@@ -243,13 +274,14 @@ def cells(*left_out: set[str]) -> pytest.MarkDecorator:
 def test_ends_at_an_optimum(solver, name):
     """Closed and stationary, computed by the other engine; J is the mean square of what was measured."""
     one, found = problem(name), solved(solver, name)
-    assert found.converged.mean() >= 1.0 - LEAVES.get(solver, 0.0)
+    assert found.converged.mean() >= 1.0 - LEAVES_OF.get((solver, name), LEAVES.get(solver, 0.0))
     assert_optimal(one, found, np.flatnonzero(found.converged))
     apart = np.where(one.measured, found.angles * DEG - one.angles_deg, np.nan)
-    np.testing.assert_allclose(found.j_deg2, np.nanmean(apart**2, axis=0), rtol=1e-13, atol=1e-13)
+    given = np.isfinite(found.j_deg2)
+    np.testing.assert_allclose(found.j_deg2[given], np.nanmean(apart[:, given] ** 2, axis=0), rtol=1e-13, atol=1e-13)
 
 
-def assert_optimal(one: Problem, found: PostureSolution, lanes: np.ndarray) -> None:
+def assert_optimal(one: Problem, found: PostureSolution | Answer, lanes: np.ndarray) -> None:
     q, worst = found.angles * DEG, 0.0
     for k in lanes.tolist():
         b = bones(one.plain, k)
@@ -287,7 +319,9 @@ def slsqp_from_the_angles(name: str) -> dict[int, Posture]:
     return slsqp_lanes(problem(name), problem(name).angles * DEG, range(problem(name).count))
 
 
-def other_valleys(one: Problem, found: PostureSolution, oracle: dict[int, Posture]) -> tuple[list[int], list[int]]:
+def other_valleys(
+    one: Problem, found: PostureSolution | Answer, oracle: dict[int, Posture]
+) -> tuple[list[int], list[int]]:
     """Lanes where J is lower, and higher, than SLSQP's. In both, SLSQP started from ours must stay there."""
     assert len(oracle) >= 0.98 * one.count, f"SLSQP itself gave up on {one.count - len(oracle)} of {one.count} postures"
     excess = {k: float(found.j_deg2[k]) - best.j_deg2 for k, best in oracle.items() if found.converged[k]}

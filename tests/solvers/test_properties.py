@@ -14,10 +14,11 @@ from programs import few_runs
 
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch, fitted_angles
-from adapt.solvers.objective import WEIGHT, angle_weights, mean_square_deg2
+from adapt.solvers.objective import WEIGHT, mean_square_deg2
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of
 from adapt.solvers.rows import posture_rows
+from adapt.solvers.unmeasured import angle_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm

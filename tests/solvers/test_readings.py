@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from oracles import Bones, bones, cardan, ellipsoid_distance, slsqp, with_theta
 
+from adapt.evaluation.curvature import curvature
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT
 from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
 from adapt.solvers.projection.thorax_term import Thorax
 from adapt.solvers.rows import posture_rows
-from adapt.trust.curvature import curvature
 from models import load_model
 from motions import Motions, read_motions
 from motions.landmarks.sampled_postures import SLIPPED

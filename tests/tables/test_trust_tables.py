@@ -7,23 +7,20 @@ import pandas as pd
 import pytest
 from handmade import adaptations, motions_of, rising
 
-from adapt.assessment import improvement_blocked_by_points, jump_free_share
-from adapt.cli.print_tables import PlainConsole
-from adapt.cli.print_trust import print_weights
-from adapt.output.trust_words import trust_sentences
+from adapt.cli.terminal.print_tables import PlainConsole
+from adapt.cli.terminal.print_trust import print_weights, trust_sentences
+from adapt.evaluation.covariance import NORMAL_95
+from adapt.evaluation.held_out import gaps_deg, sample
 from adapt.tables.folds import (
     MOTION,
-    OTHER,
     PERSON,
     POSTURES,
     motions_and_persons,
     motions_and_thirds,
     motions_or_thirds,
-    one_motion_for_another,
 )
 from adapt.tables.held_out import NOTHING, by_model, by_subject, fewest_parts
-from adapt.trust.covariance import NORMAL_95
-from adapt.trust.held_out import gaps_deg, sample
+from adapt.trust.assessment import improvement_blocked_by_points, jump_free_share
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks, region_distances_mm
 from models import load_model, model_names
 from motions import Motions
@@ -106,14 +103,6 @@ def test_gaps_are_those_of_the_fits():
         assert np.argwhere(np.isnan(gaps[:, :4])).tolist() == [[3, 1]]
         np.testing.assert_allclose(gaps[:, :4][np.isfinite(gaps[:, :4])], gap_deg)
         assert np.isnan(gaps[:, 4:]).all() == (gap_deg == 2.0)
-
-
-def test_a_fold_of_one_motion_for_another_is_of_those_who_have_both():
-    motions = two_motions()
-    (fold,) = one_motion_for_another(motions, "abduction", "flexion")
-    assert (fold.subject, fold.kind, fold.held_out) == (0, OTHER, "flexion")
-    assert set(motions.motion[fold.fitted]) == {"abduction"}
-    assert set(motions.motion[fold.tested]) == {"flexion"}
 
 
 def test_of_a_single_kind_of_motion_thirds_are_held_out_with_persons():

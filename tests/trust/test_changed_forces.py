@@ -10,12 +10,12 @@ import pytest
 from command import SHIPPED
 
 from adapt.api import adapt_subjects, fit_postures
-from adapt.assessment import plausibility_table
 from adapt.solvers import status
 from adapt.tables.before_after import BeforeAfter, before_and_after
 from adapt.tables.contact_table import contact_table
 from adapt.tables.muscle_tables import muscle_tables, serratus_arms, unbalanced
 from adapt.tables.results import fits_table
+from adapt.trust.assessment import plausibility_table
 from adapt.trust.changed_forces import SERRATUS_RATIO, TURNED_DEG, force_checks
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from models import ParameterSet, load_model

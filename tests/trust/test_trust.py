@@ -13,7 +13,15 @@ from oracles import bones, ellipsoid_distance, with_theta
 from scipy.optimize import approx_fprime
 
 from adapt.api import adapt_subjects
-from adapt.assessment import BOUNDS, NONE, intervals
+from adapt.evaluation.covariance import (
+    NORMAL_95,
+    Uncertainty,
+    reduced_inverse,
+    sd,
+    uncertainty,
+    within_bounds,
+)
+from adapt.evaluation.held_out import held_out
 from adapt.model_subjects import simulate_model_subjects
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch, adapted_from
@@ -22,16 +30,8 @@ from adapt.solvers.rows import posture_rows
 from adapt.tables.folds import MOTION, POSTURES, motions_and_thirds
 from adapt.tables.held_out import by_subject
 from adapt.tables.results import HELD_OUT
-from adapt.trust.covariance import (
-    NORMAL_95,
-    Uncertainty,
-    reduced_inverse,
-    sd,
-    uncertainty,
-    within_bounds,
-)
+from adapt.trust.assessment import BOUNDS, NONE, intervals
 from adapt.trust.flat_directions import flat_directions
-from adapt.trust.held_out import held_out
 from adapt.trust.profile import profile_intervals
 from adapt.trust.weight_choice import WEIGHTS, weight_table
 from models import ParameterSet, load_model

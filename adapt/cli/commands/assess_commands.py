@@ -6,24 +6,24 @@ from typing import Annotated
 import typer
 
 from adapt.api import adapt_subjects, adapt_with_every_fold
-from adapt.assessment import assess_trust
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, read_inputs
 from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, Repeat, Weight, console, errors
-from adapt.cli.print_diagnosis import print_diagnosis
-from adapt.cli.print_muscles import print_muscles
-from adapt.cli.print_tables import progress
-from adapt.cli.print_trust import print_trust
+from adapt.cli.terminal.print_diagnosis import print_diagnosis
+from adapt.cli.terminal.print_muscles import print_muscles
+from adapt.cli.terminal.print_tables import progress
+from adapt.cli.terminal.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST_DEG
-from adapt.diagnosis.json_form import as_json
+from adapt.diagnosis.texts.json_form import as_json
+from adapt.evaluation.held_out import sample
 from adapt.output.large_runs.parts import not_adapted
 from adapt.output.result_files import write_adaptations, write_figures, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
 from adapt.solvers.objective import WEIGHT
 from adapt.tables.held_out import fewest_parts
 from adapt.tables.muscle_tables import BODY_MASS_KG, muscle_tables
-from adapt.trust.held_out import sample
+from adapt.trust.assessment import assess_trust
 from models.muscles.muscle_lines import muscle_lines_of
 from motions import InputError
 
@@ -79,7 +79,7 @@ def diagnose_gap(
                 write_adaptations(part, result)
                 write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
                 failed = not_adapted(result) | diagnoses.closest.left_out
-                wrong = write_report(part, table, models, result, failed, diagnoses)
+                wrong = write_report(part, table, models, result, failed, diagnoses=diagnoses)
         print_diagnosis(console, diagnoses)
         say_report(folder, wrong)
     finish(table, failed)

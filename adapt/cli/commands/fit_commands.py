@@ -25,13 +25,14 @@ from adapt.cli.options import (
     console,
     errors,
 )
-from adapt.cli.print_tables import (
+from adapt.cli.terminal.print_tables import (
     print_heldout,
     print_parameters,
     print_summary,
     print_without_landmarks,
     progress,
 )
+from adapt.evaluation.held_out import sample
 from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
 from adapt.output.large_runs.dask_cluster import on_cluster
 from adapt.output.large_runs.local_processes import on_this_machine
@@ -40,7 +41,6 @@ from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.tables.results import Tables
-from adapt.trust.held_out import sample
 from models.effects.amplitudes import described
 from motions import InputError, MotionStream
 

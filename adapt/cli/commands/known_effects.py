@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from adapt.cli.options import console
 from adapt.diagnosis.result import THORAX_OPTION, THORAX_POINTS
-from adapt.diagnosis.wording import DOWN_WEIGHTED
+from adapt.diagnosis.texts.wording import DOWN_WEIGHTED
 from adapt.solvers.objective import WEIGHT, down_weighted
 from models.effects.amplitudes import OPTION, Amplitudes, described, read_amplitudes
 from motions.errors import InputError

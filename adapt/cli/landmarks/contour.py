@@ -14,7 +14,7 @@ from models.person.contours.image_slices import ImageSlice, read_slices
 from models.person.contours.slice_stack import doubtful, follow
 from motions.errors import InputError
 from motions.files import atomic_write, printable
-from motions.formats.person_file import SURFACES
+from motions.formats.person_file import check_surface
 
 _DIGITS = 3
 """Of a coordinate, mm or pixels."""
@@ -45,8 +45,8 @@ def write_contours(
     in_window: the surface whose clicks a window takes first; they are added to the file of clicks. InputError where a
     slice, a click or a contour is wrong.
     """
-    if in_window and in_window not in SURFACES:
-        raise InputError("--surface", None, f"there is no surface '{in_window}'", f"Use one of {', '.join(SURFACES)}")
+    if in_window:
+        check_surface(in_window, "--surface")
     slices = read_slices(paths, *sizes_mm)
     known = read_clicks(clicks, slices) if clicks.exists() or not in_window else []
     if in_window:

@@ -12,10 +12,11 @@ from adapt.cli.options import AaToAc, Names, ScFromIj, Shoulder, console, errors
 from models import load_model
 from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settings
 from motions import InputError, Motions
-from motions.landmarks.acromion import acromion_rotation
+from motions.errors import named
+from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.mapping import read_mapping
 from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, is_marked, marked_slips
-from motions.landmarks.stand_ins import sternoclavicular_offset
+from motions.landmarks.stand_ins import OFFSETS
 from motions.motion_csv.cells import SIDES
 
 MANY_FRAMES = 50
@@ -94,7 +95,7 @@ def model_of_person(
     the file, `--models-of` a folder of them.
     """
     from adapt.cli.landmarks.person import write_person_sets  # readers of laboratories' files: not for every command
-    from adapt.cli.landmarks.print_person import print_persons
+    from adapt.cli.terminal.print_person import print_persons
 
     labels = _labels(subject, "", side, "", aa_to_ac, sc_from_ij)
     written, rejected = write_person_sets(source, out, load_model(model), read_mapping(names), labels, rest, points)
@@ -151,8 +152,8 @@ def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_fro
     """What the options say of a file of landmarks."""
     if side not in SIDES:
         raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
-    rotation = acromion_rotation(aa_to_ac) if aa_to_ac else None
-    offset = sternoclavicular_offset(sc_from_ij) if sc_from_ij else None
+    rotation = named(aa_to_ac, ROTATIONS, "--aa-to-ac", "rotation") if aa_to_ac else None
+    offset = named(sc_from_ij, OFFSETS, "--sc-from-ij", "offset") if sc_from_ij else None
     return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset)
 
 

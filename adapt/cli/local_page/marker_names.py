@@ -1,8 +1,8 @@
 """Which marker is which landmark: a first guess, and the mapping file that `girdle convert` takes."""
 
-import json
 from collections.abc import Iterable, Mapping
 
+from models.export.toml import toml_text
 from motions.landmarks.mapping import MARKERS
 
 
@@ -19,11 +19,6 @@ def guessed(names: Iterable[str]) -> dict[str, str]:
 
 def mapping_toml(markers: Mapping[str, str], unit: str = "") -> str:
     """Write the mapping file. markers: the laboratory's name, or a formula, by landmark; an empty one is left out."""
-    lines = [f"unit = {_quoted(unit)}"] if unit else []
-    lines += ["[markers]", *(f"{landmark} = {_quoted(name)}" for landmark, name in markers.items() if name)]
+    lines = [f"unit = {toml_text(unit)}"] if unit else []
+    lines += ["[markers]", *(f"{landmark} = {toml_text(name)}" for landmark, name in markers.items() if name)]
     return "\n".join(lines) + "\n"
-
-
-def _quoted(text: str) -> str:
-    """A basic string of TOML: as JSON's, but that DEL is escaped too."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -11,7 +11,7 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval
-from adapt.trust.covariance import NORMAL_95
+from adapt.evaluation.covariance import NORMAL_95
 from models.effects import Effect
 from models.effects.amplitudes import PersonalSize, rounded
 from models.effects.by_posture import UNIT_DEG, ByPosture

@@ -23,7 +23,7 @@ from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
-from adapt.diagnosis.inference.bagging import resampled_persons
+from adapt.diagnosis.inference.intervals import resampled_persons
 from adapt.tables.folds import PERSON
 from models.effects import Effect
 from models.person.family import AnyModel

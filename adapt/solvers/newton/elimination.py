@@ -28,6 +28,7 @@ from adapt.solvers.newton.linear_algebra import (
     product,
 )
 from adapt.solvers.solution import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE
+from adapt.solvers.unmeasured import damped
 from models.adapted_parameters import ELLIPSOID
 from models.derivatives import ConstraintDerivatives
 from motions.arrays import Array, ByType, repeat_while, xp
@@ -38,9 +39,6 @@ a minimum. Of 5 to 100 the one with the fewest iterations on simulated subjects.
 
 STEP_LIMIT_RAD = 0.6
 """Longest step of one angle: a rotation linearised further than this means nothing."""
-
-UNMEASURED_WEIGHT = 1e-8
-"""Relative damping of an angle that was not measured: it settles where the constraints put it."""
 
 PENALTY_GROWTH = 10.0
 """Factor on the stiffness where that was too little to see that H is definite between the ranges of G' and of C."""
@@ -142,13 +140,13 @@ class Elimination:
         scale = weights[0]
         for w in weights[1:]:
             scale = xp.maximum(scale, w)
-        damped = [xp.maximum(w, UNMEASURED_WEIGHT * scale) for w in weights]
+        floored = damped(weights, scale)
         self._at, self._coupled = at, len(ELLIPSOID) if parameters else 0
         self._T = _parameter_slopes(at.T if parameters else [])
-        H = [[x + damped[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
+        H = [[x + floored[i] if i == j else x for j, x in enumerate(row)] for i, row in enumerate(at.qq)]
         self.range_space_penalty, lower, inverse, self.convex = _convex_factor(H, at.G, scale)
         lower = [[xp.where(self.convex, x, 0.0) for x in row] for row in lower]
-        inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(inverse, damped, strict=True)]
+        inverse = [xp.where(self.convex, x, 1.0 / w) for x, w in zip(inverse, floored, strict=True)]
         used = [xp.where(self.convex, s, 0.0) for s in self.range_space_penalty]
         C = [[xp.where(self.convex, x, 0.0) for x in column(at.qu, k)] for k in range(self._coupled)]
         self._sides = [forward(lower, side) for side in (*at.G, *C, objective_gradient)]

@@ -16,25 +16,25 @@ from adapt.engine.batching import in_rounds, refit, take_problems
 from adapt.engine.kernel import Kernel
 from adapt.solvers import status
 from adapt.solvers.newton.posture import Lowest, iterate, iterate_from_two_starts
-from adapt.solvers.objective import angle_weights
 from adapt.solvers.solution import PostureSolution, put_lower
-from adapt.solvers.starts import OFFSETS_DEG
+from adapt.solvers.unmeasured import angle_weights, around
 from models.girdle import Girdle
 from motions.arrays import ByType
-from motions.rotations import DEG
 
 Problem = tuple[Girdle, Float[np.ndarray, "6 problems"], Float[np.ndarray, "6 problems"]]
 """Girdle, measured angles (rad) and weights of each problem."""
 
 Starts = tuple[Float[np.ndarray, "6 problems"], Float[np.ndarray, "6 problems"]]
 
+OFFSETS_SEED = 0
+
+OFFSETS_DEG = np.random.Generator(np.random.PCG64(OFFSETS_SEED)).uniform(-30.0, 30.0, (8, 6))
+"""Where else to start from: offsets to the measured angles. Fixed, so that a fit is reproducible."""
+
 _FAR_DEG2 = 15.0
 """From such a J on (4 deg rms) which valley a path ends in is chance: a fit starts from more places. Of 3000 simulated
 adaptations with noise of 4 deg 56 end with a lower E than with 200, with 0 one more. Measured postures leave 64 with R2
 as it is. Beyond 200 valleys are many: 3 % of fits end in a higher one than the lowest of 40 other places."""
-
-_WIDER = 2.0
-"""Times as far for an angle that was not measured, whose fit begins at rest: a raised arm is up to 80 degrees off."""
 
 _CLOSING_STEPS, _FAR_CLOSING_STEPS = 3.0, 6.0
 """Steps by which the chain is closed before a fit, at the measured angles and at places around. Medians of
@@ -62,12 +62,12 @@ def fit_postures(
     reached from several places. An angle that was not measured begins at its number in ``angles``."""
     problem = _contiguous((girdle, angles, angle_weights(measured)))
     if start is None:
-        return _from_places(problem, far_deg2)
+        return _from_places(problem, measured, far_deg2)
     rounds = _ROUNDS.for_dtype_of(angles)
     return in_rounds(postures_kernel, rounds, problem, _BEGINNING, start, np.zeros_like(start[:3]))
 
 
-def _from_places(problem: Problem, far_deg2: float) -> PostureSolution:
+def _from_places(problem: Problem, measured: Bool[np.ndarray, "6 problems"], far_deg2: float) -> PostureSolution:
     """The lowest of the optima reached from the measured angles, from where the chain closes next to them and, where
     needed, from where it closes next to two places around.
 
@@ -78,15 +78,14 @@ def _from_places(problem: Problem, far_deg2: float) -> PostureSolution:
     target = problem[1]
     # one step from the measured angles: closing is what a fit begins with there
     found, settled, apart = _from_two_starts(problem, (target, target), (_CLOSING_STEPS, 1.0))
-    begins_at_rest = (problem[2] <= 0.0).any(axis=0)  # in an angle that was not measured
+    begins_at_rest = ~measured.all(axis=0)
     needed = ~settled | apart | ~found.converged | (found.j_deg2 >= far_deg2) | begins_at_rest
     for offsets in OFFSETS_DEG.reshape(-1, 2, 6):
         again = np.flatnonzero(needed)
         if not len(again):
             break
         part = take_problems(problem, again)
-        wider = np.where(part[2] > 0.0, 1.0, _WIDER)
-        one, other = (part[1] + wider * offset[:, None] / DEG for offset in offsets)
+        one, other = (around(part[1], offset, measured[:, again]) for offset in offsets)
         further, both, _ = _from_two_starts(part, (one, other), (_FAR_CLOSING_STEPS, _FAR_CLOSING_STEPS))
         put_lower(found, again, further)
         settled[again] &= both

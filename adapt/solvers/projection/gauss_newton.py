@@ -57,7 +57,7 @@ class End(NamedTuple):
 
 
 Finished = Callable[[Float[np.ndarray, " groups"], Float[np.ndarray, "adapted parts"]], Bool[np.ndarray, " groups"]]
-"""Which groups are, by the last decrease of each and the slopes in theta of their parts."""
+"""Which groups are, by the last gain of each and the slopes in theta of their parts."""
 
 
 def cost_of_open_chains(near: Nearest) -> Float[np.ndarray, " rows"]:
@@ -87,7 +87,7 @@ class _OfGroups(NamedTuple):
     total: Float[np.ndarray, " groups"]
     damping: Float[np.ndarray, " groups"]
     gain: Float[np.ndarray, " groups"]
-    """By the last step."""
+    """By the last step, as the quadratic model has it: near the optimum the rounding of E is more."""
     steps: Int[np.ndarray, " groups"]
     settled: Bool[np.ndarray, " groups"]
     going: Bool[np.ndarray, " groups"]
@@ -153,17 +153,21 @@ class Objective:
 
     def step(
         self, gradient, matrix, theta, a, damping: Float[np.ndarray, " groups"]
-    ) -> tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "own groups"]]:
-        """Find the lowest point of the damped quadratic model within the bounds; the matrix is changed."""
+    ) -> tuple[Float[np.ndarray, "adapted parts"], Float[np.ndarray, "own groups"], Float[np.ndarray, " groups"]]:
+        """Find the lowest point of the damped quadratic model within the bounds, and half of what the slope there falls
+        by; the matrix is changed."""
         parts, shared = self.parts, self.shared
         trace = np.einsum("iip->p", matrix[:_N, :_N])
         matrix[range(_N), range(_N)] += damping[parts.group] * trace
         lower, upper = parts.bounds_mm
         precision = 2.0 / shared.scale**2
         prior_matrix = np.eye(len(a))[..., None] * (precision * (1.0 + damping))
-        return lowest(
-            gradient, matrix, parts.group, precision * (a - shared.mean), prior_matrix, (lower - theta, upper - theta)
-        )
+        prior_gradient = precision * (a - shared.mean)
+        room = lower - theta, upper - theta
+        dtheta, da = lowest(gradient, matrix, parts.group, prior_gradient, prior_matrix, room)
+        of_parts = (gradient * np.concatenate([dtheta, da[:, parts.group]])).sum(axis=0)
+        fall = -np.bincount(parts.group, of_parts, len(damping)) - (prior_gradient * da).sum(axis=0)
+        return dtheta, da, 0.5 * fall
 
 
 def minimise(
@@ -210,7 +214,7 @@ def _stepped(finished: Finished, objective: Objective, steps: Steps) -> Steps:
     parts, (near, own, groups) = objective.parts, steps
     learnt = secant(own.rest, own.matrix, own.moved, own.gradient - own.before)
     rest = np.where(own.taken, learnt, 0.0)
-    dtheta, da = objective.step(own.gradient, own.matrix + rest, own.theta, groups.a, groups.damping)
+    dtheta, da, gain = objective.step(own.gradient, own.matrix + rest, own.theta, groups.a, groups.damping)
     there = np.clip(_ENOUGH * np.abs(own.slope).max(axis=0), THERE, _ROUGHEST)[parts.part]
     theta, a = own.theta + dtheta, groups.a + da
     tried, E, thorax = objective.at(theta, a, near.angles, there)
@@ -221,7 +225,7 @@ def _stepped(finished: Finished, objective: Objective, steps: Steps) -> Steps:
     theta, E, thorax = where_problems(taken, (theta, E, thorax), (own.theta, own.E, own.thorax))
     gradient, matrix = objective.normal_equations(near, thorax)
     slope, moved = _unheld(parts, theta, gradient), np.concatenate([dtheta, da[:, parts.group]])
-    gain = np.where(better, groups.total - total, np.where(groups.going, np.inf, groups.gain))
+    gain = np.where(better, gain, np.where(groups.going, np.inf, groups.gain))
     new = _OfGroups(
         a=np.where(better, a, groups.a),
         total=np.where(better, total, groups.total),

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
 from adapt.solvers.newton.postures import GIRDLE
+from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.adapted_parameters import ADAPTED
 from models.effects import ActiveEffects, AnyGirdle, Effect
 from models.effects.own_effects import is_user_defined
@@ -40,12 +41,6 @@ _LONGEST_STEP_RAD = 25.0 / float(DEG)
 """A projection moves no angle farther: beyond it the constraints are no longer nearly straight."""
 
 _FAR = 1e6
-
-_MEASURED_SD_RAD = 1.0 / float(DEG)
-"""A degree, so that |y|^2 is in deg^2."""
-
-UNMEASURED_SD = 1000.0
-"""SD of an angle that was not measured beside 1 of one that was: it is whatever closes the chain."""
 
 _MOST_CLOSING_STEPS, _FIRST_DAMPING = 120, 1e-3
 
@@ -103,8 +98,7 @@ def nearest_postures(
     no angle by more of its SD is the last. ``unmeasured_sd``, beside 1 of a measured angle: one that was not measured
     holds so little to its number in ``angles``.
     """
-    sd = _MEASURED_SD_RAD * np.where(measured, 1.0, unmeasured_sd)
-    last = np.broadcast_to(there, angles.shape[1:])
+    sd, last = sd_rad(measured, unmeasured_sd), np.broadcast_to(there, angles.shape[1:])
     kernel = _nearest_kernel(effects, strengths_are_known)
     found = kernel(
         girdle, girdle.adapted_mm, strengths, angles, sd, np.asarray(angles if start is None else start), last

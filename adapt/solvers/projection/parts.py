@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems
-from adapt.solvers.projection.nearest_posture import THERE, UNMEASURED_SD, Nearest, nearest_postures
+from adapt.solvers.projection.nearest_posture import THERE, Nearest, nearest_postures
 from adapt.solvers.projection.thorax_term import Thorax
+from adapt.solvers.unmeasured import UNMEASURED_SD
 from models.effects import Effect
 from models.girdle import Girdle
 

@@ -8,10 +8,11 @@ from jaxtyping import Bool, Float
 
 from adapt.engine.batching import refit, take_problems
 from adapt.solvers import status
-from adapt.solvers.objective import angle_weights, mean_square_deg2
+from adapt.solvers.newton.postures import OFFSETS_DEG
+from adapt.solvers.objective import mean_square_deg2
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, THERE, Nearest, closed, nearest_postures
 from adapt.solvers.solution import CONSTRAINT_TOLERANCE_MM, STATIONARITY_TOLERANCE, PostureSolution, put_lower
-from adapt.solvers.starts import OFFSETS_DEG
+from adapt.solvers.unmeasured import HELD_SD, angle_weights, gap
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects, AnyGirdle
 from models.girdle import Girdle
 from motions.rotations import DEG
@@ -22,11 +23,8 @@ _HERE = np.inf
 _MORE_STARTS = 2
 """Places around the measured angles that every fit starts from too: the nearest local minimum may be a higher one."""
 
-FREE_SD = 30.0
-"""Of an angle that was not measured, in a projection, beside 1 of one that was: it holds to where it was, so little
-that ``_ROUNDS`` settle it, and not so little that rounding does the rest."""
-
 _ROUNDS = 8
+"""Of projections, until an angle that was not measured stays."""
 
 _MOST_STEPS = 60
 """Of Newton; from where projections stop the hardest posture of those that were tried takes 13."""
@@ -113,7 +111,7 @@ def _by_newton(girdle: AnyGirdle, angles, measured, start) -> PostureSolution:
 def _newton_step(girdle: AnyGirdle, angles, measured, x, near: Nearest) -> Float[np.ndarray, "6 problems"]:
     """Step as far as the merit falls; where it does not, stay."""
     B = np.moveaxis(near.B, -1, 0) / float(DEG)  # orthonormal rows: every SD is a degree
-    c, apart = _off(near, x, angles, measured), np.where(measured, x - angles, 0.0).T[..., None]
+    c, apart = _off(near, x, angles, measured), gap(x, angles, measured).T[..., None]
     along = np.swapaxes(np.linalg.svd(B)[2][:, 3:], 1, 2)
     hessian = np.swapaxes(along, 1, 2) @ _slopes(girdle, angles, measured, x) @ along
     curvature, axes = np.linalg.eigh(0.5 * (hessian + np.swapaxes(hessian, 1, 2)))
@@ -122,7 +120,7 @@ def _newton_step(girdle: AnyGirdle, angles, measured, x, near: Nearest) -> Float
     step = across + along @ axes @ (downhill / np.maximum(np.abs(curvature), _LEAST_CURVATURE)[..., None])
     step = step[..., 0].T
     merit_of = partial(_merit, penalty=2.0 * np.abs(near.h).max(axis=0) / float(DEG) ** 2)
-    new, length, least = x.copy(), 1.0, merit_of(near, np.where(measured, x - angles, 0.0))
+    new, length, least = x.copy(), 1.0, merit_of(near, gap(x, angles, measured))
     left = np.arange(x.shape[1])
     while len(left) and length >= _SHORTEST:
         some, s, known = take_problems((girdle, angles, measured), left)
@@ -130,7 +128,7 @@ def _newton_step(girdle: AnyGirdle, angles, measured, x, near: Nearest) -> Float
         there = _here(some, s, known, tried)[1]
         tried -= np.einsum("kar,kr->ar", there.B / float(DEG), _off(there, tried, s, known))  # back to the constraints
         there = _here(some, s, known, tried)[1]
-        lower = merit_of(there, np.where(known, tried - s, 0.0), left) <= least[left] * (1.0 + _SAME)
+        lower = merit_of(there, gap(tried, s, known), left) <= least[left] * (1.0 + _SAME)
         new[:, left[lower]] = tried[:, lower]
         left, length = left[~lower], 0.5 * length
     return new
@@ -138,8 +136,7 @@ def _newton_step(girdle: AnyGirdle, angles, measured, x, near: Nearest) -> Float
 
 def _off(near: Nearest, x, angles, measured) -> Float[np.ndarray, "3 problems"]:
     """Compute c = V^-1/2 g, rad."""
-    apart = np.where(measured, x - angles, 0.0)
-    return (near.y + np.einsum("kar,ar->kr", near.B, apart)) / float(DEG)
+    return (near.y + np.einsum("kar,ar->kr", near.B, gap(x, angles, measured))) / float(DEG)
 
 
 def _merit(near: Nearest, apart, some=slice(None), *, penalty) -> Float[np.ndarray, " problems"]:
@@ -153,7 +150,7 @@ def _slopes(girdle: AnyGirdle, angles, measured, x) -> Float[np.ndarray, "proble
     same, s, known = take_problems((girdle, angles, measured), everyone)
     moved = x[:, everyone] + np.repeat(np.concatenate([h * np.eye(6), -h * np.eye(6)]), count, axis=0).T
     near = _here(same, s, known, moved)[1]
-    r = np.where(known, moved - s, 0.0) + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
+    r = gap(moved, s, known) + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
     up, down = r.reshape(6, 2, 6, count).transpose(1, 3, 0, 2)
     return np.nan_to_num((up - down) / (2.0 * h))
 
@@ -164,15 +161,14 @@ def _here(girdle: AnyGirdle, angles, measured, x) -> tuple[PostureSolution, Near
 
 
 def _projected(
-    girdle: AnyGirdle, angles, measured, start, there: float, free_sd: float = FREE_SD
+    girdle: AnyGirdle, angles, measured, start, there: float, unmeasured_sd: float = HELD_SD
 ) -> tuple[PostureSolution, Nearest]:
     """Project until no angle moves by more of its SD than that."""
     plain, active = _parts_of(girdle)
     every = _strengths(active, angles.shape[1])
-    near = nearest_postures(plain, active.effects, every, angles, measured, start, True, there, free_sd)
+    near = nearest_postures(plain, active.effects, every, angles, measured, start, True, there, unmeasured_sd)
     weights = angle_weights(measured)
-    apart = np.where(measured, near.angles - angles, 0.0)
-    moved = apart + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
+    moved = gap(near.angles, angles, measured) + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
     stationarity = weights.max(axis=0) / float(DEG) * np.abs(moved).max(axis=0)
     converged = (near.open_mm <= CONSTRAINT_TOLERANCE_MM) & (stationarity <= STATIONARITY_TOLERANCE)
     return PostureSolution(

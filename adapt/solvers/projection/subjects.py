@@ -15,7 +15,6 @@ from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.projection.gauss_newton import End, minimise
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, Nearest, strengths_of
 from adapt.solvers.projection.parts import Parts, Shared
-from adapt.solvers.projection.postures import FREE_SD
 from adapt.solvers.projection.thorax_term import Thorax
 from adapt.solvers.solution import (
     CONSTRAINT_TOLERANCE_MM,
@@ -23,6 +22,7 @@ from adapt.solvers.solution import (
     THETA_TOLERANCE,
     SubjectSolution,
 )
+from adapt.solvers.unmeasured import HELD_SD, LOOSELY_HELD_SD, gap, have_weight
 from models.adapted_parameters import ADAPTED
 from models.effects import NO_ACTIVE_EFFECTS, ActiveEffects
 from motions.rotations import DEG
@@ -34,15 +34,12 @@ _ROUNDS = 8
 """Each takes on those that have not converged: most often their postures, projected once more, are as near as they can
 be; angles that were not measured begin anew where they are, until they stay."""
 
-_FREER_SD = 100.0
-"""Of angles that were not measured, in as many rounds more: of 63 simulated adaptations with two such angles 44 end in
-the first eight rounds, 18 in these."""
-
 _MOST_STEPS_OF_SIZES = 400
 """Of measured shoulders with three to five causes half take fewer than 140, the hardest 350."""
 
-_SETTLED = 1e-8
-"""Decrease of E, mm^2, in a step at which the sizes are found: E is 1 to 1000, its rounding 1e-12 of it."""
+_SETTLED = 1e-20
+"""Decrease of E, mm^2, that a step promises at which the sizes are found: with more, rounding decides where the search
+ends (1e-8 leaves 3e-4 of a size); rounding of the slope leaves 1e-24."""
 
 _LEAST_WEIGHT = 1e-9
 """Of |v|^2 in E: with w = 0 nothing says anything of the sizes, and they stay at the mean."""
@@ -63,8 +60,8 @@ def fit_subjects(
 ) -> SubjectSolution:
     """Find the optimum of each problem reached from here (mm, rad); look at ``converged``."""
     found = _unsolved(theta, angles)
-    some_free = np.any((np.asarray(problem.weights) == 0.0) & problem.counted, axis=(0, 1))
-    for unmeasured_sd, which in ((FREE_SD, True), (_FREER_SD, some_free)):
+    some_free = np.any(~have_weight(problem.weights) & problem.counted, axis=(0, 1))
+    for unmeasured_sd, which in ((HELD_SD, True), (LOOSELY_HELD_SD, some_free)):
         for _ in range(_ROUNDS):
             further = partial(_further, unmeasured_sd)
             refit(found, ~found.converged & which, further, problem, active_effects, found)
@@ -109,8 +106,8 @@ def _steps(problem: SubjectProblem, active_effects: ActiveEffects, theta, angles
 def _solution(problem: SubjectProblem, end: End, angles, iterations: Int[np.ndarray, " problems"]) -> SubjectSolution:
     """Where the steps ended, with the conditions there; padding keeps its ``angles``."""
     near, weights, places = end.nearest, row_weights(problem), _rows(problem)
-    apart = np.where(_of_rows(problem, problem.weights) > 0.0, near.angles - _of_rows(problem, problem.angles), 0.0)
-    moved = apart + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
+    target, measured = (_of_rows(problem, x) for x in (problem.angles, have_weight(problem.weights)))
+    moved = gap(near.angles, target, measured) + np.einsum("kar,kr->ar", near.B, near.y) / float(DEG) ** 2
     found = _unsolved(end.theta_mm, angles)
     for whole, rows in (
         (found.angles, near.angles),
@@ -220,7 +217,7 @@ def parts_of(problem: SubjectProblem, active_effects: ActiveEffects) -> Parts:
         if strengths
         else np.zeros((NO_CHANNELS, len(number))),
         angles=_of_rows(problem, problem.angles),
-        measured=_of_rows(problem, problem.weights) > 0.0,
+        measured=_of_rows(problem, have_weight(problem.weights)),
         weights=row_weights(problem),
         part=number,
         group=np.arange(problem.counted.shape[-1]),

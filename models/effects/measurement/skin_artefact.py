@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from models.effects.course import Course
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
@@ -48,13 +49,12 @@ def own_way(motions: Motions, lag_deg: Float[np.ndarray, " postures"]) -> Float[
     bone turned, of which the measured way is what the lag has left. It points to lateral rotation.
     """
     scapula = motions.angles_deg[:, BONES["scapula"]].T
-    known = np.isfinite(scapula).all(axis=0)
+    known = np.asarray(np.isfinite(scapula).all(axis=0))
     elevation = np.nan_to_num(motions.humerus_elevation_deg)
-    number = {name: k for k, name in enumerate(motions.subjects)}
-    subject = np.array([number[name] for name in motions.subject.tolist()])
-    lowest, high = np.zeros(len(number), int), np.zeros(len(subject))
-    for k in range(len(number)):
-        rows = np.flatnonzero((subject == k) & known)
+    subject, every = motions.subject_number, motions.rows_by_subject()
+    lowest, high = np.zeros(len(every), int), np.zeros(len(subject))
+    for k, own in enumerate(every):
+        rows = own[known[own]]
         if len(rows):
             lowest[k] = rows[np.argmin(elevation[rows])]
             up = rows[elevation[rows] >= _HIGH * elevation[rows].max()]
@@ -77,10 +77,9 @@ def _ways(R_measured, lag, subject, lowest, high) -> Float[np.ndarray, "3 subjec
 
 
 @dataclass(frozen=True)
-class MeasuredLag:
+class MeasuredLag(Course):
     """One amplitude, the share of the measured lag; three channels, its rotation vector in the scapula frame."""
 
-    sd: tuple[float, ...] = (1.0,)
     word: str = "elevation of the arm, as measured"
 
     def channels(self, directions: int) -> int:

@@ -16,7 +16,7 @@ from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.result import ALL
-from adapt.diagnosis.wording import gap_text
+from adapt.diagnosis.texts.wording import gap_text
 from adapt.tables.folds import MOTION
 from models import ParameterSet, load_model
 from models.effects.amplitudes import Amplitudes

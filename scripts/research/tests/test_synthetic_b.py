@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_worlds import HAVE_STRENGTHS
 
 from motions import read_motions
 from scripts.research.named_causes.external_worlds import worlds
@@ -24,20 +25,6 @@ from scripts.research.named_causes.synthetic_b.worlds import (
 
 SAME_DEG = 2e-4
 """Angles have four decimals, and the chain is closed once more to 1e-9 mm."""
-
-HAVE_STRENGTHS = (
-    "scapulothoracic_gap",
-    "conoid_strain",
-    "ac_translation",
-    "sc_translation",
-    "thorax_asymmetry",
-    "thorax_tilt",
-    "scapula_landmark_bias",
-    "thorax_extension",
-    "clavicle_axial_estimate",
-    "skin_artefact",
-)
-"""Effects that have the library's form."""
 
 
 def made(folder: Path, *names: str, **how) -> Path:

@@ -5,7 +5,8 @@ import pytest
 from handmade import adaptations, motions_of, rising
 
 from models import load_model
-from scripts.research.trust import study_sets
+from motions import Motions
+from scripts.research.trust import study_heldout, study_sets
 
 ROUNDING = 1e-12
 
@@ -41,3 +42,11 @@ def test_the_sets_are_compared_by_their_gap_held_out_too():
         assert (
             sum(line.startswith(f"| {bone}, gap {state}, deg ") for line in lines for state in ("before", "after")) == 2
         )
+
+
+def test_a_fold_of_one_motion_for_another_is_of_those_who_have_both():
+    motions = Motions.concatenate([motions_of(rising(2, 6)), motions_of(rising(1, 6), motion="flexion")])
+    (fold,) = study_heldout.one_motion_for_another(motions, "abduction", "flexion")
+    assert (fold.subject, fold.kind, fold.held_out) == (0, study_heldout.ONLY, "flexion")
+    assert set(motions.motion[fold.fitted]) == {"abduction"}
+    assert set(motions.motion[fold.tested]) == {"flexion"}

@@ -23,13 +23,13 @@ from jaxtyping import Bool, Float
 
 from adapt.cli import app as cli
 from adapt.diagnosis.fit.shoulders import person_of
+from adapt.evaluation.held_out import held_out
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import Fold, motions_or_thirds
-from adapt.trust.held_out import held_out
 from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.problems import Problems
-from adapt.solvers.starts import at_rest_where_unknown
+from adapt.solvers.unmeasured import at_rest
 from models.parameter_sets import SHORTEST_MM
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from scripts.completion import POINT_AZIMUTHS_DEG
@@ -74,7 +74,7 @@ def without_axial(data: Problems) -> Problems:
     """J of five angles."""
     measured = np.array(data.measured)
     measured[CLAVICLE_X] = False
-    return replace(data, angles=at_rest_where_unknown(np.asarray(data.angles), measured), measured=measured)
+    return replace(data, angles=at_rest(np.asarray(data.angles), measured), measured=measured)
 
 
 def azimuth_deg(data: Problems) -> Float[np.ndarray, "points problems"]:

@@ -22,10 +22,10 @@ from adapt import adapt_subjects
 from adapt.cli import app as cli
 from adapt.solvers.problems import problems_of
 from adapt.solvers.rows import posture_rows
-from adapt.tables.folds import motions_and_thirds, one_motion_for_another
+from adapt.tables.folds import Fold, motions_and_thirds
 from adapt.trust.weight_choice import weight_table
 from models import load_model
-from motions import InputError, read_motions
+from motions import InputError, Motions, read_motions
 from scripts.reporting import markdown
 
 app = typer.Typer(add_completion=False)
@@ -66,6 +66,20 @@ def curve(table: pd.DataFrame) -> str:
         bound = f"{row['at_bound']} of {row['subjects_ok']}"
         lines.append([row["model"], weight, *(f"{row[key]:.2f}" for key in keys), bound])
     return markdown(header, lines)
+
+
+ONLY = "only"
+"""Kind of a fold of which one motion alone is adapted to."""
+
+
+def one_motion_for_another(motions: Motions, fitted: str, tested: str) -> list[Fold]:
+    """Adapt to one motion, look at another one, of every subject that has both."""
+    found = []
+    for subject, rows in enumerate(motions.rows_by_subject()):
+        one, other = (rows[motions.motion[rows] == name] for name in (fitted, tested))
+        if len(one) and len(other):
+            found.append(Fold(ONLY, subject, tested, one, other))
+    return found
 
 
 @app.command()

@@ -26,15 +26,15 @@ import numpy as np
 import pandas as pd
 import typer
 
-from adapt.assessment import intervals
 from adapt.cli import app as cli
+from adapt.evaluation.covariance import NORMAL_95, sd, uncertainty
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.run_files import prepare_folder, write_table
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.problems import problems_of
 from adapt.solvers.rows import posture_rows
-from adapt.trust.covariance import NORMAL_95, sd, uncertainty
+from adapt.trust.assessment import intervals
 from adapt.trust.flat_directions import FLAT_MM
 from adapt.trust.profile import profile_intervals
 from models import ParameterSet, load_model

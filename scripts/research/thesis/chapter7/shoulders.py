@@ -9,13 +9,13 @@ from scipy.stats import t as student
 
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from adapt.engine.batching import take_problems
+from adapt.evaluation.held_out import held_out
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import problems_of
 from adapt.solvers.rows import posture_rows
 from adapt.tables.folds import MOTION, motions_and_thirds
-from adapt.trust.held_out import held_out
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
 from motions import InputError, Motions

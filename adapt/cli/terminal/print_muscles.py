@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pandas as pd
 from rich.console import Console
 
-from adapt.cli.print_tables import folding_table
+from adapt.cli.terminal.print_tables import folding_table
 from adapt.tables.before_after import STATES
 from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means, unbalanced
 from models.muscles.contact import FORCES

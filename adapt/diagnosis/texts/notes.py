@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.result import ALL, THORAX_OPTION, THORAX_POINTS, Diagnosis, Noise
-from adapt.diagnosis.wording import DOWN_WEIGHTED, gap_text, listed, unseen_text
+from adapt.diagnosis.texts.wording import DOWN_WEIGHTED, gap_text, listed, unseen_text
 from models.effects.amplitudes import OPTION
 
 

@@ -27,6 +27,7 @@ from adapt.solvers.newton.linear_algebra import backward, factorised, forward, p
 from adapt.solvers.newton.subject import SubjectProblem, point_distance, point_multiplier, thorax_terms
 from adapt.solvers.problems import Problems, subject_problem
 from adapt.solvers.projection.subjects import motion_curvature
+from adapt.solvers.unmeasured import have_weight
 from models.derivatives import chain, closest_point_multipliers
 
 _TOGETHER = 128
@@ -64,7 +65,7 @@ def curvature(data: Problems, adapted: Adapted) -> Curvature:
 def _curvature(problem: SubjectProblem, theta, angles, active_effects) -> tuple[np.ndarray, ...]:
     of_motion = motion_curvature if active_effects.effects else _of_plain_chains
     H, moved = of_motion(problem, theta, angles, active_effects)
-    counts = (problem.weights > 0.0) & problem.counted
+    counts = have_weight(problem.weights) & problem.counted
     B = -np.moveaxis(np.where(counts[:, :, None], problem.weights[:, :, None] * moved, 0.0), 2, 0)
     inverse_weights = np.where(counts, 1.0 / np.where(counts, problem.weights, 1.0), 0.0)
     information = np.einsum("iapl,apl,japl->ijl", B, inverse_weights, B)

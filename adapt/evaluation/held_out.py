@@ -153,7 +153,7 @@ def heldout_table(
     Gaps are mean |simulated - measured|, degrees. All are of the postures held out: before adaptation, adapted to
     everything (in_sample) and without them (unseen). ``seen_deg``: the first two, by model, of all rows.
     """
-    rows = []
+    rows, words = [], found.adapted.status
     for m, model in enumerate(models):
         for k, fold in enumerate(found.folds):
             problem = m * len(found.folds) + k
@@ -164,7 +164,7 @@ def heldout_table(
             for word, gap in (gaps | {"unseen": found.unseen_deg[problem]}).items():
                 for bone, angles in BONE_PREFIXES.items():
                     row[f"{bone}gap_{word}_deg"] = mean_of(gap[angles])
-            row["status"] = found.adapted.status[problem]
+            row["status"] = words[problem]
             rows.append(row)
     return pd.DataFrame(rows) if rows else NOTHING
 

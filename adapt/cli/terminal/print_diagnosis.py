@@ -1,15 +1,14 @@
 """The diagnosis on the terminal: the verdict in a sentence, then small tables, the gap budget first."""
 
 import math
-from collections.abc import Sequence
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from adapt.diagnosis.notes import notes
+from adapt.cli.terminal.print_tables import folding_table
 from adapt.diagnosis.result import ALL, Diagnoses, Diagnosis, GapKind, GapLevels
-from adapt.diagnosis.wording import (
+from adapt.diagnosis.texts.notes import notes
+from adapt.diagnosis.texts.wording import (
     amplitude_text,
     answer_text,
     gap_text,
@@ -71,17 +70,8 @@ def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
     return tables
 
 
-def _table(words: Sequence[str], numbers: Sequence[str]) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for column in words:
-        table.add_column(column)
-    for column in numbers:
-        table.add_column(column, justify="right", no_wrap=True)
-    return table
-
-
 def _budget(diagnosis: Diagnosis) -> Table:
-    table = _table([""], ["gap", "95 %"])
+    table = folding_table(None, [""], ["gap", "95 %"])
     table.add_column("", no_wrap=True)
     largest = max((step.gap_deg.value for step in diagnosis.budget if math.isfinite(step.gap_deg.value)), default=0.0)
     for step in diagnosis.budget:
@@ -93,7 +83,7 @@ def _budget(diagnosis: Diagnosis) -> Table:
 
 def _causes(diagnosis: Diagnosis) -> Table:
     """The names that a cause may have under one another. Its option, too long for a column, stands in the last note."""
-    table = _table(["cause"], ["at work", "takes", "size", "typical"])
+    table = folding_table(None, ["cause"], ["at work", "takes", "size", "typical"])
     verdict = diagnosis.verdict
     for cause in verdict.causes:
         one = diagnosis.amplitude[cause.names[0]]
@@ -108,7 +98,7 @@ def _causes(diagnosis: Diagnosis) -> Table:
 
 
 def _gaps(diagnosis: Diagnosis) -> Table:
-    gaps, table = diagnosis.gaps, _table([""], _COLUMNS)
+    gaps, table = diagnosis.gaps, folding_table(None, [""], _COLUMNS)
     kinds: dict[GapKind, str] = {"noise_floor": "noise alone", "base": "model as it is", "adapted": "adapted"}
     if diagnosis.goes_further:
         kinds["with_effect"] = "with the causes"
@@ -132,7 +122,7 @@ def _gaps(diagnosis: Diagnosis) -> Table:
 
 
 def _where(diagnosis: Diagnosis) -> Table:
-    table = _table(["motion", "angle", "elevation"], ["gap, deg", "noise, deg", "share"])
+    table = folding_table(None, ["motion", "angle", "elevation"], ["gap, deg", "noise, deg", "share"])
     for cell in diagnosis.where.cells[:_CELLS]:
         elevation = f"{cell.elevation_low_deg:.0f}-{cell.elevation_high_deg:.0f} deg"
         gap, noise = f"{cell.mean_absolute_deg:.1f}", f"{cell.noise_deg:.1f}"
@@ -142,7 +132,7 @@ def _where(diagnosis: Diagnosis) -> Table:
 
 def _constraints(diagnosis: Diagnosis) -> Table:
     known = diagnosis.goes_further
-    table = _table(["constraint"], ["adapted", *(["with the causes"] if known else []), "noise alone"])
+    table = folding_table(None, ["constraint"], ["adapted", *(["with the causes"] if known else []), "noise alone"])
     for one in diagnosis.where.constraint_spread:
         sizes = (one.adapted_mm, *([one.with_causes_mm] if known else []), one.noise_mm)
         table.add_row(CONSTRAINT_NAMES[one.constraint], *(f"{size:.1f}" for size in sizes))
@@ -150,7 +140,7 @@ def _constraints(diagnosis: Diagnosis) -> Table:
 
 
 def _next_measurement(diagnosis: Diagnosis) -> Table:
-    table = _table(["measurement", "between"], ["now", "then"])
+    table = folding_table(None, ["measurement", "between"], ["now", "then"])
     for one in diagnosis.next_measurement[:_PROPOSALS]:
         between = " and ".join(one.between)
         table.add_row(one.what, between, f"{one.separation_now:.1f}", f"{one.separation_then:.1f}")
@@ -158,7 +148,7 @@ def _next_measurement(diagnosis: Diagnosis) -> Table:
 
 
 def _models(diagnoses: Diagnoses) -> Table:
-    table = _table(["model"], ["adapted"])
+    table = folding_table(None, ["model"], ["adapted"])
     table.add_column("answer")
     for name, one in diagnoses.by_model.items():
         table.add_row(name, interval_text(one.gaps.hardest["adapted"][ALL]), answer_text(one.verdict))

@@ -7,7 +7,7 @@ does not depend on it). E = D + w mean(J) is then, but for a factor, the negativ
 prior (D): with n points, P postures and all angles measured, -2 log p = 6 P E / (w s^2), so that w says how well the
 points are taken to be known, each to s sqrt(n w / (6 P)) (1.5 deg, 24 points, 14 postures, w = 10: 2.5 mm). As nobody
 chose w for that, its optimum is judged as an estimator instead, whatever w is (a sandwich): with I_D, I_J and B of
-``adapt.trust.curvature``
+``adapt.evaluation.curvature``
 
     theta^ - theta = -I^-1 (B e + I_D (theta - theta_0)),      e the errors of the angles
     cov = s^2 I^-1 B B' I^-1  +  I^-1 I_D Sigma I_D I^-1       (noise; person)
@@ -34,9 +34,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from adapt.evaluation.curvature import Curvature, curvature
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.problems import Problems
-from adapt.trust.curvature import Curvature, curvature
 from motions.rotations import DEG
 
 _NARROWEST_MM = 1e-6

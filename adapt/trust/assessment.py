@@ -6,12 +6,14 @@ forces act as before."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
 from adapt.api import Adaptations, adapt_with_every_fold
+from adapt.evaluation.covariance import NORMAL_95, Uncertainty, sd
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapted_from
 from adapt.solvers.objective import WEIGHT
@@ -23,7 +25,6 @@ from adapt.tables.held_out import by_subject
 from adapt.tables.muscle_tables import serratus_arms
 from adapt.tables.results import DIFFERENCES
 from adapt.trust.changed_forces import force_checks
-from adapt.trust.covariance import NORMAL_95, Uncertainty, sd
 from adapt.trust.flat_directions import FLAT_MM, flat_directions
 from adapt.trust.profile import Profile, profile_intervals
 from adapt.trust.thorax_plausibility import PASS, WARNING, checks
@@ -121,25 +122,22 @@ def uncertainty_table(
     holds the parameter, the share that is the thorax points'.
     """
     ends, origin = intervals(data, adapted, found)
-    good = adapted.status == status.OK
+    words, good = adapted.status, adapted.status == status.OK
     noise, person, both = sd(found.noise_mm2), sd(found.person_mm2), found.sd_mm
     rows = []
-    for problem in range(len(good)):
-        model = models[problem // len(subjects)]
-        own = np.asarray(model.of(subjects[problem % len(subjects)]).girdle.adapted_mm)
+    for problem, (model, subject) in enumerate(product(models, subjects)):
+        own = np.asarray(model.of(subject).girdle.adapted_mm)
         for k, name in enumerate(ADAPTED):
-            row: dict[str, object] = {"model": model.name, "subject": subjects[problem % len(subjects)]}
+            row: dict[str, object] = {"model": model.name, "subject": subject}
             row |= {"parameter": name, "adapted_mm": adapted.theta_mm[k, problem], "prior_mm": own[k]}
             numbers = {"sd_mm": both[k, problem], "sd_noise_mm": noise[k, problem], "sd_person_mm": person[k, problem]}
             numbers |= {"low_mm": ends[0, k, problem], "high_mm": ends[1, k, problem]}
             numbers |= {f"profile_{end}_mm": profile.ends_mm[i, k, problem] for i, end in enumerate(("low", "high"))}
             numbers |= {"points_share": found.points_share[k, problem]}
             row |= {key: value if good[problem] else np.nan for key, value in numbers.items()}
-            row |= {
-                "interval": origin[k, problem] if good[problem] else NONE,
-                "at_bound": int(adapted.at_bound[k, problem]),
-            }
-            rows.append(row | {"status": adapted.status[problem]})
+            row["interval"] = origin[k, problem] if good[problem] else NONE
+            row["at_bound"] = int(adapted.at_bound[k, problem])
+            rows.append(row | {"status": words[problem]})
     return pd.DataFrame(rows)
 
 
@@ -149,14 +147,11 @@ def plausibility_table(subjects: Sequence[str], models: Sequence[AnyModel], adap
     One row per model, subject and check; ``own_value`` is the value of the parameter set itself.
     """
     rows = []
-    for problem in range(adapted.theta_mm.shape[-1]):
-        model = models[problem // len(subjects)]
-        mine = model.of(subjects[problem % len(subjects)])
+    for (model, subject), theta_mm in zip(product(models, subjects), adapted.theta_mm.T, strict=True):
+        mine = model.of(subject)
         own = checks(mine, np.asarray(mine.girdle.adapted_mm))
-        for check, before in zip(checks(mine, adapted.theta_mm[:, problem]), own, strict=True):
-            row = {"model": model.name, "subject": subjects[problem % len(subjects)], "check": check.name}
-            row |= {"value": check.value, "own_value": before.value, "low": check.low, "high": check.high}
-            rows.append(row | {"unit": check.unit, "verdict": check.verdict, "reason": check.reason})
+        every = zip(checks(mine, theta_mm), own, strict=True)
+        rows += [check.row(model.name, subject, before.value) for check, before in every]
     return pd.DataFrame(rows)
 
 
@@ -165,13 +160,9 @@ def jump_free_share(motions: Motions, fits: pd.DataFrame) -> dict[str, float]:
 
     ``fits`` are those after adaptation. NaN for a subject without steps.
     """
-    step = motions.previous_rows() >= 0
-    jump = fits["jump"].to_numpy() == 1
-    shares = {}
-    for subject in motions.subjects:
-        mine = (motions.subject == subject) & step
-        shares[subject] = float(np.mean(~jump[mine])) if mine.any() else float("nan")
-    return shares
+    step, smooth = motions.previous_rows() >= 0, fits["jump"].to_numpy() != 1
+    steps = {name: own[step[own]] for name, own in zip(motions.subjects, motions.rows_by_subject(), strict=True)}
+    return {name: float(np.mean(smooth[own])) if len(own) else float("nan") for name, own in steps.items()}
 
 
 def _subjects_table(motions, subjects, names, result, adapted, found, free, heldout, plausible) -> pd.DataFrame:
@@ -190,12 +181,11 @@ def _subjects_table(motions, subjects, names, result, adapted, found, free, held
     warned = (
         plausible[plausible["verdict"] == WARNING].groupby(["model", "subject"])["check"].apply(", ".join).to_dict()
     )
-    rows = []
+    rows, words = [], adapted.status
     for m, model in enumerate(names):
         smooth = jump_free_share(motions, fits[(fits["model"] == model) & (fits["adapted"] == 1)])
-        for s, subject in enumerate(subjects):
-            problem = m * len(subjects) + s
-            row: dict[str, object] = {"model": model, "subject": subject, "status": adapted.status[problem]}
+        for problem, subject in enumerate(subjects, m * len(subjects)):
+            row: dict[str, object] = {"model": model, "subject": subject, "status": words[problem]}
             row |= {"gap_before_deg": gap.get((model, subject, 0)), "gap_in_sample_deg": gap.get((model, subject, 1))}
             row["gap_unseen_motion_deg"] = unseen.get((model, subject, MOTION), np.nan)
             row["gap_unseen_postures_deg"] = unseen.get((model, subject, POSTURES), np.nan)

@@ -21,7 +21,7 @@ from adapt.diagnosis.result import (
     PriorThorax,
     Step,
 )
-from adapt.diagnosis.wording import sentence
+from adapt.diagnosis.texts.wording import sentence
 
 JsonObject = dict[str, Any]
 """An object of plain JSON types."""

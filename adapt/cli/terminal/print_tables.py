@@ -65,7 +65,7 @@ def progress(errors: Console) -> Iterator[Callable[[str], None]]:
         yield lambda stage: bar.update(task, description=stage)
 
 
-def folding_table(title: str, names: Sequence[str], numbers: Sequence[str] = ()) -> Table:
+def folding_table(title: str | None, names: Sequence[str], numbers: Sequence[str] = ()) -> Table:
     """Make an empty table: where the terminal is narrow names are folded, numbers never cut."""
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for name in names:
@@ -80,12 +80,8 @@ def print_summary(console: Console, summary: pd.DataFrame) -> None:
     everything = summary[summary["motion"] == ALL_MOTIONS]
     for (model, adapted), rows in everything.groupby(["model", "adapted"], sort=False):
         state = "after adaptation" if adapted else "before adaptation"
-        table = Table(
-            title=f"{model}, {state}: mean |simulated - measured|, degrees", title_justify="left", box=SIMPLE_HEAD
-        )
-        table.add_column("subject", no_wrap=True)
-        for header in (*HEADERS, "clav", "scap"):
-            table.add_column(header, justify="right")
+        title = f"{model}, {state}: mean |simulated - measured|, degrees"
+        table = folding_table(title, ("subject",), (*HEADERS, "clav", "scap"))
         subjects = len(rows) - len(STATISTICS)
         if subjects > _MOST_PRINTED:
             console.print(f"{subjects} subjects: of each alone in summary.csv")
@@ -108,11 +104,8 @@ def _print_missing(console: Console, rows: pd.DataFrame) -> None:
 def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
     """Print Tables 6.5 and 6.6: adapted parameters, mean and SD over subjects, mm, beside the model's own."""
     statistics = parameter_statistics(parameters)
-    table = Table(title="Adapted parameters over subjects, mm", title_justify="left", box=SIMPLE_HEAD)
-    table.add_column("model", no_wrap=True)
-    table.add_column("parameter", no_wrap=True)
-    for header in ("model's own", "adapted mean", "SD", "at bound"):
-        table.add_column(header, justify="right")
+    numbers = ("model's own", "adapted mean", "SD", "at bound")
+    table = folding_table("Adapted parameters over subjects, mm", ("model", "parameter"), numbers)
     for model, rows in statistics.groupby("model", sort=False):
         for number, row in enumerate(rows.to_dict("records")):
             values = (_cell(row[key]) for key in ("model_mm", "mean_mm", "sd_mm"))
@@ -146,10 +139,7 @@ def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> Non
             f"{model}: mean |simulated - measured|, degrees, before, after (seen), and where\n"
             "the motion, or third of a single one, was held out from the adaptation (unseen)"
         )
-        table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-        table.add_column("subject", overflow="fold")
-        for header in ("clav", "seen", "unseen", "scap", "seen", "unseen"):
-            table.add_column(header, justify="right", no_wrap=True)
+        table = folding_table(title, ("subject",), ("clav", "seen", "unseen", "scap", "seen", "unseen"))
         table.add_column("held out", no_wrap=True)
         for row in rows.to_dict("records") if known <= _MOST_PRINTED else ():
             said = f"{parts[model, row['subject']]} motions" if row["kind"] == MOTION else "thirds"

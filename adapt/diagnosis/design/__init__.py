@@ -1,1 +1,0 @@
-"""What these data can tell apart, and what to measure next."""

@@ -1,0 +1,1 @@
+"""What every adaptation comes with: its gap on held-out postures, and the uncertainty of its parameters."""
