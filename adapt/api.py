@@ -11,8 +11,9 @@ import pandas as pd
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
-from adapt.evaluation.covariance import Uncertainty, uncertainty
+from adapt.evaluation.covariance import Uncertainty, uncertainty, with_posterior
 from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
+from adapt.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
@@ -24,12 +25,14 @@ from adapt.tables.results import (
     STATISTICS,
     Tables,
     fits_table,
+    own_columns,
     parameters_table,
     rows_of_subjects,
     summary_table,
 )
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes, sizes_of_persons
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
+from models.person.own_bones import OwnSDs
 from motions.errors import InputError
 from motions.table import Motions, check_motions
 
@@ -117,6 +120,7 @@ def adapt_subjects(
     effects: Amplitudes = NO_EFFECTS,
     thorax_downweighting: float = 1.0,
     folds: Callable[[Motions], list[Fold]] = motions_or_thirds,
+    own_bones: bool | OwnSDs | People = False,
 ) -> Adaptations:
     """Adapt every model to every subject over all its motions together (thesis 6.2.5-6.2.6; Tables 6.3-6.6).
 
@@ -141,6 +145,10 @@ def adapt_subjects(
 
     ``thorax_downweighting``: k lets the thorax points of the set, where they are another person's, count 1/k in E, as w
     k times as large does.
+
+    ``own_bones``: adapt bones and frames of each person's own beside the six parameters, as far as people differ
+    (``adapt.own_bones``), in place of min E within bounds. True; or other SDs by name (``models.person.own_bones``); or
+    what ``learn_people`` has learnt from other motions.
     """
     models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects
@@ -148,10 +156,15 @@ def adapt_subjects(
     as_they_are = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
-    found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype)
+    people = None
+    if own_bones is not False:
+        check_own_bones(effects, reading, thorax_downweighting)
+        people = own_bones if isinstance(own_bones, People) else learn_people(rows, models, *_sds(own_bones))
+    found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype, people)
     progress("uncertainty")
-    exact = as_type(found.data, float)
-    uncertain = uncertainty(exact, found.adapted)
+    uncertain = uncertainty(as_type(found.data, float), found.adapted)
+    if found.own_bones is not None:
+        uncertain = with_posterior(uncertain, found.own_bones)
     progress("postures after adaptation")
     optima = rows_of_optima(found.rows, found.data, found.adapted)
     before, after = (_by_model(models, every) for every in (as_they_are, optima))
@@ -168,9 +181,27 @@ def adapt_subjects(
         problems=found,
         uncertainty=uncertain,
         subjects=rows_of_subjects(fits),
-        parameters=parameters.assign(**sizes_of_persons(effects, found.adapted.sizes)),
+        parameters=parameters.assign(
+            **sizes_of_persons(effects, found.adapted.sizes),
+            **({} if found.own_bones is None else own_columns(found.own_bones, found.adapted.status)),
+        ),
         heldout=heldout_table(subjects, list(results), found.held_out, seen_deg),
     )
+
+
+def _sds(own_bones: bool | OwnSDs) -> tuple[OwnSDs, ...]:
+    return () if own_bones is True else (own_bones,)
+
+
+def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: float) -> None:
+    """Refuse, with an InputError, what has no part in the objective of own bones."""
+    cause = ""
+    if reading != DEFAULT_READING or thorax_downweighting != 1.0:
+        cause = "the objective of own bones has no D: no reading and no down-weighting changes it"
+    elif any(isinstance(one, PersonalSize) for one in effects.values()):
+        cause = "sizes of effects of each person's own are not fitted beside them"
+    if cause:
+        raise InputError("--own-bones", None, cause, "Leave one of the two out")
 
 
 def adapt_with_every_fold(

@@ -68,6 +68,9 @@ _NUMBERS = {
 }
 """The keys that every file has, as section.key."""
 
+_OWN_AC = {"clavicle.ac_mm": _VECTOR}
+"""A key that a file may have: where AC is in the measured frame of a person's clavicle, if not on its axis."""
+
 _BOUNDS = {f"bounds.{key}": _LENGTH for key in HALF_WIDTHS_MM}
 """The keys that a file may have: half widths."""
 
@@ -124,7 +127,8 @@ def model_file(name_or_path: str | os.PathLike[str]) -> Path:
 def parameter_set(document: dict[str, Any], file: str) -> ParameterSet:
     """Build the parameter set of a TOML document that was read from the file. InputError as in ``load_model``."""
     _check_keys(document, file)
-    numbers = {key: _array(file, key, _value(document, key), kind) for key, kind in _NUMBERS.items()}
+    given = _NUMBERS | ({} if "ac_mm" not in document["clavicle"] else _OWN_AC)
+    numbers = {key: _array(file, key, _value(document, key), kind) for key, kind in given.items()}
     widths = _half_widths_mm(document, file)
     _check_geometry(numbers, file)
     girdle = _girdle(numbers)
@@ -194,7 +198,7 @@ def _check_keys(document: dict[str, Any], file: str) -> None:
 
 
 def _keys_of(section: str) -> tuple[str, ...]:
-    known = (*_NUMBERS, *_BOUNDS)
+    known = (*_NUMBERS, *_OWN_AC, *_BOUNDS)
     if section == "source":
         return known
     return tuple(key.partition(".")[2] for key in known if key.startswith(section + "."))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -33,6 +34,9 @@ FEWEST_ANGLES = 3
 LANDMARKS = ("SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
 """Bony landmarks whose positions a motion file may hold (thesis, Appendix A)."""
 
+
+_SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
+"""What a name of a shoulder ends with beyond the person's."""
 
 _PER_POSTURE = ("subject", "motion", "posture", "humerus_elevation_deg", "angles_deg")
 """Fields of ``Motions`` with an entry for each posture, but for landmarks and extra columns."""
@@ -133,3 +137,8 @@ def warn_of_alike_motions(motions: Motions, file: str) -> None:
 def _landmark(part: Motions, name: str) -> Float[np.ndarray, "postures 3"]:
     """The positions of one landmark in mm, NaN throughout if the part has none."""
     return part.landmarks_mm.get(name, np.full((len(part.posture), 3), np.nan))
+
+
+def person_of(subject: str) -> str:
+    """Give the name of the person: what is left of a shoulder's without its side."""
+    return _SIDE.sub("", subject) or subject

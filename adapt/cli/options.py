@@ -100,6 +100,15 @@ ThoraxDownweighting = Annotated[
     ),
 ]
 
+OwnBones = Annotated[
+    bool,
+    typer.Option(
+        "--own-bones",
+        help="Adapt bones and frames of each person's own beside the six parameters, as far as people differ, in place "
+        "of E within bounds.",
+    ),
+]
+
 Repeat = Annotated[
     Path | None,
     typer.Option(

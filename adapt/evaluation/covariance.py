@@ -29,14 +29,16 @@ A parameter at its bound says nothing: it may be anywhere between its two bounds
 apart), and the others, held back by it, follow with -I_ff^-1 I_fk. That is a third part of the covariance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.evaluation.curvature import Curvature, curvature
+from adapt.own_bones.own_adaptation import OwnBones
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.problems import Problems
+from models.adapted_parameters import ADAPTED
 from motions.rotations import DEG
 
 _NARROWEST_MM = 1e-6
@@ -70,6 +72,21 @@ class Uncertainty:
     def sd_mm(self) -> Float[np.ndarray, "adapted problems"]:
         """Square roots of its diagonal."""
         return sd(self.covariance_mm2)
+
+
+def with_posterior(found: Uncertainty, own: OwnBones) -> Uncertainty:
+    """Put the posterior of own bones in the place of the sandwich: one covariance, of noise and people together."""
+    count = len(ADAPTED)
+    covariance = own.covariance[:count, :count]
+    none = np.zeros_like(covariance)
+    return replace(
+        found,
+        noise_mm2=covariance,
+        person_mm2=none,
+        bound_mm2=none,
+        covariance_mm2=covariance,
+        noise_deg=own.scales[-1],
+    )
 
 
 def sd(covariance: Float[np.ndarray, "n n problems"]) -> Float[np.ndarray, "n problems"]:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
+from adapt.own_bones.own_adaptation import OwnBones, People, adapt_own_bones, spread_of
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
@@ -54,6 +55,8 @@ class AdaptedSubjects:
     adapted: Adapted
     """To all postures."""
     held_out: HeldOut
+    own_bones: OwnBones | None = None
+    """Sizes of bones and frames of each person's own, where they were adapted."""
 
     def of(self, model: int) -> "AdaptedSubjects":
         """Take one model, by its number."""
@@ -62,7 +65,8 @@ class AdaptedSubjects:
         without = take_problems(self.held_out.adapted, parts)
         found = HeldOut(self.held_out.folds, without, self.held_out.unseen_deg[parts])
         data = select_problems(self.data, np.arange(mine.start, mine.stop))
-        return AdaptedSubjects(self.rows, data, take_problems(self.adapted, mine), found)
+        own = None if self.own_bones is None else take_problems(self.own_bones, mine)
+        return AdaptedSubjects(self.rows, data, take_problems(self.adapted, mine), found, own)
 
 
 def adapt_with_folds(
@@ -73,17 +77,44 @@ def adapt_with_folds(
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
     dtype: DTypeLike = np.float64,
+    people: People | None = None,
 ) -> AdaptedSubjects:
     """Adapt every model to every subject, and again without what each fold holds out.
 
-    The other arguments are those of ``adapt.adapt_subjects``.
+    The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has bones of their own.
     """
     data = as_type(problems_of(rows, models), dtype)
+    if people is not None:
+        return _with_own_bones(data, rows, models, folds, weight, progress, people)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     found = HeldOut((), take_problems(adapted, slice(0)), ())
     if folds:
         found = held_out(data, rows, folds, weight, reading, progress)
     return AdaptedSubjects(rows, data.with_sizes(adapted.sizes), adapted, found)
+
+
+def _with_own_bones(
+    data: Problems,
+    rows: PostureRows,
+    models: Sequence[AnyModel],
+    folds: Sequence[Fold],
+    weight: float,
+    progress: Callable[[str], None],
+    people: People,
+) -> AdaptedSubjects:
+    """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
+    spread = spread_of(models, rows.subjects, people.sds)
+    own_data, adapted, own = adapt_own_bones(data, spread, people.of(models, rows.subjects), weight, progress)
+    found = HeldOut((), take_problems(adapted, slice(0)), ())
+    if folds:
+        without = people.of(models, rows.subjects, held_out=True)
+
+        def adapt(part: Problems, problem: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
+            scales = [without[k] for k in problem.tolist()]
+            return adapt_own_bones(part, take_problems(spread, problem), scales, weight)[:2]
+
+        found = _held_out(data, rows, folds, progress, adapt)
+    return AdaptedSubjects(rows, own_data, adapted, found, own)
 
 
 def held_out(
@@ -98,6 +129,18 @@ def held_out(
 
     At least one fold.
     """
+
+    def adapt(part: Problems, _) -> tuple[Problems, Adapted]:
+        without = adapt_batch(part, weight, reading)
+        return part.with_sizes(without.sizes), without
+
+    return _held_out(data, rows, folds, progress, adapt)
+
+
+def _held_out(
+    data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Callable
+) -> HeldOut:
+    """``adapt``: of the problems of folds, and which problem of ``data`` each is."""
     subjects = len(rows.subjects)
     models = data.counted.shape[1] // subjects
     of_fold = np.array([fold.subject for fold in folds])
@@ -106,9 +149,7 @@ def held_out(
         np.tile(_places(rows, [getattr(fold, part) for fold in folds]), models) for part in ("fitted", "tested")
     )
     progress(f"held-out gaps, {len(problem)} adaptations")
-    part_of = select_problems(data, problem, counted=fitted)
-    without = adapt_batch(part_of, weight, reading)
-    part_of = part_of.with_sizes(without.sizes)
+    part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
     gaps = _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK))
     return HeldOut(tuple(folds), without, tuple(gaps[:, tested[:, k], k] for k in range(len(problem))))
 

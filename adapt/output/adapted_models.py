@@ -17,6 +17,7 @@ from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, HALF_WIDTHS_M
 from models.export.toml import parameters_toml
 from models.girdle import Girdle
 from models.person.family import AnyModel
+from models.person.own_bones import NO_SDS, SIZES, with_own_sizes
 from motions.files import file_names, printable
 
 FOLDER = "models"
@@ -33,6 +34,13 @@ _KEY_OF = {
 """The numbers of a parameter set that an adaptation changes, and which parameters they hold."""
 
 
+_OWN_KEYS = (
+    *("clavicle.sc_mm", "clavicle.length_mm", "clavicle.ac_mm", "clavicle.conoid_mm", "scapula.ts_mm"),
+    *("scapula.ai_mm", "scapula.conoid_mm", "constraint.ts_distance_mm", "constraint.ai_distance_mm"),
+)
+"""Those that bones of the person's own change beside."""
+
+
 def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: pd.DataFrame, how: str) -> list[Path]:
     """Write ``models/MODEL_SUBJECT.toml`` for each row of parameters.csv that is ``ok``; the files written.
 
@@ -43,12 +51,13 @@ def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: p
     of_name = {model.name: model for model in models}
     theta_mm = parameters[[f"{name}_mm" for name in ADAPTED]].to_numpy(float)
     at_bound = parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool)
+    own = parameters[[size.key for size in SIZES[len(ADAPTED) :] if size.key in parameters]]
     written = []
     for number, (model, subject, word, path) in enumerate(_files(folder, parameters)):
         if word != status.OK:
             continue
         flags = dict(zip(ADAPTED, at_bound[number].tolist(), strict=True))
-        text = adapted_toml(of_name[model], subject, theta_mm[number], flags, how)
+        text = adapted_toml(of_name[model], subject, theta_mm[number], flags, how, own.iloc[number].to_dict())
         path.write_bytes(text.encode())  # not each whole or not at all: the folder is
         written.append(path)
     return written
@@ -70,16 +79,24 @@ def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, s
 
 
 def adapted_toml(
-    family: AnyModel, subject: str, theta_mm: Float[np.ndarray, " adapted"], at_bound: Mapping[str, bool], how: str
+    family: AnyModel,
+    subject: str,
+    theta_mm: Float[np.ndarray, " adapted"],
+    at_bound: Mapping[str, bool],
+    how: str,
+    own_sizes: Mapping[str, float] = NO_SDS,
 ) -> str:
     """Format the parameter set of one subject as the text of a TOML file.
 
-    Numbers that were not adapted keep the source that they have in the model.
+    Numbers that were not adapted keep the source that they have in the model. ``own_sizes``: of bones and frames of the
+    person's own (``OwnSize.key``).
     """
     model = family.of(subject)
     own = jax.tree.map(np.asarray, model.girdle)  # numpy: calls of jax would take longer than the adaptation did
-    girdle = own.with_adapted(theta_mm)
+    girdle = (with_own_sizes(own, own_sizes) if own_sizes else own).with_adapted(theta_mm)
     source = {key: f"of {model.name}: {words}" for key, words in model.source.items()}
+    for key in _OWN_KEYS if own_sizes else ():
+        source[key] = f"adapted to {subject}, from {model.name} ({how})"
     for key, names in _KEY_OF.items():
         bound = ", ".join(name for name in names if at_bound[name])
         flag = f"; at its bound: {bound}" if bound else ""

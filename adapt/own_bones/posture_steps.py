@@ -1,7 +1,7 @@
 """One Newton step of a posture's optimality conditions with every number of the girdle left free, by JAX.
 
-What ``adapt.solvers.newton.elimination`` does with derivatives by hand for the ellipsoid and the conoid, for all numbers
-x of a girdle, with effects, and with derivatives by JAX: see there for K, S, rho, tau and mu.
+What ``adapt.solvers.newton.elimination`` does with derivatives by hand for the ellipsoid and the conoid, for all
+numbers x of a girdle, with effects, and with derivatives by JAX: see there for K, S, rho, tau and mu.
 """
 
 import functools
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
@@ -73,11 +73,11 @@ def strengths_rows(active_effects: ActiveEffects, rows: int) -> Float[np.ndarray
     return np.concatenate(active_effects.strengths) if active_effects.effects else np.zeros((NO_CHANNELS, rows))
 
 
-def _inputs(effects: tuple[Effect, ...], *more: str, n: int = 6) -> tuple[str, ...]:
+def _inputs(effects: tuple[Effect, ...], *more: str) -> tuple[str, ...]:
     return (str(_N), str(channels(effects)[-1] or NO_CHANNELS), "6", "3", "6", "6", *more)
 
 
-def _kernel(word: str, effects: tuple[Effect, ...], function, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Kernel:
+def _kernel(word: str, effects: tuple[Effect, ...], function, inputs: tuple[str, ...], outputs: tuple[str, ...]):
     shapes = [int(one) for one in inputs]
     name = f"own_{word}_{digest(effects, function, shapes, of_girdle=False)}"
     return Kernel(name, per_problem(function), inputs, outputs, _CHUNK)

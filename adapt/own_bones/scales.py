@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.own_bones.posterior import Posterior, Prior
+from adapt.own_bones.most_probable import Posterior, Prior
 from models.person.own_bones import GROUPS, SIZES
 
 SCALED = GROUPS[1:]
@@ -32,8 +32,9 @@ TYPICAL_NOISE_DEG = 0.8
 FEWEST_PERSONS = 10
 """Six bone-pin shoulders of three cadavers would make bones twice as different as people's are."""
 
-_MOST_PERSONS = 100
-"""Of more a sample is learnt from, one in so many: a hundred tell a scale to some 3 %."""
+
+INFORMATIVE = 3
+"""Numbers of a posture: six angles less three degrees of freedom."""
 
 
 class Scales(NamedTuple):
@@ -72,14 +73,13 @@ def moments(
     b = np.einsum("ikr,kr->ir", slopes, x[:, part]) - y
     along = np.einsum("ikr,ksr->isr", slopes, columns[..., part])
     people = range(x.shape[1])
-    A = np.stack([np.einsum("isr,itr->st", one := along[..., part == p], one) for p in people], -1)
-    c = np.stack([np.einsum("isr,ir->s", along[..., part == p], b[:, part == p]) for p in people], -1)
-    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), 3 * np.bincount(part))
-
-
-def sampled(problems: Int[np.ndarray, " problems"]) -> Int[np.ndarray, " some"]:
-    """Take those that scales are learnt from."""
-    return problems[:: -(-len(problems) // _MOST_PERSONS)]
+    A, c = [], []
+    for p in people:
+        mine = np.concatenate(along[..., part == p], axis=1)
+        A.append(mine @ mine.T)
+        c.append(mine @ np.concatenate(b[:, part == p]))
+    A, c = np.stack(A, axis=-1), np.stack(c, axis=-1)
+    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), INFORMATIVE * np.bincount(part))
 
 
 def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"]) -> Scales:

@@ -11,15 +11,13 @@ POINTS = ("AC", "TS", "AI", "clavicle_conoid", "scapula_conoid")
 
 
 def bones_mm(
-    girdles: Girdle, theta_mm: Float[np.ndarray, "6 rows"], angles_deg: Float[np.ndarray, "6 rows"]
+    girdles: Girdle, angles_deg: Float[np.ndarray, "6 rows"]
 ) -> tuple[Float[np.ndarray, "5 3 rows"], Float[np.ndarray, "3 rows"]]:
     """Locate POINTS in the thorax frame and compute the constraint residuals A1-A3, all in mm.
 
-    They are of each row's girdle with its adapted parameters (mm) at its angles (degrees). NaN where an angle that it
-    takes is.
+    They are of each row's girdle at its angles (degrees). NaN where an angle that it takes is.
     """
     with np.errstate(invalid="ignore"):
-        adapted = girdles.with_adapted(theta_mm)
-        at = landmarks(adapted, angles_deg / DEG)
-        residuals = constraint_residuals_mm(adapted, angles_deg / DEG)
+        at = landmarks(girdles, angles_deg / DEG)
+        residuals = constraint_residuals_mm(girdles, angles_deg / DEG)
     return np.stack([getattr(at, name) for name in POINTS]), residuals

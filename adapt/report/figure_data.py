@@ -12,7 +12,7 @@ from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.texts.json_form import plain
 from adapt.report.bone_positions import POINTS, bones_mm
 from adapt.report.drawn_postures import chosen_rows, chosen_subjects
-from adapt.report.fit_states import STATES, adapted_mm, fitted_deg, state_rows
+from adapt.report.fit_states import STATES, adapted_mm, fitted_deg, girdles_by_state, state_rows
 from adapt.report.gap_cells import heat_maps
 from adapt.report.headline import closest
 from adapt.report.muscle_figures import muscle_data
@@ -21,7 +21,7 @@ from adapt.tables.muscle_tables import JOINTS, MuscleTables
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT, STATISTICS, Tables
 from models.girdle import CONSTRAINT_NAMES, Girdle
 from models.parameter_sets import ParameterSet
-from models.person.family import AnyModel, girdles_of
+from models.person.family import AnyModel
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
 Rows = Int[np.ndarray, " rows"]
@@ -92,9 +92,8 @@ def _model(
         result.parameters[result.parameters["model"] == model.name].set_index("subject").loc[list(motions.subjects)]
     )
     theta_mm = adapted_mm(motions, model, result)
-    of_row = motions.subject_number[rows]
-    girdles = girdles_of(model, motions.subject[rows].tolist())
-    at_measured = {s: bones_mm(girdles, theta_mm[s][:, of_row], motions.angles_deg[rows].T) for s in STATES}
+    girdles = girdles_by_state(model, motions.subject[rows].tolist(), result)
+    at_measured = {s: bones_mm(girdles[s], motions.angles_deg[rows].T) for s in STATES}
     return {
         "name": model.name,
         "noise_deg": noise_deg,
@@ -109,7 +108,7 @@ def _model(
                 "gap_deg": _rounded(_gaps(result.summary, model.name, state, subjects), _ANGLE_DIGITS),
                 "residual_mm": _rounded(at_measured[state][1], _RESIDUAL_DIGITS),
             }
-            | _fits(state_rows(result.fits, model.name, state).iloc[rows], girdles, theta_mm[state][:, of_row])
+            | _fits(state_rows(result.fits, model.name, state).iloc[rows], girdles[state])
             for state in STATES
         },
     }
@@ -124,13 +123,13 @@ def _set(one: ParameterSet) -> dict[str, Any]:
     }
 
 
-def _fits(fits: pd.DataFrame, girdles: Girdle, theta_mm: Float[np.ndarray, "6 rows"]) -> dict[str, Any]:
+def _fits(fits: pd.DataFrame, girdles: Girdle) -> dict[str, Any]:
     """Posture fits that are ok: angles, where the bones are, and the root of J; all with their status."""
     ok = (fits["status"] == status.OK).to_numpy()
     simulated = fitted_deg(fits)
     return {
         "simulated_deg": _rounded(simulated, _ANGLE_DIGITS),
-        "simulated_points_mm": _flat(bones_mm(girdles, theta_mm, simulated)[0]),
+        "simulated_points_mm": _flat(bones_mm(girdles, simulated)[0]),
         "rms_deg": _rounded(np.sqrt(np.where(ok, fits["j_deg2"], np.nan)), _ANGLE_DIGITS),
         "status": fits["status"].to_numpy(),
     }

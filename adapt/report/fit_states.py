@@ -2,13 +2,16 @@
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The two states of a model, before and after adaptation, in the table of fits."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
 from adapt.solvers import status
-from adapt.tables.results import Tables
+from adapt.tables.results import Tables, girdles_after
 from models.adapted_parameters import ADAPTED
+from models.girdle import Girdle
 from models.person.family import AnyModel, girdles_of
 from motions.table import ANGLES, Motions
 
@@ -38,4 +41,12 @@ def adapted_mm(motions: Motions, model: AnyModel, result: Tables) -> dict[str, F
     return {
         "before": np.asarray(girdles_of(model, motions.subjects).adapted_mm),
         "after": np.where(np.isfinite(after).all(axis=0), after, np.nan),
+    }
+
+
+def girdles_by_state(model: AnyModel, subjects: Sequence[str], result: Tables) -> dict[str, Girdle]:
+    """Give the girdle of each of these subjects, as often as it is named, by state."""
+    return {
+        "before": girdles_of(model, subjects),
+        "after": girdles_after(model, subjects, result.parameters),
     }

@@ -10,12 +10,12 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from adapt.report.drawn_postures import evenly
-from adapt.report.fit_states import adapted_mm, fitted_deg, state_rows
+from adapt.report.fit_states import fitted_deg, girdles_by_state, state_rows
 from adapt.tables.muscle_tables import JOINTS, MuscleTables, muscle_means
 from adapt.tables.results import Tables
 from models.muscles.muscle_lines import SERRATUS, MuscleLines, muscle_lines_of
 from models.muscles.pulls import line_points_mm
-from models.person.family import AnyModel, girdles_of
+from models.person.family import AnyModel
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -65,13 +65,11 @@ def _of_model(motions: Motions, model: AnyModel, result: Tables, muscles: pd.Dat
     drawn = rows[places]
     names = motions.subject[drawn].tolist()
     lines = muscle_lines_of(model, names)
-    girdles = girdles_of(model, names)
     mine = muscles[muscles["model"] == model.name]
-    of_row = motions.subject_number[drawn]
     states = {}
-    for state, theta_mm in adapted_mm(motions, model, result).items():
+    for state, girdles in girdles_by_state(model, names, result).items():
         angles = fitted_deg(state_rows(result.fits, model.name, state).iloc[drawn]) / DEG
-        points = line_points_mm(lines, girdles.with_adapted(theta_mm[:, of_row]), angles, CURVED)
+        points = line_points_mm(lines, girdles, angles, CURVED)
         states[state] = {
             "paths": {int(place): path for place, path in zip(places, _paths(lines, points), strict=True) if path},
             "arms_mm": [_arms(motions, mine, f"about_{joint}_{state}_mm", lines.muscles, rows) for joint in JOINTS],

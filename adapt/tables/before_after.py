@@ -11,7 +11,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from adapt.solvers import status
-from models.adapted_parameters import ADAPTED_PARAMETERS
+from adapt.tables.results import girdles_after
 from models.girdle import Girdle
 from models.person.family import AnyModel, girdles_of
 from motions.rotations import DEG
@@ -48,11 +48,9 @@ def before_and_after(model: AnyModel, fits: pd.DataFrame, parameters: pd.DataFra
     good = (one["status"] == status.OK) & (other["status"] == status.OK)
     girdles = girdles_of(model, one["subject"].tolist())
     one, other = one[good], other[good]
-    found = parameters[parameters["model"] == model.name].set_index("subject").loc[other["subject"]]
-    theta = np.array([found[parameter.key].to_numpy(float) for parameter in ADAPTED_PARAMETERS])
     rows = one[KEYS].reset_index(drop=True)
     own = jax.tree.map(lambda x: x[..., good.to_numpy()], girdles)
-    adapted = jax.tree.map(np.asarray, own.with_adapted(theta))
+    adapted = girdles_after(model, other["subject"].tolist(), parameters)
     return BeforeAfter(rows, State(own, _angles(one)), State(adapted, _angles(other)))
 
 

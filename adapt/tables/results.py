@@ -9,18 +9,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import jax
 import numpy as np
 import orjson
 import pandas as pd
 from jaxtyping import Float, Shaped
 
+from adapt.own_bones.own_adaptation import OwnBones
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import NOTHING, by_subject
 from models.adapted_parameters import ADAPTED
+from models.girdle import Girdle
 from models.person.family import AnyModel, girdles_of
+from models.person.own_bones import NAMES, SIZES, with_own_sizes
 from motions.rotations import DEG
 from motions.table import ANGLES, BONES, Motions
 
@@ -267,6 +271,42 @@ def _model_parameters(subjects, model: AnyModel, adapted: Adapted, sd_mm, fits: 
         columns[f"mean_j_{word}_deg2"] = j.reindex(subjects).to_numpy()
     columns["status"] = adapted.status
     return pd.DataFrame(columns)
+
+
+def own_columns(own: OwnBones, words: Shaped[np.ndarray, " problems"]) -> dict[str, np.ndarray]:
+    """Give the columns of ``parameters.csv`` behind all others: the sizes of bones and frames of each person's own with
+    their SDs, scales, noise, and what is far from people."""
+    good, columns = words == status.OK, {}
+    for k, size in enumerate(SIZES[len(ADAPTED) :], len(ADAPTED)):
+        columns[size.key] = np.where(good, own.sizes[k], np.nan)
+        columns[f"{size.key}_sd"] = np.where(good, own.sd[k], np.nan)
+    for name, values in zip(OWN_SCALES, own.scales, strict=True):
+        columns[name] = values
+    far = np.abs(own.sizes) > FAR_SDS * own.prior_sd
+    untold = own.sd > UNTOLD * own.prior_sd
+    for name, which in (("far_from_people", far), ("not_told", untold)):
+        columns[name] = np.array([" ".join(np.array(NAMES)[one].tolist()) for one in (which & good).T], object)
+    return columns
+
+
+FAR_SDS = 2.5
+"""Of a size from the set's beyond which it is said to be far from what people are."""
+
+UNTOLD = 0.9
+"""A size whose posterior SD is more of the prior's is one of which the motions say next to nothing."""
+
+OWN_SCALES = ("bones_scale", "frames_scale", "noise_deg")
+
+
+def girdles_after(model: AnyModel, subjects: Sequence[str], parameters: pd.DataFrame) -> Girdle:
+    """Build the adapted girdle of each of these subjects, as often as it is named, from the rows of ``parameters.csv``
+    of a model; NaN of who is not there."""
+    table = parameters[parameters["model"] == model.name].set_index("subject").reindex(list(subjects))
+    girdle = jax.tree.map(np.asarray, girdles_of(model, subjects))
+    theta = table[[f"{name}_mm" for name in ADAPTED]].to_numpy(float).T
+    own = {size.key: table[size.key].to_numpy(float) for size in SIZES[len(ADAPTED) :] if size.key in table}
+    own_girdle = with_own_sizes(girdle, own) if own else girdle
+    return jax.tree.map(np.asarray, own_girdle.with_adapted(theta))
 
 
 def parameter_statistics(parameters: pd.DataFrame) -> pd.DataFrame:

@@ -40,7 +40,7 @@ points_mm = [
 
 [clavicle]
 sc_mm = {_toml(g.sc_mm)}
-length_mm = {_toml(g.ac_mm[0])}
+{_clavicle(g.ac_mm)}
 conoid_mm = {_toml(g.clavicle_conoid_mm)}
 
 [scapula]
@@ -55,6 +55,13 @@ conoid_length_mm = {_toml(g.conoid_length_mm)}
 {chr(10) + "[bounds]" + chr(10) + bounds if bounds else ""}
 [source]
 {sources}"""
+
+
+def _clavicle(ac_mm: Float[np.ndarray, "3"]) -> str:
+    """Its length, and where AC is if that is not on the frame's axis."""
+    if not np.any(ac_mm[1:]):
+        return f"length_mm = {_toml(ac_mm[0])}"
+    return f"length_mm = {_toml(np.linalg.norm(ac_mm))}\nac_mm = {_toml(ac_mm)}"
 
 
 @lru_cache(maxsize=16)

@@ -14,6 +14,7 @@ therefore one covariance, the sum of c c'; what x is found shares out to the siz
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ Group = Literal["adapted", "bones", "frames"]
 GROUPS: tuple[Group, ...] = ("adapted", "bones", "frames")
 """The six adapted parameters, the other numbers of bones and joints, and the measured frames."""
 
-Column = Float[np.ndarray, " numbers"]
+Column = Float[np.ndarray, " numbers *batch"]
 
 
 @dataclass(frozen=True)
@@ -61,11 +62,15 @@ _AXES = "xyz"
 _ON_CLAVICLE, _ON_SCAPULA = ("ac_mm", "clavicle_conoid_mm"), ("ts_mm", "ai_mm", "scapula_conoid_mm")
 
 
+def _nothing(girdle: Girdle) -> Column:
+    return np.zeros((COUNT_OF_NUMBERS, *np.shape(girdle.ts_mm)[1:]))
+
+
 def _moved(axis: int, *names: str) -> Callable[[Girdle], Column]:
     """By a millimetre along an axis."""
 
-    def per_unit(_: Girdle) -> Column:
-        column = np.zeros(COUNT_OF_NUMBERS)
+    def per_unit(girdle: Girdle) -> Column:
+        column = _nothing(girdle)
         for name in names:
             column[NUMBERS[name].start + axis] = 1.0
         return column
@@ -80,12 +85,14 @@ def _larger(**shares: float) -> Callable[[Girdle], Column]:
 
 def _turned(axis: int, names: tuple[str, ...]) -> Callable[[Girdle], Column]:
     """By a degree about an axis of the frame."""
-    return _sum_over(dict.fromkeys(names, 1.0), lambda vector, _: np.cross(np.eye(3)[axis], vector) / float(DEG))
+    return _sum_over(
+        dict.fromkeys(names, 1.0), lambda vector, _: np.cross(np.eye(3)[axis], vector, axisb=0, axisc=0) / float(DEG)
+    )
 
 
 def _sum_over(shares: Mapping[str, float], change: Callable) -> Callable[[Girdle], Column]:
     def per_unit(girdle: Girdle) -> Column:
-        column = np.zeros(COUNT_OF_NUMBERS)
+        column = _nothing(girdle)
         for name, share in shares.items():
             column[NUMBERS[name]] = change(np.asarray(getattr(girdle, name)), share)
         return column
@@ -119,8 +126,8 @@ _SDS_IN_A_RANGE = 2.0
 """A set states how far off a number that it had to assume may be: taken for two SDs."""
 
 _CONOID = (
-    "assumed: beside the bones' sizes, joints and frames, which move it by some 4 mm; the conoids of the sets are 20 deg "
-    "from where both bones stop turning about each other, and 4 mm more would bring every third person there"
+    "assumed: beside the bones' sizes, joints and frames, which move it by some 4 mm; the conoids of the sets are 20 "
+    "deg from where both bones stop turning about each other, and 4 mm more would bring every third person there"
 )
 
 _JOINT = "assumed: AC of the sets is a landmark, not the joint"
@@ -134,7 +141,7 @@ SIZES: tuple[OwnSize, ...] = (
         )
         for one in ADAPTED_PARAMETERS
     ),
-    *_each_axis("SC", "xyz", 5.0, "bone pins: range of 13-16 mm in ten shoulders (Moissenet 2023)", "clavicle.sc_mm", "sc_mm"),
+    *_each_axis("SC", "xyz", 5.0, "bone pins: 13-16 mm apart in ten shoulders", "clavicle.sc_mm", "sc_mm"),
     OwnSize(
         *("clavicle_length", "bones", "percent", _LENGTH.scale[0], _LENGTH.source, ("clavicle.length_mm",)),
         _larger(ac_mm=1.0, clavicle_conoid_mm=1.0),
@@ -168,8 +175,16 @@ if NAMES[: len(ADAPTED)] != ADAPTED:
 OwnSDs = Mapping[str, float]
 """Other SDs than those of ``SIZES``, in their units, by name; 0 holds a size at the set's."""
 
+NO_SDS: OwnSDs = MappingProxyType({})
 
-def of_chain(numbers_mm: Float[np.ndarray, "numbers *batch"]) -> Float[np.ndarray, "numbers *batch"]:
+
+def with_own_sizes(girdle: Girdle, sizes: Mapping[str, Float[np.ndarray, " *batch"]]) -> Girdle:
+    """Add sizes, by ``OwnSize.key`` in their units, to the numbers of a girdle."""
+    moved = sum(size.per_unit(girdle) * sizes[size.key] for size in SIZES if size.key in sizes)
+    return Girdle.of_numbers(np.asarray(girdle.numbers_mm) + moved)
+
+
+def of_chain(numbers_mm: Float[np.ndarray, " numbers *batch"]) -> Float[np.ndarray, " numbers *batch"]:
     """Move the girdle so that SC is at 0: what postures depend on."""
     moved = np.array(numbers_mm)
     moved[NUMBERS["centre_mm"]] -= moved[NUMBERS["sc_mm"]]
@@ -186,7 +201,7 @@ class Spread(NamedTuple):
     """What one SD of each adds to the numbers of the girdle."""
 
 
-def spread_about(one: ParameterSet, sds: OwnSDs | None = None) -> Spread:
+def spread_about(one: ParameterSet, sds: OwnSDs = NO_SDS) -> Spread:
     """Give the SD of each size about a set.
 
     An SD holds the spread of people and the range that the set states of its own number; of a number that was measured
@@ -194,7 +209,7 @@ def spread_about(one: ParameterSet, sds: OwnSDs | None = None) -> Spread:
     """
     sd = np.array([_sd(one, size) for size in SIZES])
     sd[: len(ADAPTED)] = thorax_sd_mm(one)
-    for name, given in (sds or {}).items():
+    for name, given in sds.items():
         if name not in NAMES:
             remedy = f"{did_you_mean(name, NAMES)}Use one of {', '.join(NAMES)}"
             raise InputError("own_bones", None, f"there is no size '{name}'", remedy)

@@ -1,5 +1,6 @@
 """``girdle fit`` and ``girdle adapt``."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Annotated
@@ -7,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from adapt.api import fit_postures
+from adapt.api import check_own_bones, fit_postures
 from adapt.cli.commands.known_effects import Known, read_known, say_known
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, warn_of, without_subjects
@@ -18,6 +19,7 @@ from adapt.cli.options import (
     ModelsOf,
     MotionFiles,
     Out,
+    OwnBones,
     Reading,
     Repeat,
     ThoraxDownweighting,
@@ -27,6 +29,7 @@ from adapt.cli.options import (
 )
 from adapt.cli.terminal.print_tables import (
     print_heldout,
+    print_own_bones,
     print_parameters,
     print_summary,
     print_without_landmarks,
@@ -39,10 +42,15 @@ from adapt.output.large_runs.local_processes import on_this_machine
 from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
 from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
+from adapt.own_bones.own_adaptation import People, learn_people
+from adapt.own_bones.own_adaptation import sample as own_sample
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.solvers.rows import posture_rows
 from adapt.tables.results import Tables
 from models.effects.amplitudes import described
+from models.person.family import AnyModel
 from motions import InputError, MotionStream
+from motions.table import Motions
 
 
 def fit(
@@ -92,6 +100,7 @@ def adapt(
     float32: Float32 = False,
     effect: KnownEffects = [],  # noqa: B006
     thorax_downweighting: ThoraxDownweighting = 1.0,
+    own_bones: OwnBones = False,
     repeat: Repeat = None,
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
@@ -105,7 +114,7 @@ def adapt(
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
     known = read_known(effect, thorax_downweighting)
-    how = ", ".join([f"w = {weight:g}", f"reading {reading}", *known.texts])
+    how = ", ".join([f"w = {weight:g}", f"reading {reading}", *["own bones"] * own_bones, *known.texts])
     named = asked_models(model, models_of)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
     options: dict[str, object] = {
@@ -114,13 +123,18 @@ def adapt(
         "float32": float32,
         "effect": effect,
         "thorax_downweighting": thorax_downweighting,
+        "own_bones": own_bones,
     }
     missing = subjects_without_set(models, files.subjects)
     subjects = tuple(name for name in files.subjects if name not in missing)
     size = chunk or max(1, LANES // len(models))
     shown = frozenset(subjects) if len(subjects) <= size else sample(subjects, MOST_SHOWN)
     held_out, less = sample(subjects), known.thorax_downweighting
-    work = Work(tuple(models), weight, reading, shown, held_out, float32, known.effects, less)
+    people = None
+    if own_bones:
+        check_own_bones(known.effects, reading, less)
+        people = _people(files, missing, subjects, models, known)
+    work = Work(tuple(models), weight, reading, shown, held_out, float32, known.effects, less, people)
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
@@ -152,11 +166,29 @@ def adapt(
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
         _print_tables(result)
+        if people is not None:
+            print_own_bones(console, result.parameters)
         say_known(known)
         if READINGS[reading].landmarks:
             print_without_landmarks(console, result.parameters)
         say_report(folder, wrong)
     finish(table, failed)
+
+
+def _people(
+    files: MotionStream,
+    missing: Mapping[str, InputError],
+    subjects: Sequence[str],
+    models: list[AnyModel],
+    known: Known,
+) -> People:
+    """Learn how the persons of the whole run differ, so that no part depends on how many there are."""
+    chosen = list(own_sample(subjects))
+    parts = (without_subjects(part, missing) for part in files.in_chunks(LANES))
+    motions = Motions.concatenate([part.select(np.isin(part.subject, chosen)) for part in parts])
+    with progress(errors) as report:
+        report("how persons differ")
+        return learn_people(posture_rows(motions, known.effects), models)
 
 
 def _print_tables(result: Tables) -> None:

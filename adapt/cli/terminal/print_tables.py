@@ -6,6 +6,7 @@
 import math
 import os
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -20,7 +21,7 @@ from rich.table import Table
 from adapt.solvers import status
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import by_model, by_subject
-from adapt.tables.results import ALL_MOTIONS, STATISTICS, parameter_statistics
+from adapt.tables.results import ALL_MOTIONS, OWN_SCALES, STATISTICS, parameter_statistics
 from motions.files import printable
 from motions.table import ANGLES
 
@@ -113,6 +114,24 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
             name = "" if number else str(model)
             table.add_row(name, row["parameter"], *values, bound, end_section=number == len(rows) - 1)
     console.print(table)
+
+
+def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
+    """Say how much persons differ, who is far from people, and of which sizes the motions say next to nothing."""
+    good = parameters[parameters["status"] == status.OK]
+    for model, rows in good.groupby("model", sort=False):
+        bones, frames, noise = (rows[name].iloc[0] for name in OWN_SCALES)
+        console.print(
+            f"{model}, bones of each person's own: SDs of people times {bones:.2f} (bones) and {frames:.2f} (frames), "
+            f"noise {noise:.2f} degrees",
+            soft_wrap=True,
+        )
+        untold = Counter(" ".join(rows["not_told"]).split())
+        if nobody := [name for name, count in untold.items() if count == len(rows)]:
+            console.print(f"  The motions say next to nothing of: {', '.join(nobody)}", soft_wrap=True)
+        far = rows[rows["far_from_people"] != ""]
+        for subject, names in zip(far["subject"].head(_MOST_PRINTED), far["far_from_people"], strict=False):
+            console.print(f"  Farther from the set than people are: {subject}, {names}", soft_wrap=True)
 
 
 def print_without_landmarks(console: Console, parameters: pd.DataFrame) -> None:

@@ -1,6 +1,5 @@
 """The measured postures of all subjects as flat rows, and whose and of which kind of motion they are."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.solvers.rows import posture_rows
 from motions.errors import InputError
-from motions.table import FEWEST_ANGLES, Motions
+from motions.table import FEWEST_ANGLES, Motions, person_of
 
 FEWEST_POSTURES = 4
 """A subject with fewer says less than its six adapted parameters take up."""
@@ -24,9 +23,6 @@ _LEAST_RANGE_DEG = 20.0
 MOST_POSTURES = 20
 """Of a motion of a shoulder: some 7 degrees of elevation apart. What no cause explains is alike within 40, so that more
 say the same, and neighbouring frames have the same noise."""
-
-_SIDE = re.compile(r"[ _\-.]*(left|right|l|r)$", re.IGNORECASE)
-"""What a name of a shoulder ends with beyond the person's."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +95,6 @@ def usable(motions: Motions) -> tuple[Shoulders, dict[str, str]]:
         )
     enough = ~np.isin(motions.subject, list(left_out))
     return shoulders_of(motions.select(says & enough)), left_out
-
-
-def person_of(subject: str) -> str:
-    """Give the name of the person: what is left of a shoulder's without its side."""
-    return _SIDE.sub("", subject) or subject
 
 
 def shoulders_of(motions: Motions) -> Shoulders:

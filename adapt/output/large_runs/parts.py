@@ -18,6 +18,7 @@ import pandas as pd
 
 from adapt.api import Adaptations, adapt_subjects
 from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
+from adapt.own_bones.own_adaptation import People
 from adapt.solvers import status
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv
@@ -57,6 +58,8 @@ class Work:
     effects: Amplitudes = field(default_factory=dict)
     """A dict, which can be sent to a worker."""
     thorax_downweighting: float = 1.0
+    people: People | None = None
+    """How the persons of the run differ, where each has bones of its own."""
 
     def part(self, motions: Motions) -> bytes:
         """Compute the part of these subjects; it is the same wherever it is made."""
@@ -70,6 +73,7 @@ class Work:
             dtype=dtype,
             effects=self.effects,
             thorax_downweighting=self.thorax_downweighting,
+            own_bones=False if self.people is None else self.people,
         )
         content = io.BytesIO()
         np.savez(content, allow_pickle=False, **_arrays(result, [model.name for model in self.models]))

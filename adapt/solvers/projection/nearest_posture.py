@@ -124,7 +124,7 @@ def nearest_by_numbers(
     With ``slack_mm`` each constraint has a slack of this SD beside the angles' degree, and ``angles`` of the result and
     of the ``start`` three more rows, mm: |y|^2 is the squared distance to the nearest posture that closes but for them.
     """
-    sd = _MEASURED_SD_RAD * np.where(measured, 1.0, UNMEASURED_SD)
+    sd = sd_rad(measured, UNMEASURED_SD)
     rows, effects = angles.shape[1], active_effects.effects
     strengths = np.concatenate(active_effects.strengths) if effects else np.zeros((NO_CHANNELS, rows))
     if slack_mm:

@@ -29,10 +29,11 @@ from scipy.spatial.transform import Rotation
 from adapt.cli import app as cli
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.fit.posterior import modes
-from adapt.diagnosis.fit.shoulders import person_of, usable
+from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.search import search_of
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
+from motions.table import person_of
 from motions import Motions, read_motions
 from scripts.reporting import CADAVER_SETS, markdown
 

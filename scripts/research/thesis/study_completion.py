@@ -22,7 +22,6 @@ import typer
 from jaxtyping import Bool, Float
 
 from adapt.cli import app as cli
-from adapt.diagnosis.fit.shoulders import person_of
 from adapt.evaluation.held_out import held_out
 from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
@@ -35,7 +34,7 @@ from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm
 from motions import InputError, Motions, read_motions
 from motions.rotations import DEG
-from motions.table import BONES
+from motions.table import BONES, person_of
 from scripts.completion import SHIPPED, Completed, Rule, table_sets
 from scripts.reporting import check_known, markdown
 from scripts.research.thesis.printed import SETS

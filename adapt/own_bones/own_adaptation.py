@@ -2,41 +2,50 @@
 
     E_own = w / m (S + sigma^2 |z|^2)
 
-with S the sum of the squared differences of the m measured angles, deg^2: -2 log of the posterior of
-``adapt.own_bones.posterior`` times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the other term
-takes the place of D. D has no part in it: the thorax points of a set are another person's, and move and grow with the
-thorax. What they say of this person is how far people differ, the prior of the six adapted parameters; a set with
-points of the person has the SDs of their fit there (``models.person.thorax_ellipsoid.thorax_sd_mm``). w changes no
-optimum.
+with S the sum of the squared differences of the m measured angles, deg^2: -2 log of the posterior
+(``adapt.own_bones.most_probable``) times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the
+other term takes the place of D. D has no part in it: the thorax points of a set are another person's, and move and
+grow with the thorax. What they say of this person is how far people differ, the prior of the six adapted parameters; a
+set with points of the person has the SDs of their fit there (``models.person.thorax_ellipsoid.thorax_sd_mm``). w
+changes no optimum.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import put_problems, take_problems
-from adapt.own_bones.posterior import Posterior, Prior, Rows, most_probable
-from adapt.own_bones.scales import Moments, Scales, learnt, moments, sampled
+from adapt.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable
+from adapt.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, Moments, Scales, learnt, moments
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problems import Problems
+from adapt.solvers.problems import Problems, problems_of
+from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
-from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle
 from models.person.family import AnyModel, unique_sets
-from models.person.own_bones import OwnSDs, Spread, of_chain, spread_about
+from models.person.own_bones import NO_SDS, OwnSDs, Spread, of_chain, spread_about
 from models.person.thorax_ellipsoid import thorax_distance_mm2
-from motions.table import FEWEST_ANGLES
+from motions.table import FEWEST_ANGLES, person_of
 
 _DIMENSIONS = 24
 """What the chain can tell apart: the 27 numbers of a girdle less the three of SC, which stands at 0."""
 
 _LEARNING_ROUNDS = 2
 """Fits whose linearisation the scales are learnt from: of the bone-pin shoulders a third changes none by 5 %."""
+
+_GROUPS = 6
+"""Of persons that scales are learnt without: more take longer and tell little more."""
+
+_MOST_PERSONS = 100
+"""Of more a sample is learnt from: a hundred tell a scale to some 3 %."""
+
+_AS_GOOD_AS_NOISE = 1.3
+"""Times the F that noise alone leaves."""
 
 _POSTURE_ROUNDS = 4
 """A person with a posture in the higher of two local minima goes on from the lower one."""
@@ -65,24 +74,63 @@ class OwnBones(NamedTuple):
         return np.sqrt(np.einsum("kkp->kp", self.covariance))
 
 
-def spread_of(models: Sequence[AnyModel], subjects: Sequence[str], sds: OwnSDs | None = None) -> Spread:
+def spread_of(models: Sequence[AnyModel], subjects: Sequence[str], sds: OwnSDs = NO_SDS) -> Spread:
     """Lay out how persons differ about the set of every subject with every model."""
     sets, place = unique_sets(models, subjects)
     each = [spread_about(one, sds) for one in sets]
     return Spread(*(np.stack(parts, axis=-1)[..., place] for parts in zip(*each, strict=True)))
 
 
-def learn_scales(
-    data: Problems, spread: Spread, group: Int[np.ndarray, " problems"]
-) -> tuple[Scales, dict[int, Scales]]:
-    """Learn the scales from these problems, persons of one model; and without each ``group`` of them in turn."""
-    some = sampled(np.arange(len(group)))
-    part, chosen = take_problems((data, spread), some)
-    scales, of, known = Scales(), None, np.zeros(len(some), bool)
-    for _ in range(_LEARNING_ROUNDS):
-        of, known = _moments(part, chosen, scales)
-        scales = learnt(of, known)
-    return scales, {one: learnt(of, known & (group[some] != one)) for one in np.unique(group).tolist()}
+@dataclass(frozen=True)
+class People:
+    """How the persons of a run differ, by the name of a model: what each of them is adapted with."""
+
+    sds: OwnSDs
+    """SDs in place of those of ``SIZES``, by name."""
+    everybody: Mapping[str, Scales]
+    without: Mapping[str, Mapping[str, Scales]]
+    """By person: learnt without this person, for what is held out. Nobody else's scales know anything of a person."""
+
+    def of(self, models: Sequence[AnyModel], subjects: Sequence[str], held_out: bool = False) -> list[Scales]:
+        """Give the scales of every subject with every model."""
+        found = []
+        for model in models:
+            everybody, without = self.everybody[model.name], self.without[model.name] if held_out else {}
+            found += [without.get(person_of(subject), everybody) for subject in subjects]
+        return found
+
+
+def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS) -> People:
+    """Learn the scales of each model from these subjects; without each person, of many without each sixth of them."""
+    persons = [person_of(subject) for subject in rows.subjects]
+    different = list(dict.fromkeys(persons))
+    parts = np.array_split(np.arange(len(different)), min(len(different), _GROUPS))
+    number = {different[k]: g for g, part in enumerate(parts) for k in part.tolist()}
+    group = np.array([number[one] for one in persons])
+    everybody, without = {}, {}
+    for model in models:
+        data, spread = problems_of(rows, [model]), spread_of([model], rows.subjects, sds)
+        scales, each = _learnt(data, spread, group)
+        everybody[model.name] = scales
+        without[model.name] = {one: each[number] for one, number in zip(persons, group.tolist(), strict=True)}
+    return People(sds, everybody, without)
+
+
+def sample(subjects: Sequence[str]) -> tuple[str, ...]:
+    """Take the subjects that scales are learnt from, of many one in so many in the order of the files."""
+    return tuple(subjects[:: -(-len(subjects) // _MOST_PERSONS)])
+
+
+def _learnt(data: Problems, spread: Spread, group: Int[np.ndarray, " problems"]) -> tuple[Scales, dict[int, Scales]]:
+    """From the problems of one model; and without each group of them in turn."""
+    numbers = np.unique(group).tolist()
+    if len(group) < FEWEST_PERSONS:
+        return Scales(), dict.fromkeys(numbers, Scales())
+    scales = Scales()
+    for _ in range(_LEARNING_ROUNDS - 1):
+        scales = learnt(*_moments(data, spread, scales))
+    of, known = _moments(data, spread, scales)
+    return learnt(of, known), {one: learnt(of, known & (group != one)) for one in numbers}
 
 
 def _moments(data: Problems, spread: Spread, scales: Scales) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
@@ -90,7 +138,7 @@ def _moments(data: Problems, spread: Spread, scales: Scales) -> tuple[Moments, B
     count = data.counted.shape[1]
     rows, part, _ = _rows_of(data)
     prior, _ = _prior(data, spread, [scales] * count)
-    found = most_probable(rows, part, prior)
+    found = _from_starts(rows, part, prior)
     return moments(of_chain(spread.columns_mm), prior, found, part), found.settled
 
 
@@ -122,7 +170,9 @@ def _rows_of(data: Problems) -> tuple[Rows, Int[np.ndarray, " rows"], Int[np.nda
     return Rows(angles, measured, data.active_effects.at(posture, problem)), problem, posture
 
 
-def _prior(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[Prior, Float[np.ndarray, "sizes n problems"]]:
+def _prior(
+    data: Problems, spread: Spread, scales: Sequence[Scales]
+) -> tuple[Prior, Float[np.ndarray, "sizes n problems"]]:
     """The prior of the chain, and the sizes (in SDs) that u stands for: B' (R')^+."""
     B = of_chain(spread.columns_mm) * _of_sizes(scales)
     covariance = np.einsum("ksp,lsp->pkl", B, B)
@@ -140,32 +190,57 @@ def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
     return np.stack([one.of_sizes for one in scales], axis=-1)
 
 
+def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
+    """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
+    nothing = np.zeros((_DIMENSIONS, len(prior.noise_deg)))
+    found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0])
+    allowed = _AS_GOOD_AS_NOISE * INFORMATIVE * np.bincount(part, minlength=len(found.F)) * prior.noise_deg**2
+    left = np.flatnonzero(~found.settled | (allowed < found.F))
+    for slacks_mm in STARTS_MM[1:] if len(left) else ():
+        some, number = _of_problems(rows, part, left)
+        other = most_probable(some, number, take_problems(prior, left), nothing[:, left], some.angles, slacks_mm)
+        lower = other.settled & (~found.settled[left] | (found.F[left] > other.F))
+        _put(found, part, left[lower], _some(other, number, lower))
+    return found
+
+
 def _with_lowest_postures(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
     """The most probable girdles, and again from where a posture fits better elsewhere."""
-    found = most_probable(rows, part, prior)
-    left = np.arange(len(prior.noise_deg))
+    found, left = _from_starts(rows, part, prior), np.arange(len(prior.noise_deg))
     for _ in range(_POSTURE_ROUNDS):
-        mine = np.isin(part, left)
-        some, number = Rows(rows.angles[:, mine], rows.measured[:, mine], rows.active_effects.at(mine)), part[mine]
-        girdle = Girdle.of_numbers(prior.numbers_at(found.u)[:, number])
+        some, number = _of_problems(rows, part, left)
+        girdle = Girdle.of_numbers(prior.numbers_at(found.u)[:, left[number]])
         fresh = fit_batch(some.active_effects.on(girdle), some.angles, some.measured)
-        near = take_problems(found.nearest, mine)
+        near = take_problems(found.nearest, np.isin(part, left))
         lower = fresh.converged & (fresh.j_deg2 * some.measured.sum(axis=0) < (near.y**2).sum(axis=0) - _LOWER_DEG2)
-        left = np.unique(number[lower])
-        if not len(left):
+        again = np.unique(number[lower])
+        if not len(again):
             break
-        again = np.isin(number, left)
-        mine = np.isin(part, left)
-        start = np.where(lower, fresh.angles, near.angles)[:, again]
-        some = Rows(rows.angles[:, mine], rows.measured[:, mine], rows.active_effects.at(mine))
-        further = most_probable(
-            some, np.searchsorted(left, part[mine]), take_problems(prior, left), found.u[:, left], start
-        )
-        put_problems(found.nearest, np.flatnonzero(mine), further.nearest)
-        for whole, one in zip(found, further, strict=True):
-            if isinstance(one, np.ndarray):
-                whole[..., left] = one
+        left, start = left[again], np.where(lower, fresh.angles, near.angles)[:, np.isin(number, again)]
+        some, number = _of_problems(rows, part, left)
+        _put(found, part, left, most_probable(some, number, take_problems(prior, left), found.u[:, left], start))
     return found
+
+
+def _of_problems(rows: Rows, part: Int[np.ndarray, " rows"], problems) -> tuple[Rows, Int[np.ndarray, " some"]]:
+    """The rows of some problems, ascending, and which of them each is of."""
+    mine = np.isin(part, problems)
+    some = Rows(rows.angles[:, mine], rows.measured[:, mine], rows.active_effects.at(np.flatnonzero(mine)))
+    return some, np.searchsorted(problems, part[mine])
+
+
+def _some(found: Posterior, part: Int[np.ndarray, " rows"], problems: Bool[np.ndarray, " problems"]) -> Posterior:
+    u, F, nearest, steps, settled = found
+    u, F, steps, settled = take_problems((u, F, steps, settled), problems)
+    return Posterior(u, F, take_problems(nearest, problems[part]), steps, settled)
+
+
+def _put(found: Posterior, part: Int[np.ndarray, " rows"], problems, other: Posterior) -> None:
+    """Put the other ends of these problems in their places."""
+    put_problems(found.nearest, np.flatnonzero(np.isin(part, problems)), other.nearest)
+    for whole, some in zip(found, other, strict=True):
+        if isinstance(some, np.ndarray):
+            whole[..., problems] = some
 
 
 def _own_bones(
@@ -202,7 +277,7 @@ def _as_adapted(
     mean_j = np.bincount(problem, fitted.j_deg2, count) / np.maximum(np.bincount(problem, minlength=count), 1)
     closed = np.bincount(problem, ~fitted.converged, count) == 0
     determined = np.bincount(problem, np.asarray(data.measured)[:, *place].sum(axis=0) < FEWEST_ANGLES, count) == 0
-    words = np.where(found.settled & closed & np.isfinite(D), status.OK, status.NOT_CONVERGED)
+    code = np.where(found.settled & closed & np.isfinite(D), status.CONVERGED, status.UNCONVERGED)
     return Adapted(
         theta_mm=theta,
         at_bound=np.zeros(theta.shape, bool),
@@ -219,5 +294,5 @@ def _as_adapted(
         landmark_weight=np.zeros(count),
         iterations=found.steps,
         sizes=np.zeros((0, count)),
-        status=np.where(determined, words, status.INVALID).astype("U16"),
+        code=np.where(determined, code, status.UNUSABLE),
     )

@@ -12,12 +12,13 @@ over as many u as the chain can tell apart: no pair of sizes that move the same 
 bounds: the prior holds what the angles do not.
 
 F has long bent valleys: with conoids that hardly turn with the bones a tenth of a millimetre of A3 is worth degrees. So
-the constraints first have a slack, as ligaments and soft tissue do, which becomes smaller in stages; damped Gauss-Newton
-steps with the postures of each stage (``projection.nearest_posture``). At last the chain is rigid: Newton steps in u and
-all postures at once, each posture eliminated (``adapt.own_bones.posture_steps``), with backtracking on the augmented
-Lagrangian as in ``adapt.solvers.newton.subject``.
+the constraints first have a slack, as ligaments and soft tissue do, which becomes smaller in stages; damped
+Gauss-Newton steps with the postures of each stage (``projection.nearest_posture``). At last the chain is rigid: Newton
+steps in u and all postures at once, each posture eliminated (``adapt.own_bones.posture_steps``), with backtracking on
+the augmented Lagrangian as in ``adapt.solvers.newton.subject``.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -30,12 +31,16 @@ from adapt.own_bones.posture_steps import Eliminated, Postures, eliminate, own_s
 from adapt.solvers.newton.elimination import STEP_LIMIT_RAD
 from adapt.solvers.projection.damped_steps import Steps, until_ended
 from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers
+from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.effects import ActiveEffects
 from motions.rotations import DEG
 
-_SLACKS_MM, _STEPS_A_STAGE, _STAGE_GAIN = (1.0, 0.3, 0.1, 0.03, 0.01), 8, 1e-2
-"""SDs of the constraints in the stages, beside a degree in the angles; and when a stage ends: by a relative decrease. Of
-bone-pin shoulders with six sets all end then; from the set itself and the measured angles two thirds."""
+STARTS_MM = ((1.0, 0.3, 0.1, 0.03, 0.01), (0.1, 0.03, 0.01), ())
+"""SDs of the constraints in the stages of each start, beside a degree in the angles. Of six bone-pin shoulders with
+five sets F has two or three local minima; each start leads to the lowest of them in 22 to 25 of 30."""
+
+_STEPS_A_STAGE, _STAGE_GAIN = 8, 1e-2
+"""Most steps of a stage, and the relative decrease of F at which it ends."""
 
 _STAGE_NEAR = 1e-6
 """A posture of a stage is near enough where a projection moves it by less than so many SDs."""
@@ -49,8 +54,6 @@ much; F is 1e-12 sigma^2 above its minimum."""
 
 _CLOSED_MM, _STILL_DEG = 1e-7, 1e-6
 """Of the chains and the postures of such an end, which are fitted anew then."""
-
-_UNMEASURED_SD = 1000.0
 
 _SHORTER, _HARDLY = 0.3, 0.02
 """Factor on a step whose end was refused; the share that is taken in any case."""
@@ -73,7 +76,7 @@ class Rows(NamedTuple):
     @property
     def weights(self) -> Float[np.ndarray, "6 rows"]:
         """W: F / 2 in deg^2."""
-        return (float(DEG) / np.where(self.measured, 1.0, _UNMEASURED_SD)) ** 2
+        return sd_rad(self.measured, UNMEASURED_SD) ** -2.0
 
 
 class Parts(NamedTuple):
@@ -190,14 +193,17 @@ class _Objective:
 
 
 def most_probable(
-    rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, u=None, angles: Float[np.ndarray, "6 rows"] | None = None
+    rows: Rows,
+    part: Int[np.ndarray, " rows"],
+    prior: Prior,
+    u: Float[np.ndarray, "n problems"],
+    angles: Float[np.ndarray, "6 rows"],
+    slacks_mm: Sequence[float] = (),
 ) -> Posterior:
-    """Find it of each person: from the set itself and the measured angles, or from u and ``angles`` (rad)."""
+    """Find it of each person from u and ``angles`` (rad), by way of chains with less and less slack."""
     objective = _Objective(rows, prior, Parts(part, np.arange(len(prior.noise_deg))))
-    if u is None or angles is None:
-        u, angles = _stages(objective)
-    first = _first(objective, u, angles)
-    of_rows, _, end = until_ended(objective, first, _stepped, _MOST_STEPS)
+    u, angles = _stages(objective, u, angles, slacks_mm)
+    of_rows, _, end = until_ended(objective, _first(objective, u, angles), _stepped, _MOST_STEPS)
     numbers = prior.numbers_at(end.u)[:, part]
     near = nearest_by_numbers(numbers, rows.active_effects, rows.angles, rows.measured, of_rows.angles)
     closed = objective.sums(np.abs(near.g_mm).max(axis=0)) <= _CLOSED_MM
@@ -248,12 +254,13 @@ class _Slack:
         return (across @ own[:, :, -1:])[..., 0], across @ slopes
 
 
-def _stages(objective: _Objective) -> tuple[Float[np.ndarray, "n problems"], Float[np.ndarray, "6 rows"]]:
-    """Where chains with less and less slack lead to from the set itself."""
+def _stages(
+    objective: _Objective, u, angles, slacks_mm: Sequence[float]
+) -> tuple[Float[np.ndarray, "n problems"], Float[np.ndarray, "6 rows"]]:
+    """Where chains with less and less slack lead to."""
     count, rows = len(objective.prior.noise_deg), objective.rows.angles.shape[1]
-    u, angles = np.zeros((objective.prior.root_mm.shape[1], count)), objective.rows.angles
     start = np.concatenate([angles, np.zeros((3, rows))])
-    for slack_mm in _SLACKS_MM:
+    for slack_mm in slacks_mm:
         soft = _Slack(objective, slack_mm)
         near, F = soft.at(u, start)
         state = _Stage(u, F, np.full(count, _FIRST_DAMPING), np.isfinite(F))
@@ -309,9 +316,10 @@ def _stepped(objective: _Objective, steps: Steps) -> Steps:
     rows_there, groups_there = _accepted(
         some, take_problems((u, own.length, own.damping, own.steps, half_F), good), take_problems(at, mine)
     )
-    new_rows, new = (_put(old, chosen, part_of) for old, chosen, part_of in (
-        (of_rows, mine, rows_there), (refused, good, groups_there)
-    ))
+    new_rows, new = (
+        _put(old, chosen, part_of)
+        for old, chosen, part_of in ((of_rows, mine, rows_there), (refused, good, groups_there))
+    )
     return new_rows, (), new
 
 
@@ -352,7 +360,8 @@ def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]
     concave = np.flatnonzero(~_definite(curvature))
     if len(concave):
         values, vectors = np.linalg.eigh(curvature[concave])
-        along = np.einsum("pij,ip->pj", vectors, slope[:, concave]) / np.maximum(np.abs(values), variance[concave, None])
+        steepness = np.maximum(np.abs(values), variance[concave, None])
+        along = np.einsum("pij,ip->pj", vectors, slope[:, concave]) / steepness
         du[concave] = -np.einsum("pij,pj->pi", vectors, along)
     return du.T
 

@@ -1,0 +1,1 @@
+"""Adaptation with bones and frames of each person's own, as far as people differ."""
