@@ -32,7 +32,7 @@ from adapt.tables.results import (
 )
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
-from models.person.own_bones import OwnSDs
+from models.person.own_bones import NO_SDS, OwnSDs
 from motions.errors import InputError
 from motions.table import Motions, check_motions
 
@@ -159,7 +159,8 @@ def adapt_subjects(
     people = None
     if own_bones is not False:
         check_own_bones(effects, reading, thorax_downweighting)
-        people = own_bones if isinstance(own_bones, People) else learn_people(rows, models, *_sds(own_bones))
+        sds = NO_SDS if own_bones is True else own_bones
+        people = sds if isinstance(sds, People) else learn_people(rows, models, sds)
     found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype, people)
     progress("uncertainty")
     uncertain = uncertainty(as_type(found.data, float), found.adapted)
@@ -187,10 +188,6 @@ def adapt_subjects(
         ),
         heldout=heldout_table(subjects, list(results), found.held_out, seen_deg),
     )
-
-
-def _sds(own_bones: bool | OwnSDs) -> tuple[OwnSDs, ...]:
-    return () if own_bones is True else (own_bones,)
 
 
 def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: float) -> None:

@@ -230,17 +230,14 @@ def _of_problems(rows: Rows, part: Int[np.ndarray, " rows"], problems) -> tuple[
 
 
 def _some(found: Posterior, part: Int[np.ndarray, " rows"], problems: Bool[np.ndarray, " problems"]) -> Posterior:
-    u, F, nearest, steps, settled = found
-    u, F, steps, settled = take_problems((u, F, steps, settled), problems)
-    return Posterior(u, F, take_problems(nearest, problems[part]), steps, settled)
+    nearest = take_problems(found.nearest, problems[part])
+    return take_problems(found._replace(nearest=()), problems)._replace(nearest=nearest)
 
 
 def _put(found: Posterior, part: Int[np.ndarray, " rows"], problems, other: Posterior) -> None:
     """Put the other ends of these problems in their places."""
     put_problems(found.nearest, np.flatnonzero(np.isin(part, problems)), other.nearest)
-    for whole, some in zip(found, other, strict=True):
-        if isinstance(some, np.ndarray):
-            whole[..., problems] = some
+    put_problems(found._replace(nearest=()), problems, other._replace(nearest=()))  # pyright: ignore[reportArgumentType]
 
 
 def _own_bones(

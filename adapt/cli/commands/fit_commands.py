@@ -1,6 +1,6 @@
 """``girdle fit`` and ``girdle adapt``."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Annotated
@@ -177,7 +177,7 @@ def adapt(
 
 def _people(
     files: MotionStream,
-    missing: Mapping[str, InputError],
+    missing: dict[str, InputError],
     subjects: Sequence[str],
     models: list[AnyModel],
     known: Known,
