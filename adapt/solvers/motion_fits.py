@@ -1,18 +1,33 @@
-"""Posture fits of the rows of motions: with given girdles, or as the optima of adaptations have them."""
+"""Posture fits of the rows of motions, with given girdles or as the optima of adaptations have them: on one branch along
+each motion, solutions followed from posture to posture, and jumps between branches marked."""
 
+import itertools
+from collections.abc import Callable
+from functools import partial
+
+import jax
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import refit
-from adapt.solvers import status
+from adapt.engine.batching import put_problems, refit, take_problems
+from adapt.solvers import newton, status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.continuation import follow_motions
 from adapt.solvers.objective import mean_square_deg2
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems
+from adapt.solvers.projection.postures import fit_from
 from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
 from adapt.solvers.unmeasured import angle_weights
+from models.effects import AnyGirdle
 from models.girdle import Girdle
+from motions.arrays import ByType
+
+SAME_BRANCH_RAD = ByType(1e-6, 1e-4)
+"""Two solutions this close are one: converged ones agree to 1e-9 rad, one in float32 to 2e-6."""
+
+_TRACKING_STEPS, _SHORT_TRACKING_STEPS = 4, 16
+"""A posture is followed to the next one in this many steps along the straight line of measured angles."""
 
 
 def fit_rows(rows: PostureRows, girdle: Girdle) -> PostureSolution:
@@ -54,3 +69,96 @@ def _at_optimum(rows: PostureRows, adapted: Adapted, posture, problem) -> Postur
         code=np.full(len(problem), status.CONVERGED),
         jump=np.zeros(len(problem), bool),
     )
+
+
+def follow_motions(
+    fitted: PostureSolution,
+    girdle: AnyGirdle,
+    angles: Float[np.ndarray, "6 problems"],
+    measured: Bool[np.ndarray, "6 problems"],
+    previous: Int[np.ndarray, " problems"],
+    may_move: bool | Bool[np.ndarray, " problems"] = True,
+) -> PostureSolution:
+    """Bring the fits onto one branch along each motion, where there is one, and mark jumps where there is not.
+
+    ``previous`` is the problem of the posture before, or -1 at the start of a motion. Two neighbours are on one branch
+    when continuation from one leads to the other. A motion with a jump is followed outward from its best posture
+    (lowest J): where continuation succeeds, its solution replaces the one found on its own. It is done in float64.
+    ``may_move``: motions that hold another posture keep theirs.
+    """
+    problem, same_rad = (girdle, angles.astype(float), measured), SAME_BRANCH_RAD.for_dtype_of(angles)
+    fitted = jax.tree.map(np.copy, fitted)
+    fitted.jump[:] = _breaks(fitted, problem, previous, same_rad)
+    held = ~np.broadcast_to(may_move, previous.shape)
+    with_jump = [one for one in _motions_of(previous) if fitted.jump[one].any() and not held[one].any()]
+    if with_jump:
+        _follow_from_best(fitted, problem, with_jump)
+        moved = np.concatenate(with_jump)
+        of_moved = np.where(np.isin(np.arange(len(previous)), moved), previous, -1)
+        fitted.jump[moved] = _breaks(fitted, problem, of_moved, same_rad)[moved]
+    return fitted
+
+
+def _follow_from_best(fitted: PostureSolution, problem, motions: list[Int[np.ndarray, " postures"]]) -> None:
+    """All motions in step, up and down from the best posture of each."""
+    orders = []
+    for problems in motions:
+        best = int(np.argmin(np.where(fitted.converged[problems], fitted.j_deg2[problems], np.inf)))
+        orders += [list(itertools.pairwise(problems[best:])), list(itertools.pairwise(problems[best::-1]))]
+    for number in range(max(map(len, orders), default=0)):
+        before, after = np.array([order[number] for order in orders if number < len(order)]).T
+        for track in _trackers(problem[0]):
+            if not len(after):
+                break
+            tracked = _track(fitted, problem, before, after, track)
+            arrived = tracked.converged
+            put_problems(fitted, after[arrived], take_problems(tracked, arrived))
+            before, after = before[~arrived], after[~arrived]
+
+
+def _trackers(girdle: AnyGirdle) -> list[Callable[..., PostureSolution]]:
+    """In steps along the line, and of the plain chain in shorter ones for what was not followed."""
+    if isinstance(girdle, Girdle):
+        return [partial(newton.track_postures, steps) for steps in (_TRACKING_STEPS, _SHORT_TRACKING_STEPS)]
+    return [_track_by_projections]
+
+
+def _breaks(fitted: PostureSolution, problem, previous, same_rad: float) -> Bool[np.ndarray, " problems"]:
+    """Where continuation from the posture before does not lead to this one."""
+    after = np.flatnonzero(previous >= 0)
+    good = fitted.converged[after] & fitted.converged[previous[after]]
+    after, broken = after[good], np.zeros(len(previous), bool)
+    for track in _trackers(problem[0]):
+        if not len(after):
+            break
+        tracked = _track(fitted, problem, previous[after], after, track)
+        near = np.abs(tracked.angles - fitted.angles[:, after]).max(axis=0) <= same_rad
+        broken[after] = ~near
+        after = after[~tracked.converged]
+    return broken
+
+
+def _track(fitted: PostureSolution, problem, before, after, track) -> PostureSolution:
+    _, target, _ = problem
+    tracked = track(*take_problems(problem, after), target[:, before], fitted.angles[:, before])
+    tracked.code[~np.isfinite(tracked.j_deg2)] = status.UNCONVERGED
+    return tracked
+
+
+def _motions_of(previous: Int[np.ndarray, " problems"]) -> list[Int[np.ndarray, " postures"]]:
+    """The problems of each motion in order."""
+    following = {int(p): i for i, p in enumerate(previous) if p >= 0}
+    chains = []
+    for first in np.flatnonzero(previous < 0):
+        chain = [int(first)]
+        while chain[-1] in following:
+            chain.append(following[chain[-1]])
+        chains.append(np.array(chain))
+    return chains
+
+
+def _track_by_projections(girdle, angles, measured, angles_before, start) -> PostureSolution:
+    """Follow the solution while the measured angles go straight from one posture to the next."""
+    for fraction in np.arange(1, _TRACKING_STEPS) / _TRACKING_STEPS:
+        start = fit_from(girdle, angles_before + fraction * (angles - angles_before), measured, start).angles
+    return fit_from(girdle, angles, measured, start)

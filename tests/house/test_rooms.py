@@ -37,7 +37,7 @@ ONLY_IN = {
     "plotly": ("adapt.report",),
     "pydicom": ("models",),
     "rich": ("adapt.cli",),
-    "scipy": ("models", "adapt.diagnosis"),
+    "scipy": ("models", "adapt.solvers", "adapt.diagnosis"),
     "shapely": ("models",),
     "typer": ("adapt.cli",),
 }

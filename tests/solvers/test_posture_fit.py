@@ -14,7 +14,7 @@ from turned_scapula import active_in_all, without_effects
 from adapt.differentiable import fit_posture
 from adapt.engine.batching import take_problems, with_problems
 from adapt.solvers import newton, projection, status
-from adapt.solvers.continuation import follow_motions
+from adapt.solvers.motion_fits import follow_motions
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.solution import PostureSolution
 from adapt.solvers.unmeasured import at_rest

@@ -18,8 +18,8 @@ import pandas as pd
 
 from adapt.api import Adaptations, adapt_subjects
 from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
-from adapt.own_bones.own_adaptation import People
 from adapt.solvers import status
+from adapt.solvers.own_bones.own_adaptation import People
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.results import Tables, as_csv
 from models.effects.amplitudes import Amplitudes

@@ -196,7 +196,7 @@ def _closing_kernel(effects: tuple[Effect, ...]) -> Kernel:
 
 
 def channels(effects: tuple[Effect, ...]) -> list[int]:
-    """Where the strengths of each effect end, among those of all; first where they begin."""
+    """List where the strengths of each effect end, among those of all; first where they begin."""
     return [0, *np.cumsum([one.course.channels(len(one.directions)) for one in effects], dtype=int).tolist()]
 
 
@@ -218,7 +218,7 @@ def with_effects(effects: tuple[Effect, ...], girdle: Girdle, strengths) -> AnyG
 def digest(
     effects: tuple[Effect, ...], function, shapes: Sequence[int | tuple[int, ...]], of_girdle: bool = True
 ) -> str:
-    """One word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
+    """Make one word for the compiled function of these effects: by their names, and for effects from elsewhere, whose
     source the cache of machine code does not know, by all that JAX traces."""
     words = " ".join(one.name for one in effects)
     if any(map(is_user_defined, effects)):

@@ -14,8 +14,8 @@ bounds: the prior holds what the angles do not.
 F has long bent valleys: with conoids that hardly turn with the bones a tenth of a millimetre of A3 is worth degrees. So
 the constraints first have a slack, as ligaments and soft tissue do, which becomes smaller in stages; damped
 Gauss-Newton steps with the postures of each stage (``projection.nearest_posture``). At last the chain is rigid: Newton
-steps in u and all postures at once, each posture eliminated (``adapt.own_bones.posture_steps``), with backtracking on
-the augmented Lagrangian as in ``adapt.solvers.newton.subject``.
+steps in u and all postures at once, each posture eliminated (``own_bones.posture_steps``), with backtracking on the
+augmented Lagrangian as in ``adapt.solvers.newton.subject``.
 """
 
 from collections.abc import Sequence
@@ -27,8 +27,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import take_problems, where_problems
-from adapt.own_bones.posture_steps import Eliminated, Postures, eliminate, own_steps, strengths_rows, violations_mm
 from adapt.solvers.newton.elimination import STEP_LIMIT_RAD
+from adapt.solvers.own_bones.posture_steps import (
+    Eliminated,
+    Postures,
+    eliminate,
+    own_steps,
+    strengths_rows,
+    violations_mm,
+)
 from adapt.solvers.projection.damped_steps import Steps, until_ended
 from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad

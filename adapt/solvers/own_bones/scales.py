@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.own_bones.most_probable import Posterior, Prior
+from adapt.solvers.own_bones.most_probable import Posterior, Prior
 from models.person.own_bones import GROUPS, SIZES
 
 SCALED = GROUPS[1:]

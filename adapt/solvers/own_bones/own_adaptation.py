@@ -3,11 +3,11 @@
     E_own = w / m (S + sigma^2 |z|^2)
 
 with S the sum of the squared differences of the m measured angles, deg^2: -2 log of the posterior
-(``adapt.own_bones.most_probable``) times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the
-other term takes the place of D. D has no part in it: the thorax points of a set are another person's, and move and
-grow with the thorax. What they say of this person is how far people differ, the prior of the six adapted parameters; a
-set with points of the person has the SDs of their fit there (``models.person.thorax_ellipsoid.thorax_sd_mm``). w
-changes no optimum.
+(``own_bones.most_probable``) times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the other term
+takes the place of D. D has no part in it: the thorax points of a set are another person's, and move and grow with the
+thorax. What they say of this person is how far people differ, the prior of the six adapted parameters; a set with
+points of the person has the SDs of their fit there (``models.person.thorax_ellipsoid.thorax_sd_mm``). w changes no
+optimum.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import put_problems, take_problems
-from adapt.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable
-from adapt.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, Moments, Scales, learnt, moments
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
+from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable
+from adapt.solvers.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, Moments, Scales, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of
 from adapt.solvers.rows import PostureRows
