@@ -202,11 +202,17 @@ def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: flo
 
 
 def adapt_with_every_fold(
-    motions: Motions, models: Sequence[AnyModel], weight: float = WEIGHT, progress: Progress = lambda _: None
+    motions: Motions,
+    models: Sequence[AnyModel],
+    weight: float = WEIGHT,
+    progress: Progress = lambda _: None,
+    own_bones: bool = False,
 ) -> Adaptations:
     """Adapt as :func:`adapt_subjects` does, and again without each motion and each third of everybody's postures."""
-    everybody = motions.subjects
-    return adapt_subjects(motions, models, weight, progress=progress, held_out=everybody, folds=motions_and_thirds)
+    everybody, folds = motions.subjects, motions_and_thirds
+    return adapt_subjects(
+        motions, models, weight, progress=progress, held_out=everybody, folds=folds, own_bones=own_bones
+    )
 
 
 def _checked(motions: Motions) -> Motions:

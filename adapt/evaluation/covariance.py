@@ -67,6 +67,8 @@ class Uncertainty:
     """s, degrees."""
     curvature: Curvature
     free: Bool[np.ndarray, "adapted problems"]
+    bounded: bool = True
+    """Whether the parameters had bounds."""
 
     @property
     def sd_mm(self) -> Float[np.ndarray, "adapted problems"]:
@@ -86,6 +88,8 @@ def with_posterior(found: Uncertainty, own: OwnBones) -> Uncertainty:
         bound_mm2=none,
         covariance_mm2=covariance,
         noise_deg=own.scales[-1],
+        free=np.ones_like(found.free),
+        bounded=False,
     )
 
 

@@ -1,5 +1,5 @@
-"""Posture fits of the rows of motions, with given girdles or as the optima of adaptations have them: on one branch along
-each motion, solutions followed from posture to posture, and jumps between branches marked."""
+"""Posture fits of the rows of motions, with given girdles or as the optima of adaptations have them: on one branch
+along each motion, solutions followed from posture to posture, and jumps between branches marked."""
 
 import itertools
 from collections.abc import Callable

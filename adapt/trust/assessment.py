@@ -31,6 +31,7 @@ from adapt.trust.thorax_plausibility import PASS, WARNING, checks
 from adapt.trust.weight_choice import weight_table
 from models.adapted_parameters import ADAPTED
 from models.person.family import AnyModel, as_list
+from motions.errors import InputError
 from motions.table import Motions, check_motions
 
 PARABOLA, BOUNDS, NONE = "parabola", "bounds", "none"
@@ -64,22 +65,26 @@ def assess_trust(
     weight: float = WEIGHT,
     choose_weight: bool = False,
     progress: Callable[[str], None] = lambda _: None,
+    own_bones: bool = False,
 ) -> Trust:
     """Adapt every model to every subject and judge the result.
 
     E = D + weight mean(J), mm^2 and deg^2, as in ``adapt_subjects``; ``choose_weight`` also tries other w on held-out
-    motions.
+    motions. ``own_bones``: of the adaptation with bones of each person's own, whose E has no points, bounds or w to
+    judge: intervals are those of its posterior.
     """
     check_motions(motions)
     models = as_list(models)
     names, everyone = [model.name for model in models], motions.subjects
-    result = adapt_with_every_fold(motions, models, weight, progress)
+    if own_bones and choose_weight:
+        raise InputError("--choose-weight", None, "w changes nothing with own bones", "Leave one of the two out")
+    result = adapt_with_every_fold(motions, models, weight, progress, own_bones)
     problems, found = result.problems, result.uncertainty
     data, adapted = problems.data, problems.adapted
     progress("profiles of E")
-    profile = profile_intervals(data, adapted, found, found.sd_mm > FLAT_MM)
+    profile = profile_intervals(data, adapted, found, (found.sd_mm > FLAT_MM) & (not own_bones))
     progress("adaptation without the thorax points")
-    free = adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
+    free = adapted if own_bones else adapted_from(data, adapted.theta_mm, _ALMOST_NO_POINTS * weight)
     progress("forces before and after")
     pairs = [(model, before_and_after(model, result.fits, result.parameters)) for model in models]
     contact = contact_table(pairs)
@@ -97,7 +102,7 @@ def intervals(
     data: Problems, adapted: Adapted, found: Uncertainty
 ) -> tuple[Float[np.ndarray, "2 6 problems"], np.ndarray]:
     """Compute the 95 % intervals, mm, within the bounds, and name where each comes from."""
-    bounds = np.asarray(data.bounds_mm)
+    bounds = np.asarray(data.bounds_mm) if found.bounded else np.array([-np.inf, np.inf])[:, None, None]
     half = NORMAL_95 * found.sd_mm
     ends = np.clip(np.stack([adapted.theta_mm - half, adapted.theta_mm + half]), bounds[:1], bounds[1:])
     origin = np.where(np.isfinite(half), PARABOLA, NONE)

@@ -24,7 +24,6 @@ from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS
 from models.effects import EFFECTS
 from models.girdle import COUNT_OF_NUMBERS, NUMBERS, Girdle
 from models.parameter_sets import ParameterSet
-from models.person.thorax_ellipsoid import thorax_sd_mm
 from motions.errors import InputError, did_you_mean
 from motions.rotations import DEG
 
@@ -130,16 +129,21 @@ _CONOID = (
     "deg from where both bones stop turning about each other, and 4 mm more would bring every third person there"
 )
 
+_TABLE_6_5 = (
+    "assumed: ten adapted subjects scatter by 8-31, 6-7, 2-3, 13-24, 15-17 and 1-2 mm (thesis, Table 6.5), with what their "
+    "ellipsoids pay for bones of their own"
+)
+
 _JOINT = "assumed: AC of the sets is a landmark, not the joint"
 
 SIZES: tuple[OwnSize, ...] = (
     *(
         OwnSize(
-            *(one.name, "adapted", "mm", one.person_sd_mm, "ten subjects, at most (thesis, Table 6.5)"),
-            ("constraint.conoid_length_mm",) if not one.of_ellipsoid else (f"thorax.{one.field}",),
+            *(one.name, "adapted", "mm", sd, _TABLE_6_5),
+            (f"thorax.{one.field}",) if one.of_ellipsoid else ("constraint.conoid_length_mm",),
             _moved(one.component, one.field),
         )
-        for one in ADAPTED_PARAMETERS
+        for one, sd in zip(ADAPTED_PARAMETERS, (10.0, 5.0, 4.0, 12.0, 4.0, 1.5), strict=True)
     ),
     *_each_axis("SC", "xyz", 5.0, "bone pins: 13-16 mm apart in ten shoulders", "clavicle.sc_mm", "sc_mm"),
     OwnSize(
@@ -208,7 +212,6 @@ def spread_about(one: ParameterSet, sds: OwnSDs = NO_SDS) -> Spread:
     of this person (``girdle model``), only what its source states. InputError for an SD of no size, or that is none.
     """
     sd = np.array([_sd(one, size) for size in SIZES])
-    sd[: len(ADAPTED)] = thorax_sd_mm(one)
     for name, given in sds.items():
         if name not in NAMES:
             remedy = f"{did_you_mean(name, NAMES)}Use one of {', '.join(NAMES)}"

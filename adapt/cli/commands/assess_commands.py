@@ -8,7 +8,7 @@ import typer
 from adapt.api import adapt_subjects, adapt_with_every_fold
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, read_inputs
-from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, Repeat, Weight, console, errors
+from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, OwnBones, Repeat, Weight, console, errors
 from adapt.cli.terminal.print_diagnosis import print_diagnosis
 from adapt.cli.terminal.print_muscles import print_muscles
 from adapt.cli.terminal.print_tables import progress
@@ -94,6 +94,7 @@ def trust_results(
     choose_weight: Annotated[
         bool, typer.Option("--choose-weight", help="Try other w too, and say which is best on held-out motions.")
     ] = False,
+    own_bones: OwnBones = False,
     repeat: Repeat = None,
 ) -> None:
     """Adapt as `girdle adapt` does, and say how far the result can be trusted.
@@ -107,7 +108,7 @@ def trust_results(
     table, models, record = read_inputs(motions, asked_models(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
-            found = assess_trust(table, models, weight, choose_weight, report)
+            found = assess_trust(table, models, weight, choose_weight, report, own_bones)
         with transaction(folder) as part:
             write_adaptations(part, found.adaptations)
             for name in ("uncertainty", "plausibility", "contact"):
@@ -115,7 +116,7 @@ def trust_results(
             write_table(found.subjects, part / "trust.csv")
             if found.weights is not None:
                 write_table(found.weights, part / "weights.csv")
-            options = {"weight": weight, "choose_weight": choose_weight}
+            options = {"weight": weight, "choose_weight": choose_weight, "own_bones": own_bones}
             write_run(part, "trust", record, options, table.rejected)
     print_trust(console, found)
     finish(table, not_adapted(found.adaptations))

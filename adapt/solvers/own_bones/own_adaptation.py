@@ -6,7 +6,7 @@ with S the sum of the squared differences of the m measured angles, deg^2: -2 lo
 (``own_bones.most_probable``) times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the other term
 takes the place of D. D has no part in it: the thorax points of a set are another person's, and move and grow with the
 thorax. What they say of this person is how far people differ, the prior of the six adapted parameters; a set with
-points of the person has the SDs of their fit there (``models.person.thorax_ellipsoid.thorax_sd_mm``). w changes no
+points of the person has the SDs of their fit there. w changes no
 optimum.
 """
 
