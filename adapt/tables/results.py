@@ -295,7 +295,7 @@ FAR_SDS = 2.5
 UNTOLD = 0.9
 """A size whose posterior SD is more of the prior's is one of which the motions say next to nothing."""
 
-OWN_SCALES = ("bones_scale", "frames_scale", "noise_deg")
+OWN_SCALES = ("adapted_scale", "bones_scale", "frames_scale", "noise_deg")
 
 
 def girdles_after(model: AnyModel, subjects: Sequence[str], parameters: pd.DataFrame) -> Girdle:

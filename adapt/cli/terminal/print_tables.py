@@ -120,10 +120,10 @@ def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
     """Say how much persons differ, who is far from people, and of which sizes the motions say next to nothing."""
     good = parameters[parameters["status"] == status.OK]
     for model, rows in good.groupby("model", sort=False):
-        bones, frames, noise = (rows[name].iloc[0] for name in OWN_SCALES)
+        six, bones, frames, noise = (rows[name].iloc[0] for name in OWN_SCALES)
         console.print(
-            f"{model}, bones of each person's own: SDs of people times {bones:.2f} (bones) and {frames:.2f} (frames), "
-            f"noise {noise:.2f} degrees",
+            f"{model}, bones of each person's own: SDs of people times {six:.2f} (the six), {bones:.2f} (bones), "
+            f"{frames:.2f} (frames); noise {noise:.2f} degrees",
             soft_wrap=True,
         )
         untold = Counter(" ".join(rows["not_told"]).split())

@@ -66,7 +66,7 @@ class OwnBones(NamedTuple):
     prior_sd: Float[np.ndarray, "sizes problems"]
     """With the scale of its group."""
     scales: Float[np.ndarray, "scales problems"]
-    """In the order of ``Scales``: bones, frames, noise in degrees."""
+    """In the order of ``Scales``: of each group, and the noise in degrees."""
 
     @property
     def sd(self) -> Float[np.ndarray, "sizes problems"]:

@@ -1,4 +1,4 @@
-"""How much the persons of a run differ: a scale of the SDs of bones and of frames, and the noise, by their likelihood.
+"""How much the persons of a run differ: a scale of the SDs of each group of sizes, and the noise, by their likelihood.
 
 About the most probable girdles the distances y of the chain are linear in the sizes, y = T (c z - x + x_0) + y_0, and
 the sizes of each person integrate out. With B the columns times the scales of their groups, A = T'T and sigma^2 the
@@ -20,9 +20,6 @@ from jaxtyping import Bool, Float, Int
 from adapt.solvers.own_bones.most_probable import Posterior, Prior
 from models.person.own_bones import GROUPS, SIZES
 
-SCALED = GROUPS[1:]
-"""The groups whose scale is learnt."""
-
 LOG_SCALE_SD, LOG_NOISE_SD = 0.4, 0.7
 """Of the logarithms' normal priors: half or twice the SDs of ``SIZES`` is 1.7 SDs off, half or twice the noise 1."""
 
@@ -40,6 +37,7 @@ INFORMATIVE = 3
 class Scales(NamedTuple):
     """Of the SDs of each group, and the noise."""
 
+    adapted: float = 1.0
     bones: float = 1.0
     frames: float = 1.0
     noise_deg: float = TYPICAL_NOISE_DEG
@@ -47,8 +45,7 @@ class Scales(NamedTuple):
     @property
     def of_sizes(self) -> Float[np.ndarray, " sizes"]:
         """The scale of each of ``SIZES``."""
-        by_group = {"adapted": 1.0, "bones": self.bones, "frames": self.frames}
-        return np.array([by_group[one.group] for one in SIZES])
+        return np.array([getattr(self, one.group) for one in SIZES])
 
 
 class Moments(NamedTuple):
@@ -89,13 +86,13 @@ def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"]) -> Scales:
     from scipy.optimize import minimize  # 0.4 s to load: not for every command
 
     some = Moments(*(one[..., chosen] for one in of))
-    end = minimize(_minus_two_log_likelihood, np.zeros(3), (some,), jac=True, method="BFGS", options={"gtol": 1e-6})
-    return _scales(end.x)
+    start, options = np.zeros(len(Scales._fields)), {"gtol": 1e-6}
+    return _scales(minimize(_minus_two_log_likelihood, start, (some,), jac=True, method="BFGS", options=options).x)
 
 
 def _scales(logarithms) -> Scales:
-    bones, frames, noise = np.exp(logarithms).tolist()
-    return Scales(bones, frames, TYPICAL_NOISE_DEG * noise)
+    *groups, noise = np.exp(logarithms).tolist()
+    return Scales(*groups, TYPICAL_NOISE_DEG * noise)
 
 
 def _minus_two_log_likelihood(logarithms, of: Moments):
@@ -113,6 +110,6 @@ def _minus_two_log_likelihood(logarithms, of: Moments):
     Mz = (M @ z[..., None])[..., 0]
     by_noise = 2.0 * of.informative.sum() - 2.0 * (len(s) * len(H) - np.einsum("pii->", inverse))
     by_noise += -2.0 * of.square.sum() / variance + 4.0 * (v * z).sum() - 2.0 * (z * Mz).sum()
-    slopes = [sum(each[k] for k, one in enumerate(SIZES) if one.group == group) for group in SCALED] + [by_noise]
-    sd = np.array([LOG_SCALE_SD, LOG_SCALE_SD, LOG_NOISE_SD])
+    slopes = [sum(each[k] for k, one in enumerate(SIZES) if one.group == group) for group in GROUPS] + [by_noise]
+    sd = np.array([LOG_SCALE_SD] * len(GROUPS) + [LOG_NOISE_SD])
     return value + ((logarithms / sd) ** 2).sum(), np.array(slopes) + 2.0 * logarithms / sd**2
