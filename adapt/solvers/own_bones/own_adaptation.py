@@ -21,9 +21,9 @@ from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable
-from adapt.solvers.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, Moments, Scales, learnt, moments
+from adapt.solvers.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, PRIOR, Moments, Scales, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problems import Problems, problems_of
+from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
 from models.girdle import Girdle
@@ -46,6 +46,9 @@ _MOST_PERSONS = 100
 
 _AS_GOOD_AS_NOISE = 1.3
 """Times the F that noise alone leaves."""
+
+_SETTLED_IS_ENOUGH = np.inf
+"""Where the noise is still to be learnt."""
 
 _POSTURE_ROUNDS = 4
 """A person with a posture in the higher of two local minima goes on from the lower one."""
@@ -101,18 +104,31 @@ class People:
 
 
 def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS) -> People:
-    """Learn the scales of each model from these subjects; without each person, of many without each sixth of them."""
-    persons = [person_of(subject) for subject in rows.subjects]
+    """Learn the scales of each model from these subjects, of many from a sample; without each person of whom it was
+    learnt, of many without each sixth of them."""
+    chosen = np.flatnonzero(np.isin(rows.subjects, sample(rows.subjects)))
+    subjects = tuple(rows.subjects[k] for k in chosen.tolist())
+    persons = [person_of(subject) for subject in subjects]
     different = list(dict.fromkeys(persons))
     parts = np.array_split(np.arange(len(different)), min(len(different), _GROUPS))
     number = {different[k]: g for g, part in enumerate(parts) for k in part.tolist()}
     group = np.array([number[one] for one in persons])
-    everybody, without = {}, {}
-    for model in models:
-        data, spread = problems_of(rows, [model]), spread_of([model], rows.subjects, sds)
-        scales, each = _learnt(data, spread, group)
-        everybody[model.name] = scales
-        without[model.name] = {one: each[number] for one, number in zip(persons, group.tolist(), strict=True)}
+    everybody = dict.fromkeys((model.name for model in models), PRIOR)
+    if len(different) < FEWEST_PERSONS:
+        return People(sds, everybody, {name: {} for name in everybody})
+    numbers, width = np.arange(len(models)), len(chosen)
+    data = select_problems(problems_of(rows, models), (len(rows.subjects) * numbers[:, None] + chosen).ravel())
+    spread = spread_of(models, subjects, sds)
+    for _ in range(_LEARNING_ROUNDS):
+        of, known = _moments(data, spread, [one for one in everybody.values() for _ in subjects])
+        parts = [
+            (take_problems(of, mine), known[mine]) for mine in (slice(k * width, (k + 1) * width) for k in numbers)
+        ]
+        everybody = {name: learnt(*part, before) for (name, before), part in zip(everybody.items(), parts, strict=True)}
+    without = {}
+    for (name, all_of), (mine, there) in zip(everybody.items(), parts, strict=True):
+        each = {one: learnt(mine, there & (group != one), all_of) for one in np.unique(group).tolist()}
+        without[name] = {person: each[one] for person, one in zip(persons, group.tolist(), strict=True)}
     return People(sds, everybody, without)
 
 
@@ -121,24 +137,11 @@ def sample(subjects: Sequence[str]) -> tuple[str, ...]:
     return tuple(subjects[:: -(-len(subjects) // _MOST_PERSONS)])
 
 
-def _learnt(data: Problems, spread: Spread, group: Int[np.ndarray, " problems"]) -> tuple[Scales, dict[int, Scales]]:
-    """From the problems of one model; and without each group of them in turn."""
-    numbers = np.unique(group).tolist()
-    if len(group) < FEWEST_PERSONS:
-        return Scales(), dict.fromkeys(numbers, Scales())
-    scales = Scales()
-    for _ in range(_LEARNING_ROUNDS - 1):
-        scales = learnt(*_moments(data, spread, scales))
-    of, known = _moments(data, spread, scales)
-    return learnt(of, known), {one: learnt(of, known & (group != one)) for one in numbers}
-
-
-def _moments(data: Problems, spread: Spread, scales: Scales) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
+def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
     """And whose fit has settled."""
-    count = data.counted.shape[1]
     rows, part, _ = _rows_of(data)
-    prior, _ = _prior(data, spread, [scales] * count)
-    found = _from_starts(rows, part, prior)
+    prior, _ = _prior(data, spread, scales)
+    found = _from_starts(rows, part, prior, _SETTLED_IS_ENOUGH)
     return moments(of_chain(spread.columns_mm), prior, found, part), found.settled
 
 
@@ -190,11 +193,13 @@ def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
     return np.stack([one.of_sizes for one in scales], axis=-1)
 
 
-def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
+def _from_starts(
+    rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, good_enough: float = _AS_GOOD_AS_NOISE
+) -> Posterior:
     """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
     nothing = np.zeros((_DIMENSIONS, len(prior.noise_deg)))
     found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0])
-    allowed = _AS_GOOD_AS_NOISE * INFORMATIVE * np.bincount(part, minlength=len(found.F)) * prior.noise_deg**2
+    allowed = good_enough * INFORMATIVE * np.bincount(part, minlength=len(found.F)) * prior.noise_deg**2
     left = np.flatnonzero(~found.settled | (allowed < found.F))
     for slacks_mm in STARTS_MM[1:] if len(left) else ():
         some, number = _of_problems(rows, part, left)

@@ -26,9 +26,16 @@ LOG_SCALE_SD, LOG_NOISE_SD = 0.4, 0.7
 TYPICAL_NOISE_DEG = 0.8
 """Between bone pins, 0.4, and palpation, 1.5: of an angle, with what the chain cannot do."""
 
-FEWEST_PERSONS = 10
-"""Six bone-pin shoulders of three cadavers would make bones twice as different as people's are."""
+FEWEST_PERSONS, _FEWEST = 10, 5
+"""Of a run, and of those whose fit has settled, another group left out. Six bone-pin shoulders of three cadavers would
+make bones twice as different as people's are."""
 
+
+_FARTHEST = 4.0
+"""Of a logarithm from the prior's, ten or six SDs: where nobody differs the line search would go on for ever."""
+
+_FLAT = 1e-3
+"""Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off."""
 
 INFORMATIVE = 3
 """Numbers of a posture: six angles less three degrees of freedom."""
@@ -46,6 +53,9 @@ class Scales(NamedTuple):
     def of_sizes(self) -> Float[np.ndarray, " sizes"]:
         """The scale of each of ``SIZES``."""
         return np.array([getattr(self, one.group) for one in SIZES])
+
+
+PRIOR = Scales()
 
 
 class Moments(NamedTuple):
@@ -79,15 +89,19 @@ def moments(
     return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), INFORMATIVE * np.bincount(part))
 
 
-def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"]) -> Scales:
+def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"], start: Scales = PRIOR) -> Scales:
     """Find the most probable scales of the chosen problems; of few, those of the prior."""
-    if chosen.sum() < FEWEST_PERSONS:
-        return Scales()
+    if chosen.sum() < _FEWEST:
+        return PRIOR
     from scipy.optimize import minimize  # 0.4 s to load: not for every command
 
     some = Moments(*(one[..., chosen] for one in of))
-    start, options = np.zeros(len(Scales._fields)), {"gtol": 1e-6}
-    return _scales(minimize(_minus_two_log_likelihood, start, (some,), jac=True, method="BFGS", options=options).x)
+    first = np.log(np.array(start) / np.array(PRIOR))
+    within, options = [(-_FARTHEST, _FARTHEST)] * len(first), {"gtol": _FLAT, "ftol": 0.0}
+    end = minimize(
+        _minus_two_log_likelihood, first, (some,), jac=True, method="L-BFGS-B", bounds=within, options=options
+    )
+    return _scales(end.x)
 
 
 def _scales(logarithms) -> Scales:
