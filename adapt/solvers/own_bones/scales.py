@@ -31,8 +31,11 @@ FEWEST_PERSONS, _FEWEST = 10, 5
 make bones twice as different as people's are."""
 
 
-_FARTHEST = 4.0
-"""Of a logarithm from the prior's, ten or six SDs: where nobody differs the line search would go on for ever."""
+_LEAST_SCALE, MOST_SCALE = 0.02, 2.0
+"""Nobody differs; and people are at most twice as different as ``SIZES`` say: what is beyond is no bone, but what the
+chain cannot do, and noise."""
+
+_NOISES_DEG = (0.05, 10.0)
 
 _FLAT = 1e-3
 """Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off."""
@@ -97,7 +100,8 @@ def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"], start: Scales = P
 
     some = Moments(*(one[..., chosen] for one in of))
     first = np.log(np.array(start) / np.array(PRIOR))
-    within, options = [(-_FARTHEST, _FARTHEST)] * len(first), {"gtol": _FLAT, "ftol": 0.0}
+    limits = np.array([(_LEAST_SCALE, MOST_SCALE)] * len(GROUPS) + [_NOISES_DEG]) / np.array(PRIOR)[:, None]
+    within, options = np.log(limits).tolist(), {"gtol": _FLAT, "ftol": 0.0}
     end = minimize(
         _minus_two_log_likelihood, first, (some,), jac=True, method="L-BFGS-B", bounds=within, options=options
     )
