@@ -83,7 +83,6 @@ def side_by_side(function):
 paths = side_by_side(shortest_path)
 
 
-
 def total_mm(p, q, axes):
     """The sum of the lengths, and each."""
     each = path_length_mm(p, q, axes)
