@@ -39,6 +39,7 @@ from adapt.solvers.adaptation import fitted_angles
 from adapt.solvers.objective import mean_square_deg2
 from adapt.solvers.rows import posture_rows
 from adapt.solvers.problems import problems_of
+from adapt.solvers.unmeasured import angle_weights
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.person.thorax_ellipsoid import thorax_distance_mm2
