@@ -36,8 +36,7 @@ MM_TOLERANCE = 1e-9
 
 def test_bones_without_rotation_are_where_the_parameter_set_has_them():
     girdle = R2[0].girdle
-    own = np.asarray(girdle.adapted_mm)[:, None]
-    points, _ = bones_mm(girdle.repeated(1), own, np.zeros((6, 1)))
+    points, _ = bones_mm(girdle.repeated(1), np.zeros((6, 1)))
     ac = np.asarray(girdle.sc_mm + girdle.ac_mm)
     offsets = [
         np.zeros(3),
@@ -53,9 +52,8 @@ def test_bones_without_rotation_are_where_the_parameter_set_has_them():
 
 def test_a_bone_whose_angles_were_not_measured_is_nowhere():
     girdle = R2[0].girdle
-    own = np.asarray(girdle.adapted_mm)[:, None]
     only_clavicle = np.array([[-28.0, 11.0, 7.0, np.nan, np.nan, np.nan]]).T
-    points, residuals = bones_mm(girdle.repeated(1), own, only_clavicle)
+    points, residuals = bones_mm(girdle.repeated(1), only_clavicle)
     known = {name: bool(np.isfinite(point).all()) for name, point in zip(POINTS, points, strict=True)}
     assert known == {"AC": True, "TS": False, "AI": False, "clavicle_conoid": True, "scapula_conoid": False}
     assert not np.isfinite(residuals).any()
@@ -66,7 +64,7 @@ def test_residuals_are_those_of_each_rows_own_parameters():
     girdle = R2[0].girdle
     own = np.asarray(girdle.adapted_mm)
     theta_mm = np.stack([own, own + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0])], axis=1)
-    _, residuals = bones_mm(girdle.repeated(2), theta_mm, np.repeat(rising(1, 1)[0].T, 2, axis=1))
+    _, residuals = bones_mm(girdle.repeated(2).with_adapted(theta_mm), np.repeat(rising(1, 1)[0].T, 2, axis=1))
     np.testing.assert_allclose(residuals[:, 0] - residuals[:, 1], [0.0, 0.0, 3.0], rtol=0.0, atol=MM_TOLERANCE)
 
 

@@ -109,8 +109,8 @@ def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"], start: Scales = P
 
 
 def _scales(logarithms) -> Scales:
-    *groups, noise = np.exp(logarithms).tolist()
-    return Scales(*groups, TYPICAL_NOISE_DEG * noise)
+    adapted, bones, frames, noise = np.exp(logarithms).tolist()
+    return Scales(adapted, bones, frames, TYPICAL_NOISE_DEG * noise)
 
 
 def _minus_two_log_likelihood(logarithms, of: Moments):
