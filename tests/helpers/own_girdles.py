@@ -80,34 +80,35 @@ class Own:
     success: bool
 
 
-def own_objective(b: Bones, sd, noise_deg: float, target_deg, sizes, angles_deg) -> tuple[float, float]:
-    """F = sum over measured angles of (q - s)^2 + noise^2 |z|^2, z = size / SD, and how far the chains gape, mm."""
+def own_objective(
+    b: Bones, sd, noise_deg: float, target_deg, sizes, angles_deg, weights: Any = 1.0
+) -> tuple[float, float]:
+    """F = sum of weights (q - s)^2 + noise^2 |z|^2, z = size / SD, and how far the chains gape, mm."""
     person = with_sizes(b, dict(zip(OWN, sizes, strict=True)))
     gaps = [np.abs(constraints(person, q)[0]).max() for q in angles_deg.T]
     z = np.divide(sizes, sd, out=np.zeros(len(OWN)), where=sd > 0.0)
-    return float(np.nansum((angles_deg - target_deg) ** 2) + noise_deg**2 * z @ z), float(max(gaps))
+    return float(np.sum(weights * (angles_deg - target_deg) ** 2) + noise_deg**2 * z @ z), float(max(gaps))
 
 
-def ipopt_own(b: Bones, sd, noise_deg: float, target_deg, sizes, angles_deg) -> Own:
+def ipopt_own(b: Bones, sd, noise_deg: float, target_deg, sizes, angles_deg, weights: Any = 1.0) -> Own:
     """min F over all sizes and all postures at once, from (sizes, angles_deg), both (.., postures) in degrees.
 
-    NaN in ``target_deg``: not measured. A size of SD 0 stays. The variables are the angles, z and one multiplier t for
+    ``weights``: of each angle's square. A size of SD 0 stays. The variables are the angles, z and one multiplier t for
     TS and AI of each posture, with its secular equation as a constraint.
     """
-    P, known = target_deg.shape[1], np.isfinite(target_deg)
+    P, weights = target_deg.shape[1], np.broadcast_to(weights, target_deg.shape)
     z = np.divide(sizes, sd, out=np.zeros(len(OWN)), where=sd > 0.0)
     person = with_sizes(b, dict(zip(OWN, sizes, strict=True)))
     x0 = np.concatenate([angles_deg.T.ravel(), z, _multipliers(person, angles_deg) / T_SCALE_MM2])
     plain = numbers(b)
     columns = np.stack([s * (numbers(with_sizes(b, {name: 1.0})) - plain) for name, s in zip(OWN, sd, strict=True)], 1)
-    target = np.where(known, target_deg, 0.0).T.ravel()
-    given = np.concatenate([plain, columns.T.ravel(), target, known.T.ravel(), [noise_deg**2]])
+    given = np.concatenate([plain, columns.T.ravel(), target_deg.T.ravel(), weights.T.ravel(), [noise_deg**2]])
     solver = _own_solver(P, len(plain))
     found = solver(x0=x0, p=given, lbg=0.0, ubg=0.0)
     x = np.array(found["x"]).ravel()
     angles, sizes = x[: 6 * P].reshape(P, 6).T, x[6 * P : 6 * P + len(OWN)] * sd
     # Verified here, outside CasADi: a secular equation has roots that are not the nearest point.
-    F, open_mm = own_objective(b, sd, noise_deg, target_deg, sizes, angles)
+    F, open_mm = own_objective(b, sd, noise_deg, target_deg, sizes, angles, weights)
     same = abs(F - float(found["f"])) <= 1e-7 * (1.0 + abs(F))
     return Own(F, sizes, angles, bool(solver.stats()["success"]) and same and open_mm < 1e-6)
 
@@ -132,7 +133,7 @@ def _own_solver(P: int, count: int) -> Any:
     n = len(OWN)
     q, z, t = ca.SX.sym("q", 6, P), ca.SX.sym("z", n), ca.SX.sym("t", 2 * P)
     plain, columns = ca.SX.sym("plain", count), ca.SX.sym("columns", count, n)
-    target, known, variance = ca.SX.sym("target", 6, P), ca.SX.sym("known", 6, P), ca.SX.sym("variance")
+    target, weights, variance = ca.SX.sym("target", 6, P), ca.SX.sym("weights", 6, P), ca.SX.sym("variance")
     x = plain + columns @ z
     centre, axes, sc, ac, clavicle_conoid, ts, ai, scapula_conoid = (x[3 * k : 3 * k + 3] for k in range(8))
     ts_distance, ai_distance, conoid_length = (x[24 + k] for k in range(3))
@@ -151,8 +152,8 @@ def _own_solver(P: int, count: int) -> Any:
         equations.append(ca.norm_2(AC + R_S @ scapula_conoid - sc - R_C @ clavicle_conoid) - conoid_length)
     problem = {
         "x": ca.vertcat(ca.vec(q), z, t),
-        "p": ca.vertcat(plain, ca.vec(columns), ca.vec(target), ca.vec(known), variance),
-        "f": ca.sum(ca.vec(known * (q - target) ** 2)) + variance * ca.sumsqr(z),
+        "p": ca.vertcat(plain, ca.vec(columns), ca.vec(target), ca.vec(weights), variance),
+        "f": ca.sum(ca.vec(weights * (q - target) ** 2)) + variance * ca.sumsqr(z),
         "g": ca.vertcat(*equations),
     }
     return ca.nlpsol("person", "ipopt", problem, {"print_time": False, "ipopt": IPOPT_OPTIONS})
