@@ -1,4 +1,4 @@
-"""Bones and frames of each person's own: the objective by IPOPT, limits that can be worked by hand, simulated persons."""
+"""Bones and frames of each person's own: IPOPT on the same objective, cases worked by hand, simulated persons."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -49,7 +49,7 @@ FREE_OF_ALL = dict.fromkeys(NAMES, 0.0)
 
 def people(scales: Scales = Scales(noise_deg=NOISE_DEG), **sds: float) -> People:  # noqa: B008
     """Scales that are known, for R2 and breteler_dissection."""
-    known = {name: scales for name in ("R2", "breteler_dissection")}
+    known = dict.fromkeys(("R2", "breteler_dissection"), scales)
     return People(sds, known, {name: {} for name in known})
 
 
