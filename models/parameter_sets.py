@@ -36,6 +36,9 @@ FEWEST_POINTS = len(ELLIPSOID) + 1
 FLATTEST_SCAPULA_MM = 1.0
 """How far off the line through AC and the farther of TS and AI the other one must be: a palpator's noise."""
 
+SAME_LENGTH_MM = 0.1
+"""``clavicle.ac_mm`` is as long as ``clavicle.length_mm``: both may be rounded to tenths."""
+
 MEASURED = "measured"
 """How the source of a number begins that is of the person."""
 
@@ -259,6 +262,10 @@ def _check_geometry(numbers: dict[str, np.ndarray], file: str) -> None:
     if points < FEWEST_POINTS:
         remedy = f"Give {FEWEST_POINTS} or more: the fit of the ellipsoid has {len(ELLIPSOID)} unknowns"
         raise InputError(file, None, f"thorax.points_mm has {points} points", remedy)
+    length_mm = numbers["clavicle.length_mm"]
+    if abs(np.linalg.norm(numbers.get("clavicle.ac_mm", length_mm)) - length_mm) > SAME_LENGTH_MM:
+        cause = f"clavicle.length_mm is {length_mm:g}, and clavicle.ac_mm another length from SC"
+        raise InputError(file, None, cause, "Make ac_mm as long as length_mm, or leave it out: AC is on the axis then")
     if _off_line_mm(numbers["scapula.ts_mm"], numbers["scapula.ai_mm"]) < FLATTEST_SCAPULA_MM:
         remedy = "Give ts_mm and ai_mm in the scapula frame, from AC"
         raise InputError(file, None, "AC, TS and AI of the scapula lie on a line", remedy)
@@ -287,7 +294,7 @@ def _off_line_mm(ts_mm: Float[np.ndarray, "3"], ai_mm: Float[np.ndarray, "3"]) -
 def _girdle(numbers: dict[str, np.ndarray]) -> Girdle:
     attached = {f"{bone}_conoid_mm": numbers[f"{bone}.conoid_mm"] for bone in ("clavicle", "scapula")}
     other = {key.partition(".")[2]: value for key, value in numbers.items()} | attached
-    ac_mm = np.array([float(other["length_mm"]), 0.0, 0.0])
+    ac_mm = other.get("ac_mm", np.array([float(other["length_mm"]), 0.0, 0.0]))
     return Girdle(ac_mm=ac_mm, **{one.name: other[one.name] for one in fields(Girdle) if one.name != "ac_mm"})
 
 

@@ -274,6 +274,7 @@ def test_the_record_is_enough_to_repeat_the_run(fitted, adapted):
         "float32": False,
         "effect": [],
         "thorax_downweighting": 1.0,
+        "own_bones": False,
     }
 
 

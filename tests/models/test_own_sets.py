@@ -1,5 +1,6 @@
 """A parameter set of the user's own: what a file holds, and what it is refused for."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from oracles import shortest_conoid_mm
 
 from models import load_model, model_names
+from models.export.toml import parameters_toml
 from models.parameter_sets import SHORTEST_MM
 from motions.errors import InputError
 
@@ -279,3 +281,27 @@ def test_what_is_refused_of_the_optional_sections(tmp_path, tail, cause, remedy)
     error = refusal(own(tmp_path, tail=tail))
     assert cause in error.cause
     assert remedy in error.remedy
+
+
+def test_a_joint_off_the_axis_of_the_clavicle(tmp_path):
+    """Of a person's own bones: AC in the measured frame."""
+    lengthy = "length_mm = 158.0253\nac_mm = [157.9, 4.0, -5.0]"
+    girdle = load_model(own(tmp_path, "length_mm = 158", lengthy)).girdle
+    np.testing.assert_array_equal(girdle.ac_mm, [157.9, 4.0, -5.0])
+    np.testing.assert_array_equal(load_model(own(tmp_path)).girdle.ac_mm, [158.0, 0.0, 0.0])
+
+
+def test_an_adapted_girdle_is_read_back_as_it_was_written(tmp_path):
+    given = load_model(own(tmp_path))
+    girdle = replace(given.girdle, ac_mm=np.array([157.9, 4.0, -5.0]), sc_mm=np.array([0.1, 1 / 3, -7.0]))
+    path = tmp_path / "adapted.toml"
+    path.write_text(parameters_toml("adapted", "", girdle, given.points_mm, {"clavicle.ac_mm": "adapted"}))
+    again = load_model(path)
+    np.testing.assert_array_equal(again.girdle.numbers_mm, girdle.numbers_mm)
+    assert again.source == {"clavicle.ac_mm": "adapted"}
+
+
+def test_a_joint_that_is_not_where_the_clavicle_ends_is_refused(tmp_path):
+    error = refusal(own(tmp_path, "length_mm = 158", "length_mm = 158\nac_mm = [150.0, 4.0, -5.0]"))
+    assert "clavicle.length_mm is 158, and clavicle.ac_mm another length from SC" in error.cause
+    assert "leave it out" in error.remedy

@@ -68,9 +68,9 @@ _SHORTER, _HARDLY = 0.3, 0.02
 _ROUNDING = 1e-12
 """Relative, of the merit."""
 
-_FIRST_DAMPING, _LESS, _MORE, _LEAST, _MOST = 10.0, 0.3, 10.0, 1e-3, 1e8
-"""Of a step in u, beside the prior's 1: less after a full step, more after a shortened one; below the least none, and
-never above the most: hundreds of shortened steps in turn would overflow."""
+_FIRST_DAMPING, _LESS, _MORE, _LEAST, _MOST = 10.0, 0.3, 10.0, 1e-3, 1e3
+"""Of a step in u, beside the prior's 1: less after a full step, more after a shortened one; below the least none. More
+than the most would hold u where the postures have not found their way yet."""
 
 
 class Rows(NamedTuple):
@@ -94,6 +94,12 @@ class Parts(NamedTuple):
     group: Int[np.ndarray, " problems"]
 
 
+def persons_first(values: Float[np.ndarray, "*k problems"]) -> Float[np.ndarray, " problems *k"]:
+    """Lay out the numbers of each person one after the other, so that sums over them are the same to the last digit
+    whoever else is there."""
+    return np.ascontiguousarray(np.moveaxis(values, -1, 0))
+
+
 class Prior(NamedTuple):
     """What is believed of each person's girdle."""
 
@@ -110,7 +116,7 @@ class Prior(NamedTuple):
 
     def moved_mm(self, u: Float[np.ndarray, "n problems"]) -> Float[np.ndarray, "numbers problems"]:
         """Give R u."""
-        return np.einsum("knp,np->kp", self.root_mm, u)
+        return (persons_first(self.root_mm) @ persons_first(u)[..., None])[..., 0].T
 
 
 class Posterior(NamedTuple):
@@ -186,7 +192,11 @@ class _Objective:
     def half_F(self, u, angles) -> Float[np.ndarray, " problems"]:
         """Compute F / 2 of angles, deg^2."""
         apart = (self.rows.weights * (angles - self.rows.angles) ** 2).sum(axis=0)
-        return 0.5 * (self.sums(apart) + self.prior.noise_deg**2 * (u**2).sum(axis=0))
+        return 0.5 * (self.sums(apart) + self.of_prior(u))
+
+    def of_prior(self, u) -> Float[np.ndarray, " problems"]:
+        """Compute sigma^2 |u|^2."""
+        return self.prior.noise_deg**2 * (persons_first(u) ** 2).sum(axis=1)
 
     def in_u(self, at: Eliminated):
         """Turn what the rows add up to from numbers into u: slope, matrix and the slope at stationary postures."""
@@ -194,10 +204,10 @@ class _Objective:
         whole = np.empty((n, n, len(self.parts.group)))
         row, column = np.tril_indices(n)
         whole[row, column] = whole[column, row] = self.sums(at.matrix)
-        root = np.moveaxis(self.prior.root_mm, -1, 0)
-        matrix = np.swapaxes(root, 1, 2) @ np.moveaxis(whole, -1, 0) @ root
-        slopes = (np.einsum("pkn,kp->np", root, self.sums(one)) for one in (at.slope, at.x_slope))
-        return matrix, *slopes
+        root = persons_first(self.prior.root_mm)
+        across = np.swapaxes(root, 1, 2)
+        slopes = ((across @ persons_first(self.sums(one))[..., None])[..., 0].T for one in (at.slope, at.x_slope))
+        return across @ persons_first(whole) @ root, *slopes
 
 
 def most_probable(
@@ -215,7 +225,7 @@ def most_probable(
     numbers = prior.numbers_at(end.u)[:, part]
     near = nearest_by_numbers(numbers, rows.active_effects, rows.angles, rows.measured, of_rows.angles)
     closed = objective.sums(np.abs(near.g_mm).max(axis=0)) <= _CLOSED_MM
-    F = objective.sums((near.y**2).sum(axis=0)) + prior.noise_deg**2 * (end.u**2).sum(axis=0)
+    F = objective.sums((near.y**2).sum(axis=0)) + objective.of_prior(end.u)
     return Posterior(end.u, F, near, end.steps, end.settled & closed & np.isfinite(F))
 
 
@@ -248,7 +258,7 @@ class _Slack:
         numbers = prior.numbers_at(u)[:, self.parts.part]
         measured = rows.active_effects, rows.angles, rows.measured
         near = nearest_by_numbers(numbers, *measured, start, _STAGE_NEAR, self.slack_mm)
-        F = self.of_rigid.sums((near.y**2).sum(axis=0)) + prior.noise_deg**2 * (u**2).sum(axis=0)
+        F = self.of_rigid.sums((near.y**2).sum(axis=0)) + self.of_rigid.of_prior(u)
         return near, np.where(np.isfinite(F), F, np.inf)
 
     def normal_equations(self, near: Nearest):
@@ -257,7 +267,7 @@ class _Slack:
         padded = np.zeros((every.shape[2] + 1, *every.shape[:2]))
         padded[:-1] = np.moveaxis(every, 2, 0)
         own = padded[self.of_rigid.places].reshape(len(self.parts.group), -1, every.shape[1])
-        slopes = own[:, :, :-1] @ np.moveaxis(self.of_rigid.prior.root_mm, -1, 0)
+        slopes = own[:, :, :-1] @ persons_first(self.of_rigid.prior.root_mm)
         across = np.swapaxes(slopes, 1, 2)
         return (across @ own[:, :, -1:])[..., 0], across @ slopes
 

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable
+from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable, persons_first
 from adapt.solvers.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, PRIOR, Moments, Scales, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
@@ -177,14 +177,14 @@ def _prior(
     data: Problems, spread: Spread, scales: Sequence[Scales]
 ) -> tuple[Prior, Float[np.ndarray, "sizes n problems"]]:
     """The prior of the chain, and the sizes (in SDs) that u stands for: B' (R')^+."""
-    B = of_chain(spread.columns_mm) * _of_sizes(scales)
-    covariance = np.einsum("ksp,lsp->pkl", B, B)
+    B = persons_first(of_chain(spread.columns_mm) * _of_sizes(scales))
+    covariance = B @ np.swapaxes(B, 1, 2)
     variance, vectors = (one[..., -_DIMENSIONS:] for one in np.linalg.eigh(covariance))
     held = variance <= _RANK * variance.max(axis=1, keepdims=True)
     sd = np.where(held, 0.0, np.sqrt(np.maximum(variance, 0.0)))
     across = np.where(held, 0.0, 1.0 / np.where(held, 1.0, sd))
     root = np.moveaxis(vectors * sd[:, None], 0, -1)
-    shares = np.einsum("ksp,pkn->snp", B, vectors * across[:, None])
+    shares = np.moveaxis(np.swapaxes(B, 1, 2) @ (vectors * across[:, None]), 0, -1)
     noise = np.array([one.noise_deg for one in scales])
     return Prior(of_chain(np.asarray(data.girdle.numbers_mm)), root, noise), shares
 
@@ -249,17 +249,22 @@ def _own_bones(
     spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part: Int[np.ndarray, " rows"]
 ) -> tuple[OwnBones, Float[np.ndarray, "numbers problems"]]:
     """The posterior of the sizes: their means, and what they add to the girdle."""
-    sd = spread.sd * _of_sizes(scales)
-    mean = np.einsum("snp,np->sp", shares, found.u)
-    slopes = np.einsum("ikr,knr->inr", found.nearest.by_theta, prior.root_mm[..., part])
-    each_row = np.einsum("inr,imr->nmr", slopes, slopes)
-    matrix = np.add.reduceat(each_row, np.searchsorted(part, np.arange(found.u.shape[1])), axis=-1)
-    of_u = np.linalg.inv(np.moveaxis(matrix / prior.noise_deg**2, -1, 0) + np.eye(len(found.u)))  # prior variance 1
-    unseen = np.eye(len(sd))[..., None] - np.einsum("snp,tnp->stp", shares, shares)
-    covariance = unseen + np.einsum("snp,pnm,tmp->stp", shares, of_u, shares, optimize=True)
-    each = np.stack([np.array(one) for one in scales], axis=-1)
-    own = OwnBones(sd * mean, sd[:, None] * sd[None] * covariance, sd, each)
-    return own, np.einsum("ksp,sp->kp", spread.columns_mm * _of_sizes(scales), mean)
+    sd, shares = persons_first(spread.sd * _of_sizes(scales)), persons_first(shares)
+    across = np.swapaxes(shares, 1, 2)
+    mean = (shares @ persons_first(found.u)[..., None])[..., 0]
+    slopes = persons_first(found.nearest.by_theta) @ persons_first(prior.root_mm)[part]
+    starts = np.searchsorted(part, np.arange(found.u.shape[1]))
+    matrix = np.add.reduceat(np.swapaxes(slopes, 1, 2) @ slopes, starts, axis=0)
+    of_u = np.linalg.inv(matrix / prior.noise_deg[:, None, None] ** 2 + np.eye(len(found.u)))  # prior variance 1
+    covariance = np.eye(sd.shape[1]) - shares @ across + shares @ of_u @ across
+    own = OwnBones(
+        (sd * mean).T,
+        np.moveaxis(sd[:, :, None] * sd[:, None] * covariance, 0, -1),
+        sd.T,
+        np.stack([np.array(one) for one in scales], axis=-1),
+    )
+    columns = persons_first(spread.columns_mm * _of_sizes(scales))
+    return own, (columns @ mean[..., None])[..., 0].T
 
 
 def _as_adapted(
@@ -275,7 +280,8 @@ def _as_adapted(
         return whole
 
     theta = np.asarray(data.girdle.adapted_mm)
-    D = np.asarray(thorax_distance_mm2(data.girdle, data.points_mm, data.point_weights))
+    several = np.append(np.arange(count), 0)  # of one problem alone numpy adds up in another order
+    D = thorax_distance_mm2(*take_problems((data.girdle, data.points_mm, data.point_weights), several))[:count]
     mean_j = np.bincount(problem, fitted.j_deg2, count) / np.maximum(np.bincount(problem, minlength=count), 1)
     closed = np.bincount(problem, ~fitted.converged, count) == 0
     determined = np.bincount(problem, np.asarray(data.measured)[:, *place].sum(axis=0) < FEWEST_ANGLES, count) == 0

@@ -1,0 +1,157 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""``girdle adapt --own-bones``: its files, whatever the chunk; models that are read back; what it refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from command import SHIPPED, Ended, girdle, refused, shipped_lines, written
+from oracles import cardan, ellipsoid_distance
+from pages import data_of
+
+from adapt.report.bone_positions import POINTS
+from adapt.solvers.posture_fits import fit_batch
+from models import load_model
+from models.adapted_parameters import ADAPTED
+from models.person.own_bones import SIZES
+from motions import ANGLES, Motions, read_motions
+from motions.rotations import DEG
+
+PLAIN_COLUMNS = [
+    *("model", "subject"),
+    *(f"{name}_mm{kind}" for name in ADAPTED for kind in ("", "_model", "_sd", "_at_bound")),
+    *("E", "D_mm2", "mean_j_before_deg2", "mean_j_after_deg2", "status"),
+]
+OWN_COLUMNS = [
+    *(f"{size.key}{kind}" for size in SIZES[len(ADAPTED) :] for kind in ("", "_sd")),
+    *("bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told"),
+]
+"""The contract of the file: scripts of users rely on it."""
+
+TABLES = ("fits.csv", "parameters.csv", "summary.csv", "heldout.csv")
+
+DRAWN_MM = 0.25
+"""Points and ellipsoids of a report are rounded to tenths."""
+
+
+def run(folder: Path, *arguments: object) -> Ended:
+    ended = girdle("adapt", *arguments, "--out", folder)
+    assert (ended.status, ended.messages) == (0, []), ended.err
+    return ended
+
+
+@pytest.fixture(scope="module")
+def adapted(tmp_path_factory) -> Path:
+    """The ten shipped subjects: enough to learn how they differ."""
+    folder = tmp_path_factory.mktemp("own")
+    ended = run(folder, SHIPPED, "--model", "breteler_dissection", "--own-bones")
+    (folder / "printed").write_text(ended.out)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def parameters(adapted) -> pd.DataFrame:
+    return pd.read_csv(adapted / "parameters.csv", keep_default_na=False)
+
+
+@pytest.fixture(scope="module")
+def motions() -> Motions:
+    return read_motions(SHIPPED)
+
+
+def test_new_columns_are_behind_the_old_ones(parameters):
+    assert list(parameters) == PLAIN_COLUMNS + OWN_COLUMNS
+    assert set(parameters["status"]) == {"ok"}
+    assert not parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool).any()
+    assert parameters["bones_scale"].nunique() == parameters["noise_deg"].nunique() == 1
+    assert parameters["bones_scale"][0] != 1.0
+
+
+def test_the_model_s_own_values_stay_beside_them(parameters):
+    own = np.asarray(load_model("breteler_dissection").girdle.adapted_mm)
+    np.testing.assert_array_equal(parameters[[f"{name}_mm_model" for name in ADAPTED]], np.tile(own, (10, 1)))
+
+
+def test_the_terminal_says_how_much_persons_differ(adapted, parameters):
+    printed = (adapted / "printed").read_text()
+    row = parameters.iloc[0]
+    assert (
+        f"SDs of people times {row['bones_scale']:.2f} (bones) and {row['frames_scale']:.2f} (frames), "
+        f"noise {row['noise_deg']:.2f} degrees"
+    ) in printed
+    for _, one in parameters[parameters["far_from_people"] != ""].head(3).iterrows():
+        assert f"Farther from the set than people are: {one['subject']}, {one['far_from_people']}" in printed
+
+
+def test_adapted_models_have_the_adapted_postures(adapted, motions):
+    """Of files that are read again: from the postures of fits.csv, which may lie in another minimum of J than a fit
+    without them finds."""
+    fits = pd.read_csv(adapted / "fits.csv")
+    fits = fits[fits["adapted"].astype(bool)]
+    for name in motions.subjects:
+        model = load_model(adapted / "models" / f"breteler_dissection_{name}.toml")
+        assert np.abs(model.girdle.ac_mm[1:]).min() > 0.0
+        assert model.source["clavicle.ac_mm"].startswith(f"adapted to {name}, from breteler_dissection (w = 10,")
+        one = fits[fits["subject"] == name]
+        before = one[[f"{angle}_simulated_deg" for angle in ANGLES]].to_numpy().T
+        measured = one[[f"{angle}_measured_deg" for angle in ANGLES]].to_numpy().T
+        girdle = model.girdle.repeated(len(one))
+        assert np.abs(girdle.residuals_mm(before / DEG)).max() < 1e-9
+        again = fit_batch(girdle, measured / DEG, np.ones(measured.shape, bool), before / DEG)
+        np.testing.assert_allclose(again.j_deg2, one["j_deg2"], rtol=1e-9)
+        np.testing.assert_allclose(again.angles * DEG, before, atol=1e-7)
+
+
+def test_the_report_draws_the_girdle_of_the_person(adapted, motions):
+    """TS and AI at the person's own distance to the person's own ellipsoid, AC at the end of the clavicle."""
+    data = data_of((adapted / "report.html").read_text())
+    (model,) = data["models"]
+    after, count = model["states"]["after"], len(motions.posture)
+    points_mm = np.array(after["simulated_points_mm"]).reshape(len(POINTS), 3, count)
+    fits = pd.read_csv(adapted / "fits.csv")
+    fits = fits[fits["adapted"].astype(bool)]
+    angles_deg = fits[[f"{angle}_simulated_deg" for angle in ANGLES]].to_numpy()
+    for row in range(0, count, 9):
+        name = fits["subject"].iloc[row]
+        girdle = load_model(adapted / "models" / f"breteler_dissection_{name}.toml").girdle
+        at = dict(zip(POINTS, points_mm[..., row], strict=True))
+        for point, distance in (("TS", girdle.ts_distance_mm), ("AI", girdle.ai_distance_mm)):
+            found, _ = ellipsoid_distance(at[point] - np.asarray(girdle.centre_mm), np.asarray(girdle.semi_axes_mm))
+            assert found == pytest.approx(float(distance), abs=DRAWN_MM)
+        AC = girdle.sc_mm + cardan(angles_deg[row, :3])[0] @ girdle.ac_mm
+        np.testing.assert_allclose(at["AC"], AC, atol=DRAWN_MM)
+
+
+@pytest.mark.parametrize("how", ["chunks", "repeated"])
+def test_results_do_not_depend_on_the_chunk_and_a_record_repeats_them(adapted, tmp_path, how):
+    asked = {
+        "chunks": (SHIPPED, "--model", "breteler_dissection", "--own-bones", "--chunk", 3),
+        "repeated": ("--repeat", adapted / "run.json"),
+    }
+    run(tmp_path, *asked[how])
+    for name in TABLES:
+        assert (tmp_path / name).read_bytes() == (adapted / name).read_bytes(), name
+    for path in (adapted / "models").iterdir():
+        assert (tmp_path / "models" / path.name).read_bytes() == path.read_bytes()
+    assert (tmp_path / "run.json").read_bytes() == (adapted / "run.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "cause"),
+    [
+        ("--reading", "mm2_deg2_landmarks", "no reading and no down-weighting changes it"),
+        ("--thorax-downweighting", 30, "no reading and no down-weighting changes it"),
+        (
+            "--effect",
+            "scapula_landmark_bias=0,0,0~5,5,5",
+            "sizes of effects of each person's own are not fitted beside them",
+        ),
+    ],
+)
+def test_what_has_no_part_in_it_is_refused(tmp_path, option, value, cause):
+    motion = written(tmp_path, shipped_lines())
+    ended = girdle("adapt", motion, "--model", "R2", "--own-bones", option, value, "--out", tmp_path / "out")
+    refused(ended, "--own-bones", cause, "Leave one of the two out")
+    assert not (tmp_path / "out").exists()
