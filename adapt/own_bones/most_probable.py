@@ -61,8 +61,9 @@ _SHORTER, _HARDLY = 0.3, 0.02
 _ROUNDING = 1e-12
 """Relative, of the merit."""
 
-_FIRST_DAMPING, _LESS, _MORE, _LEAST = 10.0, 0.3, 10.0, 1e-3
-"""Of a step in u, beside the prior's 1: less after a full step, more after a shortened one; below the least none."""
+_FIRST_DAMPING, _LESS, _MORE, _LEAST, _MOST = 10.0, 0.3, 10.0, 1e-3, 1e8
+"""Of a step in u, beside the prior's 1: less after a full step, more after a shortened one; below the least none, and
+never above the most: hundreds of shortened steps in turn would overflow."""
 
 
 class Rows(NamedTuple):
@@ -279,7 +280,7 @@ def _stage_step(soft: _Slack, steps: Steps) -> Steps:
     tried, F = soft.at(u, near.angles)
     better = (F <= own.F) & own.going
     ended = better & (own.F - F <= _STAGE_GAIN * own.F)
-    damping = np.where(better, _LESS * own.damping, np.maximum(_MORE * own.damping, 1.0))
+    damping = np.where(better, _LESS * own.damping, np.clip(_MORE * own.damping, 1.0, _MOST))
     state = _Stage(np.where(better, u, own.u), np.where(better, F, own.F), damping, own.going & ~ended)
     return where_problems(better[soft.parts.part], tried, near), (), state
 
@@ -339,7 +340,8 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
     effects, part, variance = objective.rows.active_effects.effects, objective.parts.part, objective.prior.noise_deg**2
     found = eliminate(effects, at)
     matrix, slope, slope_there = objective.in_u(found)
-    damping = np.where(length < 1.0, np.maximum(_MORE * damping, _LEAST), _LESS * damping * (damping > _LEAST))
+    more, less = np.clip(_MORE * damping, _LEAST, _MOST), _LESS * damping * (damping > _LEAST)
+    damping = np.where(length < 1.0, more, less)
     du = _lowest(matrix, slope + variance * u, variance, damping)
     dq, target = own_steps(effects, at, objective.prior.moved_mm(du)[:, part])
     new = _OfRows(at.angles, at.multipliers, dq, target - at.multipliers, target, found.stiffness)

@@ -32,6 +32,8 @@ TYPICAL_NOISE_DEG = 0.8
 FEWEST_PERSONS = 10
 """Six bone-pin shoulders of three cadavers would make bones twice as different as people's are."""
 
+_FARTHEST = 4.0
+"""Of a logarithm from the prior's, ten or six SDs: a line search that goes on to e^28 finds rounding, and ends there."""
 
 INFORMATIVE = 3
 """Numbers of a posture: six angles less three degrees of freedom."""
@@ -89,7 +91,8 @@ def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"]) -> Scales:
     from scipy.optimize import minimize  # 0.4 s to load: not for every command
 
     some = Moments(*(one[..., chosen] for one in of))
-    end = minimize(_minus_two_log_likelihood, np.zeros(3), (some,), jac=True, method="BFGS", options={"gtol": 1e-6})
+    within = [(-_FARTHEST, _FARTHEST)] * 3
+    end = minimize(_minus_two_log_likelihood, np.zeros(3), (some,), jac=True, method="L-BFGS-B", bounds=within)
     return _scales(end.x)
 
 
