@@ -8,8 +8,8 @@ noise,
     -2 log p = sum over persons of  m log sigma^2 + log det H + |b|^2 / sigma^2 - v' z
     d/d(log scale of g) = 2 sum_{i in g} (1 - (H^-1)_ii - z_i^2)
 
-of m informative numbers, three a posture. The scales have a prior about 1, so that a few persons stay near it, and
-persons who do not differ lead to 0. The adapted parameters keep the SDs of people.
+of m informative numbers, of a posture the angles that were measured less three. The scales have a prior about 1, so
+that a few persons stay near it, and persons who do not differ lead to 0. The adapted parameters keep the SDs of people.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.own_bones.most_probable import Posterior, Prior
+from adapt.own_bones.most_probable import Posterior, Prior, Rows
 from models.person.own_bones import GROUPS, SIZES
 
 SCALED = GROUPS[1:]
@@ -33,10 +33,10 @@ FEWEST_PERSONS = 10
 """Six bone-pin shoulders of three cadavers would make bones twice as different as people's are."""
 
 _FARTHEST = 4.0
-"""Of a logarithm from the prior's, ten or six SDs: a line search that goes on to e^28 finds rounding, and ends there."""
+"""Of a logarithm from the prior's, ten or six SDs: a line search that goes on to e^28 finds rounding and ends there."""
 
-INFORMATIVE = 3
-"""Numbers of a posture: six angles less three degrees of freedom."""
+_FREE = 3
+"""Degrees of freedom of a posture: so many angles fewer are informative."""
 
 
 class Scales(NamedTuple):
@@ -66,8 +66,19 @@ class Moments(NamedTuple):
     """m."""
 
 
+def informative(
+    measured: Bool[np.ndarray, "6 rows"], part: Int[np.ndarray, " rows"], problems: int
+) -> Int[np.ndarray, " problems"]:
+    """Count the numbers of each problem that say something of its girdle."""
+    return np.bincount(part, np.maximum(measured.sum(axis=0) - _FREE, 0), problems).astype(int)
+
+
 def moments(
-    columns: Float[np.ndarray, "numbers sizes problems"], prior: Prior, found: Posterior, part: Int[np.ndarray, " rows"]
+    columns: Float[np.ndarray, "numbers sizes problems"],
+    prior: Prior,
+    found: Posterior,
+    rows: Rows,
+    part: Int[np.ndarray, " rows"],
 ) -> Moments:
     """Collect them at the most probable girdles."""
     y, slopes = found.nearest.y, found.nearest.by_theta
@@ -81,7 +92,7 @@ def moments(
         A.append(mine @ mine.T)
         c.append(mine @ np.concatenate(b[:, part == p]))
     A, c = np.stack(A, axis=-1), np.stack(c, axis=-1)
-    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), INFORMATIVE * np.bincount(part))
+    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), informative(rows.measured, part, x.shape[1]))
 
 
 def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"]) -> Scales:

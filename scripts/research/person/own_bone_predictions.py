@@ -70,8 +70,8 @@ class Places:
 def predicted_places(seen: Motions, seen_angles, unseen: Motions, angles, ac_mm: Float[np.ndarray, "3 subjects"]):
     """Predict SC, at rest, and AA = SC + R_C ac + R_S a, of the postures of ``unseen``.
 
-    SC and a are three constants each of every subject, the means over the postures of ``seen``. Angles: rad, measured or
-    simulated. ``ac_mm``: of each subject, in the clavicle.
+    SC and a are three constants each of every subject, the means over the postures of ``seen``. Angles: rad, measured
+    or simulated. ``ac_mm``: of each subject, in the clavicle.
     """
     SC, AA = np.full((2, 3, len(unseen.subject)), np.nan)
     for k, name in enumerate(seen.subjects):
@@ -110,8 +110,14 @@ def distances_mm(motions: Motions, places: Places) -> tuple[Float[np.ndarray, " 
     return sc, aa
 
 
-def gaps_deg(angles: Float[np.ndarray, "6 postures"], wanted_deg: Float[np.ndarray, "postures 6"]):
-    """Compute the mean absolute difference of the clavicle's and the scapula's angles of each posture."""
-    apart = np.abs(angles * DEG - wanted_deg.T)
-    with np.errstate(invalid="ignore"):
-        return np.stack([np.nanmean(apart[:3], axis=0), np.nanmean(apart[3:], axis=0)])
+def gaps_deg(
+    angles: Float[np.ndarray, "6 postures"], wanted_deg: Float[np.ndarray, "postures 6"]
+) -> Float[np.ndarray, "6 postures"]:
+    """Compute |simulated - wanted| of each angle."""
+    return np.abs(angles * DEG - wanted_deg.T)
+
+
+def bone_means(gaps: Float[np.ndarray, "6 postures"]) -> tuple[float, float]:
+    """Average gaps of the clavicle's and of the scapula's angles, where they are known."""
+    clavicle, scapula = (one[np.isfinite(one)].mean() for one in (gaps[:3], gaps[3:]))
+    return float(clavicle), float(scapula)

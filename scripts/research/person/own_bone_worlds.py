@@ -23,7 +23,7 @@ _DRAWN = 4
 """As many persons are drawn as are wanted, times this: whose chain does not close in every posture is left out."""
 
 OTHER_SDS = {
-    **{"M_y": 10.0, "M_z": 5.0, "A_x": 4.0, "A_y": 12.0, "A_z": 4.0, "conoid_length": 1.5},
+    **dict(zip(ADAPTED, (10.0, 5.0, 4.0, 12.0, 4.0, 1.5), strict=True)),
     **dict.fromkeys(("TS_x", "AI_x", "AI_y"), 6.0),
     **{name: 4.0 for name in NAMES if "_conoid_" in name},
 }

@@ -3,14 +3,16 @@
 """Does an adaptation gain from bones of each person's own (`girdle adapt --own-bones`)? Prints Markdown.
 
     python scripts/research/person/study_own_bones.py --held-out ../shared/motions/bonepin_*.csv
+    python scripts/research/person/study_own_bones.py --noise ../shared/motions/bonepin_*.csv
     python scripts/research/person/study_own_bones.py --truth
     python scripts/research/person/study_own_bones.py --few ../shared/motions/bonepin_*.csv
     python scripts/research/person/study_own_bones.py --positions ../shared/motions_positions
     python scripts/research/person/study_own_bones.py --time ../shared/motions/bonepin_*.csv
 
---held-out: measured motions, each held out in turn. --truth: simulated people whose bones are known. --few: few
-postures, one motion, one person, missing angles; simulated people, and measured motions where they are named.
---positions: measured positions, which no fit has seen, as a judge. --time: against the plain adaptation.
+--held-out: measured motions, each held out in turn. --noise: the same, by the noise that is assumed. --truth: simulated
+people whose bones are known. --few: few postures, one motion, one person, missing angles; simulated people, and
+measured motions where they are named. --positions: measured positions, which no fit has seen, as a judge. --time:
+against the plain adaptation.
 """
 
 import argparse
@@ -20,20 +22,22 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from adapt import adapt_subjects
+from adapt import Adaptations, adapt_subjects
 from adapt.own_bones.own_adaptation import People as LearntPeople
 from adapt.own_bones.scales import Scales
 from adapt.solvers import status
 from adapt.tables.held_out import by_model
+from adapt.tables.results import FAR_SDS
 from models import ParameterSet, load_model, model_names
 from models.adapted_parameters import ADAPTED
-from models.person.own_bones import GROUPS, NO_SDS, SIZES
+from models.person.own_bones import GROUPS, NO_SDS, SIZES, spread_about
 from motions import Motions
 from motions.rhythm_subjects import DATA_FILE, NOISE_DEG, simulate_subjects
 from motions.rotations import DEG
@@ -41,6 +45,7 @@ from scripts.reporting import markdown, measured, timed
 from scripts.research.person.own_bone_predictions import (
     ADAPTATIONS,
     adapted_to,
+    bone_means,
     distances_mm,
     gaps_deg,
     own_ac_mm,
@@ -56,6 +61,7 @@ def main() -> None:
     """Print the parts that are asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--held-out", nargs="+", type=Path, metavar="MOTIONS")
+    parser.add_argument("--noise", nargs="+", type=Path, metavar="MOTIONS")
     parser.add_argument("--truth", nargs="*", choices=WORLDS, metavar="WORLD", help="default: all")
     parser.add_argument("--few", nargs="*", type=Path, metavar="MOTIONS")
     parser.add_argument("--positions", type=Path, metavar="FOLDER")
@@ -68,6 +74,8 @@ def main() -> None:
     one = load_model((given.model or ["R2"])[0])
     if given.held_out:
         print(held_out_table(measured(parser, given.held_out), models))
+    if given.noise:
+        print(noise_table(measured(parser, given.noise), models))
     if given.truth is not None:
         print_truth(one, given.truth or list(WORLDS), given.persons, given.seed)
     if given.few is not None:
@@ -84,7 +92,7 @@ def main() -> None:
 def held_out_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
     """Tabulate gaps of motions held out, means over subjects; ellipsoids; parameters at a bound."""
     header = ["set", "adaptation", "clavicle, deg", "scapula, deg", "A_y, mm", "its range", "A_z, mm", "D, rms mm"]
-    header += ["at a bound", "failed"]
+    header += ["at a bound", f"beyond {FAR_SDS:g} SDs: the six", "of all", "failed"]
     lines = []
     for model in models:
         for name, options in ADAPTATIONS.items():
@@ -92,13 +100,51 @@ def held_out_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
             gaps, table = by_model(result.heldout).loc[model.name], result.parameters
             bounds = int(table[[f"{one}_mm_at_bound" for one in ADAPTED]].to_numpy(bool).sum())
             A_y, failed = table["A_y_mm"], (result.heldout["status"] != status.OK).sum()
+            six, every = far(model, result)
             lines.append(
                 [
                     *(model.name, name, *(f"{gaps[f'{bone}_gap_unseen_deg']:.3f}" for bone in ("clavicle", "scapula"))),
                     *(f"{A_y.mean():.0f}", f"{A_y.min():.0f}-{A_y.max():.0f}", f"{table['A_z_mm'].mean():.0f}"),
-                    *(f"{np.sqrt(table['D_mm2'].mean()):.1f}", f"{bounds} of {6 * len(table)}", f"{failed}"),
+                    *(f"{np.sqrt(table['D_mm2'].mean()):.1f}", f"{bounds} of {6 * len(table)}"),
+                    *(six, every, f"{failed}"),
                 ]
             )
+    return markdown(header, lines)
+
+
+def far(model: ParameterSet, result: Adaptations) -> tuple[str, str]:
+    """Count sizes farther from the set's than people are: of the six, and of all where bones were adapted."""
+    own, six = result.problems.own_bones, (result.problems.adapted.theta_mm.T - model.girdle.adapted_mm).T
+    six = np.abs(six) > FAR_SDS * spread_about(model).sd[: len(ADAPTED), None]
+    every = "-" if own is None else f"{(np.abs(own.sizes) > FAR_SDS * own.prior_sd).sum()} of {own.sizes.size}"
+    return f"{six.sum()} of {six.size}", every
+
+
+NOISES_DEG = (0.4, 0.8, 1.2, 1.6, 2.4, 4.0)
+
+
+def noise_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
+    """Tabulate gaps of motions held out with one noise for all and no scale learnt, and how far the sizes go."""
+    header = [
+        "set",
+        "noise, deg",
+        "clavicle, deg",
+        "scapula, deg",
+        "largest size, SDs",
+        f"beyond {FAR_SDS:g} SDs: the six",
+    ]
+    header += ["of all", "failed"]
+    lines = []
+    for model in models:
+        for noise_deg in NOISES_DEG:
+            people = LearntPeople(NO_SDS, {model.name: Scales(noise_deg=noise_deg)}, {model.name: {}})
+            result = adapt_subjects(motions, model, own_bones=people)
+            own, gaps = result.problems.own_bones, by_model(result.heldout).loc[model.name]
+            assert own is not None
+            largest = np.max(np.abs(own.sizes / own.prior_sd))
+            failed = (result.heldout["status"] != status.OK).sum()
+            held = (f"{gaps[f'{bone}_gap_unseen_deg']:.3f}" for bone in ("clavicle", "scapula"))
+            lines.append([model.name, f"{noise_deg:g}", *held, f"{largest:.1f}", *far(model, result), f"{failed}"])
     return markdown(header, lines)
 
 
@@ -129,12 +175,8 @@ def error_lines(name: str, people: People) -> Iterator[list[str]]:
         yield line(way, np.asarray(fitted.girdle.adapted_mm) - truth)
     sds = people.sds[: len(ADAPTED)]
     for word, noise_deg in (("least possible", people.noise_deg), ("with 56 postures", people.noise_deg / 2.0)):
-        yield [name, word, *(f"{x:.1f} ({share:.2f})" for x, share in zip(*_left(people, noise_deg, sds), strict=True))]
-
-
-def _left(people: People, noise_deg: float, sds):
-    share = limit(people, noise_deg)
-    return share * sds, share
+        left = limit(people, noise_deg)
+        yield [name, word, *(f"{k * sd:.1f} ({k:.2f})" if sd else "-" for k, sd in zip(left, sds, strict=True))]
 
 
 def gap_line(name: str, people: People) -> list[str]:
@@ -151,7 +193,7 @@ def gap_line(name: str, people: People) -> list[str]:
     return [name, *shares, f"{bones:.2f}, {frames:.2f}; {noise:.2f}", f"{(~good).sum()}", *cells]
 
 
-def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> tuple[np.ndarray, np.ndarray]:
+def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> list[tuple[float, float]]:
     """Average the gaps of clavicle and scapula against the truth, and against what was measured.
 
     Each kind of motion is held out of all subjects at once, and the scales are learnt without it too.
@@ -159,15 +201,14 @@ def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> 
     gaps = []
     for kind in dict.fromkeys(motions.motion.tolist()):
         seen, unseen = without(motions, kind)
-        gaps.append(gaps_of(motions, seen, unseen, model, ADAPTATIONS[way], true_deg))
-    return tuple(np.nanmean(np.concatenate(each, axis=1), axis=1) for each in zip(*gaps, strict=True))
+        angles = predicted(motions, seen, unseen, model, ADAPTATIONS[way])
+        gaps.append([gaps_deg(angles, wanted[unseen]) for wanted in (true_deg, motions.angles_deg)])
+    return [bone_means(np.concatenate(each, axis=1)) for each in zip(*gaps, strict=True)]
 
 
-def gaps_of(motions: Motions, seen: Bool[np.ndarray, " postures"], unseen, model: ParameterSet, options, true_deg):
-    """Adapt to some postures and give the gaps of others, clavicle and scapula: against the truth, and measured."""
-    part = motions.select(unseen)
-    angles = adapted_to(motions.select(seen), model, **options).angles(part)
-    return [gaps_deg(angles, wanted) for wanted in (true_deg[unseen], part.angles_deg)]
+def predicted(motions: Motions, seen: Bool[np.ndarray, " postures"], unseen, model: ParameterSet, options):
+    """Adapt to some postures and simulate others, rad."""
+    return adapted_to(motions.select(seen), model, **options).angles(motions.select(unseen))
 
 
 FEW = (1, 2, 3, 5)
@@ -179,17 +220,21 @@ MISSING_SHARE = 0.2
 def few_table(motions: Motions, model: ParameterSet, true_deg: Float[np.ndarray, "postures 6"] | None = None) -> str:
     """Tabulate gaps of other motions where little was measured, against the truth or, without it, what was measured.
 
-    Of everybody together, and of each person alone, when no scale is learnt.
+    Of everybody together, and of each person alone, when no scale is learnt. Of angles that were measured, in postures
+    that every adaptation predicts.
     """
     alone = {"own_bones": LearntPeople(NO_SDS, {model.name: Scales()}, {model.name: {}})}
     ways: dict[str, Any] = {"plain": {}, "own bones": ADAPTATIONS["own bones"], "own bones, each alone": alone}
-    wanted = motions.angles_deg if true_deg is None else true_deg
     lines = []
     for name, changed, seen, unseen in cases(motions):
-        each = [gaps_of(changed, seen, unseen, model, options, wanted)[0] for options in ways.values()]
-        means = [np.nanmean(one, axis=1) for one in each]
-        lines.append([name, *(f"{clavicle:.2f}, {scapula:.2f}" for clavicle, scapula in means)])
-    return markdown(["measured", *(f"{way}: clavicle, scapula, deg" for way in ways)], lines)
+        wanted = np.where(np.isfinite(changed.angles_deg), motions.angles_deg if true_deg is None else true_deg, np.nan)
+        each = [predicted(changed, seen, unseen, model, options) for options in ways.values()]
+        failed = np.isnan(each).any(axis=1)
+        wanted = np.where(failed.any(axis=0)[:, None], np.nan, wanted[unseen])
+        means = (bone_means(gaps_deg(one, wanted)) for one in each)
+        cells = [f"{clavicle:.2f}, {scapula:.2f}" for clavicle, scapula in means]
+        lines.append([name, *cells, " ".join(f"{count}" for count in failed.sum(axis=1)) + f" of {unseen.sum()}"])
+    return markdown(["measured", *(f"{way}: clavicle, scapula, deg" for way in ways), "not predicted"], lines)
 
 
 def cases(motions: Motions):
@@ -248,9 +293,7 @@ def judged(motions: Motions, model: ParameterSet | None, way: str = "", angles: 
 
 def _of_subjects(motions: Motions, distances) -> list[str]:
     """Root mean squares of each subject; first those of SC and of AA in the mean."""
-    sc, aa = (
-        [float(np.sqrt(np.nanmean(one[rows] ** 2))) for rows in motions.rows_by_subject()] for one in distances
-    )
+    sc, aa = ([float(np.sqrt(np.nanmean(one[rows] ** 2))) for rows in motions.rows_by_subject()] for one in distances)
     return [f"{np.mean(sc):.2f}", f"{np.mean(aa):.2f}", *(f"{x:.1f}" for x in aa)]
 
 
@@ -276,9 +319,8 @@ def time_lines(files: Sequence[Path], subjects: int, repeats: int) -> Iterator[l
     yield _pairs(f"{subjects} simulated subjects, R2", run(motions, "plain"), run(motions, "own bones"), repeats)
     for name, some in (("ten shipped subjects", [DATA_FILE]), ("measured shoulders", files)):
         if some:
-            command = (lambda some, more: lambda: _command(some, more))(some, ())
-            own = (lambda some: lambda: _command(some, ("--own-bones",)))(some)
-            yield _pairs(f"{name}, three sets, `girdle adapt`", command, own, repeats)
+            plain, own = partial(_command, some), partial(_command, some, "--own-bones")
+            yield _pairs(f"{name}, three sets, `girdle adapt`", plain, own, repeats)
 
 
 def _pairs(name: str, plain, own, repeats: int) -> list[str]:
@@ -287,7 +329,7 @@ def _pairs(name: str, plain, own, repeats: int) -> list[str]:
     return [name, *seconds, " ".join(f"{b / a:.2f}" for a, b in pairs)]
 
 
-def _command(files: Sequence[Path], more: Sequence[str]) -> None:
+def _command(files: Sequence[Path], *more: str) -> None:
     sets = [word for name in THREE_SETS for word in ("--model", name)]
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "adapt", "adapt", *map(str, files), *sets, *more, "--out", f"{folder}/out"]
