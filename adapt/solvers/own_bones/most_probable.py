@@ -357,6 +357,9 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
     effects, part, variance = objective.rows.active_effects.effects, objective.parts.part, objective.prior.noise_deg**2
     found = eliminate(effects, at)
     matrix, slope, slope_there = objective.in_u(found)
+    # where a posture cannot be eliminated: the end of this person, and of nobody else
+    finite = np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(slope).all(axis=0)
+    matrix, slope = np.where(finite[:, None, None], matrix, 0.0), np.where(finite, slope, 0.0)
     more, less = np.clip(_MORE * damping, _LEAST, _MOST), _LESS * damping * (damping > _LEAST)
     damping = np.where(length < 1.0, more, less)
     du = _lowest(matrix, slope + variance * u, variance, damping)
@@ -368,7 +371,7 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
     worst = np.maximum(np.abs(found.g_mm).max(axis=0) / _CLOSED_MM, found.unstationary / (float(DEG) * _STILL_DEG))
     settled &= np.maximum.reduceat(worst, np.searchsorted(part, objective.parts.group)) <= 1.0
     shortened = np.minimum(1.0, STEP_LIMIT_RAD / np.maximum(longest, 1e-9))
-    return new, _OfGroups(u, du, shortened, merit, damping, steps + 1, settled, ~settled)
+    return new, _OfGroups(u, du, shortened, merit, damping, steps + 1, settled, ~settled & finite)
 
 
 def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]:

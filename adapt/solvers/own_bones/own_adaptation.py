@@ -21,7 +21,7 @@ from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable, persons_first
-from adapt.solvers.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, PRIOR, Moments, Scales, learnt, moments
+from adapt.solvers.own_bones.scales import FEWEST_PERSONS, PRIOR, Moments, Scales, informative, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows
@@ -142,7 +142,7 @@ def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[
     rows, part, _ = _rows_of(data)
     prior, _ = _prior(data, spread, scales)
     found = _from_starts(rows, part, prior, _SETTLED_IS_ENOUGH)
-    return moments(of_chain(spread.columns_mm), prior, found, part), found.settled
+    return moments(of_chain(spread.columns_mm), prior, found, rows, part), found.settled
 
 
 def adapt_own_bones(
@@ -199,7 +199,7 @@ def _from_starts(
     """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
     nothing = np.zeros((_DIMENSIONS, len(prior.noise_deg)))
     found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0])
-    allowed = good_enough * INFORMATIVE * np.bincount(part, minlength=len(found.F)) * prior.noise_deg**2
+    allowed = good_enough * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
     left = np.flatnonzero(~found.settled | (allowed < found.F))
     for slacks_mm in STARTS_MM[1:] if len(left) else ():
         some, number = _of_problems(rows, part, left)

@@ -8,8 +8,8 @@ noise,
     -2 log p = sum over persons of  m log sigma^2 + log det H + |b|^2 / sigma^2 - v' z
     d/d(log scale of g) = 2 sum_{i in g} (1 - (H^-1)_ii - z_i^2)
 
-of m informative numbers, three a posture. The scales have a prior about 1, so that a few persons stay near it, and
-persons who do not differ lead to 0. The adapted parameters keep the SDs of people.
+of m informative numbers, of a posture the angles that were measured less three. The scales have a prior about 1, so
+that a few persons stay near it, and persons who do not differ lead to 0.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.solvers.own_bones.most_probable import Posterior, Prior
+from adapt.solvers.own_bones.most_probable import Posterior, Prior, Rows
 from models.person.own_bones import GROUPS, SIZES
 
 LOG_SCALE_SD, LOG_NOISE_SD = 0.4, 0.7
@@ -30,7 +30,6 @@ FEWEST_PERSONS, _FEWEST = 10, 5
 """Of a run, and of those whose fit has settled, another group left out. Six bone-pin shoulders of three cadavers would
 make bones twice as different as people's are."""
 
-
 _LEAST_SCALE, MOST_SCALE = 0.02, 2.0
 """Nobody differs; and people are at most twice as different as ``SIZES`` say: what is beyond is no bone, but what the
 chain cannot do, and noise."""
@@ -40,8 +39,8 @@ _NOISES_DEG = (0.05, 10.0)
 _FLAT = 1e-3
 """Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off."""
 
-INFORMATIVE = 3
-"""Numbers of a posture: six angles less three degrees of freedom."""
+_FREE = 3
+"""Degrees of freedom of a posture: so many angles fewer are informative."""
 
 
 class Scales(NamedTuple):
@@ -74,8 +73,19 @@ class Moments(NamedTuple):
     """m."""
 
 
+def informative(
+    measured: Bool[np.ndarray, "6 rows"], part: Int[np.ndarray, " rows"], problems: int
+) -> Int[np.ndarray, " problems"]:
+    """Count the numbers of each problem that say something of its girdle."""
+    return np.bincount(part, np.maximum(measured.sum(axis=0) - _FREE, 0), problems).astype(int)
+
+
 def moments(
-    columns: Float[np.ndarray, "numbers sizes problems"], prior: Prior, found: Posterior, part: Int[np.ndarray, " rows"]
+    columns: Float[np.ndarray, "numbers sizes problems"],
+    prior: Prior,
+    found: Posterior,
+    rows: Rows,
+    part: Int[np.ndarray, " rows"],
 ) -> Moments:
     """Collect them at the most probable girdles."""
     y, slopes = found.nearest.y, found.nearest.by_theta
@@ -89,7 +99,7 @@ def moments(
         A.append(mine @ mine.T)
         c.append(mine @ np.concatenate(b[:, part == p]))
     A, c = np.stack(A, axis=-1), np.stack(c, axis=-1)
-    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), INFORMATIVE * np.bincount(part))
+    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), informative(rows.measured, part, x.shape[1]))
 
 
 def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"], start: Scales = PRIOR) -> Scales:

@@ -1,0 +1,118 @@
+"""Simulated people with bones of their own: worlds that say how they differ, and what is true of each person."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from numpy.random import PCG64, Generator
+
+from adapt.solvers import status
+from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.projection.nearest_posture import nearest_by_numbers
+from models.adapted_parameters import ADAPTED
+from models.effects import NO_ACTIVE_EFFECTS
+from models.girdle import Girdle
+from models.parameter_sets import ParameterSet
+from models.person.own_bones import NAMES, SIZES, of_chain, spread_about
+from motions.rhythm_subjects import add_noise, noise_free_subjects
+from motions.rotations import DEG
+from motions.table import Motions
+
+_DRAWN = 4
+"""As many persons are drawn as are wanted, times this: whose chain does not close in every posture is left out."""
+
+OTHER_SDS = {
+    **dict(zip(ADAPTED, (10.0, 5.0, 4.0, 12.0, 4.0, 1.5), strict=True)),
+    **dict.fromkeys(("TS_x", "AI_x", "AI_y"), 6.0),
+    **{name: 4.0 for name in NAMES if "_conoid_" in name},
+}
+"""How people differ in an earlier study, mm: not the prior's SDs, and nothing else differs."""
+
+Sds = Float[np.ndarray, " sizes"]
+
+
+def _as_prior(adapted: float, others: float) -> Callable[[ParameterSet], Sds]:
+    return lambda model: spread_about(model).sd * np.where(np.arange(len(SIZES)) < len(ADAPTED), adapted, others)
+
+
+def _as_given(sds: Mapping[str, float]) -> Callable[[ParameterSet], Sds]:
+    return lambda _: np.array([sds.get(name, 0.0) for name in NAMES])
+
+
+WORLDS: dict[str, Callable[[ParameterSet], Sds]] = {
+    "as the prior": _as_prior(1.0, 1.0),
+    "all half as much": _as_prior(0.5, 0.5),
+    "all twice as much": _as_prior(2.0, 2.0),
+    "bones, frames half": _as_prior(1.0, 0.5),
+    "bones, frames twice": _as_prior(1.0, 2.0),
+    "other SDs": _as_given(OTHER_SDS),
+    "only the six": _as_given({name: OTHER_SDS[name] for name in ADAPTED}),
+    "nobody": _as_given({}),
+}
+"""SD of each of ``SIZES`` between the people of a world about a set, in their units."""
+
+
+@dataclass(frozen=True)
+class People:
+    """P persons, and what is true of them."""
+
+    model: ParameterSet
+    sds: Sds
+    noise_deg: float
+    motions: Motions
+    """With noise."""
+    true_deg: Float[np.ndarray, "postures 6"]
+    sizes: Float[np.ndarray, "sizes P"]
+    closing: float
+    """The share of those drawn whose chain closes in every posture."""
+
+    @property
+    def numbers_mm(self) -> Float[np.ndarray, "numbers P"]:
+        """Of the true girdles."""
+        return np.asarray(self.model.girdle.numbers_mm)[:, None] + _per_unit(self.model) @ self.sizes
+
+    @property
+    def adapted_mm(self) -> Float[np.ndarray, "adapted P"]:
+        """The six of the true girdles."""
+        return np.asarray(Girdle.of_numbers(self.numbers_mm).adapted_mm)
+
+
+def _per_unit(model: ParameterSet) -> Float[np.ndarray, "numbers sizes"]:
+    return np.stack([size.per_unit(model.girdle) for size in SIZES], axis=-1)
+
+
+def simulate_people(model: ParameterSet, sds: Sds, count: int, noise_deg: float, seed: int) -> People:
+    """Simulate persons that move as the rhythm and their own girdles let them, fourteen postures each."""
+    generator = Generator(PCG64(seed))
+    wanted = noise_free_subjects(_DRAWN * count, generator)
+    sizes = sds[:, None] * generator.standard_normal((len(SIZES), _DRAWN * count))
+    numbers = np.asarray(model.girdle.numbers_mm)[:, None] + _per_unit(model) @ sizes
+    person = wanted.subject_number
+    fitted = fit_batch(
+        Girdle.of_numbers(numbers[:, person]), wanted.angles_deg.T / DEG, np.ones((6, len(person)), bool)
+    )
+    closes = np.bincount(person, fitted.status != status.OK) == 0
+    chosen = np.flatnonzero(closes)[:count]
+    rows = np.isin(person, chosen)
+    closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(rows)
+    noisy = add_noise(closed, noise_deg, generator)
+    return People(model, sds, noise_deg, noisy, closed.angles_deg, sizes[:, chosen], float(closes.mean()))
+
+
+def limit(people: People, noise_deg: float) -> Float[np.ndarray, " adapted"]:
+    """Compute the SD that is left of each of the six, relative to the people's, when all is known of how people differ.
+
+    The root mean square over persons of the posterior's, by the slopes at the truth: no estimate has smaller errors in
+    the mean, as far as the chain is linear over the SDs. NaN where people do not differ.
+    """
+    rows = people.motions.subject_number
+    angles = people.true_deg.T / DEG
+    numbers = of_chain(people.numbers_mm)[:, rows]
+    near = nearest_by_numbers(numbers, NO_ACTIVE_EFFECTS, angles, np.ones(angles.shape, bool), angles)
+    columns = of_chain(_per_unit(people.model) * people.sds)
+    slopes = np.einsum("ikr,ks->rsi", near.by_theta, columns) / noise_deg
+    each = np.add.reduceat(slopes @ np.swapaxes(slopes, 1, 2), np.searchsorted(rows, np.arange(rows[-1] + 1)))
+    variance = np.einsum("pss->ps", np.linalg.inv(each + np.eye(len(SIZES))))
+    left = np.sqrt(variance.mean(axis=0))[: len(ADAPTED)]
+    return np.where(people.sds[: len(ADAPTED)] > 0.0, left, np.nan)

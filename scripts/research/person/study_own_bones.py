@@ -1,0 +1,342 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""Does an adaptation gain from bones of each person's own (`girdle adapt --own-bones`)? Prints Markdown.
+
+    python scripts/research/person/study_own_bones.py --held-out ../shared/motions/bonepin_*.csv
+    python scripts/research/person/study_own_bones.py --noise ../shared/motions/bonepin_*.csv
+    python scripts/research/person/study_own_bones.py --truth
+    python scripts/research/person/study_own_bones.py --few ../shared/motions/bonepin_*.csv
+    python scripts/research/person/study_own_bones.py --positions ../shared/motions_positions
+    python scripts/research/person/study_own_bones.py --time ../shared/motions/bonepin_*.csv
+
+--held-out: measured motions, each held out in turn. --noise: the same, by the noise that is assumed. --truth: simulated
+people whose bones are known. --few: few postures, one motion, one person, missing angles; simulated people, and
+measured motions where they are named. --positions: measured positions, which no fit has seen, as a judge. --time:
+against the plain adaptation.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from adapt import Adaptations, adapt_subjects
+from adapt.solvers import status
+from adapt.solvers.own_bones.own_adaptation import People as LearntPeople
+from adapt.solvers.own_bones.scales import Scales
+from adapt.tables.held_out import by_model
+from adapt.tables.results import FAR_SDS
+from models import ParameterSet, load_model, model_names
+from models.adapted_parameters import ADAPTED
+from models.person.own_bones import GROUPS, NO_SDS, SIZES, spread_about
+from motions import Motions
+from motions.rhythm_subjects import DATA_FILE, NOISE_DEG, simulate_subjects
+from motions.rotations import DEG
+from scripts.reporting import markdown, measured, timed
+from scripts.research.person.own_bone_predictions import (
+    ADAPTATIONS,
+    adapted_to,
+    bone_means,
+    distances_mm,
+    gaps_deg,
+    own_ac_mm,
+    predicted_places,
+    without,
+)
+from scripts.research.person.own_bone_worlds import WORLDS, People, limit, simulate_people
+
+NORMAL_95 = 1.96
+
+
+def main() -> None:
+    """Print the parts that are asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--held-out", nargs="+", type=Path, metavar="MOTIONS")
+    parser.add_argument("--noise", nargs="+", type=Path, metavar="MOTIONS")
+    parser.add_argument("--truth", nargs="*", choices=WORLDS, metavar="WORLD", help="default: all")
+    parser.add_argument("--few", nargs="*", type=Path, metavar="MOTIONS")
+    parser.add_argument("--positions", type=Path, metavar="FOLDER")
+    parser.add_argument("--time", nargs="*", type=Path, metavar="MOTIONS")
+    parser.add_argument("--model", action="append", default=[], help="parameter sets; default: all, simulated: R2")
+    parser.add_argument("--persons", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    models = [load_model(name) for name in given.model or model_names()]
+    one = load_model((given.model or ["R2"])[0])
+    if given.held_out:
+        print(held_out_table(measured(parser, given.held_out), models))
+    if given.noise:
+        print(noise_table(measured(parser, given.noise), models))
+    if given.truth is not None:
+        print_truth(one, given.truth or list(WORLDS), given.persons, given.seed)
+    if given.few is not None:
+        people = simulate_people(one, WORLDS["as the prior"](one), given.persons, NOISE_DEG, given.seed)
+        print(few_table(people.motions, one, people.true_deg))
+        for model in models if given.few else []:
+            print(f"\n{model.name}\n\n{few_table(measured(parser, given.few), model)}", flush=True)
+    if given.positions:
+        print(positions_table(measured(parser, sorted(given.positions.glob("bonepin_*.csv"))), models))
+    if given.time is not None:
+        print_times(given.time)
+
+
+def held_out_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
+    """Tabulate gaps of motions held out, means over subjects; ellipsoids; parameters at a bound."""
+    header = ["set", "adaptation", "clavicle, deg", "scapula, deg", "A_y, mm", "its range", "A_z, mm", "D, rms mm"]
+    header += ["at a bound", f"beyond {FAR_SDS:g} SDs: the six", "of all", "failed"]
+    lines = []
+    for model in models:
+        for name, options in ADAPTATIONS.items():
+            result = adapt_subjects(motions, model, **options)
+            gaps, table = by_model(result.heldout).loc[model.name], result.parameters
+            bounds = int(table[[f"{one}_mm_at_bound" for one in ADAPTED]].to_numpy(bool).sum())
+            A_y, failed = table["A_y_mm"], (result.heldout["status"] != status.OK).sum()
+            six, every = far(model, result)
+            lines.append(
+                [
+                    *(model.name, name, *(f"{gaps[f'{bone}_gap_unseen_deg']:.3f}" for bone in ("clavicle", "scapula"))),
+                    *(f"{A_y.mean():.0f}", f"{A_y.min():.0f}-{A_y.max():.0f}", f"{table['A_z_mm'].mean():.0f}"),
+                    *(f"{np.sqrt(table['D_mm2'].mean()):.1f}", f"{bounds} of {6 * len(table)}"),
+                    *(six, every, f"{failed}"),
+                ]
+            )
+    return markdown(header, lines)
+
+
+def far(model: ParameterSet, result: Adaptations) -> tuple[str, str]:
+    """Count sizes farther from the set's than people are: of the six, and of all where bones were adapted."""
+    own, six = result.problems.own_bones, (result.problems.adapted.theta_mm.T - model.girdle.adapted_mm).T
+    six = np.abs(six) > FAR_SDS * spread_about(model).sd[: len(ADAPTED), None]
+    every = "-" if own is None else f"{(np.abs(own.sizes) > FAR_SDS * own.prior_sd).sum()} of {own.sizes.size}"
+    return f"{six.sum()} of {six.size}", every
+
+
+NOISES_DEG = (0.4, 0.8, 1.2, 1.6, 2.4, 4.0)
+
+
+def noise_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
+    """Tabulate gaps of motions held out with one noise for all and no scale learnt, and how far the sizes go."""
+    header = [
+        "set",
+        "noise, deg",
+        "clavicle, deg",
+        "scapula, deg",
+        "largest size, SDs",
+        f"beyond {FAR_SDS:g} SDs: the six",
+    ]
+    header += ["of all", "failed"]
+    lines = []
+    for model in models:
+        for noise_deg in NOISES_DEG:
+            people = LearntPeople(NO_SDS, {model.name: Scales(noise_deg=noise_deg)}, {model.name: {}})
+            result = adapt_subjects(motions, model, own_bones=people)
+            own, gaps = result.problems.own_bones, by_model(result.heldout).loc[model.name]
+            assert own is not None
+            largest = np.max(np.abs(own.sizes / own.prior_sd))
+            failed = (result.heldout["status"] != status.OK).sum()
+            held = (f"{gaps[f'{bone}_gap_unseen_deg']:.3f}" for bone in ("clavicle", "scapula"))
+            lines.append([model.name, f"{noise_deg:g}", *held, f"{largest:.1f}", *far(model, result), f"{failed}"])
+    return markdown(header, lines)
+
+
+def print_truth(model: ParameterSet, worlds: Sequence[str], count: int, seed: int) -> None:
+    """Print errors of the six; then coverage, what is learnt, and gaps of held-out motions."""
+    errors, gaps = [], []
+    for name in worlds:
+        people = simulate_people(model, WORLDS[name](model), count, NOISE_DEG, seed)
+        errors += error_lines(name, people)
+        gaps.append(gap_line(name, people))
+        print(f"{name}: {people.sizes.shape[1]} persons, {people.closing:.0%} of those drawn close", file=sys.stderr)
+    print(markdown(["world", "root mean square error, mm", *ADAPTED], errors) + "\n")
+    header = ["world", "in intervals: the six", "bones", "frames", "learnt scales: bones, frames; noise", "failed"]
+    words = (f"{way}, {what}" for what in ("against the truth", "measured") for way in ("plain", "own bones"))
+    print(markdown([*header, *words], gaps))
+
+
+def error_lines(name: str, people: People) -> Iterator[list[str]]:
+    """Format root mean square errors of the six."""
+    truth = people.adapted_mm
+
+    def line(word: str, errors: Float[np.ndarray, "adapted persons"]) -> list[str]:
+        return [name, word, *(f"{x:.1f}" for x in np.sqrt(np.nanmean(errors**2, axis=1)))]
+
+    yield line("the set as it is", people.sizes[: len(ADAPTED)])
+    for way in ("plain", "own bones"):
+        fitted = adapted_to(people.motions, people.model, **ADAPTATIONS[way])
+        yield line(way, np.asarray(fitted.girdle.adapted_mm) - truth)
+    sds = people.sds[: len(ADAPTED)]
+    for word, noise_deg in (("least possible", people.noise_deg), ("with 56 postures", people.noise_deg / 2.0)):
+        left = limit(people, noise_deg)
+        yield [name, word, *(f"{k * sd:.1f} ({k:.2f})" if sd else "-" for k, sd in zip(left, sds, strict=True))]
+
+
+def gap_line(name: str, people: People) -> list[str]:
+    """Format coverage, scales and gaps of one world."""
+    fitted = adapted_to(people.motions, people.model, **ADAPTATIONS["own bones"])
+    own, good = fitted.result.problems.own_bones, fitted.result.problems.adapted.status == status.OK
+    assert own is not None
+    inside = (np.abs(own.sizes - people.sizes) <= NORMAL_95 * own.sd)[:, good]
+    of = np.array([size.group for size in SIZES])
+    shares = [f"{inside[of == group].mean():.1%}" for group in GROUPS]
+    bones, frames, noise = own.scales[:, 0]
+    against = [held_out_gaps(people.motions, people.model, way, people.true_deg) for way in ("plain", "own bones")]
+    cells = [f"{clavicle:.2f}, {scapula:.2f}" for k in (0, 1) for clavicle, scapula in (one[k] for one in against)]
+    return [name, *shares, f"{bones:.2f}, {frames:.2f}; {noise:.2f}", f"{(~good).sum()}", *cells]
+
+
+def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> list[tuple[float, float]]:
+    """Average the gaps of clavicle and scapula against the truth, and against what was measured.
+
+    Each kind of motion is held out of all subjects at once, and the scales are learnt without it too.
+    """
+    gaps = []
+    for kind in dict.fromkeys(motions.motion.tolist()):
+        seen, unseen = without(motions, kind)
+        angles = predicted(motions, seen, unseen, model, ADAPTATIONS[way])
+        gaps.append([gaps_deg(angles, wanted[unseen]) for wanted in (true_deg, motions.angles_deg)])
+    return [bone_means(np.concatenate(each, axis=1)) for each in zip(*gaps, strict=True)]
+
+
+def predicted(motions: Motions, seen: Bool[np.ndarray, " postures"], unseen, model: ParameterSet, options):
+    """Adapt to some postures and simulate others, rad."""
+    return adapted_to(motions.select(seen), model, **options).angles(motions.select(unseen))
+
+
+FEW = (1, 2, 3, 5)
+"""Postures of the first motion that are adapted to."""
+
+MISSING_SHARE = 0.2
+
+
+def few_table(motions: Motions, model: ParameterSet, true_deg: Float[np.ndarray, "postures 6"] | None = None) -> str:
+    """Tabulate gaps of other motions where little was measured, against the truth or, without it, what was measured.
+
+    Of everybody together, and of each person alone, when no scale is learnt. Of angles that were measured, in postures
+    that every adaptation predicts.
+    """
+    alone = {"own_bones": LearntPeople(NO_SDS, {model.name: Scales()}, {model.name: {}})}
+    ways: dict[str, Any] = {"plain": {}, "own bones": ADAPTATIONS["own bones"], "own bones, each alone": alone}
+    lines = []
+    for name, changed, seen, unseen in cases(motions):
+        wanted = np.where(np.isfinite(changed.angles_deg), motions.angles_deg if true_deg is None else true_deg, np.nan)
+        each = [predicted(changed, seen, unseen, model, options) for options in ways.values()]
+        failed = np.isnan(each).any(axis=1)
+        wanted = np.where(failed.any(axis=0)[:, None], np.nan, wanted[unseen])
+        means = (bone_means(gaps_deg(one, wanted)) for one in each)
+        cells = [f"{clavicle:.2f}, {scapula:.2f}" for clavicle, scapula in means]
+        lines.append([name, *cells, " ".join(f"{count}" for count in failed.sum(axis=1)) + f" of {unseen.sum()}"])
+    return markdown(["measured", *(f"{way}: clavicle, scapula, deg" for way in ways), "not predicted"], lines)
+
+
+def cases(motions: Motions):
+    """Give names, motions, and the postures to adapt to and to predict: those of the other motions."""
+    first = np.zeros(len(motions.subject), bool)
+    for rows in motions.rows_by_subject():
+        first[rows[motions.motion[rows] == motions.motion[rows[0]]]] = True
+    rest = ~first & np.isin(motions.subject, motions.subject[first])
+    for count in FEW:
+        some = np.zeros_like(first)
+        for rows in motions.rows_by_subject():
+            own = rows[first[rows]]
+            some[own[np.unique(np.linspace(0, len(own) - 1, count + 2)[1:-1].round().astype(int))]] = True
+        yield f"{count} posture{'s' * (count > 1)}", motions, some, rest
+    yield "one motion", motions, first, rest
+    axial = motions.angles_deg.copy()
+    axial[:, 2] = np.nan
+    yield "one motion, no axial rotation", replace(motions, angles_deg=axial), first, rest
+    gone = np.random.default_rng(0).random(motions.angles_deg.shape) < MISSING_SHARE
+    gone[rest] = False
+    holes = np.where(gone, np.nan, motions.angles_deg)
+    yield "one motion, a fifth of its angles missing", replace(motions, angles_deg=holes), first, rest
+
+
+def positions_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
+    """Tabulate how far SC and AA of motions held out are from where they are predicted, root mean square, mm."""
+    rows = [["rigid chain of the person's own", "measured", *_of_subjects(motions, judged(motions, None))]]
+    for model in models:
+        rows += [
+            [name, angles, *_of_subjects(motions, judged(motions, model, way, angles))]
+            for name, way, angles in (
+                *((f"{model.name}, plain", "plain", word) for word in ("simulated", "measured")),
+                *((f"{model.name}, own bones", "own bones", word) for word in ("simulated", "measured")),
+            )
+        ]
+    return markdown(["adaptation", "angles", "SC", "AA", *(f"AA {name}" for name in motions.subjects)], rows)
+
+
+def judged(motions: Motions, model: ParameterSet | None, way: str = "", angles: str = "measured"):
+    """Predict every kind of motion from the others; give the distances of SC and AA, mm, of all postures."""
+    sc, aa = np.full((2, len(motions.subject)), np.nan)
+    for kind in dict.fromkeys(motions.motion.tolist()):
+        rows = without(motions, kind)
+        seen, unseen = (motions.select(one) for one in rows)
+        simulated = [one.angles_deg.T / DEG for one in (seen, unseen)]
+        if model is None:
+            ac_mm = own_ac_mm(seen, simulated[0])
+        else:
+            fitted = adapted_to(seen, model, **ADAPTATIONS[way])
+            ac_mm = np.asarray(fitted.girdle.ac_mm)
+            simulated = [fitted.angles(one) for one in (seen, unseen)] if angles == "simulated" else simulated
+        places = predicted_places(seen, simulated[0], unseen, simulated[1], ac_mm)
+        sc[rows[1]], aa[rows[1]] = distances_mm(unseen, places)
+    return sc, aa
+
+
+def _of_subjects(motions: Motions, distances) -> list[str]:
+    """Root mean squares of each subject; first those of SC and of AA in the mean."""
+    sc, aa = ([float(np.sqrt(np.nanmean(one[rows] ** 2))) for rows in motions.rows_by_subject()] for one in distances)
+    return [f"{np.mean(sc):.2f}", f"{np.mean(aa):.2f}", *(f"{x:.1f}" for x in aa)]
+
+
+SUBJECTS, REPEATS, THREE_SETS = 1000, 3, ("breteler_dissection", "R2", "R4")
+
+
+def print_times(files: Sequence[Path], subjects: int = SUBJECTS, repeats: int = REPEATS) -> None:
+    """Print seconds of both adaptations in turn, with the load of the machine."""
+    print(f"load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores\n")
+    print(markdown(["run", "plain, s", "own bones, s", "ratio in each pair"], time_lines(files, subjects, repeats)))
+
+
+def time_lines(files: Sequence[Path], subjects: int, repeats: int) -> Iterator[list[str]]:
+    """Time simulated subjects in Python, and whole commands with three sets."""
+    motions, model = simulate_subjects(subjects, 0), load_model("R2")
+    few = motions.select(np.isin(motions.subject, motions.subjects[:12]))
+
+    def run(some: Motions, way: str):
+        return lambda: adapt_subjects(some, model, held_out=(), **ADAPTATIONS[way])
+
+    for way in ("plain", "own bones"):
+        run(few, way)()  # what is compiled, or read from the cache
+    yield _pairs(f"{subjects} simulated subjects, R2", run(motions, "plain"), run(motions, "own bones"), repeats)
+    for name, some in (("ten shipped subjects", [DATA_FILE]), ("measured shoulders", files)):
+        if some:
+            plain, own = partial(_command, some), partial(_command, some, "--own-bones")
+            yield _pairs(f"{name}, three sets, `girdle adapt`", plain, own, repeats)
+
+
+def _pairs(name: str, plain, own, repeats: int) -> list[str]:
+    pairs = [(timed(plain), timed(own)) for _ in range(repeats)]
+    seconds = [" ".join(f"{x:.1f}" for x in each) for each in zip(*pairs, strict=True)]
+    return [name, *seconds, " ".join(f"{b / a:.2f}" for a, b in pairs)]
+
+
+def _command(files: Sequence[Path], *more: str) -> None:
+    sets = [word for name in THREE_SETS for word in ("--model", name)]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "adapt", "adapt", *map(str, files), *sets, *more, "--out", f"{folder}/out"]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    if ended.returncode not in (0, 3):
+        sys.exit(ended.stdout + ended.stderr)
+
+
+if __name__ == "__main__":
+    main()
