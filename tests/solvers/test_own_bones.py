@@ -328,13 +328,17 @@ def test_motions_that_were_held_out_are_predicted_better_than_by_the_plain_adapt
         assert own[column].mean() < 0.95 * plain[column].mean()
 
 
-def test_a_subject_alone_is_the_same_as_among_others(shipped, of_shipped):
-    own = of_shipped.of("R2").own_bones
-    for k, name in enumerate(shipped.subjects[:2]):
-        alone = adapted(of_subject(shipped, name))
-        assert alone.adapted["R2"].E[0] == pytest.approx(of_shipped.adapted["R2"].E[k], rel=SAME)
-        np.testing.assert_allclose(alone.problems.own_bones.sizes[:, 0], own.sizes[:, k], rtol=SAME, atol=1e-9)
-        np.testing.assert_allclose(alone.problems.own_bones.sd[:, 0], own.sd[:, k], rtol=1e-6)
+def test_a_subject_alone_is_the_same_as_among_others(shipped):
+    """To the last digit, which a run in parts relies on; they have unequal numbers of postures."""
+    names = shipped.subjects
+    fewer = shipped.select(shipped.posture <= 7 - np.array([2 * names.index(one) for one in shipped.subject.tolist()]))
+    together = adapted(fewer)
+    for k, name in enumerate(names):
+        alone = adapted(of_subject(fewer, name))
+        assert alone.adapted["R2"].E[0] == together.adapted["R2"].E[k]
+        for field in ("sizes", "sd"):
+            one, other = (getattr(run.problems.own_bones, field) for run in (alone, together))
+            np.testing.assert_array_equal(one[:, 0], other[:, k])
 
 
 def test_angles_that_nobody_measured_do_not_count(shipped):
