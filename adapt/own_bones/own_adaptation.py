@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import put_problems, take_problems
 from adapt.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable, persons_first
-from adapt.own_bones.scales import FEWEST_PERSONS, INFORMATIVE, Moments, Scales, learnt, moments
+from adapt.own_bones.scales import FEWEST_PERSONS, Moments, Scales, informative, learnt, moments
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.posture_fits import fit_batch
@@ -139,7 +139,8 @@ def _moments(data: Problems, spread: Spread, scales: Scales) -> tuple[Moments, B
     rows, part, _ = _rows_of(data)
     prior, _ = _prior(data, spread, [scales] * count)
     found = _from_starts(rows, part, prior)
-    return moments(of_chain(spread.columns_mm), prior, found, part), found.settled
+    told = np.bincount(part, informative(rows.measured)) > 0
+    return moments(of_chain(spread.columns_mm), prior, found, part, rows.measured), found.settled & told
 
 
 def adapt_own_bones(
@@ -194,7 +195,8 @@ def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Po
     """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
     nothing = np.zeros((_DIMENSIONS, len(prior.noise_deg)))
     found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0])
-    allowed = _AS_GOOD_AS_NOISE * INFORMATIVE * np.bincount(part, minlength=len(found.F)) * prior.noise_deg**2
+    told = np.bincount(part, informative(rows.measured), minlength=len(found.F))
+    allowed = _AS_GOOD_AS_NOISE * told * prior.noise_deg**2
     left = np.flatnonzero(~found.settled | (allowed < found.F))
     for slacks_mm in STARTS_MM[1:] if len(left) else ():
         some, number = _of_problems(rows, part, left)

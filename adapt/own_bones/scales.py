@@ -8,8 +8,8 @@ noise,
     -2 log p = sum over persons of  m log sigma^2 + log det H + |b|^2 / sigma^2 - v' z
     d/d(log scale of g) = 2 sum_{i in g} (1 - (H^-1)_ii - z_i^2)
 
-of m informative numbers, three a posture. The scales have a prior about 1, so that a few persons stay near it, and
-persons who do not differ lead to 0. The adapted parameters keep the SDs of people.
+of m informative numbers, three a posture with all its angles. The scales have a prior about 1, so that a few persons
+stay near it, and persons who do not differ lead to 0. The adapted parameters keep the SDs of people.
 """
 
 from typing import NamedTuple
@@ -33,8 +33,12 @@ FEWEST_PERSONS = 10
 """Six bone-pin shoulders of three cadavers would make bones twice as different as people's are."""
 
 
-INFORMATIVE = 3
-"""Numbers of a posture: six angles less three degrees of freedom."""
+_DEGREES_OF_FREEDOM = 3
+
+
+def informative(measured: Bool[np.ndarray, "6 rows"]) -> Int[np.ndarray, " rows"]:
+    """Count the numbers of a posture that say something of the girdle: its angles less the chain's freedom."""
+    return np.maximum(measured.sum(axis=0) - _DEGREES_OF_FREEDOM, 0)
 
 
 class Scales(NamedTuple):
@@ -65,7 +69,11 @@ class Moments(NamedTuple):
 
 
 def moments(
-    columns: Float[np.ndarray, "numbers sizes problems"], prior: Prior, found: Posterior, part: Int[np.ndarray, " rows"]
+    columns: Float[np.ndarray, "numbers sizes problems"],
+    prior: Prior,
+    found: Posterior,
+    part: Int[np.ndarray, " rows"],
+    measured: Bool[np.ndarray, "6 rows"],
 ) -> Moments:
     """Collect them at the most probable girdles."""
     y, slopes = found.nearest.y, found.nearest.by_theta
@@ -79,13 +87,11 @@ def moments(
         A.append(mine @ mine.T)
         c.append(mine @ np.concatenate(b[:, part == p]))
     A, c = np.stack(A, axis=-1), np.stack(c, axis=-1)
-    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), INFORMATIVE * np.bincount(part))
+    return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), np.bincount(part, informative(measured)))
 
 
 def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"]) -> Scales:
-    """Find the most probable scales of the chosen problems; of few, those of the prior."""
-    if chosen.sum() < FEWEST_PERSONS:
-        return Scales()
+    """Find the most probable scales of the chosen problems."""
     from scipy.optimize import minimize  # 0.4 s to load: not for every command
 
     some = Moments(*(one[..., chosen] for one in of))

@@ -280,6 +280,18 @@ def test_how_much_persons_differ_is_learnt(factor, lowest, highest):
     assert scales.noise_deg == pytest.approx(NOISE_DEG, rel=0.08)
 
 
+def test_angles_that_nobody_measured_do_not_make_the_noise_less(world):
+    """Two informative numbers a posture instead of three; of one without any, none."""
+    angles = world.motions.angles_deg.copy()
+    angles[:, 2] = np.nan
+    assert learnt(replace(world.motions, angles_deg=angles)).noise_deg == pytest.approx(NOISE_DEG, rel=0.08)
+    some = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:12]))
+    angles = some.angles_deg.copy()
+    angles[np.isin(some.subject, some.subjects[:2])] = np.nan
+    without = learnt(some.select(~np.isin(some.subject, some.subjects[:2])))
+    np.testing.assert_allclose(learnt(replace(some, angles_deg=angles)), without, rtol=1e-3)
+
+
 def test_of_few_persons_nothing_is_learnt(world):
     few = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:9]))
     assert learnt(few) == Scales(1.0, 1.0, TYPICAL_NOISE_DEG)
@@ -298,6 +310,17 @@ def test_a_person_s_own_parts_are_held_out_with_scales_of_others(world):
     changed[np.isin(motions.subject, ["p0_L", "p0_R"])] += np.array([5.0, -5.0, 5.0, -5.0, 5.0, -5.0])
     other = learn_people(posture_rows(replace(motions, angles_deg=changed), {}), [R2])
     assert other.everybody["R2"] != found.everybody["R2"]
+
+
+def test_of_ten_persons_scales_are_learnt_without_each_too(world):
+    ten = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:10]))
+    found = learn_people(posture_rows(ten, {}), [R2])
+    assert all(one != Scales() for one in (found.everybody["R2"], *found.without["R2"].values()))
+
+
+def test_single_precision_is_left_to_the_plain_adaptation(shipped, of_shipped):
+    found = adapted(shipped, dtype=np.float32)
+    np.testing.assert_array_equal(found.adapted["R2"].E, of_shipped.adapted["R2"].E)
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say(world, of_world):
