@@ -147,7 +147,7 @@ def adapt_subjects(
     k times as large does.
 
     ``own_bones``: adapt bones and frames of each person's own beside the six parameters, as far as people differ
-    (``adapt.solvers.own_bones``), in place of min E within bounds. True; or other SDs by name
+    (``adapt.solvers.own_bones``), in place of min E within bounds, in float64. True; or other SDs by name
     (``models.person.own_bones``); or what ``learn_people`` has learnt from other motions.
     """
     models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)

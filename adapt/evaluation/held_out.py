@@ -83,9 +83,10 @@ def adapt_with_folds(
 
     The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has bones of their own.
     """
-    data = as_type(problems_of(rows, models), dtype)
+    data = problems_of(rows, models)
     if people is not None:
         return _with_own_bones(data, rows, models, folds, weight, progress, people)
+    data = as_type(data, dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     found = HeldOut((), take_problems(adapted, slice(0)), ())
     if folds:

@@ -228,5 +228,5 @@ def _sd(one: ParameterSet, size: OwnSize) -> float:
         return 0.0 if measured else size.sd
     stated = max((one.range_mm(key) or 0.0 for key in size.keys), default=0.0)
     if measured:
-        return stated or size.sd
+        return min(stated or size.sd, size.sd)
     return float(np.hypot(size.sd, stated / _SDS_IN_A_RANGE))

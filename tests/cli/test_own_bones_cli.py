@@ -26,7 +26,7 @@ PLAIN_COLUMNS = [
 ]
 OWN_COLUMNS = [
     *(f"{size.key}{kind}" for size in SIZES[len(ADAPTED) :] for kind in ("", "_sd")),
-    *("bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told"),
+    *("adapted_scale", "bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told"),
 ]
 """The contract of the file: scripts of users rely on it."""
 
@@ -78,8 +78,8 @@ def test_the_terminal_says_how_much_persons_differ(adapted, parameters):
     printed = (adapted / "printed").read_text()
     row = parameters.iloc[0]
     assert (
-        f"SDs of people times {row['bones_scale']:.2f} (bones) and {row['frames_scale']:.2f} (frames), "
-        f"noise {row['noise_deg']:.2f} degrees"
+        f"SDs of people times {row['adapted_scale']:.2f} (the six), {row['bones_scale']:.2f} (bones), "
+        f"{row['frames_scale']:.2f} (frames); noise {row['noise_deg']:.2f} degrees"
     ) in printed
     for _, one in parameters[parameters["far_from_people"] != ""].head(3).iterrows():
         assert f"Farther from the set than people are: {one['subject']}, {one['far_from_people']}" in printed

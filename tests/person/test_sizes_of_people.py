@@ -55,8 +55,10 @@ def test_the_chain_sees_the_thorax_from_sc():
     np.testing.assert_array_equal(moved[NUMBERS["ts_mm"]], R2.girdle.ts_mm)
 
 
-def test_the_six_differ_as_people_do():
-    np.testing.assert_array_equal(spread_about(R2).sd[:SIX], PERSON_SD_MM)
+def test_the_six_differ_less_than_adapted_ones():
+    """What ten adaptations scatter by (Table 6.5) holds what ellipsoids pay for bones, but for the narrow A_x."""
+    sd, others = spread_about(R2).sd[:SIX], np.arange(SIX) != ADAPTED.index("A_x")
+    assert (sd[others] < PERSON_SD_MM[others]).all()
 
 
 @pytest.mark.parametrize(
@@ -69,8 +71,8 @@ def test_the_six_differ_as_people_do():
         ("SC_y", "clavicle.sc_mm", "assumed: of another; +-24 mm", 13.0),  # 5 and 24 / 2
         ("clavicle_length", "clavicle.length_mm", "measured: SC to AC; +-2 mm", 0.0),
         ("A_y", "thorax.semi_axes_mm", "measured: points of P01; +-5 mm", 5.0),
-        ("A_y", "thorax.semi_axes_mm", "measured: points of P01; +-50 mm", 20.0),
-        ("A_x", "thorax.semi_axes_mm", "measured: points of P01; +-5 mm", 3.0),
+        ("A_y", "thorax.semi_axes_mm", "measured: points of P01; +-50 mm", 12.0),
+        ("A_x", "thorax.semi_axes_mm", "measured: points of P01; +-5 mm", 4.0),
         ("scapula_frame_z", "scapula.ts_mm", "measured: of P01; +-1 mm", 4.0),
     ],
 )
@@ -106,7 +108,7 @@ def test_the_columns_say_who_is_far_and_what_is_not_told():
     variance = np.full((n, 3), (1.01 * UNTOLD) ** 2)
     variance[told] = (0.99 * UNTOLD) ** 2
     covariance = np.einsum("ij,ip->ijp", np.eye(n), variance)
-    own = OwnBones(sizes, covariance, prior, np.array([[1.1] * 3, [0.9] * 3, [0.7] * 3]))
+    own = OwnBones(sizes, covariance, prior, np.array([[1.2] * 3, [1.1] * 3, [0.9] * 3, [0.7] * 3]))
     columns = own_columns(own, np.array(["ok", "ok", "not_converged"]))
     assert columns["far_from_people"].tolist() == ["M_y TS_x", "", ""]
     everything_else = " ".join(name for name in NAMES if name != "scapula_size")

@@ -153,7 +153,7 @@ def test_where_nobody_differs_it_is_the_set_and_its_posture_fits(shipped):
 
 
 @pytest.mark.parametrize(
-    ("name", "key", "sd"), [("conoid_length", "conoid_length_mm", 2.0), ("TS_distance", "ts_distance_mm", 4.0)]
+    ("name", "key", "sd"), [("conoid_length", "conoid_length_mm", 1.5), ("TS_distance", "ts_distance_mm", 4.0)]
 )
 def test_one_size_alone_is_a_scalar_minimum(world_of_a_set, name, key, sd):
     """S of posture fits by SLSQP, and the prior of one number, minimised by Brent's method."""
@@ -168,7 +168,7 @@ def test_one_size_alone_is_a_scalar_minimum(world_of_a_set, name, key, sd):
         return sum(6.0 * one.j_deg2 for one in postures) + NOISE_DEG**2 * (size / sd) ** 2
 
     best = minimize_scalar(F, bounds=(-2.0 * sd, 2.0 * sd), method="bounded", options={"xatol": 1e-5})
-    assert abs(best.x) > 0.02 * sd
+    assert abs(best.x) > 0.01 * sd
     assert F_deg2(found, motions)[0] == pytest.approx(best.fun, rel=1e-7)
     assert found.problems.own_bones.sizes[OWN.index(name), 0] == pytest.approx(best.x, abs=1e-3)
 
@@ -248,21 +248,21 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
     A = np.stack([one.T @ one for one in slopes], axis=-1)
     c = np.stack([one.T @ y for one, y in zip(slopes, b, strict=True)], axis=-1)
     of = Moments(A, c, (b**2).sum(axis=1), np.full(persons, rows))
-    for logarithms in generator.standard_normal((3, 3)):
-        bones_scale, frames_scale, noise = np.exp(logarithms)
-        of_group = {"adapted": 1.0, "bones": bones_scale, "frames": frames_scale}
+    for logarithms in generator.standard_normal((3, 4)):
+        six, bones_scale, frames_scale, noise = np.exp(logarithms)
+        of_group = {"adapted": six, "bones": bones_scale, "frames": frames_scale}
         scaled = slopes * [of_group[one.group] for one in SIZES]
         sigma2 = (TYPICAL_NOISE_DEG * noise) ** 2
         dense = sum(
             -2.0 * multivariate_normal(np.zeros(rows), sigma2 * np.eye(rows) + one @ one.T).logpdf(y)
             for one, y in zip(scaled, b, strict=True)
         )
-        prior = ((logarithms / [LOG_SCALE_SD, LOG_SCALE_SD, LOG_NOISE_SD]) ** 2).sum()
+        prior = ((logarithms / [LOG_SCALE_SD, LOG_SCALE_SD, LOG_SCALE_SD, LOG_NOISE_SD]) ** 2).sum()
         value, by_logarithm = _minus_two_log_likelihood(logarithms, of)
         assert value == pytest.approx(dense - persons * rows * np.log(2.0 * np.pi) + prior, rel=1e-10)
         beside = [
             [_minus_two_log_likelihood(logarithms + sign * 1e-5 * unit, of)[0] for sign in (1.0, -1.0)]
-            for unit in np.eye(3)
+            for unit in np.eye(4)
         ]
         np.testing.assert_allclose(by_logarithm, [(up - down) / 2e-5 for up, down in beside], rtol=1e-6, atol=1e-5)
 
@@ -280,14 +280,26 @@ def test_how_much_persons_differ_is_learnt(factor, lowest, highest):
     assert scales.noise_deg == pytest.approx(NOISE_DEG, rel=0.08)
 
 
+def test_angles_that_nobody_measured_do_not_make_the_noise_less(world):
+    """Two informative numbers a posture instead of three; of one without any, none."""
+    angles = world.motions.angles_deg.copy()
+    angles[:, 2] = np.nan
+    assert learnt(replace(world.motions, angles_deg=angles)).noise_deg == pytest.approx(NOISE_DEG, rel=0.08)
+    some = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:12]))
+    angles = some.angles_deg.copy()
+    angles[np.isin(some.subject, some.subjects[:2])] = np.nan
+    without = learnt(some.select(~np.isin(some.subject, some.subjects[:2])))
+    np.testing.assert_allclose(learnt(replace(some, angles_deg=angles)), without, rtol=1e-3)
+
+
 def test_of_few_persons_nothing_is_learnt(world):
     few = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:9]))
-    assert learnt(few) == Scales(1.0, 1.0, TYPICAL_NOISE_DEG)
+    assert learnt(few) == Scales(1.0, 1.0, 1.0, TYPICAL_NOISE_DEG)
 
 
 def test_a_person_s_own_parts_are_held_out_with_scales_of_others(world):
     """Both shoulders of a person are out together."""
-    motions = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:12]))
+    motions = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:20]))
     sides = {name: f"p{k // 2}_{'LR'[k % 2]}" for k, name in enumerate(motions.subjects)}
     motions = replace(motions, subject=np.array([sides[name] for name in motions.subject.tolist()]))
     found = learn_people(posture_rows(motions, {}), [R2])
@@ -298,6 +310,17 @@ def test_a_person_s_own_parts_are_held_out_with_scales_of_others(world):
     changed[np.isin(motions.subject, ["p0_L", "p0_R"])] += np.array([5.0, -5.0, 5.0, -5.0, 5.0, -5.0])
     other = learn_people(posture_rows(replace(motions, angles_deg=changed), {}), [R2])
     assert other.everybody["R2"] != found.everybody["R2"]
+
+
+def test_of_ten_persons_scales_are_learnt_without_each_too(world):
+    ten = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:10]))
+    found = learn_people(posture_rows(ten, {}), [R2])
+    assert all(one != Scales() for one in (found.everybody["R2"], *found.without["R2"].values()))
+
+
+def test_single_precision_is_left_to_the_plain_adaptation(shipped, of_shipped):
+    found = adapted(shipped, dtype=np.float32)
+    np.testing.assert_array_equal(found.adapted["R2"].E, of_shipped.adapted["R2"].E)
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say(world, of_world):
@@ -328,13 +351,17 @@ def test_motions_that_were_held_out_are_predicted_better_than_by_the_plain_adapt
         assert own[column].mean() < 0.95 * plain[column].mean()
 
 
-def test_a_subject_alone_is_the_same_as_among_others(shipped, of_shipped):
-    own = of_shipped.of("R2").own_bones
-    for k, name in enumerate(shipped.subjects[:2]):
-        alone = adapted(of_subject(shipped, name))
-        assert alone.adapted["R2"].E[0] == pytest.approx(of_shipped.adapted["R2"].E[k], rel=SAME)
-        np.testing.assert_allclose(alone.problems.own_bones.sizes[:, 0], own.sizes[:, k], rtol=SAME, atol=1e-9)
-        np.testing.assert_allclose(alone.problems.own_bones.sd[:, 0], own.sd[:, k], rtol=1e-6)
+def test_a_subject_alone_is_the_same_as_among_others(shipped):
+    """To the last digit, which a run in parts relies on; they have unequal numbers of postures."""
+    names = shipped.subjects
+    fewer = shipped.select(shipped.posture <= 7 - np.array([2 * names.index(one) for one in shipped.subject.tolist()]))
+    together = adapted(fewer)
+    for k, name in enumerate(names):
+        alone = adapted(of_subject(fewer, name))
+        assert alone.adapted["R2"].E[0] == together.adapted["R2"].E[k]
+        for field in ("sizes", "sd"):
+            one, other = (getattr(run.problems.own_bones, field) for run in (alone, together))
+            np.testing.assert_array_equal(one[:, 0], other[:, k])
 
 
 def test_angles_that_nobody_measured_do_not_count(shipped):

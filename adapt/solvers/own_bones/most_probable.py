@@ -173,11 +173,12 @@ class _Objective:
         return np.searchsorted(self.parts.part, self.parts.group)
 
     @cached_property
-    def places(self) -> Int[np.ndarray, "problems most"]:
-        """The rows of each person; beyond the last of all where it has fewer than another."""
+    def alike(self) -> list[tuple[Int[np.ndarray, " some"], Int[np.ndarray, "some postures"]]]:
+        """Persons with equally many postures, and the rows of each."""
         counts = np.bincount(self.parts.part, minlength=len(self.parts.group))
-        number, starts = np.arange(counts.max()), np.cumsum(counts) - counts
-        return np.where(number < counts[:, None], starts[:, None] + number, len(self.parts.part))
+        starts = np.cumsum(counts) - counts
+        every = [(np.flatnonzero(counts == count), count) for count in np.unique(counts).tolist()]
+        return [(some, starts[some, None] + np.arange(count)) for some, count in every]
 
     def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... problems"]:
         """Add up the rows of each person."""
@@ -263,13 +264,16 @@ class _Slack:
 
     def normal_equations(self, near: Nearest):
         """Compute sum y' y and sum y' y'^T over the rows of each person, slopes in u; persons first."""
-        every = np.concatenate([near.by_theta, near.y[:, None]], axis=1)
-        padded = np.zeros((every.shape[2] + 1, *every.shape[:2]))
-        padded[:-1] = np.moveaxis(every, 2, 0)
-        own = padded[self.of_rigid.places].reshape(len(self.parts.group), -1, every.shape[1])
-        slopes = own[:, :, :-1] @ persons_first(self.of_rigid.prior.root_mm)
-        across = np.swapaxes(slopes, 1, 2)
-        return (across @ own[:, :, -1:])[..., 0], across @ slopes
+        every = persons_first(np.concatenate([near.by_theta, near.y[:, None]], axis=1))
+        root = persons_first(self.of_rigid.prior.root_mm)
+        count, n = len(root), root.shape[2]
+        gradient, matrix = np.empty((count, n)), np.empty((count, n, n))
+        for some, rows in self.of_rigid.alike:  # not padded: with other numbers of rows BLAS adds up in another order
+            own = every[rows].reshape(len(some), rows.shape[1] * every.shape[1], -1)
+            slopes = own[:, :, :-1] @ root[some]
+            across = np.swapaxes(slopes, 1, 2)
+            gradient[some], matrix[some] = (across @ own[:, :, -1:])[..., 0], across @ slopes
+        return gradient, matrix
 
 
 def _stages(

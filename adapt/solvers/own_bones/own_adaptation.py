@@ -142,7 +142,8 @@ def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[
     rows, part, _ = _rows_of(data)
     prior, _ = _prior(data, spread, scales)
     found = _from_starts(rows, part, prior, _SETTLED_IS_ENOUGH)
-    return moments(of_chain(spread.columns_mm), prior, found, rows, part), found.settled
+    of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
+    return of, found.settled & (of.informative > 0)
 
 
 def adapt_own_bones(
