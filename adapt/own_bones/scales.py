@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.own_bones.most_probable import Posterior, Prior, Rows
 from models.person.own_bones import GROUPS, SIZES
+from motions.table import FEWEST_ANGLES
 
 SCALED = GROUPS[1:]
 """The groups whose scale is learnt."""
@@ -34,9 +35,6 @@ FEWEST_PERSONS = 10
 
 _FARTHEST = 4.0
 """Of a logarithm from the prior's, ten or six SDs: a line search that goes on to e^28 finds rounding and ends there."""
-
-_FREE = 3
-"""Degrees of freedom of a posture: so many angles fewer are informative."""
 
 
 class Scales(NamedTuple):
@@ -70,7 +68,7 @@ def informative(
     measured: Bool[np.ndarray, "6 rows"], part: Int[np.ndarray, " rows"], problems: int
 ) -> Int[np.ndarray, " problems"]:
     """Count the numbers of each problem that say something of its girdle."""
-    return np.bincount(part, np.maximum(measured.sum(axis=0) - _FREE, 0), problems).astype(int)
+    return np.bincount(part, np.maximum(measured.sum(axis=0) - FEWEST_ANGLES, 0), problems).astype(int)
 
 
 def moments(
