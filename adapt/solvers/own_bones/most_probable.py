@@ -41,6 +41,7 @@ from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.effects import ActiveEffects
 from motions.rotations import DEG
+from motions.table import FEWEST_ANGLES
 
 STARTS_MM = ((1.0, 0.3, 0.1, 0.03, 0.01), (0.1, 0.03, 0.01), ())
 """SDs of the constraints in the stages of each start, beside a degree in the angles. Of six bone-pin shoulders with
@@ -225,7 +226,8 @@ def most_probable(
     of_rows, _, end = until_ended(objective, _first(objective, u, angles), _stepped, _MOST_STEPS)
     numbers = prior.numbers_at(end.u)[:, part]
     near = nearest_by_numbers(numbers, rows.active_effects, rows.angles, rows.measured, of_rows.angles)
-    closed = objective.sums(np.abs(near.g_mm).max(axis=0)) <= _CLOSED_MM
+    tells = rows.measured.sum(axis=0) > FEWEST_ANGLES  # of others nothing is compared, wherever their search ends
+    closed = objective.sums(np.abs(near.g_mm).max(axis=0) * tells) <= _CLOSED_MM
     F = objective.sums((near.y**2).sum(axis=0)) + objective.of_prior(end.u)
     return Posterior(end.u, F, near, end.steps, end.settled & closed & np.isfinite(F))
 
@@ -382,7 +384,7 @@ def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]
     """The lowest point of the damped model; where it is concave along a direction, as far down as if it were convex."""
     n = matrix.shape[1]
     curvature = matrix + (variance * (1.0 + damping))[:, None, None] * np.eye(n)
-    du = -np.linalg.solve(curvature, slope.T[..., None])[..., 0]
+    du = -_solved(curvature, slope.T)
     concave = np.flatnonzero(~_definite(curvature))
     if len(concave):
         values, vectors = np.linalg.eigh(curvature[concave])
@@ -390,6 +392,16 @@ def _lowest(matrix, slope, variance, damping) -> Float[np.ndarray, "n problems"]
         along = np.einsum("pij,ip->pj", vectors, slope[:, concave]) / steepness
         du[concave] = -np.einsum("pij,pj->pi", vectors, along)
     return du.T
+
+
+def _solved(matrices: Float[np.ndarray, "problems n n"], b: Float[np.ndarray, "problems n"]):
+    """Solve each system; one that is singular to rounding, with the least |x|."""
+    try:
+        return np.linalg.solve(matrices, b[..., None])[..., 0]
+    except np.linalg.LinAlgError:
+        if len(matrices) > 1:  # the others as they would be without it
+            return np.concatenate([_solved(matrices[k : k + 1], b[k : k + 1]) for k in range(len(matrices))])
+        return (np.linalg.pinv(matrices, hermitian=True) @ b[..., None])[..., 0]
 
 
 def _definite(matrices: Float[np.ndarray, "problems n n"]) -> Bool[np.ndarray, " problems"]:

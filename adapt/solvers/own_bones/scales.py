@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from adapt.solvers.own_bones.most_probable import Posterior, Prior, Rows
 from models.person.own_bones import GROUPS, SIZES
+from motions.table import FEWEST_ANGLES
 
 LOG_SCALE_SD, LOG_NOISE_SD = 0.4, 0.7
 """Of the logarithms' normal priors: half or twice the SDs of ``SIZES`` is 1.7 SDs off, half or twice the noise 1."""
@@ -38,9 +39,6 @@ _NOISES_DEG = (0.05, 10.0)
 
 _FLAT = 1e-3
 """Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off."""
-
-_FREE = 3
-"""Degrees of freedom of a posture: so many angles fewer are informative."""
 
 
 class Scales(NamedTuple):
@@ -77,7 +75,7 @@ def informative(
     measured: Bool[np.ndarray, "6 rows"], part: Int[np.ndarray, " rows"], problems: int
 ) -> Int[np.ndarray, " problems"]:
     """Count the numbers of each problem that say something of its girdle."""
-    return np.bincount(part, np.maximum(measured.sum(axis=0) - _FREE, 0), problems).astype(int)
+    return np.bincount(part, np.maximum(measured.sum(axis=0) - FEWEST_ANGLES, 0), problems).astype(int)
 
 
 def moments(
