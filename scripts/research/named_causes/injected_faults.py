@@ -33,8 +33,8 @@ from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.search import search_of
 from models import ParameterSet, load_model
 from models.effects import EFFECTS
-from motions.table import person_of
 from motions import Motions, read_motions
+from motions.table import person_of
 from scripts.reporting import CADAVER_SETS, markdown
 
 BESIDE = "ac_translation:posture"
