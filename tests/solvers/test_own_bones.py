@@ -1,3 +1,6 @@
+# pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
+# pyright: reportGeneralTypeIssues=false, reportCallIssue=false, reportOperatorIssue=false
+# (own_bones is None of a plain adaptation; pandas and SciPy say "Series | object" of nearly every result)
 """Bones and frames of each person's own: IPOPT on the same objective, cases worked by hand, simulated persons."""
 
 from dataclasses import replace
