@@ -60,7 +60,7 @@ class Moments(NamedTuple):
     """C' T' b."""
     square: Float[np.ndarray, " problems"]
     """|b|^2, deg^2."""
-    count: Int[np.ndarray, " problems"]
+    informative: Int[np.ndarray, " problems"]
     """m."""
 
 
@@ -120,10 +120,10 @@ def _minus_two_log_likelihood(logarithms, of: Moments):
     inverse = np.linalg.inv(H)
     z = (inverse @ v[..., None])[..., 0]
     fits = of.square.sum() / variance - (v * z).sum()
-    value = of.count.sum() * np.log(variance) + np.linalg.slogdet(H)[1].sum() + fits
+    value = of.informative.sum() * np.log(variance) + np.linalg.slogdet(H)[1].sum() + fits
     each = 2.0 * (1.0 - np.einsum("pii->pi", inverse) - z**2).sum(axis=0)
     Mz = (M @ z[..., None])[..., 0]
-    by_noise = 2.0 * of.count.sum() - 2.0 * (len(s) * len(H) - np.einsum("pii->", inverse))
+    by_noise = 2.0 * of.informative.sum() - 2.0 * (len(s) * len(H) - np.einsum("pii->", inverse))
     by_noise += -2.0 * of.square.sum() / variance + 4.0 * (v * z).sum() - 2.0 * (z * Mz).sum()
     slopes = [sum(each[k] for k, one in enumerate(SIZES) if one.group == group) for group in SCALED] + [by_noise]
     sd = np.array([LOG_SCALE_SD, LOG_SCALE_SD, LOG_NOISE_SD])
