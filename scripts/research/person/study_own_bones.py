@@ -229,8 +229,8 @@ def few_table(motions: Motions, model: ParameterSet, true_deg: Float[np.ndarray,
     for name, changed, seen, unseen in cases(motions):
         wanted = np.where(np.isfinite(changed.angles_deg), motions.angles_deg if true_deg is None else true_deg, np.nan)
         each = [predicted(changed, seen, unseen, model, options) for options in ways.values()]
-        failed = np.isnan(each).any(axis=1)
-        wanted = np.where(failed.any(axis=0)[:, None], np.nan, wanted[unseen])
+        failed = np.any(np.isnan(np.stack(each)), axis=1)
+        wanted = np.where(np.any(failed, axis=0)[:, None], np.nan, wanted[unseen])
         means = (bone_means(gaps_deg(one, wanted)) for one in each)
         cells = [f"{clavicle:.2f}, {scapula:.2f}" for clavicle, scapula in means]
         lines.append([name, *cells, " ".join(f"{count}" for count in failed.sum(axis=1)) + f" of {unseen.sum()}"])
