@@ -159,7 +159,7 @@ def _on_scapula(in_thorax, cadaver: dict[str, Any], girdle: Girdle) -> Float[np.
 
 def _on_clavicle(in_thorax, cadaver: dict[str, Any], girdle: Girdle) -> Float[np.ndarray, "3 points"]:
     length = np.linalg.norm(np.subtract(cadaver["ac_mm"], cadaver["sc_mm"]))
-    return clavicle_in_thorax(cadaver).inward(in_thorax) * (girdle.ac_mm[0] / length)
+    return clavicle_in_thorax(cadaver).inward(in_thorax) * (np.linalg.norm(girdle.ac_mm, axis=0) / length)
 
 
 def _on_ribs(points, cadaver: dict[str, Any], girdle: Girdle) -> Float[np.ndarray, "3 points"]:

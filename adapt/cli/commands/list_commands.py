@@ -2,6 +2,7 @@
 
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from adapt.cli.options import Out, Repeat, console, errors
@@ -22,7 +23,7 @@ def list_models() -> None:
         girdle = load_model(name).girdle
         axes = ", ".join(f"{a:.0f}" for a in girdle.semi_axes_mm)
         console.print(
-            f"{name:22} clavicle {float(girdle.ac_mm[0]):.0f} mm, semi-axes ({axes}) mm, "
+            f"{name:22} clavicle {float(np.linalg.norm(girdle.ac_mm)):.0f} mm, semi-axes ({axes}) mm, "
             f"conoid {float(girdle.conoid_length_mm):.1f} mm",
             soft_wrap=True,
         )

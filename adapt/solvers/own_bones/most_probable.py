@@ -365,7 +365,7 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
     matrix, slope, slope_there = objective.in_u(found)
     # where a posture cannot be eliminated: the end of this person, and of nobody else
     finite = np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(slope).all(axis=0)
-    matrix, slope = np.where(finite[:, None, None], matrix, 0.0), np.where(finite, slope, 0.0)
+    matrix, slope = np.where(np.reshape(finite, (-1, 1, 1)), matrix, 0.0), np.where(finite, slope, 0.0)
     more, less = np.clip(_MORE * damping, _LEAST, _MOST), _LESS * damping * (damping > _LEAST)
     damping = np.where(length < 1.0, more, less)
     du = _lowest(matrix, slope + variance * u, variance, damping)

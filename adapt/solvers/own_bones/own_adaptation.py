@@ -258,6 +258,8 @@ def _own_bones(
     matrix = np.add.reduceat(np.swapaxes(slopes, 1, 2) @ slopes, starts, axis=0)
     of_u = np.linalg.inv(matrix / prior.noise_deg[:, None, None] ** 2 + np.eye(len(found.u)))  # prior variance 1
     covariance = np.eye(sd.shape[1]) - shares @ across + shares @ of_u @ across
+    each = range(sd.shape[1])
+    covariance[:, each, each] = np.maximum(covariance[:, each, each], 0.0)  # of a size that is held, but for rounding
     own = OwnBones(
         (sd * mean).T,
         np.moveaxis(sd[:, :, None] * sd[:, None] * covariance, 0, -1),
