@@ -38,6 +38,9 @@ class AdaptedParameter:
     """By how much the second and third start of an adaptation lie above and below the geometric fit."""
     person_sd_mm: float
     """SD between people, as far as it is known: Table 6.5 has 8-31, 6-7, 2-3, 13-24, 15-17 and 1-2 mm."""
+    beside_bones_sd_mm: float | None = None
+    """The same where bones of the person's own are adapted too; by default half of it. Assumed: the SDs of Table 6.5
+    hold what adapted ellipsoids pay for the bones."""
 
     @property
     def key(self) -> str:
@@ -56,12 +59,12 @@ class AdaptedParameter:
 
 
 ADAPTED_PARAMETERS = (
-    AdaptedParameter("M_y", _CENTRE, 1, 100.0, 60.0, 20.0),
-    AdaptedParameter("M_z", _CENTRE, 2, 30.0, 0.0, 6.0),
-    AdaptedParameter("A_x", _SEMI_AXES, 0, 30.0, 0.0, 3.0),
-    AdaptedParameter("A_y", _SEMI_AXES, 1, 100.0, 60.0, 20.0),
-    AdaptedParameter("A_z", _SEMI_AXES, 2, 30.0, 0.0, 8.0),
-    AdaptedParameter("conoid_length", _CONOID, 0, 8.0, 0.0, 2.0),
+    AdaptedParameter("M_y", _CENTRE, 1, 100.0, 60.0, 20.0, 10.0),
+    AdaptedParameter("M_z", _CENTRE, 2, 30.0, 0.0, 6.0, 5.0),
+    AdaptedParameter("A_x", _SEMI_AXES, 0, 30.0, 0.0, 3.0, 4.0),
+    AdaptedParameter("A_y", _SEMI_AXES, 1, 100.0, 60.0, 20.0, 12.0),
+    AdaptedParameter("A_z", _SEMI_AXES, 2, 30.0, 0.0, 8.0, 4.0),
+    AdaptedParameter("conoid_length", _CONOID, 0, 8.0, 0.0, 2.0, 1.5),
 )
 
 ADAPTED = tuple(parameter.name for parameter in ADAPTED_PARAMETERS)

@@ -139,11 +139,11 @@ _JOINT = "assumed: AC of the sets is a landmark, not the joint"
 SIZES: tuple[OwnSize, ...] = (
     *(
         OwnSize(
-            *(one.name, "adapted", "mm", sd, _TABLE_6_5),
+            *(one.name, "adapted", "mm", one.beside_bones_sd_mm or one.person_sd_mm / 2.0, _TABLE_6_5),
             (f"thorax.{one.field}",) if one.of_ellipsoid else ("constraint.conoid_length_mm",),
             _moved(one.component, one.field),
         )
-        for one, sd in zip(ADAPTED_PARAMETERS, (10.0, 5.0, 4.0, 12.0, 4.0, 1.5), strict=True)
+        for one in ADAPTED_PARAMETERS
     ),
     *_each_axis("SC", "xyz", 5.0, "bone pins: 13-16 mm apart in ten shoulders", "clavicle.sc_mm", "sc_mm"),
     OwnSize(

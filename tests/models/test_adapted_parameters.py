@@ -26,7 +26,7 @@ from motions.rhythm_subjects import simulate_subjects
 
 ROOT = Path(__file__).parents[2]
 
-AFTER = '    AdaptedParameter("M_z", _CENTRE, 2, 30.0, 0.0, 6.0),\n'
+AFTER = '    AdaptedParameter("M_z", _CENTRE, 2, 30.0, 0.0, 6.0, 5.0),\n'
 
 SEVENTH = '    AdaptedParameter("M_x", _CENTRE, 0, 20.0, 0.0, 5.0),\n'
 """A thorax beside the midline, which A4 of the thesis forbids."""
