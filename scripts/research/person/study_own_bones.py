@@ -157,7 +157,7 @@ def print_truth(model: ParameterSet, worlds: Sequence[str], count: int, seed: in
         gaps.append(gap_line(name, people))
         print(f"{name}: {people.sizes.shape[1]} persons, {people.closing:.0%} of those drawn close", file=sys.stderr)
     print(markdown(["world", "root mean square error, mm", *ADAPTED], errors) + "\n")
-    header = ["world", "in intervals: the six", "bones", "frames", "learnt scales: bones, frames; noise", "failed"]
+    header = ["world", "in intervals: the six", "bones", "frames", "learnt scales: six, bones, frames; noise", "failed"]
     words = (f"{way}, {what}" for what in ("against the truth", "measured") for way in ("plain", "own bones"))
     print(markdown([*header, *words], gaps))
 
@@ -187,10 +187,10 @@ def gap_line(name: str, people: People) -> list[str]:
     inside = (np.abs(own.sizes - people.sizes) <= NORMAL_95 * own.sd)[:, good]
     of = np.array([size.group for size in SIZES])
     shares = [f"{inside[of == group].mean():.1%}" for group in GROUPS]
-    bones, frames, noise = own.scales[:, 0]
+    *scales, noise = own.scales[:, 0]
     against = [held_out_gaps(people.motions, people.model, way, people.true_deg) for way in ("plain", "own bones")]
     cells = [f"{clavicle:.2f}, {scapula:.2f}" for k in (0, 1) for clavicle, scapula in (one[k] for one in against)]
-    return [name, *shares, f"{bones:.2f}, {frames:.2f}; {noise:.2f}", f"{(~good).sum()}", *cells]
+    return [name, *shares, f"{', '.join(f'{one:.2f}' for one in scales)}; {noise:.2f}", f"{(~good).sum()}", *cells]
 
 
 def held_out_gaps(motions: Motions, model: ParameterSet, way: str, true_deg) -> list[tuple[float, float]]:
