@@ -17,7 +17,7 @@ from adapt.solvers.objective import DEFAULT_READING, WEIGHT
 from adapt.solvers.own_bones.own_adaptation import OwnBones, People, adapt_own_bones, spread_of
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
-from adapt.solvers.rows import PostureRows
+from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold
 from adapt.tables.held_out import BONE_PREFIXES, NOTHING, SEEN
@@ -31,7 +31,7 @@ MOST_SUBJECTS = 400
 
 def sample(subjects: Sequence[str], most: int = MOST_SUBJECTS) -> frozenset[str]:
     """Sample at most ``most`` subjects, one in so many in the order of the files."""
-    return frozenset(subjects[:: -(-len(subjects) // most)])
+    return frozenset(one_in_so_many(subjects, most))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ Padding postures are copies of the subject's last one and do not count. Their nu
 shapes are ever compiled.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -107,3 +107,8 @@ def _landmarks_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 rows"]]:
         for name in set(names.split()) & found.keys():
             found[name][:, row] = np.nan
     return found
+
+
+def one_in_so_many(subjects: Sequence[str], most: int) -> tuple[str, ...]:
+    """Take at most ``most`` subjects, one in so many in the order of the files."""
+    return tuple(subjects[:: -(-len(subjects) // most)])

@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS
 from models.effects import EFFECTS
+from models.effects.bones.scapula_size import CORACOID_SHARE
 from models.girdle import COUNT_OF_NUMBERS, NUMBERS, Girdle
 from models.parameter_sets import ParameterSet
 from motions.errors import InputError, did_you_mean
@@ -116,9 +117,6 @@ def _frame(name: str, sds_deg: tuple[float, float, float], source: str, fields: 
     )
 
 
-_CORACOID_SHARE = 0.75
-"""Of the blade's growth, as in the effect ``scapula_size``."""
-
 _LENGTH, _SIZE = EFFECTS["clavicle_length"].prior, EFFECTS["scapula_size"].prior
 
 _SDS_IN_A_RANGE = 2.0
@@ -152,7 +150,7 @@ SIZES: tuple[OwnSize, ...] = (
     ),
     OwnSize(
         *("scapula_size", "bones", "percent", _SIZE.scale[0], _SIZE.source, ("scapula.ts_mm", "scapula.ai_mm")),
-        _larger(ts_mm=1.0, ai_mm=1.0, scapula_conoid_mm=_CORACOID_SHARE),
+        _larger(ts_mm=1.0, ai_mm=1.0, scapula_conoid_mm=CORACOID_SHARE),
     ),
     *_each_axis("TS", "x", 6.0, "spread between the shipped sets", "scapula.ts_mm", "ts_mm"),
     *_each_axis("AI", "xy", 6.0, "spread between the shipped sets", "scapula.ai_mm", "ai_mm"),

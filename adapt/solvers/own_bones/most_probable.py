@@ -26,18 +26,17 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from adapt.engine.batching import take_problems, where_problems
+from adapt.engine.batching import take_problems, where_problems, with_problems
 from adapt.solvers.newton.elimination import STEP_LIMIT_RAD
 from adapt.solvers.own_bones.posture_steps import (
     Eliminated,
     Postures,
     eliminate,
     own_steps,
-    strengths_rows,
     violations_mm,
 )
 from adapt.solvers.projection.damped_steps import Steps, until_ended
-from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers
+from adapt.solvers.projection.nearest_posture import Nearest, nearest_by_numbers, strengths_rows
 from adapt.solvers.unmeasured import UNMEASURED_SD, sd_rad
 from models.effects import ActiveEffects
 from motions.rotations import DEG
@@ -170,7 +169,8 @@ class _Objective:
         return replace(self, rows=measured, prior=take_problems(self.prior, groups), parts=parts)
 
     @cached_property
-    def _first_rows(self) -> Int[np.ndarray, " problems"]:
+    def first_rows(self) -> Int[np.ndarray, " problems"]:
+        """The first row of each person."""
         return np.searchsorted(self.parts.part, self.parts.group)
 
     @cached_property
@@ -183,7 +183,11 @@ class _Objective:
 
     def sums(self, values: Float[np.ndarray, "... rows"]) -> Float[np.ndarray, "... problems"]:
         """Add up the rows of each person."""
-        return np.add.reduceat(values, self._first_rows, axis=-1)
+        return np.add.reduceat(values, self.first_rows, axis=-1)
+
+    def largest(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " problems"]:
+        """Find the largest of the rows of each person."""
+        return np.maximum.reduceat(values, self.first_rows)
 
     def postures(self, u, angles, multipliers) -> Postures:
         """Lay out what the kernels take."""
@@ -340,21 +344,7 @@ def _stepped(objective: _Objective, steps: Steps) -> Steps:
     rows_there, groups_there = _accepted(
         some, take_problems((u, own.length, own.damping, own.steps, half_F), good), take_problems(at, mine)
     )
-    new_rows, new = (
-        _put(old, chosen, part_of)
-        for old, chosen, part_of in ((of_rows, mine, rows_there), (refused, good, groups_there))
-    )
-    return new_rows, (), new
-
-
-def _put(old, chosen, values):
-    """Replace the chosen problems of every array, in a copy."""
-    found = []
-    for whole, some in zip(old, values, strict=True):
-        whole = np.array(whole)
-        whole[..., chosen] = some
-        found.append(whole)
-    return type(old)(*found)
+    return with_problems(of_rows, mine, rows_there), (), with_problems(refused, good, groups_there)
 
 
 def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _OfGroups]:
@@ -371,11 +361,11 @@ def _accepted(objective: _Objective, groups, at: Postures) -> tuple[_OfRows, _Of
     du = _lowest(matrix, slope + variance * u, variance, damping)
     dq, target = own_steps(effects, at, objective.prior.moved_mm(du)[:, part])
     new = _OfRows(at.angles, at.multipliers, dq, target - at.multipliers, target, found.stiffness)
-    longest = np.maximum.reduceat(np.abs(dq).max(axis=0), np.searchsorted(part, objective.parts.group))
+    longest = objective.largest(np.abs(dq).max(axis=0))
     merit = half_F + objective.sums(_augmented(target, found.stiffness, found.g_mm))
     settled = np.abs(slope_there + variance * u).max(axis=0) <= _FLAT * variance
     worst = np.maximum(np.abs(found.g_mm).max(axis=0) / _CLOSED_MM, found.unstationary / (float(DEG) * _STILL_DEG))
-    settled &= np.maximum.reduceat(worst, np.searchsorted(part, objective.parts.group)) <= 1.0
+    settled &= objective.largest(worst) <= 1.0
     shortened = np.minimum(1.0, STEP_LIMIT_RAD / np.maximum(longest, 1e-9))
     return new, _OfGroups(u, du, shortened, merit, damping, steps + 1, settled, ~settled & finite)
 

@@ -6,8 +6,7 @@ with S the sum of the squared differences of the m measured angles, deg^2: -2 lo
 (``own_bones.most_probable``) times w sigma^2 / m. With six angles in each posture S / m is mean(J), and the other term
 takes the place of D. D has no part in it: the thorax points of a set are another person's, and move and grow with the
 thorax. What they say of this person is how far people differ, the prior of the six adapted parameters; a set with
-points of the person has the SDs of their fit there. w changes no
-optimum.
+points of the person has the SDs of their fit there. w changes no optimum.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +23,7 @@ from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, R
 from adapt.solvers.own_bones.scales import FEWEST_PERSONS, PRIOR, Moments, Scales, informative, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
-from adapt.solvers.rows import PostureRows
+from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
 from models.girdle import Girdle
 from models.person.family import AnyModel, unique_sets
@@ -110,15 +109,17 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
     subjects = tuple(rows.subjects[k] for k in chosen.tolist())
     persons = [person_of(subject) for subject in subjects]
     different = list(dict.fromkeys(persons))
-    parts = np.array_split(np.arange(len(different)), min(len(different), _GROUPS))
-    number = {different[k]: g for g, part in enumerate(parts) for k in part.tolist()}
-    group = np.array([number[one] for one in persons])
     everybody = dict.fromkeys((model.name for model in models), PRIOR)
     if len(different) < FEWEST_PERSONS:
         return People(sds, everybody, {name: {} for name in everybody})
+    number = {
+        different[k]: g for g, part in enumerate(np.array_split(np.arange(len(different)), _GROUPS)) for k in part
+    }
+    group = np.array([number[one] for one in persons])
     numbers, width = np.arange(len(models)), len(chosen)
     data = select_problems(problems_of(rows, models), (len(rows.subjects) * numbers[:, None] + chosen).ravel())
     spread = spread_of(models, subjects, sds)
+    parts: list[tuple[Moments, np.ndarray]] = []
     for _ in range(_LEARNING_ROUNDS):
         of, known = _moments(data, spread, [one for one in everybody.values() for _ in subjects])
         parts = [
@@ -134,7 +135,7 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
 
 def sample(subjects: Sequence[str]) -> tuple[str, ...]:
     """Take the subjects that scales are learnt from, of many one in so many in the order of the files."""
-    return tuple(subjects[:: -(-len(subjects) // _MOST_PERSONS)])
+    return one_in_so_many(subjects, _MOST_PERSONS)
 
 
 def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
@@ -164,7 +165,7 @@ def adapt_own_bones(
     fitted = fit_batch(
         data.girdles_at(girdle.adapted_mm, posture, part), rows.angles, rows.measured, found.nearest.angles
     )
-    return data, _as_adapted(data, weight, own, prior, found, fitted, (posture, part)), own
+    return data, _as_adapted(data, weight, found, fitted, (posture, part)), own
 
 
 def _rows_of(data: Problems) -> tuple[Rows, Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
@@ -270,15 +271,13 @@ def _own_bones(
     return own, (columns @ mean[..., None])[..., 0].T
 
 
-def _as_adapted(
-    data: Problems, weight: float, own: OwnBones, prior: Prior, found: Posterior, fitted: PostureSolution, place
-) -> Adapted:
+def _as_adapted(data: Problems, weight: float, found: Posterior, fitted: PostureSolution, place) -> Adapted:
     _, problem = place
     count = data.counted.shape[1]
-    measured = np.bincount(problem, np.asarray(data.measured)[:, *place].sum(axis=0), count)
+    angles = np.asarray(data.measured)[:, *place].sum(axis=0)
 
-    def laid_out(values, otherwise=np.nan):
-        whole = np.full((*values.shape[:-1], *data.counted.shape), otherwise)
+    def laid_out(values):
+        whole = np.full((*values.shape[:-1], *data.counted.shape), np.nan)
         whole[..., *place] = values
         return whole
 
@@ -287,7 +286,7 @@ def _as_adapted(
     D = thorax_distance_mm2(*take_problems((data.girdle, data.points_mm, data.point_weights), several))[:count]
     mean_j = np.bincount(problem, fitted.j_deg2, count) / np.maximum(np.bincount(problem, minlength=count), 1)
     closed = np.bincount(problem, ~fitted.converged, count) == 0
-    determined = np.bincount(problem, np.asarray(data.measured)[:, *place].sum(axis=0) < FEWEST_ANGLES, count) == 0
+    determined = np.bincount(problem, angles < FEWEST_ANGLES, count) == 0
     code = np.where(found.settled & closed & np.isfinite(D), status.CONVERGED, status.UNCONVERGED)
     return Adapted(
         theta_mm=theta,
@@ -299,7 +298,7 @@ def _as_adapted(
         D_mm2=D,
         L_mm2=np.full(count, np.nan),
         mean_j_deg2=mean_j,
-        E=weight * found.F / np.maximum(measured, 1),
+        E=weight * found.F / np.maximum(np.bincount(problem, angles, count), 1),
         weight=np.full(count, float(weight)),
         point_weights=np.asarray(data.point_weights),
         landmark_weight=np.zeros(count),

@@ -16,7 +16,7 @@ from adapt.engine.jax_program import per_problem
 from adapt.engine.kernel import Kernel
 from adapt.solvers.newton.elimination import RANGE_SPACE_PENALTY
 from adapt.solvers.projection.nearest_posture import NO_CHANNELS, channels, digest, with_effects
-from models.effects import ActiveEffects, Effect
+from models.effects import Effect
 from models.girdle import COUNT_OF_NUMBERS, Girdle
 from motions.arrays import Array
 
@@ -66,11 +66,6 @@ def own_steps(effects: tuple[Effect, ...], at: Postures, dx_mm) -> tuple[np.ndar
 def violations_mm(effects: tuple[Effect, ...], at: Postures) -> Float[np.ndarray, "3 rows"]:
     """Compute A1-A3."""
     return _violation_kernel(effects)(at.numbers_mm, at.strengths, at.angles)[0]
-
-
-def strengths_rows(active_effects: ActiveEffects, rows: int) -> Float[np.ndarray, "channels rows"]:
-    """Lay the strengths of effects one after the other."""
-    return np.concatenate(active_effects.strengths) if active_effects.effects else np.zeros((NO_CHANNELS, rows))
 
 
 def _inputs(effects: tuple[Effect, ...], *more: str) -> tuple[str, ...]:

@@ -125,15 +125,19 @@ def nearest_by_numbers(
     of the ``start`` three more rows, mm: |y|^2 is the squared distance to the nearest posture that closes but for them.
     """
     sd = sd_rad(measured, UNMEASURED_SD)
-    rows, effects = angles.shape[1], active_effects.effects
-    strengths = np.concatenate(active_effects.strengths) if effects else np.zeros((NO_CHANNELS, rows))
+    rows, strengths = angles.shape[1], strengths_rows(active_effects, angles.shape[1])
     if slack_mm:
         angles = np.concatenate([angles, np.zeros((3, rows))])
         sd = np.concatenate([sd, np.full((3, rows), slack_mm)])
-    kernel = _numbers_kernel(effects, len(sd))
+    kernel = _numbers_kernel(active_effects.effects, len(sd))
     x, y, B, g, h, T = kernel(numbers_mm, strengths, angles, sd, np.asarray(start), np.broadcast_to(there, (rows,)))
     B, T = (one.reshape(3, -1, rows) for one in (B, T))
     return Nearest(x, y, T, np.zeros((3, 0, rows)), B, g, h)
+
+
+def strengths_rows(active_effects: ActiveEffects, rows: int) -> Float[np.ndarray, "channels rows"]:
+    """Lay the strengths of effects one after the other."""
+    return np.concatenate(active_effects.strengths) if active_effects.effects else np.zeros((NO_CHANNELS, rows))
 
 
 def closed(

@@ -9,7 +9,7 @@ from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 
-_CORACOID_SHARE = 0.75
+CORACOID_SHARE = 0.75
 """Assumed: of the blade's growth; from half of it to all of it within one standard deviation."""
 
 
@@ -19,7 +19,7 @@ def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rota
         girdle,
         ts_mm=girdle.ts_mm * (1.0 + larger),
         ai_mm=girdle.ai_mm * (1.0 + larger),
-        scapula_conoid_mm=girdle.scapula_conoid_mm * (1.0 + _CORACOID_SHARE * larger),
+        scapula_conoid_mm=girdle.scapula_conoid_mm * (1.0 + CORACOID_SHARE * larger),
     )
     return scaled, rotations
 
