@@ -45,9 +45,9 @@ def simulate_model_subjects(
     """Simulate subjects whose girdle is the model with parameters of their own and, if given, an effect at work.
 
     Each subject moves as close to the published rhythm as its chain lets it (posture fit); noise comes on top. The
-    effect is ``size`` times its scale (or its mean, where that is not 0) in each of its directions, without bends, with
-    signs common to all subjects (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them. Parameters
-    differ by ``spread`` times PERSON_SD_MM. A posture that its chain cannot take is left out.
+    effect is ``size`` times its prior's SD (or its mean, where that is not 0) in each of its directions, without bends,
+    with signs common to all subjects (those of its nature, else drawn) and ``AMPLITUDE_SPREAD`` between them.
+    Parameters differ by ``spread`` times PERSON_SD_MM. A posture that its chain cannot take is left out.
     Raises ValueError for an effect of one's own that does nothing, or something at amplitude 0.
     """
     check_own_effects(() if effect is None else (effect,), model.girdle)
@@ -56,7 +56,7 @@ def simulate_model_subjects(
     apart = spread * PERSON_SD_MM[:, None] * generator.standard_normal((len(ADAPTED), subjects))
     theta = np.asarray(model.girdle.adapted_mm)[:, None] + apart
     theta = np.clip(theta, *(bound[:, None] for bound in model.bounds_mm))
-    amplitude = _amplitudes(effect, subjects, size, generator)
+    amplitude = _amplitudes(effect, subjects, size, wanted, generator)
     row = np.repeat(np.arange(subjects), len(wanted.posture) // subjects)
     chain = _chain(model.girdle, theta[:, row], effect, amplitude[:, row], wanted)
     fitted = fit_batch(chain, wanted.angles_deg.T / DEG, np.ones((6, len(row)), bool))
@@ -69,12 +69,15 @@ def simulate_model_subjects(
     return Simulated(add_noise(closed, noise_deg, generator), truth)
 
 
-def _amplitudes(effect: Effect | None, subjects: int, size: float, generator) -> Float[np.ndarray, "n subjects"]:
+def _amplitudes(
+    effect: Effect | None, subjects: int, size: float, wanted: Motions, generator
+) -> Float[np.ndarray, "n subjects"]:
     if effect is None:
         return np.zeros((0, subjects))
     signs = np.repeat(effect.prior.sign or (0,) * len(effect.directions), len(effect.course.sd))
     signs = np.where(signs, signs, generator.choice([-1.0, 1.0], effect.amplitudes))
-    common = size * np.where(effect.prior_mean > 0, effect.prior_mean, effect.prior_sd * signs)
+    mean, sd = effect.amplitude_prior(wanted)
+    common = size * np.where(mean > 0, mean, sd * signs)
     common[np.arange(effect.amplitudes) % len(effect.course.sd) > 0] = 0.0
     return common[:, None] * (1.0 + AMPLITUDE_SPREAD * generator.standard_normal((1, subjects)))
 

@@ -83,7 +83,8 @@ _HAS_IT = 0.5
 
 @dataclass(frozen=True)
 class CauseAmplitude:
-    """How large a cause is: the largest that it is at any posture, all directions together."""
+    """How large a cause is: the root mean square over the postures of what it does beyond a constant of each subject,
+    all directions together; of a constant cause, all of it."""
 
     effect: str
     """Its name with that of its course."""

@@ -10,15 +10,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
-from models.effects.course import Course
+from models.effects.course import Varying
 from models.effects.effect import Adjust, Effect, Rotations
 from models.girdle import Girdle
 from motions.arrays import Array
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation
-from motions.table import ANGLES
+from motions.table import ANGLES, Motions
 
 UNIT_DEG = 30.0
 """A bone angle this far from the published mean at rest has the strength of the amplitude."""
@@ -27,11 +28,22 @@ SUFFIX = ":posture"
 
 
 @dataclass(frozen=True)
-class ByPosture(Course):
+class ByPosture(Varying):
     """Constant amplitudes a bone angle; the chain turns them into strengths."""
 
     angles: tuple[str, ...] = ()
     word: str = "posture of the bones"
+    least_rms: float = 0.05
+    """Of an angle that moves by 5 degrees."""
+
+    def strengths(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes components postures"]:
+        """Give the strength of amplitudes of 1 in each direction of the effect, at the measured angles; 0 by one that
+        was not measured."""
+        away = (motions.angles_deg.T - REST_DEG[:, None]) / UNIT_DEG
+        followed = np.nan_to_num(away[[ANGLES.index(angle) for angle in self.angles]])
+        components = directions // len(followed)
+        every = np.einsum("kc,jp->kjcp", np.eye(components), followed)
+        return every.reshape(directions, components, -1)
 
 
 def by_posture(effect: Effect) -> Effect:
@@ -44,12 +56,18 @@ def by_posture(effect: Effect) -> Effect:
         name=effect.name + SUFFIX,
         what=effect.what.replace("with elevation", "with the posture of the bones"),
         unit=f"{effect.unit} a {UNIT_DEG:g} deg",
+        strength_unit=effect.size_unit,
         directions=tuple(f"{one} by {angle}" for one in effect.directions for angle in angles),
         adjust=_adjust_followed(effect.adjust, strengths),
-        prior=replace(effect.prior, scale=tuple(s for s in effect.prior.scale for _ in angles), sign=()),
+        prior=replace(effect.prior, scale=_shared_out(effect.prior.scale, len(angles)), sign=()),
         course=ByPosture(angles=angles),
         may_follow=(),
     )
+
+
+def _shared_out(scale: tuple[float, ...], angles: int) -> tuple[float, ...]:
+    """Give each angle its part of the size: what follows several is not larger than what follows one."""
+    return tuple(float(one / np.sqrt(angles)) for one in scale for _ in range(angles))
 
 
 Strengths = Callable[[Rotations, Float[Array, " channels *batch"]], Float[Array, " directions *batch"]]

@@ -16,7 +16,7 @@ class Course:
     """Turns amplitudes into strengths. This one is constant, the strength is the amplitude; others derive from it."""
 
     sd: tuple[float, ...] = (1.0,)
-    """Prior SD of each term, as a fraction of the effect's scale."""
+    """Prior SD of each term, beside that of the first."""
     word: str = ""
     """What the strength goes with, for people: 'elevation of the arm'; empty for a constant."""
 
@@ -28,9 +28,45 @@ class Course:
         """Give the strength in each channel of amplitudes of 1: direction by direction, each with all terms."""
         return np.broadcast_to(np.eye(directions)[..., None], (directions, directions, len(motions.posture)))
 
+    def strengths(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes components postures"]:
+        """Give the strength of amplitudes of 1, along the angles as measured where it follows the bones."""
+        return self.columns(directions, motions)
+
+    def felt(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes components postures"]:
+        """Give what counts as the size of an effect, of amplitudes of 1: all that it does."""
+        return self.strengths(directions, motions)
+
+    def rms(self, directions: int, motions: Motions) -> Float[np.ndarray, " amplitudes"]:
+        """Compute the root mean square over the postures of what counts, of amplitudes of 1."""
+        return root_mean_square(self.felt(directions, motions))
+
+
+def root_mean_square(felt: Float[np.ndarray, "*any components postures"]) -> Float[np.ndarray, " *any"]:
+    """Compute sqrt(mean over the postures of |vector|^2)."""
+    return np.sqrt((felt**2).sum(axis=-2).mean(axis=-1))
+
 
 @dataclass(frozen=True)
-class OverElevation(Course):
+class Varying(Course):
+    """A course that is not the same in all postures: of its size counts what a constant of each subject does not do."""
+
+    least_rms: float = 0.0
+    """Where postures hardly differ, an effect does less than where its size was measured: ``rms`` is no less."""
+
+    def felt(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes components postures"]:
+        """Give the strength of amplitudes of 1 less its mean over the postures of the subject."""
+        found = np.array(self.strengths(directions, motions))
+        for rows in motions.rows_by_subject():
+            found[..., rows] -= found[..., rows].mean(axis=-1, keepdims=True)
+        return found
+
+    def rms(self, directions: int, motions: Motions) -> Float[np.ndarray, " amplitudes"]:
+        """Compute the root mean square over the postures of what counts, of amplitudes of 1."""
+        return np.maximum(super().rms(directions, motions), self.least_rms)
+
+
+@dataclass(frozen=True)
+class OverElevation(Varying):
     """A smooth course over humeral elevation that is zero with the arm hanging.
 
     Terms f, 4 f (1 - f) and 8 f (1 - f) (1 - 2 f) of f = elevation / 150 deg: a straight line, how much it bends, and
@@ -41,6 +77,8 @@ class OverElevation(Course):
     """Powers of the elevation from 1/2 to 3, a hinge at half the range and a smooth step have second terms of 0.2,
     -0.4, -0.5 and 0, third ones up to 0.2."""
     word: str = "elevation of the arm"
+    least_rms: float = 0.12
+    """Of a straight line over 60 degrees of elevation."""
     late: bool = False
 
     def terms(self, elevation_deg: Float[np.ndarray, " postures"]) -> Float[np.ndarray, "terms postures"]:

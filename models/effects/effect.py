@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from models.effects.course import CONSTANT, Course
-from models.effects.prior import EffectPrior
+from models.effects.prior import AmplitudePrior, EffectPrior, amplitude_prior
 from models.girdle import Girdle
 from motions.arrays import Array
 from motions.table import Motions
@@ -40,7 +40,7 @@ class Effect:
     directions: tuple[str, ...]
     adjust: Adjust
     prior: EffectPrior
-    """What is believed about its amplitudes before any data."""
+    """What is believed about its size before any data."""
     course: Course = CONSTANT
     """How the strength follows from the amplitudes at each posture."""
     may_follow: tuple[str, ...] = ()
@@ -48,6 +48,8 @@ class Effect:
     (:func:`models.effects.by_posture.by_posture`)."""
     plain_name: str = ""
     """Of the cause, for a reader of the report who does not know the project; without one its name stands alone."""
+    strength_unit: str = ""
+    """Of what it does, where its amplitudes have another unit."""
 
     def __post_init__(self) -> None:
         """Check the prior. ValueError if scales or signs are not one a direction, or a scale is not above 0."""
@@ -70,14 +72,13 @@ class Effect:
         return len(self.directions) * len(self.course.sd)
 
     @property
-    def prior_sd(self) -> Float[np.ndarray, " amplitudes"]:
-        """Prior SD of each amplitude: the direction's scale, smaller for the later terms of a course."""
-        return np.outer(self.prior.scale, self.course.sd).ravel()
+    def size_unit(self) -> str:
+        """The unit of its size: of what it does, and of the scale of its prior."""
+        return self.strength_unit or self.unit
 
-    @property
-    def prior_mean(self) -> Float[np.ndarray, " amplitudes"]:
-        """Prior mean of each amplitude."""
-        return np.full(self.amplitudes, self.prior.mean)
+    def amplitude_prior(self, motions: Motions) -> AmplitudePrior:
+        """Compute the prior of each amplitude for these postures (:mod:`models.effects.prior`)."""
+        return amplitude_prior(self.prior, self.course.sd, self.course.rms(len(self.directions), motions))
 
     def columns(self, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
         """Give the strength in each channel that each amplitude of 1 has at every posture of the motions."""

@@ -110,7 +110,7 @@ def test_the_gaps_of_the_tables_of_several_sets_are_those_of_a_diagnosis_alone()
 def test_what_a_fold_has_seen_is_adapted_as_girdle_adapt_does(between):
     """With sizes of its own about the amplitudes, and with these as they are."""
     search, mean = searched(BIAS), (3.0, -4.0, 5.0)
-    personal = PersonalSize(mean, tuple(between * EFFECTS[BIAS].prior_sd))
+    personal = PersonalSize(mean, tuple(between * np.array(EFFECTS[BIAS].prior.scale)))
     effects = {BIAS: personal if between else mean}
     amplitude = np.tile([mean], (len(search.folds.each), 1))
     theta_mm = search.mode((BIAS,)).theta_mm
@@ -140,7 +140,7 @@ def test_a_hidden_bias_is_named_with_its_size():
     assert isinstance(size.amplitude, PersonalSize)
     np.testing.assert_allclose(size.amplitude.mean, [one.value for one in size.directions.values()], rtol=5e-4)
     np.testing.assert_allclose(
-        size.amplitude.sd, search.discrepancy.between_per_deg * EFFECTS[BIAS].prior_sd, rtol=5e-4
+        size.amplitude.sd, search.discrepancy.between_per_deg * np.array(EFFECTS[BIAS].prior.scale), rtol=5e-4
     )
     own = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].to_numpy()
     shares = own @ own.mean(axis=0) / (own.mean(axis=0) @ own.mean(axis=0))

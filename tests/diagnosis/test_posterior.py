@@ -137,7 +137,7 @@ def test_at_the_mode_the_linear_model_stays_where_it_is():
     (found,) = modes(search.joint, likelihood, [at.hypothesis], [at.theta_mm], [at.amplitude])
     given = search.given(found, found.hypothesis)
     assert np.linalg.norm(root_of(given).T @ (given.amplitude - found.amplitude)) < AT_THE_TOP
-    off = (given.of_shoulders - given.amplitude) / EFFECTS[BIAS].prior_sd
+    off = (given.of_shoulders - given.amplitude) / np.array(EFFECTS[BIAS].prior.scale)
     assert np.abs(off).max() < 10.0 * ALIKE
 
 

@@ -295,14 +295,15 @@ def test_a_command_line_that_does_not_fit_an_effect_is_refused(command, words, c
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_an_option_is_read_as_it_was_written(effect):
     """All terms, exactly as they were rounded, to four digits; and so it acts."""
-    amplitude = effect.prior_sd * np.linspace(-1.0, 1.234567, effect.amplitudes)
-    sd = np.abs(amplitude) + effect.prior_sd
+    motions = over(0.0, 60.0, 120.0)
+    _, prior_sd = effect.amplitude_prior(motions)
+    amplitude = prior_sd * np.linspace(-1.0, 1.234567, effect.amplitudes)
+    sd = np.abs(amplitude) + prior_sd
     found, personal = rounded(amplitude.tolist()), PersonalSize(rounded(amplitude.tolist()), rounded(sd.tolist()))
     for one in (found, personal):
         assert read_amplitudes([as_option(effect.name, one)]) == {effect.name: one}
     np.testing.assert_allclose(personal.mean, amplitude, rtol=OPTION_DIGITS)
     np.testing.assert_allclose(personal.sd, sd, rtol=OPTION_DIGITS)
-    motions = over(0.0, 60.0, 120.0)
     (strength,) = active_effects({effect.name: found}, motions).strengths
     largest = np.abs(effect.columns(motions)).max() * np.abs(amplitude).max()
     np.testing.assert_allclose(
@@ -328,7 +329,8 @@ def test_subjects_are_simulated_with_an_effect_at_its_typical_size(name):
         return
     assert amplitudes.shape == (2, effect.amplitudes)
     terms = len(effect.course.sd)
-    typical = np.where(effect.prior_mean > 0.0, effect.prior_mean, effect.prior_sd)
+    mean, sd = effect.amplitude_prior(motions)
+    typical = np.where(mean > 0.0, mean, sd)
     assert (np.abs(amplitudes[:, ::terms]) < 2.0 * typical[::terms]).all()
     assert (np.abs(amplitudes[:, ::terms]) > 0.2 * typical[::terms]).all()
     assert not np.delete(amplitudes, np.s_[::terms], axis=1).any()

@@ -122,7 +122,9 @@ def assert_slope(effect: Effect, at: np.ndarray, direction: np.ndarray) -> None:
 
 def scale(effect: Effect) -> np.ndarray:
     """What is a typical strength in each channel; of the skin's lag, degrees about each axis of the scapula."""
-    return np.full(3, 8.0) if effect.name == "skin_artefact" else np.asarray(effect.prior.scale)
+    if effect.name == "skin_artefact":
+        return np.full(3, 8.0)
+    return effect.amplitude_prior(_MOTIONS).sd if ":posture" in effect.name else np.asarray(effect.prior.scale)
 
 
 def unequal(effect: Effect) -> np.ndarray:
@@ -226,11 +228,12 @@ def test_small_effects_add_up_and_their_order_does_not_matter():
 @each_effect
 def test_what_describes_an_effect_fits_together(effect):
     terms = len(effect.course.sd)
-    assert effect.amplitudes == len(effect.prior_sd) == len(effect.prior_mean) == terms * len(effect.directions)
+    mean, sd = effect.amplitude_prior(_MOTIONS)
+    assert effect.amplitudes == len(sd) == len(mean) == terms * len(effect.directions)
     assert len(effect.prior.scale) == len(effect.directions) > 0
     assert len(effect.prior.sign) in (0, len(effect.directions))
     assert min(effect.prior.scale) > 0.0
-    np.testing.assert_allclose(effect.prior_sd[::terms], effect.prior.scale)
+    np.testing.assert_allclose(sd, np.repeat(sd[::terms], terms) * np.tile(effect.course.sd, len(effect.directions)))
     channels = effect.course.channels(len(effect.directions))
     columns = effect.columns(_MOTIONS)
     assert columns.shape == (effect.amplitudes, channels, POSTURES)

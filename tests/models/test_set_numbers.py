@@ -66,7 +66,7 @@ def test_they_are_the_effects_of_that_name_with_another_prior():
     for name, effect in doubtful_numbers(load_model("R2")).items():
         assert effect.adjust is EFFECTS[name].adjust
         assert effect.course is EFFECTS[name].course
-        np.testing.assert_array_equal(EFFECTS[name].prior_mean, 0.0)
+        np.testing.assert_array_equal(EFFECTS[name].prior.mean, 0.0)
 
 
 def test_every_key_is_one_of_the_file():

@@ -60,8 +60,11 @@ def simulate(
 
 
 def list_effects() -> None:
-    """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions."""
+    """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions.
+
+    The size is the SD, before any data, of the root mean square over the postures of what it does beyond a constant.
+    """
     for one in EFFECTS.values():
-        scale = " / ".join(f"{value:g}" for value in one.prior.scale)
+        scale = " / ".join(f"{value:.2g}" for value in one.prior.scale)
         along = " / ".join(one.directions)
-        console.print(f"{one.name:28} {one.what}; scale {scale} {one.unit} ({along})", soft_wrap=True)
+        console.print(f"{one.name:28} {one.what}; size {scale} {one.size_unit} ({along})", soft_wrap=True)

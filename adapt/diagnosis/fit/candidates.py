@@ -12,21 +12,12 @@ from adapt.diagnosis.fit.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.solvers.projection.nearest_posture import strengths_of
 from models.effects import EFFECTS, Effect
-from models.effects.by_posture import UNIT_DEG, ByPosture
 from models.effects.set_numbers import NUMBER_EFFECTS, doubtful_numbers, with_sizes_of
 from models.parameter_sets import ParameterSet
 from models.person.family import AnyModel, unique_sets
-from motions.rotations import DEG
-from motions.table import ANGLES
 
 Hypothesis = tuple[str, ...]
 """Names of the effects that are at work together, in the order of the candidates."""
-
-_RANGE_PERCENT = (5.0, 95.0)
-"""Of a bone angle, over which a course by posture does what the effect's scale says."""
-
-_LEAST_RANGE_DEG = 5.0
-"""A bone angle that moves by less is no course."""
 
 _SHARE_OF_MEAN = 1.0 / 3.0
 """An effect whose size has been measured is not at work with less than this share of it."""
@@ -119,7 +110,8 @@ class Candidates:
             own = amplitude[place]
             firsts = own[:: len(effect.course.sd)]
             signs = np.array(effect.prior.sign or (0,) * len(firsts))
-            if (firsts * signs < _SHARE_OF_MEAN * effect.prior.mean * np.abs(signs)).any():
+            means = self.mean[self.places[effect.name]][:: len(effect.course.sd)]
+            if (firsts * signs < _SHARE_OF_MEAN * means * np.abs(signs)).any():
                 return False
         return True
 
@@ -129,20 +121,6 @@ def lay_out(
 ) -> Candidates:
     """Lay the effects out for these postures; ``sizes``: what landmarks say of amplitudes, by name."""
     columns = [effect.columns(shoulders.motions) for effect in effects]
-    scale = [sizes[effect.name].sd if effect.name in sizes else _scale(effect, shoulders) for effect in effects]
-    mean = [sizes[effect.name].mean if effect.name in sizes else effect.prior_mean for effect in effects]
-    return Candidates(tuple(effects), strengths_of(columns), np.concatenate(scale), np.concatenate(mean), sizes)
-
-
-def _scale(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, " amplitudes"]:
-    """The prior SD; a course by posture does over the range of its angle what the effect typically does."""
-    if not isinstance(effect.course, ByPosture):
-        return effect.prior_sd
-    ranges = [_range_deg(ANGLES.index(angle), shoulders) for angle in effect.course.angles]
-    return effect.prior_sd * np.tile(UNIT_DEG / np.array(ranges), len(effect.directions) // len(ranges))
-
-
-def _range_deg(angle: int, shoulders: Shoulders) -> float:
-    """Mean over the subjects of the range of an angle."""
-    of_subjects = (DEG * shoulders.angles[angle, shoulders.rows_of(s)] for s in range(len(shoulders.subjects)))
-    return max(_LEAST_RANGE_DEG, float(np.mean([np.ptp(np.percentile(one, _RANGE_PERCENT)) for one in of_subjects])))
+    priors = (sizes.get(effect.name) or effect.amplitude_prior(shoulders.motions) for effect in effects)
+    mean, scale = (np.concatenate(every) for every in zip(*priors, strict=True))
+    return Candidates(tuple(effects), strengths_of(columns), scale, mean, sizes)

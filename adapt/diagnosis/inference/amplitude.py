@@ -7,21 +7,13 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.measured_sizes import MeasuredSize
-from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.evaluation.covariance import NORMAL_95
 from models.effects import Effect
 from models.effects.amplitudes import PersonalSize, rounded
-from models.effects.by_posture import UNIT_DEG, ByPosture
-from motions.rhythm import REST_DEG
-from motions.rotations import DEG
-from motions.table import ANGLES
-
-_REACHED = 95.0
-"""Percentile of the postures at which the size of an effect is stated: the largest that it is but for outliers."""
-
+from models.effects.course import root_mean_square
 
 _DRAWS, _SEED = 400, 5
 
@@ -35,10 +27,12 @@ def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitu
     sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
     found = {}
     for effect, own in candidates.slices(hypothesis):
-        a, columns = given.amplitude[own], _strengths(effect, shoulders)
+        count, a = len(effect.directions), given.amplitude[own]
+        columns = effect.course.strengths(count, shoulders.motions)
+        felt = effect.course.felt(count, shoulders.motions)
         shares = share_of(given.of_shoulders[:, own], a, columns)
         found[effect.name] = replace(
-            _described(effect, a, sd[own], draws_of(search, effect.name), columns, candidates),
+            _described(effect, a, sd[own], draws_of(search, effect.name), columns, felt, candidates),
             by_subject=dict(zip(shoulders.subjects, shares.tolist(), strict=True)),
         )
     return found
@@ -83,7 +77,7 @@ def unseen_amplitude(effect: Effect) -> CauseAmplitude:
     typical = float(np.linalg.norm(effect.prior.scale))
     directions = dict.fromkeys(effect.directions, unknown)
     return CauseAmplitude(
-        effect.name, effect.what, effect.course.word, _unit(effect), unknown, typical, directions, None
+        effect.name, effect.what, effect.course.word, effect.size_unit, unknown, typical, directions, None
     )
 
 
@@ -96,13 +90,12 @@ def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
     }
 
 
-def _described(effect: Effect, value, sd, draws, columns, candidates: Candidates) -> CauseAmplitude:
+def _described(effect: Effect, value, sd, draws, columns, felt, candidates: Candidates) -> CauseAmplitude:
     terms = len(effect.course.sd)
     scale = candidates.scale[candidates.places[effect.name]]
     mean = candidates.mean[candidates.places[effect.name]]
-    typical = np.sqrt(np.einsum("a,acp->p", scale**2 + mean**2, columns**2))
-    strength = np.einsum("a,acp->cp", value, columns)
-    size = float(np.percentile(np.linalg.norm(strength, axis=0), _REACHED))
+    typical = np.linalg.norm(np.hypot(scale, mean) * root_mean_square(felt))
+    size = float(root_mean_square(np.einsum("a,acp->cp", value, felt)))
     low, high = size * np.percentile(share_of(draws, value, columns), [2.5, 97.5])
     spread = np.percentile(draws, [2.5, 97.5], axis=0)
     numbers = {
@@ -113,25 +106,9 @@ def _described(effect: Effect, value, sd, draws, columns, candidates: Candidates
         effect=effect.name,
         what=effect.what,
         course=effect.course.word,
-        unit=effect.unit.partition(" a ")[0] if isinstance(effect.course, ByPosture) else _unit(effect),
+        unit=effect.size_unit,
         size=Interval(size, float(low), float(high)),
-        typical=float(np.percentile(typical, _REACHED)),
+        typical=float(typical),
         directions=numbers,
         amplitude=PersonalSize(rounded(value.tolist()), rounded(sd.tolist())),
     )
-
-
-def _unit(effect: Effect) -> str:
-    """The unit of the strength, which a share of something measured does not have itself."""
-    return "deg" if effect.prior.mean else effect.unit
-
-
-def _strengths(effect: Effect, shoulders: Shoulders) -> Float[np.ndarray, "own channels rows"]:
-    """Strength at each posture of amplitudes of 1; of a course by posture at the measured angles."""
-    if not isinstance(effect.course, ByPosture):
-        return effect.columns(shoulders.motions)
-    away = (DEG * shoulders.angles - REST_DEG[:, None]) / UNIT_DEG
-    followed = np.stack([away[ANGLES.index(angle)] for angle in effect.course.angles])
-    directions = len(effect.directions) // len(followed)
-    columns = np.einsum("kc,jp->kjcp", np.eye(directions), followed)
-    return columns.reshape(directions * len(followed), directions, -1)

@@ -22,8 +22,9 @@ EFFECT = Effect(
     may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(
-        scale=(3.0,),
+        scale=(0.8,),
         sign=(1,),
-        source="stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi 10.1109/TBME.2014.2309727); in vivo strain not found",
+        source="bone pins of four shoulders 0.7 mm RMS; stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi "
+        "10.1109/TBME.2014.2309727): 0.7 mm RMS / 3.5 of 200 N; in vivo strain not found",
     ),
 )

@@ -22,7 +22,8 @@ EFFECT = Effect(
     may_follow=("clavicle_y", "clavicle_z"),
     adjust=_adjust,
     prior=EffectPrior(
-        scale=(3.3, 3.3, 3.3),
-        source="bone pins 5.9-12.8 mm (two shoulders)",
+        scale=(1.2, 1.2, 1.2),
+        source="whole vector: bone pins of four shoulders 1.2-2.1 mm RMS; of two, range 5.9-12.8 mm, / 3.5 = 1.7-3.7 "
+        "RMS; no figure of living people found",
     ),
 )

@@ -23,7 +23,8 @@ EFFECT = Effect(
     may_follow=("scapula_y", "scapula_z", "scapula_x"),
     adjust=_adjust,
     prior=EffectPrior(
-        scale=(5.0, 7.0),
-        source="no healthy figure found; 3-5 mm SD computed on bone-pin data",
+        scale=(2.0, 3.0),
+        source="no healthy figure found; bone pins of four shoulders: TS 1.4 and AI 2.0 mm RMS where SC and AC are as "
+        "measured; with all that other causes do 3-5 mm SD",
     ),
 )

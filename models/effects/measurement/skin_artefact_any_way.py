@@ -15,12 +15,13 @@ EFFECT = replace(
     name=f"{skin_artefact.EFFECT.name}:elevation",
     what="a skin marker lags the scapula in any direction, more and more with elevation",
     unit="deg",
+    strength_unit="",
     directions=("about x", "about y", "about z"),
     course=ELEVATION,
     prior=EffectPrior(
-        scale=(6.0, 4.0, 6.5),
+        scale=(2.8, 1.9, 3.0),
         sign=(0, 0, 1),
-        source="lateral rotation: 6.5 deg on average, 13 at worst (Meskers 2007); tipping: up to 7.2 (Warner 2012); "
-        "protraction: assumed less",
+        source=f"{skin_artefact.SIZE_DEG} deg together, as the lag on the scapula's own way: {skin_artefact.SOURCE}; "
+        "shared out as lateral rotation 6.5 (Meskers 2007), tipping up to 7.2 (Warner 2012), protraction assumed less",
     ),
 )

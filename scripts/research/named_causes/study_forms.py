@@ -127,8 +127,10 @@ def true_effect(truth: dict, motions: Motions) -> Effect:
         by_subject[subject].iloc[kinds.index(kind) * postures[subject] + int(posture) - 1]
         for subject, kind, posture in zip(motions.subject, motions.motion, motions.posture, strict=True)
     ]
-    prior = EffectPrior(scale=(SHARE_SD,), mean=1.0, source=TRUE)
-    return replace(effect, name=TRUE, directions=("share",), course=AsItIs(np.transpose(strengths)), prior=prior)
+    course = AsItIs(np.transpose(strengths))
+    size = float(np.hypot(1.0, SHARE_SD) * course.rms(1, motions)[0])
+    prior = EffectPrior(scale=(size,), mean=1.0 / SHARE_SD, source=TRUE)
+    return replace(effect, name=TRUE, directions=("share",), course=course, prior=prior)
 
 
 def fitted(search: Search, hypothesis: Hypothesis) -> Node:
