@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS
 from models.effects import EFFECTS
+from models.effects.bones.ac_offset import ON_SCAPULA
 from models.effects.bones.scapula_size import CORACOID_SHARE
 from models.girdle import COUNT_OF_NUMBERS, NUMBERS, Girdle
 from models.parameter_sets import ParameterSet
@@ -59,7 +60,7 @@ class OwnSize:
 
 
 _AXES = "xyz"
-_ON_CLAVICLE, _ON_SCAPULA = ("ac_mm", "clavicle_conoid_mm"), ("ts_mm", "ai_mm", "scapula_conoid_mm")
+_ON_CLAVICLE = ("ac_mm", "clavicle_conoid_mm")
 
 
 def _nothing(girdle: Girdle) -> Column:
@@ -157,7 +158,7 @@ SIZES: tuple[OwnSize, ...] = (
     *_each_axis("clavicle_conoid", "xyz", 2.0, _CONOID, "", "clavicle_conoid_mm"),
     *_each_axis("scapula_conoid", "xyz", 2.0, _CONOID, "", "scapula_conoid_mm"),
     *_each_axis("clavicle_AC", "yz", 3.0, _JOINT, "", "ac_mm"),
-    *_each_axis("scapula_AC", "xyz", 3.0, _JOINT, "", *_ON_SCAPULA),
+    *_each_axis("scapula_AC", "xyz", 3.0, _JOINT, "", *ON_SCAPULA),
     *_each_axis("TS_distance", "", 4.0, "assumed: soft tissue", "constraint.ts_distance_mm", "ts_distance_mm"),
     *_each_axis("AI_distance", "", 4.0, "assumed: soft tissue", "constraint.ai_distance_mm", "ai_distance_mm"),
     *_frame(
@@ -165,7 +166,7 @@ SIZES: tuple[OwnSize, ...] = (
         "zeros of its axial rotation differ by 35 deg between laboratories, persons within one by less",
         _ON_CLAVICLE,
     ),
-    *_frame("scapula_frame", (4.0, 4.0, 4.0), "palpation of AC, TS, AI; AC for AA leaves 1-8 deg", _ON_SCAPULA),
+    *_frame("scapula_frame", (4.0, 4.0, 4.0), "palpation of AC, TS, AI; AC for AA leaves 1-8 deg", ON_SCAPULA),
 )
 """The six adapted parameters first, in their order."""
 

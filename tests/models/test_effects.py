@@ -58,6 +58,7 @@ CONTRACT = [
     "thorax_shape",
     "clavicle_length",
     "scapula_size",
+    "ac_offset",
     "scapula_landmark_bias",
     "clavicle_axial_estimate",
     "skin_artefact",
@@ -298,6 +299,13 @@ def larger(b: Bones, strength) -> Bones:
     return replace(b, ts_mm=blade * b.ts_mm, ai_mm=blade * b.ai_mm, scapula_conoid_mm=coracoid * b.scapula_conoid_mm)
 
 
+def elsewhere(b: Bones, strength) -> Bones:
+    """AC moves in the clavicle; on the scapula all moves that is seen from it."""
+    off_axis, apart_mm = np.array([0.0, *strength[:2]]), strength[2:]
+    moved = {name: getattr(b, name) + apart_mm for name in ("ts_mm", "ai_mm", "scapula_conoid_mm")}
+    return replace(b, ac_mm=b.ac_mm + off_axis, **moved)
+
+
 def apart(b: Bones, strength) -> Bones:
     return replace(b, ts_distance_mm=b.ts_distance_mm + strength[0], ai_distance_mm=b.ai_distance_mm + strength[1])
 
@@ -310,6 +318,7 @@ OTHER_BONES: dict[str, Callable[[Bones, np.ndarray], Bones]] = {
     "thorax_asymmetry": lambda b, s: replace(b, centre_mm=b.centre_mm + np.array([s[0], 0.0, 0.0])),
     "clavicle_length": longer,
     "scapula_size": larger,
+    "ac_offset": elsewhere,
     "sc_offset": lambda b, s: replace(b, sc_mm=b.sc_mm + s),
     "clavicle_conoid_offset": lambda b, s: replace(b, clavicle_conoid_mm=b.clavicle_conoid_mm + s),
     "scapula_conoid_offset": lambda b, s: replace(b, scapula_conoid_mm=b.scapula_conoid_mm + s),

@@ -12,6 +12,7 @@ from adapt.solvers.own_bones.own_adaptation import OwnBones
 from adapt.tables.results import FAR_SDS, UNTOLD, own_columns
 from models import load_model, model_names
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM
+from models.effects import EFFECTS
 from models.girdle import NUMBERS
 from models.person.own_bones import NAMES, SIZES, of_chain, spread_about, with_own_sizes
 
@@ -117,3 +118,13 @@ def test_the_columns_say_who_is_far_and_what_is_not_told():
     np.testing.assert_allclose(columns["scapula_size_percent_sd"], [0.99 * UNTOLD] * 2 + [np.nan])
     assert columns["noise_deg"].tolist() == [0.7] * 3
     assert not any(name.startswith(ADAPTED) for name in columns)
+
+
+def test_an_ac_elsewhere_is_what_the_effect_of_that_name_makes_of_it():
+    """One meaning: a size of a person and the amplitude of ``ac_offset`` move the same numbers by as much."""
+    effect, sizes = EFFECTS["ac_offset"], [one for one in SIZES if "_AC_" in one.name]
+    assert [one.name for one in sizes] == [name.replace(" ", "_AC_") for name in effect.directions]
+    none = np.zeros((3, 3)), np.zeros((3, 3))
+    for size, mm in zip(sizes, np.eye(len(sizes)), strict=True):
+        moved, _ = effect.adjust(R2.girdle, none, mm)
+        np.testing.assert_allclose(moved.numbers_mm, R2.girdle.numbers_mm + size.per_unit(R2.girdle), rtol=1e-15)
