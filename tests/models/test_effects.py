@@ -77,6 +77,7 @@ CONTRACT = [
     "sc_translation:posture",
     "thorax_extension:posture",
     "skin_artefact:elevation",
+    "skin_artefact:rotation",
 ]
 """The names that files and commands of other versions know."""
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 
 from models.effects import EFFECTS
 from models.effects.effect import cause_of
@@ -30,8 +31,8 @@ WITHIN = 0.1
 
 HANGING_DEG = {"clavicle_y": -28.57, "clavicle_z": 11.68, "scapula_y": 32.05, "scapula_z": 10.67, "scapula_x": -10.32}
 
-FLEXION = [[0, 20, 40, 60, 80, 100, 120, 140], [0, 6, 10, 12, 14, 16, 17, 20]]
-ABDUCTION = [[0, 20, 40, 60, 80, 100], [0, 2.8, 5.3, 7.9, 10.7, 13.8]]
+FLEXION = np.array([[0, 20, 40, 60, 80, 100, 120, 140], [0, 6, 10, 12, 14, 16, 17, 20]])
+ABDUCTION = np.array([[0, 20, 40, 60, 80, 100], [0, 2.8, 5.3, 7.9, 10.7, 13.8]])
 """Cereatti 2017: elevation and lag, deg."""
 
 
@@ -56,10 +57,22 @@ def lag(table: pd.DataFrame) -> np.ndarray:
     return np.where(sideways, np.interp(elevation, *ABDUCTION), np.interp(elevation, *FLEXION))[None]
 
 
+def rotation(table: pd.DataFrame) -> np.ndarray:
+    """Of the scapula from its subject's lowest posture, about each of its axes, deg."""
+    found = np.zeros((3, len(table)))
+    for _, one in table.groupby("subject"):
+        R = Rotation.from_euler("YZX", one[["scapula_y_deg", "scapula_z_deg", "scapula_x_deg"]], degrees=True)
+        lowest = R[int(np.argmin(one["humerus_elevation_deg"].fillna(0.0)))]
+        found[:, one.index] = (lowest.inv() * R).as_rotvec(degrees=True).T
+    return found
+
+
 def terms(name: str, table: pd.DataFrame) -> np.ndarray:
-    """What the amplitudes of one direction multiply, (terms, postures); the same for all directions."""
+    """What the amplitudes of one direction multiply, (terms, postures), the same for all directions; or one each."""
     if name == "skin_artefact":
         return lag(table)
+    if name == "skin_artefact:rotation":
+        return rotation(table)
     if name.endswith(":posture"):
         followed = EFFECTS[cause_of(name)].may_follow
         return np.stack([(table[f"{angle}_deg"] - HANGING_DEG[angle]).to_numpy() / 30.0 for angle in followed])
@@ -75,7 +88,10 @@ def test_an_effect_drawn_from_its_prior_is_as_large_as_the_literature_says(name,
     drawn = mean + sd * np.random.default_rng(1).standard_normal((DRAWS, len(sd)))
     course = pd.DataFrame(terms(name, table).T)
     beyond = (course - course.groupby(table["subject"]).transform("mean")).to_numpy()
-    strengths = drawn.reshape(DRAWS, -1, beyond.shape[1]) @ beyond.T
+    if name == "skin_artefact:rotation":
+        strengths = drawn[..., None] * beyond.T
+    else:
+        strengths = drawn.reshape(DRAWS, -1, beyond.shape[1]) @ beyond.T
     found = np.sqrt((strengths**2).sum(axis=1).mean(axis=1))
     assert np.sqrt((found**2).mean()) == pytest.approx(RMS[cause_of(name)], rel=WITHIN)
 

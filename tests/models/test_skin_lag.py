@@ -69,6 +69,36 @@ def test_the_skin_stays_behind_on_the_way_that_the_scapula_turns(sign):
     close(EFFECTS["skin_artefact"].strengths(np.array([0.5]), motions), 0.5 * lag * AXIS[:, None], 1e-6)
 
 
+def test_a_share_of_its_own_rotation_from_the_lowest_posture_about_each_axis():
+    """The scapula turns by a fifth of the elevation."""
+    motions = about_one_axis(AXIS)
+    found = EFFECTS["skin_artefact:rotation"].strengths(np.array([0.1, 0.2, 0.3]), motions)
+    close(found, np.outer([0.1, 0.2, 0.3] * AXIS, ELEVATIONS_DEG / 5.0), ROUNDING * 1e3)
+
+
+REPORTED = {
+    "proportional": lambda e: e,
+    "as Cereatti 2017": lambda e: np.interp(e, [0, 20, 40, 60, 80, 100, 120, 140], [0, 6, 10, 12, 14, 16, 17, 20]),
+    "accelerating above 90": lambda e: np.maximum(0.0, e - 90.0),
+    "with the square": lambda e: e**2,
+}
+
+
+@pytest.mark.parametrize("name", REPORTED)
+def test_a_lag_of_every_reported_course_is_nearly_one_of_any_way(name):
+    """Of 12 deg at the end: to a tenth of its variance, with terms that the prior holds for possible."""
+    motions = about_one_axis(AXIS)
+    lag = 12.0 * REPORTED[name](ELEVATIONS_DEG) / REPORTED[name](140.0)
+    effect = EFFECTS["skin_artefact:elevation"]
+    columns = effect.columns(motions)[:3, 0].T
+    _, sd = effect.amplitude_prior(motions)
+    sd = sd[6:]  # about z
+    A = np.vstack([columns, np.diag(0.5 / sd)])  # to half a degree, with the prior
+    amplitude = np.linalg.lstsq(A, np.append(lag, np.zeros(3)))[0]
+    assert np.mean((lag - columns @ amplitude) ** 2) < 0.1 * lag.var()
+    assert np.sum((amplitude / sd) ** 2) < 11.3  # chi-square of 3, 1 %
+
+
 def test_the_way_is_a_fixed_point_and_every_subjects_own():
     """u is parallel to the mean of log(R_0' R exp(lag u)) over the high postures, by SciPy."""
     published = simulate_subjects(3, seed=11)

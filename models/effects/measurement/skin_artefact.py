@@ -9,7 +9,7 @@ the highest postures.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from models.effects.course import Varying
 from models.effects.effect import Effect, Rotations
@@ -59,19 +59,24 @@ def own_way(motions: Motions, lag_deg: Float[np.ndarray, " postures"]) -> Float[
     u is parallel to the mean over the high postures of log(R_0' R exp(lag u)), R_0 the lowest posture: the way that the
     bone turned, of which the measured way is what the lag has left. It points to lateral rotation.
     """
-    scapula = motions.angles_deg[:, BONES["scapula"]].T
-    known = np.asarray(np.isfinite(scapula).all(axis=0))
-    elevation = np.nan_to_num(motions.humerus_elevation_deg)
-    subject, every = motions.subject_number, motions.rows_by_subject()
-    lowest, high = np.zeros(len(every), int), np.zeros(len(subject))
+    scapula, subject = motions.angles_deg[:, BONES["scapula"]].T, motions.subject_number
+    R_measured = rotation_from_cardan(np.nan_to_num(scapula) / DEG)
+    return _ways(R_measured, lag_deg / DEG, subject, *lowest_and_high(motions))[:, subject]
+
+
+def lowest_and_high(motions: Motions) -> tuple[Int[np.ndarray, " subjects"], Float[np.ndarray, " postures"]]:
+    """Find the lowest posture of every subject of those with a measured scapula, and the weights of the high ones in
+    their mean, 0 for all others."""
+    known = np.asarray(np.isfinite(motions.angles_deg[:, BONES["scapula"]]).all(axis=1))
+    elevation, every = np.nan_to_num(motions.humerus_elevation_deg), motions.rows_by_subject()
+    lowest, high = np.zeros(len(every), int), np.zeros(len(elevation))
     for k, own in enumerate(every):
         rows = own[known[own]]
         if len(rows):
             lowest[k] = rows[np.argmin(elevation[rows])]
             up = rows[elevation[rows] >= _HIGH * elevation[rows].max()]
             high[up] = 1.0 / len(up)
-    R_measured = rotation_from_cardan(np.where(known, scapula, 0.0) / DEG)
-    return _ways(R_measured, lag_deg / DEG, subject, lowest, high)[:, subject]
+    return lowest, high
 
 
 def _ways(R_measured, lag, subject, lowest, high) -> Float[np.ndarray, "3 subjects"]:

@@ -6,9 +6,12 @@ deg, and may show too much tipping (Meskers et al. 2007, van Andel et al. 2009, 
 
 from dataclasses import replace
 
-from models.effects.course import ELEVATION
+from models.effects.course import OverElevation
 from models.effects.measurement import skin_artefact
 from models.effects.prior import EffectPrior
+
+BENT = OverElevation(sd=(1.0, 0.5, 0.2))
+"""The second term is 0.1 of the first in flexion as Cereatti 2017 measured it, -0.5 of a lag that begins at 90 deg."""
 
 EFFECT = replace(
     skin_artefact.EFFECT,
@@ -17,7 +20,7 @@ EFFECT = replace(
     unit="deg",
     strength_unit="",
     directions=("about x", "about y", "about z"),
-    course=ELEVATION,
+    course=BENT,
     prior=EffectPrior(
         scale=(2.8, 1.9, 3.0),
         sign=(0, 0, 1),
