@@ -190,7 +190,7 @@ def test_an_estimate_of_the_axial_rotation_is_named_without_a_size_where_nothing
     """The angles of one motion of one person show that it is one; nothing shows how large it is."""
     every = simulated(noise_deg=1.5).motions
     first = (every.subject == every.subject[0]) & (every.motion == every.motion[0])
-    motions = every.select(first)
+    motions = every_frame(every.select(first), 8)
     angles_deg = motions.angles_deg.copy()
     for subject in motions.subjects:
         rows = np.isin(motions.subject, [subject])

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from small_worlds import every_frame, joint_fit, root_of, searched, simulated
@@ -19,7 +18,6 @@ from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.budget import alone_deg, ladder
-from adapt.diagnosis.inference.computed_axial_rotation import axial_is_computed
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.search import Search, search_of
@@ -31,8 +29,6 @@ from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
 from models.effects.amplitudes import PersonalSize
-from motions.rhythm import clavicle_axial_rotation
-from motions.rotations import DEG, rotation_from_cardan
 
 BIAS = "scapula_landmark_bias"
 
@@ -301,22 +297,6 @@ def test_noise_is_found_beside_a_smooth_course(sd):
     assert noise.source == "estimated"
     assert noise.angle_deg == pytest.approx(sd, rel=4.0 / np.sqrt(2.0 * noise.freedom))
     assert estimate_noise(shoulders, course, 1.2).angle_deg == 1.2
-
-
-def test_an_axial_rotation_that_is_computed_is_known_by_it():
-    motions = simulated().motions
-    assert not axial_is_computed(shoulders_of(motions))
-    angles = jnp.asarray(motions.angles_deg.T / DEG)
-    made = motions.angles_deg.copy()
-    for subject in motions.subjects:
-        rows = np.flatnonzero(motions.subject == subject)
-        first = rows[np.argmin(motions.humerus_elevation_deg[rows])]
-        own = [
-            jnp.broadcast_to(rotation_from_cardan(angles[part, first])[..., None], (3, 3, len(rows)))
-            for part in (slice(3), slice(3, 6))
-        ]
-        made[rows, 2] = np.asarray(clavicle_axial_rotation(angles[:2, rows], angles[3:, rows], *own)) * DEG + 5.0
-    assert axial_is_computed(shoulders_of(replace(motions, angles_deg=made)))
 
 
 def test_the_share_left_over_goes_from_none_to_all():

@@ -19,13 +19,13 @@ ASSUMED = "assumed"
 LEAST_DEG = 0.1
 """Noise below this is rounding of the files, not measurement."""
 
-_ORDER = 3
+ORDER = 3
 _VARIANCE = 20.0
 
 _FEWEST = 12
 """Third differences, below which an estimate is none."""
 
-_INDEPENDENT = 0.36
+INDEPENDENT = 0.36
 """Of third differences that overlap: their number of independent ones, 1 / (1 + 2 sum r_k^2), r = -3/4, 3/10, -1/20."""
 
 
@@ -35,12 +35,12 @@ def estimate_noise(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"], given_d
         return Noise(given_deg, "given", np.inf)
     squares = []
     for rows in shoulders.sequences():
-        if len(rows) > _ORDER:
-            squares.append((np.diff(y[rows], _ORDER, axis=0) ** 2 / _VARIANCE).ravel())
+        if len(rows) > ORDER:
+            squares.append((np.diff(y[rows], ORDER, axis=0) ** 2 / _VARIANCE).ravel())
     every = np.concatenate([np.zeros(0), *squares])
     if len(every) < _FEWEST:
         return Noise(_ASSUMED_DEG, ASSUMED, float(_FEWEST))
-    return Noise(max(LEAST_DEG, float(np.sqrt(every.mean()))), "estimated", float(_INDEPENDENT * len(every)))
+    return Noise(max(LEAST_DEG, float(np.sqrt(every.mean()))), "estimated", float(INDEPENDENT * len(every)))
 
 
 def floor_deg(noise: Noise, shoulders: Shoulders, B: Float[np.ndarray, "rows 3 6"]) -> Float[np.ndarray, "rows 6"]:
