@@ -30,8 +30,9 @@ from adapt.tables.results import (
     rows_of_subjects,
     summary_table,
 )
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, sizes_of_persons
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, as_measured, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
+from models.person.measured_movement import warn_of_unmeasured
 from models.person.own_bones import NO_SDS, OwnSDs
 from motions.errors import InputError
 from motions.table import Motions, check_motions
@@ -85,6 +86,7 @@ def fit_postures(
     """
     models, motions = as_list(models), _checked(motions)
     rows = posture_rows(motions, effects)
+    warn_of_unmeasured(as_measured(effects), motions)
     fitted = _by_model(models, _before(motions, rows, models, progress, _type_of(dtype, effects)))
     return PostureFits(fitted, _fits(motions, fitted))
 
@@ -139,9 +141,10 @@ def adapt_subjects(
 
     ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
     ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
-    each subject is adapted too. See ``models.effects.amplitudes``. They act in the chain; D stays that of the ellipsoid
-    without them. Their fits are iterated in float64 whatever ``dtype``; they take two to four times as long as those
-    without.
+    each subject is adapted too. ``"measured"``, of ``sc_translation`` and ``ac_translation``: the joint moves as the
+    positions in the motions say, about means over all postures of the subject, those held out too. See
+    ``models.effects.amplitudes``. They act in the chain; D stays that of the ellipsoid without them. Their fits are
+    iterated in float64 whatever ``dtype``; they take two to four times as long as those without.
 
     ``thorax_downweighting``: k lets the thorax points of the set, where they are another person's, count 1/k in E, as w
     k times as large does.
@@ -153,6 +156,7 @@ def adapt_subjects(
     models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects
     rows = posture_rows(motions, effects)
+    warn_of_unmeasured(as_measured(effects), motions)
     as_they_are = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]

@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike
 from adapt.solvers.unmeasured import at_rest
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
-from motions.landmarks.sampled_postures import marked_slips
+from motions.landmarks.sampled_postures import measured_places_mm
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -38,7 +38,7 @@ class PostureRows:
     subjects: tuple[str, ...]
     """Their names."""
     landmarks_mm: Mapping[str, Float[np.ndarray, "3 rows"]]
-    """Measured positions, thorax frame, by landmark; NaN where not measured or an outlier."""
+    """Measured positions, thorax frame, by landmark; NaN where not measured, placed or an outlier."""
     active_effects: ActiveEffects
     """Strengths (channels, rows)."""
 
@@ -95,18 +95,9 @@ def posture_rows(
         subject=motions.subject_number,
         previous=motions.previous_rows(),
         subjects=motions.subjects,
-        landmarks_mm=_landmarks_mm(motions),
+        landmarks_mm=measured_places_mm(motions),
         active_effects=active_effects(effects, motions, library),
     )
-
-
-def _landmarks_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 rows"]]:
-    """Without outliers."""
-    found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
-    for row, names in marked_slips(motions).items():
-        for name in set(names.split()) & found.keys():
-            found[name][:, row] = np.nan
-    return found
 
 
 def one_in_so_many(subjects: Sequence[str], most: int) -> tuple[str, ...]:

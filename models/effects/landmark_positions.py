@@ -30,8 +30,8 @@ POSITIONS = ("SC", "AC", *ON_SCAPULA)
 """Landmarks whose positions a girdle has, AA with a place of the person's own."""
 
 OwnPlaces = Mapping[str, Float[Array, " 3 *batch"]]
-"""By landmark, how far a person's lies from where the girdle has it: SC in the thorax frame, AC in the clavicle's, those
-of the scapula in the scapula's; of AA, which no parameter set has, its place."""
+"""By landmark, how far a person's lies from where the girdle has it: SC in the thorax, AC in the clavicle, those of the
+scapula in the scapula; of AA, which no parameter set has, its place."""
 
 AT_THE_SET: OwnPlaces = MappingProxyType({})
 

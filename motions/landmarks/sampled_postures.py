@@ -53,6 +53,17 @@ def marked_slips(motions: Motions) -> dict[int, str]:
     return {row: names for row, names in enumerate(marks) if names}
 
 
+def measured_places_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 postures"]]:
+    """Give the measured positions by landmark, thorax frame; NaN where one was not measured, placed or an outlier."""
+    found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
+    for name, place in found.items():
+        place[:, is_marked(motions, CLAVICLE_PLACED, f"{name} from")] = np.nan
+    for row, names in marked_slips(motions).items():
+        for name in set(names.split()) & found.keys():
+            found[name][:, row] = np.nan
+    return found
+
+
 def spread_column(angle: str) -> str:
     """Name the extra column with the SD of an angle about a posture of a trial, degrees."""
     return f"{angle}_spread_deg"
