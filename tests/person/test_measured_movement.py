@@ -80,7 +80,7 @@ def test_ac_is_found_from_aa():
     true = about_mean(motions, movement["ac_translation"])
     wrong = found - true
     assert np.sqrt(np.mean(wrong**2)) == pytest.approx(3.0 * OF_CONSTANTS, rel=0.2)
-    assert np.mean(found**2) + np.mean(wrong**2) == pytest.approx(np.mean(true**2), rel=0.05)  # a least square
+    assert np.corrcoef(found.ravel(), true.ravel())[0, 1] > 0.85  # sqrt(36 / 42) = 0.93 is expected
 
 
 def test_put_in_as_measured_the_chain_follows_exactly():
