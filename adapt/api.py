@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike
 from adapt.engine.batching import as_type, take_problems
 from adapt.evaluation.covariance import Uncertainty, uncertainty, with_posterior
 from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
+from adapt.evaluation.position_check import Judge, adapted_to_all, as_they_are
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
@@ -20,6 +21,7 @@ from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold, motions_and_thirds, motions_or_thirds
+from adapt.tables.positions_table import ADAPTED, BASE, positions_table
 from adapt.tables.results import (
     ALL_MOTIONS,
     STATISTICS,
@@ -192,6 +194,23 @@ def adapt_subjects(
         ),
         heldout=heldout_table(subjects, list(results), found.held_out, seen_deg),
     )
+
+
+def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel | Sequence[AnyModel]) -> pd.DataFrame:
+    """Tabulate ``positions.csv`` before and after adaptation of these motions with these models.
+
+    Where the landmarks of the girdle are, and where they were measured, thorax frame, mm; with the constants of each
+    person that positions tell, fitted to all its postures (``adapt.evaluation.person_constants``).
+    """
+    tables = []
+    for model in as_list(models):
+        found = result.of(model.name)
+        judge = Judge.of(model, found.rows)
+        states = {BASE: as_they_are(model, found.rows, result.before[model.name]), ADAPTED: adapted_to_all(found)}
+        for state, chains in states.items():
+            simulated = judge.simulated_mm(chains)
+            tables.append(positions_table(motions, model.name, state, simulated, judge.measured_mm))
+    return pd.concat(tables, ignore_index=True)
 
 
 def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: float) -> None:

@@ -56,6 +56,11 @@ class PostureRows:
         nearest = np.minimum(np.arange(len(self.counted))[:, None], counts - 1)
         return np.argsort(self.subject, kind="stable")[np.cumsum(counts) - counts + nearest]
 
+    @cached_property
+    def posture(self) -> Int[np.ndarray, " rows"]:
+        """The place of every row among the postures of its subject."""
+        return self.unpacked(np.indices(self.counted.shape)[0])
+
     def packed(self, values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures subjects"]:
         """Lay values of the rows out by subject."""
         return values[..., self.place]

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +26,7 @@ class PersonalSize:
     sd: Sequence[float]
 
 
-Amplitude = Sequence[float] | PersonalSize | Literal["measured"]
+Amplitude = Sequence[float] | PersonalSize | str
 """Of each direction of an effect in its unit (``girdle effects``). That of one that goes with elevation holds at
 ``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each direction in turn. ``MEASURED``:
 of SC or AC, the movement that positions have measured (``models.person.measured_movement``)."""

@@ -29,10 +29,10 @@ _AC_MM, _AC_SD_MM = np.array([155.0, 0.0, 0.0]), np.array([15.0, 12.0, 12.0])
 """AC in the clavicle: the lengths of the shipped sets are 145-182 mm; an axis may be 4 deg off, and the joint 3 mm off
 it (``models.person.own_bones``)."""
 
-_AA_SD_MM = 30.0
+AA_SD_MM = 30.0
 """Of AA about AC, some 40 mm behind it and beside it: to hold what rotations that hardly differ do not tell."""
 
-_POSITION_SD_MM = 3.0
+POSITION_SD_MM = 3.0
 """Of a measured AA about the best chain: it sets only how much the two SDs above say."""
 
 Places = Mapping[str, Float[np.ndarray, "3 postures"]]
@@ -106,7 +106,7 @@ def _place_of_aa_mm(at: Places, R_thorax_clavicle, R_thorax_scapula) -> Float[np
     rotations = np.concatenate([R_thorax_clavicle, R_thorax_scapula], axis=1)
     away = at["AA"] - at["SC"] - rotate(R_thorax_clavicle, _AC_MM[:, None])
     known = _known(away) & np.isfinite(rotations).all(axis=(0, 1))
-    rows = np.moveaxis(rotations[..., known], -1, 0).reshape(-1, 6) / _POSITION_SD_MM
-    held = np.diag(1.0 / np.concatenate([_AC_SD_MM, np.full(3, _AA_SD_MM)]))
-    wanted = np.concatenate([away[:, known].T.ravel() / _POSITION_SD_MM, np.zeros(6)])
+    rows = np.moveaxis(rotations[..., known], -1, 0).reshape(-1, 6) / POSITION_SD_MM
+    held = np.diag(1.0 / np.concatenate([_AC_SD_MM, np.full(3, AA_SD_MM)]))
+    wanted = np.concatenate([away[:, known].T.ravel() / POSITION_SD_MM, np.zeros(6)])
     return np.linalg.lstsq(np.concatenate([rows, held]), wanted, rcond=None)[0][3:]
