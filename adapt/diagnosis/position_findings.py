@@ -15,7 +15,7 @@ from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.marks import angles_are_of_landmarks
 from adapt.diagnosis.result import Positions, PositionUse
 from adapt.evaluation.held_out import HeldOut, held_out
-from adapt.evaluation.person_constants import Chains
+from adapt.evaluation.person_constants import Chains, Places
 from adapt.evaluation.position_check import (
     Judge,
     adapted_to_all,
@@ -117,7 +117,7 @@ def judge_positions(
     return Positions(
         used=False,
         note=task.note,
-        noise_mm=_noise_mm(judge, shoulders_of(task.motions)) if task.noise_mm is None else task.noise_mm,
+        noise_mm=task.noise_mm or position_noise_mm(judge.measured_mm, shoulders_of(task.motions)),
         in_sample={state: judge.gap_mm(one) for state, one in chains.items()},
         other_motion=other_motion,
         other_person=other_person,
@@ -152,12 +152,12 @@ def _unseen(
     }
 
 
-def _noise_mm(judge: Judge, shoulders: Shoulders) -> float:
+def position_noise_mm(measured_mm: Places, shoulders: Shoulders) -> float:
     """Estimate the SD of one measured coordinate from what no smooth path of a landmark could be; NaN of too few."""
     squares = [np.zeros(0)]
     for rows in shoulders.sequences():
         if len(rows) > _ORDER:
-            squares += [(np.diff(place[:, rows], _ORDER) ** 2).ravel() for place in judge.measured_mm.values()]
+            squares += [(np.diff(place[:, rows], _ORDER) ** 2).ravel() for place in measured_mm.values()]
     every = np.concatenate(squares)
     known = every[np.isfinite(every)]
     return float(np.sqrt(known.mean() / _VARIANCE)) if len(known) >= _FEWEST else float("nan")
