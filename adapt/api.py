@@ -13,6 +13,7 @@ from numpy.typing import DTypeLike
 from adapt.engine.batching import as_type, take_problems
 from adapt.evaluation.covariance import Uncertainty, uncertainty, with_posterior
 from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg, heldout_table, sample
+from adapt.evaluation.position_check import Judge, adapted_to_all, as_they_are
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
@@ -20,6 +21,7 @@ from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold, motions_and_thirds, motions_or_thirds
+from adapt.tables.positions_table import ADAPTED, BASE, positions_table
 from adapt.tables.results import (
     ALL_MOTIONS,
     STATISTICS,
@@ -30,8 +32,9 @@ from adapt.tables.results import (
     rows_of_subjects,
     summary_table,
 )
-from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, sizes_of_persons
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, as_measured, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
+from models.person.measured_movement import warn_of_unmeasured
 from models.person.own_bones import NO_SDS, OwnSDs
 from motions.errors import InputError
 from motions.table import Motions, check_motions
@@ -85,6 +88,7 @@ def fit_postures(
     """
     models, motions = as_list(models), _checked(motions)
     rows = posture_rows(motions, effects)
+    warn_of_unmeasured(as_measured(effects), motions)
     fitted = _by_model(models, _before(motions, rows, models, progress, _type_of(dtype, effects)))
     return PostureFits(fitted, _fits(motions, fitted))
 
@@ -139,9 +143,10 @@ def adapt_subjects(
 
     ``effects`` that are known to be at work, before as after adaptation: the amplitude of each direction by name,
     ``{"scapula_landmark_bias": (0.0, 12.0, 0.0)}``, the same in every subject; or a ``PersonalSize``, and the size of
-    each subject is adapted too. See ``models.effects.amplitudes``. They act in the chain; D stays that of the ellipsoid
-    without them. Their fits are iterated in float64 whatever ``dtype``; they take two to four times as long as those
-    without.
+    each subject is adapted too. ``"measured"``, of ``sc_translation`` and ``ac_translation``: the joint moves as the
+    positions in the motions say, about means over all postures of the subject, those held out too. See
+    ``models.effects.amplitudes``. They act in the chain; D stays that of the ellipsoid without them. Their fits are
+    iterated in float64 whatever ``dtype``; they take two to four times as long as those without.
 
     ``thorax_downweighting``: k lets the thorax points of the set, where they are another person's, count 1/k in E, as w
     k times as large does.
@@ -153,6 +158,7 @@ def adapt_subjects(
     models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects
     rows = posture_rows(motions, effects)
+    warn_of_unmeasured(as_measured(effects), motions)
     as_they_are = _before(motions, rows, models, progress, dtype)
     chosen = sample(subjects) if held_out is None else set(held_out)
     parts = [fold for fold in folds(motions) if subjects[fold.subject] in chosen]
@@ -188,6 +194,23 @@ def adapt_subjects(
         ),
         heldout=heldout_table(subjects, list(results), found.held_out, seen_deg),
     )
+
+
+def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel | Sequence[AnyModel]) -> pd.DataFrame:
+    """Tabulate ``positions.csv`` before and after adaptation of these motions with these models.
+
+    Where the landmarks of the girdle are, and where they were measured, thorax frame, mm; with the constants of each
+    person that positions tell, fitted to all its postures (``adapt.evaluation.person_constants``).
+    """
+    tables = []
+    for model in as_list(models):
+        found = result.of(model.name)
+        judge = Judge.of(model, found.rows)
+        states = {BASE: as_they_are(model, found.rows, result.before[model.name]), ADAPTED: adapted_to_all(found)}
+        for state, chains in states.items():
+            simulated = judge.simulated_mm(chains)
+            tables.append(positions_table(motions, model.name, state, simulated, judge.measured_mm))
+    return pd.concat(tables, ignore_index=True)
 
 
 def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: float) -> None:

@@ -81,11 +81,12 @@ KnownEffects = Annotated[
     list[str],
     typer.Option(
         OPTION,
-        metavar="NAME=A,B,C[~D,E,F]",
+        metavar="NAME=A,B,C[~D,E,F]|measured",
         help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
         f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
         "scapula_landmark_bias=0,12,0. With ~2,2,2 behind it the size of each subject is adapted too, about this mean: "
-        "one that is 2 off counts as a degree in one angle of one posture. Repeatable; always in float64.",
+        "one that is 2 off counts as a degree in one angle of one posture. sc_translation=measured and "
+        "ac_translation=measured: as the positions in the motion file say. Repeatable; always in float64.",
         show_default=False,
     ),
 ]

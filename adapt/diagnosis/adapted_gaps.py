@@ -34,6 +34,8 @@ class AdaptedGaps:
     """Over the postures of each subject, then over subjects: the mean of summary.csv."""
     unseen: Mapping[str, BoneGaps]
     """By what is held out, MOTION (where there are several) or POSTURES: the mean of the rows of heldout.csv."""
+    found: AdaptedSubjects
+    """The adaptations themselves."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:
     everyone = _persons(rows.subjects, person)
     chain = data.active_effects.on(data.girdle.with_adapted(adapted.theta_mm).over_postures())
     unseen = _of_folds(found.held_out.unseen_deg, found.held_out.folds, everyone)
-    return AdaptedGaps(rows, chain, adapted, _of_subjects(list(np.moveaxis(after, -1, 0)), everyone), unseen)
+    return AdaptedGaps(rows, chain, adapted, _of_subjects(list(np.moveaxis(after, -1, 0)), everyone), unseen, found)
 
 
 def base_gaps(motions: Motions, before: PostureSolution, folds: Sequence[Fold], person: Mapping[str, int]) -> BaseGaps:

@@ -1,13 +1,14 @@
 """The diagnosis: where the gap lies, which causes predict what was not fitted, how far they take it down."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from adapt.api import Adaptations, adapt_with_every_fold
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps, gaps_of
-from adapt.diagnosis.fit.candidates import candidate_effects
+from adapt.diagnosis.fit.candidates import Hypothesis, candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
@@ -22,6 +23,7 @@ from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
 from adapt.diagnosis.marks import declared_effects, without_slips
+from adapt.diagnosis.position_findings import PositionTask, adapted_with_sizes_of_others, judge_positions
 from adapt.diagnosis.result import (
     ADAPTED_STEP,
     ALL,
@@ -41,11 +43,13 @@ from adapt.diagnosis.result import (
     Gaps,
     Noise,
     ParameterMeans,
+    Positions,
     PriorThorax,
     Step,
     Verdict,
     can_test,
 )
+from adapt.evaluation.held_out import HeldOut
 from adapt.tables.folds import MOTION, PERSON, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
@@ -68,6 +72,8 @@ def diagnose(
     effects: Sequence[Effect] | None = None,
     progress: Progress = lambda _: None,
     adaptations: Adaptations | None = None,
+    positions: str = "use",
+    position_noise_mm: float | None = None,
 ) -> dict[str, Diagnosis]:
     """Diagnose the gap of all subjects together, with every model on its own; by name of the model.
 
@@ -75,6 +81,10 @@ def diagnose(
     all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
     ``adaptations``: of these models to these motions (``adapt.api.adapt_with_every_fold``), where they are known; they
     are computed anew where a posture is left out.
+    ``positions``: of landmarks, in the motions. "use" is "check" so far: the constants of each person are fitted to
+    them, and the distances that are left are reported; sizes of bones that they measure are taken into the search.
+    "check": the search does not see them. "ignore": motions without them. ``position_noise_mm``: the SD of one
+    coordinate; without it, it is estimated.
     Raises InputError where ``motions`` are none or no subject has enough postures, ValueError for an effect of one's
     own that does nothing, or something at amplitude 0.
     """
@@ -84,6 +94,8 @@ def diagnose(
     every, left_out = usable(clean)
     for one in unique_sets(models, every.subjects)[0]:
         check_own_effects(effects or (), one.girdle)
+    task = PositionTask.of(every.motions, positions, position_noise_mm)
+    every = replace(every, motions=task.seen)
     declared = declared_effects(clean)
     computed = axial_is_computed(every)
     if adaptations is None or len(every.motions.posture) < len(motions.posture):
@@ -96,6 +108,7 @@ def diagnose(
                 adaptations,
                 candidate_effects(model, every.subjects) if effects is None else tuple(effects),
                 computed,
+                task,
                 lambda stage, name=model.name: progress(f"{name}: {stage}"),
             ).diagnose(left_out, slips, declared, noise_deg)
             for model in models
@@ -112,9 +125,10 @@ class _Study:
         plain: Adaptations,
         effects: tuple[Effect, ...],
         computed: bool,
+        task: PositionTask,
         progress: Progress,
     ):
-        self.plain = plain
+        self.plain, self.task = plain, task
         self.model, self.motions, self.computed, self.progress = model, every.motions, computed, progress
         self.shoulders, self.nearest = sampled(every)
         self.library = {one.name: one for one in effects}  # the caller's own among them
@@ -182,12 +196,24 @@ class _Study:
             indistinguishable=indistinguishable(none),
             lacking=lacking(len(shoulders.kinds), shoulders.persons, prior_thorax is not None),
             next_measurement=propose(search, named.chosen, [named.sets[name].names for name in order]),
+            positions=self._positions(adapted, with_causes, named.hypothesis if order else ()),
         )
 
     def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
         known = {name: one.amplitude for name, one in sizes.items() if one.amplitude is not None}
         downweighting = self.search.joint.model.thorax_downweighting
         return adapted_gaps(self.motions, self.model, known, self.person, self.library, downweighting)
+
+    def _positions(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, named: Hypothesis) -> Positions:
+        """Hold simulated positions against measured ones."""
+        downweighting = self.search.joint.model.thorax_downweighting
+
+        def of_others() -> HeldOut | None:
+            with_sizes = self.search, named, self.motions, self.model, self.library
+            return adapted_with_sizes_of_others(*with_sizes, downweighting)
+
+        before = self.plain.before[self.model.name]
+        return judge_positions(self.task, self.model, before, adapted, with_causes, of_others)
 
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:
         """Locate the gap; ``floor`` is what noise leaves of it, on average, in each posture of the search."""

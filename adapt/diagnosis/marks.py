@@ -9,7 +9,14 @@ import numpy as np
 from jaxtyping import Bool
 
 from motions.landmarks.girdle_angles import CLAVICLE_X
-from motions.landmarks.sampled_postures import CLAVICLE_PLACED, ESTIMATED, SCAPULA_ROTATED, is_marked, marked_slips
+from motions.landmarks.sampled_postures import (
+    ANGLES_FROM_LANDMARKS,
+    CLAVICLE_PLACED,
+    ESTIMATED,
+    SCAPULA_ROTATED,
+    is_marked,
+    marked_slips,
+)
 from motions.table import Motions
 
 _MADE_SO = (
@@ -31,6 +38,11 @@ def declared_effects(motions: Motions) -> tuple[str, ...]:
 def _marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " postures"]:
     marked = is_marked(motions, column, mark)
     return marked & np.isfinite(motions.angles_deg[:, CLAVICLE_X]) if column == ESTIMATED else marked
+
+
+def angles_are_of_landmarks(motions: Motions) -> bool:
+    """Tell whether angles were computed from the same landmarks: one error would count twice."""
+    return bool(is_marked(motions, ANGLES_FROM_LANDMARKS, "yes").any())
 
 
 def without_slips(motions: Motions) -> tuple[Motions, tuple[str, ...]]:

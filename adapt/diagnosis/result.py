@@ -8,8 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
+import numpy as np
+from jaxtyping import Float
+
 from adapt.diagnosis.location.where import Where
 from models.effects.amplitudes import Amplitude, as_option
+from motions.table import Motions
 
 Answer = Literal["none", "effect", "unknown"]
 NONE: Answer = "none"
@@ -226,6 +230,38 @@ class Proposal:
     """Expected log evidence, nats, of the first name over the second."""
 
 
+PositionUse = Literal["use", "check", "ignore"]
+"""What is done with measured positions of landmarks: taken into the inference, held against it, or left out."""
+
+StateGaps = Mapping[str, float]
+"""By state (``adapt.tables.positions_table``): root mean square distance over landmarks and postures, mm."""
+
+
+@dataclass(frozen=True)
+class Positions:
+    """What measured positions of landmarks say of the simulated ones, each person with its own constants."""
+
+    used: bool
+    """Whether the inference has seen them."""
+    note: str
+    """Why not, where they were to be used; or empty."""
+    noise_mm: float
+    """SD of one coordinate; NaN where unknown."""
+    in_sample: StateGaps
+    """NaN without measured positions."""
+    other_motion: StateGaps | None
+    """Of motions that neither adaptation nor constants have seen; None where there is but one."""
+    other_person: StateGaps | None
+    """The same, and the sizes of the causes have not seen the person; None where there is but one."""
+    not_told: tuple[str, ...]
+    """Landmarks whose place in a person these positions do not tell."""
+    motions: Motions
+    """The postures."""
+    measured_mm: Mapping[str, Float[np.ndarray, "3 rows"]]
+    simulated_mm: Mapping[str, Mapping[str, Float[np.ndarray, "3 rows"]]]
+    """By state and landmark."""
+
+
 def can_test(kinds: Sequence[str], persons: int) -> bool:
     """Tell whether a cause can be tested on what it was not fitted to: another kind of motion, or another person."""
     return len(kinds) > 1 or persons > 1
@@ -281,6 +317,7 @@ class Diagnosis:
     """What to measure first, whatever is at work."""
     next_measurement: list[Proposal]
     """What would tell names of a cause apart."""
+    positions: Positions
 
     @property
     def effects(self) -> dict[str, Amplitude]:

@@ -3,7 +3,7 @@
 """The gap on postures that an adaptation has not seen: every subject adapted, and again without each of its folds."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,7 @@ from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import Fold
 from adapt.tables.held_out import BONE_PREFIXES, NOTHING, SEEN
+from models.effects import ActiveEffects
 from models.person.family import AnyModel
 from motions.rotations import DEG
 from motions.table import Motions
@@ -43,6 +44,10 @@ class HeldOut:
     """Without the postures held out."""
     unseen_deg: tuple[Float[np.ndarray, "6 tested"], ...]
     """|simulated - measured| at the postures tested, by problem; NaN where not measured and where a fit failed."""
+    data: Problems
+    """Of the folds, with the sizes that were found."""
+    unseen_angles: tuple[Float[np.ndarray, "6 tested"], ...]
+    """Simulated at the postures tested, rad; NaN where a fit failed."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,13 @@ class AdaptedSubjects:
         subjects, folds = len(self.rows.subjects), len(self.held_out.folds)
         mine, parts = (slice(model * width, (model + 1) * width) for width in (subjects, folds))
         without = take_problems(self.held_out.adapted, parts)
-        found = HeldOut(self.held_out.folds, without, self.held_out.unseen_deg[parts])
+        found = HeldOut(
+            self.held_out.folds,
+            without,
+            self.held_out.unseen_deg[parts],
+            select_problems(self.held_out.data, np.arange(parts.start, parts.stop)),
+            self.held_out.unseen_angles[parts],
+        )
         data = select_problems(self.data, np.arange(mine.start, mine.stop))
         own = None if self.own_bones is None else take_problems(self.own_bones, mine)
         return AdaptedSubjects(self.rows, data, take_problems(self.adapted, mine), found, own)
@@ -88,10 +99,15 @@ def adapt_with_folds(
         return _with_own_bones(data, rows, models, folds, weight, progress, people)
     data = as_type(data, dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
-    found = HeldOut((), take_problems(adapted, slice(0)), ())
+    found = nothing_held_out(data, adapted)
     if folds:
         found = held_out(data, rows, folds, weight, reading, progress)
     return AdaptedSubjects(rows, data.with_sizes(adapted.sizes), adapted, found)
+
+
+def nothing_held_out(data: Problems, adapted: Adapted) -> HeldOut:
+    """Hold nothing out."""
+    return HeldOut((), take_problems(adapted, slice(0)), (), take_problems(data, slice(0)), ())
 
 
 def _with_own_bones(
@@ -106,7 +122,7 @@ def _with_own_bones(
     """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
     spread = spread_of(models, rows.subjects, people.sds)
     own_data, adapted, own = adapt_own_bones(data, spread, people.of(models, rows.subjects), weight, progress)
-    found = HeldOut((), take_problems(adapted, slice(0)), ())
+    found = nothing_held_out(data, adapted)
     if folds:
         without = people.of(models, rows.subjects, held_out=True)
 
@@ -125,13 +141,15 @@ def held_out(
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
+    active_effects: ActiveEffects | None = None,
 ) -> HeldOut:
     """Adapt every problem (model * subjects + subject) of ``data`` anew without what each of its folds holds out.
 
-    At least one fold.
+    At least one fold. ``active_effects``: of the folds, (channels, postures, folds), in place of those of ``data``.
     """
 
     def adapt(part: Problems, _) -> tuple[Problems, Adapted]:
+        part = part if active_effects is None else replace(part, active_effects=active_effects)
         without = adapt_batch(part, weight, reading)
         return part.with_sizes(without.sizes), without
 
@@ -151,31 +169,32 @@ def _held_out(
     )
     progress(f"held-out gaps, {len(problem)} adaptations")
     part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
-    gaps = _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK))
-    return HeldOut(tuple(folds), without, tuple(gaps[:, tested[:, k], k] for k in range(len(problem))))
+    angles = _unseen_angles(part_of, without.theta_mm, tested & (without.status == status.OK))
+    gaps = np.where(part_of.measured, np.abs(angles - part_of.angles) * DEG, np.nan)
+    each = [[one[:, tested[:, k], k] for k in range(len(problem))] for one in (gaps, angles)]
+    return HeldOut(tuple(folds), without, tuple(each[0]), part_of, tuple(each[1]))
 
 
 def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:
     """Where the rows of each part are among the postures of its subject."""
-    place = rows.unpacked(np.indices(rows.counted.shape)[0])
+    place = rows.posture
     found = np.zeros((len(rows.counted), len(parts)), bool)
     for k, part in enumerate(parts):
         found[place[part], k] = True
     return found
 
 
-def _gaps_deg(
+def _unseen_angles(
     data: Problems, theta_mm, tested: Bool[np.ndarray, "postures problems"]
 ) -> Float[np.ndarray, "6 postures problems"]:
+    """Simulate the postures tested, rad; NaN elsewhere and where a fit failed."""
     posture, problem = np.nonzero(tested)
     result = np.full((6, *tested.shape), np.nan)
     if not len(problem):  # every adaptation failed
         return result
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
     found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
-    result[:, posture, problem] = np.where(
-        measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
-    )
+    result[:, posture, problem] = np.where(found.status == status.OK, found.angles, np.nan)
     return result
 
 

@@ -4,9 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from adapt.api import Adaptations, PostureFits
-from adapt.diagnosis.result import Diagnosis
+from adapt.diagnosis.result import Diagnoses, Diagnosis
 from adapt.output.run_files import write_table
+from adapt.tables.positions_table import POSITIONS_FILE, positions_table
 from adapt.tables.results import Tables
 from models.person.family import AnyModel
 from motions import InputError, Motions
@@ -26,6 +29,16 @@ def write_adaptations(folder: Path, result: Adaptations) -> None:
     write_fits(folder, result)
     write_table(result.parameters, folder / "parameters.csv")
     write_table(result.heldout, folder / "heldout.csv")
+
+
+def write_positions(folder: Path, diagnoses: Diagnoses) -> None:
+    """Write ``positions.csv``: where landmarks are simulated and were measured, in every state."""
+    tables = [
+        positions_table(one.positions.motions, name, state, simulated, one.positions.measured_mm)
+        for name, one in diagnoses.by_model.items()
+        for state, simulated in one.positions.simulated_mm.items()
+    ]
+    write_table(pd.concat(tables, ignore_index=True), folder / POSITIONS_FILE)
 
 
 def write_figures(folder: Path, diagnosis: Diagnosis) -> None:

@@ -30,6 +30,7 @@ from adapt.report.headline import closest, headline
 from adapt.report.muscle_figures import force_sentence, muscle_sentence
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
 from adapt.report.plain_words import GLOSSARY, explained, with_hover
+from adapt.report.position_figures import HEIGHT, STATE_NAMES, WIDTH, drawings, shown_states
 from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means
 from adapt.tables.results import Tables
 from models.effects import EFFECTS
@@ -143,6 +144,7 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "deg": _deg,
+        "drawings": drawings,
         "explained": explained,
         "held_out": held_out_text,
         "hover": with_hover,
@@ -152,6 +154,7 @@ def _environment() -> Environment:
         "percent": percent_text,
         "probability": probability_text,
         "sentence": sentence,
+        "shown_states": shown_states,
         "size": amplitude_text,
         "step": step_text,
         "unseen": unseen_text,
@@ -162,6 +165,9 @@ def _environment() -> Environment:
         "effects": EFFECTS,
         "glossary": GLOSSARY,
         "number": number,
+        "path_height": HEIGHT,
+        "path_width": WIDTH,
+        "state_names": STATE_NAMES,
         "with_unit": with_unit,
     }
     return environment

@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike
 from adapt.solvers.unmeasured import at_rest
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
-from motions.landmarks.sampled_postures import marked_slips
+from motions.landmarks.sampled_postures import measured_places_mm
 from motions.rotations import DEG
 from motions.table import Motions
 
@@ -38,7 +38,7 @@ class PostureRows:
     subjects: tuple[str, ...]
     """Their names."""
     landmarks_mm: Mapping[str, Float[np.ndarray, "3 rows"]]
-    """Measured positions, thorax frame, by landmark; NaN where not measured or an outlier."""
+    """Measured positions, thorax frame, by landmark; NaN where not measured, placed or an outlier."""
     active_effects: ActiveEffects
     """Strengths (channels, rows)."""
 
@@ -55,6 +55,11 @@ class PostureRows:
         counts = self.counted.sum(axis=0)
         nearest = np.minimum(np.arange(len(self.counted))[:, None], counts - 1)
         return np.argsort(self.subject, kind="stable")[np.cumsum(counts) - counts + nearest]
+
+    @cached_property
+    def posture(self) -> Int[np.ndarray, " rows"]:
+        """The place of every row among the postures of its subject."""
+        return self.unpacked(np.indices(self.counted.shape)[0])
 
     def packed(self, values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures subjects"]:
         """Lay values of the rows out by subject."""
@@ -95,18 +100,9 @@ def posture_rows(
         subject=motions.subject_number,
         previous=motions.previous_rows(),
         subjects=motions.subjects,
-        landmarks_mm=_landmarks_mm(motions),
+        landmarks_mm=measured_places_mm(motions),
         active_effects=active_effects(effects, motions, library),
     )
-
-
-def _landmarks_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 rows"]]:
-    """Without outliers."""
-    found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
-    for row, names in marked_slips(motions).items():
-        for name in set(names.split()) & found.keys():
-            found[name][:, row] = np.nan
-    return found
 
 
 def one_in_so_many(subjects: Sequence[str], most: int) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from models.effects import EFFECTS, ActiveEffects, Effect
+from models.person.measured_movement import MEASURED, measurable, measured_movement_mm
 from motions.errors import InputError, did_you_mean
 from motions.table import Motions
 
@@ -25,9 +26,10 @@ class PersonalSize:
     sd: Sequence[float]
 
 
-Amplitude = Sequence[float] | PersonalSize
+Amplitude = Sequence[float] | PersonalSize | str
 """Of each direction of an effect in its unit (``girdle effects``). That of one that goes with elevation holds at
-``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each direction in turn."""
+``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each direction in turn. ``MEASURED``:
+of SC or AC, the movement that positions have measured (``models.person.measured_movement``)."""
 
 Amplitudes = Mapping[str, Amplitude]
 """By name of the effect."""
@@ -44,11 +46,10 @@ def active_effects(amplitudes: Amplitudes, motions: Motions, library: Mapping[st
     library: by name. InputError where there is no such effect in it or its numbers do not fit it.
     """
     effects = _in_order(amplitudes, library)
-    given = [amplitudes[effect.name] for effect in effects]
+    given: list[Amplitude] = [amplitudes[effect.name] for effect in effects]
     for effect, one in zip(effects, given, strict=True):
         _check(effect, one, "effects")
-    means = (_amplitude(effect, _mean(one)) for effect, one in zip(effects, given, strict=True))
-    strengths = (effect.strengths(mean, motions) for effect, mean in zip(effects, means, strict=True))
+    strengths = (_strengths(effect, one, motions) for effect, one in zip(effects, given, strict=True))
     own = tuple(_own(effect, one, motions) for effect, one in zip(effects, given, strict=True))
     return ActiveEffects(tuple(strengths), tuple(effects), own if any(map(len, own)) else ())
 
@@ -75,7 +76,18 @@ def sizes_of_persons(
     return found
 
 
-def _mean(given: Amplitude) -> Sequence[float]:
+def _strengths(effect: Effect, given: Amplitude, motions: Motions) -> Float[np.ndarray, "channels postures"]:
+    if isinstance(given, str):
+        return measured_movement_mm(effect.name, motions)
+    return effect.strengths(_amplitude(effect, _mean(given)), motions)
+
+
+def as_measured(amplitudes: Amplitudes) -> list[str]:
+    """List the effects that are put in as positions have measured them."""
+    return [name for name, one in amplitudes.items() if isinstance(one, str)]
+
+
+def _mean(given: Sequence[float] | PersonalSize) -> Sequence[float]:
     return given.mean if isinstance(given, PersonalSize) else given
 
 
@@ -88,25 +100,28 @@ def _own(effect: Effect, given: Amplitude, motions: Motions) -> Float[np.ndarray
     return (sd[:, None, None] * columns)[sd > 0.0]
 
 
-def read_amplitudes(
-    words: Sequence[str], library: Mapping[str, Effect] = EFFECTS
-) -> dict[str, tuple[float, ...] | PersonalSize]:
-    """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``, or ``NAME=A,B,C~D,E,F`` with the SDs
-    of a ``PersonalSize``; InputError where one is not that."""
-    found: dict[str, tuple[float, ...] | PersonalSize] = {}
+def read_amplitudes(words: Sequence[str], library: Mapping[str, Effect] = EFFECTS) -> dict[str, Amplitude]:
+    """Read the amplitudes that a command line gives, each word as ``NAME=A,B,C``, ``NAME=A,B,C~D,E,F`` with the SDs of
+    a ``PersonalSize``, or ``NAME=measured``; InputError where one is not that."""
+    found: dict[str, Amplitude] = {}
     for word in words:
         name, _, numbers = (part.strip() for part in word.partition("="))
         effect = effect_named(name, OPTION, library=library)
         if name in found:
             raise InputError(OPTION, None, f"{name} is there twice", "Give each effect once")
-        try:
-            mean, *sd = (tuple(float(number) for number in part.split(",")) for part in numbers.split("~", 1))
-            found[name] = PersonalSize(mean, *sd) if sd else mean
-        except ValueError:
-            remedy = f"Give {name}={','.join('0' * len(effect.directions))} with numbers of your own"
-            raise InputError(OPTION, None, f"'{numbers}' is not a list of numbers", remedy) from None
+        found[name] = MEASURED if numbers == MEASURED else _numbers(effect, numbers)
         _check(effect, found[name], OPTION)
     return found
+
+
+def _numbers(effect: Effect, numbers: str) -> tuple[float, ...] | PersonalSize:
+    try:
+        mean, *sd = (tuple(float(number) for number in part.split(",")) for part in numbers.split("~", 1))
+        return PersonalSize(mean, *sd) if sd else mean
+    except ValueError:
+        measured = f", or {effect.name}={MEASURED}" if measurable(effect.name) else ""
+        remedy = f"Give {effect.name}={','.join('0' * len(effect.directions))} with numbers of your own{measured}"
+        raise InputError(OPTION, None, f"'{numbers}' is not a list of numbers", remedy) from None
 
 
 _DIGITS = 4
@@ -120,16 +135,21 @@ def rounded(values: Sequence[float]) -> tuple[float, ...]:
 
 def as_option(name: str, amplitude: Amplitude) -> str:
     """Write ``NAME=A,B,C`` or ``NAME=A,B,C~D,E,F`` for people; ``read_amplitudes`` reads it as it was ``rounded``."""
+    if isinstance(amplitude, str):
+        return f"{name}={amplitude}"
     parts = (amplitude.mean, amplitude.sd) if isinstance(amplitude, PersonalSize) else (amplitude,)
     return f"{name}={'~'.join(','.join(f'{value:.{_DIGITS}g}' for value in part) for part in parts)}"
 
 
 def described(amplitudes: Amplitudes) -> str:
     """Describe the amplitudes as 'scapula_landmark_bias of (0, 12, 0) deg'; empty without any."""
-    return ", ".join(
-        f"{name} of {_vector(_mean(size))}{_unit(name)}{' on average' * isinstance(size, PersonalSize)}"
-        for name, size in amplitudes.items()
-    )
+    return ", ".join(_described(name, size) for name, size in amplitudes.items())
+
+
+def _described(name: str, size: Amplitude) -> str:
+    if isinstance(size, str):
+        return f"{name} as {size}"
+    return f"{name} of {_vector(_mean(size))}{_unit(name)}{' on average' * isinstance(size, PersonalSize)}"
 
 
 def _unit(name: str) -> str:
@@ -154,6 +174,11 @@ def effect_named(name: str, place: str, *others: str, library: Mapping[str, Effe
 
 
 def _check(effect: Effect, given: Amplitude, place: str) -> None:
+    if isinstance(given, str):
+        if given != MEASURED or not measurable(effect.name):
+            remedy = f"Give numbers; sc_translation and ac_translation may be '{MEASURED}'"
+            raise InputError(place, None, f"{effect.name} has no movement '{given}'", remedy)
+        return
     if isinstance(given, PersonalSize):
         _check(effect, given.mean, place)
         sd = np.asarray(given.sd, float)

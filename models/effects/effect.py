@@ -6,6 +6,7 @@ rotations as they would be measured, so that every fit that takes constraints ta
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -46,6 +47,9 @@ class Effect:
     may_follow: tuple[str, ...] = ()
     """Bone angles that it may follow in place of the elevation of the arm: then it has a second course
     (:func:`models.effects.by_posture.by_posture`)."""
+    turns_thorax_about: Literal["", "IJ", "ellipsoid"] = ""
+    """The point about which it turns the measured thorax frame, both bones alike, from the true one: the origin IJ or
+    the centre of the ellipsoid. Positions were measured in that frame too. Empty: it does not."""
     plain_name: str = ""
     """Of the cause, for a reader of the report who does not know the project; without one its name stands alone."""
     strength_unit: str = ""

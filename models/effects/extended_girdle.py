@@ -1,12 +1,13 @@
 """A girdle with effects at work: constraints and landmarks where the effects adjust the girdle and the rotations."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from models.effects.effect import Effect
+from models.effects.effect import Effect, Rotations
 from models.girdle import Girdle, bone_rotations, chain_residuals_mm
 from motions.arrays import Array
 
@@ -62,10 +63,16 @@ class ExtendedGirdle:
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
         """Compute A1-A3 in mm at angles as they would be measured, rad. Without effects, those of the base model."""
+        *_, (girdle, rotations) = self.steps(angles)
+        return chain_residuals_mm(girdle, *rotations)
+
+    def steps(self, angles: Float[Array, " 6 *batch"]) -> Iterator[tuple[Girdle, Rotations]]:
+        """Give the girdle and the rotations of the bones as they would be measured, and after each effect."""
         girdle, rotations = self.girdle, bone_rotations(angles)
+        yield girdle, rotations
         for effect, strength in zip(self.active_effects.effects, self.active_effects.strengths, strict=True):
             girdle, rotations = effect.adjust(girdle, rotations, strength)
-        return chain_residuals_mm(girdle, *rotations)
+            yield girdle, rotations
 
 
 AnyGirdle = Girdle | ExtendedGirdle

@@ -36,6 +36,10 @@ CLAVICLE_PLACED = "clavicle_from"
 SLIPPED = "slipped"
 """The extra column that names the landmarks that are not where their bone says in this posture."""
 
+ANGLES_FROM_LANDMARKS = "angles_from_landmarks"
+"""The extra column that says, with `yes`, that the angles were computed from the landmarks whose positions stand beside
+them: both have the same errors."""
+
 FRAMES = "frames"
 """The extra column with the number of frames that a posture of a trial rests on."""
 
@@ -51,6 +55,17 @@ def marked_slips(motions: Motions) -> dict[int, str]:
     """Give, by row, the landmarks that are marked as slipped, with a space between them."""
     marks = motions.extra[SLIPPED].to_numpy(str) if SLIPPED in motions.extra else ()
     return {row: names for row, names in enumerate(marks) if names}
+
+
+def measured_places_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 postures"]]:
+    """Give the measured positions by landmark, thorax frame; NaN where one was not measured, placed or an outlier."""
+    found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
+    for name, place in found.items():
+        place[:, is_marked(motions, CLAVICLE_PLACED, f"{name} from")] = np.nan
+    for row, names in marked_slips(motions).items():
+        for name in set(names.split()) & found.keys():
+            found[name][:, row] = np.nan
+    return found
 
 
 def spread_column(angle: str) -> str:
@@ -133,6 +148,7 @@ def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: fl
     """The table, marked where an angle is an estimate, and where a landmark slipped or was not measured."""
     count, extra = len(table.posture), table.extra.copy()
     estimated = np.isfinite(table.angles_deg[:, CLAVICLE_X])
+    extra[ANGLES_FROM_LANDMARKS] = ["yes"] * count
     extra[ESTIMATED] = np.where(estimated, "yes", "")
     extra[ESTIMATE_ZERO] = np.where(estimated & np.isfinite(zero_at_deg), f"{zero_at_deg:.1f}", "")
     if stand_ins:

@@ -23,12 +23,15 @@ from models.effects import EFFECTS
 from motions import ANGLES, write_motions
 
 TABLES = ("fits.csv", "heldout.csv", "parameters.csv", "summary.csv")
-FILES = sorted(["diagnosis.json", "report.html", "run.json", *TABLES, *FIGURES])
+FILES = sorted(["diagnosis.json", "positions.csv", "report.html", "run.json", *TABLES, *FIGURES])
 
 # --- the command, the diagnosis itself taken for granted ------------------------------------------------------------
 
 BOTH = {"R4": replace(NOTHING, model="R4", gaps=gap_of(3.0, 3.0)), "R2": TWO}
 """What two models say; R2 is closer."""
+
+AS_IT_IS = {"noise_deg": None, "positions": "use", "position_noise_mm": None}
+"""Options of which none is given."""
 
 ROW = "subject,motion,posture,humerus_elevation_deg," + ",".join(f"{angle}_deg" for angle in ANGLES)
 ROWS = [f"P1,abduction,{k},{30 * k},-30,12,7,32,{10 * k},-10" for k in range(1, 4)]
@@ -44,10 +47,10 @@ def asked(monkeypatch) -> dict[str, Any]:
         made.append(adaptations(motions, models))
         return made[-1]
 
-    def answer(motions, models, noise_deg, progress, adaptations):
+    def answer(motions, models, progress, adaptations, **given):
         progress("noise")
         assert adaptations is made[-1], "those of the tables"
-        asked.update(models=[one.name for one in models], noise_deg=noise_deg)
+        asked.update(models=[one.name for one in models], **given)
         return dict(BOTH)
 
     monkeypatch.setattr(cli, "diagnose", answer)
@@ -59,14 +62,14 @@ def test_the_command_writes_its_files_and_nothing_else(asked, tmp_path):
     motion, out = written(tmp_path, [ROW, *ROWS]), tmp_path / "out"
     ended = girdle("diagnose", motion, "--model", "R4", "--model", "R2", "--out", out)
     assert (ended.status, ended.messages) == (0, [])
-    assert asked == {"models": ["R4", "R2"], "noise_deg": None}
+    assert asked == {"models": ["R4", "R2"], **AS_IT_IS}
     assert sorted(path.name for path in out.iterdir()) == FILES
     found = json.loads((out / "diagnosis.json").read_text())
     assert found == as_json(Diagnoses(BOTH))
     for name, svg in figures(TWO).items():
         assert (out / name).read_text() == svg
     record = json.loads((out / "run.json").read_text())
-    assert (record["command"], record["options"]) == ("diagnose", {"noise_deg": None})
+    assert (record["command"], record["options"]) == ("diagnose", AS_IT_IS)
     assert ended.out.splitlines()[1] == sentence(TWO)
 
 
@@ -114,7 +117,7 @@ def test_a_repeated_diagnosis_asks_the_same_and_writes_the_same_bytes(asked, tmp
     asked.clear()
     ended = girdle("diagnose", "--repeat", first / "run.json", "--out", again)
     assert (ended.status, ended.messages) == (0, [])
-    assert asked == {"models": ["R4", "R2"], "noise_deg": noise_deg}
+    assert asked == {"models": ["R4", "R2"], **AS_IT_IS, "noise_deg": noise_deg}
     assert sorted(path.name for path in again.iterdir()) == FILES
     for name in FILES:
         assert (again / name).read_bytes() == (first / name).read_bytes(), name
@@ -126,6 +129,28 @@ def test_noise_that_cannot_be_is_refused(tmp_path, noise):
     ended = girdle("diagnose", motion, "--noise-deg", noise, "--out", tmp_path / "out")
     refused(ended, "--noise-deg", "is not between 0.1 and 20 degrees", "leave it to be estimated")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "word", "cause", "remedy"),
+    [
+        ("--positions", "chek", "there is no 'chek'", "Did you mean check? Use one of use, check, ignore"),
+        ("--position-noise-mm", "0", "0 is not between 0.01 and 30 mm", "leave it to be estimated"),
+        ("--position-noise-mm", "nan", "nan is not between 0.01 and 30 mm", "Give the SD of one coordinate in mm"),
+    ],
+)
+def test_words_of_positions_that_are_none_are_refused(tmp_path, option, word, cause, remedy):
+    motion = written(tmp_path, [ROW, *ROWS])
+    ended = girdle("diagnose", motion, option, word, "--out", tmp_path / "out")
+    refused(ended, option, cause, remedy)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_said_of_positions_is_carried_through(asked, tmp_path):
+    motion, out = written(tmp_path, [ROW, *ROWS]), tmp_path / "out"
+    given = ("--positions", "check", "--position-noise-mm", "2.5")
+    assert girdle("diagnose", motion, "--model", "R2", *given, "--out", out).status == 0
+    assert (asked["positions"], asked["position_noise_mm"]) == ("check", 2.5)
 
 
 BAD_INPUT = {
@@ -182,7 +207,7 @@ def test_the_noise_given_is_used_and_reported(real):
     _, out = real
     found = json.loads((out / "diagnosis.json").read_text())
     assert found["noise"] == {"angle_deg": 1.7, "source": "given", "freedom": None}
-    assert json.loads((out / "run.json").read_text())["options"] == {"noise_deg": 1.7}
+    assert json.loads((out / "run.json").read_text())["options"] == AS_IT_IS | {"noise_deg": 1.7}
 
 
 def test_a_subject_with_too_few_postures_is_left_out_and_named(real):

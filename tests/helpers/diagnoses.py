@@ -3,6 +3,8 @@
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from adapt.diagnosis.location.constraint_spread import ConstraintSpread
 from adapt.diagnosis.location.gap_location import Cell, ConstraintResidual, GapLevel, Profile
 from adapt.diagnosis.location.where import Where
@@ -26,6 +28,7 @@ from adapt.diagnosis.result import (
     Interval,
     Noise,
     ParameterMeans,
+    Positions,
     PriorThorax,
     Proposal,
     Step,
@@ -34,6 +37,7 @@ from adapt.diagnosis.result import (
 from adapt.diagnosis.texts.json_form import JsonObject, as_json
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
+from motions.rhythm_subjects import simulate_subjects
 from motions.table import BONES
 
 CAUSES = tuple(dict.fromkeys(effect.cause for effect in EFFECTS.values()))
@@ -110,6 +114,34 @@ PROPOSALS = [
     Proposal("twice as many subjects (12)", ("ac_translation", "conoid_strain"), 0.5, 1.2),
 ]
 
+_RHYTHM = simulate_subjects(6, seed=0)
+
+_NOTHING_MM = {"base": math.nan, "adapted": math.nan, "with_causes": math.nan}
+
+NO_POSITIONS = Positions(
+    used=False,
+    note="",
+    noise_mm=math.nan,
+    in_sample=_NOTHING_MM,
+    other_motion=None,
+    other_person=None,
+    not_told=(),
+    motions=_RHYTHM,
+    measured_mm={},
+    simulated_mm={state: {"SC": np.ones((3, len(_RHYTHM.posture)))} for state in _NOTHING_MM},
+)
+"""No landmark was measured."""
+
+POSITIONS = replace(
+    NO_POSITIONS,
+    noise_mm=0.3,
+    in_sample={"base": 4.2, "adapted": 2.7, "with_causes": 6.4},
+    other_motion={"base": 4.8, "adapted": 3.2, "with_causes": 6.1},
+    not_told=("AC",),
+    measured_mm={"SC": np.zeros((3, len(_RHYTHM.posture)))},
+)
+"""SC is where it is not simulated."""
+
 ONE = Diagnosis(
     model="R2",
     subjects=tuple(f"s{k}" for k in range(6)),
@@ -142,6 +174,7 @@ ONE = Diagnosis(
     indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
     lacking=("points on the thorax",),
     next_measurement=PROPOSALS,
+    positions=NO_POSITIONS,
 )
 """Six shoulders of five persons, two kinds of motion, one cause."""
 
@@ -205,6 +238,9 @@ OUTSIDE = replace(
     carried_over=None,
 )
 """A gap that no candidate takes away."""
+
+CHECKED = replace(ONE, positions=POSITIONS)
+"""With positions that the cause moves away from where they were measured."""
 
 LONE = replace(
     ONE, kinds=("abduction",), gaps=replace(ONE.gaps, other_motion=None, other_person=None), carried_over=None

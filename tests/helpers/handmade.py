@@ -8,10 +8,9 @@ import pandas as pd
 from jaxtyping import Float
 
 from adapt import Adaptations
-from adapt.engine.batching import take_problems
 from adapt.evaluation.covariance import Uncertainty
 from adapt.evaluation.curvature import Curvature
-from adapt.evaluation.held_out import AdaptedSubjects, HeldOut
+from adapt.evaluation.held_out import AdaptedSubjects, nothing_held_out
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.objective import WEIGHT
@@ -97,8 +96,8 @@ def _problems(motions: Motions, models: Sequence[AnyModel], results: dict[str, A
     """All models side by side, nothing held out."""
     batch = posture_rows(motions)
     adapted: Adapted = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results.values())
-    nothing = HeldOut((), take_problems(adapted, slice(0)), ())
-    return AdaptedSubjects(batch, problems_of(batch, models), adapted, nothing)
+    data = problems_of(batch, models)
+    return AdaptedSubjects(batch, data, adapted, nothing_held_out(data, adapted))
 
 
 def _heldout(motions: Motions, models: Sequence[AnyModel]) -> pd.DataFrame:

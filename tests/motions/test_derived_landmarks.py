@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from adapt.diagnosis.marks import declared_effects
+from adapt.diagnosis.marks import angles_are_of_landmarks, declared_effects
 from motions import InputError
 from motions.errors import InputWarning
 from motions.formats.any_file import read_any
@@ -101,6 +101,7 @@ def test_a_trial_without_sc_and_ac_has_a_clavicle_that_says_so(tmp_path, lab):
     estimated, turned, placed = "clavicle_axial_estimate", "scapula_landmark_bias", "clavicle_frame_bias"
     assert declared_effects(found) == (estimated, turned, placed), "each once, whatever was placed"
     assert declared_effects(true) == (estimated,)
+    assert angles_are_of_landmarks(true)
     with pytest.warns(InputWarning, match="SC was not found, so the angles of the clavicle stay empty"):
         empty = read(tmp_path, without, "", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020")
     assert np.isnan(empty.angles_deg[:, :2]).all()

@@ -6,7 +6,7 @@ from html import unescape
 
 import numpy as np
 import pytest
-from diagnoses import BLIND, BY_KIND, ONE, TWO, alone, gap_of
+from diagnoses import BLIND, BY_KIND, CHECKED, ONE, TWO, alone, gap_of
 from handmade import GAP_DEG, MOVED_MM, UNSEEN_DEG, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, data_of, one_line, sentences_of, simulated, words_of
 
@@ -348,6 +348,20 @@ def test_every_kind_of_answer_has_its_page(kind):
     assert f"no candidate {diagnosis.alone_deg[NONE]:.2f}°" in words
     assert data_of(html)["models"][0]["noise_deg"] == diagnosis.noise.angle_deg
     assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
+
+
+def test_the_page_says_whether_the_positions_agree():
+    motions = motions_of(rising(10, 4))
+    html = report_html(motions, R2, adaptations(motions, R2), {}, alone(CHECKED))
+    words = words_of(html)
+    assert "Do the positions agree?" in words
+    assert "on what was fitted 4.2 2.7 6.4 other motions 4.8 3.2 6.1" in words
+    assert "these positions hardly tell that of AC" in words
+    assert "SC, backward: 0 to 1 mm" in words
+    assert html.count('class="path-with_causes"') == 3 * 4 * 2  # subjects, three components and a distance, motions
+    assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []
+    without = report_html(motions, R2, adaptations(motions, R2), {}, alone(ONE))
+    assert "Do the positions agree?" not in without
 
 
 def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them():

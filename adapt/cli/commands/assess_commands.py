@@ -15,10 +15,11 @@ from adapt.cli.terminal.print_tables import progress
 from adapt.cli.terminal.print_trust import print_trust
 from adapt.diagnosis import Diagnoses, diagnose
 from adapt.diagnosis.fit.noise import LEAST_DEG
+from adapt.diagnosis.position_findings import USES, check_use
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.evaluation.held_out import sample
 from adapt.output.large_runs.parts import not_adapted
-from adapt.output.result_files import write_adaptations, write_figures, write_report
+from adapt.output.result_files import write_adaptations, write_figures, write_positions, write_report
 from adapt.output.run_files import results_folder, transaction, write_json, write_run, write_table
 from adapt.solvers.objective import WEIGHT
 from adapt.tables.held_out import fewest_parts
@@ -45,6 +46,21 @@ def diagnose_gap(
             show_default=False,
         ),
     ] = None,
+    positions: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(USES),
+            help="Positions of landmarks in the motion files: use them; check the diagnosis by them, which does not "
+            "see them; or ignore them.",
+        ),
+    ] = USES[0],
+    position_noise_mm: Annotated[
+        float | None,
+        typer.Option(
+            help="SD of the noise on one measured coordinate of a landmark, mm, if you know it. Default: estimated.",
+            show_default=False,
+        ),
+    ] = None,
     repeat: Repeat = None,
 ) -> None:
     """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
@@ -59,25 +75,28 @@ def diagnose_gap(
     than four postures is left out.
 
     Writes diagnosis.json (everything), budget.svg (what takes the gap away), inclusion.svg (how probably each candidate
-    is at work), gap_heatmap.svg (where the gap is), gaps.svg (how far it shrinks), the tables of `girdle adapt`,
-    run.json and report.html (the page to look at).
+    is at work), gap_heatmap.svg (where the gap is), gaps.svg (how far it shrinks), positions.csv (where landmarks
+    are simulated and were measured), the tables of `girdle adapt`, run.json and report.html (the page to look at).
     With several models the figures are those of the model with the smallest gap after adaptation.
     """
     if noise_deg is not None and not LEAST_DEG <= noise_deg <= MOST_NOISE_DEG:
         cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
+    check_use(positions, position_noise_mm)
     table, models, record = read_inputs(motions, asked_models(model, models_of))
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = adapt_with_every_fold(table, models, progress=report)
-            diagnoses = Diagnoses(diagnose(table, models, noise_deg, progress=report, adaptations=result))
+            given = {"noise_deg": noise_deg, "positions": positions, "position_noise_mm": position_noise_mm}
+            diagnoses = Diagnoses(diagnose(table, models, progress=report, adaptations=result, **given))
             result = replace(result, heldout=fewest_parts(result.heldout, sample(table.subjects)))
             report("figures")
             with transaction(folder) as part:
                 write_figures(part, diagnoses.closest)
                 write_json(as_json(diagnoses), part / "diagnosis.json")
                 write_adaptations(part, result)
-                write_run(part, "diagnose", record, {"noise_deg": noise_deg}, table.rejected)
+                write_positions(part, diagnoses)
+                write_run(part, "diagnose", record, given, table.rejected)
                 failed = not_adapted(result) | diagnoses.closest.left_out
                 wrong = write_report(part, table, models, result, failed, diagnoses=diagnoses)
         print_diagnosis(console, diagnoses)

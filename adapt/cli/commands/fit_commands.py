@@ -46,6 +46,7 @@ from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.own_bones.own_adaptation import sample as own_sample
 from adapt.solvers.rows import posture_rows
+from adapt.tables.positions_table import POSITIONS_FILE
 from adapt.tables.results import Tables
 from models.effects.amplitudes import described
 from models.person.family import AnyModel
@@ -107,7 +108,7 @@ def adapt(
 
     Writes fits.csv (before and after), parameters.csv (one row a subject), summary.csv, heldout.csv (the gap on each
     motion, adapted without it), run.json, report.html (the page to look at) and, in models/, each adapted model as a
-    TOML file that --model takes.
+    TOML file that --model takes. Where positions of SC, AC, TS, AI or AA were measured, positions.csv too.
 
     Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
     """
@@ -147,6 +148,7 @@ def adapt(
             report("writing")
             with transaction(folder) as part:
                 result, failed = parts.merge(part, work)
+                measured = (part / POSITIONS_FILE).exists()
                 write_adapted_models(part, models, result.parameters, how)
                 rejected = (*files.rejected, *missing.values())
                 write_run(part, "adapt", record, options, rejected)
@@ -165,6 +167,8 @@ def adapt(
                 )
         parts.remove()
         remove_models_of_failed(folder, result.parameters)
+        if not measured:
+            (folder / POSITIONS_FILE).unlink(missing_ok=True)  # an earlier run's would pass for this one's
         _print_tables(result)
         if people is not None:
             print_own_bones(console, result.parameters)

@@ -18,6 +18,7 @@ from adapt.diagnosis.result import (
     Diagnosis,
     Gaps,
     Interval,
+    Positions,
     PriorThorax,
     Step,
 )
@@ -63,6 +64,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "lacking": diagnosis.lacking,
             "next_measurement": diagnosis.next_measurement,
             "noise": diagnosis.noise,
+            "positions": _positions(diagnosis.positions),
             "expected": diagnosis.declared_effects,
             "axial_is_computed": diagnosis.axial_is_computed,
             "subjects": diagnosis.subjects,
@@ -154,6 +156,18 @@ def _gaps(gaps: Gaps) -> JsonObject:
         "other_person": plain(gaps.other_person),
         "held_out": _POSTURES,
         "shrinkage": gaps.shrinkage,
+    }
+
+
+def _positions(positions: Positions) -> JsonObject:
+    nothing = dict.fromkeys(positions.in_sample)
+    kinds = ("in_sample", "other_motion", "other_person")
+    return {
+        "used": positions.used,
+        "note": positions.note,
+        "noise_mm": positions.noise_mm,
+        "gap_mm": {kind: getattr(positions, kind) or nothing for kind in kinds},
+        "not_told": positions.not_told,
     }
 
 

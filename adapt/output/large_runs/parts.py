@@ -16,11 +16,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from adapt.api import Adaptations, adapt_subjects
+from adapt.api import Adaptations, adapt_subjects, simulated_positions
 from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
 from adapt.solvers import status
 from adapt.solvers.own_bones.own_adaptation import People
 from adapt.solvers.status import EXPLANATION
+from adapt.tables.positions_table import NO_POSITIONS, POSITIONS_FILE, with_positions
 from adapt.tables.results import Tables, as_csv
 from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
@@ -76,8 +77,17 @@ class Work:
             own_bones=False if self.people is None else self.people,
         )
         content = io.BytesIO()
-        np.savez(content, allow_pickle=False, **_arrays(result, [model.name for model in self.models]))
+        arrays = _arrays(result, [model.name for model in self.models])
+        arrays |= self._positions(result, motions)
+        np.savez(content, allow_pickle=False, **arrays)
         return content.getvalue()
+
+    def _positions(self, result: Adaptations, motions: Motions) -> dict[str, np.ndarray]:
+        """Where landmarks are, of the subjects of whom one was measured."""
+        there = with_positions(motions)
+        table = simulated_positions(result, motions, self.models) if len(there) else NO_POSITIONS
+        mine = table[table["subject"].isin(there)]
+        return {_name("positions", k): as_rows(mine[mine["model"] == m.name]) for k, m in enumerate(self.models)}
 
 
 def _arrays(result: Adaptations, models: Sequence[str]) -> dict[str, np.ndarray]:
@@ -140,8 +150,10 @@ class Parts:
         return Motions.concatenate(shown)
 
     def merge(self, folder: Path, work: Work) -> tuple[Tables, dict[str, str]]:
-        """Write fits.csv, parameters.csv, heldout.csv and summary.csv. The tables, fits only of the subjects that the
-        report shows; and by subject what failed."""
+        """Write fits.csv, parameters.csv, heldout.csv, summary.csv and, where landmarks were measured, positions.csv.
+
+        The tables, fits only of the subjects that the report shows; and by subject what failed.
+        """
         models = range(len(work.models))
         states = [(state, k) for state in _STATES for k in models]
         shown: list[pd.DataFrame] = []
@@ -161,6 +173,9 @@ class Parts:
         )
         for name in ("parameters", "heldout", "summary"):
             atomic_write_pieces(folder / f"{name}.csv", _pieces([getattr(tables, name)]))
+        names = [_name("positions", k) for k in models]
+        if any(len(rows) for rows in self._rows(names)):
+            atomic_write_pieces(folder / POSITIONS_FILE, _pieces(as_table([rows]) for rows in self._rows(names)))
         return tables, {subject: why for pairs in self._rows(["failed"]) for subject, why in pairs.tolist()}
 
     def _table(self, names: Iterable[str]) -> pd.DataFrame:

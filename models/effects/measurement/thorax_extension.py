@@ -25,6 +25,7 @@ EFFECT = Effect(
     course=ELEVATION,
     may_follow=("scapula_z",),
     adjust=_adjust,
+    turns_thorax_about="IJ",
     prior=EffectPrior(
         scale=(3.0, 1.0, 1.0),
         sign=(1, 0, 0),

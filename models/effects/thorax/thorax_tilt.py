@@ -25,6 +25,7 @@ EFFECT = Effect(
     unit="deg",
     directions=("about x", "about y", "about z"),
     adjust=_adjust,
+    turns_thorax_about="ellipsoid",
     prior=EffectPrior(
         scale=(6.0, 3.5, 3.5),
         source="assumed: 5-10 deg, no figure found",

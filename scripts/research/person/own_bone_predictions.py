@@ -1,4 +1,4 @@
-"""What an adaptation predicts of postures that it has not seen: angles, and positions of SC and AA."""
+"""What an adaptation predicts of postures that it has not seen."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from adapt import Adaptations, adapt_subjects
 from adapt.engine.batching import take_problems
 from adapt.solvers import status
 from adapt.solvers.posture_fits import fit_batch
-from models.girdle import Girdle, bone_rotations
+from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
-from motions.rotations import DEG, rotate
+from motions.rotations import DEG
 from motions.table import Motions
 
 ADAPTATIONS: Mapping[str, Mapping[str, Any]] = {
@@ -57,57 +57,6 @@ def without(motions: Motions, kind: str) -> tuple[Bool[np.ndarray, " postures"],
     """Mark the postures of the other motions, and those of this one, of subjects that have others."""
     tested = motions.motion == kind
     return ~tested, tested & np.isin(motions.subject, motions.subject[~tested])
-
-
-@dataclass(frozen=True)
-class Places:
-    """Where SC and AA are predicted, mm."""
-
-    SC: Float[np.ndarray, "3 postures"]
-    AA: Float[np.ndarray, "3 postures"]
-
-
-def predicted_places(seen: Motions, seen_angles, unseen: Motions, angles, ac_mm: Float[np.ndarray, "3 subjects"]):
-    """Predict SC, at rest, and AA = SC + R_C ac + R_S a, of the postures of ``unseen``.
-
-    SC and a are three constants each of every subject, the means over the postures of ``seen``. Angles: rad, measured
-    or simulated. ``ac_mm``: of each subject, in the clavicle.
-    """
-    SC, AA = np.full((2, 3, len(unseen.subject)), np.nan)
-    for k, name in enumerate(seen.subjects):
-        mine, there = seen.subject == name, unseen.subject == name
-        centre = np.nanmean(seen.landmarks_mm["SC"][mine], axis=0)[:, None]
-        clavicle, scapula = bone_rotations(seen_angles[:, mine])
-        rest = seen.landmarks_mm["AA"][mine].T - centre - rotate(clavicle, ac_mm[:, k, None])
-        own = np.nanmean(rotate(np.swapaxes(scapula, 0, 1), rest), axis=1, keepdims=True)
-        clavicle, scapula = bone_rotations(angles[:, there])
-        SC[:, there] = centre
-        AA[:, there] = centre + rotate(clavicle, ac_mm[:, k, None]) + rotate(scapula, own)
-    return Places(SC, AA)
-
-
-def own_ac_mm(seen: Motions, angles: Float[np.ndarray, "6 postures"]) -> Float[np.ndarray, "3 subjects"]:
-    """Fit AC in the clavicle to measured positions, by least squares: what a rigid chain could do at best.
-
-    AA - SC = R_C ac + R_S a in every posture of a subject, six unknowns; SC the mean.
-    """
-    found = []
-    for name in seen.subjects:
-        mine = seen.subject == name
-        centre = np.nanmean(seen.landmarks_mm["SC"][mine], axis=0)
-        rotations = np.concatenate([np.moveaxis(np.asarray(R), -1, 0) for R in bone_rotations(angles[:, mine])], axis=2)
-        rest = (seen.landmarks_mm["AA"][mine] - centre).ravel()
-        known = np.isfinite(rest)
-        found.append(np.linalg.lstsq(rotations.reshape(-1, 6)[known], rest[known], rcond=None)[0][:3])
-    return np.stack(found, axis=1)
-
-
-def distances_mm(motions: Motions, places: Places) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Compute how far the measured SC and AA are from where they are predicted, each posture."""
-    sc, aa = (
-        np.linalg.norm(motions.landmarks_mm[name].T - at, axis=0) for name, at in (("SC", places.SC), ("AA", places.AA))
-    )
-    return sc, aa
 
 
 def gaps_deg(

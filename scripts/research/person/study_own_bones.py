@@ -30,26 +30,26 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt import Adaptations, adapt_subjects
+from adapt.evaluation.person_constants import Chains, distances_mm
+from adapt.evaluation.position_check import Judge, adapted_to_folds, in_folds, of_motions
 from adapt.solvers import status
 from adapt.solvers.own_bones.own_adaptation import People as LearntPeople
 from adapt.solvers.own_bones.scales import Scales
+from adapt.solvers.rows import PostureRows
 from adapt.tables.held_out import by_model
 from adapt.tables.results import FAR_SDS
 from models import ParameterSet, load_model, model_names
 from models.adapted_parameters import ADAPTED
+from models.person.landmark_positions import bone_poses
 from models.person.own_bones import GROUPS, NO_SDS, SIZES, spread_about
 from motions import Motions
 from motions.rhythm_subjects import DATA_FILE, NOISE_DEG, simulate_subjects
-from motions.rotations import DEG
 from scripts.reporting import markdown, measured, timed
 from scripts.research.person.own_bone_predictions import (
     ADAPTATIONS,
     adapted_to,
     bone_means,
-    distances_mm,
     gaps_deg,
-    own_ac_mm,
-    predicted_places,
     without,
 )
 from scripts.research.person.own_bone_worlds import WORLDS, People, limit, simulate_people
@@ -260,41 +260,41 @@ def cases(motions: Motions):
 
 
 def positions_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
-    """Tabulate how far SC and AA of motions held out are from where they are predicted, root mean square, mm."""
-    rows = [["rigid chain of the person's own", "measured", *_of_subjects(motions, judged(motions, None))]]
+    """Tabulate how far SC and AA of motions held out are from where they are predicted, root mean square, mm.
+
+    The constants of each person are fitted to the other motions (``adapt.evaluation.person_constants``).
+    """
+    rows = []
     for model in models:
-        rows += [
-            [name, angles, *_of_subjects(motions, judged(motions, model, way, angles))]
-            for name, way, angles in (
-                *((f"{model.name}, plain", "plain", word) for word in ("simulated", "measured")),
-                *((f"{model.name}, own bones", "own bones", word) for word in ("simulated", "measured")),
+        found = {
+            way: adapt_subjects(motions, model, **ADAPTATIONS[way]).of(model.name) for way in ("plain", "own bones")
+        }
+        held_out = {way: of_motions(one.held_out) for way, one in found.items()}
+        folds = held_out["plain"].folds
+        batch = found["plain"].rows
+        as_measured = in_folds(rigid(model, batch), folds)
+        chains = {"measured angles": as_measured} | {w: adapted_to_folds(batch, one) for w, one in held_out.items()}
+        judge = Judge.of(model, batch)
+        prior = judge.prior[..., [fold.subject for fold in folds]]
+        for word, one in chains.items():
+            away = distances_mm(one, judge.measured_mm, prior)
+            of = batch.subject[one.row]
+            sc, aa = (
+                [_root_mean_square(away[name][of == k]) for k in range(len(batch.subjects))] for name in ("SC", "AA")
             )
-        ]
-    return markdown(["adaptation", "angles", "SC", "AA", *(f"AA {name}" for name in motions.subjects)], rows)
+            rows.append([model.name, word, f"{np.mean(sc):.2f}", f"{np.mean(aa):.2f}", *(f"{x:.1f}" for x in aa)])
+    return markdown(["set", "chain", "SC", "AA", *(f"AA {name}" for name in motions.subjects)], rows)
 
 
-def judged(motions: Motions, model: ParameterSet | None, way: str = "", angles: str = "measured"):
-    """Predict every kind of motion from the others; give the distances of SC and AA, mm, of all postures."""
-    sc, aa = np.full((2, len(motions.subject)), np.nan)
-    for kind in dict.fromkeys(motions.motion.tolist()):
-        rows = without(motions, kind)
-        seen, unseen = (motions.select(one) for one in rows)
-        simulated = [one.angles_deg.T / DEG for one in (seen, unseen)]
-        if model is None:
-            ac_mm = own_ac_mm(seen, simulated[0])
-        else:
-            fitted = adapted_to(seen, model, **ADAPTATIONS[way])
-            ac_mm = np.asarray(fitted.girdle.ac_mm)
-            simulated = [fitted.angles(one) for one in (seen, unseen)] if angles == "simulated" else simulated
-        places = predicted_places(seen, simulated[0], unseen, simulated[1], ac_mm)
-        sc[rows[1]], aa[rows[1]] = distances_mm(unseen, places)
-    return sc, aa
+def rigid(model: ParameterSet, rows: PostureRows) -> Chains:
+    """Lay out the bones at the measured angles."""
+    poses = bone_poses(model.girdle.repeated(len(rows.subject)), rows.angles)
+    every = np.ones(len(rows.subject), bool)
+    return Chains(poses, np.arange(len(rows.subject)), rows.subject, every, every)
 
 
-def _of_subjects(motions: Motions, distances) -> list[str]:
-    """Root mean squares of each subject; first those of SC and of AA in the mean."""
-    sc, aa = ([float(np.sqrt(np.nanmean(one[rows] ** 2))) for rows in motions.rows_by_subject()] for one in distances)
-    return [f"{np.mean(sc):.2f}", f"{np.mean(aa):.2f}", *(f"{x:.1f}" for x in aa)]
+def _root_mean_square(distances: Float[np.ndarray, " n"]) -> float:
+    return float(np.sqrt(np.nanmean(distances**2)))
 
 
 SUBJECTS, REPEATS, THREE_SETS = 1000, 3, ("breteler_dissection", "R2", "R4")

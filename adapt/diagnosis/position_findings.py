@@ -1,0 +1,208 @@
+"""What measured positions say of a diagnosis: gaps in mm of the model as it is, adapted, and with the causes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.adapted_gaps import AdaptedGaps
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.prediction import unseen_amplitudes
+from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
+from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.marks import angles_are_of_landmarks
+from adapt.diagnosis.result import Positions, PositionUse
+from adapt.evaluation.held_out import HeldOut, held_out
+from adapt.evaluation.person_constants import Chains, Places
+from adapt.evaluation.position_check import (
+    Judge,
+    adapted_to_all,
+    adapted_to_folds,
+    as_they_are,
+    in_folds,
+    of_motions,
+)
+from adapt.solvers.objective import WEIGHT, down_weighted
+from adapt.solvers.problems import problems_of
+from adapt.solvers.rows import PostureRows, posture_rows
+from adapt.solvers.solution import PostureSolution
+from adapt.tables.folds import PERSON, Fold, motions_and_persons
+from adapt.tables.positions_table import ADAPTED, BASE, WITH_CAUSES
+from models.effects import ActiveEffects, Effect
+from models.effects.amplitudes import Amplitudes, PersonalSize, active_effects
+from models.person.family import AnyModel
+from motions.errors import InputError, did_you_mean
+from motions.table import Motions
+
+USES: tuple[PositionUse, ...] = ("use", "check", "ignore")
+
+LEAST_MM, MOST_MM = 0.01, 30.0
+"""Noise of a position beyond these is a slip of the pen: rounding of a file, and a landmark that is anywhere."""
+
+_ORDER, _VARIANCE = 3, 20.0
+"""Third differences of independent numbers with variance s^2 have the variance 20 s^2 (``fit.noise``)."""
+
+_FEWEST = 12
+"""Third differences, below which an estimate is none."""
+
+_SAME_ERRORS = (
+    "the angles were computed from these landmarks and have the same errors: positions are held against the "
+    "diagnosis and no part of it"
+)
+
+
+@dataclass(frozen=True)
+class PositionTask:
+    """What is to be done with the positions of these motions."""
+
+    way: PositionUse
+    motions: Motions
+    """Those of the diagnosis, with the positions that it is held against."""
+    noise_mm: float | None = None
+
+    @staticmethod
+    def of(motions: Motions, way: str, noise_mm: float | None) -> "PositionTask":
+        """Check the words; InputError for others."""
+        chosen = check_use(way, noise_mm)
+        return PositionTask(chosen, without_positions(motions) if chosen == "ignore" else motions, noise_mm)
+
+    @property
+    def seen(self) -> Motions:
+        """The motions that the search sees."""
+        return self.motions if self.way == "use" else without_positions(self.motions)
+
+    @property
+    def note(self) -> str:
+        """Why positions that were to be used are not."""
+        both = self.way == "use" and bool(self.motions.landmarks_mm) and angles_are_of_landmarks(self.motions)
+        return _SAME_ERRORS if both else ""
+
+
+def check_use(way: str, noise_mm: float | None) -> PositionUse:
+    """Refuse other words than USES, and a noise that cannot be, with an InputError."""
+    if noise_mm is not None and not LEAST_MM <= noise_mm <= MOST_MM:
+        cause = f"{noise_mm:g} is not between {LEAST_MM:g} and {MOST_MM:g} mm"
+        remedy = "Give the SD of one coordinate in mm, or leave it to be estimated"
+        raise InputError("--position-noise-mm", None, cause, remedy)
+    for one in USES:
+        if one == way:
+            return one
+    cause, remedy = f"there is no '{way}'", f"{did_you_mean(way, USES)}Use one of {', '.join(USES)}"
+    raise InputError("--positions", None, cause, remedy)
+
+
+def without_positions(motions: Motions) -> Motions:
+    """Leave out the positions of landmarks."""
+    return replace(motions, landmarks_mm={})
+
+
+def judge_positions(
+    task: PositionTask,
+    model: AnyModel,
+    before: PostureSolution,
+    adapted: AdaptedGaps,
+    with_causes: AdaptedGaps,
+    others: Callable[[], HeldOut | None],
+) -> Positions:
+    """Hold simulated positions against measured ones, in sample and on motions that neither adaptations nor constants
+    have seen. ``others``: adaptations with sizes of causes that have not seen the person either, of whom there are
+    several."""
+    rows = posture_rows(task.motions)
+    judge = Judge.of(model, rows)
+    base = as_they_are(model, rows, before)
+    chains = {BASE: base, ADAPTED: adapted_to_all(adapted.found), WITH_CAUSES: adapted_to_all(with_causes.found)}
+    other_motion, other_person = _unseen(judge, base, adapted, with_causes, others)
+    return Positions(
+        used=False,
+        note=task.note,
+        noise_mm=task.noise_mm or position_noise_mm(judge.measured_mm, shoulders_of(task.motions)),
+        in_sample={state: judge.gap_mm(one) for state, one in chains.items()},
+        other_motion=other_motion,
+        other_person=other_person,
+        not_told=judge.not_told(chains[ADAPTED]) if judge.measured_mm else (),
+        motions=task.motions,
+        measured_mm=judge.measured_mm,
+        simulated_mm={state: judge.simulated_mm(one) for state, one in chains.items()},
+    )
+
+
+def _unseen(
+    judge: Judge,
+    base: Chains,
+    adapted: AdaptedGaps,
+    with_causes: AdaptedGaps,
+    others: Callable[[], HeldOut | None],
+) -> tuple[dict[str, float] | None, dict[str, float] | None]:
+    """The gaps of other motions, and of other persons."""
+    plain, named = of_motions(adapted.found.held_out), of_motions(with_causes.found.held_out)
+    if not plain.folds or not judge.measured_mm:
+        return None, None
+    motion = {
+        BASE: judge.gap_mm(in_folds(base, plain.folds), plain.folds),
+        ADAPTED: judge.gap_mm(adapted_to_folds(adapted.found.rows, plain), plain.folds),
+        WITH_CAUSES: judge.gap_mm(adapted_to_folds(with_causes.found.rows, named), named.folds),
+    }
+    of_others = others()
+    if of_others is None:
+        return motion, None
+    return motion, motion | {
+        WITH_CAUSES: judge.gap_mm(adapted_to_folds(adapted.found.rows, of_others), of_others.folds)
+    }
+
+
+def position_noise_mm(measured_mm: Places, shoulders: Shoulders) -> float:
+    """Estimate the SD of one measured coordinate from what no smooth path of a landmark could be; NaN of too few."""
+    squares = [np.zeros(0)]
+    for rows in shoulders.sequences():
+        if len(rows) > _ORDER:
+            squares += [(np.diff(place[:, rows], _ORDER) ** 2).ravel() for place in measured_mm.values()]
+    every = np.concatenate(squares)
+    known = every[np.isfinite(every)]
+    return float(np.sqrt(known.mean() / _VARIANCE)) if len(known) >= _FEWEST else float("nan")
+
+
+def adapted_with_sizes_of_others(
+    search: Search,
+    hypothesis: Hypothesis,
+    motions: Motions,
+    model: AnyModel,
+    library: Mapping[str, Effect],
+    thorax_downweighting: float,
+) -> HeldOut | None:
+    """Adapt each subject without each of its motions, with sizes of the causes about those that other persons have in
+    common on their other motions; None where there are no others."""
+    if PERSON not in search.folds.kinds or not hypothesis:
+        return None
+    rows = posture_rows(motions)
+    folds = [fold for fold in motions_and_persons(motions, search.joint.shoulders.person)[0] if fold.kind == PERSON]
+    sizes = _sizes_of_others(search, hypothesis)
+    effects = {one: active_effects(size, motions, library) for one, size in sizes.items()}
+    each = [_of_subject(effects[fold.held_out, fold.unseen], rows, fold) for fold in folds]
+    stacked = jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
+    weight = down_weighted(WEIGHT, thorax_downweighting)
+    return held_out(problems_of(rows, [model]), rows, folds, weight, active_effects=stacked)
+
+
+def _of_subject(effects: ActiveEffects, rows: PostureRows, fold: Fold) -> ActiveEffects:
+    """Take the strengths at the postures of one subject."""
+
+    def packed(values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures"]:
+        return rows.packed(values)[..., fold.subject]
+
+    return jax.tree.map(packed, effects)
+
+
+def _sizes_of_others(search: Search, hypothesis: Hypothesis) -> dict[tuple[str, tuple[int, ...]], Amplitudes]:
+    """Sizes of the causes by what they have not seen: a kind of motion and subjects."""
+    folds, candidates = search.folds.only(PERSON), search.joint.candidates
+    amplitudes = unseen_amplitudes(folds, candidates, hypothesis, search.mode(hypothesis), search.likelihood_without)
+    sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
+    slices = list(candidates.slices(hypothesis))
+    return {
+        (fold.held_out, fold.unseen): {
+            effect.name: PersonalSize(a[own].tolist(), sd[own].tolist()) for effect, own in slices
+        }
+        for fold, a in zip(folds.each, amplitudes, strict=True)
+    }

@@ -1,0 +1,149 @@
+"""The constants of each person that positions of landmarks tell: where SC is, AC in the clavicle, TS, AI, AA in the
+scapula.
+
+A simulated posture has the position of every landmark but for what is the person's own x (``OwnPlaces`` of
+``models.person.landmark_positions``, 15 numbers), in which it is linear:
+
+    p = p_0 + H x,    x ~ N(0, P),    measured - p ~ N(0, s^2)
+
+P is how persons differ about the parameter set (``models.person.own_bones``; of AA, which no set has, some 30 mm about
+AC). Cells that were not measured have no row in H.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.engine.batching import take_problems
+from adapt.solvers.own_bones.own_adaptation import spread_of
+from models.girdle import NUMBERS
+from models.person.family import AnyModel
+from models.person.landmark_positions import ON_SCAPULA, POSITIONS, BonePoses, positions_mm
+from models.person.measured_movement import AA_SD_MM, POSITION_SD_MM
+
+_OF_SET = ("sc_mm", "ac_mm", "ts_mm", "ai_mm")
+"""The numbers of a girdle that the constants are about, in the order of POSITIONS."""
+
+_COUNT = 3 * len(POSITIONS)
+
+_NOT_TOLD = 0.5
+"""Share of its prior SD from which a constant is not told: three quarters of the variance."""
+
+Places = Mapping[str, Float[np.ndarray, "3 rows"]]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Chains:
+    """Simulated postures of some problems, each of them of one subject."""
+
+    poses: BonePoses
+    """(component, n); NaN where a fit failed."""
+    row: Int[np.ndarray, " n"]
+    """Of the motions."""
+    problem: Int[np.ndarray, " n"]
+    fitted: Bool[np.ndarray, " n"]
+    """What the constants are fitted to."""
+    tested: Bool[np.ndarray, " n"]
+    """What is then predicted."""
+
+
+class Constants(NamedTuple):
+    """Of each problem, three numbers a landmark in the order of POSITIONS."""
+
+    mean_mm: Float[np.ndarray, "numbers problems"]
+    covariance: Float[np.ndarray, "numbers numbers problems"]
+
+
+def prior_of(model: AnyModel, subjects: tuple[str, ...]) -> Float[np.ndarray, "numbers numbers subjects"]:
+    """Compute the covariance P of every subject, mm^2."""
+    columns = spread_of([model], subjects).columns_mm
+    moved = np.concatenate([columns[NUMBERS[name]] for name in _OF_SET])
+    covariance = np.zeros((_COUNT, _COUNT, len(subjects)))
+    covariance[: len(moved), : len(moved)] = np.einsum("iks,jks->ijs", moved, moved)
+    np.einsum("iis->is", covariance)[len(moved) :] = AA_SD_MM**2
+    return covariance
+
+
+def constants_of(
+    chains: Chains, measured_mm: Places, prior: Float[np.ndarray, "numbers numbers problems"]
+) -> Constants:
+    """Fit the constants of every problem: x = (1 + P N)^-1 P b, N = H'H / s^2, b = H'(measured - p_0) / s^2."""
+    P, rows = np.moveaxis(prior, -1, 0), take_problems(chains, np.flatnonzero(chains.fitted))
+    N, b = np.zeros(P.shape), np.zeros(P.shape[:2])
+    at_set = positions_mm(rows.poses, {"AA": np.zeros((3, 1))})
+    for name in set(POSITIONS) & set(measured_mm):
+        left = measured_mm[name][:, rows.row] - at_set[name]
+        known = np.all(np.isfinite(left), axis=0)
+        H = _slopes(take_problems(rows.poses, known), name)
+        np.add.at(N, rows.problem[known], np.einsum("kin,kjn->nij", H, H) / POSITION_SD_MM**2)
+        np.add.at(b, rows.problem[known], np.einsum("kin,kn->ni", H, left[:, known]) / POSITION_SD_MM**2)
+    covariance = np.linalg.solve(np.eye(_COUNT) + P @ N, P)
+    return Constants(np.einsum("pij,pj->ip", covariance, b), np.moveaxis(covariance, 0, -1))
+
+
+def _slopes(poses: BonePoses, name: str) -> Float[np.ndarray, "3 numbers n"]:
+    """dp/dx of a landmark: what SC does to all, AC to all but SC, and its own."""
+    H = np.zeros((3, _COUNT, poses.SC_mm.shape[1]))
+    H[:, :3] = np.eye(3)[..., None]
+    if name != "SC":
+        H[:, 3:6] = poses.R_thorax_clavicle
+    if name in ON_SCAPULA:
+        own = 3 * POSITIONS.index(name)
+        H[:, own : own + 3] = poses.R_thorax_scapula
+    return H
+
+
+def with_constants_mm(chains: Chains, constants: Constants, measured_mm: Places) -> dict[str, np.ndarray]:
+    """Compute where the landmarks of every posture are with the constants of its problem; AA where it was measured of
+    the problem's subject."""
+    mine = constants.mean_mm[:, chains.problem]
+    found = positions_mm(chains.poses, dict(zip(POSITIONS, np.split(mine, len(POSITIONS)), strict=True)))
+    seen = np.zeros(constants.mean_mm.shape[1], bool)
+    if "AA" in measured_mm:
+        known = np.isfinite(measured_mm["AA"][:, chains.row]).all(axis=0) & chains.fitted
+        seen[chains.problem[known]] = True
+    found["AA"][:, ~seen[chains.problem]] = np.nan
+    return found
+
+
+def distances_mm(
+    chains: Chains, measured_mm: Places, prior: Float[np.ndarray, "numbers numbers problems"]
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Compute by landmark how far the measured positions of what is tested are from where they are predicted."""
+    found = with_constants_mm(chains, constants_of(chains, measured_mm, prior), measured_mm)
+    return {
+        name: np.where(chains.tested, np.linalg.norm(measured_mm[name][:, chains.row] - place, axis=0), np.nan)
+        for name, place in found.items()
+        if name in measured_mm
+    }
+
+
+def root_mean_square_mm(distances: Mapping[str, Float[np.ndarray, " n"]]) -> float:
+    """Average over landmarks and postures, where they are known; NaN where none is."""
+    every = np.concatenate([np.zeros(0), *distances.values()])
+    known = every[np.isfinite(every)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def not_told(
+    constants: Constants, prior: Float[np.ndarray, "numbers numbers problems"], measured_mm: Places
+) -> tuple[str, ...]:
+    """Name the constants that the positions tell of no problem, beside those of landmarks that were not measured.
+
+    So SC along with AA where only AA was measured, or a place in the scapula where that hardly turned against the
+    clavicle.
+    """
+    involved = [name for name in POSITIONS if name in measured_mm or name in ("SC", "AC")]
+    found = []
+    for name in involved if measured_mm else []:
+        own = slice(3 * POSITIONS.index(name), 3 * POSITIONS.index(name) + 3)
+        now, before = (np.einsum("iip->ip", one[own, own]) for one in (constants.covariance, prior))
+        with np.errstate(invalid="ignore"):
+            if np.nanmin(np.sqrt(now / before).max(axis=0)) > _NOT_TOLD:
+                found.append(name)
+    return tuple(found)

@@ -1,0 +1,128 @@
+"""Simulated positions of landmarks, and how far they are from measured ones that no fit has seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.engine.batching import take_problems
+from adapt.evaluation.held_out import AdaptedSubjects, HeldOut
+from adapt.evaluation.person_constants import (
+    Chains,
+    Places,
+    constants_of,
+    distances_mm,
+    not_told,
+    prior_of,
+    root_mean_square_mm,
+    with_constants_mm,
+)
+from adapt.solvers import status
+from adapt.solvers.rows import PostureRows
+from adapt.solvers.solution import PostureSolution
+from adapt.tables.folds import MOTION, Fold
+from models.person.family import AnyModel, girdles_of
+from models.person.landmark_positions import POSITIONS, BonePoses, bone_poses
+
+
+@dataclass(frozen=True)
+class Judge:
+    """The measured positions of subjects, and how the constants of the persons differ about one model."""
+
+    subjects: tuple[str, ...]
+    measured_mm: Places
+    """Of the landmarks whose positions a girdle has; thorax frame, NaN where not measured."""
+    prior: Float[np.ndarray, "numbers numbers subjects"]
+
+    @staticmethod
+    def of(model: AnyModel, rows: PostureRows) -> "Judge":
+        """Judge a model by the landmarks of these rows."""
+        measured = {name: place for name, place in rows.landmarks_mm.items() if name in POSITIONS}
+        seen = {name: place for name, place in measured.items() if np.isfinite(place).any()}
+        return Judge(rows.subjects, seen, prior_of(model, rows.subjects))
+
+    def simulated_mm(self, chains: Chains) -> dict[str, Float[np.ndarray, "3 n"]]:
+        """Compute where the landmarks are with each subject's constants, fitted to all its postures."""
+        return with_constants_mm(chains, constants_of(chains, self.measured_mm, self.prior), self.measured_mm)
+
+    def not_told(self, chains: Chains) -> tuple[str, ...]:
+        """Name the constants that the positions do not tell."""
+        return not_told(constants_of(chains, self.measured_mm, self.prior), self.prior, self.measured_mm)
+
+    def gap_mm(self, chains: Chains, folds: Sequence[Fold] = ()) -> float:
+        """Compute the root mean square distance over landmarks and postures that are tested, mm; NaN without any.
+
+        ``folds``: whose problems these are; without, each subject is one.
+        """
+        prior = self.prior[..., [fold.subject for fold in folds]] if folds else self.prior
+        return root_mean_square_mm(distances_mm(chains, self.measured_mm, prior))
+
+
+def as_they_are(model: AnyModel, rows: PostureRows, fitted: PostureSolution) -> Chains:
+    """Lay out the postures of the model without adaptation: a problem for each subject."""
+    girdle = girdles_of(model, [rows.subjects[k] for k in rows.subject.tolist()])
+    angles = np.where(fitted.status == status.OK, fitted.angles, np.nan)
+    return _in_sample(_poses(rows.active_effects.on(girdle), angles), rows.subject)
+
+
+def in_folds(chains: Chains, folds: Sequence[Fold]) -> Chains:
+    """Lay out postures that do not depend on what is held out, for constants that do: a problem for each fold."""
+    row, problem, tested = _of_folds(folds)
+    return Chains(take_problems(chains.poses, row), row, problem, ~tested, tested)
+
+
+def adapted_to_all(found: AdaptedSubjects) -> Chains:
+    """Lay out the postures of subjects adapted with one model: a problem for each subject."""
+    rows, adapted = found.rows, found.adapted
+    posture = rows.posture
+    angles = np.where(adapted.status == status.OK, adapted.angles, np.nan)[:, posture, rows.subject]
+    girdle = found.data.girdles_at(adapted.theta_mm, posture, rows.subject)
+    return _in_sample(_poses(girdle, angles), rows.subject)
+
+
+def adapted_to_folds(rows: PostureRows, held_out: HeldOut) -> Chains:
+    """Lay out the postures of subjects adapted without what is held out, and those simulated of what is: a problem for
+    each fold."""
+    row, problem, tested = _of_folds(held_out.folds)
+    posture, adapted = rows.posture[row], held_out.adapted
+    angles = np.where(adapted.status == status.OK, adapted.angles, np.nan)[:, posture, problem]
+    angles[:, tested] = np.concatenate(held_out.unseen_angles, axis=1)
+    poses = _poses(held_out.data.girdles_at(adapted.theta_mm, posture, problem), angles)
+    return Chains(poses, row, problem, ~tested, tested)
+
+
+def of_motions(held_out: HeldOut) -> HeldOut:
+    """Take the folds that hold out a kind of motion, of one model."""
+    chosen = np.flatnonzero([fold.kind == MOTION for fold in held_out.folds])
+    return HeldOut(
+        tuple(held_out.folds[k] for k in chosen),
+        take_problems(held_out.adapted, chosen),
+        tuple(held_out.unseen_deg[k] for k in chosen),
+        take_problems(held_out.data, chosen),
+        tuple(held_out.unseen_angles[k] for k in chosen),
+    )
+
+
+def _poses(girdle, angles: Float[np.ndarray, "6 n"]) -> BonePoses:
+    return jax.tree.map(np.asarray, bone_poses(girdle, angles))
+
+
+def _in_sample(poses: BonePoses, subject: Int[np.ndarray, " rows"]) -> Chains:
+    every = np.ones(len(subject), bool)
+    return Chains(poses, np.arange(len(subject)), subject, every, every)
+
+
+def _of_folds(
+    folds: Sequence[Fold],
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Rows, problems and which are tested: what is fitted of all folds, then what is tested."""
+    parts = [(fold.fitted, k, False) for k, fold in enumerate(folds)]
+    parts += [(fold.tested, k, True) for k, fold in enumerate(folds)]
+    counts = [len(rows) for rows, _, _ in parts]
+    row, (problem, tested) = (
+        np.concatenate([rows for rows, _, _ in parts]),
+        zip(*(part[1:] for part in parts), strict=True),
+    )
+    return row, np.repeat(problem, counts), np.repeat(tested, counts)
