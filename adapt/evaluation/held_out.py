@@ -14,7 +14,13 @@ from adapt.engine.batching import as_type, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
-from adapt.solvers.own_bones.own_adaptation import OwnBones, People, adapt_own_bones, spread_of
+from adapt.solvers.own_bones.own_adaptation import (
+    OwnBones,
+    People,
+    adapt_own_bones,
+    spread_of,
+    with_own_noise,
+)
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many

@@ -20,7 +20,7 @@ from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable, persons_first
-from adapt.solvers.own_bones.scales import FEWEST_PERSONS, PRIOR, Moments, Scales, informative, learnt, moments
+from adapt.solvers.own_bones.scales import PRIOR, Moments, Scales, informative, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
@@ -33,6 +33,10 @@ from motions.table import FEWEST_ANGLES, person_of
 
 _DIMENSIONS = 24
 """What the chain can tell apart: the 27 numbers of a girdle less the three of SC, which stands at 0."""
+
+_FEWEST_PERSONS, _FEWEST = 10, 5
+"""Of a run whose scales are learnt, and of those whose fit has settled, another group left out. Six bone-pin shoulders
+of three cadavers would make bones twice as different as people's are."""
 
 _LEARNING_ROUNDS = 2
 """Fits whose linearisation the scales are learnt from: of the bone-pin shoulders a third changes none by 5 %."""
@@ -92,6 +96,8 @@ class People:
     everybody: Mapping[str, Scales]
     without: Mapping[str, Mapping[str, Scales]]
     """By person: learnt without this person, for what is held out. Nobody else's scales know anything of a person."""
+    are_few: bool = False
+    """Nothing was learnt of them: the noise of each is, alone."""
 
     def of(self, models: Sequence[AnyModel], subjects: Sequence[str], held_out: bool = False) -> list[Scales]:
         """Give the scales of every subject with every model."""
@@ -102,35 +108,60 @@ class People:
         return found
 
 
-def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS) -> People:
-    """Learn the scales of each model from these subjects, of many from a sample; without each person of whom it was
-    learnt, of many without each sixth of them."""
+def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS, held_out: bool = True) -> People:
+    """Learn the scales of each model from these subjects, of many from a sample; where parts are ``held_out`` without
+    each person of whom it was learnt, of many without each sixth of them."""
     chosen = np.flatnonzero(np.isin(rows.subjects, sample(rows.subjects)))
     subjects = tuple(rows.subjects[k] for k in chosen.tolist())
     persons = [person_of(subject) for subject in subjects]
     different = list(dict.fromkeys(persons))
     everybody = dict.fromkeys((model.name for model in models), PRIOR)
-    if len(different) < FEWEST_PERSONS:
-        return People(sds, everybody, {name: {} for name in everybody})
-    number = {
-        different[k]: g for g, part in enumerate(np.array_split(np.arange(len(different)), _GROUPS)) for k in part
-    }
+    if len(different) < _FEWEST_PERSONS:
+        return People(sds, everybody, {name: {} for name in everybody}, are_few=True)
+    parts = np.array_split(np.arange(len(different)), _GROUPS)
+    number = {different[k]: g for g, part in enumerate(parts) for k in part.tolist()}
     group = np.array([number[one] for one in persons])
-    numbers, width = np.arange(len(models)), len(chosen)
-    data = select_problems(problems_of(rows, models), (len(rows.subjects) * numbers[:, None] + chosen).ravel())
-    spread = spread_of(models, subjects, sds)
-    parts: list[tuple[Moments, np.ndarray]] = []
+    every, width = np.arange(len(models)), len(chosen)
+    data = select_problems(problems_of(rows, models), (len(rows.subjects) * every[:, None] + chosen).ravel())
+    spread, of_model = spread_of(models, subjects, sds), np.repeat(every, width)
+    of, known, scales = None, None, list(everybody.values())
     for _ in range(_LEARNING_ROUNDS):
-        of, known = _moments(data, spread, [one for one in everybody.values() for _ in subjects])
-        parts = [
-            (take_problems(of, mine), known[mine]) for mine in (slice(k * width, (k + 1) * width) for k in numbers)
-        ]
-        everybody = {name: learnt(*part, before) for (name, before), part in zip(everybody.items(), parts, strict=True)}
-    without = {}
-    for (name, all_of), (mine, there) in zip(everybody.items(), parts, strict=True):
-        each = {one: learnt(mine, there & (group != one), all_of) for one in np.unique(group).tolist()}
-        without[name] = {person: each[one] for person, one in zip(persons, group.tolist(), strict=True)}
+        of, known = _moments(data, spread, [scales[k] for k in of_model.tolist()])
+        scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, scales)
+    everybody = dict(zip(everybody, scales, strict=True))
+    if not held_out:
+        return People(sds, everybody, {name: {} for name in everybody})
+    runs = (of_model == every[:, None, None]) & known & (np.tile(group, len(models)) != np.arange(_GROUPS)[:, None])
+    each = _learnt_by_enough(of, runs.reshape(-1, len(known)), [one for one in scales for _ in range(_GROUPS)])
+    without = {
+        name: {person: each[_GROUPS * k + one] for person, one in zip(persons, group.tolist(), strict=True)}
+        for k, name in enumerate(everybody)
+    }
     return People(sds, everybody, without)
+
+
+def _learnt_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence[Scales]) -> list[Scales]:
+    """The scales of each run; of few problems, those of the prior."""
+    found, enough = [PRIOR] * len(runs), np.flatnonzero(runs.sum(axis=1) >= _FEWEST).tolist()
+    for k, one in zip(enough, learnt(of, runs[enough], [start[k] for k in enough]), strict=True):
+        found[k] = one
+    return found
+
+
+def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
+    """Learn the noise of each problem alone, and nothing else.
+
+    A person who is farther from the set than most must not count as noise: the noise is the most probable one together
+    with scales of this person's own SDs, and these are then left at 1.
+    """
+    count = data.counted.shape[1]
+    scales = [PRIOR] * count
+    for _ in range(_LEARNING_ROUNDS):
+        of, _ = _moments(data, spread, scales)
+        known = np.flatnonzero(np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & (of.informative > 0))
+        for k, one in zip(known.tolist(), learnt(of, np.eye(count, dtype=bool)[known], [PRIOR] * len(known)), strict=True):
+            scales[k] = PRIOR._replace(noise_deg=one.noise_deg)
+    return scales
 
 
 def sample(subjects: Sequence[str]) -> tuple[str, ...]:
