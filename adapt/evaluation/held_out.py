@@ -11,17 +11,12 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
+from adapt.evaluation.own_or_plain import Persons, own_or_plain
+from adapt.evaluation.predictions import Adapt, predicted
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
-from adapt.solvers.own_bones.own_adaptation import (
-    OwnBones,
-    People,
-    adapt_own_bones,
-    spread_of,
-    with_own_noise,
-)
-from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
@@ -110,15 +105,16 @@ def _with_own_bones(
     people: People,
 ) -> AdaptedSubjects:
     """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
-    spread = spread_of(models, rows.subjects, people.sds)
-    own_data, adapted, own = adapt_own_bones(data, spread, people.of(models, rows.subjects), weight, progress)
+    progress("bones of each person's own")
+    motion = np.tile(rows.packed(rows.motion), len(models))
+    everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
+    persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion)
+    own_data, adapted, own = own_or_plain(data, persons, weight)
     found = HeldOut((), take_problems(adapted, slice(0)), ())
     if folds:
-        without = people.of(models, rows.subjects, held_out=True)
 
         def adapt(part: Problems, problem: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
-            scales = [without[k] for k in problem.tolist()]
-            return adapt_own_bones(part, take_problems(spread, problem), scales, weight)[:2]
+            return own_or_plain(part, persons._replace(scales=without).at(problem), weight)[:2]
 
         found = _held_out(data, rows, folds, progress, adapt)
     return AdaptedSubjects(rows, own_data, adapted, found, own)
@@ -145,9 +141,8 @@ def held_out(
 
 
 def _held_out(
-    data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Callable
+    data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Adapt
 ) -> HeldOut:
-    """``adapt``: of the problems of folds, and which problem of ``data`` each is."""
     subjects = len(rows.subjects)
     models = data.counted.shape[1] // subjects
     of_fold = np.array([fold.subject for fold in folds])
@@ -156,8 +151,7 @@ def _held_out(
         np.tile(_places(rows, [getattr(fold, part) for fold in folds]), models) for part in ("fitted", "tested")
     )
     progress(f"held-out gaps, {len(problem)} adaptations")
-    part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
-    gaps = _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK))
+    without, gaps = predicted(data, problem, fitted, tested, adapt)
     return HeldOut(tuple(folds), without, tuple(gaps[:, tested[:, k], k] for k in range(len(problem))))
 
 
@@ -168,21 +162,6 @@ def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, 
     for k, part in enumerate(parts):
         found[place[part], k] = True
     return found
-
-
-def _gaps_deg(
-    data: Problems, theta_mm, tested: Bool[np.ndarray, "postures problems"]
-) -> Float[np.ndarray, "6 postures problems"]:
-    posture, problem = np.nonzero(tested)
-    result = np.full((6, *tested.shape), np.nan)
-    if not len(problem):  # every adaptation failed
-        return result
-    angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
-    found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
-    result[:, posture, problem] = np.where(
-        measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
-    )
-    return result
 
 
 def gaps_deg(motions: Motions, fitted: PostureSolution) -> Float[np.ndarray, "6 rows"]:

@@ -282,6 +282,7 @@ def own_columns(own: OwnBones, words: Shaped[np.ndarray, " problems"]) -> dict[s
         columns[f"{size.key}_sd"] = np.where(good, own.sd[k], np.nan)
     for name, values in zip(OWN_SCALES, own.scales, strict=True):
         columns[name] = values
+    columns["own_bones"] = own.word
     far = np.abs(own.sizes) > FAR_SDS * own.prior_sd
     untold = own.sd > UNTOLD * own.prior_sd
     for name, which in (("far_from_people", far), ("not_told", untold)):

@@ -9,12 +9,12 @@ thorax. What they say of this person is how far people differ, the prior of the 
 points of the person has the SDs of their fit there. w changes no optimum.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
@@ -63,6 +63,13 @@ _RANK = 1e-12
 """Variance, relative to the largest, below which the prior holds a direction at the set's."""
 
 
+WORDS = np.array(["adapted", "do_not_predict", "not_converged"])
+"""What became of the bones of a person's own: where they do not predict the person's motions, or were not found, the
+plain adaptation is kept."""
+
+HERE, DO_NOT_PREDICT, NOT_CONVERGED = range(len(WORDS))
+
+
 class OwnBones(NamedTuple):
     """What was found of each problem's sizes (``models.person.own_bones.SIZES``, in their units)."""
 
@@ -73,6 +80,23 @@ class OwnBones(NamedTuple):
     """With the scale of its group."""
     scales: Float[np.ndarray, "scales problems"]
     """In the order of ``Scales``: of each group, and the noise in degrees."""
+    code: Int[np.ndarray, " problems"]
+    """Of ``WORDS``."""
+
+    @property
+    def word(self) -> Shaped[np.ndarray, " problems"]:
+        """Whether they were adapted, and why not."""
+        return WORDS[self.code]
+
+    @property
+    def distance(self) -> Float[np.ndarray, " problems"]:
+        """How far a person is from the set, in SDs of people, in the directions that the motions tell.
+
+        Root of |u|^2 / (n - tr of the posterior covariance of u), 1 in the mean where people are as the prior says.
+        """
+        sd = np.where(self.prior_sd > 0.0, self.prior_sd, 1.0)
+        told = ((self.prior_sd > 0.0) - (self.sd / sd) ** 2).sum(axis=0)
+        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(told, 1e-9))
 
     @property
     def sd(self) -> Float[np.ndarray, "sizes problems"]:
@@ -159,7 +183,9 @@ def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
     for _ in range(_LEARNING_ROUNDS):
         of, _ = _moments(data, spread, scales)
         known = np.flatnonzero(np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & (of.informative > 0))
-        for k, one in zip(known.tolist(), learnt(of, np.eye(count, dtype=bool)[known], [PRIOR] * len(known)), strict=True):
+        for k, one in zip(
+            known.tolist(), learnt(of, np.eye(count, dtype=bool)[known], [PRIOR] * len(known)), strict=True
+        ):
             scales[k] = PRIOR._replace(noise_deg=one.noise_deg)
     return scales
 
@@ -183,10 +209,8 @@ def adapt_own_bones(
     spread: Spread,
     scales: Sequence[Scales],
     weight: float,
-    progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Problems, Adapted, OwnBones]:
     """Find the most probable girdle of each problem: the problems with that girdle, the adaptation and the sizes."""
-    progress("bones of each person's own")
     rows, part, posture = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
     found = _with_lowest_postures(rows, part, prior)
@@ -297,6 +321,7 @@ def _own_bones(
         np.moveaxis(sd[:, :, None] * sd[:, None] * covariance, 0, -1),
         sd.T,
         np.stack([np.array(one) for one in scales], axis=-1),
+        np.full(len(scales), HERE),
     )
     columns = persons_first(spread.columns_mm * _of_sizes(scales))
     return own, (columns @ mean[..., None])[..., 0].T

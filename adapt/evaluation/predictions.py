@@ -1,0 +1,43 @@
+"""The gaps on postures that an adaptation has not seen."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted
+from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.problems import Problems, select_problems
+from motions.rotations import DEG
+
+Adapt = Callable[[Problems, Int[np.ndarray, " parts"]], tuple[Problems, Adapted]]
+"""Adapts parts of problems, given which problem each is of: the parts with what was found of effects and bones, and the
+adaptations."""
+
+Places = Bool[np.ndarray, "postures parts"]
+"""Some postures of each part."""
+
+
+def predicted(
+    data: Problems, problem: Int[np.ndarray, " parts"], fitted: Places, tested: Places, adapt: Adapt
+) -> tuple[Adapted, Float[np.ndarray, "6 postures parts"]]:
+    """Adapt parts of problems to some of their postures, and predict others.
+
+    The adaptations, and |simulated - measured| in degrees; NaN where not tested or measured, and where a fit failed.
+    """
+    part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
+    return without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK))
+
+
+def _gaps_deg(data: Problems, theta_mm, tested: Places) -> Float[np.ndarray, "6 postures parts"]:
+    posture, problem = np.nonzero(tested)
+    result = np.full((6, *tested.shape), np.nan)
+    if not len(problem):  # every adaptation failed
+        return result
+    angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
+    found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
+    result[:, posture, problem] = np.where(
+        measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
+    )
+    return result
