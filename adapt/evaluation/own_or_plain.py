@@ -28,8 +28,9 @@ from models.adapted_parameters import ADAPTED
 from models.person.own_bones import Spread
 
 DOUBTFUL_SDS = 2.5
-"""Distance from the set beyond which a person's bones have to predict. Six bone-pin shoulders with six sets, each without
-each motion: beyond it are 34 of 138, whose bones predict better than the plain adaptation too."""
+"""Distance from the set beyond which a person's bones have to predict: what ``far_from_people`` says of a single size.
+Of six bone-pin shoulders with six sets, each without each motion, 38 of 138 are beyond it, and predict better than plain
+too."""
 
 _THIRDS = 3
 
@@ -112,6 +113,6 @@ def _parts(counted: Places, motion: Int[np.ndarray, "postures problems"]) -> tup
         if len(names) > 1:
             tested += [mine & (label == name) for name in names]
             problem += [k] * len(names)
-    every = np.array(tested).T.reshape(len(counted), -1)
+    every = np.array(tested, bool).reshape(-1, len(counted)).T
     which = np.array(problem, int)
     return which, counted[:, which] & ~every, every

@@ -50,8 +50,8 @@ _MOST_PERSONS = 100
 _AS_GOOD_AS_NOISE = 1.3
 """Times the F that noise alone leaves."""
 
-_SETTLED_IS_ENOUGH = np.inf
-"""Where the noise is still to be learnt."""
+_LEARNING_STEPS = 30
+"""Scales are learnt from where so many lead, at an optimum or not: b and its slopes are exact anywhere."""
 
 _POSTURE_ROUNDS = 4
 """A person with a posture in the higher of two local minima goes on from the lower one."""
@@ -181,11 +181,9 @@ def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
     count = data.counted.shape[1]
     scales = [PRIOR] * count
     for _ in range(_LEARNING_ROUNDS):
-        of, _ = _moments(data, spread, scales)
-        known = np.flatnonzero(np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & (of.informative > 0))
-        for k, one in zip(
-            known.tolist(), learnt(of, np.eye(count, dtype=bool)[known], [PRIOR] * len(known)), strict=True
-        ):
+        of, known = _moments(data, spread, scales)
+        each = learnt(of, np.eye(count, dtype=bool)[known], [PRIOR] * int(known.sum()))
+        for k, one in zip(np.flatnonzero(known).tolist(), each, strict=True):
             scales[k] = PRIOR._replace(noise_deg=one.noise_deg)
     return scales
 
@@ -196,12 +194,13 @@ def sample(subjects: Sequence[str]) -> tuple[str, ...]:
 
 
 def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
-    """And whose fit has settled."""
+    """And of whom there are any."""
     rows, part, _ = _rows_of(data)
     prior, _ = _prior(data, spread, scales)
-    found = _from_starts(rows, part, prior, _SETTLED_IS_ENOUGH)
+    nothing = np.zeros((_DIMENSIONS, len(scales)))
+    found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0], _LEARNING_STEPS)
     of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
-    return of, found.settled & (of.informative > 0)
+    return of, found.closed & np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & (of.informative > 0)
 
 
 def adapt_own_bones(
@@ -250,13 +249,11 @@ def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
     return np.stack([one.of_sizes for one in scales], axis=-1)
 
 
-def _from_starts(
-    rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, good_enough: float = _AS_GOOD_AS_NOISE
-) -> Posterior:
+def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
     """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
     nothing = np.zeros((_DIMENSIONS, len(prior.noise_deg)))
     found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0])
-    allowed = good_enough * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
+    allowed = _AS_GOOD_AS_NOISE * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
     left = np.flatnonzero(~found.settled | (allowed < found.F))
     for slacks_mm in STARTS_MM[1:] if len(left) else ():
         some, number = _of_problems(rows, part, left)
