@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
 from adapt.evaluation.own_or_plain import Persons, own_or_plain
-from adapt.evaluation.predictions import Adapt, predicted
+from adapt.evaluation.predictions import Adapt, Places, gaps_of, predicted
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
@@ -108,16 +108,17 @@ def _with_own_bones(
     progress("bones of each person's own")
     motion = np.tile(rows.packed(rows.motion), len(models))
     everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
-    persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion)
-    own_data, adapted, own = own_or_plain(data, persons, weight)
-    found = HeldOut((), take_problems(adapted, slice(0)), ())
-    if folds:
-
-        def adapt(part: Problems, problem: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
-            return own_or_plain(part, persons._replace(scales=without).at(problem), weight)[:2]
-
-        found = _held_out(data, rows, folds, progress, adapt)
-    return AdaptedSubjects(rows, own_data, adapted, found, own)
+    whole, several = np.arange(len(everybody)), data.counted.shape[1]
+    problem, fitted, tested = _parts(rows, folds, len(models))
+    every = np.append(whole, problem)
+    scales = everybody + [without[k] for k in problem.tolist()]
+    persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion).at(every)
+    parts = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
+    found = own_or_plain(parts, persons._replace(scales=scales), weight)  # at once: of each few are left at last
+    own_data, adapted, own = take_problems(found, slice(several))
+    part_of, without_parts = take_problems(found[:2], slice(several, None))
+    gaps = gaps_of(part_of, without_parts, tested)
+    return AdaptedSubjects(rows, own_data, adapted, _as_held_out(folds, without_parts, tested, gaps), own)
 
 
 def held_out(
@@ -143,16 +144,24 @@ def held_out(
 def _held_out(
     data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Adapt
 ) -> HeldOut:
-    subjects = len(rows.subjects)
-    models = data.counted.shape[1] // subjects
-    of_fold = np.array([fold.subject for fold in folds])
-    problem = (subjects * np.arange(models)[:, None] + of_fold).ravel()
+    problem, fitted, tested = _parts(rows, folds, data.counted.shape[1] // len(rows.subjects))
+    progress(f"held-out gaps, {len(problem)} adaptations")
+    without, gaps = predicted(data, problem, fitted, tested, adapt)
+    return _as_held_out(folds, without, tested, gaps)
+
+
+def _as_held_out(folds: Sequence[Fold], without: Adapted, tested: Places, gaps) -> HeldOut:
+    return HeldOut(tuple(folds), without, tuple(gaps[:, one, k] for k, one in enumerate(tested.T)))
+
+
+def _parts(rows: PostureRows, folds: Sequence[Fold], models: int) -> tuple[Int[np.ndarray, " parts"], Places, Places]:
+    """Which problem each fold of each model is of, and the postures that are fitted and tested."""
+    of_fold = np.array([fold.subject for fold in folds], int)
+    problem = (len(rows.subjects) * np.arange(models)[:, None] + of_fold).ravel()
     fitted, tested = (
         np.tile(_places(rows, [getattr(fold, part) for fold in folds]), models) for part in ("fitted", "tested")
     )
-    progress(f"held-out gaps, {len(problem)} adaptations")
-    without, gaps = predicted(data, problem, fitted, tested, adapt)
-    return HeldOut(tuple(folds), without, tuple(gaps[:, tested[:, k], k] for k in range(len(problem))))
+    return problem, fitted, tested
 
 
 def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:

@@ -29,8 +29,8 @@ from models.person.own_bones import Spread
 
 DOUBTFUL_SDS = 2.5
 """Distance from the set beyond which a person's bones have to predict: what ``far_from_people`` says of a single size.
-Of six bone-pin shoulders with six sets, each without each motion, 38 of 138 are beyond it, and predict better than plain
-too."""
+Of six bone-pin shoulders with six sets, each without each motion, 38 of 138 are beyond it; all predict better
+than plain."""
 
 _THIRDS = 3
 

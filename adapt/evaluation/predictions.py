@@ -27,16 +27,18 @@ def predicted(
     The adaptations, and |simulated - measured| in degrees; NaN where not tested or measured, and where a fit failed.
     """
     part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
-    return without, _gaps_deg(part_of, without.theta_mm, tested & (without.status == status.OK))
+    return without, gaps_of(part_of, without, tested)
 
 
-def _gaps_deg(data: Problems, theta_mm, tested: Places) -> Float[np.ndarray, "6 postures parts"]:
-    posture, problem = np.nonzero(tested)
+def gaps_of(data: Problems, adapted: Adapted, tested: Places) -> Float[np.ndarray, "6 postures parts"]:
+    """Compute |simulated - measured| of adapted parts, in degrees; NaN where not tested or measured, and where a fit
+    failed."""
+    posture, problem = np.nonzero(tested & (adapted.status == status.OK))
     result = np.full((6, *tested.shape), np.nan)
     if not len(problem):  # every adaptation failed
         return result
     angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
-    found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
+    found = fit_batch(data.girdles_at(adapted.theta_mm, posture, problem), angles, measured)
     result[:, posture, problem] = np.where(
         measured & (found.status == status.OK), np.abs(found.angles - angles) * DEG, np.nan
     )

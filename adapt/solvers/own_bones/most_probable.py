@@ -225,13 +225,10 @@ def most_probable(
     prior: Prior,
     u: Float[np.ndarray, "n problems"],
     angles: Float[np.ndarray, "6 rows"],
-    slacks_mm: Sequence[float] = (),
     most_steps: int = _MOST_STEPS,
 ) -> Posterior:
-    """Find it of each person from u and ``angles`` (rad), by way of chains with less and less slack, in at most so many
-    steps of the rigid one."""
+    """Find it of each person from u and ``angles`` (rad), in at most so many steps."""
     objective = _Objective(rows, prior, Parts(part, np.arange(len(prior.noise_deg))))
-    u, angles = _stages(objective, u, angles, slacks_mm)
     of_rows, _, end = until_ended(objective, _first(objective, u, angles), _stepped, most_steps)
     numbers = prior.numbers_at(end.u)[:, part]
     near = nearest_by_numbers(numbers, rows.active_effects, rows.angles, rows.measured, of_rows.angles)
@@ -288,12 +285,14 @@ class _Slack:
         return gradient, matrix
 
 
-def _stages(
-    objective: _Objective, u, angles, slacks_mm: Sequence[float]
+def staged(
+    rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, slacks_mm: Sequence[float]
 ) -> tuple[Float[np.ndarray, "n problems"], Float[np.ndarray, "6 rows"]]:
-    """Where chains with less and less slack lead to."""
-    count, rows = len(objective.prior.noise_deg), objective.rows.angles.shape[1]
-    start = np.concatenate([angles, np.zeros((3, rows))])
+    """Go where chains with less and less slack lead to from the set and the measured angles: u and angles (rad)."""
+    count = len(prior.noise_deg)
+    objective = _Objective(rows, prior, Parts(part, np.arange(count)))
+    u = np.zeros((prior.root_mm.shape[1], count))
+    start = np.concatenate([rows.angles, np.zeros((3, rows.angles.shape[1]))])
     for slack_mm in slacks_mm:
         soft = _Slack(objective, slack_mm)
         near, F = soft.at(u, start)

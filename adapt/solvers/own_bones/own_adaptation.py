@@ -19,7 +19,15 @@ from jaxtyping import Bool, Float, Int, Shaped
 from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable, persons_first
+from adapt.solvers.own_bones.most_probable import (
+    STARTS_MM,
+    Posterior,
+    Prior,
+    Rows,
+    most_probable,
+    persons_first,
+    staged,
+)
 from adapt.solvers.own_bones.scales import PRIOR, Moments, Scales, informative, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
@@ -197,8 +205,7 @@ def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[
     """And of whom there are any."""
     rows, part, _ = _rows_of(data)
     prior, _ = _prior(data, spread, scales)
-    nothing = np.zeros((_DIMENSIONS, len(scales)))
-    found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0], _LEARNING_STEPS)
+    found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]), _LEARNING_STEPS)
     of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
     return of, found.closed & np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & (of.informative > 0)
 
@@ -251,16 +258,27 @@ def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
 
 def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
     """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
-    nothing = np.zeros((_DIMENSIONS, len(prior.noise_deg)))
-    found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0])
+    found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]))
     allowed = _AS_GOOD_AS_NOISE * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
     left = np.flatnonzero(~found.settled | (allowed < found.F))
-    for slacks_mm in STARTS_MM[1:] if len(left) else ():
-        some, number = _of_problems(rows, part, left)
-        other = most_probable(some, number, take_problems(prior, left), nothing[:, left], some.angles, slacks_mm)
+    if not len(left):
+        return found
+    (some, number), prior = _of_problems(rows, part, left), take_problems(prior, left)
+    starts = [staged(some, number, prior, slacks_mm) for slacks_mm in STARTS_MM[1:]]
+    u, angles = (np.concatenate(one, axis=1) for one in zip(*starts, strict=True))
+    again = np.tile(np.arange(len(left)), len(starts))  # side by side: few are left at the end of each
+    several = np.repeat(np.arange(len(starts)), len(number)) * len(left) + np.tile(number, len(starts))
+    every = most_probable(_repeated(some, len(starts)), several, take_problems(prior, again), u, angles)
+    for k in range(len(starts)):
+        other = _some(every, several, np.arange(len(again)) // len(left) == k)
         lower = other.settled & (~found.settled[left] | (found.F[left] > other.F))
         _put(found, part, left[lower], _some(other, number, lower))
     return found
+
+
+def _repeated(rows: Rows, times: int) -> Rows:
+    every = np.tile(np.arange(rows.angles.shape[1]), times)
+    return Rows(rows.angles[:, every], rows.measured[:, every], rows.active_effects.at(every))
 
 
 def _with_lowest_postures(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
