@@ -184,16 +184,20 @@ def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
     """Learn the noise of each problem alone, and nothing else.
 
     A person who is farther from the set than most must not count as noise: the noise is the most probable one together
-    with scales of this person's own SDs, and these are then left at 1.
+    with scales of this person's own SDs, and these are then left at 1. Where no chain closes with a noise, the next
+    round has twice as much.
     """
-    count = data.counted.shape[1]
-    scales = [PRIOR] * count
+    noise_deg = np.full(data.counted.shape[1], PRIOR.noise_deg)
     for _ in range(_LEARNING_ROUNDS):
-        of, known = _moments(data, spread, scales)
-        each = learnt(of, np.eye(count, dtype=bool)[known], [PRIOR] * int(known.sum()))
-        for k, one in zip(np.flatnonzero(known).tolist(), each, strict=True):
-            scales[k] = PRIOR._replace(noise_deg=one.noise_deg)
-    return scales
+        of, known = _moments(data, spread, _with_noise(noise_deg))
+        each = learnt(of, np.eye(len(known), dtype=bool)[known], [PRIOR] * int(known.sum()))
+        noise_deg[known] = [one.noise_deg for one in each]
+        noise_deg[~known & (of.informative > 0)] *= 2.0
+    return _with_noise(noise_deg)
+
+
+def _with_noise(noise_deg: Float[np.ndarray, " problems"]) -> list[Scales]:
+    return [PRIOR._replace(noise_deg=one) for one in noise_deg.tolist()]
 
 
 def sample(subjects: Sequence[str]) -> tuple[str, ...]:

@@ -117,6 +117,8 @@ def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence
 
     Newton's method within the limits, each run on its own.
     """
+    if not len(runs):
+        return []
     run, problem = np.nonzero(runs)
     pairs = Moments(*(one[..., problem] for one in of))
     x = np.log(np.array(start) / np.array(PRIOR)).T
