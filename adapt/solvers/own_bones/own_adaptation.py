@@ -58,8 +58,14 @@ _MOST_PERSONS = 100
 _AS_GOOD_AS_NOISE = 1.3
 """Times the F that noise alone leaves."""
 
+_LEARNING_STEPS, _NOISE_ROUNDS = 30, 5
+"""Scales are learnt from closed chains, where so many steps lead, at an optimum or not; most rounds of a noise."""
+
+_AS_GOOD_AS_NOISE = 1.3
+"""Times the F that noise alone leaves."""
+
 _LEARNING_STEPS = 30
-"""Scales are learnt from where so many lead, at an optimum or not: b and its slopes are exact anywhere."""
+"""Scales are learnt from where so many lead, at an optimum or not: y has what is open of the chain, and its slopes."""
 
 _POSTURE_ROUNDS = 4
 """A person with a posture in the higher of two local minima goes on from the lower one."""
@@ -184,15 +190,20 @@ def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
     """Learn the noise of each problem alone, and nothing else.
 
     A person who is farther from the set than most must not count as noise: the noise is the most probable one together
-    with scales of this person's own SDs, and these are then left at 1. Where no chain closes with a noise, the next
-    round has twice as much.
+    with scales of this person's own SDs, and these are then left at 1. Where the chain does not close with a noise, it
+    is tried with twice as much.
     """
     noise_deg = np.full(data.counted.shape[1], PRIOR.noise_deg)
-    for _ in range(_LEARNING_ROUNDS):
-        of, known = _moments(data, spread, _with_noise(noise_deg))
-        each = learnt(of, np.eye(len(known), dtype=bool)[known], [PRIOR] * int(known.sum()))
-        noise_deg[known] = [one.noise_deg for one in each]
-        noise_deg[~known & (of.informative > 0)] *= 2.0
+    rounds = np.zeros(len(noise_deg), int)
+    for _ in range(_NOISE_ROUNDS):
+        left = np.flatnonzero(rounds < _LEARNING_ROUNDS)
+        if not len(left):
+            break
+        of, known = _moments(select_problems(data, left), take_problems(spread, left), _with_noise(noise_deg[left]))
+        each = learnt(of, np.eye(len(left), dtype=bool)[known], [PRIOR] * int(known.sum()))
+        noise_deg[left[known]] = [one.noise_deg for one in each]
+        noise_deg[left[~known & (of.informative > 0)]] *= 2.0
+        rounds[left[known | (of.informative == 0)]] += 1
     return _with_noise(noise_deg)
 
 
@@ -211,7 +222,7 @@ def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[
     prior, _ = _prior(data, spread, scales)
     found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]), _LEARNING_STEPS)
     of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
-    return of, found.closed & np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & (of.informative > 0)
+    return of, found.closed & np.isfinite(of.square) & (of.informative > 0)
 
 
 def adapt_own_bones(
