@@ -166,7 +166,7 @@ def adapt_subjects(
     if own_bones is not False:
         check_own_bones(effects, reading, thorax_downweighting)
         sds = NO_SDS if own_bones is True else own_bones
-        people = sds if isinstance(sds, People) else learn_people(rows, models, sds)
+        people = sds if isinstance(sds, People) else learn_people(rows, models, sds, bool(parts))
     found = adapt_with_folds(rows, models, parts, weight, reading, progress, dtype, people)
     progress("uncertainty")
     uncertain = uncertainty(as_type(found.data, float), found.adapted)

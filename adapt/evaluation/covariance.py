@@ -36,7 +36,7 @@ from jaxtyping import Bool, Float
 
 from adapt.evaluation.curvature import Curvature, curvature
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.own_bones.own_adaptation import OwnBones
+from adapt.solvers.own_bones.own_adaptation import HERE, OwnBones
 from adapt.solvers.problems import Problems
 from models.adapted_parameters import ADAPTED
 from motions.rotations import DEG
@@ -67,7 +67,7 @@ class Uncertainty:
     """s, degrees."""
     curvature: Curvature
     free: Bool[np.ndarray, "adapted problems"]
-    bounded: bool = True
+    bounded: bool | Bool[np.ndarray, " problems"] = True
     """Whether the parameters had bounds."""
 
     @property
@@ -77,19 +77,19 @@ class Uncertainty:
 
 
 def with_posterior(found: Uncertainty, own: OwnBones) -> Uncertainty:
-    """Put the posterior of own bones in the place of the sandwich: one covariance, of noise and people together."""
-    count = len(ADAPTED)
-    covariance = own.covariance[:count, :count]
-    none = np.zeros_like(covariance)
+    """Put the posterior of own bones, where they were adapted, in the place of the sandwich: one covariance, of noise
+    and people together."""
+    count, here = len(ADAPTED), own.code == HERE
+    covariance = np.where(here, own.covariance[:count, :count], found.covariance_mm2)
     return replace(
         found,
-        noise_mm2=covariance,
-        person_mm2=none,
-        bound_mm2=none,
+        noise_mm2=np.where(here, covariance, found.noise_mm2),
+        person_mm2=np.where(here, 0.0, found.person_mm2),
+        bound_mm2=np.where(here, 0.0, found.bound_mm2),
         covariance_mm2=covariance,
-        noise_deg=own.scales[-1],
-        free=np.ones_like(found.free),
-        bounded=False,
+        noise_deg=np.where(here, own.scales[-1], found.noise_deg),
+        free=found.free | here,
+        bounded=~here,
     )
 
 

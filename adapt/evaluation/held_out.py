@@ -11,11 +11,12 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
+from adapt.evaluation.own_or_plain import Persons, own_or_plain
+from adapt.evaluation.predictions import Adapt, Places, Unseen, gaps_of, predicted, unseen_angles
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
-from adapt.solvers.own_bones.own_adaptation import OwnBones, People, adapt_own_bones, spread_of
-from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
@@ -120,18 +121,20 @@ def _with_own_bones(
     people: People,
 ) -> AdaptedSubjects:
     """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
-    spread = spread_of(models, rows.subjects, people.sds)
-    own_data, adapted, own = adapt_own_bones(data, spread, people.of(models, rows.subjects), weight, progress)
-    found = nothing_held_out(data, adapted)
-    if folds:
-        without = people.of(models, rows.subjects, held_out=True)
-
-        def adapt(part: Problems, problem: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
-            scales = [without[k] for k in problem.tolist()]
-            return adapt_own_bones(part, take_problems(spread, problem), scales, weight)[:2]
-
-        found = _held_out(data, rows, folds, progress, adapt)
-    return AdaptedSubjects(rows, own_data, adapted, found, own)
+    progress("bones of each person's own")
+    motion = np.tile(rows.packed(rows.motion), len(models))
+    everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
+    whole, several = np.arange(len(everybody)), data.counted.shape[1]
+    problem, fitted, tested = _parts(rows, folds, len(models))
+    every = np.append(whole, problem)
+    scales = everybody + [without[k] for k in problem.tolist()]
+    persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion).at(every)
+    parts = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
+    found = own_or_plain(parts, persons._replace(scales=scales), weight)  # at once: of each few are left at last
+    own_data, adapted, own = take_problems(found, slice(several))
+    part_of, without_parts = take_problems(found[:2], slice(several, None))
+    unseen = unseen_angles(part_of, without_parts, tested)
+    return AdaptedSubjects(rows, own_data, adapted, _as_held_out(folds, part_of, without_parts, unseen, tested), own)
 
 
 def held_out(
@@ -157,22 +160,28 @@ def held_out(
 
 
 def _held_out(
-    data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Callable
+    data: Problems, rows: PostureRows, folds: Sequence[Fold], progress: Callable[[str], None], adapt: Adapt
 ) -> HeldOut:
-    """``adapt``: of the problems of folds, and which problem of ``data`` each is."""
-    subjects = len(rows.subjects)
-    models = data.counted.shape[1] // subjects
-    of_fold = np.array([fold.subject for fold in folds])
-    problem = (subjects * np.arange(models)[:, None] + of_fold).ravel()
+    problem, fitted, tested = _parts(rows, folds, data.counted.shape[1] // len(rows.subjects))
+    progress(f"held-out gaps, {len(problem)} adaptations")
+    return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
+
+
+def _as_held_out(folds: Sequence[Fold], data: Problems, without: Adapted, angles: Unseen, tested: Places) -> HeldOut:
+    gaps, simulated = (
+        tuple(one[:, mine, k] for k, mine in enumerate(tested.T)) for one in (gaps_of(data, angles), angles)
+    )
+    return HeldOut(tuple(folds), without, gaps, data, simulated)
+
+
+def _parts(rows: PostureRows, folds: Sequence[Fold], models: int) -> tuple[Int[np.ndarray, " parts"], Places, Places]:
+    """Which problem each fold of each model is of, and the postures that are fitted and tested."""
+    of_fold = np.array([fold.subject for fold in folds], int)
+    problem = (len(rows.subjects) * np.arange(models)[:, None] + of_fold).ravel()
     fitted, tested = (
         np.tile(_places(rows, [getattr(fold, part) for fold in folds]), models) for part in ("fitted", "tested")
     )
-    progress(f"held-out gaps, {len(problem)} adaptations")
-    part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
-    angles = _unseen_angles(part_of, without.theta_mm, tested & (without.status == status.OK))
-    gaps = np.where(part_of.measured, np.abs(angles - part_of.angles) * DEG, np.nan)
-    each = [[one[:, tested[:, k], k] for k in range(len(problem))] for one in (gaps, angles)]
-    return HeldOut(tuple(folds), without, tuple(each[0]), part_of, tuple(each[1]))
+    return problem, fitted, tested
 
 
 def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, "postures parts"]:
@@ -182,20 +191,6 @@ def _places(rows: PostureRows, parts: Sequence[np.ndarray]) -> Bool[np.ndarray, 
     for k, part in enumerate(parts):
         found[place[part], k] = True
     return found
-
-
-def _unseen_angles(
-    data: Problems, theta_mm, tested: Bool[np.ndarray, "postures problems"]
-) -> Float[np.ndarray, "6 postures problems"]:
-    """Simulate the postures tested, rad; NaN elsewhere and where a fit failed."""
-    posture, problem = np.nonzero(tested)
-    result = np.full((6, *tested.shape), np.nan)
-    if not len(problem):  # every adaptation failed
-        return result
-    angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
-    found = fit_batch(data.girdles_at(theta_mm, posture, problem), angles, measured)
-    result[:, posture, problem] = np.where(found.status == status.OK, found.angles, np.nan)
-    return result
 
 
 def gaps_deg(motions: Motions, fitted: PostureSolution) -> Float[np.ndarray, "6 rows"]:

@@ -33,6 +33,8 @@ class PostureRows:
     measured: Bool[np.ndarray, "6 rows"]
     subject: Int[np.ndarray, " rows"]
     """Its number."""
+    motion: Int[np.ndarray, " rows"]
+    """Its number among the kinds of motion."""
     previous: Int[np.ndarray, " rows"]
     """The row of the posture before in its motion, -1 for the first."""
     subjects: tuple[str, ...]
@@ -80,6 +82,7 @@ class PostureRows:
             angles=np.tile(self.angles, times).astype(dtype, copy=False),
             measured=np.tile(self.measured, times),
             subject=np.tile(self.subject, times),
+            motion=np.tile(self.motion, times),
             previous=np.concatenate(before),
             landmarks_mm={name: np.tile(place, times) for name, place in self.landmarks_mm.items()},
             active_effects=self.active_effects.at(np.tile(np.arange(count), times)),
@@ -98,6 +101,7 @@ def posture_rows(
         angles=at_rest(motions.angles_deg.T / DEG, measured),
         measured=measured,
         subject=motions.subject_number,
+        motion=np.unique(motions.motion.astype(str), return_inverse=True)[1],
         previous=motions.previous_rows(),
         subjects=motions.subjects,
         landmarks_mm=measured_places_mm(motions),

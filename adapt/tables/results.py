@@ -286,7 +286,7 @@ def own_columns(own: OwnBones, words: Shaped[np.ndarray, " problems"]) -> dict[s
     untold = own.sd > UNTOLD * own.prior_sd
     for name, which in (("far_from_people", far), ("not_told", untold)):
         columns[name] = np.array([" ".join(np.array(NAMES)[one].tolist()) for one in (which & good).T], object)
-    return columns
+    return columns | {OWN_WORD: np.where(good, own.word, "")}
 
 
 FAR_SDS = 2.5
@@ -294,6 +294,9 @@ FAR_SDS = 2.5
 
 UNTOLD = 0.9
 """A size whose posterior SD is more of the prior's is one of which the motions say next to nothing."""
+
+OWN_WORD = "own_bones"
+"""The column that says what became of the bones of a person's own (``own_adaptation.WORDS``)."""
 
 OWN_SCALES = ("adapted_scale", "bones_scale", "frames_scale", "noise_deg")
 

@@ -102,7 +102,7 @@ def intervals(
     data: Problems, adapted: Adapted, found: Uncertainty
 ) -> tuple[Float[np.ndarray, "2 6 problems"], np.ndarray]:
     """Compute the 95 % intervals, mm, within the bounds, and name where each comes from."""
-    bounds = np.asarray(data.bounds_mm) if found.bounded else np.array([-np.inf, np.inf])[:, None, None]
+    bounds = np.where(found.bounded, data.bounds_mm, np.array([-np.inf, np.inf])[:, None, None])
     half = NORMAL_95 * found.sd_mm
     ends = np.clip(np.stack([adapted.theta_mm - half, adapted.theta_mm + half]), bounds[:1], bounds[1:])
     origin = np.where(np.isfinite(half), PARABOLA, NONE)

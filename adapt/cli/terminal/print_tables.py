@@ -19,9 +19,10 @@ from rich.segment import Segment
 from rich.table import Table
 
 from adapt.solvers import status
+from adapt.solvers.own_bones.own_adaptation import DO_NOT_PREDICT, NOT_CONVERGED, WORDS
 from adapt.tables.folds import MOTION
 from adapt.tables.held_out import by_model, by_subject
-from adapt.tables.results import ALL_MOTIONS, OWN_SCALES, STATISTICS, parameter_statistics
+from adapt.tables.results import ALL_MOTIONS, OWN_SCALES, OWN_WORD, STATISTICS, parameter_statistics
 from motions.files import printable
 from motions.table import ANGLES
 
@@ -116,16 +117,27 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
     console.print(table)
 
 
+_KEPT = {
+    WORDS[DO_NOT_PREDICT]: "Bones of their own do not predict their motions",
+    WORDS[NOT_CONVERGED]: "Bones of their own were not found",
+}
+
+
 def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
     """Say how much persons differ, who is far from people, and of which sizes the motions say next to nothing."""
     good = parameters[parameters["status"] == status.OK]
     for model, rows in good.groupby("model", sort=False):
-        six, bones, frames, noise = (rows[name].iloc[0] for name in OWN_SCALES)
+        six, bones, frames, _ = (rows[name].iloc[0] for name in OWN_SCALES)
+        noise = " to ".join(dict.fromkeys(f"{x:.2f}" for x in (rows["noise_deg"].min(), rows["noise_deg"].max())))
         console.print(
             f"{model}, bones of each person's own: SDs of people times {six:.2f} (the six), {bones:.2f} (bones), "
-            f"{frames:.2f} (frames); noise {noise:.2f} degrees",
+            f"{frames:.2f} (frames); noise {noise} degrees",
             soft_wrap=True,
         )
+        for word, cause in _KEPT.items():
+            if len(kept := rows["subject"][rows[OWN_WORD] == word]):
+                named = ", ".join(kept.head(_MOST_PRINTED)) + ", ..." * (len(kept) > _MOST_PRINTED)
+                console.print(f"  {cause}, the plain adaptation is kept: {named}", soft_wrap=True)
         untold = Counter(" ".join(rows["not_told"]).split())
         if nobody := [name for name, count in untold.items() if count == len(rows)]:
             console.print(f"  The motions say next to nothing of: {', '.join(nobody)}", soft_wrap=True)

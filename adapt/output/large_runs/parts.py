@@ -19,10 +19,10 @@ import pandas as pd
 from adapt.api import Adaptations, adapt_subjects, simulated_positions
 from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
 from adapt.solvers import status
-from adapt.solvers.own_bones.own_adaptation import People
+from adapt.solvers.own_bones.own_adaptation import NOT_CONVERGED, WORDS, People
 from adapt.solvers.status import EXPLANATION
 from adapt.tables.positions_table import NO_POSITIONS, POSITIONS_FILE, with_positions
-from adapt.tables.results import Tables, as_csv
+from adapt.tables.results import OWN_WORD, Tables, as_csv
 from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
 from motions.files import atomic_write_bytes, atomic_write_pieces
@@ -204,6 +204,9 @@ def not_adapted(result: Tables) -> dict[str, str]:
     for subject, word in zip(result.parameters["subject"], result.parameters["status"], strict=True):
         if word != status.OK:
             failed[subject] = f"adaptation {word}" + (f": {EXPLANATION[word]}" if word in EXPLANATION else "")
+    if OWN_WORD in result.parameters:
+        for subject in result.parameters["subject"][result.parameters[OWN_WORD] == WORDS[NOT_CONVERGED]]:
+            failed.setdefault(subject, f"own bones {WORDS[NOT_CONVERGED]}, the plain adaptation is kept")
     return failed
 
 

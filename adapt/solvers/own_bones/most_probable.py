@@ -128,7 +128,10 @@ class Posterior(NamedTuple):
     nearest: Nearest
     """With slopes in the numbers of the girdle."""
     steps: Int[np.ndarray, " problems"]
+    closed: Bool[np.ndarray, " problems"]
+    """The chain is, in every posture."""
     settled: Bool[np.ndarray, " problems"]
+    """And F stationary."""
 
 
 class _OfRows(NamedTuple):
@@ -222,18 +225,18 @@ def most_probable(
     prior: Prior,
     u: Float[np.ndarray, "n problems"],
     angles: Float[np.ndarray, "6 rows"],
-    slacks_mm: Sequence[float] = (),
+    most_steps: int = _MOST_STEPS,
 ) -> Posterior:
-    """Find it of each person from u and ``angles`` (rad), by way of chains with less and less slack."""
+    """Find it of each person from u and ``angles`` (rad), in at most so many steps."""
     objective = _Objective(rows, prior, Parts(part, np.arange(len(prior.noise_deg))))
-    u, angles = _stages(objective, u, angles, slacks_mm)
-    of_rows, _, end = until_ended(objective, _first(objective, u, angles), _stepped, _MOST_STEPS)
+    of_rows, _, end = until_ended(objective, _first(objective, u, angles), _stepped, most_steps)
     numbers = prior.numbers_at(end.u)[:, part]
     near = nearest_by_numbers(numbers, rows.active_effects, rows.angles, rows.measured, of_rows.angles)
     tells = rows.measured.sum(axis=0) > FEWEST_ANGLES  # of others nothing is compared, wherever their search ends
     closed = objective.sums(np.abs(near.g_mm).max(axis=0) * tells) <= _CLOSED_MM
     F = objective.sums((near.y**2).sum(axis=0)) + objective.of_prior(end.u)
-    return Posterior(end.u, F, near, end.steps, end.settled & closed & np.isfinite(F))
+    closed &= np.isfinite(F)
+    return Posterior(end.u, F, near, end.steps, closed, end.settled & closed)
 
 
 class _Stage(NamedTuple):
@@ -282,12 +285,14 @@ class _Slack:
         return gradient, matrix
 
 
-def _stages(
-    objective: _Objective, u, angles, slacks_mm: Sequence[float]
+def staged(
+    rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, slacks_mm: Sequence[float]
 ) -> tuple[Float[np.ndarray, "n problems"], Float[np.ndarray, "6 rows"]]:
-    """Where chains with less and less slack lead to."""
-    count, rows = len(objective.prior.noise_deg), objective.rows.angles.shape[1]
-    start = np.concatenate([angles, np.zeros((3, rows))])
+    """Go where chains with less and less slack lead to from the set and the measured angles: u and angles (rad)."""
+    count = len(prior.noise_deg)
+    objective = _Objective(rows, prior, Parts(part, np.arange(count)))
+    u = np.zeros((prior.root_mm.shape[1], count))
+    start = np.concatenate([rows.angles, np.zeros((3, rows.angles.shape[1]))])
     for slack_mm in slacks_mm:
         soft = _Slack(objective, slack_mm)
         near, F = soft.at(u, start)

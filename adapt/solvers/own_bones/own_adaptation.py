@@ -9,18 +9,26 @@ thorax. What they say of this person is how far people differ, the prior of the 
 points of the person has the SDs of their fit there. w changes no optimum.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from adapt.engine.batching import put_problems, take_problems
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.own_bones.most_probable import STARTS_MM, Posterior, Prior, Rows, most_probable, persons_first
-from adapt.solvers.own_bones.scales import FEWEST_PERSONS, PRIOR, Moments, Scales, informative, learnt, moments
+from adapt.solvers.own_bones.most_probable import (
+    STARTS_MM,
+    Posterior,
+    Prior,
+    Rows,
+    most_probable,
+    persons_first,
+    staged,
+)
+from adapt.solvers.own_bones.scales import PRIOR, Moments, Scales, informative, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
@@ -34,6 +42,10 @@ from motions.table import FEWEST_ANGLES, person_of
 _DIMENSIONS = 24
 """What the chain can tell apart: the 27 numbers of a girdle less the three of SC, which stands at 0."""
 
+_FEWEST_PERSONS, _FEWEST = 10, 5
+"""Of a run whose scales are learnt, and of those whose fit has settled, another group left out. Six bone-pin shoulders
+of three cadavers would make bones twice as different as people's are."""
+
 _LEARNING_ROUNDS = 2
 """Fits whose linearisation the scales are learnt from: of the bone-pin shoulders a third changes none by 5 %."""
 
@@ -46,8 +58,14 @@ _MOST_PERSONS = 100
 _AS_GOOD_AS_NOISE = 1.3
 """Times the F that noise alone leaves."""
 
-_SETTLED_IS_ENOUGH = np.inf
-"""Where the noise is still to be learnt."""
+_LEARNING_STEPS, _NOISE_ROUNDS = 30, 5
+"""Scales are learnt from closed chains, where so many steps lead, at an optimum or not; most rounds of a noise."""
+
+_AS_GOOD_AS_NOISE = 1.3
+"""Times the F that noise alone leaves."""
+
+_LEARNING_STEPS = 30
+"""Scales are learnt from where so many lead, at an optimum or not: y has what is open of the chain, and its slopes."""
 
 _POSTURE_ROUNDS = 4
 """A person with a posture in the higher of two local minima goes on from the lower one."""
@@ -57,6 +75,13 @@ _LOWER_DEG2 = 1e-6
 
 _RANK = 1e-12
 """Variance, relative to the largest, below which the prior holds a direction at the set's."""
+
+
+WORDS = np.array(["adapted", "do_not_predict", "not_converged"])
+"""What became of the bones of a person's own: where they do not predict the person's motions, or were not found, the
+plain adaptation is kept."""
+
+HERE, DO_NOT_PREDICT, NOT_CONVERGED = range(len(WORDS))
 
 
 class OwnBones(NamedTuple):
@@ -69,6 +94,23 @@ class OwnBones(NamedTuple):
     """With the scale of its group."""
     scales: Float[np.ndarray, "scales problems"]
     """In the order of ``Scales``: of each group, and the noise in degrees."""
+    code: Int[np.ndarray, " problems"]
+    """Of ``WORDS``."""
+
+    @property
+    def word(self) -> Shaped[np.ndarray, " problems"]:
+        """Whether they were adapted, and why not."""
+        return WORDS[self.code]
+
+    @property
+    def distance(self) -> Float[np.ndarray, " problems"]:
+        """How far a person is from the set, in SDs of people, in the directions that the motions tell.
+
+        Root of |u|^2 / (n - tr of the posterior covariance of u), 1 in the mean where people are as the prior says.
+        """
+        sd = np.where(self.prior_sd > 0.0, self.prior_sd, 1.0)
+        told = ((self.prior_sd > 0.0) - (self.sd / sd) ** 2).sum(axis=0)
+        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(told, 1e-9))
 
     @property
     def sd(self) -> Float[np.ndarray, "sizes problems"]:
@@ -92,6 +134,8 @@ class People:
     everybody: Mapping[str, Scales]
     without: Mapping[str, Mapping[str, Scales]]
     """By person: learnt without this person, for what is held out. Nobody else's scales know anything of a person."""
+    are_few: bool = False
+    """Nothing was learnt of them: the noise of each is, alone."""
 
     def of(self, models: Sequence[AnyModel], subjects: Sequence[str], held_out: bool = False) -> list[Scales]:
         """Give the scales of every subject with every model."""
@@ -102,35 +146,69 @@ class People:
         return found
 
 
-def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS) -> People:
-    """Learn the scales of each model from these subjects, of many from a sample; without each person of whom it was
-    learnt, of many without each sixth of them."""
+def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO_SDS, held_out: bool = True) -> People:
+    """Learn the scales of each model from these subjects, of many from a sample; where parts are ``held_out`` without
+    each person of whom it was learnt, of many without each sixth of them."""
     chosen = np.flatnonzero(np.isin(rows.subjects, sample(rows.subjects)))
     subjects = tuple(rows.subjects[k] for k in chosen.tolist())
     persons = [person_of(subject) for subject in subjects]
     different = list(dict.fromkeys(persons))
     everybody = dict.fromkeys((model.name for model in models), PRIOR)
-    if len(different) < FEWEST_PERSONS:
-        return People(sds, everybody, {name: {} for name in everybody})
-    number = {
-        different[k]: g for g, part in enumerate(np.array_split(np.arange(len(different)), _GROUPS)) for k in part
-    }
+    if len(different) < _FEWEST_PERSONS:
+        return People(sds, everybody, {name: {} for name in everybody}, are_few=True)
+    parts = np.array_split(np.arange(len(different)), _GROUPS)
+    number = {different[k]: g for g, part in enumerate(parts) for k in part.tolist()}
     group = np.array([number[one] for one in persons])
-    numbers, width = np.arange(len(models)), len(chosen)
-    data = select_problems(problems_of(rows, models), (len(rows.subjects) * numbers[:, None] + chosen).ravel())
-    spread = spread_of(models, subjects, sds)
-    parts: list[tuple[Moments, np.ndarray]] = []
+    every, width = np.arange(len(models)), len(chosen)
+    data = select_problems(problems_of(rows, models), (len(rows.subjects) * every[:, None] + chosen).ravel())
+    spread, of_model = spread_of(models, subjects, sds), np.repeat(every, width)
+    of, known, scales = None, None, list(everybody.values())
     for _ in range(_LEARNING_ROUNDS):
-        of, known = _moments(data, spread, [one for one in everybody.values() for _ in subjects])
-        parts = [
-            (take_problems(of, mine), known[mine]) for mine in (slice(k * width, (k + 1) * width) for k in numbers)
-        ]
-        everybody = {name: learnt(*part, before) for (name, before), part in zip(everybody.items(), parts, strict=True)}
-    without = {}
-    for (name, all_of), (mine, there) in zip(everybody.items(), parts, strict=True):
-        each = {one: learnt(mine, there & (group != one), all_of) for one in np.unique(group).tolist()}
-        without[name] = {person: each[one] for person, one in zip(persons, group.tolist(), strict=True)}
+        of, known = _moments(data, spread, [scales[k] for k in of_model.tolist()])
+        scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, scales)
+    everybody = dict(zip(everybody, scales, strict=True))
+    if not held_out:
+        return People(sds, everybody, {name: {} for name in everybody})
+    runs = (of_model == every[:, None, None]) & known & (np.tile(group, len(models)) != np.arange(_GROUPS)[:, None])
+    each = _learnt_by_enough(of, runs.reshape(-1, len(known)), [one for one in scales for _ in range(_GROUPS)])
+    without = {
+        name: {person: each[_GROUPS * k + one] for person, one in zip(persons, group.tolist(), strict=True)}
+        for k, name in enumerate(everybody)
+    }
     return People(sds, everybody, without)
+
+
+def _learnt_by_enough(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence[Scales]) -> list[Scales]:
+    """The scales of each run; of few problems, those of the prior."""
+    found, enough = [PRIOR] * len(runs), np.flatnonzero(runs.sum(axis=1) >= _FEWEST).tolist()
+    for k, one in zip(enough, learnt(of, runs[enough], [start[k] for k in enough]), strict=True):
+        found[k] = one
+    return found
+
+
+def with_own_noise(data: Problems, spread: Spread) -> list[Scales]:
+    """Learn the noise of each problem alone, and nothing else.
+
+    A person who is farther from the set than most must not count as noise: the noise is the most probable one together
+    with scales of this person's own SDs, and these are then left at 1. Where the chain does not close with a noise, it
+    is tried with twice as much.
+    """
+    noise_deg = np.full(data.counted.shape[1], PRIOR.noise_deg)
+    rounds = np.zeros(len(noise_deg), int)
+    for _ in range(_NOISE_ROUNDS):
+        left = np.flatnonzero(rounds < _LEARNING_ROUNDS)
+        if not len(left):
+            break
+        of, known = _moments(select_problems(data, left), take_problems(spread, left), _with_noise(noise_deg[left]))
+        each = learnt(of, np.eye(len(left), dtype=bool)[known], [PRIOR] * int(known.sum()))
+        noise_deg[left[known]] = [one.noise_deg for one in each]
+        noise_deg[left[~known & (of.informative > 0)]] *= 2.0
+        rounds[left[known | (of.informative == 0)]] += 1
+    return _with_noise(noise_deg)
+
+
+def _with_noise(noise_deg: Float[np.ndarray, " problems"]) -> list[Scales]:
+    return [PRIOR._replace(noise_deg=one) for one in noise_deg.tolist()]
 
 
 def sample(subjects: Sequence[str]) -> tuple[str, ...]:
@@ -139,12 +217,12 @@ def sample(subjects: Sequence[str]) -> tuple[str, ...]:
 
 
 def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[Moments, Bool[np.ndarray, " problems"]]:
-    """And whose fit has settled."""
+    """And of whom there are any."""
     rows, part, _ = _rows_of(data)
     prior, _ = _prior(data, spread, scales)
-    found = _from_starts(rows, part, prior, _SETTLED_IS_ENOUGH)
+    found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]), _LEARNING_STEPS)
     of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
-    return of, found.settled & (of.informative > 0)
+    return of, found.closed & np.isfinite(of.square) & (of.informative > 0)
 
 
 def adapt_own_bones(
@@ -152,10 +230,8 @@ def adapt_own_bones(
     spread: Spread,
     scales: Sequence[Scales],
     weight: float,
-    progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Problems, Adapted, OwnBones]:
     """Find the most probable girdle of each problem: the problems with that girdle, the adaptation and the sizes."""
-    progress("bones of each person's own")
     rows, part, posture = _rows_of(data)
     prior, shares = _prior(data, spread, scales)
     found = _with_lowest_postures(rows, part, prior)
@@ -195,20 +271,29 @@ def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
     return np.stack([one.of_sizes for one in scales], axis=-1)
 
 
-def _from_starts(
-    rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior, good_enough: float = _AS_GOOD_AS_NOISE
-) -> Posterior:
+def _from_starts(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
     """The lowest of what several starts lead to, of persons whom the first does not fit as well as the noise allows."""
-    nothing = np.zeros((_DIMENSIONS, len(prior.noise_deg)))
-    found = most_probable(rows, part, prior, nothing, rows.angles, STARTS_MM[0])
-    allowed = good_enough * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
+    found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]))
+    allowed = _AS_GOOD_AS_NOISE * np.maximum(informative(rows.measured, part, len(found.F)), 1) * prior.noise_deg**2
     left = np.flatnonzero(~found.settled | (allowed < found.F))
-    for slacks_mm in STARTS_MM[1:] if len(left) else ():
-        some, number = _of_problems(rows, part, left)
-        other = most_probable(some, number, take_problems(prior, left), nothing[:, left], some.angles, slacks_mm)
+    if not len(left):
+        return found
+    (some, number), prior = _of_problems(rows, part, left), take_problems(prior, left)
+    starts = [staged(some, number, prior, slacks_mm) for slacks_mm in STARTS_MM[1:]]
+    u, angles = (np.concatenate(one, axis=1) for one in zip(*starts, strict=True))
+    again = np.tile(np.arange(len(left)), len(starts))  # side by side: few are left at the end of each
+    several = np.repeat(np.arange(len(starts)), len(number)) * len(left) + np.tile(number, len(starts))
+    every = most_probable(_repeated(some, len(starts)), several, take_problems(prior, again), u, angles)
+    for k in range(len(starts)):
+        other = _some(every, several, np.arange(len(again)) // len(left) == k)
         lower = other.settled & (~found.settled[left] | (found.F[left] > other.F))
         _put(found, part, left[lower], _some(other, number, lower))
     return found
+
+
+def _repeated(rows: Rows, times: int) -> Rows:
+    every = np.tile(np.arange(rows.angles.shape[1]), times)
+    return Rows(rows.angles[:, every], rows.measured[:, every], rows.active_effects.at(every))
 
 
 def _with_lowest_postures(rows: Rows, part: Int[np.ndarray, " rows"], prior: Prior) -> Posterior:
@@ -266,6 +351,7 @@ def _own_bones(
         np.moveaxis(sd[:, :, None] * sd[:, None] * covariance, 0, -1),
         sd.T,
         np.stack([np.array(one) for one in scales], axis=-1),
+        np.full(len(scales), HERE),
     )
     columns = persons_first(spread.columns_mm * _of_sizes(scales))
     return own, (columns @ mean[..., None])[..., 0].T

@@ -12,11 +12,13 @@ of m informative numbers, of a posture the angles that were measured less three.
 that a few persons stay near it, and persons who do not differ lead to 0.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from adapt.engine.batching import where_problems
 from adapt.solvers.own_bones.most_probable import Posterior, Prior, Rows
 from models.person.own_bones import GROUPS, SIZES
 from motions.table import FEWEST_ANGLES
@@ -27,10 +29,6 @@ LOG_SCALE_SD, LOG_NOISE_SD = 0.4, 0.7
 TYPICAL_NOISE_DEG = 0.8
 """Between bone pins, 0.4, and palpation, 1.5: of an angle, with what the chain cannot do."""
 
-FEWEST_PERSONS, _FEWEST = 10, 5
-"""Of a run, and of those whose fit has settled, another group left out. Six bone-pin shoulders of three cadavers would
-make bones twice as different as people's are."""
-
 _LEAST_SCALE, MOST_SCALE = 0.02, 2.0
 """Nobody differs; and people are at most twice as different as ``SIZES`` say: what is beyond is no bone, but what the
 chain cannot do, and noise."""
@@ -38,7 +36,13 @@ chain cannot do, and noise."""
 _NOISES_DEG = (0.05, 10.0)
 
 _FLAT = 1e-3
-"""Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off."""
+"""Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off at most."""
+
+_MOST_STEPS, _SHORTER, _SHORTEST = 100, 0.3, 1e-6
+"""Most take 4 to 10; factor on a step that leads up, and the share of a step below which it is rounding that ends."""
+
+_ROUNDING = 1e-13
+"""Relative, of -2 log p."""
 
 
 class Scales(NamedTuple):
@@ -52,10 +56,18 @@ class Scales(NamedTuple):
     @property
     def of_sizes(self) -> Float[np.ndarray, " sizes"]:
         """The scale of each of ``SIZES``."""
-        return np.array([getattr(self, one.group) for one in SIZES])
+        return np.array(self)[_GROUP_OF_SIZE]
 
 
 PRIOR = Scales()
+
+_GROUP_OF_SIZE = np.array([GROUPS.index(one.group) for one in SIZES])
+
+_IN_GROUP = (_GROUP_OF_SIZE[:, None] == np.arange(len(GROUPS))).astype(float)
+
+_LEAST, _MOST = np.log(
+    np.array([(_LEAST_SCALE, MOST_SCALE)] * len(GROUPS) + [_NOISES_DEG]) / np.array(PRIOR)[:, None]
+).T[..., None]
 
 
 class Moments(NamedTuple):
@@ -100,42 +112,74 @@ def moments(
     return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), informative(rows.measured, part, x.shape[1]))
 
 
-def learnt(of: Moments, chosen: Bool[np.ndarray, " problems"], start: Scales = PRIOR) -> Scales:
-    """Find the most probable scales of the chosen problems; of few, those of the prior."""
-    if chosen.sum() < _FEWEST:
-        return PRIOR
-    from scipy.optimize import minimize  # 0.4 s to load: not for every command
+def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence[Scales]) -> list[Scales]:
+    """Find the most probable scales of the problems of each run, from those of ``start``.
 
-    some = Moments(*(one[..., chosen] for one in of))
-    first = np.log(np.array(start) / np.array(PRIOR))
-    limits = np.array([(_LEAST_SCALE, MOST_SCALE)] * len(GROUPS) + [_NOISES_DEG]) / np.array(PRIOR)[:, None]
-    within, options = np.log(limits).tolist(), {"gtol": _FLAT, "ftol": 0.0}
-    end = minimize(
-        _minus_two_log_likelihood, first, (some,), jac=True, method="L-BFGS-B", bounds=within, options=options
-    )
-    return _scales(end.x)
+    Newton's method within the limits, each run on its own.
+    """
+    if not len(runs):
+        return []
+    run, problem = np.nonzero(runs)
+    pairs = Moments(*(one[..., problem] for one in of))
+    x = np.log(np.array(start) / np.array(PRIOR)).T
+    here, length = minus_two_log_likelihood(x, pairs, run), np.ones(len(start))
+    for _ in range(_MOST_STEPS):
+        value, slope, *curvatures = here
+        free = ~((x <= _LEAST) & (slope > 0.0) | (x >= _MOST) & (slope < 0.0))
+        going = (np.abs(slope * free).max(axis=0) > _FLAT) & (length > _SHORTEST)
+        if not going.any():
+            break
+        tried = np.clip(x - length * going * _newton(slope, *curvatures, free), _LEAST, _MOST)
+        there = minus_two_log_likelihood(tried, pairs, run)
+        better = (there[0] <= value + _ROUNDING * np.abs(value)) & going
+        x, here = where_problems(better, (tried, there), (x, here))
+        length = np.where(better, 1.0, np.where(going, _SHORTER * length, length))
+    return [Scales(*one) for one in (np.exp(x).T * np.array(PRIOR)).tolist()]
 
 
-def _scales(logarithms) -> Scales:
-    adapted, bones, frames, noise = np.exp(logarithms).tolist()
-    return Scales(adapted, bones, frames, TYPICAL_NOISE_DEG * noise)
+def _newton(slope, curvature, expected, free) -> Float[np.ndarray, "scales runs"]:
+    """The step of those that are free, by the expected curvature where the other one is not positive definite."""
+    both, unit = free[:, None] & free, np.eye(len(slope))[..., None]
+    own, other = (np.moveaxis(np.where(both, one, unit), -1, 0) for one in (curvature, expected))
+    convex = np.linalg.eigvalsh(own)[:, 0] > 0.0
+    matrix = np.where(convex[:, None, None], own, other)
+    return np.linalg.solve(matrix, (slope * free).T[..., None])[..., 0].T
 
 
-def _minus_two_log_likelihood(logarithms, of: Moments):
-    """With the prior of the logarithms, and its slopes in them."""
-    scales = _scales(logarithms)
-    s, variance = scales.of_sizes, scales.noise_deg**2
-    M = np.moveaxis(of.A * s[:, None, None] * s[None, :, None] / variance, -1, 0)
-    v = (of.c * s[:, None] / variance).T
-    H = M + np.eye(len(s))
-    inverse = np.linalg.inv(H)
-    z = (inverse @ v[..., None])[..., 0]
-    fits = of.square.sum() / variance - (v * z).sum()
-    value = of.informative.sum() * np.log(variance) + np.linalg.slogdet(H)[1].sum() + fits
-    each = 2.0 * (1.0 - np.einsum("pii->pi", inverse) - z**2).sum(axis=0)
-    Mz = (M @ z[..., None])[..., 0]
-    by_noise = 2.0 * of.informative.sum() - 2.0 * (len(s) * len(H) - np.einsum("pii->", inverse))
-    by_noise += -2.0 * of.square.sum() / variance + 4.0 * (v * z).sum() - 2.0 * (z * Mz).sum()
-    slopes = [sum(each[k] for k, one in enumerate(SIZES) if one.group == group) for group in GROUPS] + [by_noise]
-    sd = np.array([LOG_SCALE_SD] * len(GROUPS) + [LOG_NOISE_SD])
-    return value + ((logarithms / sd) ** 2).sum(), np.array(slopes) + 2.0 * logarithms / sd**2
+def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: Moments, run: Int[np.ndarray, " pairs"]):
+    """Compute it with the prior of the logarithms for each run, its slopes, its curvature and the one expected.
+
+    ``of``: of each pair of a run and one of its problems, ``run`` ascending. With K = 1 - H^-1 the second derivatives
+    are 4 (H^-1_ij K_ij - z_i z_j (2 H^-1_ij - delta_ij)), summed over i in g and j in h, for two scales, 4 (2 z_i (H^-1
+    z)_i - (H^-1 K)_ii) for one and the noise; those expected 4 K_ij^2 and 4 (H^-1 K)_ii.
+    """
+    s, variance = np.exp(logarithms)[_GROUP_OF_SIZE][:, run], (PRIOR.noise_deg * np.exp(logarithms[-1, run])) ** 2
+    M, v = np.moveaxis(of.A * s[:, None] * s / variance, -1, 0), (of.c * s / variance).T
+    n, m, square = len(s), of.informative, of.square / variance
+    inverse = np.linalg.inv(M + np.eye(n))
+    K = np.eye(n) - inverse
+    z, followed, shared = (inverse @ v[..., None])[..., 0], np.einsum("pii->pi", K), (inverse * K).sum(axis=2)
+    back, vz, zz = (inverse @ z[..., None])[..., 0], (v * z).sum(axis=1), (z * z).sum(axis=1)
+    log_det = 2.0 * np.log(np.einsum("pii->pi", np.linalg.cholesky(M + np.eye(n)))).sum(axis=1)
+    values = m * np.log(variance) + log_det + square - vz
+    by_noise = 2.0 * (m - followed.sum(axis=1) - square + vz + zz)
+    slopes = np.append(2.0 * (followed - z**2) @ _IN_GROUP, by_noise[:, None], axis=1)
+    of_scales = inverse * K - z[:, :, None] * z[:, None] * (2.0 * inverse - np.eye(n))
+    noise_alone = shared.sum(axis=1) + square - vz - zz - 2.0 * (z * back).sum(axis=1)
+    curvatures = _bordered(of_scales, 2.0 * z * back - shared, noise_alone)
+    expected = _bordered(K * K, shared, m - followed.sum(axis=1) - shared.sum(axis=1))
+    precision = 1.0 / np.array([LOG_SCALE_SD] * len(GROUPS) + [LOG_NOISE_SD])[:, None] ** 2
+    starts = np.searchsorted(run, np.arange(logarithms.shape[1]))
+    sums = (np.add.reduceat(one, starts, axis=0).T for one in (values, slopes, curvatures, expected))
+    of_prior = (precision * logarithms**2).sum(axis=0), 2.0 * precision * logarithms
+    of_prior += 2 * (2.0 * np.diag(precision[:, 0])[..., None],)
+    return tuple(one + more for one, more in zip(sums, of_prior, strict=True))
+
+
+def _bordered(of_sizes, with_noise, of_noise) -> Float[np.ndarray, "pairs scales scales"]:
+    """4 times the sums over the sizes of each group, bordered by those with the noise."""
+    border = with_noise @ _IN_GROUP
+    of_groups = _IN_GROUP.T @ of_sizes @ _IN_GROUP
+    upper = np.append(of_groups, border[:, :, None], axis=2)
+    lower = np.append(border, of_noise[:, None], axis=1)
+    return 4.0 * np.append(upper, lower[:, None], axis=1)

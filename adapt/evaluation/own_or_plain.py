@@ -1,0 +1,119 @@
+"""Bones of each person's own or, where they do not predict the person's own motions, the plain adaptation.
+
+A girdle that is far from the set for what its motions tell of it may stand for what no chain does. Such a person is
+adapted both ways without each motion (of a single one, each third of the postures), and the plain adaptation is kept
+where it predicts what was left out better. So it is where the search of the bones has not converged.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from adapt.engine.batching import take_problems, with_problems
+from adapt.evaluation.predictions import Places, gaps_of, predicted
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted, adapt_batch
+from adapt.solvers.own_bones.own_adaptation import (
+    DO_NOT_PREDICT,
+    NOT_CONVERGED,
+    OwnBones,
+    adapt_own_bones,
+    with_own_noise,
+)
+from adapt.solvers.own_bones.scales import Scales
+from adapt.solvers.problems import Problems
+from models.adapted_parameters import ADAPTED
+from models.person.own_bones import Spread
+
+DOUBTFUL_SDS = 2.5
+"""Distance from the set beyond which a person's bones have to predict: what ``far_from_people`` says of a single size.
+Of six bone-pin shoulders with six sets, each without each motion, 38 of 138 are beyond it; all predict better
+than plain."""
+
+_THIRDS = 3
+
+
+class Persons(NamedTuple):
+    """How the persons of some problems differ."""
+
+    spread: Spread
+    scales: Sequence[Scales]
+    own_noise: bool
+    """The noise of each is learnt, alone."""
+    motion: Int[np.ndarray, "postures problems"]
+    """The number of the motion of each posture."""
+
+    def at(self, problem: Int[np.ndarray, " some"]) -> "Persons":
+        """Take some of the problems, any as often as wanted."""
+        scales = [self.scales[k] for k in problem.tolist()]
+        return Persons(take_problems(self.spread, problem), scales, self.own_noise, self.motion[:, problem])
+
+
+def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
+    """Adapt bones of each person's own, or keep the plain adaptation: the problems with their girdles, the adaptations
+    and the sizes."""
+    own_data, adapted, own = _own(data, persons, weight)
+    failed = adapted.status == status.NOT_CONVERGED
+    doubtful = np.flatnonzero((adapted.status == status.OK) & (own.distance > DOUBTFUL_SDS))
+    worse = doubtful[_predicts_worse(take_problems(data, doubtful), persons.at(doubtful), weight)]
+    chosen = np.sort(np.append(worse, np.flatnonzero(failed)))
+    if not len(chosen):
+        return own_data, adapted, own
+    some = take_problems(data, chosen)
+    plain = adapt_batch(some, weight)
+    good = plain.status == status.OK
+    kept, some, plain = chosen[good], take_problems(some, good), take_problems(plain, good)
+    code = np.where(failed[kept], NOT_CONVERGED, DO_NOT_PREDICT)
+    found = with_problems(own, kept, _of_set(some, plain, take_problems(own, kept), code))
+    return with_problems(own_data, kept, some), with_problems(adapted, kept, plain), found
+
+
+def _own(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
+    scales = with_own_noise(data, persons.spread) if persons.own_noise else persons.scales
+    return adapt_own_bones(data, persons.spread, scales, weight)
+
+
+def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:
+    """The set's bones, with the six of the plain adaptation; of no size an SD."""
+    sizes = np.zeros_like(own.sizes)
+    sizes[: len(ADAPTED)] = plain.theta_mm - np.asarray(data.girdle.adapted_mm)
+    return own._replace(sizes=sizes, covariance=np.full_like(own.covariance, np.nan), code=code)
+
+
+def _predicts_worse(data: Problems, persons: Persons, weight: float) -> np.ndarray:
+    """Whose parts the plain adaptation predicts better, in the mean over the angles that both predict; where neither
+    predicts any, not."""
+    problem, fitted, tested = _parts(np.asarray(data.counted), persons.motion)
+    if not len(problem):
+        return np.zeros(data.counted.shape[1], bool)
+    ways = (
+        lambda part, which: _own(part, persons.at(which), weight)[:2],
+        lambda part, _: (part, adapt_batch(part, weight)),
+    )
+    each = (predicted(data, problem, fitted, tested, adapt) for adapt in ways)
+    own, plain = (gaps_of(part, angles) for part, _, angles in each)
+    return _more(own, plain, problem, data.counted.shape[1])
+
+
+def _more(own, plain, problem, count: int) -> Float[np.ndarray, " problems"]:
+    more = np.nansum(own - plain, axis=(0, 1))  # NaN where one of the two does not predict
+    return np.bincount(problem, more, count) > 0.0
+
+
+def _parts(counted: Places, motion: Int[np.ndarray, "postures problems"]) -> tuple[np.ndarray, Places, Places]:
+    """Leave each motion of each problem out, of a single one each third: the problem of each part, the postures that
+    are left and those left out."""
+    problem, tested = [], []
+    for k, mine in enumerate(counted.T):
+        label = motion[:, k]
+        if len(np.unique(label[mine])) == 1:
+            label = np.cumsum(mine) % _THIRDS
+        names = np.unique(label[mine])
+        if len(names) > 1:
+            tested += [mine & (label == name) for name in names]
+            problem += [k] * len(names)
+    every = np.array(tested, bool).reshape(-1, len(counted)).T
+    which = np.array(problem, int)
+    return which, counted[:, which] & ~every, every

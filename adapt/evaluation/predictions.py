@@ -1,0 +1,48 @@
+"""The gaps on postures that an adaptation has not seen."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.solvers import status
+from adapt.solvers.adaptation import Adapted
+from adapt.solvers.posture_fits import fit_batch
+from adapt.solvers.problems import Problems, select_problems
+from motions.rotations import DEG
+
+Adapt = Callable[[Problems, Int[np.ndarray, " parts"]], tuple[Problems, Adapted]]
+"""Adapts parts of problems, given which problem each is of: the parts with what was found of effects and bones, and the
+adaptations."""
+
+Places = Bool[np.ndarray, "postures parts"]
+"""Some postures of each part."""
+
+
+Unseen = Float[np.ndarray, "6 postures parts"]
+"""Of the postures tested; NaN elsewhere, and where a fit failed."""
+
+
+def predicted(
+    data: Problems, problem: Int[np.ndarray, " parts"], fitted: Places, tested: Places, adapt: Adapt
+) -> tuple[Problems, Adapted, Unseen]:
+    """Adapt parts of problems to some of their postures, and predict others: the parts, adapted, and angles in rad."""
+    part_of, without = adapt(select_problems(data, problem, counted=fitted), problem)
+    return part_of, without, unseen_angles(part_of, without, tested)
+
+
+def unseen_angles(data: Problems, adapted: Adapted, tested: Places) -> Unseen:
+    """Simulate the postures tested of adapted parts, rad."""
+    posture, problem = np.nonzero(tested & (adapted.status == status.OK))
+    result = np.full((6, *tested.shape), np.nan)
+    if not len(problem):  # every adaptation failed
+        return result
+    angles, measured = (np.asarray(x)[:, posture, problem] for x in (data.angles, data.measured))
+    found = fit_batch(data.girdles_at(adapted.theta_mm, posture, problem), angles, measured)
+    result[:, posture, problem] = np.where(found.status == status.OK, found.angles, np.nan)
+    return result
+
+
+def gaps_of(data: Problems, angles: Unseen) -> Unseen:
+    """Compute |simulated - measured|, degrees; NaN where not measured."""
+    return np.where(data.measured, np.abs(angles - data.angles) * DEG, np.nan)
