@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from adapt.cli.terminal.print_tables import PlainConsole
-from adapt.diagnosis.result import THORAX_OPTION
 from adapt.output.repeat import other_versions, read_record, recorded_arguments
 from adapt.solvers.objective import READINGS
 from models.effects.amplitudes import OPTION
@@ -15,6 +14,8 @@ from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.stand_ins import OFFSETS
 
 DEFAULT_MODEL = "R2"
+
+THORAX_OPTION = "--thorax-downweighting"
 
 console = PlainConsole()
 errors = PlainConsole(stderr=True)

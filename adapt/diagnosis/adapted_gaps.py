@@ -8,18 +8,15 @@ from jaxtyping import Float, Int
 
 from adapt.diagnosis.inference.intervals import by_bone, known_mean
 from adapt.diagnosis.result import BoneGaps
-from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_deg
+from adapt.evaluation.held_out import AdaptedSubjects, gaps_deg
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted
-from adapt.solvers.objective import WEIGHT, down_weighted
-from adapt.solvers.rows import PostureRows, posture_rows
+from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
-from adapt.tables.folds import MOTION, POSTURES, Fold, motions_and_thirds
-from models.effects import EFFECTS, AnyGirdle, Effect
-from models.effects.amplitudes import Amplitudes
-from models.person.family import AnyModel
+from adapt.tables.folds import MOTION, POSTURES, Fold
+from models.effects import AnyGirdle
 from motions.rotations import DEG
-from motions.table import Motions
+from motions.table import FEWEST_ANGLES, Motions
 
 
 @dataclass(frozen=True)
@@ -37,6 +34,16 @@ class AdaptedGaps:
     found: AdaptedSubjects
     """The adaptations themselves."""
 
+    @property
+    def informative_deg2(self) -> float:
+        """Average the squared differences over what is informative of them: of six angles three."""
+        data = self.found.data
+        measured = (data.measured & data.counted).sum(axis=0)
+        total = np.where(self.adapted.status == status.OK, self.adapted.mean_j_deg2, np.nan) * measured.sum(axis=0)
+        informative = np.maximum(measured - FEWEST_ANGLES, 0).sum(axis=0)
+        known = np.isfinite(total)
+        return float(total[known].sum() / max(informative[known].sum(), 1))
+
 
 @dataclass(frozen=True)
 class BaseGaps:
@@ -45,23 +52,6 @@ class BaseGaps:
     in_sample: BoneGaps
     unseen: Mapping[str, BoneGaps]
     """On the postures that are held out."""
-
-
-def adapted_gaps(
-    motions: Motions,
-    model: AnyModel,
-    effects: Amplitudes,
-    person: Mapping[str, int],
-    library: Mapping[str, Effect] = EFFECTS,
-    thorax_downweighting: float = 1.0,
-) -> AdaptedGaps:
-    """Adapt the model to all subjects, and again without each motion and each third of the postures.
-
-    ``person``: the number of the person of each subject, for the intervals. ``library``: the effects by name.
-    ``thorax_downweighting``: see :func:`adapt.adapt_subjects`.
-    """
-    folds, weight = motions_and_thirds(motions), down_weighted(WEIGHT, thorax_downweighting)
-    return gaps_of(adapt_with_folds(posture_rows(motions, effects, library), [model], folds, weight), person)
 
 
 def gaps_of(found: AdaptedSubjects, person: Mapping[str, int]) -> AdaptedGaps:

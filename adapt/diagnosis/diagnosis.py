@@ -1,18 +1,20 @@
 """The diagnosis: where the gap lies, which causes predict what was not fitted, how far they take it down."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from adapt.api import Adaptations, adapt_with_every_fold
-from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, adapted_gaps, base_gaps, gaps_of
-from adapt.diagnosis.fit.candidates import Hypothesis, candidate_effects
+from adapt.diagnosis.adapted_gaps import AdaptedGaps, BaseGaps, base_gaps, gaps_of
+from adapt.diagnosis.beyond_own_bones import OwnBonesNull, Rung
+from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
+from adapt.diagnosis.inference.alone import alone_deg
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
-from adapt.diagnosis.inference.budget import Rung, alone_deg
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
@@ -23,7 +25,7 @@ from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
 from adapt.diagnosis.marks import declared_effects, without_slips
-from adapt.diagnosis.position_findings import PositionTask, adapted_with_sizes_of_others, judge_positions
+from adapt.diagnosis.position_findings import PositionTask, judge_positions
 from adapt.diagnosis.result import (
     ADAPTED_STEP,
     ALL,
@@ -31,11 +33,10 @@ from adapt.diagnosis.result import (
     EFFECT,
     NOISE,
     NONE,
-    THORAX_POINTS,
+    OWN_BONES,
     UNKNOWN,
     Answer,
     BoneGaps,
-    CarriedOver,
     Cause,
     CauseAmplitude,
     Diagnosis,
@@ -43,13 +44,10 @@ from adapt.diagnosis.result import (
     Gaps,
     Noise,
     ParameterMeans,
-    Positions,
-    PriorThorax,
     Step,
     Verdict,
     can_test,
 )
-from adapt.evaluation.held_out import HeldOut
 from adapt.tables.folds import MOTION, PERSON, POSTURES
 from models.adapted_parameters import ADAPTED
 from models.effects import Effect
@@ -59,10 +57,6 @@ from models.person.family import AnyModel, as_list, unique_sets
 from motions.table import Motions, check_motions
 
 Progress = Callable[[str], None]
-
-_LEAST_WORTH = 0.05
-"""Share of the unseen gap beyond noise that down-weighting the prior thorax points takes away where that is listed
-without a cause."""
 
 
 def diagnose(
@@ -143,32 +137,40 @@ class _Study:
         declared: tuple[str, ...],
         noise_deg: float | None,
     ) -> Diagnosis:
-        """Search, weigh, name, and measure what the names are worth."""
+        """Search, weigh, name, and measure what the names are worth beside bones of each person's own."""
         search, shoulders = self.search.run(), self.shoulders
         candidates = search.joint.candidates
         none = search.without_causes
         noise = estimate_noise(shoulders, search.best.posterior.y, noise_deg)
         floor = floor_deg(noise, shoulders, none.B)
+        mean_floor = float(np.nanmean(floor))
         tested = can_test(shoulders.kinds, shoulders.persons)
-        named = name_causes(search, float(np.nanmean(floor))) if tested else nothing_named(search)
+        named = name_causes(search, mean_floor) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
-        sizes = amplitudes(search, named.hypothesis)
-        order = [rung.added for rung in named.rungs[1:]]
+        self.progress("bones of each person's own")
+        null, other = self.null, named.hypothesis
+        own_bones = null.adapted()
+        kept = null.beyond(other, mean_floor)
+        rungs = null.ladder(kept, other)
+        gains = null.gains(rungs, mean_floor)
+        order = [rung.added for rung in rungs[1:]]
+        sizes = amplitudes(search, kept)
         sizes = {name: sizes[name] for name in order}
+        with_causes = (
+            null.adapted({name: one.amplitude for name, one in sizes.items() if one.amplitude is not None})
+            if sizes
+            else own_bones
+        )
         self.progress("gaps of girdle adapt")
         plain = self.plain.of(self.model.name)
         base = base_gaps(self.motions, self.plain.before[self.model.name], plain.held_out.folds, self.person)
         adapted = gaps_of(plain, self.person)
-        with_causes = self._with_causes(sizes) if sizes or self.has_prior_thorax else adapted
-        gaps = self._gaps(base, adapted, with_causes, named.rungs, floor)
-        worth = 1.0 - _left_over(gaps) >= _LEAST_WORTH  # False where there is no gap beyond noise
-        if not order and not worth:
-            with_causes = adapted
-            gaps = self._gaps(base, adapted, adapted, named.rungs, floor)
-        budget = self._budget(gaps, named.rungs)
-        causes = [Cause(*named.sets[name], named.gains[name].share, named.gains[name].t) for name in order]
-        verdict = self._verdict(causes, weights, gaps, noise)
-        prior_thorax = self._prior_thorax(budget) if self.has_prior_thorax and (order or worth) else None
+        gaps = self._gaps((base, adapted, own_bones, with_causes), rungs, floor)
+        budget = self._budget(gaps, rungs)
+        causes = [Cause(*named.sets[name], gains[name].share, gains[name].t) for name in order]
+        verdict = self._verdict(causes, weights, gaps, with_causes, noise)
+        others = null.unseen(kept, other) if gaps.other_person else None
+        before = self.plain.before[self.model.name]
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -184,53 +186,29 @@ class _Study:
             axial_is_computed=self.computed,
             verdict=verdict,
             amplitude=self._amplitude(verdict, sizes),
-            prior_thorax=prior_thorax,
             landmark_sizes={name: of_landmarks(candidates.effect(name), one) for name, one in candidates.sizes.items()},
             budget=budget,
             alone_deg=alone_deg(search),
             left_over_share=_left_over(gaps),
             gaps=gaps,
-            carried_over=self._carried_over(named.rungs) if gaps.other_person else None,
             parameters=_changes(adapted, with_causes),
             where=self._where(adapted, with_causes, floor, noise),
             indistinguishable=indistinguishable(none),
-            lacking=lacking(len(shoulders.kinds), shoulders.persons, prior_thorax is not None),
+            lacking=lacking(len(shoulders.kinds), shoulders.persons),
             next_measurement=propose(search, named.chosen, [named.sets[name].names for name in order]),
-            positions=self._positions(adapted, with_causes, named.hypothesis if order else ()),
+            positions=judge_positions(self.task, self.model, before, adapted, with_causes, others),
         )
 
-    def _with_causes(self, sizes: Mapping[str, CauseAmplitude]) -> AdaptedGaps:
-        known = {name: one.amplitude for name, one in sizes.items() if one.amplitude is not None}
-        downweighting = self.search.joint.model.thorax_downweighting
-        return adapted_gaps(self.motions, self.model, known, self.person, self.library, downweighting)
-
-    def _positions(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, named: Hypothesis) -> Positions:
-        """Hold simulated positions against measured ones."""
-        downweighting = self.search.joint.model.thorax_downweighting
-
-        def of_others() -> HeldOut | None:
-            with_sizes = self.search, named, self.motions, self.model, self.library
-            return adapted_with_sizes_of_others(*with_sizes, downweighting)
-
-        before = self.plain.before[self.model.name]
-        return judge_positions(self.task, self.model, before, adapted, with_causes, of_others)
+    @cached_property
+    def null(self) -> OwnBonesNull:
+        """Bones of each person's own."""
+        return OwnBonesNull(self.search, self.model, self.motions, self.library, self.person)
 
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:
         """Locate the gap; ``floor`` is what noise leaves of it, on average, in each posture of the search."""
         noise_deg2 = np.nan_to_num(floor[self.nearest].T[:, adapted.rows.place]) ** 2 * (np.pi / 2.0)
         data, chains = observe(self.motions, adapted.rows), (adapted.chain, with_causes.chain)
         return locate(data, adapted.adapted.angles, noise_deg2, chains, noise.angle_deg)
-
-    @property
-    def has_prior_thorax(self) -> bool:
-        """Whether the points on the thorax are another person's, and down-weighted."""
-        return self.search.joint.model.thorax_downweighting > 1.0
-
-    def _prior_thorax(self, budget: tuple[Step, ...]) -> PriorThorax:
-        level = {step.step: step.gap_deg.value for step in budget}
-        beyond = level[ADAPTED_STEP] - level[NOISE]
-        gain = (level[ADAPTED_STEP] - level[THORAX_POINTS]) / beyond if beyond > 0 else np.nan
-        return PriorThorax(self.search.joint.model.thorax_downweighting, gain)
 
     def _amplitude(self, verdict: Verdict, sizes: dict[str, CauseAmplitude]) -> dict[str, CauseAmplitude]:
         """Sizes by the first name of each cause; one that no gap shows has none."""
@@ -240,61 +218,49 @@ class _Study:
             found[effect.name] = unseen_amplitude(effect)
         return found
 
-    def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, noise: Noise) -> Verdict:
-        answer = self._answer(causes, gaps, noise)
+    def _verdict(
+        self, causes: list[Cause], weights: Weights, gaps: Gaps, with_causes: AdaptedGaps, noise: Noise
+    ) -> Verdict:
+        answer = self._answer(causes, gaps, with_causes, noise)
         for name in self.search.known:
             if not any(cause.names[0] == name for cause in causes):
                 causes.append(Cause((name,), (1.0,), 0.0, np.nan))
         probability = _probability(weights, weights.inclusion, answer, _left_over(gaps))
         return Verdict(answer, tuple(causes), weights.inclusion, probability)
 
-    def _answer(self, causes: list[Cause], gaps: Gaps, noise: Noise) -> Answer:
+    def _answer(self, causes: list[Cause], gaps: Gaps, own_bones: AdaptedGaps, noise: Noise) -> Answer:
         """Noise that was assumed shows nothing that is larger."""
         if causes:
             return EFFECT
         left = gaps.hardest["with_effect"][ALL].value
         shown = noise.source != ASSUMED or left <= gaps.hardest["noise_floor"][ALL].value
-        beyond = more_than_noise(self.search.without_causes.y, self.search.folds, noise)
+        beyond = more_than_noise(own_bones.informative_deg2, self.search.folds, noise)
         return NONE if shown and not beyond else UNKNOWN
 
-    def _gaps(self, base: BaseGaps, adapted: AdaptedGaps, with_effect: AdaptedGaps, rungs: list[Rung], floor) -> Gaps:
-        """The four levels of each kind of gap."""
-        folds, person = self.search.folds, self.shoulders.person
+    def _gaps(self, found: tuple[BaseGaps, AdaptedGaps, AdaptedGaps, AdaptedGaps], rungs: list[Rung], floor) -> Gaps:
+        """The levels of each kind of gap: as it is, adapted, with own bones, with the causes."""
+        person, null = self.shoulders.person, self.null
         of_subject = np.array([known_mean(floor[self.shoulders.rows_of(s)].T) for s in range(len(person))])
         noise_floor = by_bone(of_subject, person)
 
         def levels(kind: str) -> GapLevels | None:
-            if kind not in base.unseen:
-                return None
-            return _levels(noise_floor, base.unseen[kind], adapted.unseen[kind], with_effect.unseen[kind])
+            return _levels(noise_floor, *(one.unseen[kind] for one in found)) if kind in found[0].unseen else None
 
         other_motion = levels(MOTION)
-        other_person = None
-        if PERSON in folds.kinds and other_motion:
-            chosen = folds.of_kind(PERSON)
-            unseen = by_bone(rungs[-1].gaps_deg[chosen], person[folds.subject])
-            with_causes = unseen if len(rungs) > 1 else other_motion["with_effect"]
-            other_person = _levels(noise_floor, other_motion["base"], other_motion["adapted"], with_causes)
-        in_sample = _levels(noise_floor, base.in_sample, adapted.in_sample, with_effect.in_sample)
+        other_person: GapLevels | None = None
+        if null.folds[0].kind == PERSON and other_motion:
+            unseen = by_bone(rungs[-1].gaps_deg, person[[fold.subject for fold in null.folds]])
+            other_person = {**other_motion, "with_effect": unseen}
+        in_sample = _levels(noise_floor, *(one.in_sample for one in found))
         return Gaps(in_sample, levels(POSTURES) or in_sample, other_motion, other_person)
 
-    def _carried_over(self, rungs: list[Rung]) -> CarriedOver | None:
-        """Predict persons who were not seen with the sizes of the others as they are."""
-        folds, person, search = self.search.folds, self.shoulders.person, self.search
-        if len(rungs) == 1:
-            return None
-        chosen, named = folds.of_kind(PERSON), rungs[-1].hypothesis
-        every = rungs[0].gaps_deg[chosen], search.unseen_gaps_deg(named, own_sizes=False), rungs[-1].gaps_deg[chosen]
-        return CarriedOver(*(by_bone(one, person[folds.subject]) for one in every))
-
     def _budget(self, gaps: Gaps, rungs: list[Rung]) -> tuple[Step, ...]:
-        folds, person = self.search.folds, self.shoulders.person
         seen = gaps.other_motion or gaps.unseen
         steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
-        chosen = folds.of_kind(MOTION)
-        for rung in rungs if self.has_prior_thorax else rungs[1:]:
-            gap = interval(known_mean(rung.gaps_deg[chosen]), person[folds.subject])
-            steps.append(Step(cause_of(rung.added) or THORAX_POINTS, gap))
+        steps.append(Step(OWN_BONES, seen["own_bones"][ALL]))
+        person = self.shoulders.person[[fold.subject for fold in self.null.folds]]
+        for rung in rungs[1:]:
+            steps.append(Step(cause_of(rung.added), interval(known_mean(rung.gaps_deg), person)))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
 
 
@@ -303,8 +269,16 @@ def _left_over(gaps: Gaps) -> float:
     return left_over_share(*(levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor")))
 
 
-def _levels(noise_floor: BoneGaps, base: BoneGaps, adapted: BoneGaps, with_effect: BoneGaps) -> GapLevels:
-    return {"noise_floor": noise_floor, "base": base, "adapted": adapted, "with_effect": with_effect}
+def _levels(
+    noise_floor: BoneGaps, base: BoneGaps, adapted: BoneGaps, own_bones: BoneGaps, with_effect: BoneGaps
+) -> GapLevels:
+    return {
+        "noise_floor": noise_floor,
+        "base": base,
+        "adapted": adapted,
+        "own_bones": own_bones,
+        "with_effect": with_effect,
+    }
 
 
 def _probability(weights: Weights, inclusion: dict[str, float], answer: str, over: float) -> dict[str, float]:

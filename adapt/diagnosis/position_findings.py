@@ -1,20 +1,14 @@
 """What measured positions say of a diagnosis: gaps in mm of the model as it is, adapted, and with the causes."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import jax
 import numpy as np
-from jaxtyping import Float
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps
-from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.fit.prediction import unseen_amplitudes
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
-from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.marks import angles_are_of_landmarks
 from adapt.diagnosis.result import Positions, PositionUse
-from adapt.evaluation.held_out import HeldOut, held_out
+from adapt.evaluation.held_out import HeldOut
 from adapt.evaluation.person_constants import Chains, Places
 from adapt.evaluation.position_check import (
     Judge,
@@ -24,14 +18,9 @@ from adapt.evaluation.position_check import (
     in_folds,
     of_motions,
 )
-from adapt.solvers.objective import WEIGHT, down_weighted
-from adapt.solvers.problems import problems_of
-from adapt.solvers.rows import PostureRows, posture_rows
+from adapt.solvers.rows import posture_rows
 from adapt.solvers.solution import PostureSolution
-from adapt.tables.folds import PERSON, Fold, motions_and_persons
 from adapt.tables.positions_table import ADAPTED, BASE, WITH_CAUSES
-from models.effects import ActiveEffects, Effect
-from models.effects.amplitudes import Amplitudes, PersonalSize, active_effects
 from models.person.family import AnyModel
 from motions.errors import InputError, did_you_mean
 from motions.table import Motions
@@ -104,7 +93,7 @@ def judge_positions(
     before: PostureSolution,
     adapted: AdaptedGaps,
     with_causes: AdaptedGaps,
-    others: Callable[[], HeldOut | None],
+    others: HeldOut | None,
 ) -> Positions:
     """Hold simulated positions against measured ones, in sample and on motions that neither adaptations nor constants
     have seen. ``others``: adaptations with sizes of causes that have not seen the person either, of whom there are
@@ -133,7 +122,7 @@ def _unseen(
     base: Chains,
     adapted: AdaptedGaps,
     with_causes: AdaptedGaps,
-    others: Callable[[], HeldOut | None],
+    others: HeldOut | None,
 ) -> tuple[dict[str, float] | None, dict[str, float] | None]:
     """The gaps of other motions, and of other persons."""
     plain, named = of_motions(adapted.found.held_out), of_motions(with_causes.found.held_out)
@@ -144,12 +133,9 @@ def _unseen(
         ADAPTED: judge.gap_mm(adapted_to_folds(adapted.found.rows, plain), plain.folds),
         WITH_CAUSES: judge.gap_mm(adapted_to_folds(with_causes.found.rows, named), named.folds),
     }
-    of_others = others()
-    if of_others is None:
+    if others is None:
         return motion, None
-    return motion, motion | {
-        WITH_CAUSES: judge.gap_mm(adapted_to_folds(adapted.found.rows, of_others), of_others.folds)
-    }
+    return motion, motion | {WITH_CAUSES: judge.gap_mm(adapted_to_folds(adapted.found.rows, others), others.folds)}
 
 
 def position_noise_mm(measured_mm: Places, shoulders: Shoulders) -> float:
@@ -161,48 +147,3 @@ def position_noise_mm(measured_mm: Places, shoulders: Shoulders) -> float:
     every = np.concatenate(squares)
     known = every[np.isfinite(every)]
     return float(np.sqrt(known.mean() / _VARIANCE)) if len(known) >= _FEWEST else float("nan")
-
-
-def adapted_with_sizes_of_others(
-    search: Search,
-    hypothesis: Hypothesis,
-    motions: Motions,
-    model: AnyModel,
-    library: Mapping[str, Effect],
-    thorax_downweighting: float,
-) -> HeldOut | None:
-    """Adapt each subject without each of its motions, with sizes of the causes about those that other persons have in
-    common on their other motions; None where there are no others."""
-    if PERSON not in search.folds.kinds or not hypothesis:
-        return None
-    rows = posture_rows(motions)
-    folds = [fold for fold in motions_and_persons(motions, search.joint.shoulders.person)[0] if fold.kind == PERSON]
-    sizes = _sizes_of_others(search, hypothesis)
-    effects = {one: active_effects(size, motions, library) for one, size in sizes.items()}
-    each = [_of_subject(effects[fold.held_out, fold.unseen], rows, fold) for fold in folds]
-    stacked = jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
-    weight = down_weighted(WEIGHT, thorax_downweighting)
-    return held_out(problems_of(rows, [model]), rows, folds, weight, active_effects=stacked)
-
-
-def _of_subject(effects: ActiveEffects, rows: PostureRows, fold: Fold) -> ActiveEffects:
-    """Take the strengths at the postures of one subject."""
-
-    def packed(values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures"]:
-        return rows.packed(values)[..., fold.subject]
-
-    return jax.tree.map(packed, effects)
-
-
-def _sizes_of_others(search: Search, hypothesis: Hypothesis) -> dict[tuple[str, tuple[int, ...]], Amplitudes]:
-    """Sizes of the causes by what they have not seen: a kind of motion and subjects."""
-    folds, candidates = search.folds.only(PERSON), search.joint.candidates
-    amplitudes = unseen_amplitudes(folds, candidates, hypothesis, search.mode(hypothesis), search.likelihood_without)
-    sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
-    slices = list(candidates.slices(hypothesis))
-    return {
-        (fold.held_out, fold.unseen): {
-            effect.name: PersonalSize(a[own].tolist(), sd[own].tolist()) for effect, own in slices
-        }
-        for fold, a in zip(folds.each, amplitudes, strict=True)
-    }

@@ -26,12 +26,8 @@ ALL = "all"
 BASE, ADAPTED_STEP, NOISE = "base", "adapted", "noise"
 """Steps of the gap budget beside the causes."""
 
-THORAX_POINTS = "thorax_points"
-"""The step of the budget that down-weights the prior thorax points. ``diagnosis.json`` lists it like a cause, with the
-option that ``--effect`` takes for it: scripts of users rely on that."""
-
-THORAX_OPTION = "--thorax-downweighting"
-"""Of `girdle adapt`."""
+OWN_BONES = "own_bones"
+"""The step of the budget that gives each person bones and frames of its own: the null of every cause."""
 
 
 class Interval(NamedTuple):
@@ -52,9 +48,10 @@ class Cause:
     shares: tuple[float, ...]
     """Probability of each name in this place."""
     gain: float
-    """Share of the gap on unseen motions that it takes away beside the other causes."""
+    """Share of what bones of each person's own leave of the gap on unseen motions, beyond noise, that it takes away, its
+    size from other persons; NaN of what no gap shows."""
     t: float
-    """That difference, paired by motion and person, in its standard errors."""
+    """That difference, paired by person, in its standard errors."""
 
 
 @dataclass(frozen=True)
@@ -124,41 +121,27 @@ class CauseAmplitude:
 
 
 @dataclass(frozen=True)
-class PriorThorax:
-    """The thorax points of the set, another person's, down-weighted: no cause, for they say nothing of the chain.
-
-    No set but one of the person (``girdle model --points``) has points of the person that it is adapted to. They hold
-    the ellipsoid where this person's is not, so causes are searched, sized and predicted with them down-weighted.
-    """
-
-    downweighting: float
-    """k: the points count 1/k in E."""
-    gain: float
-    """Share of the adapted gap beyond noise, on unseen motions, that this takes away; NaN where there is none."""
-
-
-@dataclass(frozen=True)
 class Step:
     """One step of the gap budget: the mean absolute gap on motions not seen, degrees."""
 
     step: str
-    """BASE, ADAPTED_STEP, THORAX_POINTS, the name of a cause that is added, or NOISE."""
+    """BASE, ADAPTED_STEP, OWN_BONES, the name of a cause that is added, or NOISE."""
     gap_deg: Interval
 
 
 BoneGaps = Mapping[str, Interval]
 """By bone: ALL, then those of ``motions.table.BONES``; degrees, with 95 % intervals over persons."""
 
-GapKind = Literal["noise_floor", "base", "adapted", "with_effect"]
-"""What noise alone leaves, and what the model leaves as it is, adapted, and adapted with the causes and with the prior
-thorax points down-weighted."""
+GapKind = Literal["noise_floor", "base", "adapted", "own_bones", "with_effect"]
+"""What noise alone leaves, and what the model leaves as it is, adapted, adapted with bones of each person's own, and
+with the causes beside them."""
 
 GapLevels = Mapping[GapKind, BoneGaps]
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Gaps of `girdle adapt`, and with the causes of `girdle adapt --effect`, on what was fitted and what was not."""
+    """Gaps of `girdle adapt`, with `--own-bones`, and with the causes beside them, on what was fitted and what was not."""
 
     in_sample: GapLevels
     unseen: GapLevels
@@ -178,25 +161,6 @@ class Gaps:
         """How much of the adapted gap the causes take away, unseen: a fraction; NaN where unknown."""
         adapted, with_effect = self.hardest["adapted"][ALL].value, self.hardest["with_effect"][ALL].value
         return (adapted - with_effect) / adapted if adapted else 0.0
-
-
-@dataclass(frozen=True)
-class CarriedOver:
-    """Gaps of persons of whom the sizes of the causes have seen nothing, on motions that were not fitted."""
-
-    without_causes: BoneGaps
-    """Without those that are sized; points on the thorax that are another person's count less."""
-    sizes_of_others: BoneGaps
-    """With the sizes that other persons have in common, as they are."""
-    own_sizes: BoneGaps
-    """With the person's own about them, adapted to its other motions."""
-
-    @property
-    def share(self) -> float:
-        """How much of what own sizes take away those of others do; below 0 they make it worse. NaN where own ones take
-        nothing."""
-        none, others, own = (gaps[ALL].value for gaps in (self.without_causes, self.sizes_of_others, self.own_sizes))
-        return (none - others) / (none - own) if none > own else math.nan
 
 
 @dataclass(frozen=True)
@@ -293,9 +257,6 @@ class Diagnosis:
     verdict: Verdict
     amplitude: dict[str, CauseAmplitude]
     """By the first name of each cause."""
-    prior_thorax: PriorThorax | None
-    """Beside the causes, the prior thorax points down-weighted; None with points of the person, or where that alone
-    takes next to nothing."""
     landmark_sizes: dict[str, dict[str, Interval]]
     """By name and direction, what landmarks say of the sizes that candidates change, against the set: the diagnosis
     starts from it. Empty without landmarks."""
@@ -307,8 +268,6 @@ class Diagnosis:
     left_over_share: float
     """Share of the adapted gap beyond noise that the causes leave over; NaN where there is none."""
     gaps: Gaps
-    carried_over: CarriedOver | None
-    """Whether sizes hold for persons who were not seen; None without causes or other persons."""
     parameters: dict[str, ParameterMeans]
     where: Where
     indistinguishable: list[list[str]]
@@ -330,14 +289,9 @@ class Diagnosis:
         return tuple(as_option(name, amplitude) for name, amplitude in self.effects.items())
 
     @property
-    def thorax_downweighting(self) -> float:
-        """How many times less the thorax points count beside the causes, as ``adapt_subjects`` takes it."""
-        return self.prior_thorax.downweighting if self.prior_thorax else 1.0
-
-    @property
     def goes_further(self) -> bool:
-        """Whether the gap ``with_effect`` is another one than ``adapted``."""
-        return bool(self.effects) or self.prior_thorax is not None
+        """Whether there are causes beside bones of each person's own."""
+        return bool(self.effects)
 
     @property
     def can_test(self) -> bool:

@@ -5,6 +5,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import jax
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
@@ -90,19 +91,21 @@ def adapt_with_folds(
     progress: Callable[[str], None] = lambda _: None,
     dtype: DTypeLike = np.float64,
     people: People | None = None,
+    fold_effects: ActiveEffects | None = None,
 ) -> AdaptedSubjects:
     """Adapt every model to every subject, and again without what each fold holds out.
 
     The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has bones of their own.
+    ``fold_effects``: see :func:`held_out`.
     """
     data = problems_of(rows, models)
     if people is not None:
-        return _with_own_bones(data, rows, models, folds, weight, progress, people)
+        return _with_own_bones(data, rows, models, folds, weight, progress, people, fold_effects)
     data = as_type(data, dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     found = nothing_held_out(data, adapted)
     if folds:
-        found = held_out(data, rows, folds, weight, reading, progress)
+        found = held_out(data, rows, folds, weight, reading, progress, fold_effects)
     return AdaptedSubjects(rows, data.with_sizes(adapted.sizes), adapted, found)
 
 
@@ -119,6 +122,7 @@ def _with_own_bones(
     weight: float,
     progress: Callable[[str], None],
     people: People,
+    fold_effects: ActiveEffects | None,
 ) -> AdaptedSubjects:
     """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
     progress("bones of each person's own")
@@ -130,6 +134,9 @@ def _with_own_bones(
     scales = everybody + [without[k] for k in problem.tolist()]
     persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion).at(every)
     parts = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
+    if fold_effects is not None:
+        both = jax.tree.map(lambda *each: np.concatenate(each, axis=-1), data.active_effects, fold_effects)
+        parts = replace(parts, active_effects=both)
     found = own_or_plain(parts, persons._replace(scales=scales), weight)  # at once: of each few are left at last
     own_data, adapted, own = take_problems(found, slice(several))
     part_of, without_parts = take_problems(found[:2], slice(several, None))
@@ -144,15 +151,15 @@ def held_out(
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
-    active_effects: ActiveEffects | None = None,
+    fold_effects: ActiveEffects | None = None,
 ) -> HeldOut:
     """Adapt every problem (model * subjects + subject) of ``data`` anew without what each of its folds holds out.
 
-    At least one fold. ``active_effects``: of the folds, (channels, postures, folds), in place of those of ``data``.
+    At least one fold. ``fold_effects``: (channels, postures, folds), in place of the effects of ``data``.
     """
 
     def adapt(part: Problems, _) -> tuple[Problems, Adapted]:
-        part = part if active_effects is None else replace(part, active_effects=active_effects)
+        part = part if fold_effects is None else replace(part, active_effects=fold_effects)
         without = adapt_batch(part, weight, reading)
         return part.with_sizes(without.sizes), without
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from adapt.diagnosis.location.gap_location import Cell
-from adapt.diagnosis.result import ADAPTED_STEP, ALL, BASE, NOISE, THORAX_POINTS, Diagnosis, GapKind, Gaps
+from adapt.diagnosis.result import ADAPTED_STEP, ALL, BASE, NOISE, OWN_BONES, Diagnosis, GapKind, Gaps
 from adapt.diagnosis.texts.wording import (
     gap_text,
     held_out_text,
@@ -110,7 +110,7 @@ def budget(diagnosis: Diagnosis) -> Figure:
     largest = float(np.nanmax(values, initial=0.0)) or 1.0
     figure = Figure(figsize=(6.0, 1.1 + 0.27 * len(steps)), layout="constrained")
     axes = figure.subplots()
-    shades = {BASE: "0.8", ADAPTED_STEP: _LIGHT_BLUE, THORAX_POINTS: _LIGHT_BLUE, NOISE: "0.6"}
+    shades = {BASE: "0.8", ADAPTED_STEP: _LIGHT_BLUE, OWN_BONES: _LIGHT_BLUE, NOISE: "0.6"}
     axes.barh(rows, values[:, 0], color=[shades.get(step.step, BLUE) for step in steps], height=0.68)
     axes.hlines(rows, values[:, 1], values[:, 2], color="black", linewidth=1.0)
     for y, (value, _, high) in enumerate(values.tolist()):
@@ -149,7 +149,7 @@ def inclusion(diagnosis: Diagnosis) -> Figure:
 
 def gaps(diagnosis: Diagnosis) -> Figure:
     """Draw the noise floor and the gap of the model as it is, adapted, and with the causes, one panel per bone."""
-    kinds: dict[GapKind, str] = {"base": "model as it is", "adapted": "adapted"}
+    kinds: dict[GapKind, str] = {"base": "model as it is", "adapted": "adapted", "own_bones": "bones of their own"}
     if diagnosis.goes_further:
         kinds["with_effect"] = "with the causes"
     kinds["noise_floor"] = "noise alone"

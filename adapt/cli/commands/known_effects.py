@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from adapt.cli.options import console
-from adapt.diagnosis.result import THORAX_OPTION, THORAX_POINTS
-from adapt.diagnosis.texts.wording import DOWN_WEIGHTED
+from adapt.cli.options import THORAX_OPTION, console
 from adapt.solvers.objective import WEIGHT, down_weighted
 from models.effects.amplitudes import OPTION, Amplitudes, described, read_amplitudes
 from motions.errors import InputError
+
+THORAX_POINTS = "thorax_points"
+"""The same setting of E as ``THORAX_OPTION``, as ``--effect`` takes it."""
+
+DOWN_WEIGHTED = "prior thorax points down-weighted"
 
 
 @dataclass(frozen=True)

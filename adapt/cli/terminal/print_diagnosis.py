@@ -99,7 +99,12 @@ def _causes(diagnosis: Diagnosis) -> Table:
 
 def _gaps(diagnosis: Diagnosis) -> Table:
     gaps, table = diagnosis.gaps, folding_table(None, [""], _COLUMNS)
-    kinds: dict[GapKind, str] = {"noise_floor": "noise alone", "base": "model as it is", "adapted": "adapted"}
+    kinds: dict[GapKind, str] = {
+        "noise_floor": "noise alone",
+        "base": "model as it is",
+        "adapted": "adapted",
+        "own_bones": "bones of their own",
+    }
     if diagnosis.goes_further:
         kinds["with_effect"] = "with the causes"
     parts: dict[str, GapLevels | None] = {
@@ -113,8 +118,6 @@ def _gaps(diagnosis: Diagnosis) -> Table:
             continue
         table.add_row(part)
         rows = {name: levels[kind] for kind, name in kinds.items()}
-        if diagnosis.carried_over and levels is gaps.other_person:
-            rows["others' sizes"] = diagnosis.carried_over.sizes_of_others
         for name, of_bones in rows.items():
             values = (interval_text(of_bones[bone]) for bone in _COLUMNS)
             table.add_row(f"  {name}", *values, end_section=name == list(rows)[-1])

@@ -12,7 +12,7 @@ from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval
 from adapt.evaluation.covariance import NORMAL_95
 from models.effects import Effect
-from models.effects.amplitudes import PersonalSize, rounded
+from models.effects.amplitudes import rounded
 from models.effects.course import root_mean_square
 
 _DRAWS, _SEED = 400, 5
@@ -24,15 +24,15 @@ def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitu
         return {}
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
     given = search.given(search.mode(hypothesis), hypothesis)
-    sd = search.discrepancy.between_per_deg * candidates.scale[candidates.where(hypothesis)]
     found = {}
     for effect, own in candidates.slices(hypothesis):
-        count, a = len(effect.directions), given.amplitude[own]
+        count, draws = len(effect.directions), draws_of(search, effect.name)
+        a = draws.mean(axis=0)
         columns = effect.course.strengths(count, shoulders.motions)
         felt = effect.course.felt(count, shoulders.motions)
         shares = share_of(given.of_shoulders[:, own], a, columns)
         found[effect.name] = replace(
-            _described(effect, a, sd[own], draws_of(search, effect.name), columns, felt, candidates),
+            _described(effect, a, draws, columns, felt, candidates),
             by_subject=dict(zip(shoulders.subjects, shares.tolist(), strict=True)),
         )
     return found
@@ -90,7 +90,7 @@ def of_landmarks(effect: Effect, size: MeasuredSize) -> dict[str, Interval]:
     }
 
 
-def _described(effect: Effect, value, sd, draws, columns, felt, candidates: Candidates) -> CauseAmplitude:
+def _described(effect: Effect, value, draws, columns, felt, candidates: Candidates) -> CauseAmplitude:
     terms = len(effect.course.sd)
     scale = candidates.scale[candidates.places[effect.name]]
     mean = candidates.mean[candidates.places[effect.name]]
@@ -110,5 +110,5 @@ def _described(effect: Effect, value, sd, draws, columns, felt, candidates: Cand
         size=Interval(size, float(low), float(high)),
         typical=float(typical),
         directions=numbers,
-        amplitude=PersonalSize(rounded(value.tolist()), rounded(sd.tolist())),
+        amplitude=rounded(value.tolist()),
     )

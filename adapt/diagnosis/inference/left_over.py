@@ -1,7 +1,6 @@
 """What no cause explains: the share of the gap that is left over, and whether it is more than noise."""
 
 import numpy as np
-from jaxtyping import Float
 
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.result import Noise
@@ -17,8 +16,9 @@ def left_over_share(adapted_deg: float, with_causes_deg: float, noise_deg: float
     return float(np.clip((with_causes_deg - noise_deg) / beyond, 0.0, 1.0)) if beyond > 0 else np.nan
 
 
-def more_than_noise(y: Float[np.ndarray, "rows 3"], folds: Folds, noise: Noise) -> bool:
-    """Tell whether y of the adapted model is larger than noise; one number of each constraint a motion of a person."""
-    ratio = float((y**2).mean()) / noise.angle_deg**2
+def more_than_noise(square_deg2: float, folds: Folds, noise: Noise) -> bool:
+    """Tell whether the mean square of what is informative is larger than noise; one number of each constraint a motion
+    of a person."""
+    ratio = square_deg2 / noise.angle_deg**2
     spread = np.sqrt(2.0 / (len(CONSTRAINTS) * len(folds.subject)) + 2.0 / noise.freedom)
     return float(np.log(ratio)) > _SURELY * spread

@@ -32,15 +32,13 @@ def indistinguishable(at: Linearised) -> list[list[str]]:
 
 _ANOTHER_MOTION = "another kind of motion: a cause is named if it predicts motions that it was not fitted to"
 _MORE_PERSONS = "more persons: a cause is named if it predicts persons that it was not fitted to"
-_THORAX = "points on the thorax (girdle model --points): another person's hold the ellipsoid here"
 
 
-def lacking(kinds: int, persons: int, thorax: bool) -> tuple[str, ...]:
-    """Say what the data lack, whatever is at work; ``thorax``: another person's points cost something here."""
+def lacking(kinds: int, persons: int) -> tuple[str, ...]:
+    """Say what the data lack, whatever is at work."""
     return (
         *([_ANOTHER_MOTION] if kinds == 1 else []),
         *([_MORE_PERSONS] if persons == 1 else []),
-        *([_THORAX] if thorax else []),
     )
 
 

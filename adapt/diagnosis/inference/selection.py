@@ -10,7 +10,6 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.inference.alternatives import LEVEL, CredibleSet, credible_set
-from adapt.diagnosis.inference.budget import Rung, ladder
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
@@ -49,13 +48,10 @@ def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: fl
 
 
 class Named(NamedTuple):
-    """The causes that are named, with what each of them adds to the others."""
+    """The causes that are named."""
 
     hypothesis: Hypothesis
     """Names of the candidates."""
-    gains: Mapping[str, Gain]
-    rungs: list[Rung]
-    """Of the gap budget."""
     chosen: Node
     """The set of which they are."""
     sets: Mapping[str, CredibleSet] = MappingProxyType({})
@@ -65,14 +61,14 @@ class Named(NamedTuple):
 def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the causes that predict, of the set that carries over; noise alone leaves a gap of ``floor_deg``."""
     chosen, places = _chosen(search)
-    hypothesis, gains = _predicting(search, chosen, floor_deg)
+    hypothesis = _predicting(search, chosen, floor_deg)
     sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
-    return Named(hypothesis, gains, ladder(search, hypothesis), chosen, sets)
+    return Named(hypothesis, chosen, sets)
 
 
 def nothing_named(search: Search) -> Named:
     """Name no cause."""
-    return Named((), {}, ladder(search, ()), search.nodes[search.known])
+    return Named((), search.nodes[search.known])
 
 
 def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
@@ -127,7 +123,7 @@ def _weakest(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) 
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None
 
 
-def _predicting(search: Search, node: Node, floor_deg: float) -> tuple[Hypothesis, dict[str, Gain]]:
+def _predicting(search: Search, node: Node, floor_deg: float) -> Hypothesis:
     """Take the cause out of a set that predicts least beside the others, again and again until each predicts enough."""
     chosen = node.hypothesis
     while True:
@@ -135,5 +131,5 @@ def _predicting(search: Search, node: Node, floor_deg: float) -> tuple[Hypothesi
         gains = {name: gain(search, without(chosen, name), chosen, floor_deg) for name in chosen}
         short = [name for name in gains if not gains[name].enough]
         if not short:
-            return chosen, gains
+            return chosen
         chosen = without(chosen, min(short, key=lambda name: gains[name].share))

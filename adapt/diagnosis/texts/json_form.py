@@ -11,15 +11,11 @@ from typing import Any
 import numpy as np
 
 from adapt.diagnosis.result import (
-    THORAX_POINTS,
-    Cause,
     CauseAmplitude,
     Diagnoses,
     Diagnosis,
     Gaps,
-    Interval,
     Positions,
-    PriorThorax,
     Step,
 )
 from adapt.diagnosis.texts.wording import sentence
@@ -41,7 +37,7 @@ def as_json(diagnoses: Diagnoses) -> JsonObject:
 
 
 def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
-    amplitude = {cause.names[0]: _size(diagnosis, cause.names[0]) for cause in _causes(diagnosis)}
+    amplitude = {name: _amplitude(diagnosis.amplitude[name]) for name in diagnosis.verdict.names}
     return plain(
         {
             "model": diagnosis.model,
@@ -54,7 +50,6 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
             "alone_deg": diagnosis.alone_deg,
             "left_over_share": diagnosis.left_over_share,
             "gap_deg": _gaps(diagnosis.gaps),
-            "carried_over": _carried_over(diagnosis),
             "where": diagnosis.where.cells,
             "where_by": diagnosis.where.profile,
             "constraints": diagnosis.where.constraints,
@@ -82,7 +77,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
 
 def _verdict(diagnosis: Diagnosis) -> JsonObject:
     """With ``effects``, the first name of each cause; the last three go with ``causes``, one by one."""
-    causes = _causes(diagnosis)
+    causes = diagnosis.verdict.causes
     return {
         "answer": diagnosis.verdict.answer,
         "causes": [one.names for one in causes],
@@ -91,34 +86,6 @@ def _verdict(diagnosis: Diagnosis) -> JsonObject:
         "shares": [one.shares for one in causes],
         "gain": [one.gain for one in causes],
         "t": [one.t for one in causes],
-    }
-
-
-def _causes(diagnosis: Diagnosis) -> list[Cause]:
-    """The causes, and behind those with a size the prior thorax points, down-weighted."""
-    causes, sized, thorax = diagnosis.verdict.causes, len(diagnosis.effects), diagnosis.prior_thorax
-    beside = [Cause((THORAX_POINTS,), (1.0,), thorax.gain, math.nan)] if thorax else []
-    return [*causes[:sized], *beside, *causes[sized:]]
-
-
-def _size(diagnosis: Diagnosis, name: str) -> JsonObject:
-    if name == THORAX_POINTS and diagnosis.prior_thorax:
-        return _thorax(diagnosis.prior_thorax)
-    return _amplitude(diagnosis.amplitude[name])
-
-
-def _thorax(thorax: PriorThorax) -> JsonObject:
-    k = Interval(thorax.downweighting, math.nan, math.nan)
-    return {
-        "what": "prior thorax points down-weighted: another person's, they count 1/k",
-        "course": "",
-        "unit": "1",
-        **k._asdict(),
-        "typical": k.value,
-        "too_large": False,
-        "directions": {"k": k},
-        "option": f"{THORAX_POINTS}={k.value:g}",
-        "by_subject": {},
     }
 
 
@@ -134,11 +101,6 @@ def _amplitude(amplitude: CauseAmplitude) -> JsonObject:
         "option": amplitude.option,
         "by_subject": amplitude.by_subject,
     }
-
-
-def _carried_over(diagnosis: Diagnosis) -> JsonObject | None:
-    carried = diagnosis.carried_over
-    return None if carried is None else {**asdict(carried), "share": carried.share}
 
 
 def _step(step: Step) -> JsonObject:

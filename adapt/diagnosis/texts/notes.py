@@ -1,12 +1,10 @@
 """What the numbers of a diagnosis rest on, a sentence each."""
 
-import math
 from collections.abc import Collection, Sequence
 
-from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
-from adapt.diagnosis.result import ALL, THORAX_OPTION, THORAX_POINTS, Diagnosis, Noise
-from adapt.diagnosis.texts.wording import DOWN_WEIGHTED, gap_text, listed, unseen_text
+from adapt.diagnosis.result import Diagnosis, Noise
+from adapt.diagnosis.texts.wording import listed
 from models.effects.amplitudes import OPTION
 
 
@@ -22,41 +20,11 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *_landmark_sizes(diagnosis),
         *_limits(diagnosis),
         *_sampled(diagnosis),
-        *_thorax(diagnosis),
-        *_carried_over(diagnosis),
         *(f"{name}: larger than such an effect is: something that acts like it." for name in too_large),
         *(_indistinguishable(names, candidates) for names in diagnosis.indistinguishable),
         *(f"Left out: {subject}: {why}." for subject, why in diagnosis.left_out.items()),
         *(f"Left out: {slip}." for slip in diagnosis.slips),
         *([_how_to_adapt(diagnosis)] if diagnosis.goes_further else []),
-    ]
-
-
-def _thorax(diagnosis: Diagnosis) -> list[str]:
-    """What another person's points on the thorax do; nothing of the person's own."""
-    gaps_deg = [step.gap_deg.value for step in diagnosis.budget if step.step == THORAX_POINTS]
-    if not gaps_deg:
-        return []
-    count_less = f"with {THORAX_OPTION} {THORAX_DOWNWEIGHTING:g} they count 1/{THORAX_DOWNWEIGHTING:g}"
-    return [
-        f"The points on the thorax are prior, another person's: {count_less}, and the gap on "
-        f"{unseen_text(diagnosis.gaps)} is {gap_text(gaps_deg[0])} deg. Better measure the person's own (girdle model "
-        "--points)."
-    ]
-
-
-def _carried_over(diagnosis: Diagnosis) -> list[str]:
-    """Whether a new person can have the sizes of others."""
-    carried = diagnosis.carried_over
-    if carried is None or not math.isfinite(carried.share):
-        return []
-    others, own, none = (
-        gap_text(gaps[ALL].value) for gaps in (carried.sizes_of_others, carried.own_sizes, carried.without_causes)
-    )
-    said = f"to {carried.share:.0%}" if carried.share > 0.0 else "not at all: adapt each person"
-    return [
-        f"Sizes carry over to other persons {said}. On unseen motions a person keeps {others} deg with those of others "
-        f"as they are, {own} with its own, {none} without these causes."
     ]
 
 
@@ -113,7 +81,4 @@ def _how_to_adapt(diagnosis: Diagnosis) -> str:
     """How the next adaptation takes all of it into account at once."""
     names = [name for name, one in diagnosis.amplitude.items() if one.amplitude is not None]
     options = [f"{OPTION} {one}" for one in diagnosis.options]
-    if thorax := diagnosis.prior_thorax:
-        names.append(DOWN_WEIGHTED)
-        options.append(f"{THORAX_OPTION} {thorax.downweighting:g}")
-    return f"To adapt with {listed(names, 'and')}: girdle adapt ... {' '.join(options)}"
+    return f"To adapt with {listed(names, 'and')}: girdle adapt ... --own-bones {' '.join(options)}"

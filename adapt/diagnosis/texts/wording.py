@@ -10,10 +10,11 @@ from adapt.diagnosis.result import (
     EFFECT,
     NOISE,
     NONE,
-    THORAX_POINTS,
+    OWN_BONES,
     Cause,
     CauseAmplitude,
     Diagnosis,
+    GapKind,
     Gaps,
     Interval,
     Verdict,
@@ -29,8 +30,8 @@ _FINE = 1.0
 _LEAST_PROBABILITY = 0.005
 """Less than it would be written as 0.00, which says that there is none."""
 
-DOWN_WEIGHTED = "prior thorax points down-weighted"
-"""What stands beside the causes where the points on the thorax are another person's."""
+OWN = "bones of their own"
+"""What every person has, before any cause."""
 
 _MOST_NAMES = 3
 """Causes that are named where not all of them have room."""
@@ -40,27 +41,25 @@ def sentence(diagnosis: Diagnosis) -> str:
     """Say the verdict as a biomechanist reads it first, in at most MOST_WORDS words."""
     if diagnosis.verdict.answer != EFFECT:
         return _without_cause(diagnosis)
-    adapted, with_effect, floor = _levels(diagnosis)
-    verb = "shrinks" if diagnosis.gaps.shrinkage > 0.0 else "goes"
-    goes = f"the gap of {subjects_text(diagnosis)} {verb} from {adapted} to {with_effect} deg"
-    start, end = f"On {unseen_text(diagnosis.gaps)} {goes} with", f"noise alone leaves {floor}."
-    beside = f", {DOWN_WEIGHTED}" if diagnosis.prior_thorax else ""
+    before, with_effect, floor = _levels(diagnosis, "own_bones")
+    verb = "shrinks" if float(with_effect) < float(before) else "goes"
+    goes = f"beyond {OWN} the gap of {subjects_text(diagnosis)} {verb} from {before} to {with_effect} deg"
+    start, end = f"On {unseen_text(diagnosis.gaps)}, {goes} with", f"noise alone leaves {floor}."
     too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
-    *_, shortest = said = [f"{start} {names}{beside}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
+    *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
     return next((one for one in said if len(one.split()) <= MOST_WORDS), shortest)
 
 
 def _without_cause(diagnosis: Diagnosis) -> str:
-    """Say that none is named, and what the prior thorax points take away, down-weighted."""
-    adapted, with_effect, floor = _levels(diagnosis)
-    unseen, subjects, thorax = unseen_text(diagnosis.gaps), subjects_text(diagnosis), diagnosis.prior_thorax
-    goes = f"goes from {adapted} to {with_effect} deg with {DOWN_WEIGHTED}" if thorax else f"stays at {adapted} deg"
-    end = f"{goes}; noise alone leaves {floor}."
+    """Say that none is named, and what bones of each person's own take away."""
+    adapted, own, floor = _levels(diagnosis)
+    unseen, subjects = unseen_text(diagnosis.gaps), subjects_text(diagnosis)
+    goes = f"the gap of {subjects} on {unseen} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
     if not diagnosis.can_test:
-        return f"One motion of one person cannot show a cause: the gap on {unseen} {end}"
+        return f"One motion of one person cannot show a cause: {goes}"
     if diagnosis.verdict.answer == NONE:
-        return f"Nothing beyond noise{' but the thorax' if thorax else ''}: on {unseen} the gap of {subjects} {end}"
-    return f"No candidate predicts {unseen} better: the gap of {subjects} {end}"
+        return f"People differ, nothing else shows: {goes}"
+    return f"No candidate predicts more: {goes}"
 
 
 def number(value: float | None, coarse: float | None = None) -> str:
@@ -121,7 +120,7 @@ def answer_text(verdict: Verdict) -> str:
 
 def step_text(step: str) -> str:
     """Write a step of the gap budget: 'model as it is', '+ ac_translation', 'noise alone'."""
-    words = {BASE: "model as it is", ADAPTED_STEP: "adapted", THORAX_POINTS: DOWN_WEIGHTED, NOISE: "noise alone"}
+    words = {BASE: "model as it is", ADAPTED_STEP: "adapted", OWN_BONES: "+ bones of their own", NOISE: "noise alone"}
     return words.get(step, f"+ {step}")
 
 
@@ -175,10 +174,9 @@ def _two_names(names: tuple[str, ...]) -> str:
     return f"{names[0]} (or {names[1]}{', ...' if names[2:] else ''})" if names[1:] else names[0]
 
 
-def _levels(diagnosis: Diagnosis) -> tuple[str, str, str]:
-    """The most unseen gap, degrees: adapted, with the causes, from noise; two digits where one shows no change."""
+def _levels(diagnosis: Diagnosis, before: GapKind = "adapted") -> tuple[str, str, str]:
+    """The most unseen gap, degrees: before, with the causes, from noise; two digits where one shows no change."""
     levels = diagnosis.gaps.hardest
-    adapted, with_effect, floor = (levels[kind][ALL].value for kind in ("adapted", "with_effect", "noise_floor"))
-    coarse = gap_text(adapted, 1), gap_text(with_effect, 1), gap_text(floor, 1)
-    fine = gap_text(adapted), gap_text(with_effect), gap_text(floor)
-    return coarse if len(set(coarse)) == len(set(fine)) else fine
+    found = [levels[kind][ALL].value for kind in (before, "with_effect", "noise_floor")]
+    coarse, fine = (tuple(gap_text(value, digits) for value in found) for digits in (1, 2))
+    return coarse if len(set(coarse)) == len(set(fine)) else fine  # pyright: ignore[reportReturnType]

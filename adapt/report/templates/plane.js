@@ -191,7 +191,7 @@ function drawHeat() {
   });
 }
 
-const GAPS = { base: "as it is", adapted: "adapted", with_effect: "with causes", noise_floor: "noise alone" };
+const GAPS = { base: "as it is", adapted: "adapted", own_bones: "own bones", with_effect: "with causes", noise_floor: "noise alone" };
 const BONES = { all: "both bones", clavicle: "clavicle", scapula: "scapula" };
 const gapKinds = () => Object.keys(GAPS).filter((kind) => kind in data.gap[model().name].unseen);
 

@@ -1,38 +1,13 @@
-"""The gap budget: how the gap on unseen motions shrinks as one cause after the other is added, and what each
-candidate would do alone."""
-
-from typing import NamedTuple
+"""What each candidate would do alone to the gap on unseen motions."""
 
 import numpy as np
 from jaxtyping import Float
 
-from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.unseen_folds import Folds
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.result import NONE
 from adapt.tables.folds import MOTION
-
-
-class Rung(NamedTuple):
-    """One hypothesis, in every fold."""
-
-    added: str
-    """The cause that it adds to the one before; empty for the first."""
-    hypothesis: Hypothesis
-    gaps_deg: Float[np.ndarray, "folds 6"]
-
-
-def ladder(search: Search, named: Hypothesis) -> list[Rung]:
-    """Add the named causes one by one, the one that takes most of the unseen gap first."""
-    sets, order = [named], []
-    while sets[-1]:
-        search.predict([without(sets[-1], name) for name in sets[-1]])
-        dropped = min(sets[-1], key=lambda name: unseen_gap_deg(search, without(sets[-1], name)))
-        order.append(dropped)
-        sets.append(without(sets[-1], dropped))
-    added = ["", *reversed(order)]
-    return [Rung(name, one, search.unseen_gaps_deg(one)) for name, one in zip(added, reversed(sets), strict=True)]
 
 
 def alone_deg(search: Search) -> dict[str, float]:
@@ -47,11 +22,6 @@ def alone_deg(search: Search) -> dict[str, float]:
         cause, gap = candidates.causes[name[0]] if name else NONE, _mean_gap_deg(motions, gaps)
         found[cause] = min(gap, found.get(cause, gap))
     return dict(sorted(found.items(), key=lambda one: one[1]))
-
-
-def unseen_gap_deg(search: Search, hypothesis: Hypothesis) -> float:
-    """Predict the mean gap of unseen postures."""
-    return _mean_gap_deg(search.folds, search.unseen_gaps_deg(hypothesis))
 
 
 def _mean_gap_deg(folds: Folds, gaps_deg: Float[np.ndarray, "folds 6"]) -> float:

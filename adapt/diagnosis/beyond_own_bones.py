@@ -1,0 +1,179 @@
+"""The null that every cause is held against: people have bones of their own (``adapt.solvers.own_bones``).
+
+A cause is named if it predicts what bones of each person's own do not. With a set of causes V, their sizes from other
+persons on other motions,
+
+    share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
+
+of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
+all go where share(V) is less than ``LEAST_SHARE``. A constant of bones or frames is one that own bones hold: each
+person's own predicts as well as one that all have alike. So such a cause rests on the evidence alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
+from adapt.diagnosis.fit.candidates import Hypothesis, without
+from adapt.diagnosis.inference.intervals import known_mean
+from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size
+from adapt.evaluation.held_out import HeldOut, adapt_with_folds
+from adapt.solvers.own_bones.own_adaptation import People, learn_people
+from adapt.solvers.rows import PostureRows, posture_rows
+from adapt.tables.folds import MOTION, PERSON, Fold, motions_and_persons, motions_and_thirds
+from models.effects import Effect
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
+from models.effects.effect import cause_of
+from models.effects.set_numbers import NUMBER_EFFECTS
+from models.person.family import AnyModel
+from motions.table import Motions
+
+LEAST_SHARE = 0.1
+"""Of the null's gap beyond noise, that causes take: less is within what another set of persons would change."""
+
+OWN_CONSTANTS = frozenset(
+    (
+        "scapula_landmark_bias",
+        "clavicle_frame_bias",
+        "clavicle_length",
+        "scapula_size",
+        "ac_offset",
+        *(effect.name for effect in NUMBER_EFFECTS.values()),
+    )
+)
+"""Causes that bones and frames of a person's own hold."""
+
+
+class Rung(NamedTuple):
+    """Own bones with some causes, in every fold."""
+
+    added: str
+    """The effect that it adds to the one before; empty for the first."""
+    hypothesis: Hypothesis
+    gaps_deg: Float[np.ndarray, "folds 6"]
+
+
+class Gain(NamedTuple):
+    """What one cause adds beside own bones and the causes before it."""
+
+    share: float
+    """Of the null's gap beyond noise."""
+    t: float
+    """Of the paired differences of persons and motions, in their standard errors."""
+
+
+@dataclass(frozen=True)
+class OwnBonesNull:
+    """Adaptations with bones of each person's own, with causes or without."""
+
+    search: Search
+    model: AnyModel
+    motions: Motions
+    library: Mapping[str, Effect]
+    person: Mapping[str, int]
+    """Number of the person of each subject."""
+    found: dict[tuple[Hypothesis, Hypothesis], HeldOut] = field(default_factory=dict)
+    """What is held out with sets of causes, each among those that were named together."""
+
+    @cached_property
+    def rows(self) -> PostureRows:
+        """The postures, without effects."""
+        return posture_rows(self.motions)
+
+    @cached_property
+    def people(self) -> People:
+        """How these persons differ."""
+        return learn_people(self.rows, [self.model])
+
+    @cached_property
+    def folds(self) -> list[Fold]:
+        """Each motion together with each person, of one person each motion (of one motion each third)."""
+        every = motions_and_persons(self.motions, self.search.joint.shoulders.person)[0]
+        kind = PERSON if PERSON in self.search.folds.kinds else MOTION
+        return [fold for fold in every if fold.kind == kind]
+
+    def adapted(self, amplitudes: Amplitudes = NO_EFFECTS) -> AdaptedGaps:
+        """Adapt with these effects, as `girdle adapt --own-bones --effect` does."""
+        rows = posture_rows(self.motions, amplitudes, self.library)
+        parts = motions_and_thirds(self.motions)
+        return gaps_of(adapt_with_folds(rows, [self.model], parts, people=self.people), self.person)
+
+    def unseen(self, hypothesis: Hypothesis, named: Hypothesis) -> HeldOut:
+        """Predict what is held out with causes whose sizes have not seen it. Those ``named`` that are not in the
+        hypothesis have the size 0: one compiled program serves all sets of them."""
+        key = hypothesis, named if hypothesis else ()
+        if key not in self.found:
+            rows, effects = self.rows, None
+            if hypothesis:
+                laid_out = self.search, hypothesis, self.motions, rows, self.folds, self.library
+                effects = effects_of_folds(*laid_out, named)
+                none = active_effects(no_size(named, self.library), self.motions, self.library)
+                rows = replace(rows, active_effects=none)
+            self.found[key] = adapt_with_folds(
+                rows, [self.model], self.folds, people=self.people, fold_effects=effects
+            ).held_out
+        return self.found[key]
+
+    def gaps_deg(self, hypothesis: Hypothesis, named: Hypothesis = ()) -> Float[np.ndarray, "folds 6"]:
+        """Average what it leaves of each angle in each fold."""
+        return np.array([known_mean(gaps) for gaps in self.unseen(hypothesis, named).unseen_deg])
+
+    def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
+        """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
+        null = self._mean(())
+        chosen = named
+        while held := [name for name in chosen if self._is_held(name)]:
+            gaps = {name: self._mean(without(chosen, name), named) for name in held}
+            worst = min(held, key=gaps.__getitem__)
+            if gaps[worst] > self._mean(chosen, named):
+                break
+            chosen = without(chosen, worst)
+        constants = tuple(name for name in chosen if not self._is_held(name))
+        share = (self._mean(constants, named) - self._mean(chosen, named)) / max(null - floor_deg, 1e-9)
+        return chosen if len(chosen) == len(constants) or share >= LEAST_SHARE else constants
+
+    def ladder(self, chosen: Hypothesis, named: Hypothesis) -> list[Rung]:
+        """Add causes one by one, the one that takes most of the unseen gap first; they were chosen of ``named``."""
+        sets, order = [chosen], []
+        while sets[-1]:
+            dropped = min(sets[-1], key=lambda name: self._mean(without(sets[-1], name), named))
+            order.append(dropped)
+            sets.append(without(sets[-1], dropped))
+        pairs = zip(["", *reversed(order)], reversed(sets), strict=True)
+        return [Rung(name, one, self.gaps_deg(one, named)) for name, one in pairs]
+
+    def gains(self, rungs: list[Rung], floor_deg: float) -> dict[str, Gain]:
+        """Say what each cause of a ladder takes beside those before it."""
+        beyond = self._mean(()) - floor_deg
+        persons = np.array([self.person[self.motions.subjects[fold.subject]] for fold in self.folds])
+        found = {}
+        for before, rung in pairwise(rungs):
+            less = known_mean(before.gaps_deg - rung.gaps_deg)
+            error = _standard_error(less, persons)
+            mean = float(np.nanmean(less))
+            found[rung.added] = Gain(mean / beyond if beyond > 0.0 else np.nan, mean / error if error else np.inf)
+        return found
+
+    def _mean(self, hypothesis: Hypothesis, named: Hypothesis = ()) -> float:
+        return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
+
+    def _is_held(self, name: str) -> bool:
+        """Whether own bones are a null for this cause, which is not known to be at work."""
+        return cause_of(name) not in OWN_CONSTANTS and name not in self.search.known
+
+
+def _standard_error(differences: Float[np.ndarray, " folds"], persons: np.ndarray) -> float:
+    """Of the mean over persons; of one person, over folds."""
+    known = np.isfinite(differences)
+    different = np.unique(persons[known])
+    means = differences[known]
+    if len(different) > 1:
+        means = np.array([differences[known & (persons == one)].mean() for one in different])
+    return float(means.std(ddof=1) / np.sqrt(len(means))) if len(means) > 1 else 0.0

@@ -1,0 +1,55 @@
+"""Sizes of causes that have not seen what a fold holds out: a kind of motion, and persons."""
+
+from collections.abc import Mapping, Sequence
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.prediction import unseen_amplitudes
+from adapt.diagnosis.inference.search import Search
+from adapt.solvers.rows import PostureRows
+from adapt.tables.folds import Fold
+from models.effects import ActiveEffects, Effect
+from models.effects.amplitudes import Amplitude, active_effects
+from motions.table import Motions
+
+
+def effects_of_folds(
+    search: Search,
+    hypothesis: Hypothesis,
+    motions: Motions,
+    rows: PostureRows,
+    folds: Sequence[Fold],
+    library: Mapping[str, Effect],
+    at_work: Hypothesis,
+) -> ActiveEffects:
+    """Give every fold, of one kind, the effects of a hypothesis at its postures, (channels, postures, folds); those of
+    ``at_work`` that are not in the hypothesis have the size 0."""
+    kind = search.folds.only(folds[0].kind)
+    candidates = search.joint.candidates
+    amplitudes = unseen_amplitudes(kind, candidates, hypothesis, search.mode(hypothesis), search.likelihood_without)
+    none = no_size(at_work, library)
+    by_held_out = {
+        (fold.held_out, fold.unseen): active_effects(
+            none | {effect.name: a[own].tolist() for effect, own in candidates.slices(hypothesis)}, motions, library
+        )
+        for fold, a in zip(kind.each, amplitudes, strict=True)
+    }
+    each = [_of_subject(by_held_out[fold.held_out, fold.unseen], rows, fold) for fold in folds]
+    return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
+
+
+def no_size(names: Hypothesis, library: Mapping[str, Effect]) -> dict[str, Amplitude]:
+    """Give each effect the size 0."""
+    return {name: (0.0,) * len(library[name].directions) for name in names}
+
+
+def _of_subject(effects: ActiveEffects, rows: PostureRows, fold: Fold) -> ActiveEffects:
+    """Take the strengths at the postures of one subject."""
+
+    def packed(values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures"]:
+        return rows.packed(values)[..., fold.subject]
+
+    return jax.tree.map(packed, effects)
