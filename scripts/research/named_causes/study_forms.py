@@ -10,7 +10,7 @@ narrow. Where they gain little, no candidate of any form is found in such data.
 """
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -26,6 +26,7 @@ from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.search import Node, Search, search_of
 from models import load_model
 from models.effects import EFFECTS, Effect
+from models.effects.course import Course
 from models.effects.effect import cause_of
 from models.effects.prior import EffectPrior
 from motions import Motions, read_motions
@@ -47,20 +48,19 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class AsItIs:
+class AsItIs(Course):
     """One amplitude, the share of strengths that are known in every posture."""
 
-    strengths: Float[np.ndarray, "channels postures"]
-    sd: tuple[float, ...] = (1.0,)
     word: str = TRUE
+    known: Float[np.ndarray, "channels postures"] = field(kw_only=True)
 
     def channels(self, directions: int) -> int:
         """Count them."""
-        return len(self.strengths)
+        return len(self.known)
 
     def columns(self, directions: int, motions: Motions) -> Float[np.ndarray, "amplitudes channels postures"]:
         """Give them."""
-        return self.strengths[None]
+        return self.known[None]
 
 
 app = typer.Typer(add_completion=False)
@@ -127,7 +127,7 @@ def true_effect(truth: dict, motions: Motions) -> Effect:
         by_subject[subject].iloc[kinds.index(kind) * postures[subject] + int(posture) - 1]
         for subject, kind, posture in zip(motions.subject, motions.motion, motions.posture, strict=True)
     ]
-    course = AsItIs(np.transpose(strengths))
+    course = AsItIs(known=np.transpose(strengths))
     size = float(np.hypot(1.0, SHARE_SD) * course.rms(1, motions)[0])
     prior = EffectPrior(scale=(size,), mean=1.0 / SHARE_SD, source=TRUE)
     return replace(effect, name=TRUE, directions=("share",), course=course, prior=prior)
