@@ -6,16 +6,17 @@ persons on other motions,
     share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
 
 of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
-all go where share(V) is less than ``LEAST_SHARE``. A constant of bones or frames is one that own bones hold: each
+all go where share(V) is less than ``LEAST_SHARE``, or than ``LEAST_T`` standard errors. A constant of bones or frames is one that own bones hold: each
 person's own predicts as well as one that all have alike. So such a cause rests on the evidence alone.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -36,7 +37,10 @@ from models.person.family import AnyModel
 from motions.table import Motions
 
 LEAST_SHARE = 0.1
-"""Of the null's gap beyond noise, that causes take: less is within what another set of persons would change."""
+"""Of the null's gap beyond noise, that causes take together."""
+
+LEAST_T = 2.0
+"""Their part in its standard errors over persons: less is what other persons might change."""
 
 OWN_CONSTANTS = frozenset(
     (
@@ -105,63 +109,73 @@ class OwnBonesNull:
         parts = motions_and_thirds(self.motions)
         return gaps_of(adapt_with_folds(rows, [self.model], parts, people=self.people), self.person)
 
-    def unseen(self, hypothesis: Hypothesis, named: Hypothesis) -> HeldOut:
-        """Predict what is held out with causes whose sizes have not seen it. Those ``named`` that are not in the
-        hypothesis have the size 0: one compiled program serves all sets of them."""
-        key = hypothesis, named if hypothesis else ()
-        if key not in self.found:
-            rows, effects = self.rows, None
-            if hypothesis:
-                laid_out = self.search, hypothesis, self.motions, rows, self.folds, self.library
-                effects = effects_of_folds(*laid_out, named)
-                none = active_effects(no_size(named, self.library), self.motions, self.library)
-                rows = replace(rows, active_effects=none)
-            self.found[key] = adapt_with_folds(
-                rows, [self.model], self.folds, people=self.people, fold_effects=effects
-            ).held_out
-        return self.found[key]
+    def predict(self, hypotheses: Sequence[Hypothesis], named: Hypothesis) -> None:
+        """Predict what is held out with sets of causes whose sizes have not seen it, each once, side by side.
 
-    def gaps_deg(self, hypothesis: Hypothesis, named: Hypothesis = ()) -> Float[np.ndarray, "folds 6"]:
+        Those ``named`` that are not in a set have the size 0: one compiled program serves all sets of them."""
+        missing = [one for one in dict.fromkeys(hypotheses) if (one, named) not in self.found]
+        if not missing:
+            return
+        none = active_effects(no_size(named, self.library), self.motions, self.library)
+        rows = replace(self.rows, active_effects=none)
+        laid_out = self.motions, rows, self.folds, self.library, named
+        each = [effects_of_folds(self.search, one, *laid_out) for one in missing]
+        effects = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *each) if named else None
+        folds, count = self.folds * len(missing), len(self.folds)
+        every = adapt_with_folds(rows, [self.model], folds, people=self.people, fold_effects=effects).held_out
+        for k, one in enumerate(missing):
+            self.found[one, named] = every.of(np.arange(k * count, (k + 1) * count))
+
+    def unseen(self, hypothesis: Hypothesis, named: Hypothesis) -> HeldOut:
+        """Give what is held out with a set of causes."""
+        self.predict([hypothesis], named)
+        return self.found[hypothesis, named]
+
+    def gaps_deg(self, hypothesis: Hypothesis, named: Hypothesis) -> Float[np.ndarray, "folds 6"]:
         """Average what it leaves of each angle in each fold."""
         return np.array([known_mean(gaps) for gaps in self.unseen(hypothesis, named).unseen_deg])
 
     def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
         """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
-        null = self._mean(())
         chosen = named
         while held := [name for name in chosen if self._is_held(name)]:
+            self.predict([chosen, *(without(chosen, name) for name in held)], named)
             gaps = {name: self._mean(without(chosen, name), named) for name in held}
             worst = min(held, key=gaps.__getitem__)
             if gaps[worst] > self._mean(chosen, named):
                 break
             chosen = without(chosen, worst)
         constants = tuple(name for name in chosen if not self._is_held(name))
-        share = (self._mean(constants, named) - self._mean(chosen, named)) / max(null - floor_deg, 1e-9)
-        return chosen if len(chosen) == len(constants) or share >= LEAST_SHARE else constants
+        gain = self._gain(constants, chosen, named, floor_deg)
+        surely = gain.share >= LEAST_SHARE and gain.t >= LEAST_T
+        return chosen if len(chosen) == len(constants) or surely else constants
 
     def ladder(self, chosen: Hypothesis, named: Hypothesis) -> list[Rung]:
         """Add causes one by one, the one that takes most of the unseen gap first; they were chosen of ``named``."""
         sets, order = [chosen], []
         while sets[-1]:
+            self.predict([without(sets[-1], name) for name in sets[-1]], named)
             dropped = min(sets[-1], key=lambda name: self._mean(without(sets[-1], name), named))
             order.append(dropped)
             sets.append(without(sets[-1], dropped))
         pairs = zip(["", *reversed(order)], reversed(sets), strict=True)
         return [Rung(name, one, self.gaps_deg(one, named)) for name, one in pairs]
 
-    def gains(self, rungs: list[Rung], floor_deg: float) -> dict[str, Gain]:
+    def gains(self, rungs: list[Rung], named: Hypothesis, floor_deg: float) -> dict[str, Gain]:
         """Say what each cause of a ladder takes beside those before it."""
-        beyond = self._mean(()) - floor_deg
-        persons = np.array([self.person[self.motions.subjects[fold.subject]] for fold in self.folds])
-        found = {}
-        for before, rung in pairwise(rungs):
-            less = known_mean(before.gaps_deg - rung.gaps_deg)
-            error = _standard_error(less, persons)
-            mean = float(np.nanmean(less))
-            found[rung.added] = Gain(mean / beyond if beyond > 0.0 else np.nan, mean / error if error else np.inf)
-        return found
+        return {
+            rung.added: self._gain(before.hypothesis, rung.hypothesis, named, floor_deg)
+            for before, rung in pairwise(rungs)
+        }
 
-    def _mean(self, hypothesis: Hypothesis, named: Hypothesis = ()) -> float:
+    def _gain(self, less: Hypothesis, more: Hypothesis, named: Hypothesis, floor_deg: float) -> Gain:
+        beyond = self._mean((), named) - floor_deg
+        takes = known_mean(self.gaps_deg(less, named) - self.gaps_deg(more, named))
+        persons = np.array([self.person[self.motions.subjects[fold.subject]] for fold in self.folds])
+        error, mean = _standard_error(takes, persons), float(np.nanmean(takes))
+        return Gain(mean / beyond if beyond > 0.0 else np.nan, mean / error if error else np.inf)
+
+    def _mean(self, hypothesis: Hypothesis, named: Hypothesis) -> float:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
 
     def _is_held(self, name: str) -> bool:

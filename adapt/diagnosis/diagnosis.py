@@ -152,15 +152,12 @@ class _Study:
         own_bones = null.adapted()
         kept = null.beyond(other, mean_floor)
         rungs = null.ladder(kept, other)
-        gains = null.gains(rungs, mean_floor)
+        gains = null.gains(rungs, other, mean_floor)
         order = [rung.added for rung in rungs[1:]]
         sizes = amplitudes(search, kept)
         sizes = {name: sizes[name] for name in order}
-        with_causes = (
-            null.adapted({name: one.amplitude for name, one in sizes.items() if one.amplitude is not None})
-            if sizes
-            else own_bones
-        )
+        known = {name: one.amplitude for name, one in sizes.items() if one.amplitude is not None}
+        with_causes = null.adapted(known) if known else own_bones
         self.progress("gaps of girdle adapt")
         plain = self.plain.of(self.model.name)
         base = base_gaps(self.motions, self.plain.before[self.model.name], plain.held_out.folds, self.person)

@@ -48,8 +48,8 @@ class Cause:
     shares: tuple[float, ...]
     """Probability of each name in this place."""
     gain: float
-    """Share of what bones of each person's own leave of the gap on unseen motions, beyond noise, that it takes away, its
-    size from other persons; NaN of what no gap shows."""
+    """Share of what bones of each person's own leave of the gap on unseen motions, beyond noise, that it takes away,
+    its size from other persons; NaN of what no gap shows."""
     t: float
     """That difference, paired by person, in its standard errors."""
 
@@ -141,7 +141,7 @@ GapLevels = Mapping[GapKind, BoneGaps]
 
 @dataclass(frozen=True)
 class Gaps:
-    """Gaps of `girdle adapt`, with `--own-bones`, and with the causes beside them, on what was fitted and what was not."""
+    """Gaps of `girdle adapt`, with `--own-bones`, and with the causes beside them, on what was fitted and what not."""
 
     in_sample: GapLevels
     unseen: GapLevels

@@ -51,6 +51,16 @@ class HeldOut:
     unseen_angles: tuple[Float[np.ndarray, "6 tested"], ...]
     """Simulated at the postures tested, rad; NaN where a fit failed."""
 
+    def of(self, chosen: Int[np.ndarray, " some"]) -> "HeldOut":
+        """Take some folds, of one model."""
+        return HeldOut(
+            tuple(self.folds[k] for k in chosen),
+            take_problems(self.adapted, chosen),
+            tuple(self.unseen_deg[k] for k in chosen),
+            take_problems(self.data, chosen),
+            tuple(self.unseen_angles[k] for k in chosen),
+        )
+
 
 @dataclass(frozen=True)
 class AdaptedSubjects:

@@ -96,13 +96,7 @@ def adapted_to_folds(rows: PostureRows, held_out: HeldOut) -> Chains:
 def of_motions(held_out: HeldOut) -> HeldOut:
     """Take the folds that hold out a kind of motion, of one model."""
     chosen = np.flatnonzero([fold.kind == MOTION for fold in held_out.folds])
-    return HeldOut(
-        tuple(held_out.folds[k] for k in chosen),
-        take_problems(held_out.adapted, chosen),
-        tuple(held_out.unseen_deg[k] for k in chosen),
-        take_problems(held_out.data, chosen),
-        tuple(held_out.unseen_angles[k] for k in chosen),
-    )
+    return held_out.of(chosen)
 
 
 def _poses(girdle, angles: Float[np.ndarray, "6 n"]) -> BonePoses:
