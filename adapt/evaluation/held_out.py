@@ -16,7 +16,7 @@ from adapt.evaluation.predictions import Adapt, Places, gaps_of, predicted
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
-from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of
+from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of, with_landmarks
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
@@ -114,7 +114,9 @@ def _with_own_bones(
     scales = everybody + [without[k] for k in problem.tolist()]
     persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion).at(every)
     parts = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
-    found = own_or_plain(parts, persons._replace(scales=scales), weight)  # at once: of each few are left at last
+    spread = with_landmarks(persons.spread, parts, rows, models, every)
+    persons = persons._replace(spread=spread, scales=scales)
+    found = own_or_plain(parts, persons, weight)  # at once: of each few are left at last
     own_data, adapted, own = take_problems(found, slice(several))
     part_of, without_parts = take_problems(found[:2], slice(several, None))
     gaps = gaps_of(part_of, without_parts, tested)

@@ -16,6 +16,7 @@ from numpy.typing import DTypeLike
 from adapt.solvers.unmeasured import at_rest
 from models.effects import EFFECTS, ActiveEffects, Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
+from models.person.landmark_numbers import without_placed
 from motions.landmarks.sampled_postures import marked_slips
 from motions.rotations import DEG
 from motions.table import Motions
@@ -105,8 +106,8 @@ def posture_rows(
 
 
 def _landmarks_mm(motions: Motions) -> dict[str, Float[np.ndarray, "3 rows"]]:
-    """Without outliers."""
-    found = {name: np.array(place.T) for name, place in motions.landmarks_mm.items()}
+    """Without outliers, and what was placed and not measured."""
+    found = {name: np.array(place.T) for name, place in without_placed(motions).items()}
     for row, names in marked_slips(motions).items():
         for name in set(names.split()) & found.keys():
             found[name][:, row] = np.nan
