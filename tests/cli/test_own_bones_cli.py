@@ -26,7 +26,7 @@ PLAIN_COLUMNS = [
 ]
 OWN_COLUMNS = [
     *(f"{size.key}{kind}" for size in SIZES[len(ADAPTED) :] for kind in ("", "_sd")),
-    *("adapted_scale", "bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told"),
+    *("adapted_scale", "bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told", "own_bones"),
 ]
 """The contract of the file: scripts of users rely on it."""
 
@@ -64,6 +64,7 @@ def motions() -> Motions:
 def test_new_columns_are_behind_the_old_ones(parameters):
     assert list(parameters) == PLAIN_COLUMNS + OWN_COLUMNS
     assert set(parameters["status"]) == {"ok"}
+    assert set(parameters["own_bones"]) == {"adapted"}
     assert not parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool).any()
     assert parameters["bones_scale"].nunique() == parameters["noise_deg"].nunique() == 1
     assert parameters["bones_scale"][0] != 1.0

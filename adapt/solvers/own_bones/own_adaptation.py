@@ -105,13 +105,13 @@ class OwnBones(NamedTuple):
 
     @property
     def distance(self) -> Float[np.ndarray, " problems"]:
-        """How far a person is from the set, in SDs of people, in the directions that the motions tell.
+        """How far a person is from the set, in SDs of people, in the directions that the motions tell (one at least).
 
         Root of |u|^2 / (n - tr of the posterior covariance of u), 1 in the mean where people are as the prior says.
         """
         sd = np.where(self.prior_sd > 0.0, self.prior_sd, 1.0)
         told = ((self.prior_sd > 0.0) - (self.sd / sd) ** 2).sum(axis=0)
-        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(told, 1e-9))
+        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(told, 1.0))
 
     @property
     def sd(self) -> Float[np.ndarray, "sizes problems"]:
