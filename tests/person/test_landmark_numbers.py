@@ -1,4 +1,5 @@
-# pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false
+# pyright: reportOptionalMemberAccess=false, reportAttributeAccessIssue=false, reportArgumentType=false
+# pyright: reportGeneralTypeIssues=false
 # (own_bones is None of a plain adaptation; pandas says "Series | object" of nearly every result)
 """Bones of a person's own that landmarks measure: by hand, and simulated persons whose bones are known."""
 
@@ -34,7 +35,7 @@ def only(**sds: float) -> People:
 
 @pytest.fixture(scope="module")
 def persons() -> tuple[np.ndarray, Motions]:
-    """Twenty, with SC, AC, TS and AI at 3 mm: on the true bones, whatever frames the angles have and where the joint is."""
+    """Twenty, with SC, AC, TS and AI at 3 mm, whatever frames the angles have and wherever the joint is."""
     generator = np.random.default_rng(11)
     wanted, sd = noise_free_subjects(30, generator), spread_about(R2).sd
     sizes = sd[:, None] * generator.standard_normal((len(OWN), 30))

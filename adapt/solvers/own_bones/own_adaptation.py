@@ -182,8 +182,9 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
     every, width = np.arange(len(models)), len(chosen)
     data = select_problems(problems_of(rows, models), (len(rows.subjects) * every[:, None] + chosen).ravel())
     spread, of_model = spread_of(models, subjects, sds), np.repeat(every, width)
-    of, known, scales = None, None, list(everybody.values())
-    for _ in range(_LEARNING_ROUNDS):
+    of, known = _moments(data, spread, [PRIOR] * len(of_model))
+    scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, list(everybody.values()))
+    for _ in range(_LEARNING_ROUNDS - 1):
         of, known = _moments(data, spread, [scales[k] for k in of_model.tolist()])
         scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, scales)
     everybody = dict(zip(everybody, scales, strict=True))
