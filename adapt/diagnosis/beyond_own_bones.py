@@ -6,8 +6,9 @@ persons on other motions,
     share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
 
 of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
-all go where share(V) is less than ``LEAST_SHARE``, or than ``LEAST_T`` standard errors. A constant of bones or frames is one that own bones hold: each
-person's own predicts as well as one that all have alike. So such a cause rests on the evidence alone.
+all go where share(V) is less than ``LEAST_SHARE``, or than ``LEAST_T`` standard errors. A constant of bones or
+frames is one that own bones hold: each person's own predicts as well as one that all have alike. So such a cause rests
+on the evidence alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size
-from adapt.evaluation.held_out import HeldOut, adapt_with_folds
+from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import MOTION, PERSON, Fold, motions_and_persons, motions_and_thirds
@@ -120,9 +121,9 @@ class OwnBonesNull:
         rows = replace(self.rows, active_effects=none)
         laid_out = self.motions, rows, self.folds, self.library, named
         each = [effects_of_folds(self.search, one, *laid_out) for one in missing]
-        effects = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *each) if named else None
+        effects = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *each)
         folds, count = self.folds * len(missing), len(self.folds)
-        every = adapt_with_folds(rows, [self.model], folds, people=self.people, fold_effects=effects).held_out
+        every = held_out_with_own_bones(rows, self.model, folds, self.people, effects)
         for k, one in enumerate(missing):
             self.found[one, named] = every.of(np.arange(k * count, (k + 1) * count))
 

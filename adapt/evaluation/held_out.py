@@ -5,19 +5,18 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import jax
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 from numpy.typing import DTypeLike
 
 from adapt.engine.batching import as_type, take_problems
-from adapt.evaluation.own_or_plain import Persons, own_or_plain
+from adapt.evaluation.own_or_plain import Persons, own_bones, own_or_plain
 from adapt.evaluation.predictions import Adapt, Places, Unseen, gaps_of, predicted, unseen_angles
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.objective import DEFAULT_READING, WEIGHT
-from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of
+from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of, with_landmarks
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
@@ -101,21 +100,19 @@ def adapt_with_folds(
     progress: Callable[[str], None] = lambda _: None,
     dtype: DTypeLike = np.float64,
     people: People | None = None,
-    fold_effects: ActiveEffects | None = None,
 ) -> AdaptedSubjects:
     """Adapt every model to every subject, and again without what each fold holds out.
 
     The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has bones of their own.
-    ``fold_effects``: see :func:`held_out`.
     """
     data = problems_of(rows, models)
     if people is not None:
-        return _with_own_bones(data, rows, models, folds, weight, progress, people, fold_effects)
+        return _with_own_bones(data, rows, models, folds, weight, progress, people)
     data = as_type(data, dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     found = nothing_held_out(data, adapted)
     if folds:
-        found = held_out(data, rows, folds, weight, reading, progress, fold_effects)
+        found = held_out(data, rows, folds, weight, reading, progress)
     return AdaptedSubjects(rows, data.with_sizes(adapted.sizes), adapted, found)
 
 
@@ -132,26 +129,58 @@ def _with_own_bones(
     weight: float,
     progress: Callable[[str], None],
     people: People,
-    fold_effects: ActiveEffects | None,
 ) -> AdaptedSubjects:
     """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
     progress("bones of each person's own")
-    motion = np.tile(rows.packed(rows.motion), len(models))
-    everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
-    whole, several = np.arange(len(everybody)), data.counted.shape[1]
+    several = data.counted.shape[1]
     problem, fitted, tested = _parts(rows, folds, len(models))
-    every = np.append(whole, problem)
-    scales = everybody + [without[k] for k in problem.tolist()]
-    persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion).at(every)
+    every = np.append(np.arange(several), problem)
     parts = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
-    if fold_effects is not None:
-        both = jax.tree.map(lambda *each: np.concatenate(each, axis=-1), data.active_effects, fold_effects)
-        parts = replace(parts, active_effects=both)
-    found = own_or_plain(parts, persons._replace(scales=scales), weight)  # at once: of each few are left at last
+    persons = _persons(parts, rows, models, people, every, np.arange(len(every)) >= several)
+    found = own_or_plain(parts, persons, weight)  # at once: of each few are left at last
     own_data, adapted, own = take_problems(found, slice(several))
     part_of, without_parts = take_problems(found[:2], slice(several, None))
     unseen = unseen_angles(part_of, without_parts, tested)
     return AdaptedSubjects(rows, own_data, adapted, _as_held_out(folds, part_of, without_parts, unseen, tested), own)
+
+
+def _persons(
+    parts: Problems,
+    rows: PostureRows,
+    models: Sequence[AnyModel],
+    people: People,
+    problem: Int[np.ndarray, " parts"],
+    is_part: Bool[np.ndarray, " parts"],
+) -> Persons:
+    """How the persons of these problems differ; of parts, by what knows nothing of the person."""
+    everybody, without = (people.of(models, rows.subjects, held_out) for held_out in (False, True))
+    motion = np.tile(rows.packed(rows.motion), len(models))
+    persons = Persons(spread_of(models, rows.subjects, people.sds), everybody, people.are_few, motion).at(problem)
+    spread = with_landmarks(persons.spread, parts, rows, models, problem)
+    scales = [(without if part else everybody)[k] for k, part in zip(problem.tolist(), is_part.tolist(), strict=True)]
+    return persons._replace(spread=spread, scales=scales)
+
+
+def held_out_with_own_bones(
+    rows: PostureRows,
+    model: AnyModel,
+    folds: Sequence[Fold],
+    people: People,
+    fold_effects: ActiveEffects,
+    weight: float = WEIGHT,
+) -> HeldOut:
+    """Adapt each fold with bones of the person's own, whether they predict or not, and predict what it holds out.
+
+    ``fold_effects``: (channels, postures, folds), as ``rows`` has them.
+    """
+    data = problems_of(rows, [model])
+    problem, fitted, tested = _parts(rows, folds, 1)
+
+    def adapt(part: Problems, which: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
+        part = replace(part, active_effects=fold_effects)
+        return own_bones(part, _persons(part, rows, [model], people, which, np.ones(len(which), bool)), weight)[:2]
+
+    return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
 
 
 def held_out(
@@ -161,15 +190,13 @@ def held_out(
     weight: float = WEIGHT,
     reading: str = DEFAULT_READING,
     progress: Callable[[str], None] = lambda _: None,
-    fold_effects: ActiveEffects | None = None,
 ) -> HeldOut:
     """Adapt every problem (model * subjects + subject) of ``data`` anew without what each of its folds holds out.
 
-    At least one fold. ``fold_effects``: (channels, postures, folds), in place of the effects of ``data``.
+    At least one fold.
     """
 
     def adapt(part: Problems, _) -> tuple[Problems, Adapted]:
-        part = part if fold_effects is None else replace(part, active_effects=fold_effects)
         without = adapt_batch(part, weight, reading)
         return part.with_sizes(without.sizes), without
 

@@ -2,17 +2,18 @@
 
 A girdle that is far from the set for what its motions tell of it may stand for what no chain does. Such a person is
 adapted both ways without each motion (of a single one, each third of the postures), and the plain adaptation is kept
-where it predicts what was left out better. So it is where the search of the bones has not converged.
+where it predicts what was left out better, or the bones predict it far worse than their own noise says. So it is where
+the search of the bones has not converged.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Int
 
 from adapt.engine.batching import take_problems, with_problems
-from adapt.evaluation.predictions import Places, gaps_of, predicted
+from adapt.evaluation.predictions import Places, gaps_of, predicted, unseen_angles
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
 from adapt.solvers.own_bones.own_adaptation import (
@@ -23,7 +24,7 @@ from adapt.solvers.own_bones.own_adaptation import (
     with_own_noise,
 )
 from adapt.solvers.own_bones.scales import Scales
-from adapt.solvers.problems import Problems
+from adapt.solvers.problems import Problems, select_problems
 from models.adapted_parameters import ADAPTED
 from models.person.own_bones import Spread
 
@@ -31,6 +32,10 @@ DOUBTFUL_SDS = 2.5
 """Distance from the set beyond which a person's bones have to predict: what ``far_from_people`` says of a single size.
 Of six bone-pin shoulders with six sets, each without each motion, 38 of 138 are beyond it; all predict better
 than plain."""
+
+SURPRISED = 7.0
+"""Times the noise of a part: the root mean square gap on what was left out of it, beyond which its bones are refuted,
+even where the plain adaptation is worse. Those 38 have 1.1 to 6.3."""
 
 _THIRDS = 3
 
@@ -54,10 +59,10 @@ class Persons(NamedTuple):
 def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
     """Adapt bones of each person's own, or keep the plain adaptation: the problems with their girdles, the adaptations
     and the sizes."""
-    own_data, adapted, own = _own(data, persons, weight)
+    own_data, adapted, own = own_bones(data, persons, weight)
     failed = adapted.status == status.NOT_CONVERGED
     doubtful = np.flatnonzero((adapted.status == status.OK) & (own.distance > DOUBTFUL_SDS))
-    worse = doubtful[_predicts_worse(take_problems(data, doubtful), persons.at(doubtful), weight)]
+    worse = doubtful[_do_not_predict(take_problems(data, doubtful), persons.at(doubtful), weight)]
     chosen = np.sort(np.append(worse, np.flatnonzero(failed)))
     if not len(chosen):
         return own_data, adapted, own
@@ -70,7 +75,8 @@ def own_or_plain(data: Problems, persons: Persons, weight: float) -> tuple[Probl
     return with_problems(own_data, kept, some), with_problems(adapted, kept, plain), found
 
 
-def _own(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
+def own_bones(data: Problems, persons: Persons, weight: float) -> tuple[Problems, Adapted, OwnBones]:
+    """Adapt bones of each person's own, with the noise of each where persons are few."""
     scales = with_own_noise(data, persons.spread) if persons.own_noise else persons.scales
     return adapt_own_bones(data, persons.spread, scales, weight)
 
@@ -82,24 +88,20 @@ def _of_set(data: Problems, plain: Adapted, own: OwnBones, code) -> OwnBones:
     return own._replace(sizes=sizes, covariance=np.full_like(own.covariance, np.nan), code=code)
 
 
-def _predicts_worse(data: Problems, persons: Persons, weight: float) -> np.ndarray:
-    """Whose parts the plain adaptation predicts better, in the mean over the angles that both predict; where neither
-    predicts any, not."""
+def _do_not_predict(data: Problems, persons: Persons, weight: float) -> Bool[np.ndarray, " problems"]:
+    """Whose parts their bones predict worse than the plain adaptation, or far worse than their own noise says."""
+    count = data.counted.shape[1]
     problem, fitted, tested = _parts(np.asarray(data.counted), persons.motion)
     if not len(problem):
-        return np.zeros(data.counted.shape[1], bool)
-    ways = (
-        lambda part, which: _own(part, persons.at(which), weight)[:2],
-        lambda part, _: (part, adapt_batch(part, weight)),
-    )
-    each = (predicted(data, problem, fitted, tested, adapt) for adapt in ways)
-    own, plain = (gaps_of(part, angles) for part, _, angles in each)
-    return _more(own, plain, problem, data.counted.shape[1])
-
-
-def _more(own, plain, problem, count: int) -> Float[np.ndarray, " problems"]:
-    more = np.nansum(own - plain, axis=(0, 1))  # NaN where one of the two does not predict
-    return np.bincount(problem, more, count) > 0.0
+        return np.zeros(count, bool)
+    part_of, adapted, own = own_bones(select_problems(data, problem, counted=fitted), persons.at(problem), weight)
+    gaps = gaps_of(part_of, unseen_angles(part_of, adapted, tested))
+    plain, _, angles = predicted(data, problem, fitted, tested, lambda part, _: (part, adapt_batch(part, weight)))
+    more = np.nansum(gaps - gaps_of(plain, angles), axis=(0, 1))  # NaN where one of the two does not predict
+    known = np.isfinite(gaps).sum(axis=(0, 1))
+    square = np.where(known > 0, np.nansum(gaps**2, axis=(0, 1)) / np.maximum(known, 1) / own.scales[-1] ** 2, np.inf)
+    surprise = np.sqrt(np.bincount(problem, square, count) / np.maximum(np.bincount(problem, minlength=count), 1))
+    return (np.bincount(problem, more, count) > 0.0) | (surprise > SURPRISED)
 
 
 def _parts(counted: Places, motion: Int[np.ndarray, "postures problems"]) -> tuple[np.ndarray, Places, Places]:

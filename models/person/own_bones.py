@@ -26,6 +26,7 @@ from models.effects.bones.ac_offset import ON_SCAPULA
 from models.effects.bones.scapula_size import CORACOID_SHARE
 from models.girdle import COUNT_OF_NUMBERS, NUMBERS, Girdle
 from models.parameter_sets import ParameterSet
+from models.person.landmark_numbers import IN_GIRDLE, LandmarkNumbers
 from motions.errors import InputError, did_you_mean
 from motions.rotations import DEG
 
@@ -195,6 +196,13 @@ def of_chain(numbers_mm: Float[np.ndarray, " numbers *batch"]) -> Float[np.ndarr
     return moved
 
 
+SHOWN_BY_LANDMARKS = np.array(
+    [name in {"SC_x", "SC_y", "SC_z", "clavicle_length", "scapula_size", "TS_x", "AI_x", "AI_y"} for name in NAMES]
+)
+"""Sizes that positions of landmarks show. Where the joint AC is beside the landmark they do not, nor how the measured
+frames are turned."""
+
+
 class Spread(NamedTuple):
     """How persons differ about a set, or about each of several."""
 
@@ -202,6 +210,16 @@ class Spread(NamedTuple):
     """In the unit of each of ``SIZES``."""
     columns_mm: Float[np.ndarray, "numbers sizes *batch"]
     """What one SD of each adds to the numbers of the girdle."""
+    more_mm: Float[np.ndarray, " seven *batch"]
+    """By how much landmarks say that a person's numbers (``landmark_numbers``) exceed the set's; NaN of what was not
+    measured."""
+    more_sd_mm: Float[np.ndarray, " seven *batch"]
+
+    def from_landmarks(self, found: LandmarkNumbers, set_mm: Float[np.ndarray, " seven *batch"], known) -> "Spread":
+        """Add what landmarks of each person say of numbers that are ``known`` from nowhere else."""
+        return self._replace(
+            more_mm=np.where(known, found.values_mm - set_mm, np.nan), more_sd_mm=np.where(known, found.sd_mm, np.nan)
+        )
 
 
 def spread_about(one: ParameterSet, sds: OwnSDs = NO_SDS) -> Spread:
@@ -218,14 +236,17 @@ def spread_about(one: ParameterSet, sds: OwnSDs = NO_SDS) -> Spread:
         if not 0.0 <= given < np.inf:
             raise InputError("own_bones", None, f"the SD of {name} is {given:g}", "Give an SD of 0 or more")
         sd[NAMES.index(name)] = given
-    return Spread(sd, np.stack([x * size.per_unit(one.girdle) for size, x in zip(SIZES, sd, strict=True)], axis=-1))
+    columns = np.stack([x * size.per_unit(one.girdle) for size, x in zip(SIZES, sd, strict=True)], axis=-1)
+    return Spread(sd, columns, *np.full((2, len(IN_GIRDLE)), np.nan))
 
 
 def _sd(one: ParameterSet, size: OwnSize) -> float:
     measured = bool(size.keys) and all(map(one.is_measured, size.keys))
-    if size.unit != "mm":
-        return 0.0 if measured else size.sd
     stated = max((one.range_mm(key) or 0.0 for key in size.keys), default=0.0)
+    if size.name == "clavicle_length":
+        return min(100.0 * stated / float(one.girdle.ac_mm[0]), size.sd) if measured else size.sd
+    if size.unit != "mm":
+        return 0.0 if measured else size.sd  # TS and AI have what their sources state
     if measured:
         return min(stated or size.sd, size.sd)
     return float(np.hypot(size.sd, stated / _SDS_IN_A_RANGE))

@@ -12,6 +12,7 @@ from oracles import cardan, ellipsoid_distance
 from pages import data_of
 
 from adapt.report.bone_positions import POINTS
+from adapt.solvers.own_bones import most_probable
 from adapt.solvers.posture_fits import fit_batch
 from models import load_model
 from models.adapted_parameters import ADAPTED
@@ -26,7 +27,7 @@ PLAIN_COLUMNS = [
 ]
 OWN_COLUMNS = [
     *(f"{size.key}{kind}" for size in SIZES[len(ADAPTED) :] for kind in ("", "_sd")),
-    *("adapted_scale", "bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told"),
+    *("adapted_scale", "bones_scale", "frames_scale", "noise_deg", "far_from_people", "not_told", "own_bones"),
 ]
 """The contract of the file: scripts of users rely on it."""
 
@@ -64,6 +65,7 @@ def motions() -> Motions:
 def test_new_columns_are_behind_the_old_ones(parameters):
     assert list(parameters) == PLAIN_COLUMNS + OWN_COLUMNS
     assert set(parameters["status"]) == {"ok"}
+    assert set(parameters["own_bones"]) == {"adapted"}
     assert not parameters[[f"{name}_mm_at_bound" for name in ADAPTED]].to_numpy(bool).any()
     assert parameters["bones_scale"].nunique() == parameters["noise_deg"].nunique() == 1
     assert parameters["bones_scale"][0] != 1.0
@@ -136,6 +138,23 @@ def test_results_do_not_depend_on_the_chunk_and_a_record_repeats_them(adapted, t
     for path in (adapted / "models").iterdir():
         assert (tmp_path / "models" / path.name).read_bytes() == path.read_bytes()
     assert (tmp_path / "run.json").read_bytes() == (adapted / "run.json").read_bytes()
+
+
+def test_bones_that_were_not_found_are_said_and_end_with_3(tmp_path, monkeypatch):
+    monkeypatch.setattr(most_probable, "_FLAT", -1.0)
+    motion = written(tmp_path, shipped_lines())
+    ended = girdle("adapt", motion, "--model", "R2", "--own-bones", "--out", tmp_path / "out")
+    assert ended.status == 3
+    why = "own bones not_converged, the plain adaptation is kept"
+    assert ended.messages == [f"not handled: simulated{k:02d}: {why}" for k in (1, 2)]
+    assert "Bones of their own were not found, the plain adaptation is kept: simulated01, simulated02" in ended.out
+    table = pd.read_csv(tmp_path / "out" / "parameters.csv", keep_default_na=False)
+    assert table["own_bones"].tolist() == ["not_converged"] * 2
+    assert table["status"].tolist() == ["ok"] * 2
+    assert set(table["TS_x_mm_sd"]) == {""}
+    for name in table["subject"]:
+        girdle_of = load_model(tmp_path / "out" / "models" / f"R2_{name}.toml").girdle
+        np.testing.assert_allclose(girdle_of.ts_mm, load_model("R2").girdle.ts_mm, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from adapt.diagnosis.inference.budget import alone_deg, ladder
 from small_worlds import every_frame, joint_fit, root_of, searched, simulated
 
 from adapt.api import adapt_with_every_fold
@@ -17,7 +18,6 @@ from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import folds_of
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
-from adapt.diagnosis.inference.budget import alone_deg, ladder
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.search import Search, search_of

@@ -70,7 +70,7 @@ def test_the_six_differ_less_than_adapted_ones():
         ("TS_distance", "constraint.ts_distance_mm", "measured: landmarks of P01; +-1.5 mm", 1.5),
         ("TS_distance", "constraint.ts_distance_mm", "measured: landmarks of P01", 4.0),
         ("SC_y", "clavicle.sc_mm", "assumed: of another; +-24 mm", 13.0),  # 5 and 24 / 2
-        ("clavicle_length", "clavicle.length_mm", "measured: SC to AC; +-2 mm", 0.0),
+        ("clavicle_length", "clavicle.length_mm", "measured: SC to AC; +-2 mm", 100.0 * 2.0 / 158.0),
         ("A_y", "thorax.semi_axes_mm", "measured: points of P01; +-5 mm", 5.0),
         ("A_y", "thorax.semi_axes_mm", "measured: points of P01; +-50 mm", 12.0),
         ("A_x", "thorax.semi_axes_mm", "measured: points of P01; +-5 mm", 4.0),
@@ -109,7 +109,9 @@ def test_the_columns_say_who_is_far_and_what_is_not_told():
     variance = np.full((n, 3), (1.01 * UNTOLD) ** 2)
     variance[told] = (0.99 * UNTOLD) ** 2
     covariance = np.einsum("ij,ip->ijp", np.eye(n), variance)
-    own = OwnBones(sizes, covariance, prior, np.array([[1.2] * 3, [1.1] * 3, [0.9] * 3, [0.7] * 3]))
+    own = OwnBones(
+        sizes, covariance, prior, np.array([[1.2] * 3, [1.1] * 3, [0.9] * 3, [0.7] * 3]), np.array([0, 1, 2])
+    )
     columns = own_columns(own, np.array(["ok", "ok", "not_converged"]))
     assert columns["far_from_people"].tolist() == ["M_y TS_x", "", ""]
     everything_else = " ".join(name for name in NAMES if name != "scapula_size")
@@ -117,6 +119,7 @@ def test_the_columns_say_who_is_far_and_what_is_not_told():
     np.testing.assert_array_equal(columns["TS_x_mm"], [sizes[far, 0], sizes[far, 1], np.nan])
     np.testing.assert_allclose(columns["scapula_size_percent_sd"], [0.99 * UNTOLD] * 2 + [np.nan])
     assert columns["noise_deg"].tolist() == [0.7] * 3
+    assert columns["own_bones"].tolist() == ["adapted", "do_not_predict", ""]
     assert not any(name.startswith(ADAPTED) for name in columns)
 
 

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from oracles import bones, slsqp
 from own_girdles import OWN, ipopt_own, own_objective, with_sizes
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 from scipy.stats import multivariate_normal
 
 from adapt import adapt_subjects, fit_postures
 from adapt.api import Adaptations
+from adapt.evaluation import own_or_plain
 from adapt.solvers.objective import WEIGHT
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.own_bones.scales import (
@@ -24,15 +25,16 @@ from adapt.solvers.own_bones.scales import (
     TYPICAL_NOISE_DEG,
     Moments,
     Scales,
-    _minus_two_log_likelihood,
+    minus_two_log_likelihood,
 )
+from adapt.solvers.own_bones.scales import learnt as scales_of_runs
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.rows import posture_rows
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from models.effects.amplitudes import PersonalSize
 from models.girdle import Girdle
-from models.person.own_bones import NAMES, SIZES, spread_about
+from models.person.own_bones import GROUPS, NAMES, SIZES, spread_about
 from motions import InputError, Motions, read_motions
 from motions.rhythm import REST_DEG
 from motions.rhythm_subjects import DATA_FILE, add_noise, noise_free_subjects
@@ -195,8 +197,9 @@ def test_the_sd_of_one_size_is_that_of_the_curvature_of_F(world_of_a_set):
     assert own.sd[k, 0] < 0.5 * sd
 
 
-def test_a_size_moves_farther_the_more_people_differ_in_it(shipped):
-    """From the set to where S alone is lowest."""
+def test_a_size_moves_farther_the_more_people_differ_in_it(shipped, monkeypatch):
+    """From the set to where S alone is lowest, whatever it predicts."""
+    monkeypatch.setattr(own_or_plain, "DOUBTFUL_SDS", np.inf)
     k = OWN.index("TS_distance")
     runs = [adapted(shipped, only(TS_distance=sd)) for sd in (1e-3, 1.0, 4.0, 16.0, 1e4)]
     sizes = np.array([run.problems.own_bones.sizes[k] for run in runs])
@@ -261,13 +264,52 @@ def test_the_likelihood_is_that_of_a_normal_distribution():
             for one, y in zip(scaled, b, strict=True)
         )
         prior = ((logarithms / [LOG_SCALE_SD, LOG_SCALE_SD, LOG_SCALE_SD, LOG_NOISE_SD]) ** 2).sum()
-        value, by_logarithm = _minus_two_log_likelihood(logarithms, of)
-        assert value == pytest.approx(dense - persons * rows * np.log(2.0 * np.pi) + prior, rel=1e-10)
+        run = np.zeros(persons, int)
+        value, slope, curvature, _ = minus_two_log_likelihood(logarithms[:, None], of, run)
+        assert value[0] == pytest.approx(dense - persons * rows * np.log(2.0 * np.pi) + prior, rel=1e-10)
         beside = [
-            [_minus_two_log_likelihood(logarithms + sign * 1e-5 * unit, of)[0] for sign in (1.0, -1.0)]
+            [minus_two_log_likelihood((logarithms + sign * 1e-5 * unit)[:, None], of, run) for sign in (1.0, -1.0)]
             for unit in np.eye(4)
         ]
-        np.testing.assert_allclose(by_logarithm, [(up - down) / 2e-5 for up, down in beside], rtol=1e-6, atol=1e-5)
+        for k, (up, down) in enumerate(beside):
+            assert slope[k, 0] == pytest.approx((up[0][0] - down[0][0]) / 2e-5, rel=1e-6, abs=1e-5)
+            np.testing.assert_allclose(curvature[k, :, 0], (up[1] - down[1])[:, 0] / 2e-5, rtol=1e-5, atol=1e-4)
+
+
+def test_the_curvature_of_the_likelihood_is_expected_in_the_mean():
+    """Of persons who are as the scales say."""
+    generator = np.random.default_rng(6)
+    n, rows, persons, noise_deg = len(SIZES), 12, 4000, 1.3
+    slopes = generator.standard_normal((rows, n))
+    b = slopes @ generator.standard_normal((n, persons)) + noise_deg * generator.standard_normal((rows, persons))
+    A = np.repeat((slopes.T @ slopes)[..., None], persons, axis=-1)
+    of = Moments(A, slopes.T @ b, (b**2).sum(axis=0), np.full(persons, rows))
+    logarithms = np.array([0.0, 0.0, 0.0, np.log(noise_deg / TYPICAL_NOISE_DEG)])
+    _, _, curvature, expected = minus_two_log_likelihood(logarithms[:, None], of, np.zeros(persons, int))
+    np.testing.assert_allclose(curvature[..., 0], expected[..., 0], atol=0.05 * np.abs(expected).max())
+
+
+def test_scales_are_learnt_where_the_likelihood_is_lowest():
+    """Of three runs of the same persons at once, by L-BFGS-B of each."""
+    generator = np.random.default_rng(7)
+    n, rows, persons = len(SIZES), 12, 30
+    slopes = generator.standard_normal((persons, rows, n))
+    z = generator.standard_normal((persons, n)) * np.array([0.6, 1.0, 0.1])[[GROUPS.index(one.group) for one in SIZES]]
+    b = np.einsum("pij,pj->pi", slopes, z) + 0.5 * generator.standard_normal((persons, rows))
+    A, c = np.einsum("pij,pik->jkp", slopes, slopes), np.einsum("pij,pi->jp", slopes, b)
+    of = Moments(A, c, (b**2).sum(axis=1), np.full(persons, rows))
+    runs = np.arange(persons) % 3 != np.arange(3)[:, None]
+    runs[2] = True
+    found = scales_of_runs(of, runs, [Scales()] * 3)
+    limits = [*[np.log((0.02, 2.0))] * 3, np.log(np.array((0.05, 10.0)) / TYPICAL_NOISE_DEG)]
+    for mine, scales in zip(runs, found, strict=True):
+        some = Moments(*(one[..., mine] for one in of))
+
+        def value(x, some=some):
+            return minus_two_log_likelihood(x[:, None], some, np.zeros(some.A.shape[-1], int))[0][0]
+
+        other = minimize(value, np.zeros(4), method="L-BFGS-B", bounds=limits)
+        np.testing.assert_allclose(np.log(np.array(scales) / np.array(Scales())), other.x, atol=3e-3)
 
 
 def learnt(motions: Motions) -> Scales:
@@ -295,9 +337,22 @@ def test_angles_that_nobody_measured_do_not_make_the_noise_less(world):
     np.testing.assert_allclose(learnt(replace(some, angles_deg=angles)), without, rtol=1e-3)
 
 
-def test_of_few_persons_nothing_is_learnt(world):
+def test_of_few_persons_the_noise_of_each_alone_is_learnt(world):
+    """Nine persons, and one: each as if alone."""
     few = world.motions.select(np.isin(world.motions.subject, world.motions.subjects[:9]))
     assert learnt(few) == Scales(1.0, 1.0, 1.0, TYPICAL_NOISE_DEG)
+    found = adapted(few, True).problems.own_bones.scales
+    np.testing.assert_array_equal(found[:3], 1.0)
+    assert np.median(found[3]) == pytest.approx(NOISE_DEG, rel=0.15)
+    assert len(np.unique(found[3])) == 9
+    one = adapted(of_subject(few, few.subjects[4]), True).problems.own_bones.scales
+    np.testing.assert_array_equal(one[:, 0], found[:, 4])
+
+
+@pytest.mark.parametrize("noise_deg", [0.4, 3.0])
+def test_the_noise_of_few_is_that_of_the_laboratory(noise_deg):
+    few = simulated(6, noise_deg=noise_deg, seed=8).motions
+    assert np.median(adapted(few, True).problems.own_bones.scales[3]) == pytest.approx(noise_deg, rel=0.25)
 
 
 def test_a_person_s_own_parts_are_held_out_with_scales_of_others(world):
@@ -389,13 +444,13 @@ def test_angles_that_nobody_measured_do_not_count(shipped):
 def test_of_three_postures_the_prior_says_the_rest(shipped):
     motions = of_subject(shipped, shipped.subjects[0])
     three = motions.select(np.arange(len(motions.posture)) < 3)
-    found = adapted(three, True)
+    found = adapted(three)
     own = found.problems.own_bones
     assert found.adapted["R2"].status.tolist() == ["ok"]
     assert (np.abs(own.sizes) <= 3.0 * own.prior_sd).all()
     assert (own.sd > 0.7 * own.prior_sd).mean() > 0.5
     assert "A_y" in found.parameters["not_told"][0].split()
-    assert (own.sd[:, 0] >= adapted(motions, True).problems.own_bones.sd[:, 0] - 1e-9).mean() > 0.9
+    assert (own.sd[:, 0] >= adapted(motions).problems.own_bones.sd[:, 0] - 1e-9).mean() > 0.9
 
 
 def test_bad_subjects_leave_the_others_as_they_are(shipped, of_shipped):

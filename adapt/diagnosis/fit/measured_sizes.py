@@ -22,15 +22,10 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 from models.effects import Effect
 from models.effects.course import CONSTANT
 from models.girdle import Girdle
-from models.person.sizes import PALPATOR_LENGTH_MM, PALPATOR_MM, size_of
+from models.person.landmark_numbers import MEASURED, LandmarkNumbers, numbers_of
 from motions.arrays import Array
-from motions.landmarks.frames import scapula_frame, transposed
-from motions.landmarks.sampled_postures import CLAVICLE_PLACED, is_marked
-from motions.rotations import rotate
+from motions.landmarks.sampled_postures import measured_places_mm
 from motions.table import Motions
-
-_MEASURED = ("sc_mm", "ac_mm", "ts_mm", "ai_mm")
-"""What of a girdle landmarks measure."""
 
 _NO_ROTATION = np.eye(3)
 
@@ -63,24 +58,10 @@ def measured_sizes(shoulders: Shoulders, girdle: Girdle, effects: Sequence[Effec
     return found
 
 
-def _numbers_of(motions: Motions) -> tuple[Float[np.ndarray, "7"], Float[np.ndarray, "7"]]:
+def _numbers_of(motions: Motions) -> LandmarkNumbers:
     """n of one subject and its SDs, NaN where not measured."""
-    where = dict(motions.landmarks_mm)
-    for name in ("SC", "AC"):  # one that was placed was not measured
-        if is_marked(motions, CLAVICLE_PLACED, f"{name} from").any():
-            where.pop(name, None)
-    SC, AC, TS, AI = (
-        where.get(name, np.full((len(motions.posture), 3), np.nan)).T for name in ("SC", "AC", "TS", "AI")
-    )
-    ts_x = -np.linalg.norm(AC - TS, axis=0)
-    ai_x, ai_y, _ = rotate(transposed(scapula_frame(AC, TS, AI)), AI - AC)
-    lengths = np.linalg.norm(SC - AC, axis=0), ts_x, ai_x, ai_y
-    columns = [*((row, PALPATOR_MM) for row in SC), *((row, PALPATOR_LENGTH_MM) for row in lengths)]
-    sizes = [size_of(row, least) if np.isfinite(row).any() else None for row, least in columns]
-    return (
-        np.array([np.nan if one is None else one.value_mm for one in sizes]),
-        np.array([np.nan if one is None else one.sd_mm for one in sizes]),
-    )
+    places = measured_places_mm(motions)
+    return numbers_of(places, np.ones(len(motions.posture), bool))
 
 
 def _resizes(effect: Effect, girdle: Girdle) -> bool:
@@ -89,7 +70,7 @@ def _resizes(effect: Effect, girdle: Girdle) -> bool:
         return False
     rotation = _NO_ROTATION[..., None]
     changed, _ = effect.adjust(girdle, (rotation, rotation), np.zeros((len(effect.directions), 1)))
-    return any(getattr(changed, one) is not getattr(girdle, one) for one in _MEASURED)
+    return any(getattr(changed, one) is not getattr(girdle, one) for one in MEASURED)
 
 
 def _of_sets(effect: Effect, girdle: Girdle) -> tuple[np.ndarray, np.ndarray]:

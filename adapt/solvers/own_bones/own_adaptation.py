@@ -35,7 +35,8 @@ from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
 from models.girdle import Girdle
 from models.person.family import AnyModel, unique_sets
-from models.person.own_bones import NO_SDS, OwnSDs, Spread, of_chain, spread_about
+from models.person.landmark_numbers import IN_GIRDLE, KEYS, LandmarkNumbers, numbers_of
+from models.person.own_bones import NO_SDS, SHOWN_BY_LANDMARKS, OwnSDs, Spread, of_chain, spread_about
 from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions.table import FEWEST_ANGLES, person_of
 
@@ -104,13 +105,13 @@ class OwnBones(NamedTuple):
 
     @property
     def distance(self) -> Float[np.ndarray, " problems"]:
-        """How far a person is from the set, in SDs of people, in the directions that the motions tell.
+        """How far a person is from the set, in SDs of people, in the directions that the motions tell (one at least).
 
         Root of |u|^2 / (n - tr of the posterior covariance of u), 1 in the mean where people are as the prior says.
         """
         sd = np.where(self.prior_sd > 0.0, self.prior_sd, 1.0)
         told = ((self.prior_sd > 0.0) - (self.sd / sd) ** 2).sum(axis=0)
-        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(told, 1e-9))
+        return np.sqrt(((self.sizes / sd) ** 2).sum(axis=0) / np.maximum(told, 1.0))
 
     @property
     def sd(self) -> Float[np.ndarray, "sizes problems"]:
@@ -123,6 +124,25 @@ def spread_of(models: Sequence[AnyModel], subjects: Sequence[str], sds: OwnSDs =
     sets, place = unique_sets(models, subjects)
     each = [spread_about(one, sds) for one in sets]
     return Spread(*(np.stack(parts, axis=-1)[..., place] for parts in zip(*each, strict=True)))
+
+
+def with_landmarks(
+    spread: Spread, data: Problems, rows: PostureRows, models: Sequence[AnyModel], problem: Int[np.ndarray, " parts"]
+) -> Spread:
+    """Add what positions of landmarks in the postures of each part of a problem say; of what the person's set has
+    measured, nothing: it may come from the same landmarks."""
+    if not {"SC", "AC", "TS", "AI"} & rows.landmarks_mm.keys():
+        return spread
+    packed = {name: rows.packed(place) for name, place in rows.landmarks_mm.items()}
+    subject = problem % len(rows.subjects)
+    found = [
+        numbers_of({name: place[..., s] for name, place in packed.items()}, counted)
+        for s, counted in zip(subject.tolist(), np.asarray(data.counted).T, strict=True)
+    ]
+    sets, place = unique_sets(models, rows.subjects)
+    measured = np.array([[one.is_measured(key) for key in KEYS] for one in sets])[place[problem]].T
+    numbers = LandmarkNumbers(*(np.stack(one, axis=-1) for one in zip(*found, strict=True)))
+    return spread.from_landmarks(numbers, np.asarray(data.girdle.numbers_mm)[list(IN_GIRDLE)], ~measured)
 
 
 @dataclass(frozen=True)
@@ -162,8 +182,9 @@ def learn_people(rows: PostureRows, models: Sequence[AnyModel], sds: OwnSDs = NO
     every, width = np.arange(len(models)), len(chosen)
     data = select_problems(problems_of(rows, models), (len(rows.subjects) * every[:, None] + chosen).ravel())
     spread, of_model = spread_of(models, subjects, sds), np.repeat(every, width)
-    of, known, scales = None, None, list(everybody.values())
-    for _ in range(_LEARNING_ROUNDS):
+    of, known = _moments(data, spread, [PRIOR] * len(of_model))
+    scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, list(everybody.values()))
+    for _ in range(_LEARNING_ROUNDS - 1):
         of, known = _moments(data, spread, [scales[k] for k in of_model.tolist()])
         scales = _learnt_by_enough(of, (of_model == every[:, None]) & known, scales)
     everybody = dict(zip(everybody, scales, strict=True))
@@ -251,11 +272,36 @@ def _rows_of(data: Problems) -> tuple[Rows, Int[np.ndarray, " rows"], Int[np.nda
     return Rows(angles, measured, data.active_effects.at(posture, problem)), problem, posture
 
 
+class _Sizes(NamedTuple):
+    """What is believed of the sizes of each problem, in SDs, before any angle is looked at: N(m, L L')."""
+
+    mean: Float[np.ndarray, "problems sizes"]
+    root: Float[np.ndarray, "problems sizes sizes"]
+
+
+def _sizes(spread: Spread, scales: Sequence[Scales]) -> _Sizes:
+    """With J the slopes of the numbers that landmarks measure and W their precisions: (1 + J'W J)^-1 (1, J'W more)."""
+    n, count = len(spread.sd), len(scales)
+    mean, root = np.zeros((count, n)), np.tile(np.eye(n), (count, 1, 1))
+    some = np.flatnonzero(np.isfinite(spread.more_mm).any(axis=0))
+    if len(some):
+        J = spread.columns_mm[list(IN_GIRDLE)] * (_of_sizes(scales) * SHOWN_BY_LANDMARKS[:, None])
+        more, J = persons_first(spread.more_mm)[some], persons_first(J)[some]
+        known = np.isfinite(more)
+        W = np.where(known, persons_first(spread.more_sd_mm)[some], 1.0) ** -2.0 * known
+        covariance = np.linalg.inv(np.eye(n) + np.swapaxes(J, 1, 2) @ (W[:, :, None] * J))
+        mean[some] = np.einsum("pst,pkt,pk->ps", covariance, J, W * np.where(known, more, 0.0))
+        root[some] = np.linalg.cholesky(covariance)
+    return _Sizes(mean, root)
+
+
 def _prior(
     data: Problems, spread: Spread, scales: Sequence[Scales]
 ) -> tuple[Prior, Float[np.ndarray, "sizes n problems"]]:
-    """The prior of the chain, and the sizes (in SDs) that u stands for: B' (R')^+."""
-    B = persons_first(of_chain(spread.columns_mm) * _of_sizes(scales))
+    """The prior of the chain, and what of the sizes (L^-1 (z - m)) u stands for: B' (R')^+ with B = C L."""
+    columns, before = persons_first(of_chain(spread.columns_mm) * _of_sizes(scales)), _sizes(spread, scales)
+    B = columns @ before.root
+    moved = (columns @ before.mean[..., None])[..., 0].T
     covariance = B @ np.swapaxes(B, 1, 2)
     variance, vectors = (one[..., -_DIMENSIONS:] for one in np.linalg.eigh(covariance))
     held = variance <= _RANK * variance.max(axis=1, keepdims=True)
@@ -264,7 +310,7 @@ def _prior(
     root = np.moveaxis(vectors * sd[:, None], 0, -1)
     shares = np.moveaxis(np.swapaxes(B, 1, 2) @ (vectors * across[:, None]), 0, -1)
     noise = np.array([one.noise_deg for one in scales])
-    return Prior(of_chain(np.asarray(data.girdle.numbers_mm)), root, noise), shares
+    return Prior(of_chain(np.asarray(data.girdle.numbers_mm)) + moved, root, noise), shares
 
 
 def _of_sizes(scales: Sequence[Scales]) -> Float[np.ndarray, "sizes problems"]:
@@ -336,14 +382,15 @@ def _own_bones(
     spread: Spread, scales: Sequence[Scales], prior: Prior, shares, found: Posterior, part: Int[np.ndarray, " rows"]
 ) -> tuple[OwnBones, Float[np.ndarray, "numbers problems"]]:
     """The posterior of the sizes: their means, and what they add to the girdle."""
-    sd, shares = persons_first(spread.sd * _of_sizes(scales)), persons_first(shares)
+    sd, shares, before = persons_first(spread.sd * _of_sizes(scales)), persons_first(shares), _sizes(spread, scales)
     across = np.swapaxes(shares, 1, 2)
-    mean = (shares @ persons_first(found.u)[..., None])[..., 0]
+    mean = before.mean + (before.root @ (shares @ persons_first(found.u)[..., None]))[..., 0]
     slopes = persons_first(found.nearest.by_theta) @ persons_first(prior.root_mm)[part]
     starts = np.searchsorted(part, np.arange(found.u.shape[1]))
     matrix = np.add.reduceat(np.swapaxes(slopes, 1, 2) @ slopes, starts, axis=0)
     of_u = np.linalg.inv(matrix / prior.noise_deg[:, None, None] ** 2 + np.eye(len(found.u)))  # prior variance 1
     covariance = np.eye(sd.shape[1]) - shares @ across + shares @ of_u @ across
+    covariance = before.root @ covariance @ np.swapaxes(before.root, 1, 2)
     each = range(sd.shape[1])
     covariance[:, each, each] = np.maximum(covariance[:, each, each], 0.0)  # of a size that is held, but for rounding
     own = OwnBones(

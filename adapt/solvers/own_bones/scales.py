@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.engine.batching import where_problems
-from adapt.solvers.own_bones.most_probable import Posterior, Prior, Rows
+from adapt.solvers.own_bones.most_probable import Posterior, Prior, Rows, persons_first
 from models.person.own_bones import GROUPS, SIZES
 from motions.table import FEWEST_ANGLES
 
@@ -154,7 +154,7 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
     z)_i - (H^-1 K)_ii) for one and the noise; those expected 4 K_ij^2 and 4 (H^-1 K)_ii.
     """
     s, variance = np.exp(logarithms)[_GROUP_OF_SIZE][:, run], (PRIOR.noise_deg * np.exp(logarithms[-1, run])) ** 2
-    M, v = np.moveaxis(of.A * s[:, None] * s / variance, -1, 0), (of.c * s / variance).T
+    M, v = persons_first(of.A * s[:, None] * s / variance), persons_first(of.c * s / variance)
     n, m, square = len(s), of.informative, of.square / variance
     inverse = np.linalg.inv(M + np.eye(n))
     K = np.eye(n) - inverse
@@ -163,7 +163,7 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
     log_det = 2.0 * np.log(np.einsum("pii->pi", np.linalg.cholesky(M + np.eye(n)))).sum(axis=1)
     values = m * np.log(variance) + log_det + square - vz
     by_noise = 2.0 * (m - followed.sum(axis=1) - square + vz + zz)
-    slopes = np.append(2.0 * (followed - z**2) @ _IN_GROUP, by_noise[:, None], axis=1)
+    slopes = np.append(_by_group(2.0 * (followed - z**2)), by_noise[:, None], axis=1)
     of_scales = inverse * K - z[:, :, None] * z[:, None] * (2.0 * inverse - np.eye(n))
     noise_alone = shared.sum(axis=1) + square - vz - zz - 2.0 * (z * back).sum(axis=1)
     curvatures = _bordered(of_scales, 2.0 * z * back - shared, noise_alone)
@@ -176,9 +176,14 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
     return tuple(one + more for one, more in zip(sums, of_prior, strict=True))
 
 
+def _by_group(of_sizes: Float[np.ndarray, "pairs sizes"]) -> Float[np.ndarray, "pairs groups"]:
+    """Add up each pair by itself, so that sums are the same to the last digit whoever else is there."""
+    return (of_sizes[:, None] @ _IN_GROUP)[:, 0]
+
+
 def _bordered(of_sizes, with_noise, of_noise) -> Float[np.ndarray, "pairs scales scales"]:
     """4 times the sums over the sizes of each group, bordered by those with the noise."""
-    border = with_noise @ _IN_GROUP
+    border = _by_group(with_noise)
     of_groups = _IN_GROUP.T @ of_sizes @ _IN_GROUP
     upper = np.append(of_groups, border[:, :, None], axis=2)
     lower = np.append(border, of_noise[:, None], axis=1)
