@@ -101,7 +101,7 @@ def simulate_people(model: ParameterSet, sds: Sds, count: int, noise_deg: float,
 
 
 def with_landmarks(people: People, noise_mm: float) -> Motions:
-    """Add positions of SC, AC, TS and AI on the true bones, wherever the joints are, whatever frames the angles have."""
+    """Add positions of SC, AC, TS and AI on the true bones, wherever joints are and whatever frames the angles have."""
     shown = (
         np.asarray(people.model.girdle.numbers_mm)[:, None]
         + _per_unit(people.model)[:, SHOWN_BY_LANDMARKS] @ (people.sizes[SHOWN_BY_LANDMARKS])
