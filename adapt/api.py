@@ -153,7 +153,9 @@ def adapt_subjects(
 
     ``own_bones``: adapt bones and frames of each person's own beside the six parameters, as far as people differ
     (``adapt.solvers.own_bones``), in place of min E within bounds, in float64. True; or other SDs by name
-    (``models.person.own_bones``); or what ``learn_people`` has learnt from other motions.
+    (``models.person.own_bones``); or what ``learn_people`` has learnt from other motions. Where these bones do not
+    predict a person's own motions or are not found, the plain adaptation is kept (``adapt.evaluation.own_or_plain``):
+    column ``own_bones``.
     """
     models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects

@@ -6,9 +6,9 @@ persons on other motions,
     share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
 
 of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
-all go where share(V) is less than ``LEAST_SHARE``, or than ``LEAST_T`` standard errors. A constant of bones or
-frames is one that own bones hold: each person's own predicts as well as one that all have alike. So such a cause rests
-on the evidence alone.
+all go unless share(V) is ``LEAST_SHARE`` or more with a probability of ``LEAST_PROBABILITY``, over persons drawn anew.
+A constant of bones or frames is one that own bones hold: each person's own predicts as well as one that all have alike.
+So such a cause rests on the evidence alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,8 +23,9 @@ from jaxtyping import Float
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.candidates import Hypothesis, without
-from adapt.diagnosis.inference.intervals import known_mean
+from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.selection import LEAST_PROBABILITY
 from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size
 from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
@@ -39,9 +40,6 @@ from motions.table import Motions
 
 LEAST_SHARE = 0.1
 """Of the null's gap beyond noise, that causes take together."""
-
-LEAST_T = 2.0
-"""Their part in its standard errors over persons: less is what other persons might change."""
 
 OWN_CONSTANTS = frozenset(
     (
@@ -139,17 +137,26 @@ class OwnBonesNull:
     def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
         """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
         chosen = named
-        while held := [name for name in chosen if self._is_held(name)]:
+        while held := [name for name in chosen if self.is_held(name)]:
             self.predict([chosen, *(without(chosen, name) for name in held)], named)
             gaps = {name: self._mean(without(chosen, name), named) for name in held}
             worst = min(held, key=gaps.__getitem__)
             if gaps[worst] > self._mean(chosen, named):
                 break
             chosen = without(chosen, worst)
-        constants = tuple(name for name in chosen if not self._is_held(name))
-        gain = self._gain(constants, chosen, named, floor_deg)
-        surely = gain.share >= LEAST_SHARE and gain.t >= LEAST_T
-        return chosen if len(chosen) == len(constants) or surely else constants
+        return chosen if self.probability(chosen, named, floor_deg) >= LEAST_PROBABILITY else self._constants(chosen)
+
+    def probability(self, chosen: Hypothesis, named: Hypothesis, floor_deg: float) -> float:
+        """Compute how probably, over persons drawn anew, causes take ``LEAST_SHARE`` or more of what own bones leave;
+        1 of those that rest on the evidence alone."""
+        constants = self._constants(chosen)
+        if len(chosen) == len(constants):
+            return 1.0
+        null, less, more = (known_mean(self.gaps_deg(one, named)) for one in ((), constants, chosen))
+        known = np.isfinite(null + less + more)
+        weights = resampled_persons(self._persons)[:, known]
+        takes, beyond = weights @ (less - more)[known], weights @ (null[known] - floor_deg)
+        return float(np.mean((takes >= LEAST_SHARE * beyond) & (takes > 0.0)))
 
     def ladder(self, chosen: Hypothesis, named: Hypothesis) -> list[Rung]:
         """Add causes one by one, the one that takes most of the unseen gap first; they were chosen of ``named``."""
@@ -172,14 +179,21 @@ class OwnBonesNull:
     def _gain(self, less: Hypothesis, more: Hypothesis, named: Hypothesis, floor_deg: float) -> Gain:
         beyond = self._mean((), named) - floor_deg
         takes = known_mean(self.gaps_deg(less, named) - self.gaps_deg(more, named))
-        persons = np.array([self.person[self.motions.subjects[fold.subject]] for fold in self.folds])
-        error, mean = _standard_error(takes, persons), float(np.nanmean(takes))
+        error, mean = _standard_error(takes, self._persons), float(np.nanmean(takes))
         return Gain(mean / beyond if beyond > 0.0 else np.nan, mean / error if error else np.inf)
+
+    @cached_property
+    def _persons(self) -> np.ndarray:
+        """Number of the person of each fold."""
+        return np.array([self.person[self.motions.subjects[fold.subject]] for fold in self.folds])
+
+    def _constants(self, chosen: Hypothesis) -> Hypothesis:
+        return tuple(name for name in chosen if not self.is_held(name))
 
     def _mean(self, hypothesis: Hypothesis, named: Hypothesis) -> float:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
 
-    def _is_held(self, name: str) -> bool:
+    def is_held(self, name: str) -> bool:
         """Whether own bones are a null for this cause, which is not known to be at work."""
         return cause_of(name) not in OWN_CONSTANTS and name not in self.search.known
 

@@ -151,6 +151,8 @@ class _Study:
         null, other = self.null, named.hypothesis
         own_bones = null.adapted()
         kept = null.beyond(other, mean_floor)
+        tested_by = kept if any(map(null.is_held, kept)) else other
+        weights = weights.beyond(null.probability(tested_by, other, mean_floor), null.is_held)
         rungs = null.ladder(kept, other)
         gains = null.gains(rungs, other, mean_floor)
         order = [rung.added for rung in rungs[1:]]

@@ -13,6 +13,8 @@ from jaxtyping import Float
 
 from adapt.output.run_files import prepare_folder
 from adapt.solvers import status
+from adapt.solvers.own_bones.own_adaptation import HERE, WORDS
+from adapt.tables.results import OWN_WORD
 from models.adapted_parameters import ADAPTED, ADAPTED_PARAMETERS, HALF_WIDTHS_MM
 from models.export.toml import parameters_toml
 from models.girdle import Girdle
@@ -33,6 +35,9 @@ _KEY_OF = {
 }
 """The numbers of a parameter set that an adaptation changes, and which parameters they hold."""
 
+
+OWN_BONES = "own bones"
+"""What the [source] lines call them; where they were not taken, these say "plain"."""
 
 _OWN_KEYS = (
     *("clavicle.sc_mm", "clavicle.length_mm", "clavicle.ac_mm", "clavicle.conoid_mm", "scapula.ts_mm"),
@@ -57,7 +62,9 @@ def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: p
         if word != status.OK:
             continue
         flags = dict(zip(ADAPTED, at_bound[number].tolist(), strict=True))
-        text = adapted_toml(of_name[model], subject, theta_mm[number], flags, how, own.iloc[number].to_dict())
+        is_own = OWN_WORD in parameters and parameters[OWN_WORD].iloc[number] == WORDS[HERE]
+        sizes, why = (own.iloc[number].to_dict(), how) if is_own else ({}, how.replace(OWN_BONES, "plain"))
+        text = adapted_toml(of_name[model], subject, theta_mm[number], flags, why, sizes)
         path.write_bytes(text.encode())  # not each whole or not at all: the folder is
         written.append(path)
     return written

@@ -153,8 +153,12 @@ def test_bones_that_were_not_found_are_said_and_end_with_3(tmp_path, monkeypatch
     assert table["status"].tolist() == ["ok"] * 2
     assert set(table["TS_x_mm_sd"]) == {""}
     for name in table["subject"]:
-        girdle_of = load_model(tmp_path / "out" / "models" / f"R2_{name}.toml").girdle
-        np.testing.assert_allclose(girdle_of.ts_mm, load_model("R2").girdle.ts_mm, atol=1e-6)
+        model, R2 = load_model(tmp_path / "out" / "models" / f"R2_{name}.toml"), load_model("R2")
+        np.testing.assert_array_equal(model.girdle.ts_mm, R2.girdle.ts_mm)
+        assert model.source["scapula.ts_mm"] == "of R2: " + R2.source["scapula.ts_mm"]
+        assert model.source["thorax.semi_axes_mm"].startswith(
+            f"adapted to {name}, from R2 (w = 10, reading mm2_deg2, plain)"
+        )
 
 
 @pytest.mark.parametrize(

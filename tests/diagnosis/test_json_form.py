@@ -17,7 +17,6 @@ from diagnoses import (
     LONE,
     NOTHING,
     ONE,
-    ONE_THORAX,
     TWO,
     alone,
     cause,
@@ -26,7 +25,7 @@ from diagnoses import (
 )
 
 from adapt.diagnosis.inference.amplitude import unseen_amplitude
-from adapt.diagnosis.result import ADAPTED_STEP, BASE, EFFECT, NOISE, NONE, THORAX_POINTS, UNKNOWN, Diagnoses, Noise
+from adapt.diagnosis.result import ADAPTED_STEP, BASE, EFFECT, NOISE, NONE, OWN_BONES, UNKNOWN, Diagnoses, Noise
 from adapt.diagnosis.texts.json_form import as_json
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
@@ -39,7 +38,7 @@ KEYS = {
 """The contract: scripts of users rely on it."""
 
 INTERVAL = {"value", "low", "high"}
-KINDS = ("noise_floor", "base", "adapted", "with_effect")
+KINDS = ("noise_floor", "base", "adapted", "own_bones", "with_effect")
 AMPLITUDE = {*INTERVAL, "what", "course", "unit", "typical", "too_large", "directions", "option", "by_subject"}
 
 
@@ -64,9 +63,8 @@ def assert_contract(found: Mapping[str, Any]) -> None:
         assert numbers({key: amplitude[key] for key in INTERVAL}, INTERVAL)
         assert all(numbers(one, INTERVAL) for one in amplitude["directions"].values())
     assert [one["option"] for one in found["amplitude"].values() if one["option"]] == found["options"]
-    thorax = [THORAX_POINTS] if THORAX_POINTS in verdict["effects"] else []
-    causes = [name for name in verdict["effects"] if name != THORAX_POINTS]
-    assert [one["step"] for one in found["budget"]] == [BASE, ADAPTED_STEP, *thorax, *causes, NOISE]
+    sized = [name for name, one in found["amplitude"].items() if one["option"]]
+    assert [one["step"] for one in found["budget"]] == [BASE, ADAPTED_STEP, OWN_BONES, *sized, NOISE]
     assert all(set(one) == {"step", "gap_deg", "low", "high"} for one in found["budget"])
     gap = found["gap_deg"]
     parts = {"in_sample", "postures", "other_motion", "other_person"}
@@ -75,9 +73,6 @@ def assert_contract(found: Mapping[str, Any]) -> None:
     for levels in filter(None, (gap[part] for part in parts)):
         assert set(levels) == set(KINDS)
         assert all(numbers(levels[kind][bone], INTERVAL) for kind in KINDS for bone in ALL_AND_BONES)
-    if carried := found["carried_over"]:
-        assert set(carried) == {"without_causes", "sizes_of_others", "own_sizes", "share"}
-        assert all(numbers(carried[key][bone], INTERVAL) for key in set(carried) - {"share"} for bone in ALL_AND_BONES)
     shares = [cell["share"] for cell in found["where"]]
     assert shares == sorted(shares, reverse=True)
     assert set(found["parameters"]) == set(ADAPTED)
@@ -113,27 +108,21 @@ def test_causes_that_cannot_be_told_apart_stand_together():
     assert found["verdict"]["causes"] == [["ac_translation", "conoid_strain"], ["scapulothoracic_gap"]]
     assert found["verdict"]["gain"] == [0.5, 0.3]
     assert [one["too_large"] for one in found["amplitude"].values()] == [False, True]
-    assert found["budget"][2] == pytest.approx({"gap_deg": 1.4, "low": 1.3, "high": 1.5} | {"step": "ac_translation"})
+    assert found["budget"][3] == pytest.approx({"gap_deg": 1.4, "low": 1.3, "high": 1.5} | {"step": "ac_translation"})
 
 
-def test_the_prior_thorax_stands_like_a_cause_behind_those_with_a_size():
-    """Scripts of users read it there. The last cause here has none: no gap shows how large it is."""
+def test_a_cause_that_no_gap_shows_has_no_size():
     estimate = unseen_amplitude(EFFECTS["clavicle_axial_estimate"])
-    causes = (*ONE_THORAX.verdict.causes, cause("clavicle_axial_estimate"))
-    amplitude = ONE_THORAX.amplitude | {"clavicle_axial_estimate": estimate}
-    found = json_of(replace(ONE_THORAX, verdict=replace(ONE_THORAX.verdict, causes=causes), amplitude=amplitude))
-    names = ["scapula_landmark_bias", "thorax_points", "clavicle_axial_estimate"]
-    assert list(found["amplitude"]) == found["verdict"]["effects"] == names
-    assert found["verdict"]["causes"][1] == ["thorax_points"]
-    assert [found["verdict"][key][1] for key in ("shares", "gain", "t")] == [[1.0], 0.4, None]
-    assert found["options"] == ["scapula_landmark_bias=7,0,0", "thorax_points=30"]
-    thorax, k = found["amplitude"]["thorax_points"], {"value": 30.0, "low": None, "high": None}
-    assert thorax == thorax | k | {"unit": "1", "directions": {"k": k}, "option": "thorax_points=30", "by_subject": {}}
+    causes = (*ONE.verdict.causes, cause("clavicle_axial_estimate"))
+    amplitude = ONE.amplitude | {"clavicle_axial_estimate": estimate}
+    found = json_of(replace(ONE, verdict=replace(ONE.verdict, causes=causes), amplitude=amplitude))
+    assert found["verdict"]["effects"] == ["scapula_landmark_bias", "clavicle_axial_estimate"]
+    assert found["options"] == ["scapula_landmark_bias=7,0,0"]
+    assert_contract(found)
 
 
 def test_what_was_not_held_out_is_null():
-    assert json_of(NOTHING)["gap_deg"]["other_person"] is json_of(NOTHING)["carried_over"] is None
-    assert json_of(ONE)["carried_over"]["share"] == pytest.approx(0.5)
+    assert json_of(NOTHING)["gap_deg"]["other_person"] is None
     gap = json_of(LONE)["gap_deg"]
     assert (gap["other_motion"], gap["other_person"]) == (None, None)
 

@@ -15,10 +15,9 @@ from adapt.diagnosis.result import (
     EFFECT,
     NOISE,
     NONE,
-    THORAX_POINTS,
+    OWN_BONES,
     UNKNOWN,
     Answer,
-    CarriedOver,
     Cause,
     CauseAmplitude,
     Diagnoses,
@@ -29,7 +28,6 @@ from adapt.diagnosis.result import (
     Noise,
     ParameterMeans,
     Positions,
-    PriorThorax,
     Proposal,
     Step,
     Verdict,
@@ -50,30 +48,29 @@ def around(value: float) -> Interval:
     return Interval(value, value - 0.1, value + 0.1)
 
 
-def levels(noise_floor: float, base: float, adapted: float, with_effect: float) -> dict[GapKind, dict[str, Interval]]:
+def levels(
+    noise_floor: float, base: float, adapted: float, own_bones: float, with_effect: float
+) -> dict[GapKind, dict[str, Interval]]:
     """The same gap in both bones."""
     values: dict[GapKind, float] = {
         "noise_floor": noise_floor,
         "base": base,
         "adapted": adapted,
+        "own_bones": own_bones,
         "with_effect": with_effect,
     }
     return {kind: dict.fromkeys(ALL_AND_BONES, around(value)) for kind, value in values.items()}
 
 
-def gap_of(adapted: float, with_effect: float) -> Gaps:
+def gap_of(adapted: float, with_effect: float, own_bones: float | None = None) -> Gaps:
     """The gaps given are those of other motions of other persons, the most unseen ones."""
+    own = with_effect if own_bones is None else own_bones
     return Gaps(
-        in_sample=levels(0.2, 4.0, adapted - 0.4, with_effect - 0.4),
-        unseen=levels(0.3, 4.1, adapted - 0.2, with_effect - 0.2),
-        other_motion=levels(0.3, 4.1, adapted - 0.1, with_effect - 0.1),
-        other_person=levels(0.3, 4.1, adapted, with_effect),
+        in_sample=levels(0.2, 4.0, adapted - 0.4, own - 0.4, with_effect - 0.4),
+        unseen=levels(0.3, 4.1, adapted - 0.2, own - 0.2, with_effect - 0.2),
+        other_motion=levels(0.3, 4.1, adapted - 0.1, own - 0.1, with_effect - 0.1),
+        other_person=levels(0.3, 4.1, adapted, own, with_effect),
     )
-
-
-def carried_over(*gaps_deg: float) -> CarriedOver:
-    """Without causes, with sizes of others, with own ones."""
-    return CarriedOver(*(dict.fromkeys(ALL_AND_BONES, around(gap)) for gap in gaps_deg))
 
 
 def ladder(**steps: float) -> tuple[Step, ...]:
@@ -157,13 +154,11 @@ ONE = Diagnosis(
     axial_is_computed=False,
     verdict=verdict(EFFECT, cause("scapula_landmark_bias", gain=0.6), scapula_landmark_bias=0.97),
     amplitude={"scapula_landmark_bias": amplitude("scapula_landmark_bias", 7.0, 5.0)},
-    prior_thorax=None,
     landmark_sizes={},
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
     alone_deg={"scapula_landmark_bias": 0.9, "ac_translation": 2.1, NONE: 2.8},
     left_over_share=0.24,
-    gaps=gap_of(2.8, 0.9),
-    carried_over=carried_over(2.8, 1.85, 0.9),
+    gaps=gap_of(2.8, 0.9, 2.0),
     parameters={name: ParameterMeans(100.0, 101.0) for name in ADAPTED},
     where=Where(
         cells=[cell("scapula_y", 0.0, 1.8, 0.7), cell("clavicle_x", 30.0, 1.2, 0.3), cell("clavicle_z", 0.0, 0.5, 0.0)],
@@ -172,7 +167,7 @@ ONE = Diagnosis(
         constraint_spread=[ConstraintSpread("A1", 4.1, 1.2, 0.8), ConstraintSpread("A3", 9.7, 1.1, 0.9)],
     ),
     indistinguishable=[["conoid_strain", "clavicle_axial_estimate"]],
-    lacking=("points on the thorax",),
+    lacking=("more persons",),
     next_measurement=PROPOSALS,
     positions=NO_POSITIONS,
 )
@@ -193,7 +188,7 @@ TWO = replace(
         "scapulothoracic_gap": amplitude("scapulothoracic_gap", 12.0, 5.0, "elevation of the arm"),
     },
     budget=ladder(
-        **{BASE: 4.1, ADAPTED_STEP: 2.8, "ac_translation": 1.4, "scapulothoracic_gap": 0.9, NOISE: 0.3},
+        **{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.0, "ac_translation": 1.4, "scapulothoracic_gap": 0.9, NOISE: 0.3},
     ),
 )
 """Two causes: one that has two names, and one that is larger than such an effect is."""
@@ -210,7 +205,9 @@ MANY = replace(
     verdict=verdict(EFFECT, *_MANY, **{one.names[0]: 0.9 for one in _MANY}),
     amplitude={one.names[0]: amplitude(one.names[0], 4.0, 3.0) for one in _MANY},
     budget=ladder(
-        **{BASE: 4.1, ADAPTED_STEP: 2.8} | {one.names[0]: 2.5 - 0.4 * k for k, one in enumerate(_MANY)} | {NOISE: 0.3},
+        **{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.6}
+        | {one.names[0]: 2.5 - 0.4 * k for k, one in enumerate(_MANY)}
+        | {NOISE: 0.3},
     ),
 )
 """More causes and names than a sentence has room for."""
@@ -221,10 +218,9 @@ NOTHING = replace(
     persons=1,
     verdict=verdict(NONE, thorax_asymmetry=0.1),
     amplitude={},
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 0.5, NOISE: 0.3}),
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 0.5, OWN_BONES: 0.5, NOISE: 0.3}),
     left_over_share=math.nan,
     gaps=replace(gap_of(0.6, 0.6), other_person=None),
-    carried_over=None,
 )
 """One person, nothing beyond noise."""
 
@@ -232,50 +228,24 @@ OUTSIDE = replace(
     ONE,
     verdict=verdict(UNKNOWN, skin_artefact=0.4),
     amplitude={},
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, NOISE: 0.3}),
+    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, OWN_BONES: 2.8, NOISE: 0.3}),
     left_over_share=1.0,
     gaps=gap_of(2.8, 2.8),
-    carried_over=None,
 )
 """A gap that no candidate takes away."""
 
 CHECKED = replace(ONE, positions=POSITIONS)
 """With positions that the cause moves away from where they were measured."""
 
-LONE = replace(
-    ONE, kinds=("abduction",), gaps=replace(ONE.gaps, other_motion=None, other_person=None), carried_over=None
-)
+LONE = replace(ONE, kinds=("abduction",), gaps=replace(ONE.gaps, other_motion=None, other_person=None))
 """One kind of motion."""
-
-THORAX = replace(
-    ONE,
-    verdict=verdict(NONE),
-    amplitude={},
-    prior_thorax=PriorThorax(30.0, 0.4),
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 1.3, THORAX_POINTS: 0.9, NOISE: 0.3}),
-    gaps=gap_of(1.3, 0.9),
-    carried_over=None,
-)
-"""Nothing beyond noise but another person's thorax."""
-
-OUTSIDE_THORAX = replace(THORAX, verdict=verdict(UNKNOWN), gaps=gap_of(2.8, 2.0))
-"""A gap of which another person's thorax takes a part."""
 
 UNTESTED = replace(LONE, persons=1, verdict=verdict(UNKNOWN), amplitude={}, budget=OUTSIDE.budget)
 """One kind of motion of one person: no cause can be tested."""
 
-UNTESTED_THORAX = replace(UNTESTED, prior_thorax=THORAX.prior_thorax, budget=THORAX.budget)
-
-ONE_THORAX = replace(
-    ONE,
-    prior_thorax=THORAX.prior_thorax,
-    budget=ladder(**{BASE: 4.1, ADAPTED_STEP: 2.8, THORAX_POINTS: 2.0, "scapula_landmark_bias": 0.9, NOISE: 0.3}),
-)
-"""One cause beside another person's thorax."""
-
 BLIND = replace(
     NOTHING,
-    budget=ladder(**{BASE: math.nan, ADAPTED_STEP: math.nan, NOISE: math.nan}),
+    budget=ladder(**{BASE: math.nan, ADAPTED_STEP: math.nan, OWN_BONES: math.nan, NOISE: math.nan}),
     gaps=gap_of(math.nan, math.nan),
     indistinguishable=[],
     lacking=(),
@@ -285,16 +255,12 @@ BLIND = replace(
 
 BY_KIND = {
     "one": ONE,
-    "one thorax": ONE_THORAX,
     "two": TWO,
     "many": MANY,
     "nothing": NOTHING,
     "outside": OUTSIDE,
     "lone": LONE,
-    "thorax": THORAX,
-    "outside thorax": OUTSIDE_THORAX,
     "untested": UNTESTED,
-    "untested thorax": UNTESTED_THORAX,
     "blind": BLIND,
 }
 

@@ -344,7 +344,6 @@ def test_every_kind_of_answer_has_its_page(kind):
         assert f"--effect {size.option}" in words
         assert name in words
     assert all(one.what in words for one in diagnosis.next_measurement)
-    assert ("with others' sizes" in words) == (diagnosis.carried_over is not None)
     assert f"no candidate {diagnosis.alone_deg[NONE]:.2f}°" in words
     assert data_of(html)["models"][0]["noise_deg"] == diagnosis.noise.angle_deg
     assert [one for one in sentences_of(html) if len(one.split()) > MOST_WORDS] == []

@@ -36,7 +36,7 @@ from adapt.cli.terminal.print_tables import (
     progress,
 )
 from adapt.evaluation.held_out import sample
-from adapt.output.adapted_models import remove_models_of_failed, write_adapted_models
+from adapt.output.adapted_models import OWN_BONES, remove_models_of_failed, write_adapted_models
 from adapt.output.large_runs.dask_cluster import on_cluster
 from adapt.output.large_runs.local_processes import on_this_machine
 from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
@@ -115,7 +115,7 @@ def adapt(
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
     known = read_known(effect, thorax_downweighting)
-    how = ", ".join([f"w = {weight:g}", f"reading {reading}", *["own bones"] * own_bones, *known.texts])
+    how = ", ".join([f"w = {weight:g}", f"reading {reading}", *[OWN_BONES] * own_bones, *known.texts])
     named = asked_models(model, models_of)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
     options: dict[str, object] = {

@@ -1,6 +1,6 @@
 """How probable each set of causes is."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,6 +32,15 @@ class Weights:
             for cause in {self.cause[name] for name in hypothesis}:
                 found[cause] += probability
         return dict(sorted(found.items(), key=lambda one: -one[1]))
+
+    def beyond(self, probability: float, held: Callable[[str], bool]) -> "Weights":
+        """Take the effects that are ``held`` against a null out of every set, but for this probability that they are
+        beyond it."""
+        found = {hypothesis: probability * p for hypothesis, p in self.probability.items()}
+        for hypothesis, p in self.probability.items():
+            rest = tuple(name for name in hypothesis if not held(name))
+            found[rest] = found.get(rest, 0.0) + (1.0 - probability) * p
+        return Weights(dict(sorted(found.items(), key=lambda one: -one[1])), self.cause)
 
 
 def weigh(search: Search) -> Weights:

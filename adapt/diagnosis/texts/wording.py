@@ -42,9 +42,10 @@ def sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict.answer != EFFECT:
         return _without_cause(diagnosis)
     before, with_effect, floor = _levels(diagnosis, "own_bones")
-    verb = "shrinks" if float(with_effect) < float(before) else "goes"
-    goes = f"beyond {OWN} the gap of {subjects_text(diagnosis)} {verb} from {before} to {with_effect} deg"
-    start, end = f"On {unseen_text(diagnosis.gaps)}, {goes} with", f"noise alone leaves {floor}."
+    levels = diagnosis.gaps.hardest
+    verb = "shrinks" if levels["with_effect"][ALL].value < levels["own_bones"][ALL].value else "goes"
+    gap = f"the gap of {subjects_text(diagnosis)} on {unseen_text(diagnosis.gaps)}"
+    start, end = f"Beyond {OWN} {gap} {verb} from {before} to {with_effect} deg with", f"noise alone leaves {floor}."
     too_large = {name for name, one in diagnosis.amplitude.items() if one.too_large}
     *_, shortest = said = [f"{start} {names}; {end}" for names in _ever_shorter(diagnosis.verdict, too_large)]
     return next((one for one in said if len(one.split()) <= MOST_WORDS), shortest)
@@ -54,12 +55,12 @@ def _without_cause(diagnosis: Diagnosis) -> str:
     """Say that none is named, and what bones of each person's own take away."""
     adapted, own, floor = _levels(diagnosis)
     unseen, subjects = unseen_text(diagnosis.gaps), subjects_text(diagnosis)
-    goes = f"the gap of {subjects} on {unseen} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
+    end = f"on {unseen} goes from {adapted} to {own} deg with {OWN}; noise alone leaves {floor}."
     if not diagnosis.can_test:
-        return f"One motion of one person cannot show a cause: {goes}"
+        return f"One motion of one person cannot show a cause: the gap {end}"
     if diagnosis.verdict.answer == NONE:
-        return f"People differ, nothing else shows: {goes}"
-    return f"No candidate predicts more: {goes}"
+        return f"People differ, nothing else shows: the gap of {subjects} {end}"
+    return f"No candidate predicts more: the gap of {subjects} {end}"
 
 
 def number(value: float | None, coarse: float | None = None) -> str:

@@ -24,11 +24,8 @@ import pandas as pd
 import typer
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.adapted_gaps import adapted_gaps
-from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.result import ALL, NONE, Diagnosis
-from adapt.tables.folds import MOTION
 from models import ParameterSet, load_model
 from models.effects import EFFECTS, Effect
 from models.effects.amplitudes import NO_EFFECTS
@@ -39,6 +36,7 @@ from scripts.research.named_causes.blind.lines import line_of
 from scripts.research.named_causes.blind.report import confusion_matrix, report
 from scripts.research.named_causes.blind.runs import Line, read_lines, run_missing
 from scripts.research.named_causes.blind.several import several_report
+from scripts.research.named_causes.measured_check import unseen_gaps_deg
 
 MOTIONS, TRUTH, WITHOUT_CAUSES = "motions.csv", "truth.json", "without_causes.csv"
 
@@ -106,11 +104,9 @@ def _nearest_amplitudes(effect: Effect, strength: dict[str, list[float]], own: M
 
 
 def _true_share(found: Diagnosis, model: ParameterSet, without_causes: Motions) -> float:
-    """The share of the adapted gap beyond noise that is there without the causes too, another person's thorax known."""
+    """The share of the adapted gap beyond noise that own bones leave where there are no causes."""
     levels = found.gaps.hardest
-    person = {name: number for number, name in enumerate(without_causes.subjects)}
-    left = adapted_gaps(without_causes, model, NO_EFFECTS, person, thorax_downweighting=THORAX_DOWNWEIGHTING)
-    left_deg = left.unseen[MOTION][ALL].value
+    left_deg = unseen_gaps_deg(without_causes, model, NO_EFFECTS)[ALL]
     return left_over_share(levels["adapted"][ALL].value, left_deg, levels["noise_floor"][ALL].value)
 
 

@@ -1,9 +1,9 @@
 """Does the diagnosis name causes that predict measured shoulders? The gap on motions and persons that were not fitted.
 
 For each parameter set: what `girdle diagnose` names by itself, and the mean |simulated - measured| of scapula and
-clavicle, degrees, adapted without each motion: without the causes, with them (``girdle adapt --effect``), with the
-sizes that other persons have, as they are, and with causes that were named and sized without the person at all; '-'
-where there is no other motion, or no other person.
+clavicle, degrees, adapted without each motion: plain, with bones of each person's own, with the causes beside them
+(``girdle adapt --own-bones --effect``), with the sizes that other persons have, and with causes that were named and
+sized without the person at all; '-' where there is no other motion, or no other person.
 """
 
 import argparse
@@ -11,13 +11,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from adapt import adapt_subjects
 from adapt.diagnosis import Diagnosis, diagnose
-from adapt.diagnosis.adapted_gaps import adapted_gaps
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.intervals import known_mean
-from adapt.diagnosis.result import ALL
+from adapt.diagnosis.result import ALL, GapKind
 from adapt.diagnosis.texts.wording import gap_text
-from adapt.tables.folds import MOTION
+from adapt.tables.folds import MOTION, motions_and_thirds
 from models import ParameterSet, load_model
 from models.effects.amplitudes import Amplitudes
 from motions import Motions
@@ -33,9 +33,9 @@ def main() -> None:
     """Diagnose the motions with each set and print one table."""
     described = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     motions, options = bone_pins(described)
-    unseen = "motion unseen | sizes of others as they are | names and sizes without the person"
-    print(f"| parameter set | causes named | adapted | + causes, {unseen} |")
-    print("|---|---|---|---|---|---|")
+    unseen = "motion unseen | + causes, sizes of others | names and sizes without the person"
+    print(f"| parameter set | causes named | adapted | own bones | + causes, {unseen} |")
+    print("|---|---|---|---|---|---|---|")
     for name in options.model:
         model = load_model(name)
         print(_row(diagnose(motions, model)[name], named_without(motions, model)), flush=True)
@@ -50,7 +50,7 @@ def named_without(motions: Motions, model: ParameterSet) -> dict[str, float]:
     found = []
     for others, left_out in one_left_out(motions):
         of_others = diagnose(others, model)[model.name]
-        unseen = unseen_gaps_deg(left_out, model, of_others.effects, of_others.thorax_downweighting)
+        unseen = unseen_gaps_deg(left_out, model, of_others.effects)
         found.append([unseen[bone] for bone in _BONES])
     return dict(zip(_BONES, known_mean(np.array(found).T).tolist(), strict=True))
 
@@ -68,22 +68,23 @@ def one_left_out(motions: Motions) -> Iterator[tuple[Motions, Motions]]:
 
 
 def unseen_gaps_deg(
-    motions: Motions, model: ParameterSet, effects: Amplitudes, thorax_downweighting: float = 1.0
+    motions: Motions, model: ParameterSet, effects: Amplitudes, own_bones: bool = True
 ) -> dict[str, float]:
-    """Compute the mean gap of motions that the subjects were not adapted to, of all angles and by bone; NaN where each
-    has but one."""
-    person = dict.fromkeys(motions.subjects, 0)
-    adapted = adapted_gaps(motions, model, effects, person, thorax_downweighting=thorax_downweighting)
-    gaps = adapted.unseen.get(MOTION)
-    return {part: gaps[part].value if gaps else np.nan for part in (ALL, *_BONES)}
+    """Compute the mean gap of motions that the subjects were not adapted to, with bones of their own or without, of all
+    angles and by bone; NaN where each has but one."""
+    table = adapt_subjects(motions, model, effects=effects, own_bones=own_bones, folds=motions_and_thirds).heldout
+    unseen = table[table["kind"] == MOTION]
+    columns = {part: f"{'' if part == ALL else f'{part}_'}gap_unseen_deg" for part in (ALL, *_BONES)}
+    return {part: float(unseen[column].mean()) if len(unseen) else np.nan for part, column in columns.items()}
 
 
 def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:
     causes = ["/".join(cause.names) for cause in diagnosis.verdict.causes]
     wrong = [name for name in diagnosis.verdict.names if name in _NEVER_UNDER_PINS]
-    seen, carried = diagnosis.gaps.other_motion, diagnosis.carried_over
-    cells = [_bones(seen["adapted"]), _bones(seen["with_effect"])] if seen else ["-", "-"]
-    cells.append(_bones(carried.sizes_of_others) if carried else "-")
+    seen, others = diagnosis.gaps.other_motion, diagnosis.gaps.other_person
+    kinds: tuple[GapKind, ...] = ("adapted", "own_bones", "with_effect")
+    cells = [_bones(seen[kind]) if seen else "-" for kind in kinds]
+    cells.append(_bones(others["with_effect"]) if others else "-")
     cells.append(", ".join(gap_text(without[bone]) for bone in _BONES))
     said = ", ".join(causes) or diagnosis.verdict.answer
     return f"| {diagnosis.model} | {said}{' WRONG' if wrong else ''} | {' | '.join(cells)} |"

@@ -61,8 +61,8 @@ def parts(motions: Motions) -> Iterator[Seen]:
 def gaps_of_others_deg(model: ParameterSet, seen: Seen) -> tuple[float, float]:
     """Compute the mean gap of the others on unseen motions, without causes and with those named on what is seen."""
     found = diagnose(seen.motions, model)[model.name]
-    with_causes = unseen_gaps_deg(seen.others, model, found.effects, found.thorax_downweighting)[ALL]
-    return unseen_gaps_deg(seen.others, model, NO_EFFECTS)[ALL], with_causes
+    with_causes = unseen_gaps_deg(seen.others, model, found.effects)[ALL]
+    return unseen_gaps_deg(seen.others, model, NO_EFFECTS, own_bones=False)[ALL], with_causes
 
 
 def table(gaps: dict[str, list[tuple[float, float]]]) -> str:

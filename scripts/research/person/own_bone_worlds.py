@@ -12,11 +12,11 @@ from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.projection.nearest_posture import nearest_by_numbers
 from models.adapted_parameters import ADAPTED
 from models.effects import NO_ACTIVE_EFFECTS
-from models.girdle import Girdle
+from models.girdle import Girdle, bone_rotations
 from models.parameter_sets import ParameterSet
-from models.person.own_bones import NAMES, SIZES, of_chain, spread_about
+from models.person.own_bones import NAMES, SHOWN_BY_LANDMARKS, SIZES, of_chain, spread_about
 from motions.rhythm_subjects import add_noise, noise_free_subjects
-from motions.rotations import DEG
+from motions.rotations import DEG, rotate
 from motions.table import Motions
 
 _DRAWN = 4
@@ -98,6 +98,22 @@ def simulate_people(model: ParameterSet, sds: Sds, count: int, noise_deg: float,
     closed = replace(wanted, angles_deg=fitted.angles.T * DEG).select(rows)
     noisy = add_noise(closed, noise_deg, generator)
     return People(model, sds, noise_deg, noisy, closed.angles_deg, sizes[:, chosen], float(closes.mean()))
+
+
+def with_landmarks(people: People, noise_mm: float) -> Motions:
+    """Add positions of SC, AC, TS and AI on the true bones, wherever joints are and whatever frames the angles have."""
+    shown = (
+        np.asarray(people.model.girdle.numbers_mm)[:, None]
+        + _per_unit(people.model)[:, SHOWN_BY_LANDMARKS] @ (people.sizes[SHOWN_BY_LANDMARKS])
+    )
+    girdle = Girdle.of_numbers(shown[:, people.motions.subject_number])
+    clavicle, scapula = bone_rotations(people.true_deg.T / DEG)
+    AC = girdle.sc_mm + rotate(clavicle, girdle.ac_mm)
+    TS, AI = (AC + rotate(scapula, point) for point in (girdle.ts_mm, girdle.ai_mm))
+    generator = Generator(PCG64(people.motions.subject_number.size))
+    places = {"SC": girdle.sc_mm, "AC": AC, "TS": TS, "AI": AI}
+    noisy = {name: np.asarray(x) + noise_mm * generator.standard_normal(x.shape) for name, x in places.items()}
+    return replace(people.motions, landmarks_mm={name: x.T for name, x in noisy.items()})
 
 
 def limit(people: People, noise_deg: float) -> Float[np.ndarray, " adapted"]:

@@ -6,13 +6,14 @@
     python scripts/research/person/study_own_bones.py --noise ../shared/motions/bonepin_*.csv
     python scripts/research/person/study_own_bones.py --truth
     python scripts/research/person/study_own_bones.py --few ../shared/motions/bonepin_*.csv
+    python scripts/research/person/study_own_bones.py --landmarks
     python scripts/research/person/study_own_bones.py --positions ../shared/motions_positions
     python scripts/research/person/study_own_bones.py --time ../shared/motions/bonepin_*.csv
 
 --held-out: measured motions, each held out in turn. --noise: the same, by the noise that is assumed. --truth: simulated
 people whose bones are known. --few: few postures, one motion, one person, missing angles; simulated people, and
-measured motions where they are named. --positions: measured positions, which no fit has seen, as a judge. --time:
-against the plain adaptation.
+measured motions where they are named. --landmarks: simulated people with positions of landmarks. --positions: measured
+positions, which no fit has seen, as a judge. --time: against the plain adaptation.
 """
 
 import argparse
@@ -37,13 +38,13 @@ from adapt.solvers import status
 from adapt.solvers.own_bones.own_adaptation import HERE, WORDS
 from adapt.solvers.own_bones.own_adaptation import People as LearntPeople
 from adapt.solvers.own_bones.scales import Scales
-from adapt.solvers.rows import PostureRows
+from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.held_out import by_model
 from adapt.tables.results import FAR_SDS, OWN_WORD
 from models import ParameterSet, load_model, model_names
 from models.adapted_parameters import ADAPTED
 from models.person.landmark_positions import bone_poses
-from models.person.own_bones import GROUPS, NO_SDS, SIZES, spread_about
+from models.person.own_bones import GROUPS, NAMES, NO_SDS, SHOWN_BY_LANDMARKS, SIZES, spread_about
 from motions import Motions
 from motions.rhythm_subjects import DATA_FILE, NOISE_DEG
 from scripts.reporting import markdown, measured, timed
@@ -54,7 +55,7 @@ from scripts.research.person.own_bone_predictions import (
     gaps_deg,
     without,
 )
-from scripts.research.person.own_bone_worlds import WORLDS, People, limit, simulate_people
+from scripts.research.person.own_bone_worlds import WORLDS, People, limit, simulate_people, with_landmarks
 
 NORMAL_95 = 1.96
 
@@ -66,6 +67,7 @@ def main() -> None:
     parser.add_argument("--noise", nargs="+", type=Path, metavar="MOTIONS")
     parser.add_argument("--truth", nargs="*", choices=WORLDS, metavar="WORLD", help="default: all")
     parser.add_argument("--few", nargs="*", type=Path, metavar="MOTIONS")
+    parser.add_argument("--landmarks", action="store_true")
     parser.add_argument("--positions", type=Path, metavar="FOLDER")
     parser.add_argument("--time", nargs="*", type=Path, metavar="MOTIONS")
     parser.add_argument("--model", action="append", default=[], help="parameter sets; default: all, simulated: R2")
@@ -85,6 +87,8 @@ def main() -> None:
         print(few_table(people.motions, one, people.true_deg))
         for model in models if given.few else []:
             print(f"\n{model.name}\n\n{few_table(measured(parser, given.few), model)}", flush=True)
+    if given.landmarks:
+        print(landmarks_table(simulate_people(one, WORLDS["as the prior"](one), given.persons, NOISE_DEG, given.seed)))
     if given.positions:
         print(positions_table(measured(parser, sorted(given.positions.glob("bonepin_*.csv"))), models))
     if given.time is not None:
@@ -266,19 +270,42 @@ def cases(motions: Motions):
     yield "one motion, a fifth of its angles missing", replace(motions, angles_deg=holes), first, rest
 
 
+LANDMARK_NOISE_MM = 3.0
+
+
+def landmarks_table(people: People) -> str:
+    """Tabulate SDs, errors and coverage of what landmarks show, and gaps of motions held out, without them and with."""
+    lines, shown = [], SHOWN_BY_LANDMARKS
+    for word, motions in (("angles", people.motions), ("and landmarks", with_landmarks(people, LANDMARK_NOISE_MM))):
+        result = adapt_subjects(motions, people.model, **ADAPTATIONS["own bones"])
+        own, gaps = result.problems.own_bones, by_model(result.heldout).loc[people.model.name]
+        assert own is not None
+        error = own.sizes - people.sizes
+        inside = np.abs(error) <= NORMAL_95 * own.sd
+        sizes = [
+            f"{sd:.1f} ({rms:.1f})"
+            for sd, rms in zip(own.sd.mean(axis=1), np.sqrt((error**2).mean(axis=1)), strict=True)
+        ]
+        held = ", ".join(f"{gaps[f'{bone}_gap_unseen_deg']:.2f}" for bone in ("clavicle", "scapula"))
+        shares = f"{inside[shown].mean():.1%}", f"{inside[~shown].mean():.1%}"
+        lines.append([word, *np.array(sizes)[shown].tolist(), *shares, held])
+    names = np.array(NAMES)[shown].tolist()
+    return markdown(["measured", *names, "in intervals", "others", "held out, deg"], lines)
+
+
 def positions_table(motions: Motions, models: Sequence[ParameterSet]) -> str:
     """Tabulate how far SC and AA of motions held out are from where they are predicted, root mean square, mm.
 
     The constants of each person are fitted to the other motions (``adapt.evaluation.person_constants``).
     """
-    rows = []
+    rows, batch = [], posture_rows(motions)
+    angles = replace(motions, landmarks_mm={})  # positions judge, and no fit has seen them
     for model in models:
         found = {
-            way: adapt_subjects(motions, model, **ADAPTATIONS[way]).of(model.name) for way in ("plain", "own bones")
+            way: adapt_subjects(angles, model, **ADAPTATIONS[way]).of(model.name) for way in ("plain", "own bones")
         }
         held_out = {way: of_motions(one.held_out) for way, one in found.items()}
         folds = held_out["plain"].folds
-        batch = found["plain"].rows
         as_measured = in_folds(rigid(model, batch), folds)
         chains = {"measured angles": as_measured} | {w: adapted_to_folds(batch, one) for w, one in held_out.items()}
         judge = Judge.of(model, batch)

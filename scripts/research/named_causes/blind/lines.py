@@ -67,14 +67,12 @@ def realised_gaps(found: Diagnosis, model: ParameterSet, motions: Motions) -> di
     """Mean absolute gap on the unseen motion, deg, of shoulders adapted to the others: with none, and all causes."""
     mine = motions.select(np.isin(motions.subject, found.subjects))
 
-    def gap(effects: Amplitudes, downweighting: float) -> float:
-        table = adapt_subjects(
-            mine, model, held_out=found.subjects, effects=effects, thorax_downweighting=downweighting
-        ).heldout
+    def gap(effects: Amplitudes, own_bones: bool) -> float:
+        table = adapt_subjects(mine, model, held_out=found.subjects, effects=effects, own_bones=own_bones).heldout
         unseen = table[(table["kind"] == MOTION) & (table["held_out"] == UNSEEN_MOTION)]
         return float(np.mean(unseen["gap_unseen_deg"]))
 
-    return {"adapted": gap(NO_EFFECTS, 1.0), "with_effect": gap(found.effects, found.thorax_downweighting)}
+    return {"adapted": gap(NO_EFFECTS, False), "with_effect": gap(found.effects, True)}
 
 
 def with_truth(found: Diagnosis, truth: dict[str, Any]) -> Line:
