@@ -14,6 +14,7 @@ from adapt.diagnosis.fit.candidates import candidate_effects
 from adapt.diagnosis.fit.noise import ASSUMED, estimate_noise, floor_deg
 from adapt.diagnosis.fit.shoulders import Shoulders, sampled, usable
 from adapt.diagnosis.inference.alone import alone_deg
+from adapt.diagnosis.inference.alternatives import with_what_moves_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, of_landmarks, unseen_amplitude
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is_computed
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
@@ -166,8 +167,11 @@ class _Study:
         adapted = gaps_of(plain, self.person)
         gaps = self._gaps((base, adapted, own_bones, with_causes), rungs, floor)
         budget = self._budget(gaps, rungs)
-        causes = [Cause(*named.sets[name], gains[name].share, gains[name].t) for name in order]
-        verdict = self._verdict(causes, weights, gaps, with_causes, noise)
+        sets = {name: named.sets[name] for name in order}
+        if self.task.only_angles:
+            sets = with_what_moves_as_well(sets, candidates.causes)
+        causes = [Cause(*sets[name], gains[name].share, gains[name].t) for name in order]
+        verdict = self._verdict(causes, weights, gaps, with_causes if tested else adapted, noise)
         others = null.unseen(kept, other) if gaps.other_person else None
         before = self.plain.before[self.model.name]
         return Diagnosis(
@@ -217,24 +221,23 @@ class _Study:
             found[effect.name] = unseen_amplitude(effect)
         return found
 
-    def _verdict(
-        self, causes: list[Cause], weights: Weights, gaps: Gaps, with_causes: AdaptedGaps, noise: Noise
-    ) -> Verdict:
-        answer = self._answer(causes, gaps, with_causes, noise)
+    def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, shown: AdaptedGaps, noise: Noise) -> Verdict:
+        """``shown``: the adaptations whose gap is more than noise or not; bones of one person's own in one motion hide
+        any."""
+        answer = self._answer(causes, gaps, shown, noise)
         for name in self.search.known:
             if not any(cause.names[0] == name for cause in causes):
                 causes.append(Cause((name,), (1.0,), 0.0, np.nan))
         probability = _probability(weights, weights.inclusion, answer, _left_over(gaps))
         return Verdict(answer, tuple(causes), weights.inclusion, probability)
 
-    def _answer(self, causes: list[Cause], gaps: Gaps, own_bones: AdaptedGaps, noise: Noise) -> Answer:
+    def _answer(self, causes: list[Cause], gaps: Gaps, shown: AdaptedGaps, noise: Noise) -> Answer:
         """Noise that was assumed shows nothing that is larger."""
         if causes:
             return EFFECT
-        left = gaps.hardest["with_effect"][ALL].value
-        shown = noise.source != ASSUMED or left <= gaps.hardest["noise_floor"][ALL].value
-        beyond = more_than_noise(own_bones.informative_deg2, self.search.folds, noise)
-        return NONE if shown and not beyond else UNKNOWN
+        within = gaps.hardest["adapted"][ALL].value <= gaps.hardest["noise_floor"][ALL].value
+        beyond = more_than_noise(shown.informative_deg2, self.search.folds, noise)
+        return NONE if (noise.source != ASSUMED or within) and not beyond else UNKNOWN
 
     def _gaps(self, found: tuple[BaseGaps, AdaptedGaps, AdaptedGaps, AdaptedGaps], rungs: list[Rung], floor) -> Gaps:
         """The levels of each kind of gap: as it is, adapted, with own bones, with the causes."""

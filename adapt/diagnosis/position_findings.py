@@ -63,6 +63,11 @@ class PositionTask:
         return self.motions if self.way == "use" else without_positions(self.motions)
 
     @property
+    def only_angles(self) -> bool:
+        """Whether the search sees no position of a joint."""
+        return not {"SC", "AC", "AA"} & set(self.seen.landmarks_mm)
+
+    @property
     def note(self) -> str:
         """Why positions that were to be used are not."""
         both = self.way == "use" and bool(self.motions.landmarks_mm) and angles_are_of_landmarks(self.motions)

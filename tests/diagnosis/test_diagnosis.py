@@ -13,7 +13,7 @@ from adapt.cli.commands.known_effects import Known, read_known
 from adapt.diagnosis.fit.noise import ASSUMED
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
-from adapt.diagnosis.result import ALL, EFFECT, NONE, THORAX_POINTS, UNKNOWN, Diagnoses
+from adapt.diagnosis.result import ALL, EFFECT, NONE, OWN_BONES, UNKNOWN, Diagnoses
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.diagnosis.texts.notes import notes
 from adapt.tables.folds import MOTION
@@ -40,10 +40,6 @@ RATIO, PERSON_DEG = 0.65, 1.25
 """Of the unseen gap of all angles with the causes to that without; and that gap on persons not fitted either."""
 
 
-CARRIED = 0.7
-"""Share of what own sizes take away that those of others do, at least: in simulated persons who all have the cause."""
-
-
 @pytest.fixture(scope="module")
 def biased():
     return diagnose(simulated(BIAS).motions, load_model("R2"), effects=[EFFECTS[name] for name in CANDIDATES])["R2"]
@@ -56,34 +52,29 @@ def test_the_hidden_cause_is_named_and_takes_the_gap_away(biased):
     assert biased.left_over_share < 0.5
     assert sum(biased.verdict.probability.values()) == pytest.approx(1.0)
     steps = [step.step for step in biased.budget]
-    assert steps[:3] == ["base", "adapted", THORAX_POINTS]
-    assert biased.thorax_downweighting == 30.0, "R2 has another person's points on the thorax"
+    assert steps[:3] == ["base", "adapted", OWN_BONES]
     assert steps[-1] == "noise"
     assert BIAS in steps
 
 
-def test_a_size_that_all_persons_have_carries_over_to_others(biased):
-    """Nearly whole: what the two others of three show of it is a little off."""
-    carried = biased.carried_over
-    assert carried.own_sizes == biased.gaps.other_person["with_effect"]
-    assert carried.share > CARRIED
-
-
 def adapted_with(found: Diagnosis, motions: Motions) -> Adaptations:
-    """What `girdle adapt` makes of all that a diagnosis says."""
-    model, thorax = load_model(found.model), found.thorax_downweighting
-    return adapt_subjects(motions, model, effects=found.effects, thorax_downweighting=thorax)
+    """What `girdle adapt --own-bones` makes of all that a diagnosis says."""
+    return adapt_subjects(motions, load_model(found.model), effects=found.effects, own_bones=True)
 
 
 def test_the_options_of_diagnosis_json_repeat_the_adaptation_exactly(biased):
-    """To the last bit of each amplitude and SD."""
+    """To the last bit of each amplitude."""
     assert biased.effects
-    assert read_known(as_json(Diagnoses({"R2": biased}))["options"]) == Known(biased.effects, 30.0)
+    assert read_known(as_json(Diagnoses({"R2": biased}))["options"]) == Known(biased.effects)
 
 
 def test_adapted_means_what_girdle_adapt_reports(biased):
     motions, model = simulated(BIAS).motions, load_model("R2")
-    found_of = {"adapted": adapt_subjects(motions, model), "with_effect": adapted_with(biased, motions)}
+    found_of = {
+        "adapted": adapt_subjects(motions, model),
+        "own_bones": adapt_subjects(motions, model, own_bones=True),
+        "with_effect": adapted_with(biased, motions),
+    }
     for kind, result in found_of.items():
         rows = result.heldout[result.heldout["kind"] == MOTION]
         found = biased.gaps.other_motion[kind]
@@ -147,20 +138,7 @@ def test_nothing_is_found_where_nothing_is_hidden():
     assert found.verdict.answer == NONE
     assert found.verdict.causes == ()
     assert found.options == ()
-    assert found.thorax_downweighting == 30.0, "R2 has another person's points on the thorax"
-
-
-def test_another_persons_thorax_alone_takes_what_girdle_adapt_takes_with_it():
-    """No answer by itself, but adapted with it the gap falls by what the budget says. Noise hides R4's other bones."""
-    motions, model = simulated(noise_deg=3.5).motions, load_model("R4")
-    found = diagnose(motions, model, effects=[EFFECTS[name] for name in CANDIDATES])["R4"]
-    assert (found.verdict.answer, found.verdict.names) == (NONE, ())
-    rows = adapted_with(found, motions).heldout
-    unseen = float(rows[rows["kind"] == MOTION]["gap_unseen_deg"].to_numpy().mean())
-    levels = found.gaps.hardest
-    assert levels["with_effect"][ALL].value == pytest.approx(unseen, abs=SAME_DEG)
-    assert unseen < levels["adapted"][ALL].value
-    assert found.left_over_share < 0.95
+    assert found.gaps.hardest["with_effect"] == found.gaps.hardest["own_bones"]
 
 
 def test_one_motion_of_one_person_names_no_cause():
@@ -182,7 +160,7 @@ def test_noise_that_was_assumed_does_not_make_a_gap_none():
     found = diagnose(one, load_model("breteler_mri"), effects=[EFFECTS[BIAS]])["breteler_mri"]
     levels = found.gaps.hardest
     assert found.noise.source == ASSUMED
-    assert levels["with_effect"][ALL].value > levels["noise_floor"][ALL].value
+    assert levels["adapted"][ALL].value > levels["noise_floor"][ALL].value
     assert found.verdict.answer == UNKNOWN
 
 
@@ -205,32 +183,24 @@ def test_an_estimate_of_the_axial_rotation_is_named_without_a_size_where_nothing
 
 
 def test_an_angle_that_was_not_measured_counts_nowhere():
-    """Of the budget, the steps before and after the thorax are then of the same angles; no mark speaks of the angle."""
+    """The gaps are of the other angles; no mark speaks of the angle."""
     motions = simulated(noise_deg=1.5).motions
     angles_deg = motions.angles_deg.copy()
     angles_deg[:, 2] = np.nan
     extra = motions.extra.assign(**{ESTIMATED: ["yes"] * len(motions.posture)})
     found = diagnose(replace(motions, angles_deg=angles_deg, extra=extra), load_model("R4"), effects=[EFFECTS[BIAS]])
     by_step = {step.step: step.gap_deg.value for step in found["R4"].budget}
-    with_it = found["R4"].gaps.hardest["with_effect"][ALL].value
-    assert by_step[THORAX_POINTS] == pytest.approx(with_it, rel=0.08), "counted as 0 it would be a sixth less"
+    unseen = adapt_subjects(replace(motions, angles_deg=angles_deg), load_model("R4"), own_bones=True).heldout
+    with_it = unseen["gap_unseen_deg"].mean()
+    assert by_step[OWN_BONES] == pytest.approx(with_it, abs=SAME_DEG), "counted as 0 it would be a sixth less"
     assert found["R4"].declared_effects == ()
 
 
-def test_points_on_the_thorax_of_the_person_are_not_doubted():
-    own = {f"thorax.{key}": "measured: fitted to 60 points; +-2 mm" for key in ("centre_mm", "semi_axes_mm")}
-    model = replace(load_model("R2"), source={**load_model("R2").source, **own})
-    found = diagnose(simulated(noise_deg=1.5).motions, model, effects=[EFFECTS[BIAS]])["R2"]
-    assert THORAX_POINTS not in [step.step for step in found.budget]
-    assert found.prior_thorax is None
-    assert found.thorax_downweighting == 1.0
-
-
 @pytest.mark.parametrize("name", UNSEEN_DEG)
-def test_the_causes_of_measured_shoulders_predict_motions_that_were_not_fitted(name, measured_files):
+def test_measured_shoulders_are_predicted_and_no_pin_is_contradicted(name, measured_files):
+    """Bones of their own and what is named beside them predict motions and persons that were not fitted."""
     files = [file for file in measured_files if file.match(SHOULDERS[name])]
     found = diagnose(read_motions(*files), load_model(name))[name]
-    assert found.verdict.answer == EFFECT
     named = {one for cause in found.verdict.causes for one in cause.names[:1]}
     assert not named & {"skin_artefact", "clavicle_axial_estimate"}, "bone pins exclude them"
     gaps = found.gaps.other_motion["with_effect"]

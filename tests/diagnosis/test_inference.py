@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adapt.diagnosis.inference.budget import alone_deg, ladder
 from small_worlds import every_frame, joint_fit, root_of, searched, simulated
 
 from adapt.api import adapt_with_every_fold
-from adapt.diagnosis.adapted_gaps import adapted_gaps, gaps_of
+from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.evidence import Likelihood
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
 from adapt.diagnosis.fit.noise import estimate_noise
@@ -16,19 +15,24 @@ from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES, sampled, shoulders_of
 from adapt.diagnosis.fit.unseen_folds import folds_of
-from adapt.diagnosis.inference.alternatives import similarity
+from adapt.diagnosis.inference.alone import alone_deg
+from adapt.diagnosis.inference.alternatives import CredibleSet, similarity, with_what_moves_as_well
 from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.diagnosis.inference.selection import carrying_over, gain, name_causes
-from adapt.diagnosis.inference.weights import probabilities, probabilities_of_draws, weigh
+from adapt.diagnosis.inference.weights import Weights, probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
-from adapt.tables.folds import MOTION, PERSON, POSTURES
-from models import load_model
+from adapt.evaluation.held_out import adapt_with_folds
+from adapt.solvers.objective import WEIGHT, down_weighted
+from adapt.solvers.rows import posture_rows
+from adapt.tables.folds import MOTION, PERSON, POSTURES, motions_and_thirds
+from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED
 from models.effects import EFFECTS
-from models.effects.amplitudes import PersonalSize
+from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize
+from motions import Motions
 
 BIAS = "scapula_landmark_bias"
 
@@ -91,12 +95,19 @@ def test_amplitudes_of_a_fold_are_those_of_data_without_what_it_holds_out():
         assert np.linalg.norm(off) < AT_THE_MODE
 
 
+def adapted(motions: Motions, model: ParameterSet, effects: Amplitudes = NO_EFFECTS, k: float = 1.0) -> AdaptedGaps:
+    """The gaps of `girdle adapt --effect --thorax-downweighting k`."""
+    folds, weight = motions_and_thirds(motions), down_weighted(WEIGHT, k)
+    person = {name: number for number, name in enumerate(motions.subjects)}
+    return gaps_of(adapt_with_folds(posture_rows(motions, effects), [model], folds, weight), person)
+
+
 def test_the_gaps_of_the_tables_of_several_sets_are_those_of_a_diagnosis_alone():
     """To the last bit: one adaptation serves both."""
     motions, R2 = simulated().motions, load_model("R2")
     person = {name: k for k, name in enumerate(motions.subjects)}
     shared = adapt_with_every_fold(motions, [load_model("R4"), R2]).of("R2")
-    found, alone = gaps_of(shared, person), adapted_gaps(motions, R2, {}, person)
+    found, alone = gaps_of(shared, person), adapted(motions, R2)
     assert (found.in_sample, found.unseen) == (alone.in_sample, alone.unseen)
     assert set(found.unseen) == {MOTION, POSTURES}
     np.testing.assert_array_equal(found.adapted.theta_mm, alone.adapted.theta_mm)
@@ -112,11 +123,7 @@ def test_what_a_fold_has_seen_is_adapted_as_girdle_adapt_does(between):
     theta_mm = search.mode((BIAS,)).theta_mm
     (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], [theta_mm], [amplitude], between)
     shoulders = search.joint.shoulders
-    person = {name: k for k, name in enumerate(shoulders.subjects)}
-    adapted = adapted_gaps(
-        shoulders.motions, load_model("R2"), effects, person, thorax_downweighting=THORAX_DOWNWEIGHTING
-    )
-    unseen = adapted.unseen[MOTION]
+    unseen = adapted(shoulders.motions, load_model("R2"), effects, THORAX_DOWNWEIGHTING).unseen[MOTION]
     mean = gaps[search.folds.of_kind(MOTION)].mean(axis=0)
     assert mean[3:].mean() == pytest.approx(unseen["scapula"].value, abs=SAME_DEG)
     assert mean[:3].mean() == pytest.approx(unseen["clavicle"].value, abs=SAME_DEG)
@@ -133,18 +140,14 @@ def test_a_hidden_bias_is_named_with_its_size():
     for value, one in zip(truth, size.directions.values(), strict=True):
         assert one.low - 1.0 < value < one.high + 1.0
     assert size.effect == BIAS
-    assert isinstance(size.amplitude, PersonalSize)
-    np.testing.assert_allclose(size.amplitude.mean, [one.value for one in size.directions.values()], rtol=5e-4)
-    np.testing.assert_allclose(
-        size.amplitude.sd, search.discrepancy.between_per_deg * np.array(EFFECTS[BIAS].prior.scale), rtol=5e-4
-    )
+    assert isinstance(size.amplitude, tuple)
+    np.testing.assert_allclose(size.amplitude, [one.value for one in size.directions.values()], rtol=5e-4)
     own = simulated(BIAS).truth[[f"amplitude_{k}" for k in (1, 2, 3)]].to_numpy()
     shares = own @ own.mean(axis=0) / (own.mean(axis=0) @ own.mean(axis=0))
     assert list(size.by_subject) == list(simulated(BIAS).motions.subjects)
     np.testing.assert_allclose(list(size.by_subject.values()), shares, atol=SHARE)
-    steps = ladder(search, named.hypothesis)
-    assert [rung.added for rung in steps][:2] == ["", BIAS]
-    assert steps[1].gaps_deg.mean() < 0.7 * steps[0].gaps_deg.mean()
+    none, with_it = (search.unseen_gaps_deg(one).mean() for one in ((), (BIAS,)))
+    assert with_it < 0.7 * none
     assert named.sets[BIAS].names[0] == BIAS
 
 
@@ -347,3 +350,25 @@ def test_what_is_known_is_in_every_set_and_never_left_out():
     assert BIAS in search.best.hypothesis
     assert weigh(search).inclusion[known[0]] == pytest.approx(1.0)
     assert known[0] in name_causes(search, 0.1).chosen.hypothesis
+
+
+def test_angles_alone_do_not_say_which_joint_moves():
+    """Every other way in which a constraint gives way stands beside the joint, but for one that is a cause itself."""
+    causes = {name: name for name in ("ac_translation", "sc_translation", "conoid_strain", "scapulothoracic_gap", BIAS)}
+    sets = {
+        "ac_translation": CredibleSet(("ac_translation", "thorax_tilt"), (0.7, 0.3)),
+        "conoid_strain": CredibleSet(("conoid_strain",), (1.0,)),
+        BIAS: CredibleSet((BIAS,), (1.0,)),
+    }
+    found = with_what_moves_as_well(sets, causes)
+    names = ("ac_translation", "thorax_tilt", "sc_translation", "scapulothoracic_gap")
+    assert found["ac_translation"] == CredibleSet(names, (0.7, 0.3, 0.0, 0.0))
+    assert [found[name] for name in ("conoid_strain", BIAS)] == [sets[name] for name in ("conoid_strain", BIAS)]
+
+
+def test_what_is_held_against_a_null_loses_its_probability():
+    """Of a set with both, what is not beyond the null leaves the other one."""
+    weights = Weights({(BIAS, "ac_translation"): 0.8, (BIAS,): 0.2}, {BIAS: BIAS, "ac_translation": "ac_translation"})
+    found = weights.beyond(0.25, lambda name: name != BIAS)
+    assert found.probability == pytest.approx({(BIAS,): 0.8, (BIAS, "ac_translation"): 0.2})
+    assert found.inclusion == pytest.approx({BIAS: 1.0, "ac_translation": 0.2})

@@ -1,5 +1,6 @@
 """Names that may stand in place of one another: what the data cannot tell apart."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,27 @@ def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
         kept.append(share[name])
         reached += share[name]
     return CredibleSet(tuple(names), tuple(kept))
+
+
+_JOINTS = ("ac_translation", "sc_translation")
+
+_MOVES = (*_JOINTS, "conoid_strain", "scapulothoracic_gap")
+"""What lets a constraint of the chain give way along a motion."""
+
+
+def with_what_moves_as_well(sets: Mapping[str, CredibleSet], causes: Mapping[str, str]) -> dict[str, CredibleSet]:
+    """Give every joint that is said to move all other names of ``_MOVES`` that are candidates and no cause beside it.
+
+    Angles alone show which constraint gives way, and not what moves: what they named contradicted pins that saw the
+    joints (docs/diagnose.md). ``causes``: of the candidates.
+    """
+    named = {one.names[0] for one in sets.values()}
+    found = dict(sets)
+    for name, one in sets.items():
+        if one.names[0] in _JOINTS:
+            more = [other for other in _MOVES if other in causes.values() and other not in {*one.names, *named}]
+            found[name] = CredibleSet((*one.names, *more), (*one.shares, *(0.0 for _ in more)))
+    return found
 
 
 def similarity(at: Linearised, one: str, other: str) -> float:

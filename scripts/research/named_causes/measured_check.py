@@ -72,10 +72,15 @@ def unseen_gaps_deg(
 ) -> dict[str, float]:
     """Compute the mean gap of motions that the subjects were not adapted to, with bones of their own or without, of all
     angles and by bone; NaN where each has but one."""
-    table = adapt_subjects(motions, model, effects=effects, own_bones=own_bones, folds=motions_and_thirds).heldout
+    return mean_unseen_deg(motions, model, effects=effects, own_bones=own_bones)
+
+
+def mean_unseen_deg(motions: Motions, model: ParameterSet, **options) -> dict[str, float]:
+    """Compute the same of any adaptation."""
+    table = adapt_subjects(motions, model, folds=motions_and_thirds, **options).heldout
     unseen = table[table["kind"] == MOTION]
     columns = {part: f"{'' if part == ALL else f'{part}_'}gap_unseen_deg" for part in (ALL, *_BONES)}
-    return {part: float(unseen[column].mean()) if len(unseen) else np.nan for part, column in columns.items()}
+    return {part: float(np.mean(unseen[column])) if len(unseen) else np.nan for part, column in columns.items()}
 
 
 def _row(diagnosis: Diagnosis, without: dict[str, float]) -> str:

@@ -10,7 +10,6 @@ persons, and tried on what another laboratory measured.
 
 import argparse
 from collections.abc import Callable
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -29,7 +28,7 @@ from models import ParameterSet, load_model
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize
 from motions import Motions
 from scripts.reporting import bone_pins, markdown, measured
-from scripts.research.named_causes.measured_check import one_left_out, unseen_gaps_deg
+from scripts.research.named_causes.measured_check import mean_unseen_deg, one_left_out
 
 SEED, DRAWN = 1, 20
 """Sets drawn for each person and parameter set."""
@@ -74,7 +73,11 @@ def tried(motions: Motions, elsewhere: Motions | None) -> Tried:
 def _compared(seen: Motions, unseen: Motions, model: ParameterSet, draws: int, generator: np.random.Generator) -> tuple:
     """Give the gaps of the unseen motions: adapted, with thorax points down-weighted, with what is named on the seen
     ones, with each draw."""
-    gaps, (shoulders, _) = partial(unseen_gaps_deg, unseen, model), usable(seen)
+    (shoulders, _) = usable(seen)
+
+    def gaps(effects: Amplitudes, downweighting: float) -> dict[str, float]:
+        return mean_unseen_deg(unseen, model, effects=effects, thorax_downweighting=downweighting)
+
     search = search_of(model, shoulders, candidate_effects(model, shoulders.subjects)).run()
     named = name_causes(search, 0.0).hypothesis
     drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(draws)]
