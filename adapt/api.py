@@ -34,8 +34,8 @@ from adapt.tables.results import (
 )
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, PersonalSize, as_measured, sizes_of_persons
 from models.person.family import AnyModel, as_list, girdles_of
-from models.person.measured_movement import warn_of_unmeasured
 from models.person.own_bones import NO_SDS, OwnSDs
+from models.person.positions.measured_movement import warn_of_unmeasured
 from motions.errors import InputError
 from motions.table import Motions, check_motions
 

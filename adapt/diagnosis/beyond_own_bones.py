@@ -194,7 +194,7 @@ class OwnBonesNull:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
 
     def is_held(self, name: str) -> bool:
-        """Whether own bones are a null for this cause, which is not known to be at work."""
+        """Tell whether own bones are a null for this cause, which is not known to be at work."""
         return cause_of(name) not in OWN_CONSTANTS and name not in self.search.known
 
 

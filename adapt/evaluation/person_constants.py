@@ -2,7 +2,7 @@
 scapula.
 
 A simulated posture has the position of every landmark but for what is the person's own x (``OwnPlaces`` of
-``models.person.landmark_positions``, 15 numbers), in which it is linear:
+``models.person.positions.landmark_positions``, 15 numbers), in which it is linear:
 
     p = p_0 + H x,    x ~ N(0, P),    measured - p ~ N(0, s^2)
 
@@ -22,8 +22,8 @@ from adapt.engine.batching import take_problems
 from adapt.solvers.own_bones.own_adaptation import spread_of
 from models.girdle import NUMBERS
 from models.person.family import AnyModel
-from models.person.landmark_positions import ON_SCAPULA, POSITIONS, BonePoses, positions_mm
-from models.person.measured_movement import AA_SD_MM, POSITION_SD_MM
+from models.person.positions.landmark_positions import ON_SCAPULA, POSITIONS, BonePoses, positions_mm
+from models.person.positions.measured_movement import AA_SD_MM, POSITION_SD_MM
 
 _OF_SET = ("sc_mm", "ac_mm", "ts_mm", "ai_mm")
 """The numbers of a girdle that the constants are about, in the order of POSITIONS."""

@@ -24,7 +24,7 @@ from adapt.solvers.rows import PostureRows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.folds import MOTION, Fold
 from models.person.family import AnyModel, girdles_of
-from models.person.landmark_positions import POSITIONS, BonePoses, bone_poses
+from models.person.positions.landmark_positions import POSITIONS, BonePoses, bone_poses
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from models.person.landmark_positions import POSITIONS
+from models.person.positions.landmark_positions import POSITIONS
 from motions.table import Motions
 
 BASE, ADAPTED, WITH_CAUSES = "base", "adapted", "with_causes"

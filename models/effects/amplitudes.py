@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from models.effects import EFFECTS, ActiveEffects, Effect
-from models.person.measured_movement import MEASURED, measurable, measured_movement_mm
+from models.person.positions.measured_movement import MEASURED, measurable, measured_movement_mm
 from motions.errors import InputError, did_you_mean
 from motions.table import Motions
 
@@ -29,7 +29,7 @@ class PersonalSize:
 Amplitude = Sequence[float] | PersonalSize | str
 """Of each direction of an effect in its unit (``girdle effects``). That of one that goes with elevation holds at
 ``FULL_ELEVATION_DEG``: it follows the first term of its course; or all terms of each direction in turn. ``MEASURED``:
-of SC or AC, the movement that positions have measured (``models.person.measured_movement``)."""
+of SC or AC, the movement that positions have measured (``models.person.positions.measured_movement``)."""
 
 Amplitudes = Mapping[str, Amplitude]
 """By name of the effect."""

@@ -26,7 +26,7 @@ from models.effects.bones.ac_offset import ON_SCAPULA
 from models.effects.bones.scapula_size import CORACOID_SHARE
 from models.girdle import COUNT_OF_NUMBERS, NUMBERS, Girdle
 from models.parameter_sets import ParameterSet
-from models.person.landmark_numbers import IN_GIRDLE, LandmarkNumbers
+from models.person.positions.landmark_numbers import IN_GIRDLE, LandmarkNumbers
 from motions.errors import InputError, did_you_mean
 from motions.rotations import DEG
 

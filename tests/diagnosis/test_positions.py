@@ -26,8 +26,8 @@ from adapt.evaluation.position_check import (
 from adapt.report.position_figures import drawings
 from adapt.solvers.rows import posture_rows
 from models import load_model
-from models.person.landmark_positions import POSITIONS
-from models.person.measured_movement import POSITION_SD_MM
+from models.person.positions.landmark_positions import POSITIONS
+from models.person.positions.measured_movement import POSITION_SD_MM
 from motions import Motions, write_motions
 from motions.landmarks.sampled_postures import ANGLES_FROM_LANDMARKS
 from motions.rhythm_subjects import simulate_subjects

@@ -17,8 +17,8 @@ from adapt.solvers.own_bones.scales import Scales
 from adapt.solvers.posture_fits import fit_batch
 from models import load_model
 from models.girdle import Girdle
-from models.person.landmark_numbers import IN_GIRDLE, KEYS, numbers_of, without_placed
 from models.person.own_bones import NAMES, spread_about
+from models.person.positions.landmark_numbers import IN_GIRDLE, KEYS, numbers_of, without_placed
 from motions import Motions
 from motions.rhythm_subjects import add_noise, noise_free_subjects
 from motions.rotations import DEG

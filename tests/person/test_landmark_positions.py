@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from models import load_model
 from models.effects import EFFECTS, NO_ACTIVE_EFFECTS, ActiveEffects, ExtendedGirdle
-from models.person.landmark_positions import POSITIONS, bone_poses, positions_mm
+from models.person.positions.landmark_positions import POSITIONS, bone_poses, positions_mm
 from motions.rotations import cardan_from_rotation
 
 BASE = load_model("R2").girdle

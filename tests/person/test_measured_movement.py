@@ -11,8 +11,8 @@ from adapt.solvers.posture_fits import fit_batch
 from models import load_model
 from models.effects import EFFECTS, ActiveEffects
 from models.effects.amplitudes import Amplitudes, active_effects, as_option, described, read_amplitudes
-from models.person.landmark_positions import bone_poses, positions_mm
-from models.person.measured_movement import measured_movement_mm
+from models.person.positions.landmark_positions import bone_poses, positions_mm
+from models.person.positions.measured_movement import measured_movement_mm
 from motions import InputError, Motions
 from motions.errors import InputWarning
 from motions.rhythm_subjects import simulate_subjects

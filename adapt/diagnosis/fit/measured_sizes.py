@@ -22,7 +22,7 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 from models.effects import Effect
 from models.effects.course import CONSTANT
 from models.girdle import Girdle
-from models.person.landmark_numbers import MEASURED, LandmarkNumbers, numbers_of
+from models.person.positions.landmark_numbers import MEASURED, LandmarkNumbers, numbers_of
 from motions.arrays import Array
 from motions.landmarks.sampled_postures import measured_places_mm
 from motions.table import Motions

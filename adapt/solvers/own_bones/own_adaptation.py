@@ -35,8 +35,8 @@ from adapt.solvers.rows import PostureRows, one_in_so_many
 from adapt.solvers.solution import PostureSolution
 from models.girdle import Girdle
 from models.person.family import AnyModel, unique_sets
-from models.person.landmark_numbers import IN_GIRDLE, KEYS, LandmarkNumbers, numbers_of
 from models.person.own_bones import NO_SDS, SHOWN_BY_LANDMARKS, OwnSDs, Spread, of_chain, spread_about
+from models.person.positions.landmark_numbers import IN_GIRDLE, KEYS, LandmarkNumbers, numbers_of
 from models.person.thorax_ellipsoid import thorax_distance_mm2
 from motions.table import FEWEST_ANGLES, person_of
 

@@ -43,8 +43,8 @@ from adapt.tables.held_out import by_model
 from adapt.tables.results import FAR_SDS, OWN_WORD
 from models import ParameterSet, load_model, model_names
 from models.adapted_parameters import ADAPTED
-from models.person.landmark_positions import bone_poses
 from models.person.own_bones import GROUPS, NAMES, NO_SDS, SHOWN_BY_LANDMARKS, SIZES, spread_about
+from models.person.positions.landmark_positions import bone_poses
 from motions import Motions
 from motions.rhythm_subjects import DATA_FILE, NOISE_DEG
 from scripts.reporting import markdown, measured, timed
