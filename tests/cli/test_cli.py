@@ -467,6 +467,6 @@ def test_effects_are_listed_with_what_a_caller_gives_of_them():
     assert (ended.status, ended.err) == (0, "")
     lines = dict(line.split(maxsplit=1) for line in ended.out.splitlines())
     assert list(lines) == list(EFFECTS)
-    assert lines["scapulothoracic_gap"].endswith("; scale 5 / 7 mm (TS / AI)")
+    assert lines["scapulothoracic_gap"].endswith("; size 2 / 3 mm (TS / AI)")
     for name, effect in EFFECTS.items():
-        assert lines[name].endswith(f"{effect.unit} ({' / '.join(effect.directions)})")
+        assert lines[name].endswith(f"{effect.size_unit} ({' / '.join(effect.directions)})")

@@ -77,7 +77,6 @@ CONTRACT = [
     "sc_translation:posture",
     "thorax_extension:posture",
     "skin_artefact:elevation",
-    "skin_artefact:rotation",
 ]
 """The names that files and commands of other versions know."""
 

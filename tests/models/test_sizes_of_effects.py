@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.spatial.transform import Rotation
 
 from models.effects import EFFECTS
 from models.effects.effect import cause_of
@@ -57,22 +56,10 @@ def lag(table: pd.DataFrame) -> np.ndarray:
     return np.where(sideways, np.interp(elevation, *ABDUCTION), np.interp(elevation, *FLEXION))[None]
 
 
-def rotation(table: pd.DataFrame) -> np.ndarray:
-    """Of the scapula from its subject's lowest posture, about each of its axes, deg."""
-    found = np.zeros((3, len(table)))
-    for _, one in table.groupby("subject"):
-        R = Rotation.from_euler("YZX", one[["scapula_y_deg", "scapula_z_deg", "scapula_x_deg"]], degrees=True)
-        lowest = R[int(np.argmin(one["humerus_elevation_deg"].fillna(0.0)))]
-        found[:, one.index] = (lowest.inv() * R).as_rotvec(degrees=True).T
-    return found
-
-
 def terms(name: str, table: pd.DataFrame) -> np.ndarray:
-    """What the amplitudes of one direction multiply, (terms, postures), the same for all directions; or one each."""
+    """What the amplitudes of one direction multiply, (terms, postures), the same for all directions."""
     if name == "skin_artefact":
         return lag(table)
-    if name == "skin_artefact:rotation":
-        return rotation(table)
     if name.endswith(":posture"):
         followed = EFFECTS[cause_of(name)].may_follow
         return np.stack([(table[f"{angle}_deg"] - HANGING_DEG[angle]).to_numpy() / 30.0 for angle in followed])
@@ -88,10 +75,7 @@ def test_an_effect_drawn_from_its_prior_is_as_large_as_the_literature_says(name,
     drawn = mean + sd * np.random.default_rng(1).standard_normal((DRAWS, len(sd)))
     course = pd.DataFrame(terms(name, table).T)
     beyond = (course - course.groupby(table["subject"]).transform("mean")).to_numpy()
-    if name == "skin_artefact:rotation":
-        strengths = drawn[..., None] * beyond.T
-    else:
-        strengths = drawn.reshape(DRAWS, -1, beyond.shape[1]) @ beyond.T
+    strengths = drawn.reshape(DRAWS, -1, beyond.shape[1]) @ beyond.T
     found = np.sqrt((strengths**2).sum(axis=1).mean(axis=1))
     assert np.sqrt((found**2).mean()) == pytest.approx(RMS[cause_of(name)], rel=WITHIN)
 

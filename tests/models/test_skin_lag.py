@@ -69,13 +69,6 @@ def test_the_skin_stays_behind_on_the_way_that_the_scapula_turns(sign):
     close(EFFECTS["skin_artefact"].strengths(np.array([0.5]), motions), 0.5 * lag * AXIS[:, None], 1e-6)
 
 
-def test_a_share_of_its_own_rotation_from_the_lowest_posture_about_each_axis():
-    """The scapula turns by a fifth of the elevation."""
-    motions = about_one_axis(AXIS)
-    found = EFFECTS["skin_artefact:rotation"].strengths(np.array([0.1, 0.2, 0.3]), motions)
-    close(found, np.outer([0.1, 0.2, 0.3] * AXIS, ELEVATIONS_DEG / 5.0), ROUNDING * 1e3)
-
-
 REPORTED = {
     "proportional": lambda e: e,
     "as Cereatti 2017": lambda e: np.interp(e, [0, 20, 40, 60, 80, 100, 120, 140], [0, 6, 10, 12, 14, 16, 17, 20]),
