@@ -154,9 +154,14 @@ class OwnBonesNull:
             return 1.0
         null, less, more = (known_mean(self.gaps_deg(one, named)) for one in ((), constants, chosen))
         known = np.isfinite(null + less + more)
-        weights = resampled_persons(self._persons)[:, known]
+        weights = resampled_persons(self.persons)[:, known]
         takes, beyond = weights @ (less - more)[known], weights @ (null[known] - floor_deg)
         return float(np.mean((takes >= LEAST_SHARE * beyond) & (takes > 0.0)))
+
+    def probability_beyond(self, kept: Hypothesis, named: Hypothesis, floor_deg: float) -> float:
+        """Compute how probably anything is beyond own bones: of what is kept, or, where that is constants alone, of all
+        that was named."""
+        return self.probability(kept if any(map(self.is_held, kept)) else named, named, floor_deg)
 
     def ladder(self, chosen: Hypothesis, named: Hypothesis) -> list[Rung]:
         """Add causes one by one, the one that takes most of the unseen gap first; they were chosen of ``named``."""
@@ -179,11 +184,11 @@ class OwnBonesNull:
     def _gain(self, less: Hypothesis, more: Hypothesis, named: Hypothesis, floor_deg: float) -> Gain:
         beyond = self._mean((), named) - floor_deg
         takes = known_mean(self.gaps_deg(less, named) - self.gaps_deg(more, named))
-        error, mean = _standard_error(takes, self._persons), float(np.nanmean(takes))
+        error, mean = _standard_error(takes, self.persons), float(np.nanmean(takes))
         return Gain(mean / beyond if beyond > 0.0 else np.nan, mean / error if error else np.inf)
 
     @cached_property
-    def _persons(self) -> np.ndarray:
+    def persons(self) -> np.ndarray:
         """Number of the person of each fold."""
         return np.array([self.person[self.motions.subjects[fold.subject]] for fold in self.folds])
 

@@ -152,8 +152,7 @@ class _Study:
         null, other = self.null, named.hypothesis
         own_bones = null.adapted()
         kept = null.beyond(other, mean_floor)
-        tested_by = kept if any(map(null.is_held, kept)) else other
-        weights = weights.beyond(null.probability(tested_by, other, mean_floor), null.is_held)
+        weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
         rungs = null.ladder(kept, other)
         gains = null.gains(rungs, other, mean_floor)
         order = [rung.added for rung in rungs[1:]]
@@ -251,7 +250,7 @@ class _Study:
         other_motion = levels(MOTION)
         other_person: GapLevels | None = None
         if null.folds[0].kind == PERSON and other_motion:
-            unseen = by_bone(rungs[-1].gaps_deg, person[[fold.subject for fold in null.folds]])
+            unseen = by_bone(rungs[-1].gaps_deg, null.persons)
             other_person = {**other_motion, "with_effect": unseen}
         in_sample = _levels(noise_floor, *(one.in_sample for one in found))
         return Gaps(in_sample, levels(POSTURES) or in_sample, other_motion, other_person)
@@ -260,9 +259,8 @@ class _Study:
         seen = gaps.other_motion or gaps.unseen
         steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
         steps.append(Step(OWN_BONES, seen["own_bones"][ALL]))
-        person = self.shoulders.person[[fold.subject for fold in self.null.folds]]
         for rung in rungs[1:]:
-            steps.append(Step(cause_of(rung.added), interval(known_mean(rung.gaps_deg), person)))
+            steps.append(Step(cause_of(rung.added), interval(known_mean(rung.gaps_deg), self.null.persons)))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps
+from adapt.diagnosis.fit.noise import FEWEST, variances
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from adapt.diagnosis.marks import angles_are_of_landmarks
 from adapt.diagnosis.result import Positions, PositionUse
@@ -29,12 +30,6 @@ USES: tuple[PositionUse, ...] = ("use", "check", "ignore")
 
 LEAST_MM, MOST_MM = 0.01, 30.0
 """Noise of a position beyond these is a slip of the pen: rounding of a file, and a landmark that is anywhere."""
-
-_ORDER, _VARIANCE = 3, 20.0
-"""Third differences of independent numbers with variance s^2 have the variance 20 s^2 (``fit.noise``)."""
-
-_FEWEST = 12
-"""Third differences, below which an estimate is none."""
 
 _SAME_ERRORS = (
     "the angles were computed from these landmarks and have the same errors: positions are held against the "
@@ -145,10 +140,6 @@ def _unseen(
 
 def position_noise_mm(measured_mm: Places, shoulders: Shoulders) -> float:
     """Estimate the SD of one measured coordinate from what no smooth path of a landmark could be; NaN of too few."""
-    squares = [np.zeros(0)]
-    for rows in shoulders.sequences():
-        if len(rows) > _ORDER:
-            squares += [(np.diff(place[:, rows], _ORDER) ** 2).ravel() for place in measured_mm.values()]
-    every = np.concatenate(squares)
+    every = variances(shoulders, np.concatenate([np.zeros((0, len(shoulders.subject))), *measured_mm.values()]).T)
     known = every[np.isfinite(every)]
-    return float(np.sqrt(known.mean() / _VARIANCE)) if len(known) >= _FEWEST else float("nan")
+    return float(np.sqrt(known.mean())) if len(known) >= FEWEST else float("nan")

@@ -51,9 +51,9 @@ class HeldOut:
     """Simulated at the postures tested, rad; NaN where a fit failed."""
 
     def of(self, chosen: Int[np.ndarray, " some"]) -> "HeldOut":
-        """Take some folds, of one model."""
+        """Take some problems."""
         return HeldOut(
-            tuple(self.folds[k] for k in chosen),
+            tuple(self.folds[k % len(self.folds)] for k in chosen),
             take_problems(self.adapted, chosen),
             tuple(self.unseen_deg[k] for k in chosen),
             take_problems(self.data, chosen),
@@ -78,17 +78,10 @@ class AdaptedSubjects:
         """Take one model, by its number."""
         subjects, folds = len(self.rows.subjects), len(self.held_out.folds)
         mine, parts = (slice(model * width, (model + 1) * width) for width in (subjects, folds))
-        without = take_problems(self.held_out.adapted, parts)
-        found = HeldOut(
-            self.held_out.folds,
-            without,
-            self.held_out.unseen_deg[parts],
-            select_problems(self.held_out.data, np.arange(parts.start, parts.stop)),
-            self.held_out.unseen_angles[parts],
-        )
         data = select_problems(self.data, np.arange(mine.start, mine.stop))
         own = None if self.own_bones is None else take_problems(self.own_bones, mine)
-        return AdaptedSubjects(self.rows, data, take_problems(self.adapted, mine), found, own)
+        without = self.held_out.of(np.arange(parts.start, parts.stop))
+        return AdaptedSubjects(self.rows, data, take_problems(self.adapted, mine), without, own)
 
 
 def adapt_with_folds(

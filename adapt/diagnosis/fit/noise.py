@@ -22,7 +22,7 @@ LEAST_DEG = 0.1
 ORDER = 3
 _VARIANCE = 20.0
 
-_FEWEST = 12
+FEWEST = 12
 """Third differences, below which an estimate is none."""
 
 INDEPENDENT = 0.36
@@ -33,14 +33,16 @@ def estimate_noise(shoulders: Shoulders, y: Float[np.ndarray, "rows 3"], given_d
     """Estimate the SD of one angle from y (``projection.nearest_posture``), which has that SD in each component."""
     if given_deg is not None:
         return Noise(given_deg, "given", np.inf)
-    squares = []
-    for rows in shoulders.sequences():
-        if len(rows) > ORDER:
-            squares.append((np.diff(y[rows], ORDER, axis=0) ** 2 / _VARIANCE).ravel())
-    every = np.concatenate([np.zeros(0), *squares])
-    if len(every) < _FEWEST:
-        return Noise(_ASSUMED_DEG, ASSUMED, float(_FEWEST))
+    every = variances(shoulders, y)
+    if len(every) < FEWEST:
+        return Noise(_ASSUMED_DEG, ASSUMED, float(FEWEST))
     return Noise(max(LEAST_DEG, float(np.sqrt(every.mean()))), "estimated", float(INDEPENDENT * len(every)))
+
+
+def variances(shoulders: Shoulders, values: Float[np.ndarray, "rows n"]) -> Float[np.ndarray, " differences"]:
+    """Compute s^2 by each third difference of each of n numbers along every motion."""
+    every = (values[rows] for rows in shoulders.sequences() if len(rows) > ORDER)
+    return np.concatenate([np.zeros(0), *((np.diff(one, ORDER, axis=0) ** 2 / _VARIANCE).ravel() for one in every)])
 
 
 def floor_deg(noise: Noise, shoulders: Shoulders, B: Float[np.ndarray, "rows 3 6"]) -> Float[np.ndarray, "rows 6"]:

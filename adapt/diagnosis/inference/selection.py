@@ -24,8 +24,6 @@ class Gain(NamedTuple):
 
     share: float
     """Of the gap without it, beyond what noise leaves."""
-    t: float
-    """Of the paired differences of the parts, in their standard errors."""
     motions_deg: float
     """Mean difference of unseen motions of persons who were seen."""
 
@@ -40,11 +38,9 @@ def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: fl
     folds, before = search.folds, search.unseen_gaps_deg(less)
     difference = known_mean(before - search.unseen_gaps_deg(hypothesis))
     by_part = folds.by_part(difference)
-    error = _standard_error(by_part)
     beyond = folds.by_part(known_mean(before)).mean() - floor_deg
     share = by_part.mean() / max(beyond, by_part.mean(), 1e-9)
-    t = by_part.mean() / error if error > 0 else np.inf
-    return Gain(float(share), float(t), float(difference[folds.of_kind(MOTION)].mean()))
+    return Gain(float(share), float(difference[folds.of_kind(MOTION)].mean()))
 
 
 class Named(NamedTuple):
