@@ -84,6 +84,8 @@ class OwnBonesNull:
     """Number of the person of each subject."""
     found: dict[tuple[Hypothesis, Hypothesis], HeldOut] = field(default_factory=dict)
     """What is held out with sets of causes, each among those that were named together."""
+    seen: frozenset[str] = frozenset()
+    """Causes that measured positions show."""
 
     @cached_property
     def rows(self) -> PostureRows:
@@ -199,8 +201,8 @@ class OwnBonesNull:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
 
     def is_held(self, name: str) -> bool:
-        """Tell whether own bones are a null for this cause, which is not known to be at work."""
-        return cause_of(name) not in OWN_CONSTANTS and name not in self.search.known
+        """Tell whether own bones are a null for this cause, which neither is known to be at work nor was seen."""
+        return cause_of(name) not in OWN_CONSTANTS and name not in self.search.known and cause_of(name) not in self.seen
 
 
 def _standard_error(differences: Float[np.ndarray, " folds"], persons: np.ndarray) -> float:

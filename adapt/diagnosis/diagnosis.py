@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -128,7 +127,7 @@ class _Study:
         self.shoulders, self.nearest = sampled(every)
         self.library = {one.name: one for one in effects}  # the caller's own among them
         known = tuple(name for name in self.library if name == ESTIMATE and computed)
-        self.search = search_of(model, self.shoulders, effects, known, progress)
+        self.search = search_of(model, self.shoulders, effects, known, task.searched_sd_mm, progress)
         self.person = dict(zip(self.shoulders.subjects, self.shoulders.person.tolist(), strict=True))
 
     def diagnose(
@@ -149,7 +148,8 @@ class _Study:
         named = name_causes(search, mean_floor) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
         self.progress("bones of each person's own")
-        null, other = self.null, named.hypothesis
+        other = named.hypothesis
+        null = OwnBonesNull(search, self.model, self.motions, self.library, self.person, seen=named.seen)
         own_bones = null.adapted()
         kept = null.beyond(other, mean_floor)
         weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
@@ -164,8 +164,8 @@ class _Study:
         plain = self.plain.of(self.model.name)
         base = base_gaps(self.motions, self.plain.before[self.model.name], plain.held_out.folds, self.person)
         adapted = gaps_of(plain, self.person)
-        gaps = self._gaps((base, adapted, own_bones, with_causes), rungs, floor)
-        budget = self._budget(gaps, rungs)
+        gaps = self._gaps((base, adapted, own_bones, with_causes), null, rungs, floor)
+        budget = self._budget(gaps, null, rungs)
         sets = {name: named.sets[name] for name in order}
         if self.task.only_angles:
             sets = with_what_moves_as_well(sets, candidates.causes)
@@ -201,11 +201,6 @@ class _Study:
             positions=judge_positions(self.task, self.model, before, adapted, with_causes, others),
         )
 
-    @cached_property
-    def null(self) -> OwnBonesNull:
-        """Bones of each person's own."""
-        return OwnBonesNull(self.search, self.model, self.motions, self.library, self.person)
-
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:
         """Locate the gap; ``floor`` is what noise leaves of it, on average, in each posture of the search."""
         noise_deg2 = np.nan_to_num(floor[self.nearest].T[:, adapted.rows.place]) ** 2 * (np.pi / 2.0)
@@ -238,9 +233,15 @@ class _Study:
         beyond = more_than_noise(shown.informative_deg2, self.search.folds, noise)
         return NONE if (noise.source != ASSUMED or within) and not beyond else UNKNOWN
 
-    def _gaps(self, found: tuple[BaseGaps, AdaptedGaps, AdaptedGaps, AdaptedGaps], rungs: list[Rung], floor) -> Gaps:
+    def _gaps(
+        self,
+        found: tuple[BaseGaps, AdaptedGaps, AdaptedGaps, AdaptedGaps],
+        null: OwnBonesNull,
+        rungs: list[Rung],
+        floor,
+    ) -> Gaps:
         """The levels of each kind of gap: as it is, adapted, with own bones, with the causes."""
-        person, null = self.shoulders.person, self.null
+        person = self.shoulders.person
         of_subject = np.array([known_mean(floor[self.shoulders.rows_of(s)].T) for s in range(len(person))])
         noise_floor = by_bone(of_subject, person)
 
@@ -255,12 +256,12 @@ class _Study:
         in_sample = _levels(noise_floor, *(one.in_sample for one in found))
         return Gaps(in_sample, levels(POSTURES) or in_sample, other_motion, other_person)
 
-    def _budget(self, gaps: Gaps, rungs: list[Rung]) -> tuple[Step, ...]:
+    def _budget(self, gaps: Gaps, null: OwnBonesNull, rungs: list[Rung]) -> tuple[Step, ...]:
         seen = gaps.other_motion or gaps.unseen
         steps = [Step(BASE, seen["base"][ALL]), Step(ADAPTED_STEP, seen["adapted"][ALL])]
         steps.append(Step(OWN_BONES, seen["own_bones"][ALL]))
         for rung in rungs[1:]:
-            steps.append(Step(cause_of(rung.added), interval(known_mean(rung.gaps_deg), self.null.persons)))
+            steps.append(Step(cause_of(rung.added), interval(known_mean(rung.gaps_deg), null.persons)))
         return (*steps, Step(NOISE, seen["noise_floor"][ALL]))
 
 

@@ -1,16 +1,17 @@
 """What measured positions say of a diagnosis: gaps in mm of the model as it is, adapted, and with the causes."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps
 from adapt.diagnosis.fit.noise import FEWEST, variances
-from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
+from adapt.diagnosis.fit.shoulders import shoulders_of
 from adapt.diagnosis.marks import angles_are_of_landmarks
 from adapt.diagnosis.result import Positions, PositionUse
 from adapt.evaluation.held_out import HeldOut
-from adapt.evaluation.person_constants import Chains, Places
+from adapt.evaluation.person_constants import Chains
 from adapt.evaluation.position_check import (
     Judge,
     adapted_to_all,
@@ -23,10 +24,15 @@ from adapt.solvers.rows import posture_rows
 from adapt.solvers.solution import PostureSolution
 from adapt.tables.positions_table import ADAPTED, BASE, WITH_CAUSES
 from models.person.family import AnyModel
+from models.person.positions.landmark_positions import POSITIONS
 from motions.errors import InputError, did_you_mean
+from motions.landmarks.sampled_postures import measured_places_mm
 from motions.table import Motions
 
 USES: tuple[PositionUse, ...] = ("use", "check", "ignore")
+
+_ASSUMED_MM = 3.0
+"""Of a palpated landmark, where too few postures tell (de Groot 1997: 1-4 mm, one palpator)."""
 
 LEAST_MM, MOST_MM = 0.01, 30.0
 """Noise of a position beyond these is a slip of the pen: rounding of a file, and a landmark that is anywhere."""
@@ -44,7 +50,8 @@ class PositionTask:
     way: PositionUse
     motions: Motions
     """Those of the diagnosis, with the positions that it is held against."""
-    noise_mm: float | None = None
+    given_mm: float | None = None
+    """SD of one coordinate."""
 
     @staticmethod
     def of(motions: Motions, way: str, noise_mm: float | None) -> "PositionTask":
@@ -56,6 +63,18 @@ class PositionTask:
     def seen(self) -> Motions:
         """The motions that the search sees."""
         return self.motions if self.way == "use" else without_positions(self.motions)
+
+    @cached_property
+    def coordinate_sd_mm(self) -> float:
+        """SD of one measured coordinate: as given, estimated, or NaN."""
+        return self.given_mm or position_noise_mm(self.motions)
+
+    @property
+    def searched_sd_mm(self) -> float | None:
+        """SD of a coordinate that is data of the search; None where positions are not."""
+        if self.way != "use" or self.note or self.only_angles:
+            return None
+        return self.coordinate_sd_mm if np.isfinite(self.coordinate_sd_mm) else _ASSUMED_MM
 
     @property
     def only_angles(self) -> bool:
@@ -104,9 +123,9 @@ def judge_positions(
     chains = {BASE: base, ADAPTED: adapted_to_all(adapted.found), WITH_CAUSES: adapted_to_all(with_causes.found)}
     other_motion, other_person = _unseen(judge, base, adapted, with_causes, others)
     return Positions(
-        used=False,
+        used=task.searched_sd_mm is not None,
         note=task.note,
-        noise_mm=task.noise_mm or position_noise_mm(judge.measured_mm, shoulders_of(task.motions)),
+        noise_mm=task.coordinate_sd_mm,
         in_sample={state: judge.gap_mm(one) for state, one in chains.items()},
         other_motion=other_motion,
         other_person=other_person,
@@ -138,8 +157,9 @@ def _unseen(
     return motion, motion | {WITH_CAUSES: judge.gap_mm(adapted_to_folds(adapted.found.rows, others), others.folds)}
 
 
-def position_noise_mm(measured_mm: Places, shoulders: Shoulders) -> float:
+def position_noise_mm(motions: Motions) -> float:
     """Estimate the SD of one measured coordinate from what no smooth path of a landmark could be; NaN of too few."""
-    every = variances(shoulders, np.concatenate([np.zeros((0, len(shoulders.subject))), *measured_mm.values()]).T)
+    places = [place for name, place in measured_places_mm(motions).items() if name in POSITIONS]
+    every = variances(shoulders_of(motions), np.concatenate([np.zeros((0, len(motions.posture))), *places]).T)
     known = every[np.isfinite(every)]
     return float(np.sqrt(known.mean())) if len(known) >= FEWEST else float("nan")

@@ -79,15 +79,15 @@ def constants_of(
     for name in set(POSITIONS) & set(measured_mm):
         left = measured_mm[name][:, rows.row] - at_set[name]
         known = np.all(np.isfinite(left), axis=0)
-        H = _slopes(take_problems(rows.poses, known), name)
+        H = place_slopes(take_problems(rows.poses, known), name)
         np.add.at(N, rows.problem[known], np.einsum("kin,kjn->nij", H, H) / POSITION_SD_MM**2)
         np.add.at(b, rows.problem[known], np.einsum("kin,kn->ni", H, left[:, known]) / POSITION_SD_MM**2)
     covariance = np.linalg.solve(np.eye(_COUNT) + P @ N, P)
     return Constants(np.einsum("pij,pj->ip", covariance, b), np.moveaxis(covariance, 0, -1))
 
 
-def _slopes(poses: BonePoses, name: str) -> Float[np.ndarray, "3 numbers n"]:
-    """dp/dx of a landmark: what SC does to all, AC to all but SC, and its own."""
+def place_slopes(poses: BonePoses, name: str) -> Float[np.ndarray, "3 numbers n"]:
+    """Compute dp/dx of a landmark: what SC does to all, AC to all but SC, and its own."""
     H = np.zeros((3, _COUNT, poses.SC_mm.shape[1]))
     H[:, :3] = np.eye(3)[..., None]
     if name != "SC":

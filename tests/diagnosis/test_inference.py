@@ -8,8 +8,8 @@ from small_worlds import every_frame, joint_fit, root_of, searched, simulated
 
 from adapt.api import adapt_with_every_fold
 from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
-from adapt.diagnosis.fit.evidence import Likelihood
 from adapt.diagnosis.fit.joint_fit import THORAX_DOWNWEIGHTING
+from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.diagnosis.fit.posterior import modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg

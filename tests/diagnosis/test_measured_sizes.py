@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from adapt.diagnosis.fit.candidates import lay_out
-from adapt.diagnosis.fit.measured_sizes import measured_sizes
+from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from models import load_model
 from models.effects import EFFECTS

@@ -8,8 +8,8 @@ from scipy.linalg import block_diag
 from small_worlds import joint_fit, root_of, searched
 
 from adapt.diagnosis.fit.discrepancy import Discrepancy, whitening
-from adapt.diagnosis.fit.evidence import Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit
+from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM
 from models.effects import EFFECTS
@@ -17,7 +17,7 @@ from models.effects import EFFECTS
 BIAS = "scapula_landmark_bias"
 N = len(ADAPTED)
 
-FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4)
+FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4, 0.7, 0.6)
 
 INTERPOLATED = 0.02
 """Share of the common variance that is lost between the points that carry it, and with the smallest curves."""
@@ -74,7 +74,7 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     Z = generator.standard_normal((*y.shape, N + len(candidates.scale)))
     here = generator.standard_normal(len(where))
     mean, scale = candidates.mean[where], candidates.scale[where]
-    likelihood = Likelihood.of(joint.model, shoulders, FEW)
+    likelihood = Likelihood.of(joint, FEW)
     found = likelihood.evidence(theta, y, Z).given(where, here, mean, scale)
 
     def of_shoulders(slopes: np.ndarray) -> np.ndarray:
@@ -121,7 +121,7 @@ def test_a_shoulder_that_is_drawn_twice_counts_as_two_alike():
 def test_what_is_white_is_linear_in_what_shoulders_share():
     joint = joint_fit()
     generator = np.random.default_rng(6)
-    likelihood = Likelihood.of(joint.model, joint.shoulders, FEW)
+    likelihood = Likelihood.of(joint, FEW)
     count = len(joint.shoulders.rows_of(1))
     y, theta = generator.standard_normal((2, count, 3)), joint.model.theta_mm[1] + generator.standard_normal((2, N))
     f = generator.standard_normal((2, likelihood.shared))

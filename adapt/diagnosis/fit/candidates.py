@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float, Int
 
-from adapt.diagnosis.fit.measured_sizes import MeasuredSize
+from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.solvers.projection.nearest_posture import strengths_of
 from models.effects import EFFECTS, Effect

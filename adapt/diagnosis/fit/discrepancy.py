@@ -12,8 +12,13 @@ takes the least difference between neighbours for evidence: a tenth of a degree 
 near_motion is 0 between kinds of motion; where elevation hardly changes along a motion, the number of the posture
 stands beside it. So what is left over says little more in a further posture of a motion, or in a further shoulder,
 where it is alike there.
+
+So too of every coordinate of a measured landmark (``fit.position_rows``), which has besides its noise, mm,
+
+    own_mm^2 (near_motion + near) / 2 [same shoulder] + common_mm^2 near
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -35,6 +40,10 @@ class Discrepancy(NamedTuple):
     length_deg: float
     between_shoulders: float
     """SD of the amplitudes of a shoulder about their mean, of their prior SD."""
+    own_mm: float
+    """SD of a coordinate of a landmark about its place in its bone, along the motions of a shoulder."""
+    common_mm: float
+    """What all shoulders have in common of it."""
 
     @property
     def between_per_deg(self) -> float:
@@ -43,13 +52,16 @@ class Discrepancy(NamedTuple):
         return self.between_shoulders / self.noise_deg
 
 
-TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3)
+TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5)
 """Before any data: the medians of log-normal priors."""
 
-LOG_SD = np.array([0.5, 1.4, 1.4, 1.4, 1.4, 0.5, 1.0])
+LOG_SD = np.array([0.5, 1.4, 1.4, 1.4, 1.4, 0.5, 1.0, 1.0, 1.0])
 """SDs of their logarithms: a factor of 4, of 2.7 between shoulders, and of 1.6 for the length and the noise: that of
 measured angles is between half a degree (bone pins) and two (palpation). With less the modes of measured motions lie in
 long, narrow valleys, and where the steps end depends on where they begin."""
+
+OF_POSITIONS = 2
+"""So many of these, the last, are of positions."""
 
 _STEP_DEG = 5.0
 """Between the points that carry what shoulders have in common."""
@@ -57,6 +69,9 @@ _STEP_DEG = 5.0
 _LEAST_VARIANCE = 1e-2
 """Of a curve that shoulders have in common, of the largest. Without those below it, 2 % of the common variance is lost,
 3 % at worst (measured and simulated motions, length 22 to 40 deg)."""
+
+_LEAST_OF_FEW = 5e-2
+"""So too for positions, whose coordinates have three to five curves each: 5 % of the common variance is lost."""
 
 
 @dataclass(frozen=True)
@@ -78,15 +93,12 @@ def whitening(
 ) -> Whitening:
     """Factor the covariance of all rows, or of those that are seen."""
     seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
-    elevation, along = shoulders.course_deg
-    length = discrepancy.length_deg
-    curves = _curves(shoulders, discrepancy)
+    curves = _curves(shoulders, lambda one, other: _common(one, other, discrepancy), _LEAST_VARIANCE)
     rows, roots, common, log_determinants = [], [], [], []
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
         own = own[seen[own]]
-        near = _near(elevation[own], elevation[own], length)
-        of_motion = near * _near(along[own], along[own], length) * _same(shoulders.motion[own], shoulders.motion[own])
+        near, of_motion = _alike(shoulders, own, discrepancy)
         covariance = discrepancy.of_motion_deg**2 * of_motion + discrepancy.of_shoulder_deg**2 * near
         root = np.linalg.cholesky(covariance + discrepancy.noise_deg**2 * np.eye(len(own)))
         inverse = np.linalg.inv(root)
@@ -97,15 +109,60 @@ def whitening(
     return Whitening(tuple(rows), tuple(roots), tuple(common), np.array(log_determinants))
 
 
-def _curves(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:
+class PositionWhitening(NamedTuple):
+    """Makes the coordinates of landmarks of one shoulder white, each with its own noise."""
+
+    inverse_root: Float[np.ndarray, "n own own"]
+    """L^-1 of the covariance L L'; of a cell that was not measured, of noise 1."""
+    curves: Float[np.ndarray, "own curves"]
+    """What each curve that shoulders have in common adds, as it is."""
+    log_determinant: float
+    """Of all L L'."""
+
+
+def position_whitening(
+    shoulders: Shoulders,
+    discrepancy: Discrepancy,
+    own: Int[np.ndarray, " own"],
+    variance_mm2: Float[np.ndarray, "own n"],
+    measured: Bool[np.ndarray, "own n"],
+) -> PositionWhitening:
+    """Factor the covariance of the coordinates of one shoulder's rows; ``variance_mm2``: of their noise."""
+    near, of_motion = _alike(shoulders, own, discrepancy)
+    smooth = discrepancy.own_mm**2 / 2.0 * (of_motion + near)
+    known = measured.T
+    covariance = np.where(known[:, :, None] & known[:, None, :], smooth, 0.0)
+    covariance += np.where(known, variance_mm2.T, 1.0)[:, None] * np.eye(len(own))
+    root = np.linalg.cholesky(covariance)
+    log_determinant = 2.0 * float(np.log(np.einsum("nii->ni", root)).sum())
+    return PositionWhitening(np.linalg.inv(root), _of_positions(shoulders, discrepancy)[own], log_determinant)
+
+
+def _of_positions(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:
+    """Give the curves that coordinates of landmarks have in common, along the elevation."""
+    length = discrepancy.length_deg
+    return discrepancy.common_mm * _curves(shoulders, lambda one, other: _near(one[0], other[0], length), _LEAST_OF_FEW)
+
+
+def _alike(
+    shoulders: Shoulders, own: Int[np.ndarray, " own"], discrepancy: Discrepancy
+) -> tuple[Float[np.ndarray, "own own"], Float[np.ndarray, "own own"]]:
+    """Compute near and near_motion of rows of one shoulder."""
+    (elevation, along), length = shoulders.course_deg[:, own], discrepancy.length_deg
+    near = _near(elevation, elevation, length)
+    of_motion = near * _near(along, along, length) * _same(shoulders.motion[own], shoulders.motion[own])
+    return near, of_motion
+
+
+def _curves(shoulders: Shoulders, common: Callable, least: float) -> Float[np.ndarray, "rows curves"]:
     """Give curves whose sum, with independent factors of SD 1, has the common covariance, by way of points between
-    which it is interpolated."""
+    which it is interpolated; without those of less than ``least`` of the largest variance."""
     elevation, along = shoulders.course_deg
     every = np.stack([elevation, along, shoulders.motion])
     points = np.unique(np.round(every / [[_STEP_DEG], [_STEP_DEG], [1.0]]), axis=1) * [[_STEP_DEG], [_STEP_DEG], [1.0]]
-    values, vectors = np.linalg.eigh(_common(points, points, discrepancy))
-    kept = values > _LEAST_VARIANCE * values.max()
-    return _common(every, points, discrepancy) @ vectors[:, kept] / np.sqrt(values[kept])
+    values, vectors = np.linalg.eigh(common(points, points))
+    kept = values > least * values.max()
+    return common(every, points) @ vectors[:, kept] / np.sqrt(values[kept])
 
 
 def _common(

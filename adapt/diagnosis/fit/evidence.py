@@ -8,19 +8,10 @@ A cause acts alike on all shoulders, but not the same: v_s are N(0, 1). The disc
 ``fit.discrepancy``; what shoulders have in common of it is curves with factors b ~ N(0, 1).
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
-
-from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, whitening
-from adapt.diagnosis.fit.joint_fit import Model
-from adapt.diagnosis.fit.shoulders import Shoulders
-from models.adapted_parameters import ADAPTED
-from models.girdle import CONSTRAINTS
-
-_N, _C = len(ADAPTED), len(CONSTRAINTS)
+from jaxtyping import Float, Int
 
 
 class Given(NamedTuple):
@@ -55,7 +46,7 @@ class Given(NamedTuple):
         root, _ = _integrated(np.tensordot(times, self.rest, 1))
         n = len(root) - 1
         own = slice(n - len(self.scale), n)
-        return self.mean + self.scale * _highest(root)[own], root[own, own] / self.scale[:, None]
+        return self.mean + self.scale * highest(root)[own], root[own, own] / self.scale[:, None]
 
     @property
     def of_shoulders(self) -> Float[np.ndarray, "subjects own"]:
@@ -75,9 +66,41 @@ class Evidence(NamedTuple):
     between: float
     """SD of a_s about a, of the prior SD."""
 
+    def with_positions(self, other: "Evidence", here: Float[np.ndarray, " every"]) -> "Evidence":
+        """Add what positions say, which is in a_s and not in a_s - here."""
+        f, k = other.shared, len(here)
+        shift = np.eye(f + k + 1)
+        shift[f:-1, -1] = here
+        n = self.shared + f
+        matrix = np.zeros((len(self.matrix), n + k + 1, n + k + 1))
+        for place, added in (
+            (np.r_[: self.shared, n : n + k + 1], self.matrix),
+            (np.r_[self.shared : n + k + 1], shift.T @ other.matrix @ shift),
+        ):
+            matrix[:, place[:, None], place] += added
+        return Evidence(matrix, self.constants + other.constants, n, self.between)
+
+    def only(self, where: Int[np.ndarray, " own"]) -> "Evidence":
+        """Take some of the amplitudes; the others are 0."""
+        kept = np.concatenate([np.arange(self.shared), self.shared + where, [-1]])
+        return self._replace(matrix=self.matrix[:, kept[:, None], kept])
+
     def of(self, shoulders: np.ndarray) -> "Evidence":
         """Take these shoulders."""
         return self._replace(matrix=self.matrix[shoulders], constants=self.constants[shoulders])
+
+    def of_amplitudes(
+        self, mean: Float[np.ndarray, " own"], scale: Float[np.ndarray, " own"]
+    ) -> Float[np.ndarray, "own+1 own+1"]:
+        """Integrate all but a: Q of -2 log p(data, a) = (a, 1)' Q (a, 1) + a constant, without the prior of a; a_s is
+        absolute."""
+        k = len(mean)
+        rest = self.given(np.arange(k), np.zeros(k), mean, scale).rest.sum(axis=0)
+        rest[: self.shared, : self.shared] += np.eye(self.shared)
+        in_x, _ = without(rest, self.shared)
+        x = np.diag(np.append(1.0 / scale, 1.0))
+        x[:-1, -1] = -mean / scale
+        return x.T @ in_x @ x
 
     def given(
         self,
@@ -103,91 +126,15 @@ class Evidence(NamedTuple):
         matrix = np.tile(v.T @ v, (len(data), 1, 1))  # in e_s, h, b, x and 1
         others = np.append(np.arange(n), n + k)
         matrix[:, others[:, None], others] += data
-        rest, log_root = _without(matrix, k)
+        rest, log_root = without(matrix, k)
         constants = self.constants - log_root
         root, log_integral = _integrated(rest.sum(axis=0))
-        z = _highest(root)
+        z = highest(root)
         log_evidence, a = float(constants.sum() + log_integral), mean + scale * z[f:]
         return Given(log_evidence, a, np.append(z, 1.0), matrix, mean, scale, here, sd, rest, constants)
 
 
-@dataclass(frozen=True)
-class Likelihood:
-    """What is believed of y, theta and the amplitudes of every shoulder."""
-
-    model: Model
-    whitening: Whitening
-    between: float
-    """SD of a_s about a, of the prior SD."""
-
-    @staticmethod
-    def of(
-        model: Model, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
-    ) -> "Likelihood":
-        """Factor what no cause explains, of all rows or of those that are seen."""
-        return Likelihood(model, whitening(shoulders, discrepancy, seen), discrepancy.between_shoulders)
-
-    @property
-    def shared(self) -> int:
-        """How many of h and b there are."""
-        return _N + _C * self.whitening.curves[0].shape[1]
-
-    @property
-    def sd_mm(self) -> Float[np.ndarray, "subjects adapted"]:
-        """SD of each person about its set."""
-        return self.model.sets.person_sd_mm.T
-
-    def columns(
-        self,
-        subject: int,
-        slopes: Float[np.ndarray, "groups own 3 n"],
-    ) -> Float[np.ndarray, "groups k m"]:
-        """Lay out the slopes of what is white of a shoulder (``values``): in theta; in h and b; the others."""
-        groups, own, _, n = slopes.shape
-        curves, sd, end = self.whitening.curves[subject], self.sd_mm[subject], _N + self.shared
-        white = (self.whitening.inverse_root[subject] @ slopes.reshape(groups, own, _C * n)).reshape(slopes.shape)
-        found = np.zeros((groups, own * _C + _N, n + self.shared))
-        rows = found[:, : own * _C].reshape(groups, own, _C, n + self.shared)
-        rows[..., :_N], rows[..., end:] = white[..., :_N], white[..., _N:]
-        for k, place in enumerate(np.split(np.arange(2 * _N, end), _C)):
-            rows[:, :, k, place] = curves
-        prior = found[:, own * _C :]
-        prior[..., :_N], prior[..., _N : 2 * _N] = np.diag(1.0 / sd), -np.eye(_N)
-        return found
-
-    def values(
-        self,
-        subject: int,
-        y: Float[np.ndarray, "groups own 3"],
-        theta_mm: Float[np.ndarray, "groups adapted"],
-        f: Float[np.ndarray, "groups factors"],
-    ) -> Float[np.ndarray, "groups k"]:
-        """Compute what is white of a shoulder at f = (h, b): its rows, and theta less what persons have in common."""
-        h, b = np.split(f, [_N], axis=1)
-        common = self.whitening.curves[subject] @ np.swapaxes(b.reshape(len(b), _C, -1), 1, 2)
-        rows = self.whitening.inverse_root[subject] @ y + common
-        prior = (theta_mm - self.model.theta_mm[subject]) / self.sd_mm[subject] - h
-        return np.concatenate([rows.reshape(len(b), _C * rows.shape[1]), prior], axis=1)
-
-    def evidence(
-        self,
-        theta_mm: Float[np.ndarray, "subjects adapted"],
-        y: Float[np.ndarray, "rows 3"],
-        Z: Float[np.ndarray, "rows 3 n"],
-    ) -> Evidence:
-        """Integrate theta of every shoulder out; Z is dy in theta and in all amplitudes."""
-        constants = -0.5 * self.whitening.log_determinants - np.log(self.sd_mm).sum(axis=1)
-        found = []
-        for subject, rows in enumerate(self.whitening.rows):
-            values = self.values(subject, y[None, rows], theta_mm[None, subject], np.zeros((1, self.shared)))
-            (columns,) = np.concatenate([self.columns(subject, Z[None, rows]), values[..., None]], axis=2)
-            rest, log_root = _without(columns.T @ columns, _N)
-            found.append(rest)
-            constants[subject] -= log_root
-        return Evidence(np.array(found), constants, self.shared, self.between)
-
-
-def _highest(root: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " n"]:
+def highest(root: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " n"]:
     """Find where a quadratic in some variables and 1 is highest, by its L."""
     return -np.linalg.solve(root[:-1, :-1].T, root[-1, :-1])
 
@@ -199,7 +146,7 @@ def _integrated(total: Float[np.ndarray, "*draws m m"]) -> tuple[np.ndarray, np.
     return root, -np.log(diagonal[..., :-1]).sum(axis=-1) - 0.5 * diagonal[..., -1] ** 2
 
 
-def _without(matrix: Float[np.ndarray, "*shoulders n n"], first: int) -> tuple[np.ndarray, np.ndarray]:
+def without(matrix: Float[np.ndarray, "*shoulders n n"], first: int) -> tuple[np.ndarray, np.ndarray]:
     """Eliminate the first variables of a quadratic: the Schur complement, and half the log determinant of theirs."""
     root = np.linalg.cholesky(matrix[..., :first, :first])
     across = np.linalg.solve(root, matrix[..., :first, first:])

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
+from adapt.diagnosis.fit.positions.rows import PositionRows
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
 from adapt.solvers.objective import WEIGHT, down_weighted
@@ -92,6 +93,8 @@ class JointFit:
     shoulders: Shoulders
     candidates: Candidates
     parts: tuple[Part, ...]
+    positions: PositionRows | None = None
+    """Measured landmarks of all shoulders, where the fits are to see them."""
 
     @cached_property
     def rows(self) -> Int[np.ndarray, " every"]:

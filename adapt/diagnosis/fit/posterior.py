@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis
-from adapt.diagnosis.fit.discrepancy import LOG_SD, TYPICAL, Discrepancy
-from adapt.diagnosis.fit.evidence import Evidence, Likelihood
+from adapt.diagnosis.fit.discrepancy import LOG_SD, OF_POSITIONS, TYPICAL, Discrepancy
+from adapt.diagnosis.fit.evidence import Evidence
 from adapt.diagnosis.fit.joint_fit import JointFit
+from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.engine.batching import where_problems
 from adapt.solvers.projection.bounded_step import lowest
 from adapt.solvers.projection.damped_steps import STUCK, Damping, Steps, until_ended
@@ -68,8 +69,9 @@ def modes(
     a = np.zeros((max(map(len, amplitudes)), len(hypotheses)))
     for group, own in enumerate(amplitudes):
         a[: len(own), group] = own
-    first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a)
+    first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a, _by_positions(joint, likelihood, hypotheses))
     near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood), _MOST_STEPS)
+    every = np.arange(len(joint.candidates.scale))
     in_order, thetas = np.argsort(joint.rows), _by_group(theta, mode)
     found = []
     for group, hypothesis in enumerate(hypotheses):
@@ -77,8 +79,9 @@ def modes(
             _rows_first(one, mode)[group, in_order] for one in (near.y[:, None], near.by_theta, near.by_channel)
         )
         Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
-        evidence = likelihood.evidence(thetas[group], y[..., 0], Z)
-        own = mode.a[: len(amplitudes[group]), group]
+        own, here = mode.a[: len(amplitudes[group]), group], np.zeros(len(every))
+        here[joint.candidates.where(hypothesis)] = own
+        evidence = likelihood.evidence(thetas[group], y[..., 0], Z, every, here)
         found.append(Posterior(hypothesis, thetas[group], own, y[..., 0], Z, evidence))
     return found
 
@@ -93,15 +96,33 @@ def likeliest(joint: JointFit, at: Posterior, start: Discrepancy) -> Discrepancy
 
     def of(z: Float[np.ndarray, " numbers"]) -> Discrepancy:
         """In SDs of the logarithms about their medians."""
-        return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * z).tolist())
+        return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * np.append(z, left)).tolist())
 
     def cost(z: Float[np.ndarray, " numbers"]) -> float:
-        evidence = Likelihood.of(joint.model, joint.shoulders, of(z)).evidence(at.theta_mm, at.y, Z)
+        evidence = Likelihood.of(joint, of(z)).evidence(at.theta_mm, at.y, Z, where, at.amplitude)
         return 0.5 * float((z**2).sum()) - evidence.given(own, at.amplitude, mean, scale).log_evidence
 
-    first, bounds = np.log(np.divide(start, TYPICAL)) / LOG_SD, [(-_WITHIN, _WITHIN)] * len(LOG_SD)
+    begin = np.log(np.divide(start, TYPICAL)) / LOG_SD
+    first, left = np.split(begin, [len(begin) if joint.positions else len(begin) - OF_POSITIONS])
+    bounds = [(-_WITHIN, _WITHIN)] * len(first)
     found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options=_SEARCH)
     return of(found.x)
+
+
+def _by_positions(
+    joint: JointFit, likelihood: Likelihood, hypotheses: Sequence[Hypothesis]
+) -> Float[np.ndarray, "own+1 own+1 groups"]:
+    """Compute what positions say of the amplitudes of hypotheses (``Evidence.of_amplitudes``); nothing without them."""
+    places = [joint.candidates.where(one) for one in hypotheses]
+    most = max(map(len, places))
+    found = np.zeros((most + 1, most + 1, len(places)))
+    if likelihood.positions is None:
+        return found
+    for group, where in enumerate(places):
+        own = np.append(np.arange(len(where)), most)
+        mean, scale = joint.candidates.mean[where], joint.candidates.scale[where]
+        found[own[:, None], own, group] = likelihood.positions.only(where).of_amplitudes(mean, scale)
+    return found
 
 
 class _OfGroups(NamedTuple):
@@ -110,17 +131,19 @@ class _OfGroups(NamedTuple):
     a: Float[np.ndarray, "own groups"]
     f: Float[np.ndarray, "factors groups"]
     """h and b."""
+    by_positions: Float[np.ndarray, "own+1 own+1 groups"]
+    """Q of what positions say of a."""
     total: Float[np.ndarray, " groups"]
     """-2 log p."""
     damping: Float[np.ndarray, " groups"]
     going: Bool[np.ndarray, " groups"]
 
 
-def _begin(likelihood: Likelihood, objective: Objective, theta, a) -> Steps:
+def _begin(likelihood: Likelihood, objective: Objective, theta, a, by_positions) -> Steps:
     """Evaluate where the steps begin, within the bounds."""
     theta, groups = np.clip(theta, *objective.parts.bounds_mm), a.shape[1]
-    nowhere = np.full(groups, np.inf)
-    first = _OfGroups(a, np.zeros((likelihood.shared, groups)), nowhere, np.zeros(groups), np.ones(groups, bool))
+    nowhere, f = np.full(groups, np.inf), np.zeros((likelihood.shared, groups))
+    first = _OfGroups(a, f, by_positions, nowhere, np.zeros(groups), np.ones(groups, bool))
     near, total = _at(likelihood, objective, theta, first, None)
     return (near, theta, first._replace(total=total))
 
@@ -134,6 +157,8 @@ def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Step
     precision = np.concatenate([np.ones(now.f.shape), 1.0 / shared.scale**2])
     prior_gradient = precision * np.concatenate([now.f, now.a - shared.mean])
     prior_matrix = np.eye(len(precision))[..., None] * precision
+    prior_matrix[factors:, factors:] += now.by_positions[:-1, :-1]
+    prior_gradient[factors:] += np.einsum("ijg,jg->ig", now.by_positions[:-1], _and_1(now.a))
     dtheta, d = lowest(gradient, matrix, parts.group, prior_gradient, prior_matrix, (lower - theta, upper - theta))
     tried = now._replace(f=now.f + d[:factors], a=now.a + d[factors:])
     there, total = _at(likelihood, objective, theta + dtheta, tried, near.angles)
@@ -157,10 +182,15 @@ def _at(
     near, parts, shared = objective.nearest(theta, at.a, start, _NEAR), objective.parts, objective.shared
     total = (((at.a - shared.mean) / shared.scale) ** 2).sum(axis=0) + (at.f**2).sum(axis=0)
     total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), len(total))
+    total += np.einsum("ig,ijg,jg->g", _and_1(at.a), at.by_positions, _and_1(at.a))
     y, thetas = _rows_first(near.y[:, None], at)[..., 0], _by_group(theta, at)
     for subject, rows in enumerate(_places(likelihood)):
         total += (likelihood.values(subject, y[:, rows], thetas[:, subject], at.f.T) ** 2).sum(axis=1)
     return near, np.where(np.isfinite(total), total, np.inf)
+
+
+def _and_1(a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "own+1 groups"]:
+    return np.concatenate([a, np.ones((1, a.shape[1]))])
 
 
 def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tuple[np.ndarray, np.ndarray]:

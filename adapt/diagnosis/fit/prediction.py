@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
-from adapt.diagnosis.fit.evidence import Likelihood
 from adapt.diagnosis.fit.joint_fit import JointFit, Part
+from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.posterior import Posterior
 from adapt.diagnosis.fit.unseen_folds import Folds
 from models.adapted_parameters import ADAPTED
@@ -33,7 +33,7 @@ def unseen_amplitudes(
     here[candidates.where(at.hypothesis)] = at.amplitude
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
     of_motion = {
-        motion: likelihood_without(motion).evidence(at.theta_mm, at.y, Z)
+        motion: likelihood_without(motion).evidence(at.theta_mm, at.y, Z, where, here[where])
         for motion in dict.fromkeys(fold.held_out for fold in folds.each)
     }
     subjects = np.arange(len(at.theta_mm))

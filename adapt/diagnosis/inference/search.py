@@ -16,9 +16,11 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
-from adapt.diagnosis.fit.evidence import Given, Likelihood
+from adapt.diagnosis.fit.evidence import Evidence, Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
-from adapt.diagnosis.fit.measured_sizes import measured_sizes
+from adapt.diagnosis.fit.likelihood import Likelihood
+from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
+from adapt.diagnosis.fit.positions.rows import position_rows
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders
@@ -46,6 +48,9 @@ _KEPT = 20
 """Sets that a pass hands to the next."""
 
 _WORST = -1e9
+
+_SURE = 700.0
+"""Of a logarithm of odds: beyond it the exponential overflows."""
 
 
 class Node(NamedTuple):
@@ -100,7 +105,7 @@ class Search:
         key = self.discrepancy, motion
         if key not in self.likelihoods:
             seen = None if motion is None else self.folds.label != motion
-            self.likelihoods[key] = Likelihood.of(self.joint.model, self.joint.shoulders, self.discrepancy, seen)
+            self.likelihoods[key] = Likelihood.of(self.joint, self.discrepancy, seen)
         return self.likelihoods[key]
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
@@ -276,6 +281,23 @@ class Search:
         """Adapt as `girdle adapt` does without effects."""
         return linearise(self.joint, self.joint.from_starts().theta_mm.T)
 
+    def shown_by_positions(self, name: str, hypothesis: Hypothesis) -> float:
+        """Compute how probable a cause is beside the others of a set by measured positions alone, whatever the angles
+        say, over persons drawn anew; 0 without positions."""
+        positions = self.likelihood.positions
+        if positions is None:
+            return 0.0
+        less, more = (self._by_positions(positions, one) for one in (without(hypothesis, name), hypothesis))
+        return float(np.mean(1.0 / (1.0 + np.exp(np.clip(less - more - self.log_odds, -_SURE, _SURE)))))
+
+    def _by_positions(self, positions: Evidence, hypothesis: Hypothesis) -> Float[np.ndarray, " draws"]:
+        candidates = self.joint.candidates
+        where = candidates.where(hypothesis)
+        given = positions.only(where).given(
+            np.arange(len(where)), np.zeros(len(where)), candidates.mean[where], candidates.scale[where]
+        )
+        return given.resampled(self.times)
+
     @property
     def best(self) -> Node:
         """The set of the highest V."""
@@ -292,10 +314,19 @@ def search_of(
     shoulders: Shoulders,
     effects: Sequence[Effect],
     known: Hypothesis = (),
+    position_noise_mm: float | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Search:
-    """Lay out the search for causes among these effects, with what landmarks say of their sizes; nothing is fitted."""
+    """Lay out the search for causes among these effects, with what landmarks say of them; nothing is fitted.
+
+    ``position_noise_mm``: of a coordinate of a measured landmark; with it, positions are data as angles are. Without
+    it, they say what size bones have.
+    """
     fitted = Model.of(model, shoulders.subjects, tuple(effects))
-    sizes = measured_sizes(shoulders, fitted.sets.girdle, effects)
-    joint = JointFit(fitted, shoulders, lay_out(effects, shoulders, sizes), everybody(shoulders))
+    girdle = fitted.sets.girdle
+    sizes = measured_sizes(shoulders, girdle, effects) if position_noise_mm is None else {}
+    candidates, rows = lay_out(effects, shoulders, sizes), None
+    if position_noise_mm is not None:
+        rows = position_rows(model, girdle, candidates, shoulders, position_noise_mm)
+    joint = JointFit(fitted, shoulders, candidates, everybody(shoulders), rows)
     return Search(joint, folds_of(shoulders), progress, known)

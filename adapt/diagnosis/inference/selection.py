@@ -1,7 +1,7 @@
 """Which causes are named: those that are needed of the set that carries over, as long as each predicts unseen motions
 and persons."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
 from adapt.tables.folds import MOTION, PERSON
+from models.effects.effect import cause_of
 
 LEAST_PROBABILITY = 0.8
 """Of sets with a cause in a place, whichever, against the set with none there, averaged over persons drawn anew."""
@@ -52,14 +53,17 @@ class Named(NamedTuple):
     """The set of which they are."""
     sets: Mapping[str, CredibleSet] = MappingProxyType({})
     """The names that each cause may have."""
+    seen: frozenset[str] = frozenset()
+    """The causes that measured positions show, whatever the angles say."""
 
 
 def name_causes(search: Search, floor_deg: float) -> Named:
     """Name the causes that predict, of the set that carries over; noise alone leaves a gap of ``floor_deg``."""
     chosen, places = _chosen(search)
-    hypothesis = _predicting(search, chosen, floor_deg)
+    shown = [one for one in chosen.hypothesis if search.shown_by_positions(one, chosen.hypothesis) >= LEAST_PROBABILITY]
+    hypothesis = _predicting(search, chosen, shown, floor_deg)
     sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
-    return Named(hypothesis, chosen, sets)
+    return Named(hypothesis, chosen, sets, frozenset(map(cause_of, shown)))
 
 
 def nothing_named(search: Search) -> Named:
@@ -119,12 +123,14 @@ def _weakest(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) 
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None
 
 
-def _predicting(search: Search, node: Node, floor_deg: float) -> Hypothesis:
-    """Take the cause out of a set that predicts least beside the others, again and again until each predicts enough."""
+def _predicting(search: Search, node: Node, shown: Sequence[str], floor_deg: float) -> Hypothesis:
+    """Take the cause out of a set that predicts least beside the others, again and again until each predicts enough,
+    but for those that are ``shown`` by more than the angles."""
     chosen = node.hypothesis
     while True:
-        search.predict([chosen, *(without(chosen, name) for name in chosen)])
-        gains = {name: gain(search, without(chosen, name), chosen, floor_deg) for name in chosen}
+        tested = [name for name in chosen if name not in shown]
+        search.predict([chosen, *(without(chosen, name) for name in tested)])
+        gains = {name: gain(search, without(chosen, name), chosen, floor_deg) for name in tested}
         short = [name for name in gains if not gains[name].enough]
         if not short:
             return chosen

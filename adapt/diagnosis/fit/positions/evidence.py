@@ -1,0 +1,44 @@
+"""What measured positions say of the amplitudes: the constants of each person and what is smooth integrated out."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.diagnosis.fit.discrepancy import Discrepancy, position_whitening
+from adapt.diagnosis.fit.evidence import Evidence, without
+from adapt.diagnosis.fit.positions.rows import PositionRows
+from adapt.diagnosis.fit.shoulders import Shoulders
+
+
+def position_evidence(
+    rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
+) -> Evidence:
+    """Give log p(positions, z) of each shoulder in z = (h, b, a_s, 1): of all rows, or of those that are seen."""
+    seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
+    matrices, constants = [], []
+    for subject in range(len(shoulders.subjects)):
+        own = shoulders.rows_of(subject)
+        own = own[seen[own]]
+        white, log_determinant = _white(rows, shoulders, discrepancy, own)
+        constant = rows.by_constant.shape[2]
+        matrix = white.T @ white
+        matrix[:constant, :constant] += np.eye(constant)
+        rest, half_log = without(matrix, constant)
+        matrices.append(rest)
+        constants.append(-0.5 * log_determinant - half_log)
+    shared = matrices[0].shape[0] - rows.by_amplitude.shape[2] - 1
+    return Evidence(np.array(matrices), np.array(constants), shared, discrepancy.between_shoulders)
+
+
+def _white(
+    rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, own: Int[np.ndarray, " own"]
+) -> tuple[Float[np.ndarray, "numbers z"], float]:
+    """Make the coordinates of a shoulder white: slopes in u, h, b and a, and the values."""
+    measured = rows.measured[own]
+    variance = rows.places * rows.noise_mm**2 + (discrepancy.noise_deg * rows.lever_mm[own]) ** 2
+    found = position_whitening(shoulders, discrepancy, own, variance, measured)
+    n, constants = rows.values_mm.shape[1], rows.by_constant[own]
+    curves = np.einsum("rb,nk->rnkb", found.curves, np.eye(n)).reshape(len(own), n, -1)
+    every = [constants, constants, curves, rows.by_amplitude[own], rows.values_mm[own, :, None]]
+    columns = np.where(measured[..., None], np.concatenate(every, axis=2), 0.0)
+    white = found.inverse_root @ np.swapaxes(columns, 0, 1)
+    return white.reshape(-1, columns.shape[2]), found.log_determinant

@@ -1,0 +1,150 @@
+"""Measured positions of landmarks as rows of the linear model: what joints and frames do along a motion, seen directly.
+
+A landmark m is seen from the next measured one that carries it, p (the thorax where none was): c = p_m - p_p, in the
+thorax frame, at the angles as they were measured. The closed chain is not in it:
+
+    c = c_0 + A a_s + H x_s + curves + noise,    x_s = S (h + u_s),  h and u_s ~ N(0, 1)
+
+c_0 is that of the parameter set. A is the slope of c in all amplitudes. x_s are the constants of the person
+(``adapt.evaluation.person_constants``): the places of SC, AC, TS, AI and AA in their bones, S S' their covariance; h is
+what all persons have in common of them, as the set is one person's too. The noise of a coordinate is that of a place,
+of two where a landmark is seen from another, and that of the measured angles by its lever.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.shoulders import Shoulders
+from adapt.engine.batching import take_problems
+from adapt.evaluation.person_constants import Places, place_slopes, prior_of
+from models.effects import ActiveEffects, Effect
+from models.effects.extended_girdle import NO_ACTIVE_EFFECTS
+from models.girdle import Girdle
+from models.person.family import AnyModel
+from models.person.positions.landmark_positions import POSITIONS, BonePoses, bone_poses, positions_mm
+from motions.landmarks.sampled_postures import measured_places_mm
+from motions.rotations import DEG
+
+_CARRIERS: Mapping[str, tuple[str, ...]] = {"SC": (), "AC": ("SC",), **dict.fromkeys(("TS", "AI", "AA"), ("AC", "SC"))}
+"""The landmarks that carry each, the next one first."""
+
+_STEP = 1e-3
+"""Of a strength (mm, deg) or an angle (deg), for central differences: their error is some 1e-7 of the slope."""
+
+_UNMEASURED_DEG = 20.0
+"""SD of an angle that was not measured about its mean at rest, over a motion (axial rotation of the clavicle, 17-35
+deg over elevation: Ludewig 2009, Matsuki 2014)."""
+
+_AA = {"AA": np.array([[-5.0], [-25.0], [22.0]])}
+"""AA in the scapula, seen from AC, mm: the mean of bone pins (six shoulders of Moissenet 2023, to some 10 mm). What an
+effect does to it goes by it; where it is in a person is a constant."""
+
+
+@dataclass(frozen=True)
+class PositionRows:
+    """Measured coordinates; n of each posture."""
+
+    values_mm: Float[np.ndarray, "rows n"]
+    """c_0 less what was measured; 0 where it was not."""
+    measured: Bool[np.ndarray, "rows n"]
+    by_amplitude: Float[np.ndarray, "rows n amplitudes"]
+    by_constant: Float[np.ndarray, "rows n constants"]
+    """H S."""
+    places: Int[np.ndarray, " n"]
+    """How many places a coordinate is made of, each with its noise."""
+    lever_mm: Float[np.ndarray, "rows n"]
+    """What a degree of noise in each measured angle does; an angle that was not measured has more."""
+    noise_mm: float
+    """SD of a coordinate of one place."""
+
+    def amplitudes(self, where: Int[np.ndarray, " own"]) -> "PositionRows":
+        """Take some of the amplitudes."""
+        return replace(self, by_amplitude=self.by_amplitude[..., where])
+
+
+def position_rows(
+    model: AnyModel, girdle: Girdle, candidates: Candidates, shoulders: Shoulders, noise_mm: float
+) -> PositionRows | None:
+    """Lay out the measured positions of all postures; None where there are none. ``girdle``: (component, subjects)."""
+    every = measured_places_mm(shoulders.motions)
+    measured = {name: every[name] for name in POSITIONS if name in every and np.isfinite(every[name]).any()}
+    if not measured:
+        return None
+    seen = _Seen(tuple(measured), take_problems(jax.tree.map(np.asarray, girdle), shoulders.subject))
+    angles = shoulders.angles
+    c_0, poses = seen.from_carriers(angles), jax.tree.map(np.asarray, bone_poses(seen.girdle, angles))
+    places = np.concatenate([place.T for place in _from_carriers(measured).values()], axis=1)
+    known = np.isfinite(places)
+    root = np.linalg.cholesky(np.moveaxis(prior_of(model, shoulders.subjects), -1, 0))[shoulders.subject]
+    return PositionRows(
+        values_mm=np.where(known, c_0 - np.where(known, places, 0.0), 0.0),
+        measured=known,
+        by_amplitude=candidates.by_amplitude(seen.by_channel(candidates.effects, angles)),
+        by_constant=np.einsum("rni,rij->rnj", seen.by_constant(poses), root),
+        places=np.repeat([1 + bool(_carrier(name, measured)) for name in measured], 3),
+        lever_mm=seen.lever_mm(angles, shoulders.measured),
+        noise_mm=noise_mm,
+    )
+
+
+def _carrier(name: str, measured: Sequence[str] | Places) -> str | None:
+    return next((one for one in _CARRIERS[name] if one in measured), None)
+
+
+def _from_carriers(places: Places) -> dict[str, Float[np.ndarray, "3 *any"]]:
+    """Subtract from each landmark the one that carries it."""
+    found = {}
+    for name, place in places.items():
+        carrier = _carrier(name, places)
+        found[name] = place if carrier is None else place - places[carrier]
+    return found
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Some landmarks of girdles at their postures, each seen from the next one that carries it."""
+
+    names: tuple[str, ...]
+    girdle: Girdle
+
+    def from_carriers(
+        self, angles: Float[np.ndarray, "6 rows"], active_effects: ActiveEffects = NO_ACTIVE_EFFECTS
+    ) -> Float[np.ndarray, "rows n"]:
+        """Compute c of the parameter set, with AA where it is on average."""
+        found = positions_mm(bone_poses(active_effects.on(self.girdle), angles), _AA)
+        return np.concatenate([one.T for one in _from_carriers({name: found[name] for name in self.names}).values()], 1)
+
+    def by_constant(self, poses: BonePoses) -> Float[np.ndarray, "rows n constants"]:
+        """Compute H."""
+        every = _from_carriers({name: place_slopes(poses, name) for name in self.names})
+        return np.moveaxis(np.concatenate(list(every.values())), -1, 0)
+
+    def by_channel(
+        self, effects: Sequence[Effect], angles: Float[np.ndarray, "6 rows"]
+    ) -> Float[np.ndarray, "rows n channels"]:
+        """Compute the slopes in the strength of every channel of every effect, where none is at work."""
+        found = []
+        for effect in effects:
+            for step in _STEP * np.eye(effect.course.channels(len(effect.directions))):
+                there, back = (
+                    self.from_carriers(angles, ActiveEffects((np.outer(one, np.ones(angles.shape[1])),), (effect,)))
+                    for one in (step, -step)
+                )
+                found.append((there - back) / (2.0 * _STEP))
+        return np.stack(found, axis=-1)
+
+    def lever_mm(
+        self, angles: Float[np.ndarray, "6 rows"], measured: Bool[np.ndarray, "6 rows"]
+    ) -> Float[np.ndarray, "rows n"]:
+        """Compute the SD of c by a degree of noise in every measured angle."""
+        variance = 0.0
+        for known, step in zip(measured, _STEP / DEG * np.eye(6), strict=True):
+            there, back = (self.from_carriers(angles + one[:, None]) for one in (step, -step))
+            of_degree = (there - back) / (2.0 * _STEP)
+            variance += (of_degree * np.where(known, 1.0, _UNMEASURED_DEG)[:, None]) ** 2
+        return np.sqrt(variance)
