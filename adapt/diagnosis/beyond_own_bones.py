@@ -6,9 +6,9 @@ persons on other motions,
     share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
 
 of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
-all go unless share(V) is ``LEAST_SHARE`` or more with a probability of ``LEAST_PROBABILITY``, over persons drawn anew.
-A constant of bones or frames is one that own bones hold: each person's own predicts as well as one that all have alike.
-So such a cause rests on the evidence alone.
+all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over persons drawn anew. A constant is one that
+own bones hold: each person's own predicts as well as one that all have alike. So such a cause rests on the evidence
+alone; and so does one that measured positions show.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,33 +25,23 @@ from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
-from adapt.diagnosis.inference.selection import LEAST_PROBABILITY
-from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size
+from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size, own_effects
 from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import MOTION, PERSON, Fold, motions_and_persons, motions_and_thirds
 from models.effects import Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
+from models.effects.course import CONSTANT
 from models.effects.effect import cause_of
-from models.effects.set_numbers import NUMBER_EFFECTS
 from models.person.family import AnyModel
 from motions.table import Motions
 
 LEAST_SHARE = 0.1
 """Of the null's gap beyond noise, that causes take together."""
 
-OWN_CONSTANTS = frozenset(
-    (
-        "scapula_landmark_bias",
-        "clavicle_frame_bias",
-        "clavicle_length",
-        "scapula_size",
-        "ac_offset",
-        *(effect.name for effect in NUMBER_EFFECTS.values()),
-    )
-)
-"""Causes that bones and frames of a person's own hold."""
+LEAST_PROBABILITY = 0.5
+"""That they take it."""
 
 
 class Rung(NamedTuple):
@@ -105,10 +95,14 @@ class OwnBonesNull:
         return [fold for fold in every if fold.kind == kind]
 
     def adapted(self, amplitudes: Amplitudes = NO_EFFECTS) -> AdaptedGaps:
-        """Adapt with these effects, as `girdle adapt --own-bones --effect` does."""
-        rows = posture_rows(self.motions, amplitudes, self.library)
-        parts = motions_and_thirds(self.motions)
-        return gaps_of(adapt_with_folds(rows, [self.model], parts, people=self.people), self.person)
+        """Adapt with these effects, as `girdle adapt --own-bones --effect` does; with the sizes of each person that
+        measured positions show, where they are data."""
+        rows, folds = posture_rows(self.motions, amplitudes, self.library), motions_and_thirds(self.motions)
+        own = None
+        if amplitudes and self.search.joint.positions:
+            names = self.search.joint.candidates.ordered(list(amplitudes))
+            own = own_effects(self.search, names, self.motions, rows, folds, self.library, self.seen)
+        return gaps_of(adapt_with_folds(rows, [self.model], folds, people=self.people, effects=own), self.person)
 
     def predict(self, hypotheses: Sequence[Hypothesis], named: Hypothesis) -> None:
         """Predict what is held out with sets of causes whose sizes have not seen it, each once, side by side.
@@ -119,7 +113,7 @@ class OwnBonesNull:
             return
         none = active_effects(no_size(named, self.library), self.motions, self.library)
         rows = replace(self.rows, active_effects=none)
-        laid_out = self.motions, rows, self.folds, self.library, named
+        laid_out = self.motions, rows, self.folds, self.library, named, self.seen
         each = [effects_of_folds(self.search, one, *laid_out) for one in missing]
         effects = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *each)
         folds, count = self.folds * len(missing), len(self.folds)
@@ -202,7 +196,8 @@ class OwnBonesNull:
 
     def is_held(self, name: str) -> bool:
         """Tell whether own bones are a null for this cause, which neither is known to be at work nor was seen."""
-        return cause_of(name) not in OWN_CONSTANTS and name not in self.search.known and cause_of(name) not in self.seen
+        constant = self.library[name].course is CONSTANT
+        return not constant and name not in self.search.known and cause_of(name) not in self.seen
 
 
 def _standard_error(differences: Float[np.ndarray, " folds"], persons: np.ndarray) -> float:

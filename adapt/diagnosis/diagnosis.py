@@ -145,7 +145,7 @@ class _Study:
         floor = floor_deg(noise, shoulders, none.B)
         mean_floor = float(np.nanmean(floor))
         tested = can_test(shoulders.kinds, shoulders.persons)
-        named = name_causes(search, mean_floor) if tested else nothing_named(search)
+        named = name_causes(search) if tested else nothing_named(search)
         weights = weigh(search)  # of all that was fitted on the way
         self.progress("bones of each person's own")
         other = named.hypothesis
@@ -156,7 +156,7 @@ class _Study:
         rungs = null.ladder(kept, other)
         gains = null.gains(rungs, other, mean_floor)
         order = [rung.added for rung in rungs[1:]]
-        sizes = amplitudes(search, kept)
+        sizes = amplitudes(search, kept, named.seen)
         sizes = {name: sizes[name] for name in order}
         known = {name: one.amplitude for name, one in sizes.items() if one.amplitude is not None}
         with_causes = null.adapted(known) if known else own_bones

@@ -1,6 +1,6 @@
-"""Sizes of causes that have not seen what a fold holds out: a kind of motion, and persons."""
+"""Sizes of causes that have not seen what a fold holds out: a kind of motion, and persons, or of each person's own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import jax
 import numpy as np
@@ -10,7 +10,7 @@ from adapt.diagnosis.fit.candidates import Hypothesis
 from adapt.diagnosis.fit.prediction import unseen_amplitudes
 from adapt.diagnosis.inference.search import Search
 from adapt.solvers.rows import PostureRows
-from adapt.tables.folds import Fold
+from adapt.tables.folds import MOTION, Fold
 from models.effects import ActiveEffects, Effect
 from models.effects.amplitudes import Amplitude, active_effects
 from motions.table import Motions
@@ -24,12 +24,14 @@ def effects_of_folds(
     folds: Sequence[Fold],
     library: Mapping[str, Effect],
     at_work: Hypothesis,
+    seen: Collection[str],
 ) -> ActiveEffects:
     """Give every fold, of one kind, the effects of a hypothesis at its postures, (channels, postures, folds); those of
-    ``at_work`` that are not in the hypothesis have the size 0."""
+    ``at_work`` that are not in the hypothesis have the size 0. ``seen``: causes that positions show."""
     kind = search.folds.only(folds[0].kind)
     candidates = search.joint.candidates
-    amplitudes = unseen_amplitudes(kind, candidates, hypothesis, search.mode(hypothesis), search.likelihood_without)
+    at = search.mode(hypothesis)
+    amplitudes = unseen_amplitudes(kind, candidates, hypothesis, at, search.likelihood_without, seen)
     none = no_size(at_work, library)
     by_held_out = {
         (fold.held_out, fold.unseen): active_effects(
@@ -37,7 +39,30 @@ def effects_of_folds(
         )
         for fold, a in zip(kind.each, amplitudes, strict=True)
     }
-    each = [_of_subject(by_held_out[fold.held_out, fold.unseen], rows, fold) for fold in folds]
+    each = [_of_subject(by_held_out[fold.held_out, fold.unseen], rows, fold.subject) for fold in folds]
+    return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
+
+
+def own_effects(
+    search: Search,
+    hypothesis: Hypothesis,
+    motions: Motions,
+    rows: PostureRows,
+    folds: Sequence[Fold],
+    library: Mapping[str, Effect],
+    seen: Collection[str],
+) -> ActiveEffects:
+    """Give every subject, and then every fold, the effects of a hypothesis with sizes of the subject's own: (channels,
+    postures, subjects and folds). Those of a fold have not seen the kind of motion that it holds out."""
+    subjects = range(len(rows.subjects))
+    wanted: list[tuple[str | None, int]] = [(None, subject) for subject in subjects]
+    wanted += [(fold.held_out if fold.kind == MOTION else None, fold.subject) for fold in folds]
+    sizes = {motion: search.sizes_of_shoulders(hypothesis, seen, motion) for motion in {motion for motion, _ in wanted}}
+    every = [
+        active_effects({name: a.tolist() for name, a in sizes[motion][subject].items()}, motions, library)
+        for motion, subject in wanted
+    ]
+    each = [_of_subject(one, rows, subject) for one, (_, subject) in zip(every, wanted, strict=True)]
     return jax.tree.map(lambda *values: np.stack(values, axis=-1), *each)
 
 
@@ -46,10 +71,10 @@ def no_size(names: Hypothesis, library: Mapping[str, Effect]) -> dict[str, Ampli
     return {name: (0.0,) * len(library[name].directions) for name in names}
 
 
-def _of_subject(effects: ActiveEffects, rows: PostureRows, fold: Fold) -> ActiveEffects:
+def _of_subject(effects: ActiveEffects, rows: PostureRows, subject: int) -> ActiveEffects:
     """Take the strengths at the postures of one subject."""
 
     def packed(values: Float[np.ndarray, "*k rows"]) -> Float[np.ndarray, "*k postures"]:
-        return rows.packed(values)[..., fold.subject]
+        return rows.packed(values)[..., subject]
 
     return jax.tree.map(packed, effects)

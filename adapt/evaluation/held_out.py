@@ -93,14 +93,16 @@ def adapt_with_folds(
     progress: Callable[[str], None] = lambda _: None,
     dtype: DTypeLike = np.float64,
     people: People | None = None,
+    effects: ActiveEffects | None = None,
 ) -> AdaptedSubjects:
     """Adapt every model to every subject, and again without what each fold holds out.
 
-    The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has bones of their own.
+    The other arguments are those of ``adapt.adapt_subjects``; with ``people`` everybody has bones of their own, and
+    may have ``effects`` of their own: (channels, postures, subjects and then folds), of one model.
     """
     data = problems_of(rows, models)
     if people is not None:
-        return _with_own_bones(data, rows, models, folds, weight, progress, people)
+        return _with_own_bones(data, rows, models, folds, weight, progress, people, effects)
     data = as_type(data, dtype)
     adapted = adapt_batch(data, weight, reading, lambda stage: progress(f"adaptation, {stage}"))
     found = nothing_held_out(data, adapted)
@@ -122,6 +124,7 @@ def _with_own_bones(
     weight: float,
     progress: Callable[[str], None],
     people: People,
+    effects: ActiveEffects | None,
 ) -> AdaptedSubjects:
     """The same with bones of each person's own; what is held out, with scales that know nothing of the person."""
     progress("bones of each person's own")
@@ -129,6 +132,8 @@ def _with_own_bones(
     problem, fitted, tested = _parts(rows, folds, len(models))
     every = np.append(np.arange(several), problem)
     parts = select_problems(data, every, counted=np.append(data.counted, fitted, axis=1))
+    if effects is not None:
+        parts = replace(parts, active_effects=effects)
     persons = _persons(parts, rows, models, people, every, np.arange(len(every)) >= several)
     found = own_or_plain(parts, persons, weight)  # at once: of each few are left at last
     own_data, adapted, own = take_problems(found, slice(several))

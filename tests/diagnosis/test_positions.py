@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from adapt import adapt_subjects
 from adapt.api import simulated_positions
-from adapt.diagnosis.fit.shoulders import shoulders_of
 from adapt.diagnosis.position_findings import PositionTask, position_noise_mm
 from adapt.evaluation.person_constants import constants_of, distances_mm, prior_of, root_mean_square_mm
 from adapt.evaluation.position_check import (
@@ -220,10 +219,9 @@ def test_the_noise_of_positions_is_what_no_smooth_path_has():
     noise = 2.0 * np.random.default_rng(0).standard_normal((count, 3))
     parabola = np.stack([motions.posture, 0.3 * motions.posture**2, np.ones(count)], axis=1)
     motions = replace(motions, landmarks_mm={"SC": parabola + noise})
-    measured = {"SC": motions.landmarks_mm["SC"].T}
-    assert position_noise_mm(measured, shoulders_of(motions)) == pytest.approx(2.0, rel=0.15)
+    assert position_noise_mm(motions) == pytest.approx(2.0, rel=0.15)
     few = motions.select(motions.posture <= 3)
-    assert np.isnan(position_noise_mm({"SC": few.landmarks_mm["SC"].T}, shoulders_of(few)))
+    assert np.isnan(position_noise_mm(few))
 
 
 def test_what_the_search_sees_of_positions(measured):

@@ -75,7 +75,9 @@ def test_the_evidence_is_the_density_of_the_data_with_all_else_integrated_out():
     here = generator.standard_normal(len(where))
     mean, scale = candidates.mean[where], candidates.scale[where]
     likelihood = Likelihood.of(joint, FEW)
-    found = likelihood.evidence(theta, y, Z).given(where, here, mean, scale)
+    found = likelihood.evidence(theta, y, Z, np.arange(len(candidates.scale)), np.zeros(len(candidates.scale))).given(
+        where, here, mean, scale
+    )
 
     def of_shoulders(slopes: np.ndarray) -> np.ndarray:
         """In the parameters of all shoulders: each row in those of its own."""
@@ -167,7 +169,8 @@ def test_the_discrepancy_that_drew_the_data_is_found(true):
     for _ in range(4):
         y = root @ generator.standard_normal((len(root), 3))
         Z = np.zeros((*y.shape, N + len(joint.candidates.scale)))
-        evidence = Likelihood.of(joint.model, joint.shoulders, true).evidence(joint.model.theta_mm, y, Z)
+        every = np.arange(len(joint.candidates.scale))
+        evidence = Likelihood.of(joint, true).evidence(joint.model.theta_mm, y, Z, every, np.zeros(len(every)))
         at = Posterior((), joint.model.theta_mm, np.zeros(0), y, Z, evidence)
         found.append(np.log(likeliest(joint, at, FEW)))
     off = np.mean(found, axis=0) - np.log(true)

@@ -5,7 +5,7 @@ a mode (``fit.evidence``). About them each shoulder has sizes of its own, adapte
 --effect` does.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +13,7 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.joint_fit import JointFit, Part
 from adapt.diagnosis.fit.likelihood import Likelihood
+from adapt.diagnosis.fit.positions.evidence import shown_sizes
 from adapt.diagnosis.fit.posterior import Posterior
 from adapt.diagnosis.fit.unseen_folds import Folds
 from models.adapted_parameters import ADAPTED
@@ -27,8 +28,10 @@ def unseen_amplitudes(
     hypothesis: Hypothesis,
     at: Posterior,
     likelihood_without: Callable[[str], Likelihood],
+    seen: Collection[str] = (),
 ) -> Float[np.ndarray, "folds own"]:
-    """Give the amplitudes of a hypothesis for every fold, in the linear model around the mode of one within it."""
+    """Give the amplitudes of a hypothesis for every fold, in the linear model around the mode of one within it; of the
+    causes that were ``seen``, those that positions show."""
     where, here = candidates.where(hypothesis), np.zeros(len(candidates.scale))
     here[candidates.where(at.hypothesis)] = at.amplitude
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
@@ -40,9 +43,14 @@ def unseen_amplitudes(
     found: dict[tuple[str, tuple[int, ...]], np.ndarray] = {}
     for fold in folds.each:
         if (held_out := (fold.held_out, fold.unseen)) not in found:
-            evidence = of_motion[fold.held_out].of(~np.isin(subjects, fold.unseen))
+            others = ~np.isin(subjects, fold.unseen)
+            evidence = of_motion[fold.held_out].of(others)
             given = evidence.given(own, here[where], candidates.mean[where], candidates.scale[where])
+            positions = likelihood_without(fold.held_out).positions
+            shown = shown_sizes(positions and positions.of(others), candidates, hypothesis, seen)
             found[held_out] = given.amplitude
+            if shown:
+                found[held_out][shown.where] = shown.given.amplitude
     return np.array([found[fold.held_out, fold.unseen] for fold in folds.each])
 
 

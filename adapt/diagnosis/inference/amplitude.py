@@ -1,11 +1,13 @@
 """How large the named causes are, with intervals, beside how large such effects are."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
+from adapt.diagnosis.fit.positions.evidence import Shown, shown_sizes
 from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities_of_draws
@@ -18,19 +20,22 @@ from models.effects.course import root_mean_square
 _DRAWS, _SEED = 400, 5
 
 
-def amplitudes(search: Search, hypothesis: Hypothesis) -> dict[str, CauseAmplitude]:
-    """Describe each effect of a set by its posterior, by name."""
+def amplitudes(search: Search, hypothesis: Hypothesis, seen: Collection[str]) -> dict[str, CauseAmplitude]:
+    """Describe each effect of a set by its posterior, by name; of the causes that were ``seen``, by what positions
+    show."""
     if not hypothesis:
         return {}
     candidates, shoulders = search.joint.candidates, search.joint.shoulders
-    given = search.given(search.mode(hypothesis), hypothesis)
-    found = {}
-    for effect, own in candidates.slices(hypothesis):
-        count, draws = len(effect.directions), draws_of(search, effect.name)
+    sizes, found = search.sizes_of_shoulders(hypothesis, seen), {}
+    shown = shown_sizes(search.likelihood.positions, candidates, hypothesis, seen)
+    for effect, _ in candidates.slices(hypothesis):
+        count = len(effect.directions)
+        draws = draws_shown(search, shown, effect.name) if shown and effect.name in shown.names else None
+        draws = draws_of(search, effect.name) if draws is None else draws
         a = draws.mean(axis=0)
         columns = effect.course.strengths(count, shoulders.motions)
         felt = effect.course.felt(count, shoulders.motions)
-        shares = share_of(given.of_shoulders[:, own], a, columns)
+        shares = share_of(np.array([one[effect.name] for one in sizes]), a, columns)
         found[effect.name] = replace(
             _described(effect, a, draws, columns, felt, candidates),
             by_subject=dict(zip(shoulders.subjects, shares.tolist(), strict=True)),
@@ -57,6 +62,18 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
                 amplitude, root = given.amplitude_of(times)
                 normal = generator.standard_normal((len(amplitude), count))
                 found.append((amplitude + np.linalg.solve(root.T, normal).T)[:, own])
+    return np.concatenate(found)
+
+
+def draws_shown(search: Search, shown: Shown, name: str) -> Float[np.ndarray, "draws own"]:
+    """Draw the amplitudes of an effect that positions show, as many with each of the persons drawn anew."""
+    generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
+    (own,) = (place for effect, place in candidates.slices(shown.names) if effect.name == name)
+    found = []
+    for times in search.times:
+        amplitude, root = shown.given.amplitude_of(times)
+        normal = generator.standard_normal((len(amplitude), _DRAWS // len(search.times)))
+        found.append((amplitude + np.linalg.solve(root.T, normal).T)[:, own])
     return np.concatenate(found)
 
 

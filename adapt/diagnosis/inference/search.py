@@ -6,7 +6,7 @@ The evidence is that of ``fit.posterior``. What no cause explains has the varian
 leaves; a second pass searches with them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Evidence, Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
 from adapt.diagnosis.fit.likelihood import Likelihood
+from adapt.diagnosis.fit.positions.evidence import shown_sizes
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.rows import position_rows
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
@@ -275,6 +276,24 @@ class Search:
         amplitudes = [unseen_amplitudes(folds, candidates, *one, without) for one in every]
         between = self.discrepancy.between_per_deg if own_sizes else 0.0
         return unseen_gaps_deg(self.joint, folds, hypotheses, [one.theta_mm for one in at], amplitudes, between)
+
+    def sizes_of_shoulders(
+        self, hypothesis: Hypothesis, seen: Collection[str], motion: str | None = None
+    ) -> list[dict[str, np.ndarray]]:
+        """Give the amplitudes of every shoulder by effect, where their posterior is highest, without a motion; of the
+        causes that were ``seen``, those that positions show."""
+        candidates, at, likelihood = self.joint.candidates, self.mode(hypothesis), self.likelihood_without(motion)
+        where, every, here = (
+            candidates.where(hypothesis),
+            np.arange(len(candidates.scale)),
+            np.zeros(candidates.scale.shape),
+        )
+        here[candidates.where(at.hypothesis)] = at.amplitude
+        evidence = likelihood.evidence(at.theta_mm, at.y, at.Z, every, here)
+        sizes = evidence.given(where, here[where], candidates.mean[where], candidates.scale[where]).of_shoulders
+        if shown := shown_sizes(likelihood.positions, candidates, hypothesis, seen):
+            sizes[:, shown.where] = shown.given.of_shoulders
+        return [{effect.name: a[own] for effect, own in candidates.slices(hypothesis)} for a in sizes]
 
     @cached_property
     def without_causes(self) -> Linearised:

@@ -13,7 +13,7 @@ from adapt.diagnosis.inference.alternatives import LEVEL, CredibleSet, credible_
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
-from adapt.tables.folds import MOTION, PERSON
+from adapt.tables.folds import PERSON
 from models.effects.effect import cause_of
 
 LEAST_PROBABILITY = 0.8
@@ -21,27 +21,23 @@ LEAST_PROBABILITY = 0.8
 
 
 class Gain(NamedTuple):
-    """What one cause adds to the prediction of unseen postures."""
+    """What one cause adds to the prediction of unseen postures, mean over motions and persons that were not seen."""
 
-    share: float
-    """Of the gap without it, beyond what noise leaves."""
-    motions_deg: float
-    """Mean difference of unseen motions of persons who were seen."""
+    mean_deg: float
+    error_deg: float
+    """The standard error of the mean."""
 
     @property
-    def enough(self) -> bool:
-        """Whether the cause may be named: unseen postures are predicted better, and unseen motions among them."""
-        return self.share > 0.0 and self.motions_deg > 0.0
+    def predicts(self) -> bool:
+        """Whether unseen postures are not predicted worse, beyond the error."""
+        return self.mean_deg > -self.error_deg
 
 
-def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis, floor_deg: float) -> Gain:
-    """Compare the unseen gaps of two hypotheses, part by part; noise alone leaves ``floor_deg``."""
-    folds, before = search.folds, search.unseen_gaps_deg(less)
-    difference = known_mean(before - search.unseen_gaps_deg(hypothesis))
-    by_part = folds.by_part(difference)
-    beyond = folds.by_part(known_mean(before)).mean() - floor_deg
-    share = by_part.mean() / max(beyond, by_part.mean(), 1e-9)
-    return Gain(float(share), float(difference[folds.of_kind(MOTION)].mean()))
+def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis) -> Gain:
+    """Compare the unseen gaps of two hypotheses, part by part."""
+    difference = known_mean(search.unseen_gaps_deg(less) - search.unseen_gaps_deg(hypothesis))
+    by_part = search.folds.by_part(difference)
+    return Gain(float(by_part.mean()), float(_standard_error(by_part)))
 
 
 class Named(NamedTuple):
@@ -57,11 +53,11 @@ class Named(NamedTuple):
     """The causes that measured positions show, whatever the angles say."""
 
 
-def name_causes(search: Search, floor_deg: float) -> Named:
-    """Name the causes that predict, of the set that carries over; noise alone leaves a gap of ``floor_deg``."""
+def name_causes(search: Search) -> Named:
+    """Name the causes of the set that carries over, but for those that make the prediction worse."""
     chosen, places = _chosen(search)
     shown = [one for one in chosen.hypothesis if search.shown_by_positions(one, chosen.hypothesis) >= LEAST_PROBABILITY]
-    hypothesis = _predicting(search, chosen, shown, floor_deg)
+    hypothesis = _predicting(search, chosen, shown)
     sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
     return Named(hypothesis, chosen, sets, frozenset(map(cause_of, shown)))
 
@@ -123,15 +119,15 @@ def _weakest(search: Search, node: Node, places: Mapping[str, dict[str, Node]]) 
     return weakest if weakest and needed[weakest] < LEAST_PROBABILITY else None
 
 
-def _predicting(search: Search, node: Node, shown: Sequence[str], floor_deg: float) -> Hypothesis:
-    """Take the cause out of a set that predicts least beside the others, again and again until each predicts enough,
-    but for those that are ``shown`` by more than the angles."""
+def _predicting(search: Search, node: Node, shown: Sequence[str]) -> Hypothesis:
+    """Take the cause out of a set with which the others predict worst, again and again until none makes it worse, but
+    for those that are ``shown`` by more than the angles."""
     chosen = node.hypothesis
     while True:
         tested = [name for name in chosen if name not in shown]
         search.predict([chosen, *(without(chosen, name) for name in tested)])
-        gains = {name: gain(search, without(chosen, name), chosen, floor_deg) for name in tested}
-        short = [name for name in gains if not gains[name].enough]
-        if not short:
+        gains = {name: gain(search, without(chosen, name), chosen) for name in tested}
+        worse = [name for name in gains if not gains[name].predicts]
+        if not worse:
             return chosen
-        chosen = without(chosen, min(short, key=lambda name: gains[name].share))
+        chosen = without(chosen, min(worse, key=lambda name: gains[name].mean_deg))

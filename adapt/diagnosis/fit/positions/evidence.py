@@ -1,10 +1,14 @@
 """What measured positions say of the amplitudes: the constants of each person and what is smooth integrated out."""
 
+from collections.abc import Collection
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.discrepancy import Discrepancy, position_whitening
-from adapt.diagnosis.fit.evidence import Evidence, without
+from adapt.diagnosis.fit.evidence import Evidence, Given, without
 from adapt.diagnosis.fit.positions.rows import PositionRows
 from adapt.diagnosis.fit.shoulders import Shoulders
 
@@ -42,3 +46,30 @@ def _white(
     columns = np.where(measured[..., None], np.concatenate(every, axis=2), 0.0)
     white = found.inverse_root @ np.swapaxes(columns, 0, 1)
     return white.reshape(-1, columns.shape[2]), found.log_determinant
+
+
+class Shown(NamedTuple):
+    """The causes of a set that positions show, and what positions alone say of their amplitudes.
+
+    Angles show which constraint gives way, and bones of a person's own explain that as well as a joint that moves. So
+    what they say of a movement that was seen is cut off (Liu, Bayarri & Berger 2009, Bayesian Analysis 4:119-150,
+    modularization): its size is that of the positions.
+    """
+
+    names: Hypothesis
+    where: Int[np.ndarray, " own"]
+    """Their amplitudes among those of the set."""
+    given: Given
+
+
+def shown_sizes(
+    positions: Evidence | None, candidates: Candidates, hypothesis: Hypothesis, causes: Collection[str]
+) -> Shown | None:
+    """Give the effects of a set whose cause positions show; None where there is none."""
+    names = tuple(name for name in hypothesis if candidates.causes[name] in causes)
+    if positions is None or not names:
+        return None
+    where = candidates.where(names)
+    mean, scale = candidates.mean[where], candidates.scale[where]
+    given = positions.only(where).given(np.arange(len(where)), np.zeros(len(where)), mean, scale)
+    return Shown(names, np.flatnonzero(np.isin(candidates.where(hypothesis), where)), given)

@@ -1,0 +1,197 @@
+"""Measured positions as data of the search: rows worked by hand, dense Gaussian algebra, and what positions show."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from oracles import bones
+from scipy.spatial.transform import Rotation
+
+from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
+from adapt.diagnosis.fit.positions.evidence import position_evidence, shown_sizes
+from adapt.diagnosis.fit.positions.rows import PositionRows
+from adapt.diagnosis.fit.shoulders import Shoulders, usable
+from adapt.diagnosis.inference.search import Search, search_of
+from adapt.evaluation.person_constants import prior_of
+from models import load_model
+from models.effects import EFFECTS
+from models.effects.course import FULL_ELEVATION_DEG
+from motions import Motions
+from motions.rhythm_subjects import simulate_subjects
+
+MODEL = load_model("R2")
+NAMES = ("scapula_landmark_bias", "ac_offset", "clavicle_length", "sc_translation", "ac_translation")
+NOISE_MM = 1.0
+SUBJECTS = 3
+
+EXACT_MM = 1e-6
+"""Slopes by differences of 1e-3, of what is linear: rounding."""
+
+Places = dict[str, np.ndarray]
+Moved = Callable[[Motions, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""How far SC moved in the thorax and AC in the clavicle (postures, 3), of the elevation's share of its height."""
+
+
+def nothing(motions: Motions, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """No joint moves."""
+    return np.zeros((len(f), 3)), np.zeros((len(f), 3))
+
+
+def both(motions: Motions, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """SC and AC move in proportion to the elevation."""
+    return np.outer(f, SC_MM), np.outer(f, AC_MM)
+
+
+def far(motions: Motions, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """They move three times as far."""
+    return np.outer(f, 3.0 * SC_MM), np.outer(f, 3.0 * AC_MM)
+
+
+SC_MM, AC_MM = np.array([3.0, -2.0, 4.0]), np.array([-2.0, 5.0, 3.0])
+
+
+def places_by_hand(motions: Motions, moved: Moved, offset: np.ndarray | None = None) -> Places:
+    """Positions (postures, 3) of R2 at the angles of the motions; ``offset``: of AC in the clavicle."""
+    R_C, R_S = (Rotation.from_euler("YZX", one, degrees=True).as_matrix() for one in np.split(motions.angles_deg, 2, 1))
+    base = bones(MODEL.girdle)
+    of_sc, of_ac = moved(motions, motions.humerus_elevation_deg / FULL_ELEVATION_DEG)
+    SC = base.sc_mm + of_sc
+    AC = SC + np.einsum("rij,rj->ri", R_C, base.ac_mm + of_ac + (0.0 if offset is None else offset))
+    return {"SC": SC, "AC": AC, "TS": AC + R_S @ base.ts_mm, "AI": AC + R_S @ base.ai_mm}
+
+
+@cache
+def laid_out(moved: Moved = nothing, noise_mm: float = 0.0, without: str = "") -> Search:
+    """The search of subjects with these positions; ``without``: a landmark that nobody measured."""
+    motions = simulate_subjects(SUBJECTS, seed=3)
+    shake = np.random.default_rng(5)
+    places = {
+        name: place + noise_mm * shake.standard_normal(place.shape)
+        for name, place in places_by_hand(motions, moved).items()
+        if name != without
+    }
+    shoulders, _ = usable(replace(motions, landmarks_mm=places))
+    return search_of(MODEL, shoulders, [EFFECTS[name] for name in NAMES], position_noise_mm=NOISE_MM)
+
+
+def parts(search: Search) -> tuple[PositionRows, Candidates, Shoulders]:
+    """The rows of a search, with what they are laid out by."""
+    rows = search.joint.positions
+    assert rows is not None
+    return rows, search.joint.candidates, search.joint.shoulders
+
+
+def amplitudes(candidates: Candidates, **sizes: np.ndarray) -> np.ndarray:
+    """All amplitudes: of the first term of each direction of some effects."""
+    a = np.zeros(len(candidates.scale))
+    for name, size in sizes.items():
+        a[candidates.places[name][:: len(candidates.effect(name).course.sd)]] = size
+    return a
+
+
+def test_the_rows_are_what_a_hand_computes():
+    rows, candidates, _ = parts(laid_out(both))
+    left = rows.values_mm + rows.by_amplitude @ amplitudes(candidates, sc_translation=SC_MM, ac_translation=AC_MM)
+    np.testing.assert_allclose(left, 0.0, atol=EXACT_MM)
+    assert rows.places.tolist() == [1] * 3 + [2] * 9
+
+
+def test_a_constant_of_the_person_is_in_the_constants():
+    """TS lies 5 mm lateral on the scapula: 5 / S of the third constants; beside it everything is at the set."""
+    rows, _, shoulders = parts(laid_out())
+    root = np.linalg.cholesky(prior_of(MODEL, shoulders.subjects)[..., 0])
+    own = np.zeros(len(root))
+    own[6] = 5.0  # SC, AC, then TS, x
+    R_S = Rotation.from_euler("YZX", shoulders.motions.angles_deg[:, 3:], degrees=True).as_matrix()
+    found = rows.by_constant[shoulders.subject == 0] @ np.linalg.solve(root, own)
+    np.testing.assert_allclose(found[:, 6:9], 5.0 * R_S[shoulders.subject == 0, :, 0], atol=EXACT_MM)
+    np.testing.assert_allclose(found[:, [0, 1, 2, 3, 4, 5, 9, 10, 11]], 0.0, atol=EXACT_MM)
+
+
+def test_what_carries_a_landmark_and_was_not_measured_is_passed_over():
+    rows, candidates, _ = parts(laid_out(both, without="AC"))
+    left = rows.values_mm + rows.by_amplitude @ amplitudes(candidates, sc_translation=SC_MM, ac_translation=AC_MM)
+    np.testing.assert_allclose(left, 0.0, atol=EXACT_MM)
+    assert left.shape[1] == 9
+
+
+def test_the_lever_of_an_angle_is_the_length_of_the_bone():
+    """AC seen from SC: the protraction and elevation of the clavicle turn it by its length, its axial rotation not."""
+    rows, _, _ = parts(laid_out())
+    of_length = np.deg2rad(1.0) * np.linalg.norm(bones(MODEL.girdle).ac_mm)
+    across = np.sqrt((rows.lever_mm[:, 3:6] ** 2).sum(axis=1))
+    assert np.all(across <= np.sqrt(2.0) * of_length * 1.001)
+    assert np.all(across >= of_length)
+    np.testing.assert_allclose(rows.lever_mm[:, :3], 0.0, atol=EXACT_MM)
+
+
+def dense(rows: PositionRows, shoulders: Shoulders, candidates: Candidates, where: np.ndarray, found: Discrepancy):
+    """The covariance of all measured coordinates, written out: (rows, n) flat."""
+    elevation, along = shoulders.course_deg
+    near, near_along = (
+        (1.0 + np.sqrt(3.0) * apart) * np.exp(-np.sqrt(3.0) * apart)
+        for apart in (np.abs(one[:, None] - one) / found.length_deg for one in (elevation, along))
+    )
+    of_motion = near * near_along * (shoulders.motion[:, None] == shoulders.motion)
+    same = shoulders.subject[:, None] == shoulders.subject
+    n = rows.values_mm.shape[1]
+    noise = rows.places * rows.noise_mm**2 + (found.noise_deg * rows.lever_mm) ** 2
+    total = np.kron(found.own_mm**2 / 2.0 * (near + of_motion) * same, np.eye(n)) + np.diag(noise.ravel())
+    alike = np.kron(same + 1.0, np.ones((n, n)))
+    H, A = (x.reshape(noise.size, -1) for x in (rows.by_constant, rows.by_amplitude[..., where]))
+    total += alike * (H @ H.T)
+    between = np.kron(found.between_shoulders**2 * same + 1.0, np.ones((n, n)))
+    return total + between * (A @ np.diag(candidates.scale[where] ** 2) @ A.T)
+
+
+def test_the_evidence_is_the_density_of_the_positions_with_all_else_integrated_out():
+    """Without what all have in common along the elevation, whose few curves lose a share."""
+    rows, candidates, shoulders = parts(laid_out(both, noise_mm=1.0))
+    found, where = TYPICAL._replace(common_mm=1e-9), candidates.where(("sc_translation", "ac_translation"))
+    mean, scale = candidates.mean[where], candidates.scale[where]
+    given = (
+        position_evidence(rows, shoulders, found)
+        .only(where)
+        .given(np.arange(len(where)), np.zeros(len(where)), mean, scale)
+    )
+    total = dense(rows, shoulders, candidates, where, found)
+    middle = (rows.values_mm + rows.by_amplitude[..., where] @ mean).ravel()
+    density = -0.5 * (np.linalg.slogdet(total).logabsdet + middle @ np.linalg.solve(total, middle))
+    assert given.log_evidence == pytest.approx(density, rel=1e-7)
+    A = rows.by_amplitude[..., where].reshape(middle.size, -1)
+    expected = mean - scale**2 * (A.T @ np.linalg.solve(total, middle))
+    np.testing.assert_allclose(given.amplitude, expected, rtol=1e-5, atol=1e-7)
+
+
+def test_what_was_not_measured_is_no_row():
+    rows, candidates, shoulders = parts(laid_out(both, noise_mm=1.0))
+    hidden = rows.measured.copy()
+    hidden[shoulders.subject == 1, 3:6] = False
+    where, found = candidates.where(("ac_translation",)), TYPICAL._replace(common_mm=1e-9)
+    some = replace(rows, measured=hidden)
+    given = position_evidence(some, shoulders, found).only(where)
+    value = given.given(np.arange(len(where)), np.zeros(len(where)), candidates.mean[where], candidates.scale[where])
+    total = dense(rows, shoulders, candidates, where, found)
+    kept = hidden.ravel()
+    middle = (rows.values_mm + rows.by_amplitude[..., where] @ candidates.mean[where]).ravel()[kept]
+    total = total[np.ix_(kept, kept)]
+    density = -0.5 * (np.linalg.slogdet(total).logabsdet + middle @ np.linalg.solve(total, middle))
+    assert value.log_evidence == pytest.approx(density, rel=1e-7)
+
+
+def test_positions_show_a_joint_that_moves_and_no_other():
+    """The movement is 16 and 18 mm with the arm up; of three persons with a degree of noise in their angles."""
+    moves, rests = (laid_out(one, noise_mm=0.5) for one in (far, nothing))
+    for name in ("sc_translation", "ac_translation"):
+        assert moves.shown_by_positions(name, ("sc_translation", "ac_translation")) > 0.9
+        assert rests.shown_by_positions(name, (name,)) < 0.2
+    shown = shown_sizes(
+        moves.likelihood.positions, moves.joint.candidates, ("sc_translation", "ac_translation"), {"sc_translation"}
+    )
+    assert shown is not None
+    assert shown.names == ("sc_translation",)
+    first = shown.given.amplitude[:: len(EFFECTS["sc_translation"].course.sd)]
+    np.testing.assert_allclose(first, 3.0 * SC_MM, atol=3.0)
