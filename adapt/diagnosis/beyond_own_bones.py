@@ -6,9 +6,9 @@ persons on other motions,
     share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
 
 of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
-all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over persons drawn anew. A constant is one that
-own bones hold: each person's own predicts as well as one that all have alike. So such a cause rests on the evidence
-alone; and so does one that measured positions show.
+all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over persons drawn anew. A constant is one
+that own bones hold: each person's own predicts as well as one that all have alike. So such a cause rests on the
+evidence alone; and so does one that measured positions show.
 """
 
 from collections.abc import Mapping, Sequence
@@ -193,6 +193,15 @@ class OwnBonesNull:
 
     def _mean(self, hypothesis: Hypothesis, named: Hypothesis) -> float:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
+
+    def tested_on(self, name: str) -> tuple[str, ...]:
+        """Say what shows a cause that is named (``Cause.tested_on``)."""
+        if cause_of(name) in self.seen:
+            return ("positions",)
+        if not self.is_held(name):
+            return ("angles",) if name in self.search.known else ("evidence",)
+        unseen = "other_motion", "other_person"
+        return unseen if self.folds[0].kind == PERSON else unseen[:1]
 
     def is_held(self, name: str) -> bool:
         """Tell whether own bones are a null for this cause, which neither is known to be at work nor was seen."""

@@ -127,7 +127,7 @@ class _Study:
         self.shoulders, self.nearest = sampled(every)
         self.library = {one.name: one for one in effects}  # the caller's own among them
         known = tuple(name for name in self.library if name == ESTIMATE and computed)
-        self.search = search_of(model, self.shoulders, effects, known, task.searched_sd_mm, progress)
+        self.search = search_of(model, self.shoulders, effects, known, task.searched_sd_mm, bool(task.note), progress)
         self.person = dict(zip(self.shoulders.subjects, self.shoulders.person.tolist(), strict=True))
 
     def diagnose(
@@ -169,7 +169,7 @@ class _Study:
         sets = {name: named.sets[name] for name in order}
         if self.task.only_angles:
             sets = with_what_moves_as_well(sets, candidates.causes)
-        causes = [Cause(*sets[name], gains[name].share, gains[name].t) for name in order]
+        causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
         verdict = self._verdict(causes, weights, gaps, with_causes if tested else adapted, noise)
         others = null.unseen(kept, other) if gaps.other_person else None
         before = self.plain.before[self.model.name]
@@ -221,7 +221,7 @@ class _Study:
         answer = self._answer(causes, gaps, shown, noise)
         for name in self.search.known:
             if not any(cause.names[0] == name for cause in causes):
-                causes.append(Cause((name,), (1.0,), 0.0, np.nan))
+                causes.append(Cause((name,), (1.0,), 0.0, np.nan, ("angles",)))
         probability = _probability(weights, weights.inclusion, answer, _left_over(gaps))
         return Verdict(answer, tuple(causes), weights.inclusion, probability)
 

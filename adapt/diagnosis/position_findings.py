@@ -38,8 +38,8 @@ LEAST_MM, MOST_MM = 0.01, 30.0
 """Noise of a position beyond these is a slip of the pen: rounding of a file, and a landmark that is anywhere."""
 
 _SAME_ERRORS = (
-    "the angles were computed from these landmarks and have the same errors: positions are held against the "
-    "diagnosis and no part of it"
+    "the angles were computed from these landmarks and have the same errors: of the positions, the path of SC and the "
+    "length of the clavicle are data, and the rest is held against the diagnosis"
 )
 
 
@@ -72,7 +72,7 @@ class PositionTask:
     @property
     def searched_sd_mm(self) -> float | None:
         """SD of a coordinate that is data of the search; None where positions are not."""
-        if self.way != "use" or self.note or self.only_angles:
+        if self.way != "use" or self.only_angles:
             return None
         return self.coordinate_sd_mm if np.isfinite(self.coordinate_sd_mm) else _ASSUMED_MM
 
@@ -83,7 +83,7 @@ class PositionTask:
 
     @property
     def note(self) -> str:
-        """Why positions that were to be used are not."""
+        """Why not all positions that were to be used are."""
         both = self.way == "use" and bool(self.motions.landmarks_mm) and angles_are_of_landmarks(self.motions)
         return _SAME_ERRORS if both else ""
 
@@ -123,7 +123,7 @@ def judge_positions(
     chains = {BASE: base, ADAPTED: adapted_to_all(adapted.found), WITH_CAUSES: adapted_to_all(with_causes.found)}
     other_motion, other_person = _unseen(judge, base, adapted, with_causes, others)
     return Positions(
-        used=task.searched_sd_mm is not None,
+        used=task.searched_sd_mm is not None and not (task.note and "SC" not in judge.measured_mm),
         note=task.note,
         noise_mm=task.coordinate_sd_mm,
         in_sample={state: judge.gap_mm(one) for state, one in chains.items()},

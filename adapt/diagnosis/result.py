@@ -52,6 +52,10 @@ class Cause:
     its size from other persons; NaN of what no gap shows."""
     t: float
     """That difference, paired by person, in its standard errors."""
+    tested_on: tuple[str, ...]
+    """What was not fitted to it and shows it: "positions" that measured it; "other_motion" and "other_person", of what
+    own bones do not predict. A constant that all have alike: "evidence". An axial rotation that is computed:
+    "angles"."""
 
 
 @dataclass(frozen=True)

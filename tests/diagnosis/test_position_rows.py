@@ -195,3 +195,18 @@ def test_positions_show_a_joint_that_moves_and_no_other():
     assert shown.names == ("sc_translation",)
     first = shown.given.amplitude[:: len(EFFECTS["sc_translation"].course.sd)]
     np.testing.assert_allclose(first, 3.0 * SC_MM, atol=3.0)
+
+
+def test_of_angles_that_are_of_the_same_landmarks_the_path_of_sc_and_the_length_of_the_clavicle_are_left():
+    search = laid_out(both)
+    rows, candidates, shoulders = parts(search)
+    left = rows.beside_angles_of_them(shoulders.angles)
+    assert left is not None
+    f = shoulders.motions.humerus_elevation_deg / FULL_ELEVATION_DEG
+    np.testing.assert_allclose(left.values_mm[:, :3], -np.outer(f, SC_MM), atol=EXACT_MM)
+    np.testing.assert_allclose(left.values_mm[:, 3], -f * AC_MM[0], atol=EXACT_MM)  # x of the clavicle is its axis
+    across = candidates.where(("ac_translation",))[3:]  # three terms each of along, up, back
+    np.testing.assert_allclose(left.by_amplitude[:, 3, across], 0.0, atol=EXACT_MM)
+    assert left.places.tolist() == [1, 1, 1, 2]
+    only_scapula = parts(laid_out(both, without="SC"))[0]
+    assert only_scapula.beside_angles_of_them(shoulders.angles) is None

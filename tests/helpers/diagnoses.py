@@ -87,7 +87,7 @@ def verdict(answer: Answer, *causes: Cause, **inclusion: float) -> Verdict:
 
 
 def cause(*names: str, gain: float = 0.5) -> Cause:
-    return Cause(names, tuple(1.0 / len(names) for _ in names), gain, 6.0)
+    return Cause(names, tuple(1.0 / len(names) for _ in names), gain, 6.0, ("other_motion", "other_person"))
 
 
 def amplitude(name: str, size: float, typical: float, course: str = "", suffix: str = "") -> CauseAmplitude:

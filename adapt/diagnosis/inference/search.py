@@ -334,18 +334,20 @@ def search_of(
     effects: Sequence[Effect],
     known: Hypothesis = (),
     position_noise_mm: float | None = None,
+    angles_are_of_landmarks: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Search:
     """Lay out the search for causes among these effects, with what landmarks say of them; nothing is fitted.
 
     ``position_noise_mm``: of a coordinate of a measured landmark; with it, positions are data as angles are. Without
-    it, they say what size bones have.
+    it, they say what size bones have; and so do landmarks from which the angles were computed.
     """
     fitted = Model.of(model, shoulders.subjects, tuple(effects))
     girdle = fitted.sets.girdle
-    sizes = measured_sizes(shoulders, girdle, effects) if position_noise_mm is None else {}
-    candidates, rows = lay_out(effects, shoulders, sizes), None
+    apart = position_noise_mm is None or angles_are_of_landmarks
+    candidates, rows = lay_out(effects, shoulders, measured_sizes(shoulders, girdle, effects) if apart else {}), None
     if position_noise_mm is not None:
         rows = position_rows(model, girdle, candidates, shoulders, position_noise_mm)
+        rows = rows.beside_angles_of_them(shoulders.angles) if rows and angles_are_of_landmarks else rows
     joint = JointFit(fitted, shoulders, candidates, everybody(shoulders), rows)
     return Search(joint, folds_of(shoulders), progress, known)

@@ -396,7 +396,7 @@ def diagnosed(*causes: Cause, **more: Any) -> Any:
 
 
 def test_a_cause_has_one_name_whatever_its_course() -> None:
-    found = line_of(diagnosed(Cause((f"{TRUE}:posture", TRUE, OTHER), (0.5, 0.3, 0.2), 0.4, 5.0)))
+    found = line_of(diagnosed(Cause((f"{TRUE}:posture", TRUE, OTHER), (0.5, 0.3, 0.2), 0.4, 5.0, ())))
     assert found["causes"] == [[TRUE, OTHER]]
     assert found["courses"] == [f"{TRUE}:posture"]
     assert found["probability"] == pytest.approx({TRUE: 0.6, OTHER: 0.3, "unknown": 0.1})
@@ -415,7 +415,7 @@ def test_one_case_from_its_world_to_its_report(
 
     def diagnose(motions: Motions, model: ParameterSet, effects: Sequence[Effect]) -> dict[str, Any]:
         seen.append((set(motions.motion.tolist()), model.name, len(effects)))
-        cause = Cause((label,), (1.0,), 0.5, 9.0)
+        cause = Cause((label,), (1.0,), 0.5, 9.0, ())
         return {model.name: diagnosed(cause, amplitude={label: size}, subjects=motions.subjects)}
 
     size = SimpleNamespace(directions=sizes)

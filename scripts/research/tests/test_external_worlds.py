@@ -48,7 +48,7 @@ def libraries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[set[str] 
     def diagnosed(motions: Motions, model: ParameterSet, effects: list[Effect] | None) -> dict[str, Any]:
         assert (len(motions.subjects), model.name) == (3, "R4")
         told_each_time.append(None if effects is None else {effect.name for effect in effects})
-        verdict = Verdict("effect", (Cause((BIAS,), (1.0,), 0.5, 9.0),), {BIAS: 1.0}, {BIAS: 0.9, "unknown": 0.1})
+        verdict = Verdict("effect", (Cause((BIAS,), (1.0,), 0.5, 9.0, ()),), {BIAS: 1.0}, {BIAS: 0.9, "unknown": 0.1})
         levels = {key: {ALL: Interval(1.0, 0.9, 1.1)} for key in ("noise_floor", "adapted", "with_effect")}
         found = SimpleNamespace(
             verdict=verdict,

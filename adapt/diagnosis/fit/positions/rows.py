@@ -24,7 +24,7 @@ from adapt.engine.batching import take_problems
 from adapt.evaluation.person_constants import Places, place_slopes, prior_of
 from models.effects import ActiveEffects, Effect
 from models.effects.extended_girdle import NO_ACTIVE_EFFECTS
-from models.girdle import Girdle
+from models.girdle import Girdle, bone_rotations
 from models.person.family import AnyModel
 from models.person.positions.landmark_positions import POSITIONS, BonePoses, bone_poses, positions_mm
 from motions.landmarks.sampled_postures import measured_places_mm
@@ -39,6 +39,9 @@ _STEP = 1e-3
 _UNMEASURED_DEG = 20.0
 """SD of an angle that was not measured about its mean at rest, over a motion (axial rotation of the clavicle, 17-35
 deg over elevation: Ludewig 2009, Matsuki 2014)."""
+
+_OPEN = 10.0
+"""Times the SD of a constant, that leaves it open."""
 
 _AA = {"AA": np.array([[-5.0], [-25.0], [22.0]])}
 """AA in the scapula, seen from AC, mm: the mean of bone pins (six shoulders of Moissenet 2023, to some 10 mm). What an
@@ -55,6 +58,8 @@ class PositionRows:
     by_amplitude: Float[np.ndarray, "rows n amplitudes"]
     by_constant: Float[np.ndarray, "rows n constants"]
     """H S."""
+    landmarks: tuple[str, ...]
+    """Those that were measured, three coordinates each."""
     places: Int[np.ndarray, " n"]
     """How many places a coordinate is made of, each with its noise."""
     lever_mm: Float[np.ndarray, "rows n"]
@@ -65,6 +70,37 @@ class PositionRows:
     def amplitudes(self, where: Int[np.ndarray, " own"]) -> "PositionRows":
         """Take some of the amplitudes."""
         return replace(self, by_amplitude=self.by_amplitude[..., where])
+
+    def beside_angles_of_them(self, angles: Float[np.ndarray, "6 rows"]) -> "PositionRows | None":
+        """Keep what is not in angles that were computed from these landmarks: how SC moves, and AC along the clavicle.
+
+        Where they are in their bones is left open: that is in what landmarks say of sizes (``measured_sizes``). None
+        where SC was not measured.
+        """
+        if "SC" not in self.landmarks:
+            return None
+        n, count = self.values_mm.shape[1], self.values_mm.shape[0]
+        first = 3 * self.landmarks.index("SC")
+        kept, directions = (
+            [first, first + 1, first + 2],
+            [np.tile(one, (count, 1)) for one in np.eye(n)[first : first + 3]],
+        )
+        if "AC" in self.landmarks:
+            own = 3 * self.landmarks.index("AC")
+            along = np.zeros((count, n))
+            along[:, own : own + 3] = bone_rotations(angles)[0][:, 0].T
+            kept, directions = [*kept, own], [*directions, along]
+        turned = np.stack(directions, axis=1)
+        return PositionRows(
+            values_mm=np.einsum("rmn,rn->rm", turned, self.values_mm),
+            measured=self.measured[:, kept],
+            by_amplitude=turned @ self.by_amplitude,
+            by_constant=_OPEN * turned @ self.by_constant,
+            landmarks=self.landmarks,
+            places=self.places[kept],
+            lever_mm=np.zeros((count, len(kept))),
+            noise_mm=self.noise_mm,
+        )
 
 
 def position_rows(
@@ -86,6 +122,7 @@ def position_rows(
         measured=known,
         by_amplitude=candidates.by_amplitude(seen.by_channel(candidates.effects, angles)),
         by_constant=np.einsum("rni,rij->rnj", seen.by_constant(poses), root),
+        landmarks=tuple(measured),
         places=np.repeat([1 + bool(_carrier(name, measured)) for name in measured], 3),
         lever_mm=seen.lever_mm(angles, shoulders.measured),
         noise_mm=noise_mm,
