@@ -6,9 +6,13 @@ persons on other motions,
     share(V) = (gap of own bones - gap of own bones and V) / (gap of own bones - what noise leaves)
 
 of motions that the person's bones have not seen. Causes with which the others predict no better go, the worst first;
-all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over persons drawn anew. A constant is one
-that own bones hold: each person's own predicts as well as one that all have alike. So such a cause rests on the
-evidence alone; and so does one that measured positions show.
+all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over persons drawn anew. What measured
+positions show stands.
+
+A constant is one that own bones hold: each person's own predicts as well as one that all have alike. It is named if
+what all have in common of it, a, is beyond how persons differ: their own are N(a, (scale of the group of ``people`` times
+SD)^2). The density ratio of Savage and Dickey gives the odds of a, N(0, SD^2), against 0 (Wagenmakers et al. 2010,
+Cognitive Psychology 60:158-189).
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,6 +46,13 @@ LEAST_SHARE = 0.1
 
 LEAST_PROBABILITY = 0.5
 """That they take it."""
+
+SURE = 0.8
+"""Probability of a constant that all have in common, from which it is named."""
+
+_FRAMES = ("clavicle_frame_bias", "scapula_landmark_bias")
+_THORAX = ("thorax_tilt", "thorax_asymmetry", "thorax_shape")
+"""Constants that differ between persons as frames do, and as the six adapted parameters do; the others as bones do."""
 
 
 class Rung(NamedTuple):
@@ -132,7 +143,7 @@ class OwnBonesNull:
 
     def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
         """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
-        chosen = named
+        chosen = tuple(name for name in named if not self.is_constant(name) or self.common(name, named) >= SURE)
         while held := [name for name in chosen if self.is_held(name)]:
             self.predict([chosen, *(without(chosen, name) for name in held)], named)
             gaps = {name: self._mean(without(chosen, name), named) for name in held}
@@ -194,6 +205,30 @@ class OwnBonesNull:
     def _mean(self, hypothesis: Hypothesis, named: Hypothesis) -> float:
         return float(np.nanmean(known_mean(self.gaps_deg(hypothesis, named))))
 
+    def common(self, name: str, hypothesis: Hypothesis) -> float:
+        """Compute how probably all have something in common of a constant of a set, over persons drawn anew."""
+        search, scales = self.search, self.people.everybody[self.model.name]
+        candidates, at = search.joint.candidates, search.mode(hypothesis)
+        where, causes = candidates.where(hypothesis), [candidates.causes[one] for one in hypothesis]
+        of_group = {**dict.fromkeys(_FRAMES, scales.frames), **dict.fromkeys(_THORAX, scales.adapted)}
+        between = np.full(len(where), search.discrepancy.between_shoulders)
+        for (effect, own), cause in zip(candidates.slices(hypothesis), causes, strict=True):
+            if effect.course is CONSTANT:
+                between[own] = of_group.get(cause, scales.bones)
+        evidence = at.evidence._replace(between=between)
+        given = evidence.given(where, at.amplitude, candidates.mean[where], candidates.scale[where])
+        (own,) = (place for effect, place in candidates.slices(hypothesis) if effect.name == name)
+        before = _log_density_at_0(candidates.mean[where][own], np.diag(candidates.scale[where][own] ** 2))
+        after = []
+        for times in search.times:
+            a, root = given.amplitude_of(times)
+            after.append(_log_density_at_0(a[own], np.linalg.inv(root @ root.T)[own, own]))
+        return float(np.mean(1.0 / (1.0 + np.exp(np.clip(np.array(after) - before, None, _OVERFLOW)))))
+
+    def is_constant(self, name: str) -> bool:
+        """Tell whether a cause is the same in every posture, and not known to be at work."""
+        return self.library[name].course is CONSTANT and name not in self.search.known
+
     def tested_on(self, name: str) -> tuple[str, ...]:
         """Say what shows a cause that is named (``Cause.tested_on``)."""
         if cause_of(name) in self.seen:
@@ -205,8 +240,17 @@ class OwnBonesNull:
 
     def is_held(self, name: str) -> bool:
         """Tell whether own bones are a null for this cause, which neither is known to be at work nor was seen."""
-        constant = self.library[name].course is CONSTANT
-        return not constant and name not in self.search.known and cause_of(name) not in self.seen
+        known = self.is_constant(name) or name in self.search.known
+        return not known and cause_of(name) not in self.seen
+
+
+def _log_density_at_0(mean: Float[np.ndarray, " n"], covariance: Float[np.ndarray, "n n"]) -> float:
+    """But for the powers of 2 pi."""
+    return float(-0.5 * (np.linalg.slogdet(covariance).logabsdet + mean @ np.linalg.solve(covariance, mean)))
+
+
+_OVERFLOW = 700.0
+"""Of a logarithm."""
 
 
 def _standard_error(differences: Float[np.ndarray, " folds"], persons: np.ndarray) -> float:

@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_worlds import searched
+from scipy.spatial.transform import Rotation
+from small_worlds import CANDIDATES, searched, simulated
 
 from adapt import adapt_subjects
-from adapt.diagnosis.beyond_own_bones import LEAST_PROBABILITY, LEAST_SHARE, OwnBonesNull
+from adapt.diagnosis.beyond_own_bones import LEAST_PROBABILITY, LEAST_SHARE, SURE, OwnBonesNull
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.search import search_of
 from adapt.evaluation.held_out import HeldOut
 from models import load_model
 from models.effects import EFFECTS
@@ -51,9 +54,10 @@ EVERY, WITH_GAP, WITH_AC, ALONE = (BIAS, GAP, AC), (BIAS, GAP), (BIAS, AC), (BIA
     [([0.6, 0.6, 0.6], WITH_GAP), ([0.97, 0.98, 0.97], ALONE), ([0.1, 1.5, 1.4], ALONE)],
     ids=["takes half", "takes less than a tenth", "takes it of one person"],
 )
-def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept):
+def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept, monkeypatch):
     """By hand: own bones leave 1.0 deg, noise 0.2. AC makes it worse and goes first; a constant of the frame is
-    never held against own bones."""
+    never held against their prediction."""
+    monkeypatch.setattr(OwnBonesNull, "common", lambda *_: 1.0)
     gaps = {
         (): [1.0] * 3,
         ALONE: [1.0] * 3,
@@ -67,6 +71,25 @@ def test_a_cause_beyond_own_bones_takes_a_tenth_in_every_person(with_gap, kept):
         assert (share >= LEAST_PROBABILITY) == (kept == WITH_GAP)
         assert null.probability(ALONE, EVERY, FLOOR_DEG) == 1.0
         assert [rung.added for rung in null.ladder(WITH_GAP, EVERY)] in (["", BIAS, GAP], ["", GAP, BIAS])
+
+
+def test_a_constant_is_named_that_all_have_alike_and_not_one_that_differs():
+    """The scapula's frame turned by 18 deg, as AA in the place of AC turns it, in three persons alike or each its own
+    way."""
+    vectors = {True: [(12.4, 6.1, 11.6)] * 3, False: [(12.4, -6.1, 0.0), (-12.4, 0.0, 11.6), (0.0, 6.1, -11.6)]}
+    for alike, own_deg in vectors.items():
+        motions = simulated().motions
+        angles = motions.angles_deg.copy()
+        for name, turn in zip(motions.subjects, own_deg, strict=True):
+            rows = motions.subject == name
+            R_scapula = Rotation.from_euler("YZX", angles[rows, 3:], degrees=True)
+            turned = R_scapula * Rotation.from_rotvec(turn, degrees=True)
+            angles[rows, 3:] = turned.as_euler("YZX", degrees=True)
+        shoulders, _ = usable(replace(motions, angles_deg=angles))
+        search = search_of(load_model("R2"), shoulders, [EFFECTS[name] for name in CANDIDATES]).run()
+        person = {name: number for number, name in enumerate(shoulders.subjects)}
+        null = OwnBonesNull(search, load_model("R2"), shoulders.motions, dict(EFFECTS), person)
+        assert (null.common(BIAS, (BIAS,)) > SURE) == alike
 
 
 def test_gains_are_shares_of_what_own_bones_leave_beyond_noise():

@@ -63,8 +63,8 @@ class Evidence(NamedTuple):
     constants: Float[np.ndarray, " subjects"]
     shared: int
     """How many of h and b there are."""
-    between: float
-    """SD of a_s about a, of the prior SD."""
+    between: float | Float[np.ndarray, " own"]
+    """SD of a_s about a, of the prior SD: of all amplitudes, or of each that is given."""
 
     def with_positions(self, other: "Evidence", here: Float[np.ndarray, " every"]) -> "Evidence":
         """Add what positions say, which is in a_s and not in a_s - here."""

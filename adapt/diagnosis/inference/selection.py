@@ -20,6 +20,10 @@ LEAST_PROBABILITY = 0.8
 """Of sets with a cause in a place, whichever, against the set with none there, averaged over persons drawn anew."""
 
 
+_WORSE = 2.0
+"""Standard errors, beyond which a prediction is worse: 1 lets chance veto one true cause in six."""
+
+
 class Gain(NamedTuple):
     """What one cause adds to the prediction of unseen postures, mean over motions and persons that were not seen."""
 
@@ -30,7 +34,7 @@ class Gain(NamedTuple):
     @property
     def predicts(self) -> bool:
         """Whether unseen postures are not predicted worse, beyond the error."""
-        return self.mean_deg > -self.error_deg
+        return self.mean_deg > -_WORSE * self.error_deg
 
 
 def gain(search: Search, less: Hypothesis, hypothesis: Hypothesis) -> Gain:
@@ -79,9 +83,9 @@ def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
 
 
 def carrying_over(search: Search) -> Node:
-    """Find the most probable set that predicts persons who were not seen, with the sizes of the others as they are, as
-    well as any, to a standard error, of those that hold the truth with ``LEVEL`` between them (Breiman et al. 1984,
-    Classification and regression trees, 3.4.3); of one person, the most probable."""
+    """Find the most probable set that does not predict persons who were not seen, with the sizes of the others as they
+    are, worse than any, beyond ``_WORSE`` standard errors, of those that hold the truth with ``LEVEL`` between them; of
+    one person, the most probable."""
     if PERSON not in search.folds.kinds:
         return search.best
     sets = search.usable
@@ -92,7 +96,7 @@ def carrying_over(search: Search) -> Node:
     search.predict(hypotheses, own_sizes=False)
     gaps = np.array([known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses])
     beyond = gaps - gaps[np.argmin(gaps.mean(axis=1))]
-    as_good = beyond.mean(axis=1) <= _standard_error(beyond)
+    as_good = beyond.mean(axis=1) <= _WORSE * _standard_error(beyond)
     return sets[likely[np.argmax(as_good)]]
 
 
