@@ -10,9 +10,9 @@ all go unless share(V) is ``LEAST_SHARE`` or more, more probably than not over p
 positions show stands.
 
 A constant is one that own bones hold: each person's own predicts as well as one that all have alike. It is named if
-what all have in common of it, a, is beyond how persons differ: their own are N(a, (scale of the group of ``people`` times
-SD)^2). The density ratio of Savage and Dickey gives the odds of a, N(0, SD^2), against 0 (Wagenmakers et al. 2010,
-Cognitive Psychology 60:158-189).
+what all have in common of it, a, is beyond how persons differ: their own are N(a, (scale of the group of ``people``
+times SD)^2). The density ratio of Savage and Dickey gives the odds of a, N(0, SD^2), against 0 (Wagenmakers et al.
+2010, Cognitive Psychology 60:158-189).
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,8 +51,7 @@ SURE = 0.8
 """Probability of a constant that all have in common, from which it is named."""
 
 _FRAMES = ("clavicle_frame_bias", "scapula_landmark_bias")
-_THORAX = ("thorax_tilt", "thorax_asymmetry", "thorax_shape")
-"""Constants that differ between persons as frames do, and as the six adapted parameters do; the others as bones do."""
+"""Constants that differ between persons as frames do; the others differ as bones do."""
 
 
 class Rung(NamedTuple):
@@ -210,11 +209,10 @@ class OwnBonesNull:
         search, scales = self.search, self.people.everybody[self.model.name]
         candidates, at = search.joint.candidates, search.mode(hypothesis)
         where, causes = candidates.where(hypothesis), [candidates.causes[one] for one in hypothesis]
-        of_group = {**dict.fromkeys(_FRAMES, scales.frames), **dict.fromkeys(_THORAX, scales.adapted)}
         between = np.full(len(where), search.discrepancy.between_shoulders)
         for (effect, own), cause in zip(candidates.slices(hypothesis), causes, strict=True):
             if effect.course is CONSTANT:
-                between[own] = of_group.get(cause, scales.bones)
+                between[own] = scales.frames if cause in _FRAMES else scales.bones
         evidence = at.evidence._replace(between=between)
         given = evidence.given(where, at.amplitude, candidates.mean[where], candidates.scale[where])
         (own,) = (place for effect, place in candidates.slices(hypothesis) if effect.name == name)

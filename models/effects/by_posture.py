@@ -9,14 +9,13 @@ posture.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from models.effects.course import Varying
 from models.effects.effect import Adjust, Effect, Rotations
 from models.girdle import Girdle
-from motions.arrays import Array
+from motions.arrays import Array, xp
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation
 from motions.table import ANGLES, Motions
@@ -81,7 +80,7 @@ def _strengths(directions: int, angles: tuple[str, ...]) -> Strengths:
     ) -> Float[Array, " directions *batch"]:
         away = bone_angles_from_rest(rotations)
         each = [sum(amplitudes[k * len(chosen) + j] * away[i] for j, i in enumerate(chosen)) for k in range(directions)]
-        return jnp.stack(each)
+        return xp.stack(each)
 
     return strengths
 
@@ -95,6 +94,6 @@ def _adjust_followed(adjust: Adjust, strengths: Strengths) -> Adjust:
 
 def bone_angles_from_rest(rotations: Rotations) -> Float[Array, " 6 *batch"]:
     """Compute (q - q^0) / 30 deg of the bones' Cardan angles."""
-    angles = jnp.concatenate([cardan_from_rotation(R) for R in rotations])
+    angles = xp.concatenate([cardan_from_rotation(R) for R in rotations])
     rest = (REST_DEG / DEG).reshape(-1, *(1,) * (angles.ndim - 1))
-    return (angles - jnp.asarray(rest)) * (float(DEG) / UNIT_DEG)
+    return (angles - rest) * (float(DEG) / UNIT_DEG)

@@ -50,6 +50,9 @@ class Effect:
     turns_thorax_about: Literal["", "IJ", "ellipsoid"] = ""
     """The point about which it turns the measured thorax frame, both bones alike, from the true one: the origin IJ or
     the centre of the ellipsoid. Positions were measured in that frame too. Empty: it does not."""
+    moves_landmarks: bool = True
+    """Whether SC, AC or a landmark of the scapula may lie elsewhere in the measured thorax with it; False of one that
+    changes the surface of the thorax or a distance alone."""
     plain_name: str = ""
     """Of the cause, for a reader of the report who does not know the project; without one its name stands alone."""
     strength_unit: str = ""

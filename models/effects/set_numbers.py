@@ -8,13 +8,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-import jax.numpy as jnp
 import numpy as np
 
 from models.effects.effect import Adjust, Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
 from models.parameter_sets import ParameterSet
+from motions.arrays import xp
 
 _DOUBTFUL = ("assumed", "derived")
 """How the source of a number begins that was not measured."""
@@ -44,8 +44,8 @@ def _adjust(field: str, axes: str) -> Adjust:
         if not axes:
             return replace(girdle, **{field: value + mm[0]}), rotations
         places = ["xyz".index(axis) for axis in axes]
-        zero = jnp.zeros_like(mm[0])
-        moved = jnp.stack([mm[places.index(k)] if k in places else zero for k in range(3)])
+        zero = xp.zeros_like(mm[0])
+        moved = xp.stack([mm[places.index(k)] if k in places else zero for k in range(3)])
         return replace(girdle, **{field: value + moved}), rotations
 
     return adjusted

@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.positions.evidence import position_evidence, shown_sizes
-from adapt.diagnosis.fit.positions.rows import PositionRows
+from adapt.diagnosis.fit.positions.rows import PositionRows, Seen
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.inference.search import Search, search_of
+from adapt.engine.batching import take_problems
 from adapt.evaluation.person_constants import prior_of
 from models import load_model
 from models.effects import EFFECTS
@@ -210,3 +211,14 @@ def test_of_angles_that_are_of_the_same_landmarks_the_path_of_sc_and_the_length_
     assert left.places.tolist() == [1, 1, 1, 2]
     only_scapula = parts(laid_out(both, without="SC"))[0]
     assert only_scapula.beside_angles_of_them(shoulders.angles) is None
+
+
+@pytest.mark.parametrize(
+    "effect", [one for one in EFFECTS.values() if not one.moves_landmarks], ids=lambda one: one.name
+)
+def test_what_is_said_to_move_no_landmark_moves_none(effect):
+    """As true of its second course, which the first one's statement covers; to rounding of a turn there and back."""
+    search = laid_out()
+    seen = Seen(("SC", "AC", "TS", "AI"), take_problems(search.joint.model.sets.girdle, search.joint.shoulders.subject))
+    moved = seen.by_channel([replace(effect, moves_landmarks=True)], search.joint.shoulders.angles)
+    np.testing.assert_allclose(moved, 0.0, atol=EXACT_MM)

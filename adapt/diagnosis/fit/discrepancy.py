@@ -109,25 +109,15 @@ def whitening(
     return Whitening(tuple(rows), tuple(roots), tuple(common), np.array(log_determinants))
 
 
-class PositionWhitening(NamedTuple):
-    """Makes the coordinates of landmarks of one shoulder white, each with its own noise."""
-
-    inverse_root: Float[np.ndarray, "n own own"]
-    """L^-1 of the covariance L L'; of a cell that was not measured, of noise 1."""
-    curves: Float[np.ndarray, "own curves"]
-    """What each curve that shoulders have in common adds, as it is."""
-    log_determinant: float
-    """Of all L L'."""
-
-
 def position_whitening(
     shoulders: Shoulders,
     discrepancy: Discrepancy,
     own: Int[np.ndarray, " own"],
     variance_mm2: Float[np.ndarray, "own n"],
     measured: Bool[np.ndarray, "own n"],
-) -> PositionWhitening:
-    """Factor the covariance of the coordinates of one shoulder's rows; ``variance_mm2``: of their noise."""
+) -> tuple[Float[np.ndarray, "n own own"], float]:
+    """Factor the covariance L L' of each coordinate of one shoulder's rows, whose noise has ``variance_mm2``: L^-1, and
+    the log determinant of all; a cell that was not measured is apart, with the variance 1."""
     near, of_motion = _alike(shoulders, own, discrepancy)
     smooth = discrepancy.own_mm**2 / 2.0 * (of_motion + near)
     known = measured.T
@@ -135,10 +125,10 @@ def position_whitening(
     covariance += np.where(known, variance_mm2.T, 1.0)[:, None] * np.eye(len(own))
     root = np.linalg.cholesky(covariance)
     log_determinant = 2.0 * float(np.log(np.einsum("nii->ni", root)).sum())
-    return PositionWhitening(np.linalg.inv(root), _of_positions(shoulders, discrepancy)[own], log_determinant)
+    return np.linalg.inv(root), log_determinant
 
 
-def _of_positions(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:
+def position_curves(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:
     """Give the curves that coordinates of landmarks have in common, along the elevation."""
     length = discrepancy.length_deg
     return discrepancy.common_mm * _curves(shoulders, lambda one, other: _near(one[0], other[0], length), _LEAST_OF_FEW)

@@ -22,8 +22,8 @@ class Given(NamedTuple):
     """a, where its posterior is highest."""
     of_all: Float[np.ndarray, " every"]
     """h, b, x (``Evidence.given``) and 1 there."""
-    matrix: Float[np.ndarray, "subjects n n"]
-    """Of every shoulder, in e_s and of_all."""
+    of_own: tuple[Float[np.ndarray, "subjects own own"], Float[np.ndarray, "subjects own every"]]
+    """Of every shoulder, the matrix of e_s, and that of e_s with of_all."""
     mean: Float[np.ndarray, " own"]
     scale: Float[np.ndarray, " own"]
     """Of the prior of a."""
@@ -31,7 +31,7 @@ class Given(NamedTuple):
     sd: Float[np.ndarray, " own"]
     """Of a_s about a."""
     rest: Float[np.ndarray, "subjects m m"]
-    """Of every shoulder, in of_all: ``matrix`` with e_s integrated out."""
+    """Of every shoulder, in of_all, with e_s integrated out."""
     constants: Float[np.ndarray, " subjects"]
     """What does not go by of_all, of the log evidence of every shoulder."""
 
@@ -51,8 +51,8 @@ class Given(NamedTuple):
     @property
     def of_shoulders(self) -> Float[np.ndarray, "subjects own"]:
         """Give a_s, where their posterior is highest."""
-        k = len(self.sd)
-        e = -np.linalg.solve(self.matrix[:, :k, :k], (self.matrix[:, :k, k:] @ self.of_all)[..., None])[..., 0]
+        H, W = self.of_own
+        e = -np.linalg.solve(H, (W @ self.of_all)[..., None])[..., 0]
         return self.here + self.sd * e
 
 
@@ -72,12 +72,13 @@ class Evidence(NamedTuple):
         shift = np.eye(f + k + 1)
         shift[f:-1, -1] = here
         n = self.shared + f
+        angles, both, last = slice(self.shared), slice(self.shared, None), slice(n, None)
         matrix = np.zeros((len(self.matrix), n + k + 1, n + k + 1))
-        for place, added in (
-            (np.r_[: self.shared, n : n + k + 1], self.matrix),
-            (np.r_[self.shared : n + k + 1], shift.T @ other.matrix @ shift),
-        ):
-            matrix[:, place[:, None], place] += added
+        matrix[:, both, both] = shift.T @ other.matrix @ shift
+        matrix[:, angles, angles] = self.matrix[:, angles, angles]
+        matrix[:, angles, last] = self.matrix[:, angles, both]
+        matrix[:, last, angles] = self.matrix[:, both, angles]
+        matrix[:, last, last] += self.matrix[:, both, both]
         return Evidence(matrix, self.constants + other.constants, n, self.between)
 
     def only(self, where: Int[np.ndarray, " own"]) -> "Evidence":
@@ -114,24 +115,26 @@ class Evidence(NamedTuple):
         With a_s = here + SD e_s and a = mean + scale x, SD = between scale, v_s = e_s + (here - mean) / SD - x /
         between: that is the prior of e_s, which is integrated out of each shoulder. h, b and x of all are left.
         """
-        k, f, sd = len(where), self.shared, self.between * scale
-        n = f + k  # of h, b and x
-        kept = np.concatenate([f + where, np.arange(f), [-1]])
-        data = self.matrix[:, kept[:, None], kept]  # in a_s, h, b and 1
-        data[:, :k] *= sd[:, None]
-        data[:, :, :k] *= sd
-        v = np.concatenate(
-            [np.eye(k), np.zeros((k, f)), -np.eye(k) / self.between, ((here - mean) / sd)[:, None]], axis=1
-        )
-        matrix = np.tile(v.T @ v, (len(data), 1, 1))  # in e_s, h, b, x and 1
-        others = np.append(np.arange(n), n + k)
-        matrix[:, others[:, None], others] += data
-        rest, log_root = without(matrix, k)
-        constants = self.constants - log_root
-        root, log_integral = _integrated(rest.sum(axis=0))
-        z = highest(root)
+        f, k, sd, m = self.shared, len(where), self.between * scale, (here - mean) / (self.between * scale)
+        own, n = f + where, f + k  # n of h, b and x
+        H = np.eye(k) + sd[:, None] * self.matrix[:, own[:, None], own] * sd
+        W = np.empty((len(H), k, n + 1))  # of e_s with h, b, x and 1
+        W[..., :f] = sd[:, None] * self.matrix[:, own, :f]
+        W[..., f:n] = -np.eye(k) / self.between
+        W[..., n] = sd * self.matrix[:, own, -1] + m
+        rest = np.zeros((len(H), n + 1, n + 1))
+        rest[:, :f, :f], rest[:, :f, n], rest[:, n, :f] = self.matrix[:, :f, :f], *(2 * [self.matrix[:, :f, -1]])
+        rest[:, f:n, f:n] = np.eye(k) / self.between**2
+        rest[:, f:n, n] = rest[:, n, f:n] = -m / self.between
+        rest[:, n, n] = self.matrix[:, -1, -1] + m @ m
+        root = np.linalg.cholesky(H)
+        across = np.linalg.solve(root, W)
+        rest -= np.swapaxes(across, 1, 2) @ across
+        constants = self.constants - np.log(np.einsum("sii->si", root)).sum(axis=1)
+        of_all, log_integral = _integrated(rest.sum(axis=0))
+        z = highest(of_all)
         log_evidence, a = float(constants.sum() + log_integral), mean + scale * z[f:]
-        return Given(log_evidence, a, np.append(z, 1.0), matrix, mean, scale, here, sd, rest, constants)
+        return Given(log_evidence, a, np.append(z, 1.0), (H, W), mean, scale, here, sd, rest, constants)
 
 
 def highest(root: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " n"]:

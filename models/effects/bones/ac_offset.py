@@ -7,18 +7,17 @@ attachment lie elsewhere, seen from the centre.
 
 from dataclasses import replace
 
-import jax.numpy as jnp
-
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
+from motions.arrays import xp
 
 ON_SCAPULA = ("ts_mm", "ai_mm", "scapula_conoid_mm")
 """What is seen from AC, scapula frame."""
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
-    off_axis = jnp.stack([jnp.zeros_like(mm[0]), mm[0], mm[1]])
+    off_axis = xp.stack([xp.zeros_like(mm[0]), mm[0], mm[1]])
     on_scapula = {name: getattr(girdle, name) + mm[2:] for name in ON_SCAPULA}
     return replace(girdle, ac_mm=girdle.ac_mm + off_axis, **on_scapula), rotations
 

@@ -6,17 +6,16 @@ The conoid's attachment keeps its share of the length, as the conoid tubercles o
 
 from dataclasses import replace
 
-import jax.numpy as jnp
-
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
+from motions.arrays import xp
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, percent) -> tuple[Girdle, Rotations]:
     longer = 1.0 + percent[0] / 100.0
     x, y, z = girdle.clavicle_conoid_mm
-    conoid_mm = jnp.stack(jnp.broadcast_arrays(x * longer, y, z))
+    conoid_mm = xp.stack(xp.broadcast_arrays(x * longer, y, z))
     return replace(girdle, ac_mm=girdle.ac_mm * longer, clavicle_conoid_mm=conoid_mm), rotations
 
 

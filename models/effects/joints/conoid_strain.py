@@ -27,4 +27,5 @@ EFFECT = Effect(
         source="bone pins of four shoulders 0.7 mm RMS; stiffness of DAS3, 80 000 N/m (Chadwick 2014, doi "
         "10.1109/TBME.2014.2309727): 0.7 mm RMS / 3.5 of 200 N; in vivo strain not found",
     ),
+    moves_landmarks=False,
 )

@@ -27,4 +27,5 @@ EFFECT = Effect(
         source="no healthy figure found; bone pins of four shoulders: TS 1.4 and AI 2.0 mm RMS where SC and AC are as "
         "measured; with all that other causes do 3-5 mm SD",
     ),
+    moves_landmarks=False,
 )

@@ -5,20 +5,19 @@ As a course of this library, the axial rotation of six shoulders with bone pins 
 f has 0, f^2 has -0.25.
 """
 
-import jax.numpy as jnp
-
 from models.effects.course import LATE
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
+from motions.arrays import xp
 from motions.rotations import DEG, compose, rotation_from_cardan
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
     """The true clavicle has turned about its own axis by so much more than the estimate says."""
     R_thorax_estimate, R_thorax_scapula = rotations
-    zero = jnp.zeros_like(deg[0])
-    R_estimate_clavicle = rotation_from_cardan(jnp.stack([zero, zero, deg[0] / DEG]))
+    zero = xp.zeros_like(deg[0])
+    R_estimate_clavicle = rotation_from_cardan(xp.stack([zero, zero, deg[0] / DEG]))
     return girdle, (compose(R_thorax_estimate, R_estimate_clavicle), R_thorax_scapula)
 
 

@@ -1,17 +1,16 @@
 """The measured scapula frame is turned in the bone by a constant: AC for AA, or a landmark palpated wrong."""
 
-import jax.numpy as jnp
-
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
+from motions.arrays import xp
 from motions.rotations import DEG, compose, rotation_from_vector
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
     """R_measured = R_true B, so R_true = R_measured B'."""
     R_thorax_clavicle, R_thorax_measured = rotations
-    R_measured_scapula = jnp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
+    R_measured_scapula = xp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
     return girdle, (R_thorax_clavicle, compose(R_thorax_measured, R_measured_scapula))
 
 

@@ -1,17 +1,16 @@
 """The thorax frame itself turns as the arm is raised: the spine extends, and both bones seem to turn alike."""
 
-import jax.numpy as jnp
-
 from models.effects.course import ELEVATION
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
+from motions.arrays import xp
 from motions.rotations import DEG, compose, rotation_from_vector
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
     """R_measured = E R_true for both bones, E the turn of the thorax on the left; so R_true = E' R_measured."""
-    R_true_measured = jnp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
+    R_true_measured = xp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
     R_clavicle, R_scapula = (compose(R_true_measured, R) for R in rotations)
     return girdle, (R_clavicle, R_scapula)
 

@@ -2,16 +2,15 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
-
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
+from motions.arrays import xp
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, mm) -> tuple[Girdle, Rotations]:
     M_x, M_y, M_z = girdle.centre_mm
-    return replace(girdle, centre_mm=jnp.stack(jnp.broadcast_arrays(M_x + mm[0], M_y, M_z))), rotations
+    return replace(girdle, centre_mm=xp.stack(xp.broadcast_arrays(M_x + mm[0], M_y, M_z))), rotations
 
 
 EFFECT = Effect(
@@ -25,4 +24,5 @@ EFFECT = Effect(
         scale=(7.0,),
         source="assumed: 5-10 mm, no figure found",
     ),
+    moves_landmarks=False,
 )

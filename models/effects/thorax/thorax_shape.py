@@ -47,4 +47,5 @@ EFFECT = Effect(
         scale=(0.3,),
         source="sphere misfit 8-10 mm (Paquet 2019)",
     ),
+    moves_landmarks=False,
 )

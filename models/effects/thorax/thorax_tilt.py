@@ -2,17 +2,16 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
-
 from models.effects.effect import Effect, Rotations
 from models.effects.prior import EffectPrior
 from models.girdle import Girdle
+from motions.arrays import xp
 from motions.rotations import DEG, compose, rotate, rotation_from_vector
 
 
 def _adjust(girdle: Girdle, rotations: Rotations, deg) -> tuple[Girdle, Rotations]:
     """Everything else turned back about the ellipsoid's centre: the same chain, seen along the ellipsoid's axes."""
-    R_ellipsoid_thorax = jnp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
+    R_ellipsoid_thorax = xp.swapaxes(rotation_from_vector(deg / DEG), 0, 1)
     sc = girdle.centre_mm + rotate(R_ellipsoid_thorax, girdle.sc_mm - girdle.centre_mm)
     R_clavicle, R_scapula = (compose(R_ellipsoid_thorax, R) for R in rotations)
     return replace(girdle, sc_mm=sc), (R_clavicle, R_scapula)
@@ -30,4 +29,5 @@ EFFECT = Effect(
         scale=(6.0, 3.5, 3.5),
         source="assumed: 5-10 deg, no figure found",
     ),
+    moves_landmarks=False,
 )

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
-from adapt.diagnosis.fit.discrepancy import Discrepancy, position_whitening
+from adapt.diagnosis.fit.discrepancy import Discrepancy, position_curves, position_whitening
 from adapt.diagnosis.fit.evidence import Evidence, Given, without
 from adapt.diagnosis.fit.positions.rows import PositionRows
 from adapt.diagnosis.fit.shoulders import Shoulders
@@ -18,11 +18,11 @@ def position_evidence(
 ) -> Evidence:
     """Give log p(positions, z) of each shoulder in z = (h, b, a_s, 1): of all rows, or of those that are seen."""
     seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
-    matrices, constants = [], []
+    matrices, constants, curves = [], [], position_curves(shoulders, discrepancy)
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
         own = own[seen[own]]
-        white, log_determinant = _white(rows, shoulders, discrepancy, own)
+        white, log_determinant = _white(rows, shoulders, discrepancy, own, curves[own])
         constant = rows.by_constant.shape[2]
         matrix = white.T @ white
         matrix[:constant, :constant] += np.eye(constant)
@@ -34,18 +34,21 @@ def position_evidence(
 
 
 def _white(
-    rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, own: Int[np.ndarray, " own"]
+    rows: PositionRows,
+    shoulders: Shoulders,
+    discrepancy: Discrepancy,
+    own: Int[np.ndarray, " own"],
+    curves: Float[np.ndarray, "own curves"],
 ) -> tuple[Float[np.ndarray, "numbers z"], float]:
     """Make the coordinates of a shoulder white: slopes in u, h, b and a, and the values."""
-    measured = rows.measured[own]
+    measured, n = rows.measured[own], rows.values_mm.shape[1]
     variance = rows.places * rows.noise_mm**2 + (discrepancy.noise_deg * rows.lever_mm[own]) ** 2
-    found = position_whitening(shoulders, discrepancy, own, variance, measured)
-    n, constants = rows.values_mm.shape[1], rows.by_constant[own]
-    curves = np.einsum("rb,nk->rnkb", found.curves, np.eye(n)).reshape(len(own), n, -1)
-    every = [constants, constants, curves, rows.by_amplitude[own], rows.values_mm[own, :, None]]
-    columns = np.where(measured[..., None], np.concatenate(every, axis=2), 0.0)
-    white = found.inverse_root @ np.swapaxes(columns, 0, 1)
-    return white.reshape(-1, columns.shape[2]), found.log_determinant
+    inverse_root, log_determinant = position_whitening(shoulders, discrepancy, own, variance, measured)
+    of_curves = np.einsum("rb,nk->rnkb", curves, np.eye(n)).reshape(len(own), n, -1)
+    constants, values = rows.by_constant[own], rows.values_mm[own, :, None]
+    columns = np.concatenate([constants, constants, of_curves, rows.by_amplitude[own], values], axis=2)
+    white = inverse_root @ np.swapaxes(np.where(measured[..., None], columns, 0.0), 0, 1)
+    return white.reshape(-1, columns.shape[2]), log_determinant
 
 
 class Shown(NamedTuple):

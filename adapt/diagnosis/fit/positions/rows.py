@@ -111,7 +111,7 @@ def position_rows(
     measured = {name: every[name] for name in POSITIONS if name in every and np.isfinite(every[name]).any()}
     if not measured:
         return None
-    seen = _Seen(tuple(measured), take_problems(jax.tree.map(np.asarray, girdle), shoulders.subject))
+    seen = Seen(tuple(measured), take_problems(jax.tree.map(np.asarray, girdle), shoulders.subject))
     angles = shoulders.angles
     c_0, poses = seen.from_carriers(angles), jax.tree.map(np.asarray, bone_poses(seen.girdle, angles))
     places = np.concatenate([place.T for place in _from_carriers(measured).values()], axis=1)
@@ -143,7 +143,7 @@ def _from_carriers(places: Places) -> dict[str, Float[np.ndarray, "3 *any"]]:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class Seen:
     """Some landmarks of girdles at their postures, each seen from the next one that carries it."""
 
     names: tuple[str, ...]
@@ -167,6 +167,10 @@ class _Seen:
         """Compute the slopes in the strength of every channel of every effect, where none is at work."""
         found = []
         for effect in effects:
+            if not effect.moves_landmarks:
+                count = effect.course.channels(len(effect.directions))
+                found += count * [np.zeros((angles.shape[1], 3 * len(self.names)))]
+                continue
             for step in _STEP * np.eye(effect.course.channels(len(effect.directions))):
                 there, back = (
                     self.from_carriers(angles, ActiveEffects((np.outer(one, np.ones(angles.shape[1])),), (effect,)))
