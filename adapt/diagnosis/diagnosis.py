@@ -19,6 +19,7 @@ from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE, axial_is
 from adapt.diagnosis.inference.intervals import by_bone, interval, known_mean
 from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.next_measurement import indistinguishable, lacking, propose
+from adapt.diagnosis.inference.not_named import why_not_named
 from adapt.diagnosis.inference.search import search_of
 from adapt.diagnosis.inference.selection import name_causes, nothing_named
 from adapt.diagnosis.inference.weights import Weights, weigh
@@ -170,7 +171,9 @@ class _Study:
         if self.task.only_angles:
             sets = with_what_moves_as_well(sets, candidates.causes)
         causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
-        verdict = self._verdict(causes, weights, gaps, with_causes if tested else adapted, noise)
+        constants = tuple(filter(null.is_constant, other))
+        against = why_not_named(weights.inclusion, candidates.causes, named, kept, constants)
+        verdict = self._verdict(causes, weights, gaps, with_causes if tested else adapted, noise, against)
         others = null.unseen(kept, other) if gaps.other_person else None
         before = self.plain.before[self.model.name]
         return Diagnosis(
@@ -215,7 +218,15 @@ class _Study:
             found[effect.name] = unseen_amplitude(effect)
         return found
 
-    def _verdict(self, causes: list[Cause], weights: Weights, gaps: Gaps, shown: AdaptedGaps, noise: Noise) -> Verdict:
+    def _verdict(
+        self,
+        causes: list[Cause],
+        weights: Weights,
+        gaps: Gaps,
+        shown: AdaptedGaps,
+        noise: Noise,
+        against: dict[str, str],
+    ) -> Verdict:
         """``shown``: the adaptations whose gap is more than noise or not; bones of one person's own in one motion hide
         any."""
         answer = self._answer(causes, gaps, shown, noise)
@@ -223,7 +234,8 @@ class _Study:
             if not any(cause.names[0] == name for cause in causes):
                 causes.append(Cause((name,), (1.0,), 0.0, np.nan, ("angles",)))
         probability = _probability(weights, weights.inclusion, answer, _left_over(gaps))
-        return Verdict(answer, tuple(causes), weights.inclusion, probability)
+        against = {name: why for name, why in against.items() if name not in self.search.known}
+        return Verdict(answer, tuple(causes), weights.inclusion, probability, against)
 
     def _answer(self, causes: list[Cause], gaps: Gaps, shown: AdaptedGaps, noise: Noise) -> Answer:
         """Noise that was assumed shows nothing that is larger."""

@@ -76,7 +76,7 @@ def _diagnosis(diagnosis: Diagnosis) -> JsonObject:
 
 
 def _verdict(diagnosis: Diagnosis) -> JsonObject:
-    """With ``effects``, the first name of each cause; the last four go with ``causes``, one by one."""
+    """With ``effects``, the first name of each cause; ``shares`` to ``tested_on`` go with ``causes``, one by one."""
     causes = diagnosis.verdict.causes
     return {
         "answer": diagnosis.verdict.answer,
@@ -87,6 +87,7 @@ def _verdict(diagnosis: Diagnosis) -> JsonObject:
         "gain": [one.gain for one in causes],
         "t": [one.t for one in causes],
         "tested_on": [one.tested_on for one in causes],
+        "not_named": dict(diagnosis.verdict.not_named),
     }
 
 
