@@ -6,7 +6,6 @@ Numbers that are not known are NaN or None, as each field says; JSON has null fo
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -72,7 +71,7 @@ class Verdict:
     probability: dict[str, float]
     """Of every candidate, none, and unknown, the share of the gap that is left over; sums to 1. Causes at work together
     have equal parts."""
-    not_named: Mapping[str, str] = MappingProxyType({})
+    not_named: Mapping[str, str] = field(default_factory=dict)
     """What speaks against each cause that is probable, and no name."""
 
     def at_work(self, name: str) -> float:
