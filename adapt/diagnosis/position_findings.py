@@ -7,6 +7,7 @@ import numpy as np
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps
 from adapt.diagnosis.fit.noise import FEWEST, variances
+from adapt.diagnosis.fit.positions.rows import PALPATED_MM
 from adapt.diagnosis.fit.shoulders import shoulders_of
 from adapt.diagnosis.marks import angles_are_of_landmarks
 from adapt.diagnosis.result import Positions, PositionUse
@@ -30,9 +31,6 @@ from motions.landmarks.sampled_postures import measured_places_mm
 from motions.table import Motions
 
 USES: tuple[PositionUse, ...] = ("use", "check", "ignore")
-
-_ASSUMED_MM = 3.0
-"""Of a palpated landmark, where too few postures tell (de Groot 1997: 1-4 mm, one palpator)."""
 
 LEAST_MM, MOST_MM = 0.01, 30.0
 """Noise of a position beyond these is a slip of the pen: rounding of a file, and a landmark that is anywhere."""
@@ -74,7 +72,7 @@ class PositionTask:
         """SD of a coordinate that is data of the search; None where positions are not."""
         if self.way != "use" or self.only_angles:
             return None
-        return self.coordinate_sd_mm if np.isfinite(self.coordinate_sd_mm) else _ASSUMED_MM
+        return self.coordinate_sd_mm if np.isfinite(self.coordinate_sd_mm) else PALPATED_MM
 
     @property
     def only_angles(self) -> bool:

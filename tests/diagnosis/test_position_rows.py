@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.positions.evidence import position_evidence, shown_sizes
-from adapt.diagnosis.fit.positions.rows import PositionRows, Seen
+from adapt.diagnosis.fit.positions.rows import PositionRows, Seen, planned_rows
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.engine.batching import take_problems
@@ -129,7 +129,14 @@ def test_the_lever_of_an_angle_is_the_length_of_the_bone():
     np.testing.assert_allclose(rows.lever_mm[:, :3], 0.0, atol=EXACT_MM)
 
 
-def dense(rows: PositionRows, shoulders: Shoulders, candidates: Candidates, where: np.ndarray, found: Discrepancy):
+def dense(
+    rows: PositionRows,
+    shoulders: Shoulders,
+    candidates: Candidates,
+    where: np.ndarray,
+    found: Discrepancy,
+    mean_is_known: bool = False,
+):
     """The covariance of all measured coordinates, written out: (rows, n) flat."""
     elevation, along = shoulders.course_deg
     near, near_along = (
@@ -144,7 +151,7 @@ def dense(rows: PositionRows, shoulders: Shoulders, candidates: Candidates, wher
     alike = np.kron(same + 1.0, np.ones((n, n)))
     H, A = (x.reshape(noise.size, -1) for x in (rows.by_constant, rows.by_amplitude[..., where]))
     total += alike * (H @ H.T)
-    between = np.kron(found.between_shoulders**2 * same + 1.0, np.ones((n, n)))
+    between = np.kron(found.between_shoulders**2 * same + (0.0 if mean_is_known else 1.0), np.ones((n, n)))
     return total + between * (A @ np.diag(candidates.scale[where] ** 2) @ A.T)
 
 
@@ -222,3 +229,16 @@ def test_what_is_said_to_move_no_landmark_moves_none(effect):
     seen = Seen(("SC", "AC", "TS", "AI"), take_problems(search.joint.model.sets.girdle, search.joint.shoulders.subject))
     moved = seen.by_channel([replace(effect, moves_landmarks=True)], search.joint.shoulders.angles)
     np.testing.assert_allclose(moved, 0.0, atol=EXACT_MM)
+
+
+def test_what_landmarks_would_tell_of_amplitudes_is_known_before_they_are_measured():
+    """The precision of a in a linear Gaussian model does not go by what is measured: A' C^-1 A."""
+    _, candidates, shoulders = parts(laid_out())
+    model = laid_out().joint.model
+    rows = planned_rows(MODEL, model.sets.girdle, candidates, shoulders, ("SC", "AC"))
+    where, found = candidates.where(("ac_translation",)), TYPICAL._replace(common_mm=1e-9)
+    evidence = position_evidence(rows, shoulders, found).only(where)
+    precision = evidence.of_amplitudes(candidates.mean[where], candidates.scale[where])[:-1, :-1]
+    total = dense(rows, shoulders, candidates, where, found, mean_is_known=True)
+    A = rows.by_amplitude[..., where].reshape(len(total), -1)
+    np.testing.assert_allclose(precision, A.T @ np.linalg.solve(total, A), rtol=1e-6, atol=1e-9)

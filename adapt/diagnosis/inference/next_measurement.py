@@ -6,10 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.joint_fit import Linearised
+from adapt.diagnosis.fit.positions.evidence import position_evidence
+from adapt.diagnosis.fit.positions.rows import PALPATED_MM, planned_rows
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import Proposal
+from models.person.family import AnyModel
 
 _SAME = 0.95
 """Canonical correlation squared from which two candidates do the same to the data."""
@@ -42,8 +46,13 @@ def lacking(kinds: int, persons: int) -> tuple[str, ...]:
     )
 
 
-def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> list[Proposal]:
-    """Say what would tell the first two names of each cause apart: more persons, or more of the motion that tells most.
+_LANDMARKS = (("SC",), ("SC", "AC"), ("SC", "AC", "TS", "AI"))
+"""What may be palpated next; each beside those that carry it."""
+
+
+def propose(search: Search, model: AnyModel, named: Node, causes: Sequence[tuple[str, ...]]) -> list[Proposal]:
+    """Say what would tell the first two names of each cause apart: more persons, more of the motion that tells most, or
+    positions of landmarks where none are data.
 
     If one name is right, each shoulder is expected to add half of the squared difference of the two fits there to the
     log evidence, in units of what neither explains.
@@ -63,6 +72,11 @@ def propose(search: Search, named: Node, causes: Sequence[tuple[str, ...]]) -> l
             best = int(by_kind.argmax())
             what = f"{shoulders.kinds[best]} of twice as many persons"
             found.append(Proposal(what, (names[0], names[1]), now, now + float(by_kind[best])))
+        if search.joint.positions is None:
+            for landmarks in _LANDMARKS:
+                what = f"positions of {' '.join(landmarks)}, to {PALPATED_MM:g} mm"
+                more = _by_landmarks(search, model, named, other, landmarks)
+                found.append(Proposal(what, (names[0], names[1]), now, now + more))
     return sorted(found, key=lambda one: -one.separation_then)
 
 
@@ -73,6 +87,20 @@ def _evidence(search: Search, one: Node, other: Node) -> Float[np.ndarray, " row
     for rows, inverse_root in zip(white.rows, white.inverse_root, strict=True):
         found[rows] = 0.5 * ((inverse_root @ difference[rows]) ** 2).sum(axis=1)
     return found
+
+
+def _by_landmarks(search: Search, model: AnyModel, one: Node, other: Node, landmarks: Sequence[str]) -> float:
+    """Half of the squared difference of what two fits say of positions, the constants of each person left open."""
+    shoulders, every = search.joint.shoulders, search.joint.candidates
+    names = every.ordered((*one.hypothesis, *other.hypothesis))
+    candidates = lay_out([every.effect(name) for name in names], shoulders)
+    difference = np.zeros(len(candidates.scale))
+    for node, sign in ((one, 1.0), (other, -1.0)):
+        difference[candidates.where(node.hypothesis)] += sign * node.posterior.amplitude
+    rows = planned_rows(model, search.joint.model.sets.girdle, candidates, shoulders, landmarks)
+    evidence = position_evidence(rows, shoulders, search.discrepancy)
+    known = evidence.of_amplitudes(candidates.mean, candidates.scale)[:-1, :-1]
+    return float(0.5 * difference @ known @ difference)
 
 
 def _with(search: Search, named: Node, own: str, other: str) -> Node | None:

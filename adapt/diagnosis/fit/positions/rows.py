@@ -43,6 +43,9 @@ deg over elevation: Ludewig 2009, Matsuki 2014)."""
 _OPEN = 10.0
 """Times the SD of a constant, that leaves it open."""
 
+PALPATED_MM = 3.0
+"""SD of a coordinate of a palpated landmark (de Groot 1997: 1-4 mm, one palpator)."""
+
 _AA = {"AA": np.array([[-5.0], [-25.0], [22.0]])}
 """AA in the scapula, seen from AC, mm: the mean of bone pins (six shoulders of Moissenet 2023, to some 10 mm). What an
 effect does to it goes by it; where it is in a person is a constant."""
@@ -109,8 +112,25 @@ def position_rows(
     """Lay out the measured positions of all postures; None where there are none. ``girdle``: (component, subjects)."""
     every = measured_places_mm(shoulders.motions)
     measured = {name: every[name] for name in POSITIONS if name in every and np.isfinite(every[name]).any()}
-    if not measured:
-        return None
+    return _laid_out(model, girdle, candidates, shoulders, noise_mm, measured) if measured else None
+
+
+def planned_rows(
+    model: AnyModel, girdle: Girdle, candidates: Candidates, shoulders: Shoulders, landmarks: Sequence[str]
+) -> PositionRows:
+    """Lay out positions that nobody has measured, to ``PALPATED_MM``: of what they would tell, whatever they are."""
+    nowhere = dict.fromkeys(landmarks, np.zeros((3, len(shoulders.subject))))
+    return _laid_out(model, girdle, candidates, shoulders, PALPATED_MM, nowhere)
+
+
+def _laid_out(
+    model: AnyModel,
+    girdle: Girdle,
+    candidates: Candidates,
+    shoulders: Shoulders,
+    noise_mm: float,
+    measured: Places,
+) -> PositionRows:
     seen = Seen(tuple(measured), take_problems(jax.tree.map(np.asarray, girdle), shoulders.subject))
     angles = shoulders.angles
     c_0, poses = seen.from_carriers(angles), jax.tree.map(np.asarray, bone_poses(seen.girdle, angles))
