@@ -200,7 +200,7 @@ class _Study:
             where=self._where(adapted, with_causes, floor, noise),
             indistinguishable=indistinguishable(none),
             lacking=lacking(len(shoulders.kinds), shoulders.persons),
-            next_measurement=propose(search, self.model, named.chosen, [named.sets[name].names for name in order]),
+            next_measurement=propose(search, self.model, named.chosen, [sets[name].names for name in order]),
             positions=judge_positions(self.task, self.model, before, adapted, with_causes, others),
         )
 
