@@ -7,7 +7,7 @@ import numpy as np
 
 from adapt.diagnosis.adapted_gaps import AdaptedGaps
 from adapt.diagnosis.fit.noise import FEWEST, variances
-from adapt.diagnosis.fit.positions.rows import PALPATED_MM
+from adapt.diagnosis.fit.positions.position_rows import PALPATED_MM
 from adapt.diagnosis.fit.shoulders import shoulders_of
 from adapt.diagnosis.marks import angles_are_of_landmarks
 from adapt.diagnosis.result import Positions, PositionUse

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
-from adapt.diagnosis.fit.positions.evidence import position_evidence, shown_sizes
-from adapt.diagnosis.fit.positions.rows import PositionRows, Seen, planned_rows
+from adapt.diagnosis.fit.positions.position_evidence import position_evidence, shown_sizes
+from adapt.diagnosis.fit.positions.position_rows import PositionRows, Seen, planned_rows
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.inference.search import Search, search_of
 from adapt.engine.batching import take_problems

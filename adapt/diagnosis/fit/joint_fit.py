@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
-from adapt.diagnosis.fit.positions.rows import PositionRows
+from adapt.diagnosis.fit.positions.position_rows import PositionRows
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
 from adapt.solvers.objective import WEIGHT, down_weighted

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, whitening
 from adapt.diagnosis.fit.evidence import Evidence, without
 from adapt.diagnosis.fit.joint_fit import JointFit, Model
-from adapt.diagnosis.fit.positions.evidence import position_evidence
+from adapt.diagnosis.fit.positions.position_evidence import position_evidence
 from models.adapted_parameters import ADAPTED
 from models.girdle import CONSTRAINTS
 

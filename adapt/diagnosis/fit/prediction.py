@@ -13,7 +13,7 @@ from jaxtyping import Float
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.joint_fit import JointFit, Part
 from adapt.diagnosis.fit.likelihood import Likelihood
-from adapt.diagnosis.fit.positions.evidence import shown_sizes
+from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
 from adapt.diagnosis.fit.posterior import Posterior
 from adapt.diagnosis.fit.unseen_folds import Folds
 from models.adapted_parameters import ADAPTED

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
-from adapt.diagnosis.fit.positions.evidence import Shown, shown_sizes
 from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
+from adapt.diagnosis.fit.positions.position_evidence import Shown, shown_sizes
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval

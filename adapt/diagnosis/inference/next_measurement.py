@@ -8,8 +8,8 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import lay_out
 from adapt.diagnosis.fit.joint_fit import Linearised
-from adapt.diagnosis.fit.positions.evidence import position_evidence
-from adapt.diagnosis.fit.positions.rows import PALPATED_MM, planned_rows
+from adapt.diagnosis.fit.positions.position_evidence import position_evidence
+from adapt.diagnosis.fit.positions.position_rows import PALPATED_MM, planned_rows
 from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import Proposal

@@ -19,9 +19,9 @@ from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Evidence, Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
 from adapt.diagnosis.fit.likelihood import Likelihood
-from adapt.diagnosis.fit.positions.evidence import shown_sizes
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
-from adapt.diagnosis.fit.positions.rows import position_rows
+from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
+from adapt.diagnosis.fit.positions.position_rows import position_rows
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.discrepancy import Discrepancy, position_curves, position_whitening
 from adapt.diagnosis.fit.evidence import Evidence, Given, without
-from adapt.diagnosis.fit.positions.rows import PositionRows
+from adapt.diagnosis.fit.positions.position_rows import PositionRows
 from adapt.diagnosis.fit.shoulders import Shoulders
 
 
