@@ -372,7 +372,7 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
         f"{names} 0.62 0.31 other motion, other person 50 % 4.0 [3.9, 4.1] mm 3.0 mm --effect ac_translation" in words
     )
     gap = "12.0 [11.9, 12.1] mm (!) 5.0 mm --effect scapulothoracic_gap=12,0"
-    assert f"scapula lifts off the thorax scapulothoracic_gap 0.88 other motion, other person 30 % {gap}" in words
+    assert f"scapula lifts off the thorax scapulothoracic_gap 0.88 {seen} 30 % {gap}" in words
     assert "(!): larger than such an effect is: something that acts like it." in words
     assert "Left over beyond noise: 24 %" in words
     assert bars["+ ac_translation"] == "1.40 [1.30, 1.50]"

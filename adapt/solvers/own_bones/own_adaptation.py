@@ -243,7 +243,8 @@ def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[
     prior, _ = _prior(data, spread, scales)
     found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]), _LEARNING_STEPS)
     of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
-    return of, found.closed & np.isfinite(of.square) & (of.informative > 0)
+    finite = np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & np.isfinite(of.c).all(axis=0)
+    return of, found.closed & finite & (of.informative > 0)
 
 
 def adapt_own_bones(
