@@ -1,7 +1,7 @@
 """Any file that holds motions, as a table of postures: the kind is known by its ending, and of a CSV by its columns."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,21 +9,17 @@ import numpy as np
 
 from motions.errors import InputError, warn_input
 from motions.formats.angle_table import motions_from_table
-from motions.formats.c3d import read_c3d
-from motions.formats.landmark_csv import holds_positions, read_landmark_csv
+from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
-from motions.formats.trc import read_trc
 from motions.landmarks.at_rest import warn_of_subjects
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
 from motions.motion_csv.cells import SIDES, Side
 from motions.motion_csv.reading import read_motions
-from motions.motion_csv.rows import read_table
 from motions.table import Motions
 
-_OF_MARKERS: dict[str, Callable[[Path], Markers]] = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_landmark_csv}
 _OF_ANGLES = (".mot", ".sto")
 
 
@@ -67,14 +63,6 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
         return _checked(read_motions(path), path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
-
-
-def read_markers(path: Path) -> Markers | None:
-    """Read a file of positions of any kind; None where it is of another kind, a motion file included."""
-    kind = path.suffix.lower()
-    if kind not in _OF_MARKERS or (kind == ".csv" and not holds_positions(list(read_table(path).columns))):
-        return None
-    return _OF_MARKERS[kind](path)
 
 
 def _check_unused(labels: Labels, path: Path, own: str) -> None:

@@ -15,6 +15,7 @@ from motions.errors import InputError
 from motions.files import atomic_write, atomic_write_bytes, file_names, make_folder
 from motions.formats.angle_table import split, table_from_motions
 from motions.formats.any_file import read_any
+from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import write_mot
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
@@ -116,5 +117,5 @@ def _table(path: Path) -> pd.DataFrame:
 
 
 def _is_fits(path: Path) -> bool:
-    columns = read_table(path).columns
+    columns = read_head(path).columns()
     return "adapted" in columns and all(f"{angle}_simulated_deg" in columns for angle in ANGLES)
