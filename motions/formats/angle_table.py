@@ -1,19 +1,24 @@
 """Postures as a table of angles for .mot and .sto, and back."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
-from motions.errors import InputError
+from motions.errors import InputError, listed, warn_input
 from motions.formats.isb import ISB_ANGLES, isb_from_thesis, thesis_from_isb
 from motions.formats.mot import AngleTable
 from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
+from motions.motion_csv.cells import LARGEST_ANGLE_DEG
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
+from motions.motion_csv.unit_and_side import LEAST_VALUES
+from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
 ELEVATION = "humerus_elevation"
@@ -23,28 +28,43 @@ ORIGIN = "origin"
 """The line of the header, and the extra column, that says of simulated motions that they are."""
 
 
+_MOST_NAMED = 40
+"""Columns in a message."""
+
+_OF_JOINT = re.compile(r"(.*/)?(ac|acromioclavicular)_?(joint_?)?[xyz]{1,2}(/value)?$", re.IGNORECASE)
+"""A coordinate of the AC joint, as DAS3 calls it (AC_y, AC_z, AC_x)."""
+
+_OF_OUR_OSIM = re.compile(r"scapula_(abduction|elevation|upward_rot|winging)\b")
+
+_SAY_RELATIVE = 'write scapula_relative_to = "clavicle", or "thorax", above [columns] in a mapping file (--map)'
+
+
 def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> Motions:
     """Take the postures from the rows of a file, or at `labels.at_deg`. A left shoulder is mirrored.
 
     The columns are ANGLES or, in ISB's sequence, ISB_ANGLES, and humerus_elevation, or what the mapping calls them.
-    ISB's scapula goes through AA, if the header does not say AC. InputError if no bone is there or AA stays AA.
+    ISB's scapula goes through AA, if the header does not say AC. InputError if no bone is there, AA stays AA, the
+    values are in another unit than the header says, or if it is not clear what the scapula's are relative to.
+    InputWarning that names a bone without any column.
     """
-    isb = any(mapping.column(name) in table.columns for name in ISB_ANGLES)
+    isb = any(_column(table, mapping, name) is not None for name in ISB_ANGLES)
     names = ISB_ANGLES if isb else ANGLES
     missing = np.full(table.count, np.nan)
-    angles_deg = np.stack([table.columns.get(mapping.column(name), missing) for name in names], axis=1)
-    if np.isnan(angles_deg).all():
-        cause = f"none of the columns {', '.join(mapping.column(name) for name in names)} is there"
-        remedy = f"Name them in a mapping file (--map), under [columns]; the file has {', '.join(table.columns)}"
-        raise InputError(table.file, None, cause, remedy)
+    found = {name: _column(table, mapping, name) for name in (*names, ELEVATION)}
+    columns = {name: missing if column is None else column for name, column in found.items()}
+    angles_deg = np.stack([columns[name] for name in names], axis=1)
+    _check_there(table, mapping, found, angles_deg)
+    _check_unit(table, {mapping.column(name): column for name, column in columns.items()})
     if isb:
         angles_deg = thesis_from_isb(angles_deg)
+    if mapping.scapula_relative_to == "clavicle":
+        angles_deg = _relative_to_thorax(angles_deg)
     if labels.side == "left":
         angles_deg = angles_deg * MIRROR_ANGLES
     through = table.header.get(SCAPULA_THROUGH) or ("AA" if isb else "AC")
     if through != "AC":
         angles_deg = _brought_to_ac(table, angles_deg, labels)
-    elevation_deg = table.columns.get(mapping.column(ELEVATION), missing)
+    elevation_deg = columns[ELEVATION]
     numbers, extra = _numbers(table), {}
     if labels.at_deg:
         whose = mapping.column(ELEVATION)
@@ -71,6 +91,71 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         extra=pd.DataFrame(extra, index=pd.RangeIndex(count), dtype=str),
     )
     return motions.select(np.sum(np.isfinite(angles_deg), axis=1) >= FEWEST_ANGLES)
+
+
+def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None:
+    """The column of this name, or of the coordinate of this name in a file of OpenSim's states
+    (``/jointset/sternoclavicular/clavicle_y/value``), in any case; None where there is none."""
+    wanted = mapping.column(name)
+    if wanted in table.columns:
+        return table.columns[wanted]
+    state = re.compile(rf"(.*/)?{re.escape(wanted)}(/value)?", re.IGNORECASE)
+    matches = [column for column in table.columns if state.fullmatch(column)]
+    if len(matches) > 1:
+        cause = f"columns {' and '.join(matches)} may both be {name}"
+        raise InputError(table.file, None, cause, "Say in a mapping file (--map), under [columns], which it is")
+    return table.columns[matches[0]] if matches else None
+
+
+def _check_there(
+    table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None], angles_deg: np.ndarray
+) -> None:
+    """InputError if no bone has a column, or the scapula's may be a joint's; InputWarning if a bone has none."""
+    there = listed(list(table.columns), _MOST_NAMED)
+    if np.isnan(angles_deg).all():
+        cause = f"none of the columns {', '.join(mapping.column(name) for name in list(found)[:6])} is there"
+        remedy = f"Name them in a mapping file (--map), under [columns]; the file has {there}"
+        if any(_OF_JOINT.match(column) for column in table.columns):
+            remedy += ". Angles of the AC joint are the scapula's relative to the clavicle: " + _SAY_RELATIVE
+        raise InputError(table.file, None, cause, remedy)
+    joint = [mapping.column(name) for name in list(found)[3:6] if _OF_JOINT.match(mapping.column(name))]
+    if joint and not mapping.scapula_relative_to:
+        cause = (
+            f"{joint[0]} looks like an angle of the AC joint, which is relative to the clavicle and not to the thorax"
+        )
+        raise InputError(table.file, None, cause, f"Say what it is relative to: {_SAY_RELATIVE}")
+    for bone, names in (("clavicle", list(found)[:3]), ("scapula", list(found)[3:6]), ("humerus", [ELEVATION])):
+        if all(found[name] is None for name in names):
+            cause = (
+                f"the {bone} has no column ({', '.join(mapping.column(name) for name in names)}): its angles stay empty"
+            )
+            remedy = f"Name them in a mapping file (--map), under [columns], if they are there; the file has {there}"
+            if bone == "scapula" and any(_OF_JOINT.match(column) for column in table.columns):
+                remedy = f"Are those of the AC joint its? Then name them under [columns], and {_SAY_RELATIVE}"
+            elif bone == "scapula" and any(_OF_OUR_OSIM.search(column) for column in table.columns):
+                remedy = (
+                    "Coordinates of OpenSim's scapulothoracic joint are no angles: export those of the body scapula"
+                )
+            warn_input(InputError(table.file, None, cause, remedy))
+
+
+def _check_unit(table: AngleTable, columns: dict[str, np.ndarray]) -> None:
+    """InputError where the values, degrees by the header, show that they are in the other unit."""
+    largest = {name: float(np.nanmax(np.abs(column), initial=0.0)) for name, column in columns.items()}
+    name = max(largest, key=lambda name: largest[name])
+    if table.header.get("indegrees", "").lower() == "no" and largest[name] > LARGEST_ANGLE_DEG:
+        cause = f"the header says radians (inDegrees=no), but {name} goes to {np.deg2rad(largest[name]):.4g}: degrees"
+        raise InputError(table.file, table.unit_line, cause, "Write inDegrees=yes")
+    if table.header.get("indegrees", "").lower() == "yes" and table.count >= LEAST_VALUES and largest[name] <= np.pi:
+        cause = f"the header says degrees (inDegrees=yes), but no angle exceeds {largest[name]:.3g}: radians"
+        raise InputError(table.file, table.unit_line, cause, "Write inDegrees=no")
+
+
+def _relative_to_thorax(angles_deg: Float[np.ndarray, "postures 6"]) -> Float[np.ndarray, "postures 6"]:
+    """The scapula's angles relative to the thorax, R_thorax_scapula = R_thorax_clavicle R_clavicle_scapula."""
+    R_clavicle, R_joint = (rotation_from_cardan(part.T / DEG) for part in (angles_deg[:, :3], angles_deg[:, 3:]))
+    scapula_deg = cardan_from_rotation(compose(R_clavicle, R_joint)).T * float(DEG)
+    return np.concatenate([angles_deg[:, :3], scapula_deg], axis=1)
 
 
 def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:

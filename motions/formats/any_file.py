@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from motions.clusters.calibration import Calibration, calibrate
+from motions.clusters.carried import carry
+from motions.clusters.columns import with_cluster, with_placed_gh
 from motions.errors import InputError, warn_input
 from motions.formats.angle_table import motions_from_table
 from motions.formats.marker_files.any_markers import read_markers
@@ -16,6 +19,7 @@ from motions.landmarks.at_rest import warn_of_subjects
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
+from motions.landmarks.stand_ins import place_gh
 from motions.motion_csv.cells import SIDES, Side
 from motions.motion_csv.reading import read_motions
 from motions.table import Motions
@@ -30,18 +34,33 @@ def read_trial(
     motion: str = "",
     side: Side = "right",
     at_deg: Sequence[float] = (),
+    static: Sequence[str | os.PathLike[str]] = (),
 ) -> Motions:
-    """Read the postures of a trial of one subject (.c3d, .trc, .mot, .sto, .csv), as ``girdle convert`` does.
+    """Read the postures of a trial of one subject (.c3d, .trc, .mot, .sto, .csv, .tsv), as ``girdle convert`` does.
 
     mapping: a TOML file with your names of markers and angles, and the unit. subject, motion: the name of the file,
     where neither it nor you say them. at_deg: elevations of the arm at which positions are sampled; none: each frame
-    is a posture. InputError if the file cannot be read; InputWarning if its angles with the arm lowest are no person's.
+    is a posture. static: trials in which the landmarks were palpated that the mapping's clusters carry into this one.
+    InputError if the file cannot be read; InputWarning if its angles with the arm lowest are no person's.
     """
     labels = Labels(subject, motion, side, tuple(sorted(set(at_deg))))
-    return read_any(Path(path), read_mapping(None if mapping is None else Path(mapping)), labels)
+    names = read_mapping(None if mapping is None else Path(mapping))
+    return read_any(Path(path), names, labels, read_calibration([Path(one) for one in static], names, labels))
 
 
-def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
+def read_calibration(statics: Sequence[Path], mapping: Mapping, labels: Labels) -> Calibration | None:
+    """Read static trials of one person; None without any. InputError if they do not calibrate the clusters."""
+    found = []
+    for path in statics:
+        markers = read_markers(path)
+        if markers is None:
+            cause = "a static trial holds positions of markers, and this file does not"
+            raise InputError(str(path), None, cause, "Name a .c3d, .trc, .csv or .tsv file of markers")
+        found.append(markers)
+    return calibrate(found, mapping, labels.side, labels.gh_from_ac) if found else None
+
+
+def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibration | None = None) -> Motions:
     """Read the postures in a file of any kind, or in a Spartacus checkout. InputError if it is of no known kind.
 
     labels.subject and labels.motion may be empty: then the file's own words for them, else its name, stand for them.
@@ -55,7 +74,7 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
     kind = path.suffix.lower()
     markers = read_markers(path)
     if markers is not None:
-        return _of_markers(markers, mapping, labels_of_file(labels, path))
+        return _of_markers(markers, mapping, labels_of_file(labels, path), calibration)
     if kind in _OF_ANGLES:
         return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), path), path)
     if kind == ".csv":
@@ -87,21 +106,29 @@ def _checked(motions: Motions, path: Path) -> Motions:
     return motions
 
 
-def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
+def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration: Calibration | None) -> Motions:
     """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
-    lab_mm = landmarks_mm(markers, mapping)
+    trial = None if calibration is None else carry(markers, mapping, calibration)
+    lab_mm = landmarks_mm(markers, mapping) if trial is None else trial.lab_mm
     if "SC" not in lab_mm and labels.sc_from_ij is None:
         cause = "landmark SC was not found, so the angles of the clavicle stay empty"
         remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
         warn_input(InputError(markers.file, None, cause, remedy))
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
+        mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
+        complete = mine if one.gh_from_ac is None else place_gh(mine, one.gh_from_ac, one.side)
         try:
-            part = postures_from_landmarks({name: xyz[:, rows] for name, xyz in lab_mm.items()}, one, markers.file)
+            part = postures_from_landmarks(complete, one, markers.file)
         except InputError as error:
             rejected.append(error)
-        else:
-            parts.append(part if labels.at_deg else _with_rows(part, markers, rows))
+            continue
+        if trial is not None and calibration is not None:
+            part = with_cluster(part, trial, calibration, rows, bool(one.at_deg))
+        gh_placed = "GH" not in mine or (calibration is not None and calibration.gh_placed)
+        if one.gh_from_ac is not None and gh_placed:
+            part = with_placed_gh(part, one.gh_from_ac)
+        parts.append(part if labels.at_deg else _with_rows(part, markers, rows))
     if not parts:
         raise rejected[0]
     return replace(Motions.concatenate(parts), rejected=tuple(rejected))

@@ -11,9 +11,9 @@ from motions import ANGLES, InputError, read_motions
 from motions.errors import InputWarning
 from motions.formats.angle_table import table_from_motions
 from motions.formats.any_file import read_any
-from motions.formats.c3d import read_c3d
+from motions.formats.marker_files.c3d import read_c3d
+from motions.formats.marker_files.trc import read_trc
 from motions.formats.mot import read_mot, write_mot
-from motions.formats.trc import read_trc
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm

@@ -3,7 +3,7 @@
 import pytest
 
 from motions import InputError
-from motions.formats import c3d
+from motions.formats.marker_files import c3d
 from motions.landmarks.mapping import read_mapping
 from scripts.fuzz_readers import READ, REFUSED, file_number, kinds, outcome
 

@@ -1,8 +1,8 @@
 """Markers in a CSV file of Motive (OptiTrack; docs.optitrack.com, Data Export: CSV).
 
 The first line holds keys and values (``Format Version``, ``Length Units``, ``Export Frame Rate``). Over the row
-``Frame, Time (Seconds), X, Y, Z`` stand rows with the type of what a column is of, its name, and Position or Rotation. Columns of
-type Marker alone are measured: those of rigid bodies and bones are where the program expects a marker.
+``Frame, Time (Seconds), X, Y, Z`` stand rows with the type of what a column is of, its name, and Position or Rotation.
+Columns of type Marker alone are measured: those of rigid bodies and bones are where the program expects a marker.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
 """Trajectories in a TSV file of Qualisys Track Manager (docs.qualisys.com, Motion data (.tsv)).
 
 Lines of a word and its value (``NO_OF_FRAMES``, ``NO_OF_MARKERS``, ``FREQUENCY``, ``DATA_INCLUDED``), ``MARKER_NAMES``
-with the names, perhaps ``TRAJECTORY_TYPES`` and names of the columns, then x, y and z of each marker in mm, perhaps behind
-the number and the time of the frame.
+with the names, perhaps ``TRAJECTORY_TYPES`` and names of the columns, then x, y and z of each marker in mm, perhaps
+behind the number and the time of the frame.
 """
 
 from pathlib import Path

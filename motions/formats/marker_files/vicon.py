@@ -1,8 +1,8 @@
 """Trajectories in a table of Vicon (Nexus, Tracker: File > Export ASCII), or with its two header rows.
 
-A line ``Trajectories``, one with the rate, names of markers over every third column, ``Frame, Sub Frame, X, Y, Z``, their
-units, and a row for each frame up to a blank line. Other sections (``Devices``, ``Model Outputs``) may stand before and
-after it, and velocities (``X'``) beside the positions. Without the first two lines the table is read as well.
+A line ``Trajectories``, one with the rate, names of markers over every third column, ``Frame, Sub Frame, X, Y, Z``,
+their units, and a row for each frame up to a blank line. Other sections (``Devices``, ``Model Outputs``) may stand
+before and after it, and velocities (``X'``) beside the positions. Without the first two lines it is read as well.
 """
 
 from pathlib import Path
