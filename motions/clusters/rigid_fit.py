@@ -52,7 +52,7 @@ class RigidFit(NamedTuple):
 
 def fit_rigid(shape_mm: Float[np.ndarray, "markers 3"], seen_mm: Float[np.ndarray, "markers 3 frames"]) -> RigidFit:
     """Lay the shape on the markers of each frame; NaN where fewer than FEWEST were seen, or those nearly in a line."""
-    seen: np.ndarray = np.isfinite(seen_mm).all(axis=1)
+    seen = np.all(np.isfinite(seen_mm), axis=1)
     count = np.maximum(seen.sum(axis=0), 1)
     a, x = np.where(seen[:, None], shape_mm[..., None], 0.0), np.where(seen[:, None], seen_mm, 0.0)
     a_mean, x_mean = a.sum(axis=0) / count, x.sum(axis=0) / count

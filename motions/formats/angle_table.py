@@ -73,6 +73,7 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         numbers = np.arange(1, len(elevation_deg) + 1)
         extra = {spread_column(angle): [f"{x:.4g}" for x in sampled.spread[:, k]] for k, angle in enumerate(ANGLES)}
         extra[FRAMES] = [str(count) for count in sampled.frames.tolist()]
+    _warn_of_bones(table, mapping, found)
     count = len(elevation_deg)
     marks = {
         SCAPULA_ROTATED: labels.scapula_rotated if through != "AC" else "",
@@ -110,33 +111,38 @@ def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None
 def _check_there(
     table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None], angles_deg: np.ndarray
 ) -> None:
-    """InputError if no bone has a column, or the scapula's may be a joint's; InputWarning if a bone has none."""
-    there = listed(list(table.columns), _MOST_NAMED)
+    """InputError if no bone has a column, or if those of the scapula may be of a joint."""
+    names = [mapping.column(name) for name in found if name != ELEVATION]
+    of_joint = [column for column in table.columns if _OF_JOINT.match(column)]
     if np.isnan(angles_deg).all():
-        cause = f"none of the columns {', '.join(mapping.column(name) for name in list(found)[:6])} is there"
-        remedy = f"Name them in a mapping file (--map), under [columns]; the file has {there}"
-        if any(_OF_JOINT.match(column) for column in table.columns):
-            remedy += ". Angles of the AC joint are the scapula's relative to the clavicle: " + _SAY_RELATIVE
-        raise InputError(table.file, None, cause, remedy)
-    joint = [mapping.column(name) for name in list(found)[3:6] if _OF_JOINT.match(mapping.column(name))]
+        remedy = f"Name them in a mapping file (--map), under [columns]; the file has {_listed(table)}"
+        if of_joint:
+            remedy += f". {of_joint[0]} looks like the AC joint's, relative to the clavicle: {_SAY_RELATIVE}"
+        raise InputError(table.file, None, f"none of the columns {', '.join(names)} is there", remedy)
+    joint = [name for name in names[3:] if _OF_JOINT.match(name)]
     if joint and not mapping.scapula_relative_to:
-        cause = (
-            f"{joint[0]} looks like an angle of the AC joint, which is relative to the clavicle and not to the thorax"
-        )
+        cause = f"{joint[0]} looks like an angle of the AC joint: relative to the clavicle and not to the thorax"
         raise InputError(table.file, None, cause, f"Say what it is relative to: {_SAY_RELATIVE}")
-    for bone, names in (("clavicle", list(found)[:3]), ("scapula", list(found)[3:6]), ("humerus", [ELEVATION])):
-        if all(found[name] is None for name in names):
-            cause = (
-                f"the {bone} has no column ({', '.join(mapping.column(name) for name in names)}): its angles stay empty"
-            )
-            remedy = f"Name them in a mapping file (--map), under [columns], if they are there; the file has {there}"
-            if bone == "scapula" and any(_OF_JOINT.match(column) for column in table.columns):
-                remedy = f"Are those of the AC joint its? Then name them under [columns], and {_SAY_RELATIVE}"
-            elif bone == "scapula" and any(_OF_OUR_OSIM.search(column) for column in table.columns):
-                remedy = (
-                    "Coordinates of OpenSim's scapulothoracic joint are no angles: export those of the body scapula"
-                )
-            warn_input(InputError(table.file, None, cause, remedy))
+
+
+def _warn_of_bones(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> None:
+    """InputWarning that names the bones without any column, and what their columns could be."""
+    names = list(found)
+    bones = {"clavicle": names[:3], "scapula": names[3:6], "humerus": names[6:]}
+    absent = {bone: own for bone, own in bones.items() if all(found[name] is None for name in own)}
+    if not absent:
+        return
+    wanted = "; ".join(f"{bone} ({', '.join(map(mapping.column, own))})" for bone, own in absent.items())
+    remedy = f"Name them in a mapping file (--map), under [columns], if they are there; the file has {_listed(table)}"
+    if "scapula" in absent and any(_OF_JOINT.match(column) for column in table.columns):
+        remedy += f". If its angles are those of the AC joint, {_SAY_RELATIVE}"
+    elif "scapula" in absent and any(_OF_OUR_OSIM.search(column) for column in table.columns):
+        remedy += ". Coordinates of OpenSim's scapulothoracic joint are no angles of a bone: export those of the body"
+    warn_input(InputError(table.file, None, f"there is no column of {wanted}, and its angles stay empty", remedy))
+
+
+def _listed(table: AngleTable) -> str:
+    return listed(list(table.columns), _MOST_NAMED)
 
 
 def _check_unit(table: AngleTable, columns: dict[str, np.ndarray]) -> None:

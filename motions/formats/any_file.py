@@ -68,7 +68,7 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
     if path.is_dir():
         if not is_spartacus(path):
             cause = "this folder is not a checkout of the Spartacus collection"
-            raise InputError(str(path), None, cause, "Name one file, or the folder of the checkout")
+            raise InputError(str(path), None, cause, "Name files, or the folder of the checkout")
         _check_unused(labels, path, "shoulders and motions")
         return read_spartacus(path, labels)
     kind = path.suffix.lower()
@@ -76,12 +76,14 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
     if markers is not None:
         return _of_markers(markers, mapping, labels_of_file(labels, path), calibration)
     if kind in _OF_ANGLES:
-        return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), path), path)
+        return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), labels, path), path)
     if kind == ".csv":
         _check_unused(labels, path, "subjects, motions and postures")
         return _checked(read_motions(path), path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
-    raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
+    raise InputError(
+        str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv, .tsv, .txt and a Spartacus checkout"
+    )
 
 
 def _check_unused(labels: Labels, path: Path, own: str) -> None:
@@ -92,13 +94,13 @@ def _check_unused(labels: Labels, path: Path, own: str) -> None:
 
 
 def labels_of_file(labels: Labels, path: Path) -> Labels:
-    """Complete the labels with the name of the file where they say nothing."""
-    return replace(labels, subject=labels.subject or path.stem, motion=labels.motion or path.stem)
+    """Complete the labels with the name of the file, or of its folder, where they say nothing."""
+    return replace(labels, subject=labels.subject or labels.folder or path.stem, motion=labels.motion or path.stem)
 
 
-def _with_names(motions: Motions, path: Path) -> Motions:
-    subject, motion = (np.where(names == "", path.stem, names) for names in (motions.subject, motions.motion))
-    return replace(motions, subject=subject, motion=motion)
+def _with_names(motions: Motions, labels: Labels, path: Path) -> Motions:
+    subject = np.where(motions.subject == "", labels.folder or path.stem, motions.subject)
+    return replace(motions, subject=subject, motion=np.where(motions.motion == "", path.stem, motions.motion))
 
 
 def _checked(motions: Motions, path: Path) -> Motions:

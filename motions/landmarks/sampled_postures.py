@@ -86,6 +86,8 @@ class Labels:
     aa_to_ac_name: str = ""
     sc_from_ij: SternoclavicularOffset | None = None
     gh_from_ac: GlenohumeralOffset | None = None
+    folder: str = ""
+    """Whose trial it is by the folder that the file lies in, if neither the file nor ``subject`` says it."""
 
     @property
     def scapula_rotated(self) -> str:

@@ -1,13 +1,15 @@
 # pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``girdle convert``: one file in, one file (or a folder of them) out; what it does follows from the two names."""
+"""``girdle convert``: files in, one file (or a folder of them) out; what it does follows from their names."""
 
 import importlib.util
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from adapt.cli.landmarks.many_files import calibration_for, is_folder_of_trials, read_several
 from adapt.solvers import status
 from models.export.opensim import opensim_model
 from models.parameter_sets import load_model
@@ -26,12 +28,30 @@ from motions.table import ANGLES, Motions
 _TEXT_COLUMNS = ("model", "subject", "motion", "status")
 
 
-def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: bool = False) -> Motions | None:
-    """Write the source as the target; the motions that were written, or None if it was a table or a model.
+def convert(
+    sources: Sequence[Path],
+    target: Path,
+    mapping: Mapping,
+    labels: Labels,
+    isb: bool = False,
+    statics: Sequence[Path] = (),
+) -> Motions | None:
+    """Write the sources as the target; the motions that were written, or None if it was a table or a model.
 
-    Motions (markers, angles, a Spartacus checkout, motion CSV, fits.csv) become .csv, .mot or a folder of .mot files, a
-    table .parquet, a parameter set .osim. InputError if the source cannot be read or has no such form.
+    Motions (markers, angles, a Spartacus checkout, motion CSV, fits.csv; several files or a folder of them) become
+    .csv, .mot or a folder of .mot files, a table .parquet, a parameter set .osim. InputError if a source cannot be read
+    or has no such form; of several, those that cannot are left out and named.
     """
+    if len(sources) == 1 and not is_folder_of_trials(sources[0]):
+        return _convert_one(sources[0], target, mapping, labels, isb, statics)
+    motions = read_several(sources, target, mapping, labels, statics)
+    _write(motions, target, isb)
+    return motions
+
+
+def _convert_one(
+    source: Path, target: Path, mapping: Mapping, labels: Labels, isb: bool, statics: Sequence[Path]
+) -> Motions | None:
     kind = target.suffix.lower()
     if kind == ".osim":
         atomic_write(target, opensim_model(load_model(str(source))))
@@ -45,7 +65,14 @@ def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: b
     if source.suffix.lower() == ".csv" and _is_fits(source):
         motions = simulated_motions(source)
     else:
-        motions = read_any(source, mapping, labels)
+        motions = read_any(source, mapping, labels, calibration_for(source, statics, mapping, labels))
+    _write(motions, target, isb)
+    return motions
+
+
+def _write(motions: Motions, target: Path, isb: bool) -> None:
+    """Write motions in the form that the name of the target says. InputError if it says none."""
+    kind = target.suffix.lower()
     if kind == ".csv":
         make_folder(target.parent)
         write_motions(motions, target)
@@ -56,7 +83,6 @@ def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: b
     else:
         cause = f"files that end in {kind!r} are not written"
         raise InputError(str(target), None, cause, "Known are .csv, .mot, a folder for .mot files, .parquet and .osim")
-    return motions
 
 
 def write_one_mot(motions: Motions, target: Path, isb: bool) -> None:
