@@ -14,8 +14,8 @@ from motions.errors import InputError
 from motions.files import read_bytes, refuse_binary
 from motions.motion_csv.cells import NOT_MEASURED, to_number
 
-SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
-"""Between the cells of a line, the likeliest first: a comma may be a decimal one beside the others."""
+SEPARATORS = ("\t", ";", ",")
+"""Between the cells of a line; a comma may be a decimal one beside the others."""
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 """How a spreadsheet's `Unicode text` begins."""
@@ -60,9 +60,15 @@ def plain_lines(text: str) -> list[str]:
 
 
 def separator_of(line: str) -> str | None:
-    """Find what separates the cells of a line: what most of its characters among SEPARATORS are; None: blanks."""
+    """Find what separates the cells of a line, among SEPARATORS; None: blanks.
+
+    Commas do if there are more of them than cells between tabs or semicolons: they are no decimal ones then.
+    """
     outside = re.sub(r'"[^"]*"', "", line)
     count = {separator: outside.count(separator) for separator in SEPARATORS}
+    surest = max("\t;", key=lambda separator: count[separator])
+    if count[surest] and count[","] <= count[surest] + 1:
+        return surest
     return max(count, key=lambda separator: count[separator]) if any(count.values()) else None
 
 

@@ -96,8 +96,9 @@ def _check_there(markers: Markers, mapping: Mapping) -> None:
         name = mapping.marker(landmark)
         return _resolved(markers, mapping, name, landmark) is not None or is_formula(name)
 
-    needed = (*NEEDED, "AC") if not is_there("AA") else NEEDED
-    absent = [landmark for landmark in needed if not is_there(landmark)]
+    absent = [landmark for landmark in (*NEEDED, "AC") if not is_there(landmark)]
+    if absent[-1:] == ["AC"] and is_there("AA"):
+        absent.pop()
     if len(absent) > 1:
         cause = f"there are no markers for landmarks {', '.join(absent)}"
         first = nearest(absent[0], markers.names) or "the name of your marker"

@@ -545,7 +545,7 @@ def test_angles_of_the_ac_joint_are_asked_about(tmp_path):
     as_said = read_any(path, Mapping(columns=columns, scapula_relative_to="thorax"), LABELS)
     np.testing.assert_allclose(as_said.angles_deg[:, 3:], joint, rtol=0.0, atol=EXACT)
     (tmp_path / "map.toml").write_text('scapula_relative_to = "floor"')
-    with pytest.raises(InputError, match="scapula_relative_to is 'floor'.*thorax, clavicle"):
+    with pytest.raises(InputError, match=r"scapula_relative_to is 'floor'.*thorax, clavicle"):
         read_mapping(tmp_path / "map.toml")
 
 
