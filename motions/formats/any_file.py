@@ -9,7 +9,7 @@ import numpy as np
 
 from motions.clusters.calibration import Calibration, calibrate
 from motions.clusters.carried import carry
-from motions.clusters.columns import with_cluster, with_placed_gh
+from motions.clusters.carried_columns import with_cluster, with_placed_gh
 from motions.errors import InputError, warn_input
 from motions.formats.angle_table import motions_from_table
 from motions.formats.marker_files.any_markers import read_markers

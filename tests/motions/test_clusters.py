@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from motions import InputError, read_trial
 from motions.clusters.calibration import calibrate
-from motions.clusters.columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
+from motions.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.clusters.rigid_fit import Pose, fit_rigid, part_of_the_way
 from motions.errors import InputWarning
 from motions.formats.any_file import read_any, read_calibration
