@@ -1,3 +1,5 @@
+# pyright: reportGeneralTypeIssues=false
+# (pandas says "Series | scalar" of nearly every result)
 """Clusters: landmarks palpated in static trials come back exactly where skin does not move, or moves as calibrated."""
 
 import numpy as np
@@ -35,10 +37,10 @@ LABELS = Labels("P01", "abduction")
 PALPATED = ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL")
 
 
-def with_clusters(elevation_deg, lag_deg=None, lag_mm=None, side="right", which=CLUSTERS):
+def with_clusters(elevation_deg, lag=False, side="right", which=CLUSTERS):
     """The landmarks of a simulated trial in a laboratory, and the markers of its clusters.
 
-    lag_deg, lag_mm: by how much the skin of the acromion turns about an axis off the bone, and is shifted along it.
+    lag: the skin of the acromion turns about an axis off the bone by a tenth of the elevation, and moves along it.
     """
     trial = simulated_trial(elevation_deg)
     bone = {"thorax": np.repeat(np.eye(3)[..., None], len(elevation_deg), axis=2)}
@@ -46,17 +48,14 @@ def with_clusters(elevation_deg, lag_deg=None, lag_mm=None, side="right", which=
     bone["humerus"] = humerus_frame(*(trial.thorax_mm[name] for name in ("GH", "EM", "EL")))
     origin = {"thorax": trial.thorax_mm["IJ"], "scapula": trial.thorax_mm["AC"], "humerus": trial.thorax_mm["GH"]}
     axis, centre = np.array([0.6, -0.48, 0.64]), np.array([-30.0, -20.0, 8.0])
-    turn = Rotation.from_rotvec(
-        np.deg2rad(np.zeros(len(elevation_deg)) if lag_deg is None else lag_deg)[:, None] * axis
-    )
+    lag_deg, lag_mm = (share * lag * elevation_deg for share in (0.1, 0.075))
+    turn = Rotation.from_rotvec(np.deg2rad(lag_deg)[:, None] * axis)
     markers = {}
     for segment, names in which.items():
         for name, place in zip(names, SHAPES_MM[segment], strict=True):
             own = np.repeat(place[:, None], len(elevation_deg), axis=1)
             if segment == "scapula":
-                own = (
-                    centre[:, None] + turn.apply(place - centre).T + axis[:, None] * (0.0 if lag_mm is None else lag_mm)
-                )
+                own = centre[:, None] + turn.apply(place - centre).T + axis[:, None] * lag_mm
             markers[name] = origin[segment] + np.einsum("ijn,jn->in", bone[segment], own)
     everything = trial.thorax_mm | markers
     if side == "left":
@@ -110,12 +109,9 @@ def test_double_calibration_takes_a_lag_that_is_linear_in_elevation_away(tmp_pat
     names = [*markers_of(which), *(() if elbow == "cluster" else ("EM", "EL"))]
     mapping = Mapping(clusters=which)
 
-    def lag(at):
-        return {"lag_deg": 0.1 * np.asarray(at), "lag_mm": 0.075 * np.asarray(at)}
-
-    trial, lab = with_clusters(ELEVATIONS, **lag(ELEVATIONS))
+    trial, lab = with_clusters(ELEVATIONS, lag=True)
     moving = written(tmp_path, "moving.trc", lab, names)
-    statics = [static(tmp_path, at, **lag(np.full(3, at))) for at in (RAISED, REST, 60.0)]
+    statics = [static(tmp_path, at, lag=True) for at in (RAISED, REST, 60.0)]
     both = read_any(moving, mapping, LABELS, read_calibration(statics[:2], mapping, LABELS))
     assert worst(both, trial) < EXACT
     assert set(both.extra[SCAPULA_FROM]) == {"cluster, calibrated at 12, 118 degrees"}

@@ -27,7 +27,7 @@ def is_folder_of_trials(path: Path) -> bool:
 
 def first_file(source: Path) -> Path:
     """Return a file itself, or the first of a folder. InputError if there is none in it."""
-    return _files([source], source, ())[0][0]
+    return _files([source], None, ())[0][0]
 
 
 def read_several(
@@ -65,7 +65,7 @@ def calibration_for(trial: Path, statics: Sequence[Path], mapping: Mapping, labe
     return read_calibration(own, mapping, labels)
 
 
-def _files(sources: Sequence[Path], target: Path, statics: Sequence[Path]) -> list[tuple[Path, str]]:
+def _files(sources: Sequence[Path], target: Path | None, statics: Sequence[Path]) -> list[tuple[Path, str]]:
     """Every file, and the folder of the person that it lies in; empty where all lie in one."""
     found: list[tuple[Path, str]] = []
     named = [path for path in sources if not is_folder_of_trials(path)]
@@ -78,12 +78,12 @@ def _files(sources: Sequence[Path], target: Path, statics: Sequence[Path]) -> li
         for path in own:
             inside = path.relative_to(source).parts
             found.append((path, inside[0] if len(inside) > 1 else ""))
-    apart = {target.resolve(), *(path.resolve() for path in statics)}
+    apart = {path.resolve() for path in (target, *statics) if path is not None}
     names = {path.name for path in statics if not path.exists()}
     found = [(path, folder) for path, folder in found if path.resolve() not in apart and path.name not in names]
     if not found:
         cause = f"there are no files that end in {', '.join(ENDINGS)}"
-        raise InputError(str(sources[0]), None, cause, "Name a folder of trials, or files")
+        raise InputError(str(sources[0]), None, cause, "Name a folder of trials, a Spartacus checkout, or files")
     return found
 
 

@@ -36,8 +36,9 @@ def _of_markers(markers: Markers, mapping: Mapping) -> tuple[int, str]:
     found = {landmark: _short(markers, name) for landmark, name in names_of_landmarks(markers, mapping).items()}
     said = f"the file says {printable(markers.unit)}" if markers.unit else "the file does not say it: mm, cm or m"
     unit = f"unit = {toml_text(mapping.unit)}" if mapping.unit else f'# unit = "mm"  # {said}'
-    lines = [unit, "", "[markers]", *(_line(name, found.get(name, ""), markers.names) for name in MARKERS)]
-    others = [name for name in dict.fromkeys(markers.names) if _short(markers, name) not in found.values()]
+    names = dict.fromkeys(_short(markers, name) for name in markers.names)
+    others = [name for name in names if name not in found.values()]
+    lines = [unit, "", "[markers]", *(_line(name, found.get(name, ""), others) for name in MARKERS)]
     lines += _others("markers", others)
     clusters = ["", "# Markers that carry landmarks of static trials (--static):", "# [clusters]"]
     return len(found), "\n".join([*lines, *clusters, '# scapula = ["AMC1", "AMC2", "AMC3"]', ""])
@@ -48,8 +49,8 @@ def _of_angles(source: Path, mapping: Mapping) -> tuple[int, str]:
     isb = any(mapping.column(name) in columns for name in ISB_ANGLES)
     wanted = (ELEVATION, *(ISB_ANGLES if isb else ANGLES))
     found = {name: mapping.column(name) for name in wanted if mapping.column(name) in columns}
-    lines = ["[columns]", *(_line(name, found.get(name, ""), columns) for name in wanted)]
     others = [name for name in columns if name not in found.values()]
+    lines = ["[columns]", *(_line(name, found.get(name, ""), others) for name in wanted)]
     return len(found), "\n".join([*lines, *_others("columns", others), ""])
 
 
@@ -64,11 +65,11 @@ def _short(markers: Markers, name: str) -> str:
     return short if len(ends) == 1 else name
 
 
-def _line(name: str, found: str, names: tuple[str, ...]) -> str:
-    """A line of the mapping; a comment, with the nearest name, where nothing was found."""
+def _line(name: str, found: str, others: list[str]) -> str:
+    """A line of the mapping; a comment, with the nearest of the other names, where nothing was found."""
     if found:
         return f"{name} = {toml_text(found)}"
-    return f"# {name} = {_quoted(nearest(name, names))}"
+    return f"# {name} = {_quoted(nearest(name, others))}"
 
 
 def _quoted(name: str) -> str:
