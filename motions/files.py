@@ -28,12 +28,13 @@ def read_text(path: Path, remedy: str) -> str:
     return text
 
 
-def read_bytes(path: Path) -> bytes:
-    """Read the content of a file. InputError if it cannot be read."""
+def read_bytes(path: Path, most: int = -1) -> bytes:
+    """Read the content of a file, or its first bytes. InputError if it cannot be read."""
     if path.is_dir():
         raise InputError(str(path), None, "this is a folder, not a file", "Name the files in it")
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(most)
     except OSError as error:
         raise unreadable(path, error) from error
 

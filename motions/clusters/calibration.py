@@ -30,6 +30,9 @@ SAME_POSTURE_DEG = 10.0
 """Static trials with the arm within this much of the lowest of them are one posture: over it, the skin of the acromion
 moves by less than a palpated landmark scatters."""
 
+_MOST_FRAMES = (0.05, 0.95)
+"""Quantiles between which a static trial holds still: a marker that jumps does not count."""
+
 Positions = Dictionary[str, Float[np.ndarray, "3 frames"]]
 
 
@@ -184,7 +187,7 @@ def _means(found: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def _elevation_of_static(one: _Static, clusters: dict[str, Cluster], bodies: dict[str, Body]) -> float:
-    """The median elevation of the arm in a static trial; NaN where it is not known."""
+    """The median elevation of the arm in a static trial; NaN where it is not known. InputError if the arm moves."""
     positions = dict(one.landmarks_mm)
     for segment, cluster in clusters.items():
         seen = one.seen(cluster.names)
@@ -193,7 +196,13 @@ def _elevation_of_static(one: _Static, clusters: dict[str, Cluster], bodies: dic
             positions = {name: pose.carry(place) for name, place in bodies[segment].landmarks_mm.items()} | positions
     elevation = elevation_deg(positions)
     known = np.array([]) if elevation is None else elevation[np.isfinite(elevation)]
-    return float(np.median(known)) if len(known) else np.nan
+    if not len(known):
+        return np.nan
+    moves_deg = float(np.ptp(np.quantile(known, _MOST_FRAMES)))
+    if moves_deg > SAME_POSTURE_DEG:
+        cause = f"the arm moves by {moves_deg:.0f} degrees in this static trial"
+        raise InputError(one.file, None, cause, "Give each posture a file of its own")
+    return float(np.median(known))
 
 
 def _over_elevation(

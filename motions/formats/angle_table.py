@@ -1,6 +1,7 @@
 """Postures as a table of angles for .mot and .sto, and back."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -54,7 +55,8 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     columns = {name: missing if column is None else column for name, column in found.items()}
     angles_deg = np.stack([columns[name] for name in names], axis=1)
     _check_there(table, mapping, found, angles_deg)
-    _check_unit(table, {mapping.column(name): column for name, column in columns.items()})
+    wide = [names[0], *([] if mapping.scapula_relative_to == "clavicle" else [names[3]])]
+    _check_unit(table, {mapping.column(name): columns[name] for name in found}, [mapping.column(name) for name in wide])
     if isb:
         angles_deg = thesis_from_isb(angles_deg)
     if mapping.scapula_relative_to == "clavicle":
@@ -145,16 +147,23 @@ def _listed(table: AngleTable) -> str:
     return listed(list(table.columns), _MOST_NAMED)
 
 
-def _check_unit(table: AngleTable, columns: dict[str, np.ndarray]) -> None:
-    """InputError where the values, degrees by the header, show that they are in the other unit."""
+def _check_unit(table: AngleTable, columns: dict[str, np.ndarray], wide: Sequence[str]) -> None:
+    """InputError where the values, degrees by the header, show that they are in the other unit.
+
+    wide: columns that go beyond 30 degrees in every published motion (``motions.motion_csv.unit_and_side``).
+    """
     largest = {name: float(np.nanmax(np.abs(column), initial=0.0)) for name, column in columns.items()}
-    name = max(largest, key=lambda name: largest[name])
-    if table.header.get("indegrees", "").lower() == "no" and largest[name] > LARGEST_ANGLE_DEG:
-        cause = f"the header says radians (inDegrees=no), but {name} goes to {np.deg2rad(largest[name]):.4g}: degrees"
+    most = max(largest, key=lambda name: largest[name])
+    said = table.header.get("indegrees", "").lower()
+    if said == "no" and largest[most] > LARGEST_ANGLE_DEG:
+        cause = f"the header says radians (inDegrees=no), but {most} goes to {np.deg2rad(largest[most]):.4g}: degrees"
         raise InputError(table.file, table.unit_line, cause, "Write inDegrees=yes")
-    if table.header.get("indegrees", "").lower() == "yes" and table.count >= LEAST_VALUES and largest[name] <= np.pi:
-        cause = f"the header says degrees (inDegrees=yes), but no angle exceeds {largest[name]:.3g}: radians"
-        raise InputError(table.file, table.unit_line, cause, "Write inDegrees=no")
+    small = [name for name in wide if np.isfinite(columns[name]).sum() >= LEAST_VALUES and largest[name] <= np.pi]
+    if said == "yes" and small:
+        cause = (
+            f"the header says degrees (inDegrees=yes), but {small[0]} never exceeds {largest[small[0]]:.3g}: radians"
+        )
+        raise InputError(table.file, table.unit_line, cause, "Write inDegrees=no if all angles are in radians")
 
 
 def _relative_to_thorax(angles_deg: Float[np.ndarray, "postures 6"]) -> Float[np.ndarray, "postures 6"]:

@@ -10,9 +10,10 @@ import numpy as np
 from motions.clusters.calibration import Calibration, calibrate
 from motions.clusters.carried import carry
 from motions.clusters.carried_columns import with_cluster, with_placed_gh
-from motions.errors import InputError, warn_input
+from motions.errors import InputError, listed, warn_input
 from motions.formats.angle_table import motions_from_table
 from motions.formats.marker_files.any_markers import read_markers
+from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
 from motions.landmarks.at_rest import warn_of_subjects
@@ -23,6 +24,9 @@ from motions.landmarks.stand_ins import place_gh
 from motions.motion_csv.cells import SIDES, Side
 from motions.motion_csv.reading import read_motions
 from motions.table import Motions
+
+_MOST_NAMED = 20
+"""Columns in a message."""
 
 _OF_ANGLES = (".mot", ".sto")
 
@@ -78,12 +82,22 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
     if kind in _OF_ANGLES:
         return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), labels, path), path)
     if kind == ".csv":
+        _check_columns(path)
         _check_unused(labels, path, "subjects, motions and postures")
         return _checked(read_motions(path), path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(
         str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv, .tsv, .txt and a Spartacus checkout"
     )
+
+
+def _check_columns(path: Path) -> None:
+    """InputError if the header has nothing of a motion file: it is then none that lacks some columns."""
+    columns = read_head(path).columns()
+    if columns and not any(word in column.lower() for column in columns for word in ("clavicle", "scapula", "subject")):
+        cause = f"the header has neither angles nor positions of markers, but {listed(columns, _MOST_NAMED)}"
+        remedy = "Call columns IJ_x_mm, IJ_y_mm, ..., or give the export of Vicon, Motive or Qualisys, .c3d or .trc"
+        raise InputError(str(path), 1, cause, remedy)
 
 
 def _check_unused(labels: Labels, path: Path, own: str) -> None:

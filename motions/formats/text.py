@@ -55,8 +55,11 @@ _UNDEFINED = {0x81, 0x8D, 0x8F, 0x90, 0x9D}
 
 
 def plain_lines(text: str) -> list[str]:
-    """Split a text where it has line ends, and not at other signs that ``str.splitlines`` takes for some."""
-    return re.split(r"\r\n|\r|\n", text)
+    """Split a text at its line ends, and not at other signs that ``str.splitlines`` takes for some.
+
+    Files that went through two systems have two carriage returns before a line feed.
+    """
+    return re.split(r"\r*\n|\r", text)
 
 
 def separator_of(line: str) -> str | None:
@@ -74,7 +77,7 @@ def separator_of(line: str) -> str | None:
 
 def split_lines(text: str, separator: str, file: str) -> list[Line]:
     """Split every line into cells, blank lines included. InputError where quotation marks are not closed."""
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    reader = csv.reader(io.StringIO(text.replace("\r\r\n", "\n"), newline=""), delimiter=separator, strict=True)
     lines: list[Line] = []
     while True:
         start = reader.line_num + 1

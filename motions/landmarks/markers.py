@@ -141,9 +141,11 @@ def _resolved(markers: Markers, mapping: Mapping, name: str, landmark: str) -> s
     """The file's name of a marker, None where there is none. InputError if several may be meant."""
     if name in markers.names:
         return name
-    prefix = _common_prefix(markers.names, tuple(mapping.marker(needed).casefold() for needed in NEEDED))
-    for means in (lambda own: own, lambda own: own.rpartition(":")[2], lambda own: own.removeprefix(prefix)):
-        found = [own for own in dict.fromkeys(markers.names) if means(own.casefold()) == name.casefold()]
+    together = (tuple(mapping.marker(needed) for needed in NEEDED), *mapping.clusters.values())
+    prefixes = {_common_prefix(markers.names, names) for names in together}
+    wanted = name.casefold()
+    for spellings in ({wanted}, {f":{wanted}"}, {prefix + wanted for prefix in prefixes}):
+        found = [own for own in dict.fromkeys(markers.names) if _is_spelled(own.casefold(), spellings)]
         if len(found) > 1:
             cause = f"markers {' and '.join(map(repr, found))} may both be {landmark}"
             raise InputError(markers.file, None, cause, f"Say in a mapping file (--map) which is {landmark}")
@@ -152,11 +154,16 @@ def _resolved(markers: Markers, mapping: Mapping, name: str, landmark: str) -> s
     return None
 
 
+def _is_spelled(own: str, spellings: set[str]) -> bool:
+    """Tell whether a name is one of these; one that begins with a colon may have anything before it."""
+    return own in spellings or f":{own.rpartition(':')[2]}" in spellings
+
+
 @lru_cache
-def _common_prefix(names: tuple[str, ...], needed: tuple[str, ...]) -> str:
-    """What stands before all needed names and ends in a sign, without case: that of a person in files of QTM. Empty if
-    there is none, or more than one."""
-    folded = {name.casefold() for name in names}
+def _common_prefix(names: tuple[str, ...], together: tuple[str, ...]) -> str:
+    """What stands before all names that belong together and ends in a sign, without case: that of a person in files of
+    QTM. Empty if there is none, or more than one."""
+    folded, needed = {name.casefold() for name in names}, [name.casefold() for name in together]
     before = {name.removesuffix(needed[0]) for name in folded if name.endswith(needed[0])}
     found = [one for one in before if one and not one[-1].isalnum() and all(one + name in folded for name in needed)]
     return found[0] if len(found) == 1 else ""

@@ -183,11 +183,21 @@ def test_how_columns_of_landmarks_may_be_called(trial, lab, tmp_path, column):
     assert_same(written(tmp_path, text(landmarks(lab, column))), trial)
 
 
-@pytest.mark.parametrize("column", ["{name}_{axis}", "{name} {AXIS}", "{name}.{axis}"])
+@pytest.mark.parametrize("column", ["{name}_{axis}", "{name} {AXIS}", "{name}.{axis}", "{name}{AXIS}"])
 def test_columns_without_a_unit_ask_for_it(trial, lab, tmp_path, column):
     path = written(tmp_path, text(landmarks(lab, column), ";", ","))
     refused(path, "does not say in which unit", 'unit = "mm"')
     assert_same(path, trial, Mapping(unit="mm"))
+
+
+def test_a_line_of_units_under_the_header(trial, lab, tmp_path):
+    header, *rows = landmarks({name: xyz / 1000.0 for name, xyz in lab.items()}, "{name}_{AXIS}")
+    assert_same(written(tmp_path, text([header, ["[m]"] * len(header), *rows], "\t")), trial)
+
+
+def test_a_csv_of_something_else_is_named(tmp_path):
+    path = written(tmp_path, "X_IJ,Y_IJ,Z_IJ\n1,2,3\n")
+    refused(path, "neither angles nor positions of markers, but X_IJ, Y_IJ, Z_IJ", "IJ_x_mm")
 
 
 def test_what_is_wrong_with_a_table_of_landmarks(lab, tmp_path):
@@ -228,6 +238,11 @@ def test_a_trc_with_other_separators(trial, lab, tmp_path, separator):
     lines = [line.replace("\t\t\t", "\t").rstrip("\t") if separator.isspace() else line for line in trc_lines(lab)]
     content = "\n".join(line.replace("\t", separator) for line in lines) + "\n"
     assert_same(written(tmp_path, content, "trial.trc"), trial)
+
+
+def test_two_carriage_returns_before_each_line_feed(trial, lab, tmp_path):
+    assert_same(written(tmp_path, "\r\r\n".join(trc_lines(lab)) + "\r\r\n", "trial.trc"), trial)
+    assert_same(written(tmp_path, text(vicon(lab)).replace("\n", "\r\r\n")), trial)
 
 
 @pytest.mark.parametrize("separator", ["\t", ";", " "])

@@ -182,6 +182,29 @@ def test_what_a_calibration_lacks_is_said(tmp_path):
         read_any(other, only, LABELS, read_calibration([whole], only, LABELS))
 
 
+def test_a_static_trial_in_which_the_arm_moves(tmp_path):
+    """As one file of several palpated postures: they are not averaged."""
+    _, lab = with_clusters(np.linspace(10.0, 90.0, 5))
+    path = written(tmp_path, "all.trc", lab, [*PALPATED, *markers_of()])
+    with pytest.raises(
+        InputError, match=r"the arm moves by 72 degrees in this static trial\. Give each posture a file"
+    ):
+        read_calibration([path], MAPPING, LABELS)
+
+
+def test_a_persons_prefix_before_the_markers_of_a_cluster(tmp_path):
+    """As QTM writes it, in a trial without landmarks."""
+    trial, lab = with_clusters(ELEVATIONS)
+    moving = written(
+        tmp_path,
+        "moving.trc",
+        {f"P01_{name}": xyz for name, xyz in lab.items()},
+        [f"P01_{name}" for name in markers_of()],
+    )
+    motions = read_any(moving, MAPPING, LABELS, read_calibration([static(tmp_path, REST)], MAPPING, LABELS))
+    assert worst(motions, trial) < EXACT
+
+
 def test_far_beyond_the_static_postures_is_warned_of(tmp_path):
     _, lab = with_clusters(ELEVATIONS)
     moving = written(tmp_path, "moving.trc", lab, markers_of())

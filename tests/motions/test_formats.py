@@ -508,7 +508,7 @@ def test_the_unit_of_angles_is_checked_by_their_values(tmp_path):
     _, path = angles_as(tmp_path, names, "no")
     assert refused(path, r"says radians \(inDegrees=no\), but humerus_elevation goes to 125", "inDegrees=yes").row == 2
     trial, path = angles_as(tmp_path, names, "yes", np.pi / 180.0)
-    assert refused(path, r"says degrees \(inDegrees=yes\), but no angle exceeds 2.18", "inDegrees=no").row == 2
+    assert refused(path, r"says degrees \(inDegrees=yes\), but clavicle_y never exceeds 1.04", "inDegrees=no").row == 2
     _, path = angles_as(tmp_path, names, "no", np.pi / 180.0)
     np.testing.assert_allclose(read_any(path, Mapping(), LABELS).angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
 

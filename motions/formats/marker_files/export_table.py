@@ -58,7 +58,7 @@ class Block(NamedTuple):
 
 def read_head(path: Path) -> ExportTable:
     """Read the first lines of a text file, to tell which kind of table it is. InputError if it cannot be read."""
-    lines = plain_lines(decoded(read_bytes(path)[:_HEAD_BYTES]))[:_HEAD_LINES]
+    lines = plain_lines(decoded(read_bytes(path, _HEAD_BYTES)))[:_HEAD_LINES]
     separator = _separator(lines)
     return ExportTable(str(path), [Line(k, _cells(line, separator)) for k, line in enumerate(lines, 1)])
 

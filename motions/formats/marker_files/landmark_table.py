@@ -1,7 +1,7 @@
 """Positions of landmarks under one header: columns IJ_x_mm, IJ_y_mm, ... or the like, one row a posture or frame.
 
 The separator may be a comma, a semicolon or a tab. A column is a marker, x, y or z in either case, and the unit where
-the file says it: ``IJ_x_mm``, ``IJ_X_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ_x``.
+the file says it: ``IJ_x_mm``, ``IJ_X_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ_x``, ``IJX``. A line of units may follow.
 """
 
 import re
@@ -11,6 +11,8 @@ from pathlib import Path
 
 from motions.errors import InputError
 from motions.formats.marker_files.export_table import Block, ExportTable, markers_of, read_export_table
+from motions.formats.text import Line
+from motions.landmarks.mapping import MARKERS, UNIT_WORDS, UNITS_MM
 from motions.landmarks.markers import Markers
 
 ROW_COLUMNS = ("subject", "motion", "posture", "side")
@@ -20,6 +22,9 @@ _COORDINATE = re.compile(
     r"(?P<name>.*[^\s_.:-])[\s_.:-]+(?P<axis>[xyz])(?:[\s_.]*[\[(]?(?P<unit>mm|cm|m|millimet(?:er|re)s?|met(?:er|re)s?)[\])]?)?",
     re.IGNORECASE,
 )
+_TOGETHER = re.compile(rf"(?P<name>{'|'.join(MARKERS)})(?P<axis>[xyz])(?P<unit>)", re.IGNORECASE)
+"""A landmark called as here, with nothing between it and the axis."""
+
 _BONES = ("clavicle", "scapula", "humerus")
 """Their x, y and z are angles (``clavicle_y``), whatever unit is left out."""
 
@@ -43,12 +48,14 @@ def read_landmark_table(path: Path) -> Markers:
     names = dict.fromkeys(match["name"] for match in found.values())
     blocks = [_block(table, header.number, header.cells, name, found) for name in names]
     data = [line for line in table.lines[place + 1 :] if any(line.cells)]
+    if unit is None and data and (unit := _unit_below(data[0], blocks)):
+        data = data[1:]
     markers = markers_of(table, blocks, data, len(header.cells), unit, None)
     return replace(markers, rows=_rows(header.cells, [line.cells for line in data]))
 
 
 def _coordinate(column: str) -> re.Match[str] | None:
-    match = _COORDINATE.fullmatch(column)
+    match = _COORDINATE.fullmatch(column) or _TOGETHER.fullmatch(column)
     return None if match is None or match["name"].casefold() in _BONES else match
 
 
@@ -67,6 +74,13 @@ def _unit(file: str, line: int, found: Iterable[re.Match[str]]) -> str | None:
             file, line, cause, "Name the columns MARKER_x_mm, MARKER_y_mm and MARKER_z_mm, all in one unit"
         )
     return units[0] or None
+
+
+def _unit_below(line: Line, blocks: list[Block]) -> str | None:
+    """The unit in the line under the header, where it is one of units; None where it is one of numbers."""
+    words = {line.cells[k].strip("[]()").lower() for block in blocks for k in block.columns if k < len(line.cells)}
+    (word,) = words if len(words) == 1 else ("",)
+    return word if word in (*UNITS_MM, *UNIT_WORDS) else None
 
 
 def _block(table: ExportTable, line: int, columns: list[str], name: str, found: dict[str, re.Match[str]]) -> Block:
