@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from motions.clusters.calibration import Calibration, calibrate
-from motions.clusters.carried import carry
-from motions.clusters.carried_columns import with_cluster, with_placed_gh
 from motions.errors import InputError, listed, warn_input
 from motions.formats.angle_table import motions_from_table
 from motions.formats.marker_files.any_markers import read_markers
@@ -17,6 +14,9 @@ from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
 from motions.landmarks.at_rest import warn_of_subjects
+from motions.landmarks.clusters.calibration import Calibration, calibrate
+from motions.landmarks.clusters.carried import carry
+from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks

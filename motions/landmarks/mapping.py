@@ -57,7 +57,7 @@ class Mapping:
     columns: dict[str, str] = field(default_factory=dict)
     """The laboratory's name of an angle."""
     clusters: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """Markers of the clusters on CLUSTERS (``motions.clusters``)."""
+    """Markers of the clusters on CLUSTERS (``motions.landmarks.clusters``)."""
     scapula_relative_to: str = ""
     """Which of BONES_BELOW the angles of the scapula in a .mot or .sto file are relative to; empty: not said."""
 

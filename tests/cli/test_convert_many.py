@@ -7,9 +7,9 @@ from command import girdle, refused
 from laboratory import in_laboratory, simulated_trial, trc_lines
 
 from motions import read_motions
-from motions.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM
 from motions.formats.angle_table import table_from_motions
 from motions.formats.mot import write_mot
+from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM
 
 ELEVATIONS = np.linspace(5.0, 125.0, 9)
 PLACE_MM = np.array([300.0, -500.0, 1200.0])

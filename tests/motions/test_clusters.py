@@ -8,12 +8,12 @@ from laboratory import in_laboratory, simulated_trial, trc_lines
 from scipy.spatial.transform import Rotation
 
 from motions import InputError, read_trial
-from motions.clusters.calibration import calibrate
-from motions.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
-from motions.clusters.rigid_fit import Pose, fit_rigid, part_of_the_way
 from motions.errors import InputWarning
 from motions.formats.any_file import read_any, read_calibration
 from motions.formats.marker_files.trc import read_trc
+from motions.landmarks.clusters.calibration import calibrate
+from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
+from motions.landmarks.clusters.rigid_fit import Pose, fit_rigid, part_of_the_way
 from motions.landmarks.frames import humerus_frame, scapula_frame
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.sampled_postures import Labels

@@ -12,9 +12,9 @@ from adapt.cli.options import AaToAc, GhFromAc, Names, ScFromIj, Shoulder, conso
 from models import load_model
 from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settings
 from motions import InputError, Motions
-from motions.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.errors import named
 from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.landmarks.mapping import CLUSTERS, read_mapping
 from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, is_marked, marked_slips
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS

@@ -5,10 +5,10 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from motions.clusters.calibration import Calibration
 from motions.errors import InputError, listed
 from motions.formats.any_file import read_any, read_calibration
 from motions.formats.spartacus import is_spartacus
+from motions.landmarks.clusters.calibration import Calibration
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
 from motions.table import Motions

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.clusters.calibration import Calibration, carried_by, elevation_deg
-from motions.clusters.rigid_fit import Pose, fit_rigid
 from motions.errors import InputError, warn_input
+from motions.landmarks.clusters.calibration import Calibration, carried_by, elevation_deg
+from motions.landmarks.clusters.rigid_fit import Pose, fit_rigid
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.markers import NEEDED, Markers, check_neck, landmarks_there_mm, marker_mm, millimetres
 

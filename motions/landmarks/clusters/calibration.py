@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.clusters.rigid_fit import FEWEST, Pose, fit_rigid, mean_shape, part_of_the_way
 from motions.errors import InputError
+from motions.landmarks.clusters.rigid_fit import FEWEST, Pose, fit_rigid, mean_shape, part_of_the_way
 from motions.landmarks.frames import thorax_frame
 from motions.landmarks.mapping import THORAX, Mapping
 from motions.landmarks.markers import Markers, check_neck, landmarks_there_mm, marker_mm, millimetres

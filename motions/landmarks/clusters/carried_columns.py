@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from motions.clusters.calibration import Calibration
-from motions.clusters.carried import CarriedTrial
+from motions.landmarks.clusters.calibration import Calibration
+from motions.landmarks.clusters.carried import CarriedTrial
 from motions.landmarks.resampling import resample
 from motions.landmarks.stand_ins import GlenohumeralOffset
 from motions.table import Motions
