@@ -57,7 +57,7 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
             raise _absent(markers, mapping, landmark)
     if "AC" not in found and "AA" not in found:
         raise _absent(markers, mapping, "AC")
-    check_neck(markers.file, found, factor)
+    check_size(markers.file, found, factor)
     return found
 
 
@@ -239,7 +239,7 @@ def _listed(markers: Markers) -> str:
     return listed(markers.names, _MOST_NAMED)
 
 
-def check_neck(file: str, found: dict[str, Float[np.ndarray, "3 frames"]], factor: float) -> None:
+def check_size(file: str, found: dict[str, Float[np.ndarray, "3 frames"]], factor: float) -> None:
     """Raise InputError if there is no neck, or not that of a person. factor: the millimetres of the file's unit."""
     lengths = np.linalg.norm(found["IJ"] - found["C7"], axis=0)
     if np.isnan(lengths).all():

@@ -17,7 +17,7 @@ from motions.errors import InputError
 from motions.landmarks.clusters.rigid_fit import FEWEST, Pose, fit_rigid, mean_shape, part_of_the_way
 from motions.landmarks.frames import thorax_frame
 from motions.landmarks.mapping import THORAX, Mapping
-from motions.landmarks.markers import Markers, check_neck, landmarks_there_mm, marker_mm, millimetres
+from motions.landmarks.markers import Markers, check_size, landmarks_there_mm, marker_mm, millimetres
 from motions.landmarks.stand_ins import GlenohumeralOffset, place_gh
 from motions.motion_csv.cells import Side
 from motions.rotations import DEG
@@ -130,7 +130,7 @@ class _Static:
         if gh_from is not None:
             self.landmarks_mm = place_gh(self.landmarks_mm, gh_from, side)
         if {"IJ", "C7"} <= self.landmarks_mm.keys():
-            check_neck(markers.file, self.landmarks_mm, factor)
+            check_size(markers.file, self.landmarks_mm, factor)
         self.markers_mm = {
             name: place
             for names in mapping.clusters.values()

@@ -9,7 +9,7 @@ from motions.errors import InputError, warn_input
 from motions.landmarks.clusters.calibration import Calibration, carried_by, elevation_deg
 from motions.landmarks.clusters.rigid_fit import Pose, fit_rigid
 from motions.landmarks.mapping import Mapping
-from motions.landmarks.markers import NEEDED, Markers, check_neck, landmarks_there_mm, marker_mm, millimetres
+from motions.landmarks.markers import NEEDED, Markers, check_size, landmarks_there_mm, marker_mm, millimetres
 
 LARGEST_RESIDUAL_MM = 10.0
 """Of a rigid fit, root mean square: a plate keeps its shape to a millimetre, markers on skin to some. More is a swapped
@@ -56,7 +56,7 @@ def carry(markers: Markers, mapping: Mapping, calibration: Calibration) -> Carri
         cause = f"landmarks {', '.join(absent)} are neither in the trial nor carried by a cluster"
         remedy = "Palpate them in a static trial (--static), with a cluster under [clusters] that carries them"
         raise InputError(markers.file, None, cause, remedy)
-    check_neck(markers.file, lab_mm, factor)
+    check_size(markers.file, lab_mm, factor)
     known = elevation_deg(lab_mm)
     return CarriedTrial(lab_mm, residuals, elevation if known is None else known)
 
