@@ -75,6 +75,10 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         numbers = np.arange(1, len(elevation_deg) + 1)
         extra = {spread_column(angle): [f"{x:.4g}" for x in sampled.spread[:, k]] for k, angle in enumerate(ANGLES)}
         extra[FRAMES] = [str(count) for count in sampled.frames.tolist()]
+    measured = np.sum(np.isfinite(angles_deg), axis=1) >= FEWEST_ANGLES
+    if not measured.any():
+        cause = f"no posture has {FEWEST_ANGLES} angles; of columns there are {', '.join(_there(mapping, found))}"
+        raise InputError(table.file, None, cause, f"Name the others in a mapping file (--map); it has {_listed(table)}")
     _warn_of_bones(table, mapping, found)
     count = len(elevation_deg)
     marks = {
@@ -93,7 +97,7 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         landmarks_mm={},
         extra=pd.DataFrame(extra, index=pd.RangeIndex(count), dtype=str),
     )
-    return motions.select(np.sum(np.isfinite(angles_deg), axis=1) >= FEWEST_ANGLES)
+    return motions.select(measured)
 
 
 def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None:
@@ -141,6 +145,10 @@ def _warn_of_bones(table: AngleTable, mapping: Mapping, found: dict[str, np.ndar
     elif "scapula" in absent and any(_OF_OUR_OSIM.search(column) for column in table.columns):
         remedy += ". Coordinates of OpenSim's scapulothoracic joint are no angles of a bone: export those of the body"
     warn_input(InputError(table.file, None, f"there is no column of {wanted}, and its angles stay empty", remedy))
+
+
+def _there(mapping: Mapping, found: dict[str, np.ndarray | None]) -> list[str]:
+    return [mapping.column(name) for name, column in found.items() if column is not None]
 
 
 def _listed(table: AngleTable) -> str:

@@ -495,6 +495,12 @@ def test_isb_angles_are_through_aa_unless_the_file_says_ac(tmp_path):
     np.testing.assert_array_equal(through_ac.angles_deg[0, 3:], [30, 10, -5])
 
 
+def test_fewer_than_three_angles_in_every_row(tmp_path):
+    """Found by fuzzing."""
+    path = mot(tmp_path, ["name", "inDegrees=yes", "endheader", "time clavicle_y clavicle_z other", "0 -30 10 5"])
+    refused(path, "no posture has 3 angles; of columns there are clavicle_y, clavicle_z", "it has time, clavicle_y")
+
+
 def angles_as(folder, names, unit="yes", factor=1.0, name="trial.sto"):
     """Nine postures of the trial as a file of OpenSim, its columns under other names."""
     trial = simulated_trial(ELEVATIONS)
