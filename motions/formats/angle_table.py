@@ -1,7 +1,6 @@
 """Postures as a table of angles for .mot and .sto, and back."""
 
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +36,9 @@ _OF_JOINT = re.compile(r"(.*/)?(ac|acromioclavicular)_?(joint_?)?[xyz]{1,2}(/val
 
 _OF_OUR_OSIM = re.compile(r"scapula_(abduction|elevation|upward_rot|winging)\b")
 
+_WIDE = ("clavicle_y", ISB_ANGLES[0], "scapula_y", ISB_ANGLES[3])
+"""Protraction, by both names."""
+
 _SAY_RELATIVE = 'write scapula_relative_to = "clavicle", or "thorax", above [columns] in a mapping file (--map)'
 
 
@@ -50,13 +52,9 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     """
     isb = any(_column(table, mapping, name) is not None for name in ISB_ANGLES)
     names = ISB_ANGLES if isb else ANGLES
-    missing = np.full(table.count, np.nan)
     found = {name: _column(table, mapping, name) for name in (*names, ELEVATION)}
-    columns = {name: missing if column is None else column for name, column in found.items()}
-    angles_deg = np.stack([columns[name] for name in names], axis=1)
-    _check_there(table, mapping, found, angles_deg)
-    wide = [names[0], *([] if mapping.scapula_relative_to == "clavicle" else [names[3]])]
-    _check_unit(table, {mapping.column(name): columns[name] for name in found}, [mapping.column(name) for name in wide])
+    *angles, elevation_deg = _measured(table, mapping, found)
+    angles_deg = np.stack(angles, axis=1)
     if isb:
         angles_deg = thesis_from_isb(angles_deg)
     if mapping.scapula_relative_to == "clavicle":
@@ -66,7 +64,6 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     through = table.header.get(SCAPULA_THROUGH) or ("AA" if isb else "AC")
     if through != "AC":
         angles_deg = _brought_to_ac(table, angles_deg, labels)
-    elevation_deg = columns[ELEVATION]
     numbers, extra = _numbers(table), {}
     if labels.at_deg:
         whose = mapping.column(ELEVATION)
@@ -114,13 +111,21 @@ def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None
     return table.columns[matches[0]] if matches else None
 
 
-def _check_there(
-    table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None], angles_deg: np.ndarray
-) -> None:
+def _measured(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> list[np.ndarray]:
+    """The angles and the elevation, NaN where there is no column. InputError if they cannot be what is wanted."""
+    missing = np.full(table.count, np.nan)
+    columns = {name: missing if column is None else column for name, column in found.items()}
+    _check_there(table, mapping, found)
+    _check_unit(table, mapping, columns)
+    return list(columns.values())
+
+
+def _check_there(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> None:
     """InputError if no bone has a column, or if those of the scapula may be of a joint."""
     names = [mapping.column(name) for name in found if name != ELEVATION]
     of_joint = [column for column in table.columns if _OF_JOINT.match(column)]
-    if np.isnan(angles_deg).all():
+    angles = [column for name, column in found.items() if name != ELEVATION and column is not None]
+    if np.isnan(angles).all():
         remedy = f"Name them in a mapping file (--map), under [columns]; the file has {_listed(table)}"
         if of_joint:
             remedy += f". {of_joint[0]} looks like the AC joint's, relative to the clavicle: {_SAY_RELATIVE}"
@@ -155,22 +160,24 @@ def _listed(table: AngleTable) -> str:
     return listed(list(table.columns), _MOST_NAMED)
 
 
-def _check_unit(table: AngleTable, columns: dict[str, np.ndarray], wide: Sequence[str]) -> None:
+def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarray]) -> None:
     """InputError where the values, degrees by the header, show that they are in the other unit.
 
-    wide: columns that go beyond 30 degrees in every published motion (``motions.motion_csv.unit_and_side``).
+    Protraction of clavicle and scapula goes beyond 30 degrees in every published motion
+    (``motions.motion_csv.unit_and_side``), that of the scapula relative to the clavicle need not.
     """
     largest = {name: float(np.nanmax(np.abs(column), initial=0.0)) for name, column in columns.items()}
     most = max(largest, key=lambda name: largest[name])
     said = table.header.get("indegrees", "").lower()
     if said == "no" and largest[most] > LARGEST_ANGLE_DEG:
-        cause = f"the header says radians (inDegrees=no), but {most} goes to {np.deg2rad(largest[most]):.4g}: degrees"
+        goes = f"{mapping.column(most)} goes to {np.deg2rad(largest[most]):.4g}"
+        cause = f"the header says radians (inDegrees=no), but {goes}: degrees"
         raise InputError(table.file, table.unit_line, cause, "Write inDegrees=yes")
+    wide = [name for name in columns if name in _WIDE[: 2 if mapping.scapula_relative_to == "clavicle" else 4]]
     small = [name for name in wide if np.isfinite(columns[name]).sum() >= LEAST_VALUES and largest[name] <= np.pi]
     if said == "yes" and small:
-        cause = (
-            f"the header says degrees (inDegrees=yes), but {small[0]} never exceeds {largest[small[0]]:.3g}: radians"
-        )
+        never = f"{mapping.column(small[0])} never exceeds {largest[small[0]]:.3g}"
+        cause = f"the header says degrees (inDegrees=yes), but {never}: radians"
         raise InputError(table.file, table.unit_line, cause, "Write inDegrees=no if all angles are in radians")
 
 
