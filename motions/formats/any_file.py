@@ -134,6 +134,9 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
     for rows, one in marker_groups(markers, labels):
         mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
         complete = mine if one.gh_from_ac is None else place_gh(mine, one.gh_from_ac, one.side)
+        if one.gh_from_ac is not None and "GH" not in complete:
+            cause = f"{one.subject}: GH cannot be placed, as AC was not measured"
+            warn_input(InputError(markers.file, None, cause, "Measure GH or AC"))
         try:
             part = postures_from_landmarks(complete, one, markers.file)
         except InputError as error:
@@ -142,7 +145,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
         if trial is not None and calibration is not None:
             part = with_cluster(part, trial, calibration, rows, bool(one.at_deg))
         gh_placed = "GH" not in mine or (calibration is not None and calibration.gh_placed)
-        if one.gh_from_ac is not None and gh_placed:
+        if one.gh_from_ac is not None and gh_placed and "GH" in complete:
             part = with_placed_gh(part, one.gh_from_ac)
         parts.append(part if labels.at_deg else _with_rows(part, markers, rows))
     if not parts:

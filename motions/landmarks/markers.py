@@ -104,6 +104,8 @@ def _check_there(markers: Markers, mapping: Mapping) -> None:
         first = nearest(absent[0], markers.names) or "the name of your marker"
         lines = f'under [markers] a line such as {absent[0]} = "{first}" for each'
         remedy = f"Name them in a mapping file (--map; --write-map makes one), {lines}; the file has {_listed(markers)}"
+        if mapping.clusters:
+            remedy += ". Clusters carry them with --static"
         raise InputError(markers.file, None, cause, remedy)
 
 

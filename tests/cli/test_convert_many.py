@@ -89,6 +89,20 @@ def test_the_same_motion_in_two_files_counts_once(lab, tmp_path):
     assert len(read_motions(tmp_path / "out.csv").posture) == len(ELEVATIONS)
 
 
+@pytest.mark.parametrize("ending", ["csv", "mot"])
+def test_a_file_of_the_laboratory_is_never_replaced(lab, tmp_path, ending):
+    """The name to write to was left out; a file that this command wrote is replaced."""
+    (tmp_path / "a.csv").write_text(text(vicon(lab)))
+    last = tmp_path / f"b.{ending}"
+    content = text(vicon(lab)) if ending == "csv" else "ik\ninDegrees=yes\nendheader\ntime x\n0 1\n"
+    last.write_text(content)
+    refused(girdle("convert", tmp_path / "a.csv", last), str(last), "is there and no motion file", "to write to last")
+    assert last.read_text() == content
+    last.unlink()
+    for _ in range(2):
+        assert girdle("convert", tmp_path / "a.csv", last, "--subject", "P01").status == 0
+
+
 def test_what_many_files_lack_is_said(tmp_path):
     refused(
         girdle("convert", tmp_path, tmp_path / "o.csv"),

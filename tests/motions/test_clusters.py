@@ -11,6 +11,7 @@ from motions import InputError, read_trial
 from motions.errors import InputWarning
 from motions.formats.any_file import read_any, read_calibration
 from motions.formats.marker_files.trc import read_trc
+from motions.landmarks.acromion import KOLZ
 from motions.landmarks.clusters.calibration import calibrate
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.landmarks.clusters.rigid_fit import Pose, fit_rigid, part_of_the_way
@@ -165,6 +166,8 @@ def test_what_a_calibration_lacks_is_said(tmp_path):
     _, lab = with_clusters(ELEVATIONS)
     moving = written(tmp_path, "moving.trc", lab, markers_of())
     whole = static(tmp_path, REST)
+    with pytest.raises(InputError, match=r"no markers for landmarks IJ.*Clusters carry them with --static"):
+        read_any(moving, MAPPING, LABELS)
     with pytest.raises(InputError, match=r"does not say which markers are clusters.*\[clusters\]"):
         read_calibration([whole], Mapping(), LABELS)
     wrong = Mapping(clusters={"scapula": ("sc0", "sc1", "scX")})
@@ -240,6 +243,11 @@ def test_gh_from_ac_of_a_trial_without_clusters(tmp_path, side):
     assert np.abs(motions.humerus_elevation_deg - trial.elevation_deg).max() < 5.0
     measured = read_any(written(tmp_path, "all.trc", lab, PALPATED), Mapping(), labels)
     assert HUMERUS_PLACED not in measured.extra
+    without = written(tmp_path, "aa.trc", lab, [name for name in PALPATED if name not in ("GH", "AC")])
+    aa_only = Labels("P01", "abduction", side, aa_to_ac=KOLZ, aa_to_ac_name="kolz2020", gh_from_ac=KAPTEIN_GH)
+    with pytest.warns(InputWarning, match="GH cannot be placed, as AC was not measured"):
+        found = read_any(without, Mapping(), aa_only)
+    assert HUMERUS_PLACED not in found.extra
 
 
 def test_from_python(tmp_path):

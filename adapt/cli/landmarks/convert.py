@@ -15,7 +15,7 @@ from models.export.opensim import opensim_model
 from models.parameter_sets import load_model
 from motions.errors import InputError
 from motions.files import atomic_write, atomic_write_bytes, file_names, make_folder
-from motions.formats.angle_table import split, table_from_motions
+from motions.formats.angle_table import SCAPULA_THROUGH, split, table_from_motions
 from motions.formats.any_file import read_any
 from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import write_mot
@@ -73,6 +73,7 @@ def _convert_one(
 def _write(motions: Motions, target: Path, isb: bool) -> None:
     """Write motions in the form that the name of the target says. InputError if it says none."""
     kind = target.suffix.lower()
+    _check_replaceable(target)
     if kind == ".csv":
         make_folder(target.parent)
         write_motions(motions, target)
@@ -83,6 +84,17 @@ def _write(motions: Motions, target: Path, isb: bool) -> None:
     else:
         cause = f"files that end in {kind!r} are not written"
         raise InputError(str(target), None, cause, "Known are .csv, .mot, a folder for .mot files, .parquet and .osim")
+
+
+def _check_replaceable(target: Path) -> None:
+    """InputError where the target is a file of a laboratory: the name to write to was left out."""
+    if not target.is_file() or target.suffix.lower() not in (".csv", ".mot"):
+        return
+    head = read_head(target)
+    own = "clavicle_y_deg" in head.columns() or any(word.startswith(SCAPULA_THROUGH) for word in head.first_words())
+    if not own and head.columns():
+        cause = "this file is there and no motion file, so it is not replaced"
+        raise InputError(str(target), None, cause, "Name the file to write to last, behind those to read")
 
 
 def write_one_mot(motions: Motions, target: Path, isb: bool) -> None:
