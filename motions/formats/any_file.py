@@ -15,7 +15,7 @@ from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
 from motions.landmarks.at_rest import warn_of_subjects
 from motions.landmarks.clusters.calibration import Calibration, calibrate
-from motions.landmarks.clusters.carried import carry
+from motions.landmarks.clusters.carried import CarriedTrial, carry
 from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
@@ -133,24 +133,33 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
         mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
-        complete = mine if one.gh_from_ac is None else place_gh(mine, one.gh_from_ac, one.side)
-        if one.gh_from_ac is not None and "GH" not in complete:
-            cause = f"{one.subject}: GH cannot be placed, as AC was not measured"
-            warn_input(InputError(markers.file, None, cause, "Measure GH or AC"))
         try:
-            part = postures_from_landmarks(complete, one, markers.file)
+            part = _of_shoulder(mine, one, trial, rows, markers.file)
         except InputError as error:
             rejected.append(error)
-            continue
-        if trial is not None and calibration is not None:
-            part = with_cluster(part, trial, calibration, rows, bool(one.at_deg))
-        gh_placed = "GH" not in mine or (calibration is not None and calibration.gh_placed)
-        if one.gh_from_ac is not None and gh_placed and "GH" in complete:
-            part = with_placed_gh(part, one.gh_from_ac)
-        parts.append(part if labels.at_deg else _with_rows(part, markers, rows))
+        else:
+            parts.append(part if labels.at_deg else _with_rows(part, markers, rows))
     if not parts:
         raise rejected[0]
     return replace(Motions.concatenate(parts), rejected=tuple(rejected))
+
+
+def _of_shoulder(
+    lab_mm: dict[str, np.ndarray], labels: Labels, trial: CarriedTrial | None, rows: np.ndarray, file: str
+) -> Motions:
+    """The postures of one subject, marked where a cluster carried the landmarks or GH was placed."""
+    offset = labels.gh_from_ac
+    complete = lab_mm if offset is None else place_gh(lab_mm, offset, labels.side)
+    part = postures_from_landmarks(complete, labels, file)
+    if trial is not None:
+        part = with_cluster(part, trial, rows, bool(labels.at_deg))
+    if offset is None or ("GH" in lab_mm and (trial is None or not trial.calibration.gh_placed)):
+        return part
+    if "GH" not in complete:
+        cause = f"{labels.subject}: GH cannot be placed, as AC was not measured"
+        warn_input(InputError(file, None, cause, "Measure GH or AC"))
+        return part
+    return with_placed_gh(part, offset)
 
 
 def marker_groups(markers: Markers, labels: Labels) -> list[tuple[np.ndarray, Labels]]:

@@ -31,6 +31,7 @@ class CarriedTrial:
     residuals_mm: dict[str, Float[np.ndarray, " frames"]]
     """Of the rigid fit of each cluster, by segment."""
     elevation_deg: Float[np.ndarray, " frames"]
+    calibration: Calibration
 
 
 def carry(markers: Markers, mapping: Mapping, calibration: Calibration) -> CarriedTrial:
@@ -58,7 +59,7 @@ def carry(markers: Markers, mapping: Mapping, calibration: Calibration) -> Carri
         raise InputError(markers.file, None, cause, remedy)
     check_size(markers.file, lab_mm, factor)
     known = elevation_deg(lab_mm)
-    return CarriedTrial(lab_mm, residuals, elevation if known is None else known)
+    return CarriedTrial(lab_mm, residuals, elevation if known is None else known, calibration)
 
 
 def _pose(

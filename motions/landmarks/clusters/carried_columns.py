@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from motions.landmarks.clusters.calibration import Calibration
 from motions.landmarks.clusters.carried import CarriedTrial
 from motions.landmarks.resampling import resample
 from motions.landmarks.stand_ins import GlenohumeralOffset
@@ -24,16 +23,14 @@ def residual_column(segment: str) -> str:
     return f"{segment}_cluster_residual_mm"
 
 
-def with_cluster(
-    part: Motions, trial: CarriedTrial, calibration: Calibration, rows: Int[np.ndarray, " frames"], sampled: bool
-) -> Motions:
+def with_cluster(part: Motions, trial: CarriedTrial, rows: Int[np.ndarray, " frames"], sampled: bool) -> Motions:
     """Add the columns of a trial with clusters: how the scapula was calibrated, and the residual of each rigid fit.
 
     rows: the frames of the trial that the postures are of, or at whose elevations they were sampled.
     """
     extra = part.extra.copy()
-    if "scapula" in calibration.clusters:
-        extra[SCAPULA_FROM] = [calibration.said] * len(part.posture)
+    if "scapula" in trial.calibration.clusters:
+        extra[SCAPULA_FROM] = [trial.calibration.said] * len(part.posture)
     for segment, residual in trial.residuals_mm.items():
         mine = residual[rows]
         known = (
