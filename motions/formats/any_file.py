@@ -93,7 +93,7 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
 
 def _check_columns(path: Path) -> None:
     """InputError if the header has nothing of a motion file: it is then none that lacks some columns."""
-    columns = read_head(path).columns()
+    columns = [column for column in read_head(path).columns() if column]
     if columns and not any(word in column.lower() for column in columns for word in ("clavicle", "scapula", "subject")):
         cause = f"the header has neither angles nor positions of markers, but {listed(columns, _MOST_NAMED)}"
         remedy = "Call columns IJ_x_mm, IJ_y_mm, ..., or give the export of Vicon, Motive or Qualisys, .c3d or .trc"
