@@ -544,7 +544,7 @@ def test_angles_of_the_ac_joint_are_asked_about(tmp_path):
     lines = [" ".join(map(repr, map(float, row))) for row in rows]
     path = mot(tmp_path, ["das3", "inDegrees=yes", "endheader", " ".join(names), *lines])
     refused(path, "none of the columns clavicle_y", 'scapula_relative_to = "clavicle"')
-    columns = dict(zip(ANGLES, names[2:], strict=True))
+    columns = {str(angle): name for angle, name in zip(ANGLES, names[2:], strict=True)}
     refused(path, "AC_y looks like an angle of the AC joint", "relative_to", Mapping(columns=columns))
     found = read_any(path, Mapping(columns=columns, scapula_relative_to="clavicle"), LABELS)
     np.testing.assert_allclose(found.angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
