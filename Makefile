@@ -43,7 +43,7 @@ studies: .venv/dev ## the tests of the studies themselves, which guard nothing t
 blind: .venv/runtime ## the withheld-effect check on simulated subjects: hours, resumable; prints its figures
 	$(BIN)/python scripts/research/named_causes/blind_check.py --out out/blind
 
-fuzz: .venv/dev ## thousands of broken files through every reader: a quarter of an hour; prints what became of them
+fuzz: .venv/dev ## thousands of broken files through every reader: half an hour; prints what became of them
 	$(BIN)/python scripts/fuzz_readers.py --inputs 2000 --keep out/fuzz
 
 mutants: .venv/dev ## small faults put into the numerical core: which of them do the tests not notice? an hour

@@ -2,7 +2,7 @@
 
 import difflib
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
 Value = TypeVar("Value")
@@ -42,6 +42,12 @@ def named(name: str, known: Mapping[str, Value], place: str, kind: str) -> Value
     if name not in known:
         raise InputError(place, None, f"there is no {kind} '{name}'", f"Use one of {', '.join(known)}")
     return known[name]
+
+
+def listed(words: Sequence[str], most: int) -> str:
+    """List the words, and the number of those that are left out where there are more than ``most``."""
+    shown = ", ".join(words[:most])
+    return shown if len(words) <= most else f"{shown} and {len(words) - most} more"
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

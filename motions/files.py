@@ -18,21 +18,32 @@ def read_text(path: Path, remedy: str) -> str:
 
     InputError if it cannot be read, or is not text: the remedy says how to save or export it.
     """
-    if path.is_dir():
-        raise InputError(str(path), None, "this is a folder, not a file", "Name the files in it")
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise unreadable(path, error) from error
+    content = read_bytes(path)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(str(path), line, "this is not UTF-8 text", remedy) from error
+    refuse_binary(text, path, remedy)
+    return text
+
+
+def read_bytes(path: Path, most: int = -1) -> bytes:
+    """Read the content of a file, or its first bytes. InputError if it cannot be read."""
+    if path.is_dir():
+        raise InputError(str(path), None, "this is a folder, not a file", "Name the files in it")
+    try:
+        with path.open("rb") as file:
+            return file.read(most)
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
+def refuse_binary(text: str, path: Path, remedy: str) -> None:
+    """Raise InputError where a text has a character that only binary data have."""
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise InputError(str(path), line, "this is not text but binary data", remedy)
-    return text
 
 
 def unreadable(path: Path, error: OSError) -> InputError:

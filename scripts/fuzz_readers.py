@@ -7,6 +7,7 @@ Failures are kept in --keep. Prints a table; exit status 1 if anything failed.
 """
 
 import multiprocessing
+import re
 import sys
 import tempfile
 import warnings
@@ -32,7 +33,7 @@ from models.person.contours.click_table import by_slice, read_clicks
 from models.person.contours.image_slices import ImageSlice
 from motions.errors import InputError, InputWarning
 from motions.formats.angle_table import table_from_motions
-from motions.formats.any_file import read_any
+from motions.formats.any_file import read_any, read_calibration
 from motions.formats.mot import write_mot
 from motions.landmarks.mapping import MARKERS, Mapping, read_mapping
 from motions.landmarks.sampled_postures import Labels
@@ -74,14 +75,47 @@ def kinds(folder: Path) -> dict[str, Kind]:
     return {
         "motion CSV": Kind(".csv", read_motions, b"\n".join(DATA_FILE.read_bytes().splitlines()[:29])),
         "parameter set": Kind(".toml", load_model, (FOLDER / "R2.toml").read_bytes()),
-        "mapping": Kind(".toml", read_mapping, b'unit = "mm"\naxes = ["x", "y", "z"]\n[markers]\nIJ = "STRN"\n'),
+        "mapping": Kind(".toml", read_mapping, _MAPPING),
         "landmark CSV": Kind(".csv", any_motions, _landmark_csv()),
+        "landmarks, semicolons": Kind(".csv", any_motions, _with_commas(_landmark_csv())),
         "trc": Kind(".trc", any_motions, _trc()),
+        "trc, blanks": Kind(".trc", any_motions, _trc().replace(b"\t\t\t", b"\t").replace(b"\t", b" ")),
+        "vicon": Kind(".csv", any_motions, _vicon()),
+        "motive": Kind(".csv", any_motions, _motive()),
+        "qualisys": Kind(".tsv", any_motions, _qualisys()),
+        "clusters": Kind(".trc", _carried(folder), _trc(_CLUSTER_MM)),
+        "static trial": Kind(".trc", _calibrated, _trc(_CLUSTER_MM)),
         "mot": Kind(".mot", any_motions, _mot(folder)),
         "c3d": Kind(".c3d", any_motions, _c3d(folder)),
         "run.json": Kind(".json", record, _run_json(folder)),
         "clicks": Kind(".csv", _read_clicks, _CLICKS),
     }
+
+
+_MAPPING = b"""unit = "mm"
+axes = ["x", "y", "z"]
+scapula_relative_to = "thorax"
+[markers]
+IJ = "STRN"
+[clusters]
+scapula = ["A1", "A2", "A3"]
+"""
+
+_CLUSTERS = Mapping(clusters={"scapula": ("A1", "A2", "A3")})
+
+
+def _calibrated(path: Path) -> object:
+    """A static trial with a cluster on the acromion."""
+    return read_calibration([path], _CLUSTERS, Labels("P1", "abduction"))
+
+
+def _carried(folder: Path) -> Callable[[Path], object]:
+    """A reader of trials whose scapula a cluster carries."""
+    static = folder / "static.trc"
+    static.write_bytes(_trc(_CLUSTER_MM))
+    labels = Labels("P1", "abduction")
+    calibration = read_calibration([static], _CLUSTERS, labels)
+    return lambda path: read_any(path, _CLUSTERS, labels, calibration)
 
 
 _CLICKS = b"""slice,x_px,y_px,use,surface,subject
@@ -228,8 +262,48 @@ def _landmark_csv() -> bytes:
     return "\n".join([header, *rows, ""]).encode()
 
 
-def _trc() -> bytes:
-    positions = _positions_mm()
+def _with_commas(content: bytes) -> bytes:
+    """As a spreadsheet writes a table in many languages: every number with a decimal comma."""
+    return re.sub(rb"(?<=;)(-?\d+)(?=;|\n)", rb"\1,5", content.replace(b",", b";"))
+
+
+_CLUSTER_MM = {"A1": (150.0, 30.0, 90.0), "A2": (170.0, 30.0, 80.0), "A3": (155.0, 45.0, 100.0)}
+"""Markers on the acromion, which move with the shoulder."""
+
+
+def _table(rows: list[list[str]], separator: str) -> bytes:
+    return ("\n".join(separator.join(row) for row in rows) + "\n").encode()
+
+
+def _frames() -> list[list[str]]:
+    """x, y and z of all landmarks in each frame."""
+    return [[f"{x:g}" for place in _positions_mm().values() for x in place[k]] for k in range(_FRAMES)]
+
+
+def _vicon() -> bytes:
+    names = list(_positions_mm())
+    rows = [["Trajectories"], ["100"], ["", "", *(cell for name in names for cell in (f"P1:{name}", "", ""))]]
+    rows += [["Frame", "Sub Frame", *"XYZ" * len(names)], ["", "", *["mm"] * 3 * len(names)]]
+    return _table([*rows, *([str(k + 1), "0", *cells] for k, cells in enumerate(_frames()))], ",")
+
+
+def _motive() -> bytes:
+    names = [name for name in _positions_mm() for _ in range(3)]
+    rows = [["Format Version", "1.23", "Export Frame Rate", "100.0", "Length Units", "Millimeters"], []]
+    rows += [["", "Type", *["Marker"] * len(names)], ["", "Name", *names], ["", "", *["Position"] * len(names)]]
+    rows.append(["Frame", "Time (Seconds)", *"XYZ" * (len(names) // 3)])
+    return _table([*rows, *([str(k), f"{k / 100}", *cells] for k, cells in enumerate(_frames()))], ",")
+
+
+def _qualisys() -> bytes:
+    names = list(_positions_mm())
+    rows = [["NO_OF_FRAMES", str(_FRAMES)], ["NO_OF_MARKERS", str(len(names))], ["FREQUENCY", "100"]]
+    return _table([*rows, ["DATA_INCLUDED", "3D"], ["MARKER_NAMES", *names], *_frames()], "\t")
+
+
+def _trc(more_mm: dict[str, tuple[float, float, float]] | None = None) -> bytes:
+    moved = {name: np.array(place) + 3.0 * np.arange(_FRAMES)[:, None] for name, place in (more_mm or {}).items()}
+    positions = _positions_mm() | moved
     lines = [
         "PathFileType\t4\t(X/Y/Z)\ttrial.trc",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",

@@ -11,7 +11,7 @@ from adapt.solvers.objective import READINGS
 from models.effects.amplitudes import OPTION
 from models.effects.course import FULL_ELEVATION_DEG
 from motions.landmarks.acromion import ROTATIONS
-from motions.landmarks.stand_ins import OFFSETS
+from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 
 DEFAULT_MODEL = "R2"
 
@@ -136,4 +136,8 @@ AaToAc = Annotated[
 
 ScFromIj = Annotated[
     str, typer.Option(help=f"Offset that places SC from IJ, where nobody marked it: {', '.join(OFFSETS)}.")
+]
+
+GhFromAc = Annotated[
+    str, typer.Option(help=f"Offset that places GH from AC, where nobody marked it: {', '.join(GH_OFFSETS)}.")
 ]

@@ -1,19 +1,24 @@
 """Postures as a table of angles for .mot and .sto, and back."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
-from motions.errors import InputError
+from motions.errors import InputError, listed, warn_input
 from motions.formats.isb import ISB_ANGLES, isb_from_thesis, thesis_from_isb
 from motions.formats.mot import AngleTable
 from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
+from motions.motion_csv.cells import LARGEST_ANGLE_DEG
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
+from motions.motion_csv.unit_and_side import LEAST_VALUES
+from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_cardan
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
 
 ELEVATION = "humerus_elevation"
@@ -23,28 +28,42 @@ ORIGIN = "origin"
 """The line of the header, and the extra column, that says of simulated motions that they are."""
 
 
+_MOST_NAMED = 40
+"""Columns in a message."""
+
+_OF_JOINT = re.compile(r"(.*/)?(ac|acromioclavicular)_?(joint_?)?[xyz]{1,2}(/value)?$", re.IGNORECASE)
+"""A coordinate of the AC joint, as DAS3 calls it (AC_y, AC_z, AC_x)."""
+
+_OF_OUR_OSIM = re.compile(r"scapula_(abduction|elevation|upward_rot|winging)\b")
+
+_WIDE = ("clavicle_y", ISB_ANGLES[0], "scapula_y", ISB_ANGLES[3])
+"""Protraction, by both names."""
+
+_SAY_RELATIVE = 'write scapula_relative_to = "clavicle", or "thorax", above [columns] in a mapping file (--map)'
+
+
 def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> Motions:
     """Take the postures from the rows of a file, or at `labels.at_deg`. A left shoulder is mirrored.
 
     The columns are ANGLES or, in ISB's sequence, ISB_ANGLES, and humerus_elevation, or what the mapping calls them.
-    ISB's scapula goes through AA, if the header does not say AC. InputError if no bone is there or AA stays AA.
+    ISB's scapula goes through AA, if the header does not say AC. InputError if no bone is there, AA stays AA, the
+    values are in another unit than the header says, or if it is not clear what the scapula's are relative to.
+    InputWarning that names a bone without any column.
     """
-    isb = any(mapping.column(name) in table.columns for name in ISB_ANGLES)
+    isb = any(_column(table, mapping, name) is not None for name in ISB_ANGLES)
     names = ISB_ANGLES if isb else ANGLES
-    missing = np.full(table.count, np.nan)
-    angles_deg = np.stack([table.columns.get(mapping.column(name), missing) for name in names], axis=1)
-    if np.isnan(angles_deg).all():
-        cause = f"none of the columns {', '.join(mapping.column(name) for name in names)} is there"
-        remedy = f"Name them in a mapping file (--map), under [columns]; the file has {', '.join(table.columns)}"
-        raise InputError(table.file, None, cause, remedy)
+    found = {name: _column(table, mapping, name) for name in (*names, ELEVATION)}
+    *angles, elevation_deg = _measured(table, mapping, found)
+    angles_deg = np.stack(angles, axis=1)
     if isb:
         angles_deg = thesis_from_isb(angles_deg)
+    if mapping.scapula_relative_to == "clavicle":
+        angles_deg = _relative_to_thorax(angles_deg)
     if labels.side == "left":
         angles_deg = angles_deg * MIRROR_ANGLES
     through = table.header.get(SCAPULA_THROUGH) or ("AA" if isb else "AC")
     if through != "AC":
         angles_deg = _brought_to_ac(table, angles_deg, labels)
-    elevation_deg = table.columns.get(mapping.column(ELEVATION), missing)
     numbers, extra = _numbers(table), {}
     if labels.at_deg:
         whose = mapping.column(ELEVATION)
@@ -53,6 +72,11 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         numbers = np.arange(1, len(elevation_deg) + 1)
         extra = {spread_column(angle): [f"{x:.4g}" for x in sampled.spread[:, k]] for k, angle in enumerate(ANGLES)}
         extra[FRAMES] = [str(count) for count in sampled.frames.tolist()]
+    measured = np.sum(np.isfinite(angles_deg), axis=1) >= FEWEST_ANGLES
+    if not measured.any():
+        cause = f"no posture has {FEWEST_ANGLES} angles; of columns there are {', '.join(_there(mapping, found))}"
+        raise InputError(table.file, None, cause, f"Name the others in a mapping file (--map); it has {_listed(table)}")
+    _warn_of_bones(table, mapping, found)
     count = len(elevation_deg)
     marks = {
         SCAPULA_ROTATED: labels.scapula_rotated if through != "AC" else "",
@@ -70,7 +94,98 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
         landmarks_mm={},
         extra=pd.DataFrame(extra, index=pd.RangeIndex(count), dtype=str),
     )
-    return motions.select(np.sum(np.isfinite(angles_deg), axis=1) >= FEWEST_ANGLES)
+    return motions.select(measured)
+
+
+def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None:
+    """The column of this name, or of the coordinate of this name in a file of OpenSim's states
+    (``/jointset/sternoclavicular/clavicle_y/value``), in any case; None where there is none."""
+    wanted = mapping.column(name)
+    if wanted in table.columns:
+        return table.columns[wanted]
+    state = re.compile(rf"(.*/)?{re.escape(wanted)}(/value)?", re.IGNORECASE)
+    matches = [column for column in table.columns if state.fullmatch(column)]
+    if len(matches) > 1:
+        cause = f"columns {' and '.join(matches)} may both be {name}"
+        raise InputError(table.file, None, cause, "Say in a mapping file (--map), under [columns], which it is")
+    return table.columns[matches[0]] if matches else None
+
+
+def _measured(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> list[np.ndarray]:
+    """The angles and the elevation, NaN where there is no column. InputError if they cannot be what is wanted."""
+    missing = np.full(table.count, np.nan)
+    columns = {name: missing if column is None else column for name, column in found.items()}
+    _check_there(table, mapping, found)
+    _check_unit(table, mapping, columns)
+    return list(columns.values())
+
+
+def _check_there(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> None:
+    """InputError if no bone has a column, or if those of the scapula may be of a joint."""
+    names = [mapping.column(name) for name in found if name != ELEVATION]
+    of_joint = [column for column in table.columns if _OF_JOINT.match(column)]
+    angles = [column for name, column in found.items() if name != ELEVATION and column is not None]
+    if np.isnan(angles).all():
+        remedy = f"Name them in a mapping file (--map), under [columns]; the file has {_listed(table)}"
+        if of_joint:
+            remedy += f". {of_joint[0]} looks like the AC joint's, relative to the clavicle: {_SAY_RELATIVE}"
+        raise InputError(table.file, None, f"none of the columns {', '.join(names)} is there", remedy)
+    joint = [name for name in names[3:] if _OF_JOINT.match(name)]
+    if joint and not mapping.scapula_relative_to:
+        cause = f"{joint[0]} looks like an angle of the AC joint: relative to the clavicle and not to the thorax"
+        raise InputError(table.file, None, cause, f"Say what it is relative to: {_SAY_RELATIVE}")
+
+
+def _warn_of_bones(table: AngleTable, mapping: Mapping, found: dict[str, np.ndarray | None]) -> None:
+    """InputWarning that names the bones without any column, and what their columns could be."""
+    names = list(found)
+    bones = {"clavicle": names[:3], "scapula": names[3:6], "humerus": names[6:]}
+    absent = {bone: own for bone, own in bones.items() if all(found[name] is None for name in own)}
+    if not absent:
+        return
+    wanted = "; ".join(f"{bone} ({', '.join(map(mapping.column, own))})" for bone, own in absent.items())
+    remedy = f"Name them in a mapping file (--map), under [columns], if they are there; the file has {_listed(table)}"
+    if "scapula" in absent and any(_OF_JOINT.match(column) for column in table.columns):
+        remedy += f". If its angles are those of the AC joint, {_SAY_RELATIVE}"
+    elif "scapula" in absent and any(_OF_OUR_OSIM.search(column) for column in table.columns):
+        remedy += ". Coordinates of OpenSim's scapulothoracic joint are no angles of a bone: export those of the body"
+    warn_input(InputError(table.file, None, f"there is no column of {wanted}, and its angles stay empty", remedy))
+
+
+def _there(mapping: Mapping, found: dict[str, np.ndarray | None]) -> list[str]:
+    return [mapping.column(name) for name, column in found.items() if column is not None]
+
+
+def _listed(table: AngleTable) -> str:
+    return listed(list(table.columns), _MOST_NAMED)
+
+
+def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarray]) -> None:
+    """InputError where the values, degrees by the header, show that they are in the other unit.
+
+    Protraction of clavicle and scapula goes beyond 30 degrees in every published motion
+    (``motions.motion_csv.unit_and_side``), that of the scapula relative to the clavicle need not.
+    """
+    largest = {name: float(np.nanmax(np.abs(column), initial=0.0)) for name, column in columns.items()}
+    most = max(largest, key=lambda name: largest[name])
+    said = table.header.get("indegrees", "").lower()
+    if said == "no" and largest[most] > LARGEST_ANGLE_DEG:
+        goes = f"{mapping.column(most)} goes to {np.deg2rad(largest[most]):.4g}"
+        cause = f"the header says radians (inDegrees=no), but {goes}: degrees"
+        raise InputError(table.file, table.unit_line, cause, "Write inDegrees=yes")
+    wide = [name for name in columns if name in _WIDE[: 2 if mapping.scapula_relative_to == "clavicle" else 4]]
+    small = [name for name in wide if np.isfinite(columns[name]).sum() >= LEAST_VALUES and largest[name] <= np.pi]
+    if said == "yes" and small:
+        never = f"{mapping.column(small[0])} never exceeds {largest[small[0]]:.3g}"
+        cause = f"the header says degrees (inDegrees=yes), but {never}: radians"
+        raise InputError(table.file, table.unit_line, cause, "Write inDegrees=no if all angles are in radians")
+
+
+def _relative_to_thorax(angles_deg: Float[np.ndarray, "postures 6"]) -> Float[np.ndarray, "postures 6"]:
+    """The scapula's angles relative to the thorax, R_thorax_scapula = R_thorax_clavicle R_clavicle_scapula."""
+    R_clavicle, R_joint = (rotation_from_cardan(part.T / DEG) for part in (angles_deg[:, :3], angles_deg[:, 3:]))
+    scapula_deg = cardan_from_rotation(compose(R_clavicle, R_joint)).T * float(DEG)
+    return np.concatenate([angles_deg[:, :3], scapula_deg], axis=1)
 
 
 def table_from_motions(motions: Motions, isb: bool, file: str) -> AngleTable:

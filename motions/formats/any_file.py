@@ -1,29 +1,33 @@
 """Any file that holds motions, as a table of postures: the kind is known by its ending, and of a CSV by its columns."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from motions.errors import InputError, warn_input
+from motions.errors import InputError, listed, warn_input
 from motions.formats.angle_table import motions_from_table
-from motions.formats.c3d import read_c3d
-from motions.formats.landmark_csv import holds_positions, read_landmark_csv
+from motions.formats.marker_files.any_markers import read_markers
+from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
-from motions.formats.trc import read_trc
 from motions.landmarks.at_rest import warn_of_subjects
+from motions.landmarks.clusters.calibration import Calibration, calibrate
+from motions.landmarks.clusters.carried import CarriedTrial, carry
+from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
+from motions.landmarks.stand_ins import place_gh
 from motions.motion_csv.cells import SIDES, Side
 from motions.motion_csv.reading import read_motions
-from motions.motion_csv.rows import read_table
 from motions.table import Motions
 
-_OF_MARKERS: dict[str, Callable[[Path], Markers]] = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_landmark_csv}
+_MOST_NAMED = 20
+"""Columns in a message."""
+
 _OF_ANGLES = (".mot", ".sto")
 
 
@@ -34,18 +38,33 @@ def read_trial(
     motion: str = "",
     side: Side = "right",
     at_deg: Sequence[float] = (),
+    static: Sequence[str | os.PathLike[str]] = (),
 ) -> Motions:
-    """Read the postures of a trial of one subject (.c3d, .trc, .mot, .sto, .csv), as ``girdle convert`` does.
+    """Read the postures of a trial of one subject (.c3d, .trc, .mot, .sto, .csv, .tsv), as ``girdle convert`` does.
 
     mapping: a TOML file with your names of markers and angles, and the unit. subject, motion: the name of the file,
     where neither it nor you say them. at_deg: elevations of the arm at which positions are sampled; none: each frame
-    is a posture. InputError if the file cannot be read; InputWarning if its angles with the arm lowest are no person's.
+    is a posture. static: trials in which the landmarks were palpated that the mapping's clusters carry into this one.
+    InputError if the file cannot be read; InputWarning if its angles with the arm lowest are no person's.
     """
     labels = Labels(subject, motion, side, tuple(sorted(set(at_deg))))
-    return read_any(Path(path), read_mapping(None if mapping is None else Path(mapping)), labels)
+    names = read_mapping(None if mapping is None else Path(mapping))
+    return read_any(Path(path), names, labels, read_calibration([Path(one) for one in static], names, labels))
 
 
-def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
+def read_calibration(statics: Sequence[Path], mapping: Mapping, labels: Labels) -> Calibration | None:
+    """Read static trials of one person; None without any. InputError if they do not calibrate the clusters."""
+    found = []
+    for path in statics:
+        markers = read_markers(path)
+        if markers is None:
+            cause = "a static trial holds positions of markers, and this file does not"
+            raise InputError(str(path), None, cause, "Name a .c3d, .trc, .csv or .tsv file of markers")
+        found.append(markers)
+    return calibrate(found, mapping, labels.side, labels.gh_from_ac) if found else None
+
+
+def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibration | None = None) -> Motions:
     """Read the postures in a file of any kind, or in a Spartacus checkout. InputError if it is of no known kind.
 
     labels.subject and labels.motion may be empty: then the file's own words for them, else its name, stand for them.
@@ -53,28 +72,32 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
     if path.is_dir():
         if not is_spartacus(path):
             cause = "this folder is not a checkout of the Spartacus collection"
-            raise InputError(str(path), None, cause, "Name one file, or the folder of the checkout")
+            raise InputError(str(path), None, cause, "Name files, or the folder of the checkout")
         _check_unused(labels, path, "shoulders and motions")
         return read_spartacus(path, labels)
     kind = path.suffix.lower()
     markers = read_markers(path)
     if markers is not None:
-        return _of_markers(markers, mapping, labels_of_file(labels, path))
+        return _of_markers(markers, mapping, labels_of_file(labels, path), calibration)
     if kind in _OF_ANGLES:
-        return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), path), path)
+        return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), labels, path), path)
     if kind == ".csv":
+        _check_columns(path)
         _check_unused(labels, path, "subjects, motions and postures")
         return _checked(read_motions(path), path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
-    raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
+    raise InputError(
+        str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv, .tsv, .txt and a Spartacus checkout"
+    )
 
 
-def read_markers(path: Path) -> Markers | None:
-    """Read a file of positions of any kind; None where it is of another kind, a motion file included."""
-    kind = path.suffix.lower()
-    if kind not in _OF_MARKERS or (kind == ".csv" and not holds_positions(list(read_table(path).columns))):
-        return None
-    return _OF_MARKERS[kind](path)
+def _check_columns(path: Path) -> None:
+    """InputError if the header has nothing of a motion file: it is then none that lacks some columns."""
+    columns = [column for column in read_head(path).columns() if column]
+    if columns and not any(word in column.lower() for column in columns for word in ("clavicle", "scapula", "subject")):
+        cause = f"the header has neither angles nor positions of markers, but {listed(columns, _MOST_NAMED)}"
+        remedy = "Call columns IJ_x_mm, IJ_y_mm, ..., or give the export of Vicon, Motive or Qualisys, .c3d or .trc"
+        raise InputError(str(path), 1, cause, remedy)
 
 
 def _check_unused(labels: Labels, path: Path, own: str) -> None:
@@ -85,13 +108,13 @@ def _check_unused(labels: Labels, path: Path, own: str) -> None:
 
 
 def labels_of_file(labels: Labels, path: Path) -> Labels:
-    """Complete the labels with the name of the file where they say nothing."""
-    return replace(labels, subject=labels.subject or path.stem, motion=labels.motion or path.stem)
+    """Complete the labels with the name of the file, or of its folder, where they say nothing."""
+    return replace(labels, subject=labels.subject or labels.folder or path.stem, motion=labels.motion or path.stem)
 
 
-def _with_names(motions: Motions, path: Path) -> Motions:
-    subject, motion = (np.where(names == "", path.stem, names) for names in (motions.subject, motions.motion))
-    return replace(motions, subject=subject, motion=motion)
+def _with_names(motions: Motions, labels: Labels, path: Path) -> Motions:
+    subject = np.where(motions.subject == "", labels.folder or path.stem, motions.subject)
+    return replace(motions, subject=subject, motion=np.where(motions.motion == "", path.stem, motions.motion))
 
 
 def _checked(motions: Motions, path: Path) -> Motions:
@@ -99,17 +122,19 @@ def _checked(motions: Motions, path: Path) -> Motions:
     return motions
 
 
-def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
+def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration: Calibration | None) -> Motions:
     """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
-    lab_mm = landmarks_mm(markers, mapping)
+    trial = None if calibration is None else carry(markers, mapping, calibration)
+    lab_mm = landmarks_mm(markers, mapping) if trial is None else trial.lab_mm
     if "SC" not in lab_mm and labels.sc_from_ij is None:
         cause = "landmark SC was not found, so the angles of the clavicle stay empty"
         remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
         warn_input(InputError(markers.file, None, cause, remedy))
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
+        mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
         try:
-            part = postures_from_landmarks({name: xyz[:, rows] for name, xyz in lab_mm.items()}, one, markers.file)
+            part = _of_shoulder(mine, one, trial, rows, markers.file)
         except InputError as error:
             rejected.append(error)
         else:
@@ -117,6 +142,24 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels) -> Motions:
     if not parts:
         raise rejected[0]
     return replace(Motions.concatenate(parts), rejected=tuple(rejected))
+
+
+def _of_shoulder(
+    lab_mm: dict[str, np.ndarray], labels: Labels, trial: CarriedTrial | None, rows: np.ndarray, file: str
+) -> Motions:
+    """The postures of one subject, marked where a cluster carried the landmarks or GH was placed."""
+    offset = labels.gh_from_ac
+    complete = lab_mm if offset is None else place_gh(lab_mm, offset, labels.side)
+    part = postures_from_landmarks(complete, labels, file)
+    if trial is not None:
+        part = with_cluster(part, trial, rows, bool(labels.at_deg))
+    if offset is None or ("GH" in lab_mm and (trial is None or not trial.calibration.gh_placed)):
+        return part
+    if "GH" not in complete:
+        cause = f"{labels.subject}: GH cannot be placed, as AC was not measured"
+        warn_input(InputError(file, None, cause, "Measure GH or AC"))
+        return part
+    return with_placed_gh(part, offset)
 
 
 def marker_groups(markers: Markers, labels: Labels) -> list[tuple[np.ndarray, Labels]]:

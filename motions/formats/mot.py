@@ -10,10 +10,10 @@ import pandas as pd
 from jaxtyping import Float
 
 from motions.errors import InputError
-from motions.files import atomic_write, read_text
-from motions.formats.text import numbers
+from motions.files import atomic_write
+from motions.formats.text import numbers, plain_lines, read_export
 
-_END = "endheader"
+_END, _UNIT = "endheader", "indegrees"
 _ALIASES = {"datarows": "nrows", "nr": "nrows", "datacolumns": "ncolumns", "nc": "ncolumns"}
 
 
@@ -24,6 +24,8 @@ class AngleTable:
     file: str
     header: dict[str, str]
     columns: dict[str, Float[np.ndarray, " rows"]]
+    unit_line: int | None = None
+    """The line that says inDegrees."""
 
     @property
     def count(self) -> int:
@@ -37,14 +39,15 @@ def read_mot(path: Path) -> AngleTable:
     InputError if the file is none, does not say inDegrees, or has not the rows and columns that its header says.
     """
     file = str(path)
-    lines = read_text(path, "Export it from OpenSim").splitlines()
+    lines = plain_lines(read_export(path, "Export it from OpenSim"))
     ends = [place for place, line in enumerate(lines) if line.strip().lower() == _END]
     if not ends:
         raise InputError(
             file, None, f"there is no line {_END}: this is not a .mot or .sto file", "Export it from OpenSim"
         )
     body = lines[ends[0] + 1 :]
-    header = dict(_key_value(line) for line in lines[: ends[0]])
+    said = [_key_value(line) for line in lines[: ends[0]]]
+    header = dict(said)
     rows = [ends[0] + 2 + place for place, line in enumerate(body) if line.strip()]
     if len(rows) < 2:
         raise InputError(file, None, f"there are no rows under {_END}", "Write the names of the columns, then the rows")
@@ -62,7 +65,8 @@ def read_mot(path: Path) -> AngleTable:
     table = numbers(np.array(cells), rows[1:], file)
     degrees = _degrees(header, file)
     columns = {name: table[:, place] * (1.0 if name == "time" else degrees) for place, name in enumerate(names)}
-    return AngleTable(file, header, columns)
+    unit_line = next(number for number, (key, _) in enumerate(said, 1) if key == _UNIT)
+    return AngleTable(file, header, columns, unit_line)
 
 
 def write_mot(table: AngleTable, path: Path) -> None:
@@ -96,7 +100,7 @@ def _check_count(header: dict[str, str], key: str, found: int, file: str) -> Non
 
 def _degrees(header: dict[str, str], file: str) -> float:
     """Degrees in the file's unit of angle."""
-    said = header.get("indegrees", "").lower()
+    said = header.get(_UNIT, "").lower()
     if said not in ("yes", "no"):
         cause = "the header does not say whether angles are in degrees"
         raise InputError(file, None, cause, f"Write inDegrees=yes or inDegrees=no above {_END}")

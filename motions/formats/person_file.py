@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from motions.errors import InputError
-from motions.formats.any_file import labels_of_file, marker_groups, read_markers
+from motions.errors import InputError, listed
+from motions.formats.any_file import labels_of_file, marker_groups
+from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.text import numbers
 from motions.landmarks.frames import humerus_angles, humerus_frame, thorax_frame, transposed
 from motions.landmarks.girdle_angles import in_thorax
@@ -30,6 +31,9 @@ SURFACES = ("thorax", "humeral_head", "humeral_shaft", "sc_joint", "clavicle", "
 _FROM_IJ_MM = (60.0, 1000.0)
 """How far the farthest point of a surface is from IJ, but for the SC joint beside it. Centimetres taken for mm are at
 most 45, and what is farther is in another frame than the landmarks."""
+
+_MOST_NAMED = 10
+"""Postures in a message."""
 
 _STAND_IN_OPTIONS = {"SC": "from IJ with --sc-from-ij kaptein1999", "AC": "from AA with --aa-to-ac kolz2020"}
 
@@ -61,8 +65,7 @@ class PersonLandmarks:
         if len(found) == 1:
             return found[0]
         cause = f"subject {self.subject!r} has {len(found) or 'no'} posture{'s' if found else ''} called {posture!r}"
-        listed = ", ".join(self.postures[:10]) + (", ..." if len(self.postures) > 10 else "")
-        raise InputError(self.file, None, cause, f"Name one of {listed}")
+        raise InputError(self.file, None, cause, f"Name one of {listed(self.postures, _MOST_NAMED)}")
 
 
 def read_persons(

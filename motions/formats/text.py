@@ -1,12 +1,102 @@
-"""Numbers in text files."""
+"""Text that programs of laboratories write: its encoding, separators, decimal commas and numbers."""
 
-from collections.abc import Sequence
+import csv
+import io
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from motions.errors import InputError
+from motions.files import read_bytes, refuse_binary
 from motions.motion_csv.cells import NOT_MEASURED, to_number
+
+SEPARATORS = ("\t", ";", ",")
+"""Between the cells of a line; a comma may be a decimal one beside the others."""
+
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+"""How a spreadsheet's `Unicode text` begins."""
+
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+
+
+class Line(NamedTuple):
+    """A line of a table: its number in the file, from 1, and its cells without the blanks round them."""
+
+    number: int
+    cells: list[str]
+
+
+def read_export(path: Path, remedy: str) -> str:
+    """Read a text file in UTF-8, UTF-16 (with its mark) or else Windows-1252, in which older programs write accents.
+
+    InputError if it cannot be read, or is not text: the remedy says how to export it.
+    """
+    text = decoded(read_bytes(path))
+    refuse_binary(text, path, remedy)
+    return text
+
+
+def decoded(content: bytes) -> str:
+    """Decode text in UTF-8, UTF-16 or Windows-1252; a byte that means nothing in the last is one of Latin-1."""
+    if content.startswith(_UTF_16):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1") if _UNDEFINED & set(content) else content.decode("cp1252")
+
+
+_UNDEFINED = {0x81, 0x8D, 0x8F, 0x90, 0x9D}
+"""Bytes without a meaning in Windows-1252."""
+
+
+def plain_lines(text: str) -> list[str]:
+    """Split a text at its line ends, and not at other signs that ``str.splitlines`` takes for some.
+
+    Files that went through two systems have two carriage returns before a line feed.
+    """
+    return re.split(r"\r*\n|\r", text)
+
+
+def separator_of(line: str) -> str | None:
+    """Find what separates the cells of a line, among SEPARATORS; None: blanks.
+
+    Commas do if there are more of them than cells between tabs or semicolons: they are no decimal ones then.
+    """
+    outside = re.sub(r'"[^"]*"', "", line)
+    count = {separator: outside.count(separator) for separator in SEPARATORS}
+    surest = max("\t;", key=lambda separator: count[separator])
+    if count[surest] and count[","] <= count[surest] + 1:
+        return surest
+    return max(count, key=lambda separator: count[separator]) if any(count.values()) else None
+
+
+def split_lines(text: str, separator: str, file: str) -> list[Line]:
+    """Split every line into cells, blank lines included. InputError where quotation marks are not closed."""
+    reader = csv.reader(io.StringIO(text.replace("\r\r\n", "\n"), newline=""), delimiter=separator, strict=True)
+    lines: list[Line] = []
+    while True:
+        start = reader.line_num + 1
+        try:
+            cells = next(reader, None)
+        except csv.Error as error:
+            cause = f"the line cannot be split into cells ({error})"
+            raise InputError(file, start, cause, "Look for a quotation mark that is not closed") from error
+        if cells is None:
+            return lines
+        lines.append(Line(start, [cell.strip() for cell in cells]))
+
+
+def with_points(rows: Iterable[Sequence[str]]) -> list[list[str]]:
+    """Write decimal commas as points, if no cell has a point: beside points a comma may separate thousands."""
+    cells = [list(row) for row in rows]
+    if any("." in cell for row in cells for cell in row):
+        return cells
+    return [[cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in cells]
 
 
 def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarray, "rows columns"]:

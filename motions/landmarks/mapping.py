@@ -22,8 +22,25 @@ MIDDLES = {"PX_T8": ("PX", "T8")}
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 """Millimetres in a unit of length, by the names that files give it."""
 
+UNIT_WORDS = {
+    f"{prefix}met{ending}{s}": unit
+    for prefix, unit in (("milli", "mm"), ("centi", "cm"), ("", "m"))
+    for ending in ("er", "re")
+    for s in ("", "s")
+}
+"""Units as words, by which some programs call them."""
+
+CLUSTERS = ("thorax", "scapula", "humerus")
+"""Segments that a cluster of markers may carry; a cluster on the skin of the clavicle carries none."""
+
+FEWEST_OF_CLUSTER = 3
+"""Markers that fix a position and a rotation."""
+
+BONES_BELOW = ("thorax", "clavicle")
+"""What the angles of the scapula may be relative to."""
+
 _AXES = {f"{sign}{letter}": (place, -1.0 if sign else 1.0) for place, letter in enumerate("xyz") for sign in ("", "-")}
-_KEYS = ("unit", "axes", "markers", "columns")
+_KEYS = ("unit", "axes", "scapula_relative_to", "markers", "columns", "clusters")
 _EXAMPLE = 'Write lines such as unit = "mm" or, under [markers], IJ = "the name of your marker"'
 
 
@@ -32,13 +49,17 @@ class Mapping:
     """What the mapping file says; without one, landmarks and angles have this project's names."""
 
     unit: str | None = None
-    """Unit of the positions, where the file does not say it."""
+    """Unit of the positions; it wins over what the file says."""
     axes: tuple[str, str, str] = ("x", "y", "z")
     """Which axes of the file, with their signs, make a right-handed frame. Which of them points up does not matter."""
     markers: dict[str, str] = field(default_factory=dict)
     """The laboratory's name of a landmark, or a formula of its names (``motions.landmarks.derived``)."""
     columns: dict[str, str] = field(default_factory=dict)
     """The laboratory's name of an angle."""
+    clusters: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Markers of the clusters on CLUSTERS (``motions.landmarks.clusters``)."""
+    scapula_relative_to: str = ""
+    """Which of BONES_BELOW the angles of the scapula in a .mot or .sto file are relative to; empty: not said."""
 
     def marker(self, landmark: str) -> str:
         """Return the name of a landmark in the file, or the formula that gives it."""
@@ -78,7 +99,29 @@ def read_mapping(path: Path | None) -> Mapping:
     if not _is_frame(axes):
         remedy = 'Name x, y and z once each, negated where it must be, as in axes = ["x", "y", "-z"]'
         raise InputError(file, None, f"axes is {axes!r}", remedy)
-    return Mapping(unit, tuple(axes), _names(document, "markers", file), _names(document, "columns", file))
+    below = document.get("scapula_relative_to", "")
+    if below not in ("", *BONES_BELOW):
+        raise InputError(file, None, f"scapula_relative_to is {below!r}", f"Write one of {', '.join(BONES_BELOW)}")
+    markers, columns = _names(document, "markers", file), _names(document, "columns", file)
+    return Mapping(unit, tuple(axes), markers, columns, _clusters(document, file), below)
+
+
+def _clusters(document: dict, file: str) -> dict[str, tuple[str, ...]]:
+    """The section clusters. InputError if one of it is no list of FEWEST_OF_CLUSTER different names or more."""
+    table = document.get("clusters", {})
+    example = 'Write lines such as scapula = ["AMC1", "AMC2", "AMC3"] under [clusters]'
+    if not isinstance(table, dict):
+        raise InputError(file, None, "clusters is not a section", example)
+    for segment, names in table.items():
+        if segment not in CLUSTERS:
+            cause = f"there is no cluster {segment!r}"
+            raise InputError(file, None, cause, f"Clusters are on {', '.join(CLUSTERS)}")
+        if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):
+            raise InputError(file, None, f"cluster {segment} is not a list of markers", example)
+        if len(set(names)) < max(FEWEST_OF_CLUSTER, len(names)):
+            cause = f"cluster {segment} has not {FEWEST_OF_CLUSTER} different markers or more"
+            raise InputError(file, None, cause, example)
+    return {segment: tuple(names) for segment, names in table.items()}
 
 
 def _check_keys(document: dict, file: str) -> None:

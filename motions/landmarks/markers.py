@@ -3,19 +3,23 @@
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError
+from motions.errors import InputError, listed, warn_input
 from motions.landmarks.derived import factors_of, is_formula
-from motions.landmarks.mapping import MARKERS, THORAX, UNITS_MM, Mapping
+from motions.landmarks.mapping import MARKERS, THORAX, UNIT_WORDS, UNITS_MM, Mapping
 
 NEEDED = (*THORAX, "TS", "AI")
 """Without these there is neither a thorax nor a scapula frame."""
 
 NECK_MM = (60.0, 250.0)
 """From IJ to C7 through the neck: 100-150 mm in adults. Metres or inches taken for mm are far outside."""
+
+_MOST_NAMED = 40
+"""Markers in a message."""
 
 _FARTHEST = 1e9
 """A thousand kilometres in mm. Numbers near the largest that there are would overflow in what is made of them."""
@@ -34,26 +38,55 @@ class Markers:
     positions: Float[np.ndarray, "markers 3 frames"]
     unit: str | None
     rows: dict[str, list[str]]
+    rate_hz: float | None = None
+    """Frames a second, where the file says it."""
 
 
 def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarray, "3 frames"]]:
     """Find the landmarks of the file by their names here, mm, in the file's own (right-handed) frame.
 
-    InputError if a needed one is not there, nowhere measured or there twice, if no unit is known, or if the size of
-    the neck shows that it is not the right one.
+    A marker is found by its name, else without case, else behind a prefix as in ``P01:IJ``, or behind one that all
+    needed landmarks have. InputError if a needed one is not there, nowhere measured or there twice, if no unit is
+    known, or if the size of the neck shows that it is not the right one.
     """
-    factor = _millimetres(markers, mapping)
+    factor = millimetres(markers, mapping)
     _check_there(markers, mapping)
+    found = landmarks_there_mm(markers, mapping, factor)
+    for landmark in MARKERS:
+        if landmark not in found and (landmark in NEEDED or landmark in mapping.markers):
+            raise _absent(markers, mapping, landmark)
+    if "AC" not in found and "AA" not in found:
+        raise _absent(markers, mapping, "AC")
+    check_size(markers.file, found, factor)
+    return found
+
+
+def landmarks_there_mm(markers: Markers, mapping: Mapping, factor: float) -> dict[str, Float[np.ndarray, "3 frames"]]:
+    """Find those landmarks that the file has, mm; factor: ``millimetres``. InputError if one is there twice."""
     found = {}
     for landmark in MARKERS:
         position = _position(markers, mapping, landmark)
-        if position is not None:
+        if position is not None and np.isfinite(position).all(axis=0).any():
             _check_distance(markers, mapping.marker(landmark), position)
             found[landmark] = factor * (mapping.axes_matrix @ position)
-    if "AC" not in found and "AA" not in found:
-        _not_there(markers, mapping.marker("AC"), "AC")
-    _check_size(markers, found, factor)
     return found
+
+
+def marker_mm(markers: Markers, mapping: Mapping, name: str, factor: float) -> Float[np.ndarray, "3 frames"] | None:
+    """Give the positions of one marker, mm; None where the file has none. InputError if it is there twice."""
+    position = _of_marker(markers, mapping, name, name)
+    return None if position is None else factor * (mapping.axes_matrix @ position)
+
+
+def names_of_landmarks(markers: Markers, mapping: Mapping) -> dict[str, str]:
+    """Give the file's names of the landmarks that are found in it: markers, or the mapping's formulas as they are."""
+    wanted = {landmark: mapping.marker(landmark) for landmark in MARKERS}
+    found = {landmark: _resolved(markers, mapping, name, landmark) for landmark, name in wanted.items()}
+    return {
+        landmark: name or wanted[landmark]
+        for landmark, name in found.items()
+        if name or (landmark in mapping.markers and is_formula(wanted[landmark]))
+    }
 
 
 def _check_there(markers: Markers, mapping: Mapping) -> None:
@@ -61,72 +94,112 @@ def _check_there(markers: Markers, mapping: Mapping) -> None:
 
     def is_there(landmark: str) -> bool:
         name = mapping.marker(landmark)
-        return name in markers.names or is_formula(name)
+        return _resolved(markers, mapping, name, landmark) is not None or is_formula(name)
 
-    needed = (*NEEDED, "AC") if not is_there("AA") else NEEDED
-    absent = [landmark for landmark in needed if not is_there(landmark)]
+    absent = [landmark for landmark in (*NEEDED, "AC") if not is_there(landmark)]
+    if absent[-1:] == ["AC"] and is_there("AA"):
+        absent.pop()
     if len(absent) > 1:
         cause = f"there are no markers for landmarks {', '.join(absent)}"
-        first = _nearest(absent[0], markers.names) or "the name of your marker"
+        first = nearest(absent[0], markers.names) or "the name of your marker"
         lines = f'under [markers] a line such as {absent[0]} = "{first}" for each'
-        remedy = f"Name them in a mapping file (--map), {lines}; the file has {_listed(markers)}"
+        remedy = f"Name them in a mapping file (--map; --write-map makes one), {lines}; the file has {_listed(markers)}"
+        if mapping.clusters:
+            remedy += ". Clusters carry them with --static"
         raise InputError(markers.file, None, cause, remedy)
 
 
-def _millimetres(markers: Markers, mapping: Mapping) -> float:
-    """Millimetres in the unit of the file, which is the file's word, or the mapping's where the file says nothing."""
-    stated = markers.unit.strip().lower() if markers.unit else ""
-    if stated and stated not in UNITS_MM:
-        remedy = f"Correct it in the file; known are {', '.join(UNITS_MM)}"
-        raise InputError(markers.file, None, f"the unit of the positions is {markers.unit!r}", remedy)
-    if stated and mapping.unit and stated != mapping.unit:
-        cause = f"the file says that positions are in {stated}, the mapping file {mapping.unit}"
-        raise InputError(markers.file, None, cause, "Correct the one that is wrong")
-    unit = stated or mapping.unit
+def millimetres(markers: Markers, mapping: Mapping) -> float:
+    """Give the millimetres in the unit of the file: the mapping's word, or the file's where the mapping says nothing.
+
+    InputError if neither says it, or says what is none. InputWarning where they differ.
+    """
+    said = (markers.unit or "").strip()
+    stated = UNIT_WORDS.get(said.lower(), said.lower())
+    if mapping.unit and stated not in ("", mapping.unit):
+        cause = f"the file says that positions are in {said}; they are read as {mapping.unit}, as the mapping file says"
+        warn_input(
+            InputError(markers.file, None, cause, f'Remove unit = "{mapping.unit}" from it if the file is right')
+        )
+    unit = mapping.unit or stated
     if not unit:
         cause = "the file does not say in which unit the positions are"
         raise InputError(markers.file, None, cause, 'Write unit = "mm" or unit = "m" in a mapping file (--map)')
+    if unit not in UNITS_MM:
+        remedy = f"Correct it in the file, or write unit in a mapping file (--map); known are {', '.join(UNITS_MM)}"
+        raise InputError(markers.file, None, f"the unit of the positions is {markers.unit!r}", remedy)
     return UNITS_MM[unit]
 
 
 def _position(markers: Markers, mapping: Mapping, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
-    """The positions of a landmark, None where the file has none and none is needed."""
+    """The positions of a landmark in the file's unit and axes, None where the file has none."""
     name = mapping.marker(landmark)
-    if name not in markers.names and is_formula(name):
-        position = _derived(markers, name, landmark)
-    else:
-        position = _of_marker(markers, name, landmark)
-    if position is None or not np.isfinite(position).all(axis=0).any():
-        if landmark in NEEDED or landmark in mapping.markers:
-            _not_there(markers, name, landmark)
+    if _resolved(markers, mapping, name, landmark) is None and is_formula(name):
+        return _derived(markers, mapping, name, landmark)
+    return _of_marker(markers, mapping, name, landmark)
+
+
+def _resolved(markers: Markers, mapping: Mapping, name: str, landmark: str) -> str | None:
+    """The file's name of a marker, None where there is none. InputError if several may be meant."""
+    if name in markers.names:
+        return name
+    together = (tuple(mapping.marker(needed) for needed in NEEDED), *mapping.clusters.values())
+    prefixes = {_common_prefix(markers.names, names) for names in together}
+    wanted = name.casefold()
+    for spellings in ({wanted}, {f":{wanted}"}, {prefix + wanted for prefix in prefixes}):
+        found = [own for own in dict.fromkeys(markers.names) if _is_spelled(own.casefold(), spellings)]
+        if len(found) > 1:
+            cause = f"markers {' and '.join(map(repr, found))} may both be {landmark}"
+            raise InputError(markers.file, None, cause, f"Say in a mapping file (--map) which is {landmark}")
+        if found:
+            return found[0]
+    return None
+
+
+def _is_spelled(own: str, spellings: set[str]) -> bool:
+    """Tell whether a name is one of these; one that begins with a colon may have anything before it."""
+    return own in spellings or f":{own.rpartition(':')[2]}" in spellings
+
+
+@lru_cache
+def _common_prefix(names: tuple[str, ...], together: tuple[str, ...]) -> str:
+    """What stands before all names that belong together and ends in a sign, without case: that of a person in files of
+    QTM. Empty if there is none, or more than one."""
+    folded, needed = {name.casefold() for name in names}, [name.casefold() for name in together]
+    before = {name.removesuffix(needed[0]) for name in folded if name.endswith(needed[0])}
+    found = [one for one in before if one and not one[-1].isalnum() and all(one + name in folded for name in needed)]
+    return found[0] if len(found) == 1 else ""
+
+
+def _of_marker(markers: Markers, mapping: Mapping, name: str, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
+    own = _resolved(markers, mapping, name, landmark)
+    if own is None:
         return None
+    count = markers.names.count(own)
+    if count > 1:
+        remedy = f"Rename one of them, and say in a mapping file (--map) which is {landmark}"
+        raise InputError(markers.file, None, f"there are {count} markers called {own!r}", remedy)
+    return markers.positions[markers.names.index(own)]
+
+
+def _derived(markers: Markers, mapping: Mapping, formula: str, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
+    """The sum that a mapping file writes, None if one of its markers is not there. InputError if it is no sum."""
+    position = np.zeros(markers.positions.shape[1:])
+    for name, factor in _factors(markers, formula, landmark).items():
+        part = _of_marker(markers, mapping, name, landmark)
+        if part is None:
+            return None
+        position = position + factor * part
     return position
 
 
-def _of_marker(markers: Markers, name: str, landmark: str) -> Float[np.ndarray, "3 frames"] | None:
-    count = markers.names.count(name)
-    if count > 1:
-        remedy = f"Rename one of them, and say in a mapping file (--map) which is {landmark}"
-        raise InputError(markers.file, None, f"there are {count} markers called {name!r}", remedy)
-    return markers.positions[markers.names.index(name)] if count else None
-
-
-def _derived(markers: Markers, formula: str, landmark: str) -> Float[np.ndarray, "3 frames"]:
-    """The sum that a mapping file writes. InputError if it is none, or if one of its markers is not there."""
+def _factors(markers: Markers, formula: str, landmark: str) -> dict[str, float]:
     try:
-        factors = factors_of(formula)
+        return factors_of(formula)
     except ValueError as error:
         cause = f"{landmark} is {formula!r} in the mapping file, which is no marker and no formula: {error}"
         remedy = "Write a marker's name, or a formula such as 2*centijc7 - ij, (a + b)/2 or mean(a, b, c)"
         raise InputError(markers.file, None, cause, remedy) from error
-    position = np.zeros(markers.positions.shape[1:])
-    for name, factor in factors.items():
-        part = _of_marker(markers, name, landmark)
-        if part is None:
-            _not_there(markers, name, landmark)
-        else:
-            position = position + factor * part
-    return position
 
 
 def _check_distance(markers: Markers, name: str, position: Float[np.ndarray, "3 frames"]) -> None:
@@ -137,41 +210,50 @@ def _check_distance(markers: Markers, name: str, position: Float[np.ndarray, "3 
         raise InputError(markers.file, None, cause, "Correct it, or leave it empty if it was not measured")
 
 
-def _not_there(markers: Markers, name: str, landmark: str) -> None:
-    if name in markers.names:
+def _absent(markers: Markers, mapping: Mapping, landmark: str) -> InputError:
+    """The error of a landmark that is not there or was nowhere measured: of its marker, or of one of its formula."""
+    name = mapping.marker(landmark)
+    if is_formula(name) and _resolved(markers, mapping, name, landmark) is None:
+        parts = _factors(markers, name, landmark)
+        name = next((part for part in parts if _resolved(markers, mapping, part, landmark) is None), name)
+        measured = is_formula(name)
+    else:
+        measured = _resolved(markers, mapping, name, landmark) is not None
+    if measured:
         cause, remedy = f"marker {name!r} ({landmark}) was nowhere measured", "Reconstruct it, or use another trial"
     else:
         cause = f"there is no marker {name!r} for landmark {landmark}"
-        near = _nearest(name, markers.names)
+        near = nearest(name, markers.names)
         guess = f"Is it {near!r}? " if near else ""
         remedy = f"{guess}Name it in a mapping file (--map), under [markers]; the file has {_listed(markers)}"
     if landmark == "AC":
         remedy = f"{remedy}. AA does too: AC is placed from it with --aa-to-ac kolz2020"
-    raise InputError(markers.file, None, cause, remedy)
+    return InputError(markers.file, None, cause, remedy)
 
 
-def _nearest(name: str, names: Sequence[str]) -> str:
-    """The name most like it, or one such as 'P01:IJ' of marker IJ; empty where there is none."""
+def nearest(name: str, names: Sequence[str]) -> str:
+    """Find the name most like it, or one that ends in it as 'P01:IJ' of marker IJ; empty where there is none."""
     ending = [other for other in names if other.lower().endswith(name.lower())]
     return next(iter(difflib.get_close_matches(name, names, n=1) or ending), "")
 
 
 def _listed(markers: Markers) -> str:
-    return ", ".join(markers.names[:40]) + (", ..." if len(markers.names) > 40 else "")
+    return listed(markers.names, _MOST_NAMED)
 
 
-def _check_size(markers: Markers, found: dict[str, np.ndarray], factor: float) -> None:
-    """InputError if there is no neck, or not that of a person."""
+def check_size(file: str, found: dict[str, Float[np.ndarray, "3 frames"]], factor: float) -> None:
+    """Raise InputError if there is no neck, or not that of a person. factor: the millimetres of the file's unit."""
     lengths = np.linalg.norm(found["IJ"] - found["C7"], axis=0)
     if np.isnan(lengths).all():
         cause = "IJ and C7 are in no frame together: there is no thorax"
-        raise InputError(markers.file, None, cause, "Reconstruct them, or use another trial")
+        raise InputError(file, None, cause, "Reconstruct them, or use another trial")
     neck = float(np.nanmedian(lengths))
     if NECK_MM[0] <= neck <= NECK_MM[1]:
         return
     fitting = [unit for unit, mm in UNITS_MM.items() if NECK_MM[0] <= neck / factor * mm <= NECK_MM[1]]
     cause = f"IJ and C7 are {neck:.3g} mm apart, which no neck is"
-    remedy = (
-        f"The positions look like {fitting[0]}: correct the unit" if fitting else "Check which markers are IJ and C7"
-    )
-    raise InputError(markers.file, None, cause, remedy)
+    remedy = "Check which markers are IJ and C7"
+    if fitting:
+        remedy = f"The positions look like {fitting[0]}: correct the unit"
+        remedy += f', or write unit = "{fitting[0]}" in a mapping file (--map), which wins over the file'
+    raise InputError(file, None, cause, remedy)

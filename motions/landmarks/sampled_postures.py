@@ -14,7 +14,7 @@ from motions.landmarks.at_rest import HIGHEST_REST_DEG, Rest, likely_swap, lowes
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.rigidity import check_rigidity
-from motions.landmarks.stand_ins import SternoclavicularOffset
+from motions.landmarks.stand_ins import GlenohumeralOffset, SternoclavicularOffset
 from motions.motion_csv.cells import Side
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
@@ -85,6 +85,9 @@ class Labels:
     aa_to_ac: AcromionRotation | None = None
     aa_to_ac_name: str = ""
     sc_from_ij: SternoclavicularOffset | None = None
+    gh_from_ac: GlenohumeralOffset | None = None
+    folder: str = ""
+    """Whose trial it is by the folder that the file lies in, if neither the file nor ``subject`` says it."""
 
     @property
     def scapula_rotated(self) -> str:

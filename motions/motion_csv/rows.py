@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from motions.errors import InputError
+from motions.errors import InputError, listed
 from motions.files import read_text
 from motions.motion_csv.columns import ANGLE_COLUMNS, KNOWN, REQUIRED, SIDE, SIDE_MEASURED, landmark_columns
 from motions.table import LANDMARKS
@@ -148,9 +148,9 @@ def _missing(missing: list[str], columns: Sequence[str]) -> tuple[str, str]:
     if not set(ANGLE_COLUMNS) & set(columns) and any(name.endswith(("_x_mm", "_x_cm", "_x_m")) for name in columns):
         return cause, "These are positions of landmarks: girdle convert makes a motion file of them"
     angle = any(name.endswith("_deg") for name in missing)
-    others = [name for name in columns if name and name not in KNOWN][:_MOST_NAMED]
+    others = [name for name in columns if name and name not in KNOWN]
     add = f"Add {'them' if several else 'it'} to the header"
-    add += f", or rename {'theirs' if several else 'its own'} among {', '.join(others)}" if others else ""
+    add += f", or rename {'theirs' if several else 'its own'} among {listed(others, _MOST_NAMED)}" if others else ""
     return cause, f"{add}; leave the cells of an angle empty where it was not measured" if angle else add
 
 

@@ -286,7 +286,9 @@ def test_a_cropped_trial_is_converted_with_a_warning(trials, tmp_path):
 
 
 def test_a_folder_that_is_no_checkout(tmp_path):
-    refused(girdle("convert", tmp_path, tmp_path / "o.csv"), str(tmp_path), "not a checkout", "Name one file")
+    refused(
+        girdle("convert", tmp_path, tmp_path / "o.csv"), str(tmp_path), "no files that end in", "Spartacus checkout"
+    )
 
 
 def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):

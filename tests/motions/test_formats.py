@@ -7,13 +7,14 @@ import pytest
 from laboratory import in_laboratory, simulated_trial, trc_lines, write_c3d
 from scipy.spatial.transform import Rotation
 
+from models.export.opensim import SCAPULA_COORDINATES
 from motions import ANGLES, InputError, read_motions
 from motions.errors import InputWarning
 from motions.formats.angle_table import table_from_motions
 from motions.formats.any_file import read_any
-from motions.formats.c3d import read_c3d
+from motions.formats.marker_files.c3d import read_c3d
+from motions.formats.marker_files.trc import read_trc
 from motions.formats.mot import read_mot, write_mot
-from motions.formats.trc import read_trc
 from motions.landmarks.acromion import KOLZ
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
@@ -149,8 +150,20 @@ def test_a_unit_that_is_not_known_or_not_said(lab, tmp_path):
     motions = read_any(path, Mapping(unit="mm"), LABELS)
     assert len(motions.posture) == len(ELEVATIONS)
     refused(trc(tmp_path, trc_lines(lab, "")), "does not say in which unit", 'unit = "mm"')
-    path = trc(tmp_path, trc_lines(lab, "mm"))
-    refused(path, "the file says that positions are in mm, the mapping file m", "Correct", Mapping(unit="m"))
+    path = trc(tmp_path, trc_lines(lab, "furlong"))
+    with pytest.warns(InputWarning, match="in furlong; they are read as mm, as the mapping file says"):
+        motions = read_any(path, Mapping(unit="mm"), LABELS)
+    assert len(motions.posture) == len(ELEVATIONS)
+
+
+@pytest.mark.parametrize("kind", ["c3d", "trc"])
+def test_the_unit_of_the_mapping_wins_with_a_note(trial, lab, tmp_path, kind):
+    metres = {name: xyz / 1000.0 for name, xyz in lab.items()}
+    path = tmp_path / f"trial.{kind}"
+    write_c3d(path, metres, "mm") if kind == "c3d" else trc(tmp_path, trc_lines(metres, "mm"))
+    with pytest.warns(InputWarning, match=r'in mm; they are read as m, as the mapping .* Remove unit = "m"'):
+        motions = read_any(path, Mapping(unit="m"), LABELS)
+    np.testing.assert_allclose(known(motions), true(trial), rtol=0.0, atol=C3D_DEG)
 
 
 def test_a_trc_header_between_blanks_is_read_as_one_between_tabs(lab, tmp_path):
@@ -188,7 +201,7 @@ def test_a_marker_that_is_the_origin_is_no_gap(trial, tmp_path):
 
 @pytest.mark.parametrize("kind", ["c3d", "trc"])
 def test_renamed_and_repeated_markers(lab, tmp_path, kind):
-    names = ["P01:" + name for name in lab]
+    names = ["my" + name for name in lab]
     path = tmp_path / f"trial.{kind}"
 
     def write(names):
@@ -200,10 +213,10 @@ def test_renamed_and_repeated_markers(lab, tmp_path, kind):
             trc(tmp_path, lines)
 
     write(names)
-    refused(path, "no markers for landmarks IJ, PX, C7, T8, TS, AI, AC", 'a line such as IJ = "P01:IJ" for each')
-    all_but_one = Mapping(markers={name.partition(":")[2]: name for name in names if name != "P01:TS"})
-    refused(path, "there is no marker 'TS' for landmark TS", "Is it 'P01:TS'?", all_but_one)
-    mapping = Mapping(markers={name.partition(":")[2]: name for name in names})
+    refused(path, "no markers for landmarks IJ, PX, C7, T8, TS, AI, AC", 'a line such as IJ = "myIJ" for each')
+    all_but_one = Mapping(markers={name[2:]: name for name in names if name != "myTS"})
+    refused(path, "there is no marker 'TS' for landmark TS", "Is it 'myTS'?", all_but_one)
+    mapping = Mapping(markers={name[2:]: name for name in names})
     assert len(read_any(path, mapping, LABELS).posture) == len(ELEVATIONS)
     write(["IJ" if name == "SC" else name for name in lab])
     refused(path, "there are 2 markers called 'IJ'", "Rename one of them")
@@ -436,13 +449,15 @@ ROWS = ["time st_y st_z st_x", "0.0 30 10 -10", "0.5 31 11 -9", "1.0 nan nan nan
 def test_a_laboratorys_own_mot_file(tmp_path):
     names = {"scapula_y": "st_y", "scapula_z": "st_z", "scapula_x": "st_x"}
     path = mot(tmp_path, ["Coordinates", "datarows 3", "datacolumns 4", "inDegrees=yes", "endheader", *ROWS])
-    motions = read_any(path, Mapping(columns=names), LABELS)
+    with pytest.warns(InputWarning, match=r"no column of clavicle \(clavicle_y, .*\); humerus \(humerus_elevation\)"):
+        motions = read_any(path, Mapping(columns=names), LABELS)
     np.testing.assert_array_equal(motions.angles_deg[:, 3:], [[30, 10, -10], [31, 11, -9]])
     assert np.isnan(motions.angles_deg[:, :3]).all()
     assert motions.posture.tolist() == [1, 2]
     refused(path, "none of the columns clavicle_y", "the file has time, st_y, st_z, st_x")
     path = mot(tmp_path, ["Coordinates", "inDegrees=no", "endheader", ROWS[0], "0 0.5 0.1 0.2"])
-    radians = read_any(path, Mapping(columns=names), LABELS)
+    with pytest.warns(InputWarning, match="no column of clavicle"):
+        radians = read_any(path, Mapping(columns=names), LABELS)
     np.testing.assert_allclose(radians.angles_deg[0, 3:], np.degrees([0.5, 0.1, 0.2]), rtol=0.0, atol=EXACT)
 
 
@@ -471,10 +486,73 @@ def test_isb_angles_are_through_aa_unless_the_file_says_ac(tmp_path):
     head = ["name", "inDegrees=yes", "endheader", "time scapula_alpha scapula_beta scapula_gamma"]
     path = mot(tmp_path, [*head, "0 30 -10 -5"])
     refused(path, "ISB's scapula frame goes through AA", "scapula_through=AC")
-    motions = read_any(path, Mapping(), Labels("P", "m", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020"))
+    with pytest.warns(InputWarning, match="no column of clavicle"):
+        motions = read_any(path, Mapping(), Labels("P", "m", aa_to_ac=KOLZ, aa_to_ac_name="kolz2020"))
     assert motions.angles_deg[0, 3] > 35.0
     path = mot(tmp_path, [head[0], "scapula_through=AC", *head[1:], "0 30 -10 -5"])
-    np.testing.assert_array_equal(read_any(path, Mapping(), LABELS).angles_deg[0, 3:], [30, 10, -5])
+    with pytest.warns(InputWarning, match="no column of clavicle"):
+        through_ac = read_any(path, Mapping(), LABELS)
+    np.testing.assert_array_equal(through_ac.angles_deg[0, 3:], [30, 10, -5])
+
+
+def test_fewer_than_three_angles_in_every_row(tmp_path):
+    """Found by fuzzing."""
+    path = mot(tmp_path, ["name", "inDegrees=yes", "endheader", "time clavicle_y clavicle_z other", "0 -30 10 5"])
+    refused(path, "no posture has 3 angles; of columns there are clavicle_y, clavicle_z", "it has time, clavicle_y")
+
+
+def angles_as(folder, names, unit="yes", factor=1.0, name="trial.sto"):
+    """Nine postures of the trial as a file of OpenSim, its columns under other names."""
+    trial = simulated_trial(ELEVATIONS)
+    columns = np.column_stack([np.arange(9.0), factor * trial.elevation_deg, factor * trial.angles_deg])
+    rows = [" ".join(map(repr, map(float, row))) for row in columns]
+    return trial, mot(folder, ["states", f"inDegrees={unit}", "endheader", " ".join(["time", *names]), *rows], name)
+
+
+def test_the_unit_of_angles_is_checked_by_their_values(tmp_path):
+    names = ["humerus_elevation", *ANGLES]
+    _, path = angles_as(tmp_path, names, "no")
+    assert refused(path, r"says radians \(inDegrees=no\), but humerus_elevation goes to 125", "inDegrees=yes").row == 2
+    trial, path = angles_as(tmp_path, names, "yes", np.pi / 180.0)
+    assert refused(path, r"says degrees \(inDegrees=yes\), but clavicle_y never exceeds 1.04", "inDegrees=no").row == 2
+    _, path = angles_as(tmp_path, names, "no", np.pi / 180.0)
+    np.testing.assert_allclose(read_any(path, Mapping(), LABELS).angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
+
+
+def test_names_of_opensims_states_are_those_of_its_coordinates(tmp_path):
+    """``.osim`` files of this project have these coordinates; its scapulothoracic joint has others, which are named."""
+    clavicle = [f"/jointset/sternoclavicular/{name}/value" for name in ANGLES[:3]]
+    trial, path = angles_as(tmp_path, ["humerus_elevation", *clavicle, *ANGLES[3:]], "no", np.pi / 180.0)
+    np.testing.assert_allclose(read_any(path, Mapping(), LABELS).angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
+    joint = [f"/jointset/scapulothoracic/{name}/value" for name in SCAPULA_COORDINATES[:3]]
+    _, path = angles_as(tmp_path, ["humerus_elevation", *clavicle, *joint], "no", np.pi / 180.0)
+    with pytest.warns(InputWarning, match="no column of scapula .*scapulothoracic joint are no angles of a bone"):
+        found = read_any(path, Mapping(), LABELS)
+    np.testing.assert_allclose(found.angles_deg[:, :3], trial.angles_deg[:, :3], rtol=0.0, atol=EXACT)
+    assert np.isnan(found.angles_deg[:, 3:]).all()
+
+
+def test_angles_of_the_ac_joint_are_asked_about(tmp_path):
+    """As in DAS3: the scapula's are relative to the clavicle. By scipy, R_thorax_scapula = R_clavicle R_joint."""
+    trial, _ = angles_as(tmp_path, ["humerus_elevation", *ANGLES])
+    clavicle, scapula = (
+        Rotation.from_euler("YZX", part, degrees=True) for part in np.split(trial.angles_deg, 2, axis=1)
+    )
+    joint = (clavicle.inv() * scapula).as_euler("YZX", degrees=True)
+    rows = np.column_stack([np.arange(9.0), trial.elevation_deg, trial.angles_deg[:, :3], joint])
+    names = ["time", "humerus_elevation", "SC_y", "SC_z", "SC_x", "AC_y", "AC_z", "AC_x"]
+    lines = [" ".join(map(repr, map(float, row))) for row in rows]
+    path = mot(tmp_path, ["das3", "inDegrees=yes", "endheader", " ".join(names), *lines])
+    refused(path, "none of the columns clavicle_y", 'scapula_relative_to = "clavicle"')
+    columns = {str(angle): name for angle, name in zip(ANGLES, names[2:], strict=True)}
+    refused(path, "AC_y looks like an angle of the AC joint", "relative_to", Mapping(columns=columns))
+    found = read_any(path, Mapping(columns=columns, scapula_relative_to="clavicle"), LABELS)
+    np.testing.assert_allclose(found.angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
+    as_said = read_any(path, Mapping(columns=columns, scapula_relative_to="thorax"), LABELS)
+    np.testing.assert_allclose(as_said.angles_deg[:, 3:], joint, rtol=0.0, atol=EXACT)
+    (tmp_path / "map.toml").write_text('scapula_relative_to = "floor"')
+    with pytest.raises(InputError, match=r"scapula_relative_to is 'floor'.*thorax, clavicle"):
+        read_mapping(tmp_path / "map.toml")
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,13 @@
 import pytest
 
 from motions import InputError
-from motions.formats import c3d
+from motions.formats.marker_files import c3d
 from motions.landmarks.mapping import read_mapping
 from scripts.fuzz_readers import READ, REFUSED, file_number, kinds, outcome
 
 SEED, FEW = 7, 60
-NAMES = ["motion CSV", "parameter set", "mapping", "landmark CSV", "trc", "mot", "run.json", "clicks"]
+OF_MARKERS = ["landmark CSV", "landmarks, semicolons", "trc", "trc, blanks", "vicon", "motive", "qualisys"]
+NAMES = ["motion CSV", "parameter set", "mapping", "mot", "run.json", "clicks", "clusters", "static trial", *OF_MARKERS]
 """All but c3d, each of which starts a process."""
 
 

@@ -1,20 +1,23 @@
 # pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false, reportArgumentType=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
-"""``girdle convert``: one file in, one file (or a folder of them) out; what it does follows from the two names."""
+"""``girdle convert``: files in, one file (or a folder of them) out; what it does follows from their names."""
 
 import importlib.util
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from adapt.cli.landmarks.many_files import calibration_for, is_folder_of_trials, read_several
 from adapt.solvers import status
 from models.export.opensim import opensim_model
 from models.parameter_sets import load_model
 from motions.errors import InputError
 from motions.files import atomic_write, atomic_write_bytes, file_names, make_folder
-from motions.formats.angle_table import split, table_from_motions
+from motions.formats.angle_table import SCAPULA_THROUGH, split, table_from_motions
 from motions.formats.any_file import read_any
+from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import write_mot
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
@@ -25,12 +28,30 @@ from motions.table import ANGLES, Motions
 _TEXT_COLUMNS = ("model", "subject", "motion", "status")
 
 
-def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: bool = False) -> Motions | None:
-    """Write the source as the target; the motions that were written, or None if it was a table or a model.
+def convert(
+    sources: Sequence[Path],
+    target: Path,
+    mapping: Mapping,
+    labels: Labels,
+    isb: bool = False,
+    statics: Sequence[Path] = (),
+) -> Motions | None:
+    """Write the sources as the target; the motions that were written, or None if it was a table or a model.
 
-    Motions (markers, angles, a Spartacus checkout, motion CSV, fits.csv) become .csv, .mot or a folder of .mot files, a
-    table .parquet, a parameter set .osim. InputError if the source cannot be read or has no such form.
+    Motions (markers, angles, a Spartacus checkout, motion CSV, fits.csv; several files or a folder of them) become
+    .csv, .mot or a folder of .mot files, a table .parquet, a parameter set .osim. InputError if a source cannot be read
+    or has no such form; of several, those that cannot are left out and named.
     """
+    if len(sources) == 1 and not is_folder_of_trials(sources[0]):
+        return _convert_one(sources[0], target, mapping, labels, isb, statics)
+    motions = read_several(sources, target, mapping, labels, statics)
+    _write(motions, target, isb)
+    return motions
+
+
+def _convert_one(
+    source: Path, target: Path, mapping: Mapping, labels: Labels, isb: bool, statics: Sequence[Path]
+) -> Motions | None:
     kind = target.suffix.lower()
     if kind == ".osim":
         atomic_write(target, opensim_model(load_model(str(source))))
@@ -44,7 +65,15 @@ def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: b
     if source.suffix.lower() == ".csv" and _is_fits(source):
         motions = simulated_motions(source)
     else:
-        motions = read_any(source, mapping, labels)
+        motions = read_any(source, mapping, labels, calibration_for(source, statics, mapping, labels))
+    _write(motions, target, isb)
+    return motions
+
+
+def _write(motions: Motions, target: Path, isb: bool) -> None:
+    """Write motions in the form that the name of the target says. InputError if it says none."""
+    kind = target.suffix.lower()
+    _check_replaceable(target)
     if kind == ".csv":
         make_folder(target.parent)
         write_motions(motions, target)
@@ -55,7 +84,17 @@ def convert(source: Path, target: Path, mapping: Mapping, labels: Labels, isb: b
     else:
         cause = f"files that end in {kind!r} are not written"
         raise InputError(str(target), None, cause, "Known are .csv, .mot, a folder for .mot files, .parquet and .osim")
-    return motions
+
+
+def _check_replaceable(target: Path) -> None:
+    """InputError where the target is a file of a laboratory: the name to write to was left out."""
+    if not target.is_file() or target.suffix.lower() not in (".csv", ".mot"):
+        return
+    head = read_head(target)
+    own = "clavicle_y_deg" in head.columns() or any(word.startswith(SCAPULA_THROUGH) for word in head.first_words())
+    if not own and head.columns():
+        cause = "this file is there and no motion file, so it is not replaced"
+        raise InputError(str(target), None, cause, "Name the file to write to last, behind those to read")
 
 
 def write_one_mot(motions: Motions, target: Path, isb: bool) -> None:
@@ -116,5 +155,5 @@ def _table(path: Path) -> pd.DataFrame:
 
 
 def _is_fits(path: Path) -> bool:
-    columns = read_table(path).columns
+    columns = read_head(path).columns()
     return "adapted" in columns and all(f"{angle}_simulated_deg" in columns for angle in ANGLES)

@@ -8,45 +8,80 @@ import numpy as np
 import typer
 
 from adapt.cli.ending import EXIT_SOME_NOT_HANDLED, finish
-from adapt.cli.options import AaToAc, Names, ScFromIj, Shoulder, console, errors
+from adapt.cli.options import AaToAc, GhFromAc, Names, ScFromIj, Shoulder, console, errors
 from models import load_model
 from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settings
 from motions import InputError, Motions
 from motions.errors import named
 from motions.landmarks.acromion import ROTATIONS
-from motions.landmarks.mapping import read_mapping
+from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
+from motions.landmarks.mapping import CLUSTERS, read_mapping
 from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, is_marked, marked_slips
-from motions.landmarks.stand_ins import OFFSETS
+from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 from motions.motion_csv.cells import SIDES
+
+_NUMBER = r"\d+(\.\d+)?(e[+-]\d+)?"
 
 MANY_FRAMES = 50
 """More postures than a palpator records: this is a trial, which is better sampled."""
 
 
 def convert_file(
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A file, or the folder of a Spartacus checkout.")],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="A file, or a folder for .mot files.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="IN... OUT",
+            help="Files, folders of them, or a Spartacus checkout; then a file, or a folder for .mot files.",
+        ),
+    ],
     names: Names = None,
-    subject: Annotated[str, typer.Option(help="Whose motion it is, if the file does not say; else its name.")] = "",
+    write_map: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-map", metavar="lab.toml", help="Write a mapping file for IN, to be edited, and convert nothing."
+        ),
+    ] = None,
+    subject: Annotated[
+        str, typer.Option(help="Whose motion it is, if the file does not say; else its folder's or its own name.")
+    ] = "",
     motion: Annotated[str, typer.Option(help="What motion it is, if the file does not say; else its name.")] = "",
     side: Shoulder = "right",
     at: Annotated[
         str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
     ] = "",
+    static: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Static trial with palpated landmarks and the markers of clusters (see [clusters] of --map), which "
+            "carry them into IN; repeatable: over several postures of the arm the scapula is interpolated.",
+            show_default=False,
+        ),
+    ] = None,
     aa_to_ac: AaToAc = "",
     sc_from_ij: ScFromIj = "",
+    gh_from_ac: GhFromAc = "",
     isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
 ) -> None:
     """Bring files of your laboratory into this project's forms, and results into those of others.
 
-    Landmarks (.c3d, .trc, .csv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which the
-    other commands take. A motion file, or fits.csv with its simulated motions, becomes one .mot or a folder of them; a
-    parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table becomes .parquet.
+    Landmarks (.c3d, .trc, .csv, .tsv), angles (.mot, .sto) or a Spartacus checkout become a motion file (.csv), which
+    the other commands take; many files become one. A motion file, or fits.csv with its simulated motions, becomes one
+    .mot or a folder of them; a parameter set, such as an adapted model, becomes an OpenSim model (.osim); any table
+    becomes .parquet.
     """
     from adapt.cli.landmarks.convert import convert  # readers of laboratories' files: not for every command
+    from adapt.cli.landmarks.many_files import first_file
+    from adapt.cli.landmarks.write_map import write_map as write_mapping
 
-    labels = _labels(subject, motion, side, at, aa_to_ac, sc_from_ij)
-    motions = convert(source, target, read_mapping(names), labels, isb)
+    labels = _labels(subject, motion, side, at, aa_to_ac, sc_from_ij, gh_from_ac)
+    if write_map is not None:
+        found = write_mapping(first_file(files[0]), write_map, read_mapping(names))
+        console.print(f"{write_map} written: {found} names found. Edit it, and take it with --map", soft_wrap=True)
+        return
+    *sources, target = files
+    if not sources:
+        raise InputError(str(target), None, "there is one file, and no name to write to", "Name IN and OUT")
+    motions = convert(sources, target, read_mapping(names), labels, isb, static or [])
     if motions is None:
         console.print(f"{target} written", soft_wrap=True)
         return
@@ -55,12 +90,16 @@ def convert_file(
         f"{len(motions.posture)} postures of {subjects} subject{'s' if subjects > 1 else ''} in {target}",
         soft_wrap=True,
     )
-    if not labels.at_deg and source.suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
+    if len(sources) > 1 and subjects == len(sources):
+        said = "Each file is a subject of its own; --subject, or a folder for each person, puts trials together."
+        console.print(said, soft_wrap=True)
+    if not labels.at_deg and sources[0].suffix.lower() in (".c3d", ".trc") and len(motions.posture) > MANY_FRAMES:
         measured = np.isfinite(motions.humerus_elevation_deg).any()
         sampled = "--at 30,60,90 would sample the trial at elevations of the arm"
         said = sampled if measured else "GH, EM and EL would give the elevation of the arm, which is empty"
         console.print(f"Every frame is a posture; {said}.", soft_wrap=True)
     _say_estimated(motions)
+    _say_cluster(motions)
     _say_slipped(motions)
     finish(motions, {})
 
@@ -148,13 +187,16 @@ def contours_of_slices(
     print_contours(console, done, out)
 
 
-def _labels(subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str) -> Labels:
+def _labels(
+    subject: str, motion: str, side: str, at: str, aa_to_ac: str, sc_from_ij: str, gh_from_ac: str = ""
+) -> Labels:
     """What the options say of a file of landmarks."""
     if side not in SIDES:
         raise InputError("--side", None, f"the side is '{side}'", "Say left or right")
     rotation = named(aa_to_ac, ROTATIONS, "--aa-to-ac", "rotation") if aa_to_ac else None
     offset = named(sc_from_ij, OFFSETS, "--sc-from-ij", "offset") if sc_from_ij else None
-    return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset)
+    gh = named(gh_from_ac, GH_OFFSETS, "--gh-from-ac", "offset") if gh_from_ac else None
+    return Labels(subject, motion, SIDES[side], _elevations(at), rotation, aa_to_ac, offset, gh)
 
 
 def _say_estimated(motions: Motions) -> None:
@@ -167,6 +209,19 @@ def _say_estimated(motions: Motions) -> None:
         span = " to ".join(dict.fromkeys(f"{zero:.0f}" for zero in zeros[:1] + zeros[-1:]))
         said += f"; it is 0 {f'with the arm lowest, at {span} degrees' if zeros else 'in the first posture'}"
     console.print(said, soft_wrap=True)
+
+
+def _say_cluster(motions: Motions) -> None:
+    """Say that the scapula is a cluster's, how well each cluster kept its shape, and that GH was placed."""
+    marks = {column: list(motions.extra[column]) for column in motions.extra.columns}
+    for column, what in ((SCAPULA_FROM, "The scapula is of a"), (HUMERUS_PLACED, "The elevation rests on")):
+        for said in dict.fromkeys(word for word in marks.get(column, []) if word):
+            console.print(f"{what} {said}", soft_wrap=True)
+    for segment in CLUSTERS:
+        known = [float(mm) for mm in marks.get(residual_column(segment), []) if re.fullmatch(_NUMBER, mm)]
+        if known:
+            said = f"residual of the rigid fit {np.median(known):.2g} mm (median), {max(known):.2g} mm (largest)"
+            console.print(f"Cluster {segment}: {said}", soft_wrap=True)
 
 
 def _say_slipped(motions: Motions) -> None:

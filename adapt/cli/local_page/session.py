@@ -15,7 +15,7 @@ from adapt.cli.local_page.uploads import State, Upload, accepted, with_own_names
 from adapt.cli.local_page.zipped_folder import zip_folder
 from motions import InputError, Motions, read_motions
 from motions.errors import InputWarning
-from motions.formats.any_file import read_markers
+from motions.formats.marker_files.any_markers import read_markers
 
 COMMANDS = ("adapt", "diagnose")
 """What the page runs, in this order; each writes into the folder of its name."""

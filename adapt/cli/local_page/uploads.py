@@ -8,7 +8,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 from motions import InputError
 from motions.files import printable
 
-ENDINGS = (".c3d", ".trc", ".mot", ".sto", ".csv")
+ENDINGS = (".c3d", ".trc", ".mot", ".sto", ".csv", ".tsv")
 TRIALS = (".c3d", ".trc")
 
 LARGEST_FILE_BYTES = 200_000_000

@@ -40,8 +40,11 @@ def read_c3d(path: Path) -> Markers:
         cause = f"the file says that it has {frames_said} frames but holds {positions.shape[2]}: it was cut off"
         raise InputError(file, None, cause, "Copy or export it again")
     names = content["labels"].tolist()
+    rate_hz = float(content["rate"]) or None
     count = min(len(names), len(positions))  # LABELS may go on after the last marker
-    return Markers(file, tuple(names[:count]), zeros_as_gaps(positions[:count]), str(content["unit"]) or None, {})
+    return Markers(
+        file, tuple(names[:count]), zeros_as_gaps(positions[:count]), str(content["unit"]) or None, {}, rate_hz
+    )
 
 
 def _by_ezc3d(path: Path) -> dict[str, np.ndarray]:

@@ -1,6 +1,7 @@
-"""What ezc3d reads from a .c3d file, for ``motions.formats.c3d``: run as a program of its own, as ezc3d can crash.
+"""What ezc3d reads from a .c3d file, for ``c3d`` beside it: run as a program of its own, as ezc3d can crash.
 
-Writes to stdout, as a numpy archive: points (4, markers, frames), labels, unit ("" if not said) and frames said.
+Writes to stdout, as a numpy archive: points (4, markers, frames), labels, frames said, unit and rate ("" and 0 if not
+said).
 """
 
 import sys
@@ -20,8 +21,10 @@ def _main(path: str) -> None:
     point = content["parameters"]["POINT"]
     unit = point["UNITS"]["value"][0] if "UNITS" in point and point["UNITS"]["value"] else ""
     frames = int(point["FRAMES"]["value"][0]) if "FRAMES" in point else 0
+    rate = float(point["RATE"]["value"][0]) if "RATE" in point and len(point["RATE"]["value"]) else 0.0
     points = np.asarray(content["data"]["points"], dtype=float)
-    np.savez(sys.stdout.buffer, points=points, labels=np.array(_labels(point), dtype=str), unit=unit, frames=frames)
+    labels = np.array(_labels(point), dtype=str)
+    np.savez(sys.stdout.buffer, points=points, labels=labels, unit=unit, rate=rate, frames=frames)
 
 
 if __name__ == "__main__":

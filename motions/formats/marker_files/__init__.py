@@ -1,0 +1,1 @@
+"""Positions of markers as the programs of laboratories write them."""

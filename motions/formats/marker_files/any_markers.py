@@ -1,0 +1,38 @@
+"""Any file of positions of markers: its kind is known by its ending, that of a table by its header."""
+
+from pathlib import Path
+
+from motions.errors import InputError
+from motions.formats.marker_files.c3d import read_c3d
+from motions.formats.marker_files.export_table import ENDINGS, read_head
+from motions.formats.marker_files.landmark_table import holds_positions, read_landmark_table
+from motions.formats.marker_files.motive import is_motive, read_motive
+from motions.formats.marker_files.qualisys import is_qualisys, read_qualisys
+from motions.formats.marker_files.trc import read_trc
+from motions.formats.marker_files.vicon import is_vicon, read_vicon
+from motions.landmarks.markers import Markers
+
+_OF_ONE_KIND = {".c3d": read_c3d, ".trc": read_trc}
+_TABLES = ((is_motive, read_motive), (is_qualisys, read_qualisys), (is_vicon, read_vicon))
+
+
+def read_markers(path: Path) -> Markers | None:
+    """Read a file of positions of any kind; None where it is of another kind, a motion file included.
+
+    InputError if it is broken, or a table of text (.tsv, .txt) without positions.
+    """
+    kind = path.suffix.lower()
+    if kind in _OF_ONE_KIND:
+        return _OF_ONE_KIND[kind](path)
+    if kind not in ENDINGS:
+        return None
+    head = read_head(path)
+    if holds_positions(head.columns()):
+        return read_landmark_table(path)
+    for is_kind, read in _TABLES:
+        if is_kind(head):
+            return read(path)
+    if kind != ".csv":
+        cause = "the header has no positions of markers: no columns such as IJ_x_mm, and it is none of a known program"
+        raise InputError(str(path), None, cause, "Known are tables of Vicon, Motive and Qualisys, .c3d and .trc")
+    return None

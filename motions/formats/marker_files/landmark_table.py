@@ -1,0 +1,102 @@
+"""Positions of landmarks under one header: columns IJ_x_mm, IJ_y_mm, ... or the like, one row a posture or frame.
+
+The separator may be a comma, a semicolon or a tab. A column is a marker, x, y or z in either case, and the unit where
+the file says it: ``IJ_x_mm``, ``IJ_X_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ_x``, ``IJX``. A line of units may follow.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from motions.errors import InputError
+from motions.formats.marker_files.export_table import Block, ExportTable, markers_of, read_export_table
+from motions.formats.text import Line
+from motions.landmarks.mapping import MARKERS, UNIT_WORDS, UNITS_MM
+from motions.landmarks.markers import Markers
+
+ROW_COLUMNS = ("subject", "motion", "posture", "side")
+"""What a file may say of each row."""
+
+_COORDINATE = re.compile(
+    r"(?P<name>.*[^\s_.:-])[\s_.:-]+(?P<axis>[xyz])(?:[\s_.]*[\[(]?(?P<unit>mm|cm|m|millimet(?:er|re)s?|met(?:er|re)s?)[\])]?)?",
+    re.IGNORECASE,
+)
+_TOGETHER = re.compile(rf"(?P<name>{'|'.join(MARKERS)})(?P<axis>[xyz])(?P<unit>)", re.IGNORECASE)
+"""A landmark called as here, with nothing between it and the axis."""
+
+_BONES = ("clavicle", "scapula", "humerus")
+"""Their x, y and z are angles (``clavicle_y``), whatever unit is left out."""
+
+
+def holds_positions(columns: Iterable[str]) -> bool:
+    """Tell whether a table with these columns is one of positions: a motion file has the clavicle's angles too."""
+    columns = list(columns)
+    return "clavicle_y_deg" not in columns and any(_coordinate(column) for column in columns)
+
+
+def read_landmark_table(path: Path) -> Markers:
+    """Read all markers of the file; an empty cell or nan is a gap.
+
+    InputError if a marker has only some of its coordinates, columns stand there twice or units differ.
+    """
+    table = read_export_table(path)
+    place, header = next((k, line) for k, line in enumerate(table.lines) if any(line.cells))
+    _check_names(table.file, header.number, header.cells)
+    found = {column: match for column in header.cells if (match := _coordinate(column))}
+    unit = _unit(table.file, header.number, found.values())
+    names = dict.fromkeys(match["name"] for match in found.values())
+    blocks = [_block(table, header.number, header.cells, name, found) for name in names]
+    data = [line for line in table.lines[place + 1 :] if any(line.cells)]
+    if unit is None and data and (unit := _unit_below(data[0], blocks)):
+        data = data[1:]
+    markers = markers_of(table, blocks, data, len(header.cells), unit, None)
+    return replace(markers, rows=_rows(header.cells, [line.cells for line in data]))
+
+
+def _coordinate(column: str) -> re.Match[str] | None:
+    match = _COORDINATE.fullmatch(column) or _TOGETHER.fullmatch(column)
+    return None if match is None or match["name"].casefold() in _BONES else match
+
+
+def _check_names(file: str, line: int, columns: list[str]) -> None:
+    repeated = [name for name in columns if name and columns.count(name) > 1]
+    if repeated:
+        raise InputError(file, line, f"column {repeated[0]!r} stands there twice", "Rename or remove one of them")
+
+
+def _unit(file: str, line: int, found: Iterable[re.Match[str]]) -> str | None:
+    """The unit of all columns; None where none says it."""
+    units = list(dict.fromkeys((match["unit"] or "").lower() for match in found))
+    if len(units) != 1:
+        cause = f"positions are in {' and in '.join(unit or 'no unit' for unit in units)}"
+        raise InputError(
+            file, line, cause, "Name the columns MARKER_x_mm, MARKER_y_mm and MARKER_z_mm, all in one unit"
+        )
+    return units[0] or None
+
+
+def _unit_below(line: Line, blocks: list[Block]) -> str | None:
+    """The unit in the line under the header, where it is one of units; None where it is one of numbers."""
+    words = {line.cells[k].strip("[]()").lower() for block in blocks for k in block.columns if k < len(line.cells)}
+    (word,) = words if len(words) == 1 else ("",)
+    return word if word in (*UNITS_MM, *UNIT_WORDS) else None
+
+
+def _block(table: ExportTable, line: int, columns: list[str], name: str, found: dict[str, re.Match[str]]) -> Block:
+    own = [column for column, match in found.items() if match["name"] == name]
+    places = []
+    for axis in "xyz":
+        mine = [column for column in own if found[column]["axis"].lower() == axis]
+        if len(mine) != 1:
+            like = own[0][: found[own[0]].start("axis")] + axis + own[0][found[own[0]].end("axis") :]
+            cause = f"column {like} is missing" if not mine else f"columns {' and '.join(mine)} are one coordinate"
+            raise InputError(table.file, line, cause, "Give x, y and z of each marker, once")
+        places.append(columns.index(mine[0]))
+    return Block(name, (places[0], places[1], places[2]))
+
+
+def _rows(columns: list[str], data: Sequence[list[str]]) -> dict[str, list[str]]:
+    """What the file says of each row, under the names that it has here."""
+    places = {column.casefold(): k for k, column in reversed(list(enumerate(columns)))}
+    return {key: [cells[places[key]] for cells in data] for key in ROW_COLUMNS if key in places}

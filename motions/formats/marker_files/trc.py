@@ -1,0 +1,115 @@
+"""Marker positions in a .trc file (Motion Analysis, OpenSim): five lines of header, then columns.
+
+Not read with trc-data-reader: its 0.4.1 splits lines at any white space, so that an empty cell, which is how a .trc
+writes a gap, shifts all markers to its right by one place without a word.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from motions.errors import InputError, warn_input
+from motions.formats.gaps import zeros_as_gaps
+from motions.formats.marker_files.export_table import number_or_none
+from motions.formats.text import Line, numbers, plain_lines, read_export, with_points
+from motions.landmarks.markers import Markers
+
+_EXPORT = "Export the trial again as .trc"
+_NAMES_LINE, _FIRST_DATA_LINE = 4, 6
+"""From 1: the names of the markers; below X1 Y1 Z1 ... come the data, mostly after a blank line."""
+
+_SEPARATORS = ("\t", ";", ",")
+"""Of cells, the surest first; where a line has none of them, blanks separate them."""
+
+
+def read_trc(path: Path) -> Markers:
+    """Read all markers of a .trc file; an empty cell, nan or a marker at exactly (0, 0, 0) is a gap.
+
+    Tabs, semicolons, commas or blanks separate its cells. InputError if the file is none, has not the markers that its
+    header says, or ends within a line. InputWarning if it has not the frames that its header says: programs that crop a
+    trial often leave that number as it was.
+    """
+    file = str(path)
+    text = read_export(path, _EXPORT)
+    lines = [Line(number, _cells(line)) for number, line in enumerate(plain_lines(text), 1)]
+    if len(lines) < _FIRST_DATA_LINE or not text.lstrip().startswith("PathFileType"):
+        raise InputError(file, None, "this is not a .trc file", _EXPORT)
+    header = dict(zip(lines[1].cells, lines[2].cells, strict=False))
+    names = lines[_NAMES_LINE - 1].cells
+    if names[:1] not in (["Frame#"], ["Frame"]):
+        raise InputError(file, _NAMES_LINE, "the line does not start with Frame#", _EXPORT)
+    said = _said(header, "NumMarkers", file)
+    markers = _marker_names(names, said, file)
+    if said != len(markers):
+        raise _miscounted(file, "NumMarkers", said, len(markers), "markers")
+    table = _table(lines, 2 + 3 * len(markers), file)
+    said = _said(header, "NumFrames", file)
+    if said != len(table):
+        found = _miscounted(file, "NumFrames", said, len(table), "frames")
+        if len(table) < said and not text.endswith(("\n", "\r")):
+            raise found
+        warn_input(found)
+    positions = table[:, 2:].T.reshape(len(markers), 3, -1)
+    rate_hz = number_or_none(header.get("DataRate", ""))
+    return Markers(file, tuple(markers), zeros_as_gaps(positions), header.get("Units"), {}, rate_hz)
+
+
+def _cells(line: str) -> list[str]:
+    """The cells of a line: between tabs, semicolons or commas an empty one keeps its place, between blanks there is
+    none."""
+    separator = next((one for one in _SEPARATORS if one in line), None)
+    if separator == "," and len(line.split()) > 1 and not any(_has_separators(word) for word in line.split()):
+        separator = None
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def _has_separators(word: str) -> bool:
+    """Tell whether commas in a word separate cells: a number has one at most, inside."""
+    return word.count(",") > 1 or word.startswith(",") or word.endswith(",")
+
+
+def _marker_names(names: list[str], said: int, file: str) -> list[str]:
+    """The names over the X columns: Frame#, Time, IJ, '', '', PX, '', '', ...; or one after the other, if they are as
+    many as the header says."""
+    row = names[2:]
+    while row and not row[-1]:
+        row.pop()
+    named = [name for name in row if name]
+    if row[::3] != named and len(named) != said:
+        cause = (
+            f"the header says {said} markers (NumMarkers), and {len(named)} names do not stand over every third column"
+        )
+        raise InputError(file, _NAMES_LINE, cause, "Each name is followed by two empty cells, all separated by tabs")
+    return named
+
+
+def _table(lines: list[Line], columns: int, file: str) -> Float[np.ndarray, "frames columns"]:
+    """The data as numbers; an empty cell between two tabs keeps its place."""
+    rows = [line for line in lines[_FIRST_DATA_LINE - 1 :] if any(line.cells)]
+    if not rows:
+        raise InputError(file, None, "there are no frames under the header", _EXPORT)
+    for number, cells in rows:
+        if any(cells[columns:]):
+            cause = f"the line has more than the {columns} cells of the header"
+            raise InputError(file, number, cause, "Look for a marker without a name, or a surplus tab")
+        if len(cells) < columns:
+            cause = f"the line has {len(cells)} cells and ends before the {columns} of the header"
+            remedy = "Export it again if it was cut off; a gap is an empty cell with its tab"
+            raise InputError(file, number, cause, remedy)
+    cells = with_points([line.cells[:columns] for line in rows])
+    return numbers(np.array(cells, dtype=object), [line.number for line in rows], file)
+
+
+def _said(header: dict[str, str], key: str, file: str) -> int:
+    """The count that the header says; some programs write it with decimals."""
+    said = re.fullmatch(r"(\d{1,9})(?:[.,]0*)?", header.get(key, ""))
+    if said is None:
+        raise InputError(file, 3, f"the header does not say {key}", _EXPORT)
+    return int(said[1])
+
+
+def _miscounted(file: str, key: str, said: int, found: int, what: str) -> InputError:
+    cause = f"the header says {said} {what} ({key}) but the file has {found}"
+    return InputError(file, 3, cause, f"Export it again if it was cut off; if it is complete, write {found} for {key}")

@@ -1,0 +1,253 @@
+"""Static trials: where the landmarks of a segment lie beside the markers of the cluster that is fixed to it.
+
+One static posture gives one place for each landmark (Cappozzo et al., Clin. Biomech. 10 (1995) 171-178; for the
+acromion van Andel et al., Gait Posture 29 (2009) 123-128). The skin of the acromion moves over the bone as the arm
+rises. With two postures or more the scapula's place beside its cluster is therefore interpolated over the elevation of
+the arm (double calibration: Brochard et al., J. Biomech. 44 (2011) 751-754), and extrapolated beyond them.
+"""
+
+from collections.abc import Mapping as Dictionary
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from motions.errors import InputError
+from motions.landmarks.clusters.rigid_fit import FEWEST, Pose, fit_rigid, mean_shape, part_of_the_way
+from motions.landmarks.frames import thorax_frame
+from motions.landmarks.mapping import THORAX, Mapping
+from motions.landmarks.markers import Markers, check_size, landmarks_there_mm, marker_mm, millimetres
+from motions.landmarks.stand_ins import GlenohumeralOffset, place_gh
+from motions.motion_csv.cells import Side
+from motions.rotations import DEG
+
+CARRIED = {"thorax": (*THORAX, "SC"), "scapula": ("AC", "AA", "TS", "AI"), "humerus": ("EM", "EL")}
+"""The landmarks that each cluster carries. GH, which belongs to two bones, goes with the humerus, and with the scapula
+where there is no cluster on the humerus."""
+
+SAME_POSTURE_DEG = 10.0
+"""Static trials with the arm within this much of the lowest of them are one posture: over it, the skin of the acromion
+moves by less than a palpated landmark scatters."""
+
+_MOST_FRAMES = (0.05, 0.95)
+"""Quantiles between which a static trial holds still: a marker that jumps does not count."""
+
+Positions = Dictionary[str, Float[np.ndarray, "3 frames"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """The markers of a cluster and their places to each other, mm."""
+
+    names: tuple[str, ...]
+    shape_mm: Float[np.ndarray, "markers 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Landmarks beside a cluster: their places to each other, and how they lie in it at elevations of the arm."""
+
+    landmarks_mm: dict[str, Float[np.ndarray, "3 1"]]
+    poses: tuple[Pose, ...]
+    """One; or one for each elevation."""
+    elevations_deg: tuple[float, ...]
+
+    def in_cluster(self, elevation_deg: Float[np.ndarray, " frames"]) -> Pose:
+        """Give the pose of the landmarks in the frame of the cluster; NaN where an elevation is needed and is NaN."""
+        if len(self.poses) == 1:
+            return Pose(*(np.repeat(part, len(elevation_deg), axis=-1) for part in self.poses[0]))
+        nodes = np.array(self.elevations_deg)
+        which = np.clip(np.searchsorted(nodes, elevation_deg) - 1, 0, len(nodes) - 2)
+        R, t = np.full((3, 3, len(elevation_deg)), np.nan), np.full((3, len(elevation_deg)), np.nan)
+        for k, (lower, upper) in enumerate(zip(self.poses[:-1], self.poses[1:], strict=True)):
+            share = (elevation_deg[which == k] - nodes[k]) / (nodes[k + 1] - nodes[k])
+            R[..., which == k], t[:, which == k] = lower.after(part_of_the_way(lower.inverse().after(upper), share))
+        return Pose(R, t)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What the static trials say, by segment."""
+
+    clusters: dict[str, Cluster]
+    bodies: dict[str, Body]
+    gh_placed: bool
+    """Whether GH was placed, and not palpated."""
+
+    @property
+    def said(self) -> str:
+        """Say of the scapula how it was calibrated."""
+        nodes = self.bodies["scapula"].elevations_deg if "scapula" in self.bodies else ()
+        at = f"at {', '.join(f'{at:.0f}' for at in nodes)} degrees" if len(nodes) > 1 else "in one posture"
+        return f"cluster, calibrated {at}"
+
+
+def calibrate(
+    statics: Sequence[Markers], mapping: Mapping, side: Side = "right", gh_from: GlenohumeralOffset | None = None
+) -> Calibration:
+    """Find the places of the landmarks beside the clusters of ``mapping.clusters``.
+
+    statics: a trial each. gh_from: what places GH, where it was not palpated. InputError where a cluster is whole in
+    none of them, has no landmark, or where postures of the scapula cannot be told apart.
+    """
+    if not mapping.clusters:
+        cause = "the mapping file does not say which markers are clusters"
+        remedy = 'Write under [clusters] lines such as scapula = ["AMC1", "AMC2", "AMC3"] (--map)'
+        raise InputError(statics[0].file, None, cause, remedy)
+    read = [_Static(markers, mapping, side, gh_from) for markers in statics]
+    clusters = {segment: _cluster(segment, names, read) for segment, names in mapping.clusters.items()}
+    single = {segment: _single(segment, cluster, read, mapping) for segment, cluster in clusters.items()}
+    if "scapula" in clusters:
+        elevations = [_elevation_of_static(one, clusters, single) for one in read]
+        single["scapula"] = _over_elevation(clusters["scapula"], read, elevations, mapping)
+    return Calibration(clusters, single, any(one.gh_placed for one in read))
+
+
+def carried_by(segment: str, mapping: Mapping) -> tuple[str, ...]:
+    """Give the landmarks that go with a segment's cluster."""
+    own_gh = segment == "humerus" or (segment == "scapula" and "humerus" not in mapping.clusters)
+    return (*CARRIED[segment], "GH") if own_gh else CARRIED[segment]
+
+
+def elevation_deg(positions: Positions) -> Float[np.ndarray, " frames"] | None:
+    """Compute the angle between the humerus (halfway EM-EL to GH) and the thorax's y; None without the landmarks."""
+    if not all(name in positions for name in (*THORAX, "GH", "EM", "EL")):
+        return None
+    up = thorax_frame(*(positions[name] for name in THORAX))[:, 1]
+    along = positions["GH"] - (positions["EM"] + positions["EL"]) / 2.0
+    sine = np.linalg.norm(np.cross(up, along, axis=0), axis=0)
+    return np.arctan2(sine, np.sum(up * along, axis=0)) * DEG
+
+
+class _Static:
+    """A static trial: its landmarks and the markers of its clusters, mm."""
+
+    def __init__(self, markers: Markers, mapping: Mapping, side: Side, gh_from: GlenohumeralOffset | None):
+        self.file, factor = markers.file, millimetres(markers, mapping)
+        self.landmarks_mm = landmarks_there_mm(markers, mapping, factor)
+        self.gh_placed = gh_from is not None and "GH" not in self.landmarks_mm
+        if gh_from is not None:
+            self.landmarks_mm = place_gh(self.landmarks_mm, gh_from, side)
+        if {"IJ", "C7"} <= self.landmarks_mm.keys():
+            check_size(markers.file, self.landmarks_mm, factor)
+        self.markers_mm = {
+            name: place
+            for names in mapping.clusters.values()
+            for name in names
+            if (place := marker_mm(markers, mapping, name, factor)) is not None
+        }
+
+    def seen(self, names: Sequence[str]) -> np.ndarray | None:
+        """The positions of a cluster's markers; None if one has no marker in the file."""
+        if not all(name in self.markers_mm for name in names):
+            return None
+        return np.stack([self.markers_mm[name] for name in names])
+
+    def beside(self, cluster: Cluster, landmarks: Sequence[str]) -> dict[str, Float[np.ndarray, "3 1"]]:
+        """The mean places of these landmarks in the frame of a cluster, of those seen together with it."""
+        seen = self.seen(cluster.names)
+        if seen is None:
+            return {}
+        pose = fit_rigid(cluster.shape_mm, seen).pose
+        found = {name: pose.fetch(self.landmarks_mm[name]) for name in landmarks if name in self.landmarks_mm}
+        known = {name: place[:, np.isfinite(place).all(axis=0)] for name, place in found.items()}
+        return {name: place.mean(axis=1, keepdims=True) for name, place in known.items() if place.shape[1]}
+
+
+def _cluster(segment: str, names: tuple[str, ...], read: Sequence[_Static]) -> Cluster:
+    """A cluster as the first static trial has it that has all of its markers."""
+    said = [f"there are no markers {', '.join(names)} of cluster {segment} together"]
+    for one in read:
+        seen = one.seen(names)
+        try:
+            if seen is not None:
+                return Cluster(names, mean_shape(seen))
+        except ValueError as error:
+            said.append(f"cluster {segment}: {error}")
+    remedy = (
+        "Name the markers of one cluster under [clusters] in the mapping file (--map), as the static trial has them"
+    )
+    raise InputError(read[0].file, None, said[-1], remedy)
+
+
+def _single(segment: str, cluster: Cluster, read: Sequence[_Static], mapping: Mapping) -> Body:
+    """The landmarks of a segment in its cluster: means over the static trials."""
+    landmarks = carried_by(segment, mapping)
+    places = _means([one.beside(cluster, landmarks) for one in read])
+    if not places:
+        cause = f"no static trial has a landmark of the {segment} ({', '.join(landmarks)}) beside its cluster"
+        raise InputError(read[0].file, None, cause, "Name the markers of the landmarks in the mapping file (--map)")
+    return Body(places, (Pose(np.eye(3)[..., None], np.zeros((3, 1))),), ())
+
+
+def _means(found: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    names = dict.fromkeys(name for one in found for name in one)
+    return {name: np.mean([one[name] for one in found if name in one], axis=0) for name in names}
+
+
+def _elevation_of_static(one: _Static, clusters: dict[str, Cluster], bodies: dict[str, Body]) -> float:
+    """The median elevation of the arm in a static trial; NaN where it is not known. InputError if the arm moves."""
+    positions = dict(one.landmarks_mm)
+    for segment, cluster in clusters.items():
+        seen = one.seen(cluster.names)
+        if seen is not None:
+            pose = fit_rigid(cluster.shape_mm, seen).pose
+            positions = {name: pose.carry(place) for name, place in bodies[segment].landmarks_mm.items()} | positions
+    elevation = elevation_deg(positions)
+    known = np.array([]) if elevation is None else elevation[np.isfinite(elevation)]
+    if not len(known):
+        return np.nan
+    moves_deg = float(np.ptp(np.quantile(known, _MOST_FRAMES)))
+    if moves_deg > SAME_POSTURE_DEG:
+        cause = f"the arm moves by {moves_deg:.0f} degrees in this static trial"
+        raise InputError(one.file, None, cause, "Give each posture a file of its own")
+    return float(np.median(known))
+
+
+def _over_elevation(
+    cluster: Cluster, read: Sequence[_Static], elevations_deg: Sequence[float], mapping: Mapping
+) -> Body:
+    """The scapula in its cluster: at one posture or several of the arm."""
+    landmarks = carried_by("scapula", mapping)
+    found = [(at, one.file, one.beside(cluster, landmarks)) for at, one in zip(elevations_deg, read, strict=True)]
+    palpated = [one for one in found if one[2]]
+    if len(palpated) > 1 and any(np.isnan(at) for at, _, _ in palpated):
+        file = next(file for at, file, _ in palpated if np.isnan(at))
+        cause = "the elevation of the arm is not known in this static trial, so it is not clear where it counts"
+        remedy = "Give GH, EM and EL and the thorax, or clusters that carry them; or a single static trial"
+        raise InputError(file, None, cause, remedy)
+    groups: list[list[tuple[float, str, dict[str, np.ndarray]]]] = []
+    for one in sorted(palpated, key=lambda one: one[0]):
+        if groups and one[0] - groups[-1][0][0] <= SAME_POSTURE_DEG:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    nodes = [
+        (float(np.mean([at for at, _, _ in group])), group[0][1], _means([places for _, _, places in group]))
+        for group in groups
+    ]
+    return _body(nodes)
+
+
+def _body(nodes: Sequence[tuple[float, str, dict[str, np.ndarray]]]) -> Body:
+    """One rigid scapula laid on what was palpated at each elevation. InputError where that is too little."""
+    first = nodes[0][2]
+    poses = []
+    for at, file, places in nodes:
+        common = [name for name in first if name in places]
+        shape = np.stack([first[name][:, 0] for name in common])
+        fit = fit_rigid(shape, np.stack([places[name] for name in common])) if len(common) >= FEWEST else None
+        if len(nodes) > 1 and (fit is None or np.isnan(fit.residual_mm).any()):
+            cause = (
+                f"with the arm at {at:.0f} degrees only {', '.join(common) or 'no landmark'} of the scapula is known"
+            )
+            raise InputError(file, None, cause, "Palpate AC, TS and AI in each static posture")
+        poses.append(Pose(np.eye(3)[..., None], np.zeros((3, 1))) if len(nodes) == 1 or fit is None else fit.pose)
+    shape = _means(
+        [
+            {name: pose.fetch(place) for name, place in places.items()}
+            for pose, (_, _, places) in zip(poses, nodes, strict=True)
+        ]
+    )
+    return Body(shape, tuple(poses), tuple(at for at, _, _ in nodes))

@@ -1,0 +1,59 @@
+"""What a motion file says of postures that a cluster carried, or whose GH was placed."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from motions.landmarks.clusters.carried import CarriedTrial
+from motions.landmarks.resampling import resample
+from motions.landmarks.stand_ins import GlenohumeralOffset
+from motions.table import Motions
+
+SCAPULA_FROM = "scapula_from"
+"""The extra column that says that the scapula is a cluster's, under which skin moves over bone, and how it was
+calibrated."""
+
+HUMERUS_PLACED = "humerus_from"
+"""The extra column that says what stood in for GH where nobody marked it: the elevation of the arm rests on it."""
+
+
+def residual_column(segment: str) -> str:
+    """Name the extra column with the residual of a cluster's rigid fit, root mean square, mm."""
+    return f"{segment}_cluster_residual_mm"
+
+
+def with_cluster(part: Motions, trial: CarriedTrial, rows: Int[np.ndarray, " frames"], sampled: bool) -> Motions:
+    """Add the columns of a trial with clusters: how the scapula was calibrated, and the residual of each rigid fit.
+
+    rows: the frames of the trial that the postures are of, or at whose elevations they were sampled.
+    """
+    extra = part.extra.copy()
+    if "scapula" in trial.calibration.clusters:
+        extra[SCAPULA_FROM] = [trial.calibration.said] * len(part.posture)
+    for segment, residual in trial.residuals_mm.items():
+        mine = residual[rows]
+        known = (
+            _sampled(trial.elevation_deg[rows], mine, part.humerus_elevation_deg) if sampled else mine[part.posture - 1]
+        )
+        extra[residual_column(segment)] = ["" if np.isnan(mm) else f"{mm:.3g}" for mm in known]
+    return replace(part, extra=extra)
+
+
+def with_placed_gh(part: Motions, offset: GlenohumeralOffset) -> Motions:
+    """Mark postures whose GH was placed, and leave out its position, which nobody measured."""
+    extra = part.extra.copy()
+    extra[HUMERUS_PLACED] = [f"GH from AC by a stated offset +- {offset.uncertainty_mm:g} mm"] * len(part.posture)
+    landmarks_mm = {name: place for name, place in part.landmarks_mm.items() if name != "GH"}
+    return replace(part, extra=extra, landmarks_mm=landmarks_mm)
+
+
+def _sampled(
+    elevation_deg: Float[np.ndarray, " frames"],
+    values: Float[np.ndarray, " frames"],
+    at_deg: Float[np.ndarray, " postures"],
+) -> Float[np.ndarray, " postures"]:
+    """The values on the local line at each elevation; NaN where too few frames are near."""
+    found = resample(elevation_deg, values[:, None], at_deg)
+    by_elevation = dict(zip(found.at_deg.tolist(), found.values[:, 0].tolist(), strict=True))
+    return np.array([by_elevation.get(at, np.nan) for at in at_deg.tolist()])
