@@ -368,9 +368,8 @@ def test_causes_stand_in_the_page_with_what_they_take_and_how_to_adapt_with_them
     html = report_html(motions, R2, adaptations(motions, R2), {}, alone(TWO))
     words, bars = words_of(html), bars_of(html)
     names = "AC joint moves ac_translation or conoid stretches conoid_strain"
-    assert (
-        f"{names} 0.62 0.31 other motion, other person 50 % 4.0 [3.9, 4.1] mm 3.0 mm --effect ac_translation" in words
-    )
+    seen = "other motion, other person"
+    assert f"{names} 0.62 0.31 {seen} 50 % 4.0 [3.9, 4.1] mm 3.0 mm --effect ac_translation" in words
     gap = "12.0 [11.9, 12.1] mm (!) 5.0 mm --effect scapulothoracic_gap=12,0"
     assert f"scapula lifts off the thorax scapulothoracic_gap 0.88 {seen} 30 % {gap}" in words
     assert "(!): larger than such an effect is: something that acts like it." in words
