@@ -13,7 +13,7 @@ from adapt.cli.commands.assess_commands import diagnose_gap, muscle_results, tru
 from adapt.cli.commands.fit_commands import adapt, fit
 from adapt.cli.commands.list_commands import list_effects, list_models, simulate
 from adapt.cli.doctor import doctor
-from adapt.cli.ending import EXIT_BAD_INPUT, EXIT_INTERRUPTED
+from adapt.cli.ending import EXIT_BAD_INPUT, EXIT_INTERRUPTED, watch_stdin
 from adapt.cli.landmarks.landmark_commands import contours_of_slices, convert_file, model_of_person
 from adapt.cli.options import console, errors
 from adapt.engine.compilation_cache import keep_compiled
@@ -87,6 +87,7 @@ _python_shows = warnings.showwarning
 
 def main(application: typer.Typer = app) -> None:
     """Run the command line: keep compiled code between runs; bad input is one message and exit status 2."""
+    watch_stdin()
     keep_compiled()
     gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     try:

@@ -1,6 +1,8 @@
-"""How a command ends: its exit statuses, and what it says at last."""
+"""How a command ends: its exit statuses, what it says at last, and with whom it ends."""
 
+import os
 from pathlib import Path
+from threading import Thread
 
 import typer
 
@@ -11,6 +13,22 @@ from motions import Motions
 EXIT_BAD_INPUT = 2
 EXIT_SOME_NOT_HANDLED = 3
 EXIT_INTERRUPTED = 130
+
+
+ENDS_WITH_STDIN = "GIRDLE_ENDS_WITH_STDIN"
+"""The environment variable with which a command ends as soon as nobody holds the other end of its standard input."""
+
+
+def watch_stdin() -> None:
+    """End this process with the one that started it, however that ends, if the environment says so."""
+    if os.environ.get(ENDS_WITH_STDIN):
+        Thread(target=_end_with_stdin, daemon=True).start()
+
+
+def _end_with_stdin() -> None:
+    while os.read(0, 1):  # not sys.stdin: its lock would be held when the interpreter ends
+        pass
+    os._exit(1)
 
 
 def say_report(folder: Path, wrong: Exception | None) -> None:
