@@ -453,6 +453,44 @@ def test_a_command_that_cannot_be_understood_is_status_2(arguments):
     assert "Traceback" not in ended.err
 
 
+@pytest.mark.parametrize(
+    ("weight", "cause", "remedy"),
+    [
+        ("inf", "w of E = D + w mean(J) is inf", "between 0 and 100000, as 10"),
+        ("1e308", "w of E = D + w mean(J) is 1e+308", "between 0 and 100000, as 10"),
+        ("0", "with w = 0 the measured angles have no part in E", "use girdle fit"),
+    ],
+)
+@pytest.mark.parametrize("command", ["adapt", "trust", "muscles"])
+def test_a_weight_with_which_nothing_is_adapted_is_refused(tmp_path, motion, command, weight, cause, remedy):
+    refused(girdle(command, motion, "--weight", weight, "--out", tmp_path / "out"), "--weight", cause, remedy)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("number", ["inf", "nan"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["adapt", "m.csv", "--weight"],
+        ["adapt", "m.csv", "--thorax-downweighting"],
+        ["diagnose", "m.csv", "--noise-deg"],
+        ["diagnose", "m.csv", "--position-noise-mm"],
+        ["muscles", "m.csv", "--body-mass-kg"],
+        ["simulate", "--noise-deg"],
+        ["contour", "s.png", "--clicks", "c.csv", "--vector-px"],
+        ["contour", "s.png", "--clicks", "c.csv", "--half-width-px"],
+        ["contour", "s.png", "--clicks", "c.csv", "--pixel-mm"],
+        ["contour", "s.png", "--clicks", "c.csv", "--slice-mm"],
+        ["convert", "m.trc", "m.csv", "--at"],
+    ],
+)
+def test_what_is_no_number_is_refused_by_its_option(arguments, number):
+    ended = girdle(*arguments, number, *(["--out", "out"] if arguments[0] != "convert" else []))
+    assert ended.status == 2
+    assert arguments[-1] in ended.err
+    assert "Traceback" not in ended.err
+
+
 def test_the_installed_command_exits_with_2_and_one_line(tmp_path):
     """As a shell sees it."""
     command = [str(Path(sys.executable).with_name("girdle")), "fit", "no.csv", "--out", "out"]
