@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from command import Ended, girdle, refused, shipped_lines, written
 from quick_girdle import quick_adaptations
@@ -260,6 +261,29 @@ def test_a_cache_that_cannot_be_used_is_no_matter(motion, tmp_path):
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert (tmp_path / "out" / "motions.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        np._core._exceptions._ArrayMemoryError((10**9, 3), np.dtype(float)),
+        MemoryError(),
+        ImportError("_x.so: failed to map segment from shared object"),
+        RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 8 bytes."),
+        RuntimeError("can't start new thread"),
+        OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
+    ],
+    ids=str,
+)
+def test_too_little_memory_is_one_sentence_and_leaves_the_earlier_results(earlier, other, monkeypatch, error):
+    before = contents(earlier)
+
+    def out_of_memory(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(parts, "adapt_subjects", out_of_memory)
+    refused(girdle("adapt", other, "--out", earlier), "this run", "too little memory", "a smaller --chunk")
+    assert contents(earlier) == before
 
 
 # --- two runs, one folder --------------------------------------------------------------------------------------------
