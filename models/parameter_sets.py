@@ -51,11 +51,11 @@ SIZES_MM = {
     "constraint.ts_distance_mm": (0.0, 150.0),
     "constraint.ai_distance_mm": (0.0, 150.0),
 }
-"""Least and most of a length: from a fifth of an adult's, which is below a newborn's and above centimetres, to twice
-one's and less. Adults: clavicle 149 (SD 12) and 161 (11) mm, which grows by 8.4 mm a year from birth to 12 (McGraw 2009,
-doi 10.1097/BPO.0b013e3181c11992); spine of the scapula 134 (12), its length 155 (16) mm (von Schroeder 2001, Clin Orthop
-383:131); the others, five times the longest semi-axis and three times the longest distance to the thorax, of the thesis
-(Tables 3.1-3.3, 4.2)."""
+"""Least and most of a length: from a fifth of an adult's, which is below a newborn's and above centimetres, to about
+twice one's. Adults: clavicle 149 (SD 12) and 161 (11) mm, which grows by 8.4 mm a year from birth to 12 (McGraw 2009,
+doi 10.1097/BPO.0b013e3181c11992); spine of the scapula 134 (12), its length 155 (16) mm (von Schroeder 2001, Clin
+Orthop 383:131); the others, five times the longest semi-axis and three times the longest distance to the thorax, of the
+thesis (Tables 3.1-3.3, 4.2)."""
 
 MEASURED = "measured"
 """How the source of a number begins that is of the person."""

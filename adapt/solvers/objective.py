@@ -141,7 +141,9 @@ DEFAULT_READING = "mm2_deg2"
 def check_weight(weight: float, place: str = "weight") -> None:
     """Refuse a w that is not between 0 and ``MOST_WEIGHT`` with an InputError that names the place."""
     if not 0.0 <= weight <= MOST_WEIGHT:
-        remedy = f"Give a number between 0 and {MOST_WEIGHT:g}, as {WEIGHT:g}: beyond it the thorax points no longer count"
+        remedy = (
+            f"Give a number between 0 and {MOST_WEIGHT:g}, as {WEIGHT:g}: beyond it the thorax points no longer count"
+        )
         raise InputError(place, None, f"w of E = D + w mean(J) is {weight:g}", remedy)
 
 

@@ -1,7 +1,7 @@
 """What ezc3d reads from a .c3d file, for ``motions.formats.c3d``: run as a program of its own, as ezc3d can crash.
 
-Writes to stdout, as a numpy archive: points (4, markers, frames), labels, unit ("" if not said) and frames said. Ends by
-itself after the given seconds, as ezc3d may read for ever and whoever waits for it may be killed.
+Writes to stdout, as a numpy archive: points (4, markers, frames), labels, unit ("" if not said) and frames said. Ends
+by itself after the given seconds, as ezc3d may read for ever and whoever waits for it may be killed.
 """
 
 import faulthandler

@@ -4,7 +4,7 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
-from command import shipped_lines
+from command import shipped_lines, written
 
 from motions import read_motions
 
@@ -17,9 +17,8 @@ BYTES_A_ROW = 400.0
 def many(folder: Path, copies: int, takes_turns: bool) -> Path:
     """Copies of the shipped subjects, one after another, or a posture of each in turn."""
     rows = [[row.replace("simulated", f"copy{copy}_", 1) for row in ROWS] for copy in range(copies)]
-    path = folder / f"{copies}.csv"
-    path.write_text("\n".join([HEADER, *(row for some in (zip(*rows) if takes_turns else rows) for row in some)]) + "\n")
-    return path
+    turns = zip(*rows, strict=True) if takes_turns else rows
+    return written(folder, [HEADER, *(row for some in turns for row in some)], f"{copies}.csv")
 
 
 def peak_bytes(path: Path) -> int:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from command import Ended, girdle, refused, shipped_lines, written
 from quick_girdle import quick_adaptations
@@ -266,8 +265,7 @@ def test_a_cache_that_cannot_be_used_is_no_matter(motion, tmp_path):
 @pytest.mark.parametrize(
     "error",
     [
-        np._core._exceptions._ArrayMemoryError((10**9, 3), np.dtype(float)),
-        MemoryError(),
+        MemoryError("Unable to allocate 29.0 MiB for an array with shape (1680, 29, 78)"),  # as numpy says it
         ImportError("_x.so: failed to map segment from shared object"),
         RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 8 bytes."),
         RuntimeError("can't start new thread"),

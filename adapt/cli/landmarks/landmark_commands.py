@@ -123,10 +123,14 @@ def contours_of_slices(
         str, typer.Option(help="What the bone is beside what surrounds it: bright, dark, either.")
     ] = "either",
     half_width_px: Annotated[
-        float, typer.Option(min=1.0, max=LARGEST, help="How far from the clicks, or the slice before, an edge is looked for.")
+        float,
+        typer.Option(min=1.0, max=LARGEST, help="How far from the clicks, or the slice before, an edge is looked for."),
     ] = HALF_WIDTH_PX,
     vector_px: Annotated[
-        float, typer.Option(min=0.0, max=LARGEST, help="How far the polygon of the points may be from the contour; 0 keeps all.")
+        float,
+        typer.Option(
+            min=0.0, max=LARGEST, help="How far the polygon of the points may be from the contour; 0 keeps all."
+        ),
     ] = VECTOR_PX,
     pixel_mm: Annotated[
         float | None,
