@@ -16,7 +16,7 @@ from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_de
 from adapt.evaluation.position_check import Judge, adapted_to_all, as_they_are
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
-from adapt.solvers.objective import DEFAULT_READING, WEIGHT, down_weighted
+from adapt.solvers.objective import DEFAULT_READING, WEIGHT, check_weight, down_weighted
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
@@ -157,6 +157,7 @@ def adapt_subjects(
     predict a person's own motions or are not found, the plain adaptation is kept (``adapt.evaluation.own_or_plain``):
     column ``own_bones``.
     """
+    check_weight(weight)
     models, motions, weight = as_list(models), _checked(motions), down_weighted(weight, thorax_downweighting)
     dtype, subjects = _type_of(dtype, effects), motions.subjects
     rows = posture_rows(motions, effects)

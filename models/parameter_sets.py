@@ -39,6 +39,24 @@ FLATTEST_SCAPULA_MM = 1.0
 SAME_LENGTH_MM = 0.1
 """``clavicle.ac_mm`` is as long as ``clavicle.length_mm``: both may be rounded to tenths."""
 
+SIZES_MM = {
+    "clavicle.sc_mm": (4.0, 60.0),
+    "clavicle.length_mm": (30.0, 250.0),
+    "clavicle.conoid_mm": (20.0, 250.0),
+    "scapula.ts_mm": (24.0, 250.0),
+    "scapula.ai_mm": (36.0, 370.0),
+    "scapula.conoid_mm": (8.0, 120.0),
+    "thorax.semi_axes_mm": (SHORTEST_MM, 2000.0),
+    "constraint.conoid_length_mm": (SHORTEST_MM, 90.0),
+    "constraint.ts_distance_mm": (0.0, 150.0),
+    "constraint.ai_distance_mm": (0.0, 150.0),
+}
+"""Least and most of a length: from a fifth of an adult's, which is below a newborn's and above centimetres, to about
+twice one's. Adults: clavicle 149 (SD 12) and 161 (11) mm, which grows by 8.4 mm a year from birth to 12 (McGraw 2009,
+doi 10.1097/BPO.0b013e3181c11992); spine of the scapula 134 (12), its length 155 (16) mm (von Schroeder 2001, Clin
+Orthop 383:131); the others, five times the longest semi-axis and three times the longest distance to the thorax, of the
+thesis (Tables 3.1-3.3, 4.2)."""
+
 MEASURED = "measured"
 """How the source of a number begins that is of the person."""
 
@@ -266,6 +284,8 @@ def _check_geometry(numbers: dict[str, np.ndarray], file: str) -> None:
     if abs(np.linalg.norm(numbers.get("clavicle.ac_mm", length_mm)) - length_mm) > SAME_LENGTH_MM:
         cause = f"clavicle.length_mm is {length_mm:g}, and clavicle.ac_mm another length from SC"
         raise InputError(file, None, cause, "Make ac_mm as long as length_mm, or leave it out: AC is on the axis then")
+    for key, limits_mm in SIZES_MM.items():
+        _check_size(key, numbers[key], limits_mm, file)
     if _off_line_mm(numbers["scapula.ts_mm"], numbers["scapula.ai_mm"]) < FLATTEST_SCAPULA_MM:
         remedy = "Give ts_mm and ai_mm in the scapula frame, from AC"
         raise InputError(file, None, "AC, TS and AI of the scapula lie on a line", remedy)
@@ -283,6 +303,19 @@ def _check_length(key: str, shortest_mm: float, file: str) -> None:
     if shortest_mm < SHORTEST_MM:
         cause = f"{key} is {shortest_mm:g} and must be at least {SHORTEST_MM:g} mm"
         raise InputError(file, None, cause, "Give lengths and semi-axes as positive numbers in millimetres")
+
+
+def _check_size(key: str, number_mm: np.ndarray, limits_mm: tuple[float, float], file: str) -> None:
+    """InputError where a length is no person's; it says which unit the number may have."""
+    size_mm = float(np.max(number_mm) if key == "thorax.semi_axes_mm" else np.linalg.norm(number_mm))
+    least, most = limits_mm
+    if least <= size_mm <= most or size_mm == 0.0:  # at 0 there is more to say of it than its size
+        return
+    cause = f"{key} is {size_mm:.4g} mm, {'less' if size_mm < least else 'more'} than in any person"
+    units = {"centimetres": 10.0, "metres": 1000.0, "tenths of a millimetre": 0.1, "micrometres": 0.001}
+    unit = next((name for name, factor in units.items() if least <= factor * size_mm <= most), None)
+    guess = f"It looks like {unit}. " if unit else ""
+    raise InputError(file, None, cause, f"{guess}Give it in mm: between {least:g} and {most:g}")
 
 
 def _off_line_mm(ts_mm: Float[np.ndarray, "3"], ai_mm: Float[np.ndarray, "3"]) -> float:

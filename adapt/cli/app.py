@@ -4,7 +4,7 @@ import gc
 import sys
 import warnings
 from importlib.metadata import version
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -13,7 +13,7 @@ from adapt.cli.commands.assess_commands import diagnose_gap, muscle_results, tru
 from adapt.cli.commands.fit_commands import adapt, fit
 from adapt.cli.commands.list_commands import list_effects, list_models, simulate
 from adapt.cli.doctor import doctor
-from adapt.cli.ending import EXIT_BAD_INPUT, EXIT_INTERRUPTED
+from adapt.cli.ending import EXIT_BAD_INPUT, EXIT_INTERRUPTED, is_out_of_memory, out_of_memory, watch_stdin
 from adapt.cli.landmarks.landmark_commands import contours_of_slices, convert_file, model_of_person
 from adapt.cli.options import console, errors
 from adapt.engine.compilation_cache import keep_compiled
@@ -85,8 +85,14 @@ def _show_warning(message: Warning | str, category: type[Warning], *where: Any) 
 _python_shows = warnings.showwarning
 
 
+def _refuse(error: InputError) -> NoReturn:
+    errors.print(f"error: {error}", soft_wrap=True)
+    sys.exit(EXIT_BAD_INPUT)
+
+
 def main(application: typer.Typer = app) -> None:
     """Run the command line: keep compiled code between runs; bad input is one message and exit status 2."""
+    watch_stdin()
     keep_compiled()
     gc.freeze()  # what the imports made stays: without it every collection looks through it, a tenth of a short run
     try:
@@ -94,8 +100,11 @@ def main(application: typer.Typer = app) -> None:
             warnings.showwarning = _show_warning
             application()
     except InputError as error:
-        errors.print(f"error: {error}", soft_wrap=True)
-        sys.exit(EXIT_BAD_INPUT)
+        _refuse(error)
+    except Exception as error:
+        if not is_out_of_memory(error):
+            raise
+        _refuse(out_of_memory())
     except SystemExit as ended:
         if ended.code == EXIT_INTERRUPTED:  # typer ends so on Ctrl-C, without a word
             errors.print("interrupted")

@@ -1,16 +1,52 @@
-"""How a command ends: its exit statuses, and what it says at last."""
+"""How a command ends: its exit statuses, what it says at last, and with whom it ends."""
 
+import os
 from pathlib import Path
+from threading import Thread
 
 import typer
 
 from adapt.cli.options import console, errors
 from adapt.output.result_files import REPORT, raise_without_report
-from motions import Motions
+from motions import InputError, Motions
 
 EXIT_BAD_INPUT = 2
 EXIT_SOME_NOT_HANDLED = 3
 EXIT_INTERRUPTED = 130
+
+
+ENDS_WITH_STDIN = "GIRDLE_ENDS_WITH_STDIN"
+"""The environment variable with which a command ends as soon as nobody holds the other end of its standard input."""
+
+
+def watch_stdin() -> None:
+    """End this process with the one that started it, however that ends, if the environment says so."""
+    if os.environ.get(ENDS_WITH_STDIN):
+        Thread(target=_end_with_stdin, daemon=True).start()
+
+
+def _end_with_stdin() -> None:
+    while os.read(0, 1):  # not sys.stdin: its lock would be held when the interpreter ends
+        pass
+    os._exit(1)
+
+
+_NO_MEMORY = ("RESOURCE_EXHAUSTED", "failed to map segment", "annot allocate memory", "can't start new thread")
+"""What XLA, the loader of libraries, the system and threads say."""
+
+
+def is_out_of_memory(error: Exception) -> bool:
+    """Tell whether an error says that memory ran out, whoever says it."""
+    return isinstance(error, MemoryError) or any(word in str(error) for word in _NO_MEMORY)
+
+
+def out_of_memory() -> InputError:
+    """Make the error of a run for which there is too little memory."""
+    remedy = (
+        "Close other programs, give fewer subjects or parameter sets at a time, or use a machine with more; "
+        "girdle adapt takes less with a smaller --chunk. Results that were there are as they were"
+    )
+    return InputError("this run", None, "there is too little memory for it", remedy)
 
 
 def say_report(folder: Path, wrong: Exception | None) -> None:

@@ -7,9 +7,10 @@ import typer
 
 from adapt.cli.terminal.print_tables import PlainConsole
 from adapt.output.repeat import other_versions, read_record, recorded_arguments
-from adapt.solvers.objective import READINGS
+from adapt.solvers.objective import READINGS, check_weight
 from models.effects.amplitudes import OPTION
 from models.effects.course import FULL_ELEVATION_DEG
+from motions.errors import InputError
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 
@@ -59,7 +60,17 @@ def _take_from_record(context: typer.Context, path: Path | None) -> None:
         errors.print(f"note: the last digits may differ: {', '.join(different)}", soft_wrap=True)
 
 
-Weight = Annotated[float, typer.Option(min=0.0, help="w of E = D + w mean(J), thesis Eq. 6.5.")]
+def _not_without_motions(weight: float) -> float:
+    if weight == 0.0:
+        cause = "with w = 0 the measured angles have no part in E, and nothing is adapted to them"
+        raise InputError("--weight", None, cause, "Give a positive number, as 10, or use girdle fit")
+    check_weight(weight, "--weight")
+    return weight
+
+
+Weight = Annotated[
+    float, typer.Option(min=0.0, callback=_not_without_motions, help="w of E = D + w mean(J), thesis Eq. 6.5.")
+]
 
 Reading = Annotated[
     str,

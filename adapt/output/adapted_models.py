@@ -70,13 +70,6 @@ def write_adapted_models(folder: Path, models: Sequence[AnyModel], parameters: p
     return written
 
 
-def remove_models_of_failed(folder: Path, parameters: pd.DataFrame) -> None:
-    """Remove the model files of subjects whose adaptation failed: an earlier run's would pass for this one's."""
-    for _, _, word, path in _files(folder, parameters):
-        if word != status.OK:
-            path.unlink(missing_ok=True)
-
-
 def _files(folder: Path, parameters: pd.DataFrame) -> Iterator[tuple[str, str, str, Path]]:
     """Model, subject, status and file of each row."""
     names = file_names((parameters["model"] + "_" + parameters["subject"]).tolist())

@@ -72,13 +72,8 @@ def write_report(
 
 
 def raise_without_report(folder: Path, wrong: Exception | None) -> None:
-    """Raise what went wrong with the report page, if anything did, and remove the page first.
-
-    So no page of an earlier run stands beside the tables of this one.
-    """
+    """Raise what went wrong with the report page, if anything did; the tables are there without it."""
     if wrong is not None:
-        page = folder / REPORT
-        page.unlink(missing_ok=True)
         if isinstance(wrong, InputError):
-            raise InputError(str(page), None, wrong.cause, "Make room; the tables are there") from wrong
+            raise InputError(str(folder / REPORT), None, wrong.cause, "Make room; the tables are there") from wrong
         raise wrong

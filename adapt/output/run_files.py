@@ -1,6 +1,5 @@
 """Writing the results of a run: each file whole or not at all, and a record that is enough to repeat it."""
 
-import errno
 import hashlib
 import importlib.metadata
 import json
@@ -14,6 +13,8 @@ from uuid import uuid4
 
 import pandas as pd
 
+from adapt.output.publishing import publish
+from adapt.output.written_files import RECORD, sha256
 from adapt.solvers.newton.postures import OFFSETS_SEED
 from adapt.tables.results import as_csv
 from models.parameter_sets import FOLDER, model_file
@@ -25,8 +26,6 @@ try:
     import fcntl
 except ImportError:  # Windows: nothing keeps two runs apart there
     fcntl = None
-
-RECORD = "run.json"
 
 Files = dict[str, list[dict[str, str | None]]]
 """What run.json says of the motion files and the models."""
@@ -72,34 +71,20 @@ def results_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 def transaction(folder: Path) -> Iterator[Path]:
     """Yield a folder for files that take their places in ``folder`` together when the block has ended well.
 
-    If it has not (the disk is full), or is killed, all files of ``folder`` stay as they were.
+    What the run before wrote there is then removed (``adapt.output.publishing``). If the block has not ended well (the
+    disk is full), or is killed, all files of ``folder`` stay as they were.
     """
     staged = folder / part_name()
     try:
         staged.mkdir()
         yield staged
-        _publish(staged, folder)
+        publish(staged, folder)
     except (OSError, InputError) as error:
         reason = error.cause if isinstance(error, InputError) else f"the files cannot be written ({error.strerror})"
         remedy = "Make room, or give another folder with --out; the results in this one are as they were"
         raise InputError(str(folder), None, reason, remedy) from error
     finally:
         _remove(staged)
-
-
-def _publish(staged: Path, folder: Path) -> None:
-    """Put every file in its place; a folder that is not there yet in one step, however many files it has."""
-    parts: list[Path] = []
-    for child in staged.iterdir():
-        there = child.is_dir() and (folder / child.name).is_dir()
-        parts += [file for file in child.rglob("*") if file.is_file()] if there else [child]
-    places = {part: folder / part.relative_to(staged) for part in parts}
-    for part, place in places.items():
-        place.parent.mkdir(exist_ok=True)
-        if place.is_dir() or (part.is_dir() and place.exists()):  # found out before the first file is replaced
-            raise FileExistsError(errno.EEXIST, f"{place.name} is a {'folder' if place.is_dir() else 'file'}")
-    for part, place in places.items():
-        part.replace(place)
 
 
 def _remove(path: Path) -> None:
@@ -203,17 +188,3 @@ def model_sha256(path: Path) -> str | None:
         return sha256(path)
     listed = [f"{file.name} {sha256(file)}" for file in set_files(path)]
     return hashlib.sha256("\n".join(listed).encode()).hexdigest()
-
-
-def sha256(path: Path) -> str | None:
-    """Hash a file with SHA-256, in hexadecimal; None for a file that cannot be read, and for a pipe.
-
-    What cannot be read is then among what was left out; a pipe is read only once.
-    """
-    try:
-        if not path.is_file():
-            return None
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except (OSError, ValueError):
-        return None

@@ -21,6 +21,10 @@ from motions.errors import InputError
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
 
+MOST_WEIGHT = 1e5
+"""Up to it every shipped subject is adapted with every shipped set, beyond it rounding of w J hides D. The best w on
+held-out motions is below 1000 (``adapt.trust.weight_choice``)."""
+
 
 def mean_square_deg2(
     angles: Float[Array, " 6 *batch"], measured_angles: Float[Array, " 6 *batch"], weights: Float[Array, " 6 *batch"]
@@ -132,6 +136,15 @@ READINGS = {
 open."""
 
 DEFAULT_READING = "mm2_deg2"
+
+
+def check_weight(weight: float, place: str = "weight") -> None:
+    """Refuse a w that is not between 0 and ``MOST_WEIGHT`` with an InputError that names the place."""
+    if not 0.0 <= weight <= MOST_WEIGHT:
+        remedy = (
+            f"Give a number between 0 and {MOST_WEIGHT:g}, as {WEIGHT:g}: beyond it the thorax points no longer count"
+        )
+        raise InputError(place, None, f"w of E = D + w mean(J) is {weight:g}", remedy)
 
 
 def down_weighted(weight: float, thorax_downweighting: float, place: str = "thorax_downweighting") -> float:

@@ -4,15 +4,12 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-from jaxtyping import Float
-
 from motions.errors import InputError
+from motions.motion_csv.packed import PackedRow, PostureColumns, packed
 from motions.motion_csv.posture_rows import Posture, posture_from_row
 from motions.motion_csv.rows import Row, iterate_rows
 from motions.motion_csv.unit_and_side import CHECKS
-from motions.table import LANDMARKS, Motions
+from motions.table import Motions
 
 
 def read_motions(*paths: str | os.PathLike[str]) -> Motions:
@@ -42,14 +39,14 @@ class MotionStream:
         self.rejected: list[InputError] = []
         self._usable: list[Path] = []
         self._last: dict[str, int] = {}  # where the last row of each subject is
-        self._once: dict[Path, list[Row]] = {}  # of what can be read only once: pipes
+        self._once: dict[Path, list[PackedRow]] = {}  # of what can be read only once: pipes
         rows = 0
         for place, path in enumerate(named):
             try:
                 if any(path.samefile(earlier) for earlier in named[:place]):
                     raise InputError(str(path), None, "the file is named twice", "Name each file once")
                 if path.is_fifo():
-                    self._once[path] = list(iterate_rows(path))
+                    self._once[path] = [packed(row) for row in iterate_rows(path)]
                 last = {row.cells["subject"]: rows + number for number, row in enumerate(self._rows_of(path))}
             except InputError as error:
                 self.rejected.append(error)
@@ -66,39 +63,50 @@ class MotionStream:
         return tuple(self._last)
 
     def _rows_of(self, path: Path) -> Iterable[Row]:
-        return self._once[path] if path in self._once else iterate_rows(path)
+        return (row.unpacked() for row in self._once[path]) if path in self._once else iterate_rows(path)
 
     def in_chunks(self, subjects: int | None) -> Iterator[Motions]:
         """Yield the motions of so many subjects at a time (None: of all), as their last rows are reached."""
-        waiting: dict[str, list[tuple[int, Row]]] = {}
-        ended: list[str] = []
-        named, found = tuple(self.rejected), False
+        waiting: dict[str, list[tuple[int, PackedRow]]] = {}
+        chunk, named, found = _Chunk(), tuple(self.rejected), False
         for place, row in enumerate(row for path in self._usable for row in self._rows_of(path)):
             subject = row.cells["subject"]
-            waiting.setdefault(subject, []).append((place, row))
+            waiting.setdefault(subject, []).append((place, packed(row)))
             if place == self._last[subject]:
-                ended.append(subject)
-            if len(ended) == (subjects or len(self._last)) or place == self._rows - 1:
-                rows = sorted((waiting.pop(name) for name in ended), key=lambda rows: rows[0][0])
-                motions = self._motions(rows, named)
-                ended, named, found = [], (), found or motions is not None
-                if motions is not None:
-                    yield motions
+                chunk.take(waiting.pop(subject))
+            if chunk.subjects == (subjects or len(self._last)) or place == self._rows - 1:
+                rejected = chunk.rejected
+                self.rejected += rejected
+                if len(chunk.columns):
+                    found = True
+                    yield chunk.columns.table([*named, *rejected])
+                chunk, named = _Chunk(), ()
         if not found:
             raise _first_of(self.rejected)
 
-    def _motions(self, rows: list[list[tuple[int, Row]]], named: tuple[InputError, ...]) -> Motions | None:
-        accepted: dict[int, Posture] = {}
-        rejected: list[InputError] = []
-        for mine in rows:
-            try:
-                postures = _subject_from_rows([row for _, row in mine])
-            except InputError as error:
-                rejected.append(error)
-            else:
-                accepted.update(zip((place for place, _ in mine), postures, strict=True))
-        self.rejected += rejected
-        return _table([accepted[place] for place in sorted(accepted)], [*named, *rejected]) if accepted else None
+
+class _Chunk:
+    """The subjects of a chunk whose last row was read: the postures of those that are taken, and why others are not."""
+
+    def __init__(self) -> None:
+        self.subjects = 0
+        self.columns = PostureColumns()
+        self._rejected: list[tuple[int, InputError]] = []
+
+    @property
+    def rejected(self) -> list[InputError]:
+        """The errors, in the order in which their subjects first appear."""
+        return [error for _, error in sorted(self._rejected, key=lambda one: one[0])]
+
+    def take(self, rows: Sequence[tuple[int, PackedRow]]) -> None:
+        """Take all rows of a subject, each with its place."""
+        self.subjects += 1
+        try:
+            postures = _subject_from_rows([row.unpacked() for _, row in rows])
+        except InputError as error:
+            self._rejected.append((rows[0][0], error))
+        else:
+            self.columns.add([place for place, _ in rows], postures)
 
 
 def _check_existence(path: Path) -> None:
@@ -152,34 +160,3 @@ def _first_of(errors: Sequence[InputError]) -> InputError:
         return first
     more = f"{others} more {'file or subject has' if others == 1 else 'files or subjects have'} an error too"
     return InputError(first.file, first.row, first.cause, f"{first.remedy} ({more})")
-
-
-def _table(postures: Sequence[Posture], rejected: Sequence[InputError]) -> Motions:
-    """The postures as arrays."""
-    landmarks = [name for name in LANDMARKS if any(name in posture.landmarks_mm for posture in postures)]
-    return Motions(
-        subject=np.array([posture.subject for posture in postures]),
-        motion=np.array([posture.motion for posture in postures]),
-        posture=np.array([posture.number for posture in postures], dtype=np.int64),
-        humerus_elevation_deg=np.array([posture.humerus_elevation_deg for posture in postures]),
-        angles_deg=np.stack([posture.angles_deg for posture in postures]),
-        landmarks_mm={name: _positions_mm(postures, name) for name in landmarks},
-        extra=_extra(postures),
-        rejected=tuple(rejected),
-    )
-
-
-def _positions_mm(postures: Sequence[Posture], name: str) -> Float[np.ndarray, "postures 3"]:
-    """The positions of one landmark, NaN where a file has no columns for it."""
-    return np.stack([posture.landmarks_mm.get(name, np.full(3, np.nan)) for posture in postures])
-
-
-def _extra(postures: Sequence[Posture]) -> pd.DataFrame:
-    """The columns that are not interpreted, as text, empty where a file does not have them."""
-    cells = [posture.extra for posture in postures]
-    columns = list(dict.fromkeys(column for extra in cells for column in extra))
-    return pd.DataFrame(
-        {column: [extra.get(column, "") for extra in cells] for column in columns},
-        index=pd.RangeIndex(len(postures)),
-        dtype=str,
-    )

@@ -1,8 +1,12 @@
 """What the page does without a browser: names of uploads, limits, mapping, what was read, child processes, the zip."""
 
 import asyncio
+import os
 import socket
+import subprocess
+import sys
 import tomllib
+from pathlib import Path
 from zipfile import ZipFile
 
 import numpy as np
@@ -10,6 +14,7 @@ import pytest
 from command import girdle, refused, shipped_lines, written
 from handmade import motions_of, rising
 
+from adapt.cli.ending import ENDS_WITH_STDIN
 from adapt.cli.local_page import uploads
 from adapt.cli.local_page.child_runs import PROGRESS, PROGRESS_LINES, Children
 from adapt.cli.local_page.marker_names import guessed, mapping_toml
@@ -17,6 +22,11 @@ from adapt.cli.local_page.session import MAPPING, LaboratoryOptions, Session, co
 from adapt.cli.local_page.uploads import State, TrialLabels, Upload, accepted, shown_name, with_own_names
 from adapt.cli.local_page.what_was_read import subjects_read, warnings
 from motions import InputError
+
+ROOT = Path(__file__).parents[2]
+
+ENDS_WITHIN_S = 60
+"""On a machine that is busy with other tests."""
 
 
 @pytest.mark.parametrize(
@@ -182,3 +192,17 @@ def test_a_port_that_is_taken_is_named():
         refused(
             girdle("app", "--port", port, "--no-browser"), "--port", f"port {port} cannot be used", "Choose another"
         )
+
+
+def test_a_command_of_the_page_ends_with_the_page():
+    """However that ends, nobody holds the other end of the command's standard input then."""
+    pytest.importorskip("nicegui", reason="nicegui, of the extra app, is not installed")
+    command = [sys.executable, "-P", "-m", "adapt", "app", "--no-browser"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
+    environment |= {ENDS_WITH_STDIN: "1", "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as waiting:
+        assert waiting.stdin is not None
+        assert waiting.stdout is not None
+        assert b"girdle app at" in waiting.stdout.readline()
+        waiting.stdin.close()
+        assert waiting.wait(ENDS_WITHIN_S) == 1

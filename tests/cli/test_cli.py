@@ -14,6 +14,7 @@ import pytest
 from command import Ended, girdle, refused, shipped_lines, written
 from pages import data_of
 
+from adapt.output.written_files import LIST
 from adapt.report.bone_positions import POINTS
 from adapt.solvers import status
 from adapt.tables.results import STATISTICS
@@ -23,6 +24,8 @@ from models.effects import EFFECTS
 from models.ellipsoid import signed_distance_mm
 from models.parameter_sets import FOLDER
 from motions import ANGLES
+
+ADAPT_FILES = ["fits.csv", LIST, "heldout.csv", "models", "parameters.csv", "run.json", "summary.csv"]
 
 FITS_COLUMNS = [
     *("model", "subject", "motion", "posture", "humerus_elevation_deg", "adapted"),
@@ -93,14 +96,14 @@ def adapted(motion, tmp_path_factory) -> Run:
 
 def test_fit_writes_its_files_and_nothing_else(fitted):
     assert (fitted.ended.status, fitted.ended.messages) == (0, [])
-    assert sorted(path.name for path in fitted.folder.iterdir()) == ["fits.csv", "run.json", "summary.csv"]
+    assert sorted(path.name for path in fitted.folder.iterdir()) == ["fits.csv", LIST, "run.json", "summary.csv"]
     assert "R2, before adaptation" in fitted.ended.out
 
 
 def test_adapt_writes_its_files_and_nothing_else(adapted):
     assert (adapted.ended.status, adapted.ended.messages) == (0, [])
     names = sorted(path.name for path in adapted.folder.iterdir())
-    assert names == ["fits.csv", "heldout.csv", "models", "parameters.csv", "report.html", "run.json", "summary.csv"]
+    assert names == sorted([*ADAPT_FILES, "report.html"])
     models = sorted(path.name for path in (adapted.folder / "models").iterdir())
     assert models == ["R2_simulated01.toml", "R2_simulated02.toml"]
     assert "R2, after adaptation" in adapted.ended.out
@@ -129,12 +132,12 @@ def test_a_report_that_fails_leaves_the_tables(motion, adapted, tmp_path, monkey
     def fail(*_, **shown):
         raise RuntimeError("no report")
 
+    assert girdle("adapt", motion, "--model", "R2", "--out", tmp_path).status == 0
     monkeypatch.setattr("adapt.report.report_html", fail)
-    (tmp_path / "report.html").write_text("of an earlier run")
     with pytest.raises(RuntimeError, match="no report"):
         girdle("adapt", motion, "--model", "R2", "--weight", "5", "--out", tmp_path)
     names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == ["fits.csv", "heldout.csv", "models", "parameters.csv", "run.json", "summary.csv"]
+    assert names == ADAPT_FILES
     assert (tmp_path / "fits.csv").read_bytes() == (adapted.folder / "fits.csv").read_bytes()
 
 
@@ -450,6 +453,44 @@ def test_a_command_that_cannot_be_understood_is_status_2(arguments):
     ended = girdle(*arguments)
     assert ended.status == 2
     assert "Usage" in ended.err
+    assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize(
+    ("weight", "cause", "remedy"),
+    [
+        ("inf", "w of E = D + w mean(J) is inf", "between 0 and 100000, as 10"),
+        ("1e308", "w of E = D + w mean(J) is 1e+308", "between 0 and 100000, as 10"),
+        ("0", "with w = 0 the measured angles have no part in E", "use girdle fit"),
+    ],
+)
+@pytest.mark.parametrize("command", ["adapt", "trust", "muscles"])
+def test_a_weight_with_which_nothing_is_adapted_is_refused(tmp_path, motion, command, weight, cause, remedy):
+    refused(girdle(command, motion, "--weight", weight, "--out", tmp_path / "out"), "--weight", cause, remedy)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("number", ["inf", "nan"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["adapt", "m.csv", "--weight"],
+        ["adapt", "m.csv", "--thorax-downweighting"],
+        ["diagnose", "m.csv", "--noise-deg"],
+        ["diagnose", "m.csv", "--position-noise-mm"],
+        ["muscles", "m.csv", "--body-mass-kg"],
+        ["simulate", "--noise-deg"],
+        ["contour", "s.png", "--clicks", "c.csv", "--vector-px"],
+        ["contour", "s.png", "--clicks", "c.csv", "--half-width-px"],
+        ["contour", "s.png", "--clicks", "c.csv", "--pixel-mm"],
+        ["contour", "s.png", "--clicks", "c.csv", "--slice-mm"],
+        ["convert", "m.trc", "m.csv", "--at"],
+    ],
+)
+def test_what_is_no_number_is_refused_by_its_option(arguments, number):
+    ended = girdle(*arguments, number, *(["--out", "out"] if arguments[0] != "convert" else []))
+    assert ended.status == 2
+    assert arguments[-1] in ended.err
     assert "Traceback" not in ended.err
 
 

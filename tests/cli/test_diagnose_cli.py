@@ -18,12 +18,13 @@ from adapt.diagnosis.texts.json_form import as_json
 from adapt.diagnosis.texts.wording import sentence
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.diagnosis_figures import FIGURES, figures
+from adapt.output.written_files import LIST
 from models import load_model
 from models.effects import EFFECTS
 from motions import ANGLES, write_motions
 
 TABLES = ("fits.csv", "heldout.csv", "parameters.csv", "summary.csv")
-FILES = sorted(["diagnosis.json", "positions.csv", "report.html", "run.json", *TABLES, *FIGURES])
+FILES = sorted(["diagnosis.json", "positions.csv", "report.html", "run.json", LIST, *TABLES, *FIGURES])
 
 # --- the command, the diagnosis itself taken for granted ------------------------------------------------------------
 

@@ -220,6 +220,27 @@ REFUSED = {
         "is 40.4 mm, less than of any",
         "centimetres times 10",
     ),
+    "a clavicle in cm": (
+        "= 158",
+        "= 15.8",
+        "clavicle.length_mm is 15.8 mm, less than in any person",
+        "It looks like centimetres. Give it in mm: between 30 and 250",
+    ),
+    "a scapula in metres": (
+        "[-148.0, -109.0, 0.0]",
+        "[-0.148, -0.109, 0.0]",
+        "scapula.ai_mm is 0.1838 mm, less than in any person",
+        "It looks like metres. Give it in mm: between 36 and 370",
+    ),
+    "a clavicle of a giant": ("= 158", "= 1580.0", "clavicle.length_mm is 1580 mm, more than", "tenths of a"),
+    "a thorax of a giant": ("404.0", "4040.0", "thorax.semi_axes_mm is 4040 mm, more than", "tenths of a"),
+    "an attachment far off": (
+        "[-21.0, 3.0, -39.0]",
+        "[-1.0, 0.0, 0.0]",
+        "scapula.conoid_mm is 1 mm, less than",
+        "Give it in mm: between 8 and 120",
+    ),
+    "a scapula off the thorax": ("= -2.0", "= 414.5", "constraint.ts_distance_mm is 414.5 mm, more than", "0 and 150"),
     "M_x": (
         "[0, -296.0",
         "[0.5, -296.0",

@@ -15,6 +15,7 @@ from quick_girdle import quick_adaptations
 
 from adapt.output import run_files as output
 from adapt.output.large_runs import parts
+from adapt.output.publishing import UNFINISHED
 from models import load_model
 from models.parameter_sets import model_file
 from motions.files import part_name
@@ -23,7 +24,7 @@ QUICK_GIRDLE = Path(__file__).parents[1] / "helpers" / "quick_girdle.py"
 
 TABLES = {"fits.csv", "heldout.csv", "parameters.csv", "summary.csv", "run.json"}
 
-FULL_KB = 160
+FULL_KB = 164
 """Of a small disk: two subjects need 30 kB, twice that for their part, all ten with their models five times as much."""
 
 COPIES = 120
@@ -74,7 +75,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
 
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file below the folder, hidden ones too, but for the parts that the same run would go on with."""
-    files = [path for path in folder.rglob("*") if path.is_file() and parts.FOLDER not in path.parts]
+    files = [path for path in folder.rglob("*") if path.is_file() and UNFINISHED not in path.parts]
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
@@ -191,7 +192,7 @@ def test_a_disk_that_is_full_at_any_file_leaves_the_earlier_results(earlier, oth
 
     monkeypatch.setattr(Path, "open", full)
     result = girdle("adapt", other, "--out", earlier)
-    (home,) = (earlier / parts.FOLDER).iterdir()
+    (home,) = (earlier / UNFINISHED).iterdir()
     refused(result, str(home / "0000000.npz" if nth == 1 else earlier), "No space left on device", "Make room")
     assert contents(earlier) == before
 
@@ -259,6 +260,28 @@ def test_a_cache_that_cannot_be_used_is_no_matter(motion, tmp_path):
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert (tmp_path / "out" / "motions.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError("Unable to allocate 29.0 MiB for an array with shape (1680, 29, 78)"),  # as numpy says it
+        ImportError("_x.so: failed to map segment from shared object"),
+        RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 8 bytes."),
+        RuntimeError("can't start new thread"),
+        OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
+    ],
+    ids=str,
+)
+def test_too_little_memory_is_one_sentence_and_leaves_the_earlier_results(earlier, other, monkeypatch, error):
+    before = contents(earlier)
+
+    def out_of_memory(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(parts, "adapt_subjects", out_of_memory)
+    refused(girdle("adapt", other, "--out", earlier), "this run", "too little memory", "a smaller --chunk")
+    assert contents(earlier) == before
 
 
 # --- two runs, one folder --------------------------------------------------------------------------------------------

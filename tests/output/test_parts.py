@@ -6,6 +6,8 @@ import importlib.util
 import io
 import os
 import signal
+import subprocess
+import sys
 import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import fields
@@ -16,12 +18,14 @@ import pandas as pd
 import pytest
 from command import girdle
 from dying_work import DyingWork
+from waiting_work import WAIT_S
 
 from adapt.api import adapt_subjects
 from adapt.output.large_runs import parts as parts_module
 from adapt.output.large_runs.local_processes import in_processes
-from adapt.output.large_runs.parts import FOLDER, Chunks, Parts, Work, one_after_another
+from adapt.output.large_runs.parts import Chunks, Parts, Work, one_after_another
 from adapt.output.large_runs.table_arrays import as_rows, as_table
+from adapt.output.publishing import UNFINISHED
 from adapt.output.run_files import inputs_record, run_key
 from adapt.tables.held_out import NOTHING
 from models import load_model
@@ -87,11 +91,9 @@ def test_a_part_is_what_its_subjects_are_alone(motion):
     made = Parts(folder, "key")
     made.make(work(motions.subjects), [motions], one_after_another, lambda _: None)
     found, failed = made.merge(folder, work())
-    made.remove()
     for name in ("summary", "parameters", "heldout"):
         pd.testing.assert_frame_equal(getattr(found, name), getattr(tables, name), check_exact=True)
     assert failed == {}
-    assert not (folder / FOLDER).exists()
 
 
 def test_arrays_hold_a_table_exactly_and_a_part_without_rows_changes_nothing():
@@ -120,8 +122,8 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
     monkeypatch.setattr("adapt.output.large_runs.local_processes.one_after_another", stopped)
     with pytest.raises(StoppedError):
         girdle(*arguments)
-    assert [path.name for path in tmp_path.iterdir()] == [FOLDER]
-    assert len(list((tmp_path / FOLDER).rglob("*.npz"))) == 2
+    assert [path.name for path in tmp_path.iterdir()] == [UNFINISHED]
+    assert len(list((tmp_path / UNFINISHED).rglob("*.npz"))) == 2
 
     made = []
 
@@ -134,16 +136,7 @@ def test_a_stopped_run_goes_on_where_it_was(motion, whole, tmp_path, monkeypatch
     assert girdle(*arguments).status == 0
     assert made == [2, 3, 4]
     assert_same_tables(tmp_path, whole)
-    assert not (tmp_path / FOLDER).exists()
-
-
-def test_parts_of_another_run_are_removed(tmp_path):
-    Parts(tmp_path, "one")
-    (tmp_path / FOLDER / "one" / "0000000.npz").write_bytes(b"a part")
-    Parts(tmp_path, "one")
-    assert (tmp_path / FOLDER / "one" / "0000000.npz").exists()
-    Parts(tmp_path, "other")
-    assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ["other"]
+    assert not (tmp_path / UNFINISHED).exists()
 
 
 # --- reading in chunks ----------------------------------------------------------------------------------------------
@@ -245,6 +238,17 @@ def test_a_process_that_the_system_ends_is_named_with_what_to_do(motion):
     dying = DyingWork(*(getattr(work(), field.name) for field in fields(Work)))
     with pytest.raises(InputError, match=r"the system ended a process.* continues where it was\. A smaller --chunk"):
         list(in_processes(dying, chunks))
+
+
+def test_processes_end_with_the_one_that_asks_for_parts():
+    """Killed, it cannot tell them. Their output ends when the last of them has ended."""
+    program = Path(__file__).parents[1] / "helpers" / "waiting_work.py"
+    environment = os.environ | {"PYTHONPATH": str(program.parents[2])}
+    with subprocess.Popen([sys.executable, program], stdout=subprocess.PIPE, text=True, env=environment) as asking:
+        assert asking.stdout is not None
+        assert asking.stdout.readline() == "at work\n"
+        asking.kill()
+        assert asking.communicate(timeout=WAIT_S / 2.0) == ("", None)
 
 
 def test_a_run_of_many_parts_is_shared_between_processes(motion, whole, tmp_path, monkeypatch):

@@ -23,6 +23,7 @@ from adapt.evaluation.covariance import (
 )
 from adapt.evaluation.held_out import held_out
 from adapt.model_subjects import simulate_model_subjects
+from adapt.output.written_files import LIST
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch, adapted_from
 from adapt.solvers.problems import Problems, problems_of, select_problems
@@ -341,7 +342,7 @@ def test_the_command_writes_its_tables(tmp_path):
     assert (ended.status, ended.messages) == (0, [])
     names = ("contact", "fits", "heldout", "parameters", "plausibility", "summary", "trust", "uncertainty", "weights")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
-        [*(f"{n}.csv" for n in names), "run.json"]
+        [*(f"{n}.csv" for n in names), "run.json", LIST]
     )
     table = {name: pd.read_csv(tmp_path / "out" / f"{name}.csv") for name in names}
     assert len(table["trust"]) == 2

@@ -32,6 +32,9 @@ MOST_NOISE_DEG = 20.0
 """Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
 none."""
 
+HEAVIEST_KG = 700.0
+"""The heaviest person on record had some 635 kg (Guinness World Records): more is a slip of the pen, or no number."""
+
 
 def diagnose_gap(
     motions: MotionFiles,
@@ -148,7 +151,7 @@ def muscle_results(
     models_of: ModelsOf = [],  # noqa: B006
     weight: Weight = WEIGHT,
     body_mass_kg: Annotated[
-        float, typer.Option(min=1.0, help="Of the persons: an arm weighs a twentieth of it.")
+        float, typer.Option(min=1.0, max=HEAVIEST_KG, help="Of the persons: an arm weighs a twentieth of it.")
     ] = BODY_MASS_KG,
     repeat: Repeat = None,
 ) -> None:

@@ -36,7 +36,7 @@ from adapt.cli.terminal.print_tables import (
     progress,
 )
 from adapt.evaluation.held_out import sample
-from adapt.output.adapted_models import OWN_BONES, remove_models_of_failed, write_adapted_models
+from adapt.output.adapted_models import OWN_BONES, write_adapted_models
 from adapt.output.large_runs.dask_cluster import on_cluster
 from adapt.output.large_runs.local_processes import on_this_machine
 from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
@@ -46,7 +46,6 @@ from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.own_bones.own_adaptation import sample as own_sample
 from adapt.solvers.rows import posture_rows
-from adapt.tables.positions_table import POSITIONS_FILE
 from adapt.tables.results import Tables
 from models.effects.amplitudes import described
 from models.person.family import AnyModel
@@ -148,7 +147,6 @@ def adapt(
             report("writing")
             with transaction(folder) as part:
                 result, failed = parts.merge(part, work)
-                measured = (part / POSITIONS_FILE).exists()
                 write_adapted_models(part, models, result.parameters, how)
                 rejected = (*files.rejected, *missing.values())
                 write_run(part, "adapt", record, options, rejected)
@@ -165,10 +163,6 @@ def adapt(
                     active_effects=at_work,
                     thorax_downweighting=known.thorax_downweighting,
                 )
-        parts.remove()
-        remove_models_of_failed(folder, result.parameters)
-        if not measured:
-            (folder / POSITIONS_FILE).unlink(missing_ok=True)  # an earlier run's would pass for this one's
         _print_tables(result)
         if people is not None:
             print_own_bones(console, result.parameters)

@@ -34,7 +34,7 @@ def simulate(
     model: Annotated[str, typer.Option(help="Name of a parameter set or a TOML file.")] = "R2",
     effect: Annotated[str, typer.Option(help="An effect of `girdle effects`, or none.")] = "none",
     subjects: Annotated[int, typer.Option(min=1, help="How many subjects.")] = 10,
-    noise_deg: Annotated[float, typer.Option(min=0.0, help="SD of the noise on each angle, degrees.")] = 1.5,
+    noise_deg: Annotated[float, typer.Option(min=0.0, max=90.0, help="SD of the noise on each angle, degrees.")] = 1.5,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same subjects.")] = 0,
     repeat: Repeat = None,
 ) -> None:

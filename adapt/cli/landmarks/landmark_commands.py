@@ -25,6 +25,9 @@ _NUMBER = r"\d+(\.\d+)?(e[+-]\d+)?"
 MANY_FRAMES = 50
 """More postures than a palpator records: this is a trial, which is better sampled."""
 
+LARGEST = 10_000.0
+"""Pixels or mm, of an option about images: more is a slip of the pen, or no number."""
+
 
 def convert_file(
     files: Annotated[
@@ -159,16 +162,24 @@ def contours_of_slices(
         str, typer.Option(help="What the bone is beside what surrounds it: bright, dark, either.")
     ] = "either",
     half_width_px: Annotated[
-        float, typer.Option(min=1.0, help="How far from the clicks, or the slice before, an edge is looked for.")
+        float,
+        typer.Option(min=1.0, max=LARGEST, help="How far from the clicks, or the slice before, an edge is looked for."),
     ] = HALF_WIDTH_PX,
     vector_px: Annotated[
-        float, typer.Option(min=0.0, help="How far the polygon of the points may be from the contour; 0 keeps all.")
+        float,
+        typer.Option(
+            min=0.0, max=LARGEST, help="How far the polygon of the points may be from the contour; 0 keeps all."
+        ),
     ] = VECTOR_PX,
     pixel_mm: Annotated[
-        float | None, typer.Option(min=1e-3, help="Size of a pixel, of images that do not say.", show_default=False)
+        float | None,
+        typer.Option(min=1e-3, max=LARGEST, help="Size of a pixel, of images that do not say.", show_default=False),
     ] = None,
     slice_mm: Annotated[
-        float | None, typer.Option(help="Distance of slices, of images that do not say.", show_default=False)
+        float | None,
+        typer.Option(
+            min=-LARGEST, max=LARGEST, help="Distance of slices, of images that do not say.", show_default=False
+        ),
     ] = None,
 ) -> None:
     """Find contours of bones in image slices from a few clicks, and write their points in mm (Chapter 2).
@@ -234,7 +245,10 @@ def _say_slipped(motions: Motions) -> None:
 def _elevations(at: str) -> tuple[float, ...]:
     """The numbers of --at, each once, from low to high."""
     try:
-        return tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
+        found = tuple(sorted({float(word) for word in at.split(",") if word.strip()}))
     except ValueError:
+        found = (np.nan,)
+    if not all(0.0 <= elevation <= 180.0 for elevation in found):
         cause = f"'{at}' is not a list of elevations"
-        raise InputError("--at", None, cause, "Give degrees separated by commas, as in --at 30,60,90") from None
+        raise InputError("--at", None, cause, "Give degrees from 0 to 180 separated by commas, as in --at 30,60,90")
+    return found

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from adapt.cli.ending import EXIT_SOME_NOT_HANDLED
+from adapt.cli.ending import ENDS_WITH_STDIN, EXIT_SOME_NOT_HANDLED
 from adapt.cli.terminal.print_tables import PROGRESS, PROGRESS_LINES
 
 _ROOT = Path(__file__).parents[3]
@@ -53,7 +53,7 @@ class Children:
             *(sys.executable, "-P", "-m", "adapt", *arguments),
             cwd=self._folder,
             env=self._environment(),
-            stdin=asyncio.subprocess.DEVNULL,
+            stdin=PIPE,  # nothing is written to it: it ends with this process
             stdout=PIPE,
             stderr=PIPE,
             start_new_session=True,  # so that what it starts itself is ended with it
@@ -82,8 +82,8 @@ class Children:
     def _environment(self) -> dict[str, str]:
         """That of the page, but that the same code is imported, and that temporary files are the session's."""
         path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH", ""))))
-        own = {PROGRESS_LINES: "1", "PYTHONPATH": path, "TMPDIR": str(self._folder), "COLUMNS": "200"}
-        return {**os.environ, **own}
+        own = {"PYTHONPATH": path, "TMPDIR": str(self._folder), "COLUMNS": "200"}
+        return {**os.environ, **own, PROGRESS_LINES: "1", ENDS_WITH_STDIN: "1"}
 
 
 async def _all(stream: asyncio.StreamReader | None) -> str:

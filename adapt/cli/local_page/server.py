@@ -12,8 +12,9 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from adapt.cli.local_page.own_origin import OwnOrigin
 from adapt.cli.local_page.session import ZIP, Session
-from adapt.cli.local_page.session_page import SessionPage
+from adapt.cli.local_page.session_page import SessionPage, add_style
 from adapt.cli.local_page.uploads import LARGEST_FILE_BYTES
 from motions import InputError
 
@@ -28,8 +29,11 @@ PATIENCE_S = 2
 LARGEST_BODY_BYTES = LARGEST_FILE_BYTES + 1_000_000
 """Of a request: a file and what its form says of it."""
 
-SANDBOX = "sandbox allow-scripts allow-downloads allow-popups allow-modals"
-"""A report may run its scripts, but they reach neither the page nor its session."""
+SANDBOX = "sandbox allow-scripts allow-downloads allow-popups allow-modals; frame-ancestors 'self'"
+"""A report may run its scripts, but they reach neither the page nor its session. The page alone shows it in a frame."""
+
+CONNECTS_WITHIN_S = 30.0
+"""Of a browser that has got the page: a request that opens no socket gets no session."""
 
 
 class LimitedBody:
@@ -73,10 +77,15 @@ def serve(port: int, browser: bool = True, reconnect_s: float = RECONNECT_S) -> 
         tempfile.tempdir = folder  # large uploads wait in files of the framework
         _add_routes(sessions)
 
-        def page() -> None:
+        async def page() -> None:
+            client = ui.context.client
+            add_style()
+            await client.connected(CONNECTS_WITHIN_S)
+            if client.is_deleted:
+                return
             session = Session(Path(folder))
             sessions[session.token] = session
-            ui.context.client.on_delete(lambda: sessions.pop(session.token).close())
+            client.on_delete(lambda: sessions.pop(session.token).close())
             SessionPage(session).build()
 
         def close_all() -> None:
@@ -87,6 +96,7 @@ def serve(port: int, browser: bool = True, reconnect_s: float = RECONNECT_S) -> 
 
         app.on_shutdown(close_all)
         app.add_middleware(LimitedBody)
+        app.add_middleware(OwnOrigin)
         app.add_middleware(TrustedHostMiddleware, allowed_hosts=[LOOPBACK, "localhost"])  # no other name leads here
         ui.run(
             page,

@@ -62,6 +62,12 @@ body { background: #f6f7f8; color: #1c1c1c; font: 16px/1.5 system-ui, "Segoe UI"
 """
 
 
+def add_style() -> None:
+    """Set the colours and the style of the page."""
+    ui.colors(primary="#0072b2")
+    ui.add_css(STYLE)
+
+
 class SessionPage:
     """The page of one session. A step is drawn anew when what it shows has changed."""
 
@@ -77,8 +83,6 @@ class SessionPage:
 
     def build(self) -> None:
         """Draw everything."""
-        ui.colors(primary="#0072b2")
-        ui.add_css(STYLE)
         with ui.column().classes("page"):
             ui.html("<h1>girdle</h1>", sanitize=False)
             ui.label(

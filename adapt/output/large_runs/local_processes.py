@@ -1,10 +1,12 @@
 """Parts made by several processes of this machine: where a run has many, tables and files take as long as the fits."""
 
+import os
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 
 import jax
 
@@ -50,9 +52,20 @@ def in_processes(work: Work, chunks: Chunks) -> Iterator[tuple[int, bytes]]:
 def _begin(work: Work) -> None:
     global _work
     _work = work
+    Thread(target=_end_with_parent, daemon=True).start()
     use_cores(1)
     jax.config.update("jax_platforms", "cpu")  # on a GPU each process would take most of its memory for itself
     keep_compiled()
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as the one that asks for parts has ended, however: killed, it tells nobody.
+
+    Its sentinel is the end of a pipe, on Windows a handle of the process; the fits leave this thread its turn.
+    """
+    if parent := parent_process():
+        parent.join()
+        os._exit(1)
 
 
 def _part(motions: Motions) -> bytes:

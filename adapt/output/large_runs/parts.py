@@ -4,11 +4,10 @@
 
 A part is one file of arrays (npz, without pickle), written whole or not at all. Parts wait in ``unfinished/KEY`` below
 the folder of the results; a run that was stopped goes on with those that are there, and when all are there they become
-the tables, each written once.
+the tables, each written once. Then the parts go (``adapt.output.publishing``).
 """
 
 import io
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ import pandas as pd
 
 from adapt.api import Adaptations, adapt_subjects, simulated_positions
 from adapt.output.large_runs.table_arrays import Rows, as_rows, as_table
+from adapt.output.publishing import UNFINISHED
 from adapt.solvers import status
 from adapt.solvers.own_bones.own_adaptation import NOT_CONVERGED, WORDS, People
 from adapt.solvers.status import EXPLANATION
@@ -25,11 +25,8 @@ from adapt.tables.positions_table import NO_POSITIONS, POSITIONS_FILE, with_posi
 from adapt.tables.results import OWN_WORD, Tables, as_csv
 from models.effects.amplitudes import Amplitudes
 from models.person.family import AnyModel
-from motions.files import atomic_write_bytes, atomic_write_pieces
+from motions.files import atomic_write_bytes, atomic_write_pieces, make_folder
 from motions.table import Motions
-
-FOLDER = "unfinished"
-"""Below the folder of the results, while it is."""
 
 LANES = 512
 """Subjects times models of a part: two of the chunks that stay in a core's cache, and 0.3 GB of memory. Parts of 1024
@@ -124,12 +121,9 @@ class Parts:
     """The parts of one run, made and to be made."""
 
     def __init__(self, folder: Path, key: str):
-        """``key`` tells runs apart: parts of another one are removed."""
-        self._home = folder / FOLDER / key
-        for other in self._home.parent.glob("*"):
-            if other != self._home:
-                shutil.rmtree(other)
-        self._home.mkdir(parents=True, exist_ok=True)
+        """``key`` tells runs apart: parts of another one stay until a run of the folder has come to its end."""
+        self._home = folder / UNFINISHED / key
+        make_folder(self._home)
 
     def make(self, work: Work, chunks: Iterable[Motions], maker: Maker, progress: Callable[[str], None]) -> Motions:
         """Make every part that is not there yet, and return the motions that the report shows."""
@@ -189,10 +183,6 @@ class Parts:
                 with np.load(path) as part:
                     rows = part[name]
                 yield rows
-
-    def remove(self) -> None:
-        """Remove the parts of the run, to be called when all files are there."""
-        shutil.rmtree(self._home.parent)
 
     def _path(self, number: int) -> Path:
         return self._home / f"{number:07d}{_ENDING}"

@@ -52,8 +52,9 @@ def _by_ezc3d(path: Path) -> dict[str, np.ndarray]:
 
     Found by fuzzing: of files with a few wrong bytes, ezc3d reads some for ever and crashes on others.
     """
-    command = [sys.executable, str(Path(__file__).with_name("c3d_child.py")), str(path.absolute())]
     patience_s = _PATIENCE_S + path.stat().st_size / _BYTES_A_SECOND
+    child = Path(__file__).with_name("c3d_child.py")
+    command = [sys.executable, str(child), str(path.absolute()), str(2.0 * patience_s)]
     try:
         ended = subprocess.run(command, capture_output=True, timeout=patience_s, check=False)
         reason = ended.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["it crashes"]

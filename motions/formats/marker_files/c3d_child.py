@@ -1,9 +1,10 @@
 """What ezc3d reads from a .c3d file, for ``c3d`` beside it: run as a program of its own, as ezc3d can crash.
 
 Writes to stdout, as a numpy archive: points (4, markers, frames), labels, frames said, unit and rate ("" and 0 if not
-said).
+said). Ends by itself after the given seconds, as ezc3d may read for ever and whoever waits for it may be killed.
 """
 
+import faulthandler
 import sys
 
 import ezc3d
@@ -28,6 +29,7 @@ def _main(path: str) -> None:
 
 
 if __name__ == "__main__":
+    faulthandler.dump_traceback_later(float(sys.argv[2]), exit=True)
     try:
         _main(sys.argv[1])
     except Exception as error:

@@ -1,0 +1,103 @@
+"""The files of a run take their places together, and those of the run before go: a folder holds one run."""
+
+import errno
+import json
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from adapt.output.written_files import DATA, LIST, RECORD, Written, last_written, listed
+from motions.errors import InputError, warn_input
+from motions.files import atomic_write_pieces
+
+UNFINISHED = "unfinished"
+"""Below the folder of the results, while they are made in parts: ``unfinished/KEY/NUMBER.npz``."""
+
+_PART = re.compile(r"unfinished/[0-9a-f]{16}/[0-9]{7}\.npz")
+
+
+def publish(staged: Path, folder: Path) -> None:
+    """Put every file of ``staged`` in its place below ``folder``, and remove what the run before wrote.
+
+    Nothing of the user's own is replaced or removed: a file that no run wrote, or that was changed since, gets another
+    name, with an InputWarning. What the run reads stays, and so do simulated motions. OSError before anything has
+    changed if a folder stands where a file should be, or the other way round.
+    """
+    places = _places(staged, folder)
+    before, new = last_written(folder), listed(staged)
+    read = _inputs_below(staged / RECORD, folder)
+    old = [name for name in before.hashes if not (staged / name).exists()]
+    stay = [name for name in old if name in DATA or {Path(name), *Path(name).parents} & read]
+    # A run killed from here on leaves no file that the next one would not know.
+    atomic_write_pieces(folder / LIST, [*new, *before.lines(before.hashes)])
+    _keep_aside(before, (one.relative_to(staged) for one in staged.rglob("*") if one.is_file()))
+    for part, place in places.items():
+        part.replace(place)
+    _remove(before, set(old).difference(stay))
+    atomic_write_pieces(folder / LIST, [*new, *before.lines(stay)])
+    _remove_unfinished(folder)
+
+
+def _places(staged: Path, folder: Path) -> dict[Path, Path]:
+    """Where each file belongs; a folder that is not there yet in one step, however many files it has."""
+    parts: list[Path] = []
+    for child in staged.iterdir():
+        there = child.is_dir() and (folder / child.name).is_dir()
+        parts += [file for file in child.rglob("*") if file.is_file()] if there else [child]
+    places = {part: folder / part.relative_to(staged) for part in parts}
+    for part, place in places.items():
+        if place.is_dir() or (part.is_dir() and place.exists()):  # found out before the first file is replaced
+            raise FileExistsError(errno.EEXIST, f"{place.name} is a {'folder' if place.is_dir() else 'file'}")
+        place.parent.mkdir(exist_ok=True)
+    return places
+
+
+def _inputs_below(record: Path, folder: Path) -> set[Path]:
+    """The files and folders below a folder that a run reads, relative to it, by its record."""
+    inputs = json.loads(record.read_bytes())
+    paths = [Path(one["path"]) for one in inputs["motions"]] + [Path(one["name"]) for one in inputs["models"]]
+    home, resolved = folder.resolve(), (path.resolve() for path in paths)
+    return {path.relative_to(home) for path in resolved if path.is_relative_to(home)}
+
+
+def _keep_aside(before: Written, names: Iterable[Path]) -> None:
+    """Rename what is the user's own where a file is to be put, and say so."""
+    for name in names:
+        place = before.folder / name
+        if place.is_file() and not before.is_there(name.as_posix()):
+            kept = _free_name(place)
+            place.rename(kept)
+            cause = "no run wrote this file, or it was changed since"
+            warn_input(InputError(str(place), None, cause, f"It is kept as {kept.name}"))
+
+
+def _free_name(place: Path) -> Path:
+    number = 1
+    while (kept := place.with_name(f"{place.name}.kept{number}")).exists():
+        number += 1
+    return kept
+
+
+def _remove(before: Written, names: Iterable[str]) -> None:
+    """Remove files of the run before, and what is then an empty folder; what was changed since gets another name."""
+    _keep_aside(before, map(Path, names))
+    for name in names:
+        place = before.folder / name
+        place.unlink(missing_ok=True)
+        if place.parent != before.folder:
+            _remove_if_empty(place.parent)
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Remove the parts of runs that were stopped in this folder, and nothing else that may be there."""
+    home = folder / UNFINISHED
+    for part in home.glob("*/*"):
+        if _PART.fullmatch(part.relative_to(folder).as_posix()):
+            part.unlink()
+    for place in (*home.glob("*"), home):
+        _remove_if_empty(place)
+
+
+def _remove_if_empty(folder: Path) -> None:
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()

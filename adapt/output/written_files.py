@@ -1,0 +1,105 @@
+"""The list of what a run wrote into its folder, from which the next run knows what is not the user's own."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from motions.files import file_names
+
+RECORD = "run.json"
+
+LIST = "girdle.sha256"
+"""One line a file, ``HASH  NAME``, as ``sha256sum -c`` reads it. It names all files of the run but itself. A name that
+nobody gives to a list of his own data: what stands in it is removed."""
+
+DATA = ("motions.csv", "truth.csv")
+"""Of ``girdle simulate``: what other runs read."""
+
+_LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+
+_TABLES = ("fits.csv", "summary.csv", "parameters.csv", "heldout.csv")
+_UNLISTED = {
+    "fit": _TABLES[:2],
+    "adapt": (*_TABLES, "positions.csv", "report.html"),
+    "diagnose": (
+        *(*_TABLES, "positions.csv", "report.html", "diagnosis.json"),
+        *(f"{name}.svg" for name in ("budget", "inclusion", "gap_heatmap", "gaps")),
+    ),
+    "trust": (*_TABLES, *(f"{name}.csv" for name in ("trust", "uncertainty", "plausibility", "contact", "weights"))),
+    "muscles": (
+        *(*_TABLES, "report.html", "muscle_arms.svg"),
+        *(f"{name}.csv" for name in ("muscle_arms", "muscles", "balance", "muscle_lines")),
+    ),
+    "simulate": DATA,
+}
+"""What a run wrote, by its command, before there was a list."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """The files that a run wrote into a folder, by their names relative to it."""
+
+    folder: Path
+    hashes: dict[str, frozenset[str]]
+    """SHA-256 of each; two where a run was killed while it replaced files, none where it was not written down."""
+
+    def is_there(self, name: str) -> bool:
+        """Tell whether the file is still the one that the run wrote."""
+        known = self.hashes.get(name)
+        return known is not None and (not known or sha256(self.folder / name) in known)
+
+    def lines(self, names: Iterable[str]) -> Iterator[bytes]:
+        """Write some of them as lines of ``LIST``."""
+        return (f"{one}  {name}\n".encode() for name in names for one in sorted(self.hashes[name]))
+
+
+def last_written(folder: Path) -> Written:
+    """Read what the last run wrote into the folder; of a run that left no list, what its command writes."""
+    path = folder / LIST
+    if not path.is_file():
+        return Written(folder, dict.fromkeys(_unlisted(folder), frozenset()))
+    hashes: dict[str, set[str]] = {}
+    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        found = _LINE.fullmatch(line)
+        if found and not Path(found[2]).is_absolute() and ".." not in Path(found[2]).parts:
+            hashes.setdefault(found[2], set()).add(found[1])
+    return Written(folder, {name: frozenset(known) for name, known in hashes.items()})
+
+
+def _unlisted(folder: Path) -> list[str]:
+    """The files of a version that left a record and no list."""
+    try:
+        command = json.loads((folder / RECORD).read_bytes())["command"]
+        return [RECORD, *_UNLISTED[command], *(_unlisted_models(folder) if command == "adapt" else ())]
+    except (OSError, ValueError, LookupError, TypeError):
+        return []
+
+
+def _unlisted_models(folder: Path) -> list[str]:
+    rows = pd.read_csv(folder / "parameters.csv", usecols=["model", "subject"], dtype=str)
+    return [f"models/{name}.toml" for name in file_names((rows["model"] + "_" + rows["subject"]).tolist())]
+
+
+def listed(folder: Path) -> list[bytes]:
+    """List the files below the folder as lines of ``LIST``."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return [f"{sha256(one)}  {one.relative_to(folder).as_posix()}\n".encode() for one in files]
+
+
+def sha256(path: Path) -> str | None:
+    """Hash a file with SHA-256, in hexadecimal; None for a file that cannot be read, and for a pipe.
+
+    What cannot be read is then among what was left out; a pipe is read only once.
+    """
+    try:
+        if not path.is_file():
+            return None
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (OSError, ValueError):
+        return None

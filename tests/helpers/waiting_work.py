@@ -1,0 +1,25 @@
+"""Work that waits to be ended: as a program, the processes of a large run say that they are at work, and go on so."""
+
+import time
+
+from adapt.output.large_runs.local_processes import in_processes
+from adapt.output.large_runs.parts import Work
+from motions import Motions
+from motions.rhythm_subjects import simulate_subjects
+
+WAIT_S = 60.0
+"""Longer than any test waits; a process left alone ends."""
+
+
+class WaitingWork(Work):
+    """Says that it is at work, and is for long."""
+
+    def part(self, motions: Motions) -> bytes:
+        print("at work", flush=True)
+        time.sleep(WAIT_S)
+        return b""
+
+
+if __name__ == "__main__":
+    work = WaitingWork((), 10.0, "mm2_deg2", frozenset(), frozenset())
+    list(in_processes(work, enumerate([simulate_subjects(1, seed=0)])))
