@@ -12,6 +12,7 @@ from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
+from motions.motion_csv.cells import ELEVATION_REMEDY
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.table import ANGLES, FEWEST_ANGLES, Motions
@@ -45,6 +46,9 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     if through != "AC":
         angles_deg = _brought_to_ac(table, angles_deg, labels)
     elevation_deg = table.columns.get(mapping.column(ELEVATION), missing)
+    if (elevation_deg < 0.0).any():  # NaN is not
+        cause = f"{mapping.column(ELEVATION)} is {np.nanmin(elevation_deg):g}, below 0"
+        raise InputError(table.file, None, cause, ELEVATION_REMEDY)
     numbers, extra = _numbers(table), {}
     if labels.at_deg:
         whose = mapping.column(ELEVATION)

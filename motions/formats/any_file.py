@@ -64,7 +64,7 @@ def read_any(path: Path, mapping: Mapping, labels: Labels) -> Motions:
         return _checked(_with_names(motions_from_table(read_mot(path), mapping, labels), path), path)
     if kind == ".csv":
         _check_unused(labels, path, "subjects, motions and postures")
-        return _checked(read_motions(path), path)
+        return read_motions(path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv and a Spartacus checkout")
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from motions.checks.signs import likely_convention, wrong_signs
 from motions.errors import InputError, warn_input
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.rhythm import REST_DEG
@@ -85,32 +86,69 @@ def likely_swap(lab_mm: Positions, find_unlike: FindUnlike) -> tuple[str, str] |
     return found[0] if len(found) == 1 else None
 
 
-def warn_unlike_rest(file: str, whose: str, rest: Rest, unlike: list[str], swap: tuple[str, str] | None = None) -> None:
-    """Warn of what is unlike rest, if there is anything, and name two landmarks that are likely swapped."""
-    if not unlike:
-        return
+def doubt_of_rest(
+    file: str, whose: str, rest: Rest, unlike: list[str], swap: tuple[str, str] | None = None
+) -> InputError:
+    """Say what is unlike rest, and name two landmarks that are likely swapped."""
     where = (
         "in the first posture" if np.isnan(rest.elevation_deg) else f"with the arm at {rest.elevation_deg:.0f} degrees"
     )
     remedy = "Check the names of the landmarks, the axes and the signs (docs/frames.md)"
     if swap is not None:
         remedy = f"Are {swap[0]} and {swap[1]} swapped? With them exchanged nothing of this is left"
-    warn_input(InputError(file, None, f"{whose}: {where} {'; '.join(unlike)}", remedy))
+    return InputError(file, None, f"{whose}: {where} {'; '.join(unlike)}", remedy)
 
 
 MOST_NAMED = 10
 """Subjects that are warned of by name."""
 
 
+class SubjectDoubts:
+    """Warns of subjects whose angles are likely not what their names say, each once; beyond MOST_NAMED by number."""
+
+    def __init__(self) -> None:
+        self._seen: set[str] = set()
+        self._more = 0
+        self._named = 0
+
+    def look_at(self, motions: Motions, files: Mapping[str, str]) -> None:
+        """Warn of subjects with angles that no person has with the arm lowest, or with a sign that nobody's course has:
+        another sign, radians, another frame. files: where each subject stands."""
+        for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
+            if subject in self._seen:
+                continue
+            self._seen.add(subject)
+            warnings = _doubts(motions.select(np.isin(np.arange(len(motions.posture)), mine)), subject, files[subject])
+            if warnings and self._named >= MOST_NAMED:
+                self._more += 1
+            elif warnings:
+                self._named += 1
+                for one in warnings:
+                    warn_input(one)
+
+    def end(self, file: str) -> None:
+        """Warn of the number of those that were not named."""
+        if self._more:
+            cause = f"{self._more} more subjects are like this"
+            warn_input(InputError(file, None, cause, "Check signs and units"))
+            self._more = 0
+
+
 def warn_of_subjects(motions: Motions, file: str) -> None:
-    """Warn of subjects whose angles no person has with the arm lowest: another sign, radians, another frame."""
-    unlike: list[tuple[str, Rest, list[str]]] = []
-    for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
-        rest = lowest_frames(motions.angles_deg[mine], motions.humerus_elevation_deg[mine])
-        if found := unlike_rest(rest, {name: place[mine] for name, place in motions.landmarks_mm.items()}):
-            unlike.append((subject, rest, found))
-    for one in unlike[:MOST_NAMED]:
-        warn_unlike_rest(file, *one)
-    if len(unlike) > MOST_NAMED:
-        cause = f"{len(unlike) - MOST_NAMED} more subjects are like this"
-        warn_input(InputError(file, None, cause, "Check signs and units"))
+    """Warn of subjects as ``SubjectDoubts`` does, of one file."""
+    doubts = SubjectDoubts()
+    doubts.look_at(motions, dict.fromkeys(motions.subjects, file))
+    doubts.end(file)
+
+
+def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
+    """What is doubtful in the postures of one subject."""
+    rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
+    low = np.isin(np.arange(len(mine.posture)), rest.rows)
+    found = []
+    if unlike := unlike_rest(rest, mine.landmarks_mm):
+        found.append(doubt_of_rest(file, subject, rest, unlike))
+    if signs := wrong_signs(mine, low):
+        cause = f"{subject}: {'; '.join(one.said for one in signs)}"
+        found.append(InputError(file, None, cause, likely_convention(signs)))
+    return found

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from motions.checks.sizes import likely_unit, medians_mm
 from motions.errors import InputError
 from motions.landmarks.derived import factors_of, is_formula
 from motions.landmarks.mapping import MARKERS, THORAX, UNITS_MM, Mapping
 
 NEEDED = (*THORAX, "TS", "AI")
 """Without these there is neither a thorax nor a scapula frame."""
-
-NECK_MM = (60.0, 250.0)
-"""From IJ to C7 through the neck: 100-150 mm in adults. Metres or inches taken for mm are far outside."""
 
 _FARTHEST = 1e9
 """A thousand kilometres in mm. Numbers near the largest that there are would overflow in what is made of them."""
@@ -39,8 +37,8 @@ class Markers:
 def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarray, "3 frames"]]:
     """Find the landmarks of the file by their names here, mm, in the file's own (right-handed) frame.
 
-    InputError if a needed one is not there, nowhere measured or there twice, if no unit is known, or if the size of
-    the neck shows that it is not the right one.
+    InputError if a needed one is not there, nowhere measured or there twice, if no unit is known, or if distances show
+    that it is not the right one.
     """
     factor = _millimetres(markers, mapping)
     _check_there(markers, mapping)
@@ -161,17 +159,12 @@ def _listed(markers: Markers) -> str:
 
 
 def _check_size(markers: Markers, found: dict[str, np.ndarray], factor: float) -> None:
-    """InputError if there is no neck, or not that of a person."""
-    lengths = np.linalg.norm(found["IJ"] - found["C7"], axis=0)
-    if np.isnan(lengths).all():
+    """InputError if there is no neck, or if all distances are a person's in another unit."""
+    if np.isnan(found["IJ"] + found["C7"]).any(axis=0).all():
         cause = "IJ and C7 are in no frame together: there is no thorax"
         raise InputError(markers.file, None, cause, "Reconstruct them, or use another trial")
-    neck = float(np.nanmedian(lengths))
-    if NECK_MM[0] <= neck <= NECK_MM[1]:
-        return
-    fitting = [unit for unit, mm in UNITS_MM.items() if NECK_MM[0] <= neck / factor * mm <= NECK_MM[1]]
-    cause = f"IJ and C7 are {neck:.3g} mm apart, which no neck is"
-    remedy = (
-        f"The positions look like {fitting[0]}: correct the unit" if fitting else "Check which markers are IJ and C7"
-    )
-    raise InputError(markers.file, None, cause, remedy)
+    unit = likely_unit(found, {unit: mm / factor for unit, mm in UNITS_MM.items()})
+    if unit is not None:
+        neck = medians_mm(found)["IJ", "C7"]
+        cause = f"the distances between landmarks are no person's: IJ and C7 are {neck:.3g} mm apart"
+        raise InputError(markers.file, None, cause, f"The positions look like {unit}: correct the unit")

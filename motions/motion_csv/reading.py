@@ -9,6 +9,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from motions.errors import InputError
+from motions.landmarks.at_rest import SubjectDoubts
 from motions.motion_csv.posture_rows import Posture, posture_from_row
 from motions.motion_csv.rows import Row, iterate_rows
 from motions.motion_csv.unit_and_side import CHECKS
@@ -19,7 +20,8 @@ def read_motions(*paths: str | os.PathLike[str]) -> Motions:
     """Read the postures of all subjects in the CSV files, as right shoulders, in the order of the files.
 
     A file or a subject with an error is left out and named in `rejected`. A subject whose motions are in
-    several files is one subject. InputError if a path does not exist or if no subject is left.
+    several files is one subject. InputError if a path does not exist or if no subject is left; InputWarning of
+    subjects whose angles no person has with the arm lowest, or that move as nobody's do: another sign, unit or frame.
     """
     (motions,) = MotionStream(*paths).in_chunks(None)
     return motions
@@ -40,6 +42,7 @@ class MotionStream:
         for path in named:
             _check_existence(path)
         self.rejected: list[InputError] = []
+        self._doubts = SubjectDoubts()
         self._usable: list[Path] = []
         self._last: dict[str, int] = {}  # where the last row of each subject is
         self._once: dict[Path, list[Row]] = {}  # of what can be read only once: pipes
@@ -84,6 +87,7 @@ class MotionStream:
                 ended, named, found = [], (), found or motions is not None
                 if motions is not None:
                     yield motions
+        self._doubts.end("the motions")
         if not found:
             raise _first_of(self.rejected)
 
@@ -98,7 +102,11 @@ class MotionStream:
             else:
                 accepted.update(zip((place for place, _ in mine), postures, strict=True))
         self.rejected += rejected
-        return _table([accepted[place] for place in sorted(accepted)], [*named, *rejected]) if accepted else None
+        if not accepted:
+            return None
+        table = _table([accepted[place] for place in sorted(accepted)], [*named, *rejected])
+        self._doubts.look_at(table, {mine[0][1].cells["subject"]: mine[0][1].file for mine in rows})
+        return table
 
 
 def _check_existence(path: Path) -> None:
