@@ -1,8 +1,9 @@
 """Distances between landmarks that a living person has, and which landmark is to blame where some are none.
 
 **Ranges.** Adults, from about the 0.1st to the 99.9th percentile: mean -+ 3.1 SD of women and of men, widened by 10 mm
-for a landmark that is palpated through the skin and taken beside its place, with 3 mm of noise. Where nobody has published
-a distance, it is assumed about the two measurements of one cadaver (thesis, Table 4.2) and a large and a small person.
+for a landmark that is palpated through the skin and taken beside its place, with 3 mm of noise. Where nobody has
+published a distance, it is assumed about the two measurements of one cadaver (thesis, Table 4.2) and a large and a
+small person.
 
 **Children.** A person all of whose distances are short alike is a small one: the ranges shrink with the median of the
 distances over the middles of their ranges, from MATURE down to SMALLEST. At 6-8 years a sternum has 68 %, the thoracic
@@ -18,6 +19,7 @@ from jaxtyping import Bool, Float
 
 Pair = tuple[str, str]
 Positions = Mapping[str, Float[np.ndarray, "3 frames"]]
+"""Landmarks by name; NaN is a gap."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,9 @@ class Range:
         return (self.high_mm - self.low_mm) / 6.0
 
 
+MIDDLE = "PX_T8"
+"""The middle of PX and T8, where a mapping file gives it in place of the two."""
+
 _TABLE_4_2 = "assumed about thesis Table 4.2, where it is"
 
 RANGES: dict[Pair, Range] = {
@@ -52,6 +57,8 @@ RANGES: dict[Pair, Range] = {
     ("PX", "C7"): Range(185.0, 400.0, f"{_TABLE_4_2} 244 and 309 mm"),
     ("PX", "T8"): Range(115.0, 340.0, f"{_TABLE_4_2} 193 and 216 mm; depth of the chest"),
     ("C7", "T8"): Range(100.0, 290.0, f"{_TABLE_4_2} 228 and 145 mm"),
+    ("IJ", MIDDLE): Range(110.0, 280.0, f"{_TABLE_4_2} 164 and 165 mm"),
+    ("C7", MIDDLE): Range(140.0, 330.0, f"{_TABLE_4_2} 215 and 216 mm"),
     ("SC", "IJ"): Range(5.0, 60.0, f"{_TABLE_4_2} 25 and 26 mm"),
     ("SC", "AC"): Range(
         105.0,

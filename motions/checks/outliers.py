@@ -4,8 +4,8 @@
 middle of the shortest half of them (Rousseeuw & Leroy, Robust regression and outlier detection (1987), 4.1), which half
 of the frames may leave, and the median and SD of those near it.
 
-**Outliers.** A frame has one where a distance is farther from its reference than k SD and than a least limit. Skin moves
-slowly: a run of such frames counts where a jump begins or ends it. The landmarks to blame are the fewest that are
+**Outliers.** A frame has one where a distance is farther from its reference than k SD and than a least limit. Skin
+moves slowly: a run of such frames counts where a jump begins or ends it. The landmarks to blame are the fewest that are
 in all of these distances (``motions.checks.distances.blamed``).
 
 **Swaps.** Where the exchange of two landmarks puts every distance of a frame right, their labels are exchanged there.
@@ -55,6 +55,9 @@ _FEW = 10.0
 """The limit of n frames is that of many times 1 + 10/(n - 1): their SD is uncertain, and the largest of many distances
 has to stay below it. By simulation (scripts/research/landmarks)."""
 
+_LEAST_SD_MM = 0.5
+"""Of a distance: of landmarks without noise everything is far off, in SD."""
+
 _LEAST_IN_RANGE = 4
 """Frames in which a distance is a person's, from which they alone give its reference."""
 
@@ -75,6 +78,7 @@ class Reference:
     pairs: tuple[Pair, ...]
     mm: Float[np.ndarray, " pairs"]
     limit_mm: Float[np.ndarray, " pairs"]
+    sd_mm: Float[np.ndarray, " pairs"]
 
     def off(self, positions: Positions) -> Float[np.ndarray, "pairs frames"]:
         """Compute the distances from their references over the limits, without sign; NaN in a gap."""
@@ -112,7 +116,7 @@ def fit_reference(positions: Positions) -> Reference:
     """Fit the distances that a bone holds, robustly over the frames."""
     pairs = [pair for pair in (*RIGID, *NEARLY_RIGID) if all(name in positions for name in pair)]
     if not pairs:
-        return Reference((), np.zeros(0), np.zeros(0))
+        return Reference((), *np.zeros((3, 0)))
     distances = distances_mm(positions, pairs)
     factor = size_of_ranges(_size(pairs, distances))
     found, count = [], distances.size
@@ -123,10 +127,8 @@ def fit_reference(positions: Positions) -> Reference:
             known = possible if len(possible) >= _LEAST_IN_RANGE else known
         if len(known) >= _FEWEST:
             least = RIGID_MM if pair in RIGID else NEARLY_RIGID_MM
-            found.append((pair, *_centre_and_limit(known, least, count)))
-    return Reference(
-        tuple(one[0] for one in found), np.array([one[1] for one in found]), np.array([one[2] for one in found])
-    )
+            found.append((pair, _middle_limit_sd(known, least, count)))
+    return Reference(tuple(pair for pair, _ in found), *np.array([one for _, one in found]).reshape(-1, 3).T)
 
 
 def _size(pairs: list[Pair], distances: Float[np.ndarray, "pairs frames"]) -> float:
@@ -138,8 +140,8 @@ def _size(pairs: list[Pair], distances: Float[np.ndarray, "pairs frames"]) -> fl
     return size_of(medians) if medians else 1.0
 
 
-def _centre_and_limit(known: Float[np.ndarray, " n"], least_mm: float, count: int) -> tuple[float, float]:
-    """The reference, and k SD or the least limit; of so many distances of a sound trial hardly one exceeds it."""
+def _middle_limit_sd(known: Float[np.ndarray, " n"], least_mm: float, count: int) -> tuple[float, float, float]:
+    """The reference, what hardly one of so many distances of a sound trial exceeds (k SD, or the least), and the SD."""
     ordered = np.sort(known)
     half = len(ordered) // 2 + 1
     widths = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
@@ -148,7 +150,7 @@ def _centre_and_limit(known: Float[np.ndarray, " n"], least_mm: float, count: in
     near = ordered[np.abs(ordered - middle) <= max(_NEAR_SD * _SD_OF_HALF * widths[first] / 2.0, least_mm)]
     sd = float(near.std(ddof=1)) if len(near) > 1 else 0.0
     k = np.sqrt(2.0 * np.log(count / FALSE_ALARM)) * (1.0 + _FEW / max(len(near) - 1, 1))
-    return float(np.median(near)), max(float(k * sd), least_mm)
+    return float(np.median(near)), max(float(k * sd), least_mm), max(sd, _LEAST_SD_MM)
 
 
 def _jumping(off: Float[np.ndarray, "pairs frames"]) -> Bool[np.ndarray, "pairs frames"]:
@@ -159,12 +161,10 @@ def _jumping(off: Float[np.ndarray, "pairs frames"]) -> Bool[np.ndarray, "pairs 
         value = row[known]
         lag = max(1, min(_JUMP_FRAMES, int(_JUMP_SHARE * len(known))))
         for first, last in runs(value > 1.0):
-            height = _JUMP * np.median(value[first : last + 1])
-            before = value[max(first - lag, 0)] if first else None
-            after = value[min(last + lag, len(value) - 1)] if last + 1 < len(value) else None
-            inside = value[min(first + lag - 1, last)], value[max(last - lag + 1, first)]
-            steps = [x - edge for x, edge in zip(inside, (before, after), strict=True) if edge is not None]
-            flags[known[first : last + 1]] = not steps or max(steps) > height
+            inside = value[first : last + 1]
+            before, after = value[:first][-1 - (lag - 1) // 2 :][:1], value[last + 1 :][: 1 + (lag - 1) // 2][-1:]
+            steps = [*(inside[: 1 + lag // 2][-1] - before), *(inside[-1 - lag // 2 :][0] - after)]
+            flags[known[first : last + 1]] = not steps or max(steps) > _JUMP * np.median(inside)
     return wrong
 
 
@@ -198,11 +198,12 @@ def _blamed_frames(
     reference: Reference, off: np.ndarray, wrong: Bool[np.ndarray, "pairs frames"], left: Int[np.ndarray, " frames"]
 ) -> Iterator[Outlier]:
     """The landmarks to blame in each of these frames, those of like frames together."""
+    in_sd = off * (reference.limit_mm / reference.sd_mm)[:, None]
     by_blame: dict[tuple[str, ...], list[int]] = {}
     for frame in left.tolist():
         bad = [frozenset(pair) for pair, one in zip(reference.pairs, wrong[:, frame], strict=True) if one]
         z: Mapping[Pair, float] = {
-            pair: 3.0 * value for pair, value in zip(reference.pairs, off[:, frame], strict=True) if value == value
+            pair: value for pair, value in zip(reference.pairs, in_sd[:, frame], strict=True) if np.isfinite(value)
         }
         names = tuple(dict.fromkeys(name for names in blamed(bad, z) for name in names))
         by_blame.setdefault(names, []).append(frame)

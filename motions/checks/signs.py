@@ -22,8 +22,8 @@ LARGE_MOTION_DEG = 60.0
 LOW_DEG = 50.0
 """With the arm lower than this the girdle is near its rest: the scapula alone turns by 20 degrees to here."""
 
-LEAST_LOG_ODDS = -3.0
-"""20 to 1 for the other sign: by the normal distributions below a sound angle gets there in 0.5 % of people or less."""
+LEAST_LOG_ODDS = -2.0
+"""7 to 1 for the other sign: by the normal distributions below a sound angle gets there in 0.7 % of people or less."""
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,19 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
-from motions.checks.never_seen import never_seen
+from motions.checks.distances import MIDDLE
+from motions.checks.misfits import misfit
+from motions.checks.never_seen import Positions, never_seen
 from motions.checks.outliers import find_outliers, runs
-from motions.checks.sizes import misfit
+from motions.checks.rigidity import check_rigidity
 from motions.errors import InputError, warn_input
-from motions.landmarks.rigidity import check_rigidity
-from motions.landmarks.stand_ins import Positions
 
-NEEDED = ("IJ", "PX", "C7", "T8", "TS", "AI")
+NEEDED = ("IJ", "PX", "C7", "T8", MIDDLE, "TS", "AI")
 """Without one of these there is no angle."""
 
 MOST_POSTURES = 100
-"""Of palpated postures, in which a slip of millimetres is looked for. A trial has more frames, among which an outlier of
-less than ``motions.checks.outliers.RIGID_MM`` is lost."""
+"""Of palpated postures, in which a slip of millimetres is looked for. A trial has more frames, among which an outlier
+of less than ``motions.checks.outliers.RIGID_MM`` is lost."""
 
 _MOST_NAMED = 8
 """Runs of frames, or distances, in a message."""
@@ -30,10 +30,26 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
     out where angles can do without it. InputError where they cannot: it names the landmarks to blame, or two swapped.
     """
     found = {name: np.array(place, float) for name, place in lab_mm.items()}
+    ends = [name for name in ("PX", "T8") if name in found]
+    middle = len(ends) == 2 and np.array_equal(found["PX"], found["T8"], equal_nan=True)
+    if middle:
+        found[MIDDLE] = [found.pop(name) for name in ends][0]
+    _check_swap(found, whose, file)
     _leave_unseen(found, whose, file)
     _leave_outliers(found, whose, file)
     _leave_misfits(found, whose, file)
-    return found
+    if middle:
+        found |= dict.fromkeys(ends, found.pop(MIDDLE))
+    return {name: found[name] for name in lab_mm if name in found}
+
+
+def _check_swap(found: Positions, whose: str, file: str) -> None:
+    """InputError where the exchange of two landmarks puts a whole trial right that is no person's."""
+    wrong = misfit(found)
+    if wrong is not None and wrong.swapped is not None:
+        a, b = wrong.swapped
+        remedy = f"Are {a} and {b} swapped? With them exchanged nothing of this is left"
+        raise InputError(file, None, f"{whose}: {_listed(wrong.said)}", remedy)
 
 
 def _leave_unseen(found: Positions, whose: str, file: str) -> None:
@@ -99,18 +115,14 @@ def _leave_misfits(found: Positions, whose: str, file: str) -> None:
         wrong = misfit(found)
         if wrong is None:
             return
-        said = "; ".join(wrong.said[:_MOST_NAMED])
-        said += f"; and {len(wrong.said) - _MOST_NAMED} more" if len(wrong.said) > _MOST_NAMED else ""
-        if wrong.swapped is not None:
-            a, b = wrong.swapped
-            remedy = f"Are {a} and {b} swapped? With them exchanged nothing of this is left"
-            raise InputError(file, None, f"{whose}: {said}", remedy)
         blame = " or ".join(" and ".join(names) for names in wrong.blamed)
-        remedy = (
-            f"Look at {blame}: is the marker lost, another one, or of the other shoulder? If all are right, this is no "
-            "unit of mm"
-        )
-        _leave_whole(found, wrong.landmarks, f"{whose}: {blame} cannot be right: {said}", remedy, file)
+        remedy = f"Look at {blame}: is the marker lost, another one, of the other shoulder, or in another unit?"
+        _leave_whole(found, wrong.landmarks, f"{whose}: {blame} cannot be right: {_listed(wrong.said)}", remedy, file)
+
+
+def _listed(said: tuple[str, ...]) -> str:
+    more = f"; and {len(said) - _MOST_NAMED} more" if len(said) > _MOST_NAMED else ""
+    return "; ".join(said[:_MOST_NAMED]) + more
 
 
 def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str, file: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from motions.checks.at_rest import warn_of_subjects
 from motions.errors import InputError, warn_input
 from motions.formats.angle_table import motions_from_table
 from motions.formats.c3d import read_c3d
@@ -14,7 +15,6 @@ from motions.formats.landmark_csv import holds_positions, read_landmark_csv
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
 from motions.formats.trc import read_trc
-from motions.landmarks.at_rest import warn_of_subjects
 from motions.landmarks.mapping import Mapping, read_mapping
 from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels, postures_from_landmarks

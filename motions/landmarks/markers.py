@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.checks.sizes import likely_unit, medians_mm
+from motions.checks.misfits import likely_unit, medians_mm
 from motions.errors import InputError
 from motions.landmarks.derived import factors_of, is_formula
 from motions.landmarks.mapping import MARKERS, THORAX, UNITS_MM, Mapping

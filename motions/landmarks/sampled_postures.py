@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
+from motions.checks.at_rest import HIGHEST_REST_DEG, Rest, doubt_of_rest, likely_swap, lowest_frames, unlike_rest
 from motions.checks.trial import slipped, sound_landmarks, without_slips
 from motions.errors import InputError, warn_input
 from motions.landmarks.acromion import AcromionRotation
-from motions.landmarks.at_rest import HIGHEST_REST_DEG, Rest, doubt_of_rest, likely_swap, lowest_frames, unlike_rest
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
+from motions.landmarks.mapping import THORAX
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.stand_ins import SternoclavicularOffset
 from motions.motion_csv.cells import Side
@@ -126,7 +127,9 @@ def postures_from_landmarks(
         if labels.at_deg:
             which += f", at {', '.join(f'{at:g}' for at in table.humerus_elevation_deg[~measured])} degrees"
         cause = f"{labels.subject}, {labels.motion}: {which}: fewer than {FEWEST_ANGLES} angles are known there"
-        warn_input(InputError(file, None, cause, _LOOK_FOR_GAPS))
+        gaps = [] if labels.at_deg else _gaps(sound_mm, ~measured)
+        remedy = f"They have gaps in {', '.join(gaps)}" if gaps else _LOOK_FOR_GAPS
+        warn_input(InputError(file, None, cause, remedy))
     return table.select(measured)
 
 
@@ -161,6 +164,12 @@ def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: fl
     if stand_ins:
         extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in stand_ins.items())] * count
     return replace(table, extra=extra)
+
+
+def _gaps(lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], frames: Bool[np.ndarray, " frames"]) -> list[str]:
+    """The landmarks that were not measured in some of these frames, of those without which there are fewer angles."""
+    names = (*THORAX, "SC", "AC", "TS", "AI")
+    return [name for name in names if name in lab_mm and np.isnan(lab_mm[name][:, frames]).any()]
 
 
 def _marks(slips: Dictionary[str, Sequence[int]], count: int) -> list[str]:

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from motions.checks.at_rest import SubjectDoubts
 from motions.errors import InputError
-from motions.landmarks.at_rest import SubjectDoubts
 from motions.motion_csv.posture_rows import Posture, posture_from_row
 from motions.motion_csv.rows import Row, iterate_rows
 from motions.motion_csv.unit_and_side import CHECKS

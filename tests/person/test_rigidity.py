@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from motions.landmarks.rigidity import check_rigidity
+from motions.checks.rigidity import check_rigidity
 from tests.helpers.thesis_tables import DISSECTION
 
 PALPATOR_MM = 0.96

@@ -9,9 +9,10 @@ from jaxtyping import Float, Int
 
 from motions.checks.signs import likely_convention, wrong_signs
 from motions.errors import InputError, warn_input
-from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.rhythm import REST_DEG
 from motions.table import ANGLES, Motions
+
+CLAVICLE_X = ANGLES.index("clavicle_x")
 
 LOWEST_SHARE = 0.01
 """Of the frames, those that may be lower than the lowest elevation: a marker that jumps. None of up to 100."""
@@ -56,17 +57,18 @@ def lowest_frames(angles_deg: Float[np.ndarray, "frames 6"], elevation_deg: Floa
 
 
 def unlike_rest(rest: Rest, landmarks_mm: Mapping[str, Float[np.ndarray, "frames 3"]]) -> list[str]:
-    """Say what of the angles with the arm lowest no person has at rest; and if TS is not above AI (thorax frame)."""
+    """Say what of the angles with the arm lowest no person has at rest; and if TS is not above AI or AC not above GH (thorax frame)."""
     found = []
     if not rest.elevation_deg > HIGHEST_REST_DEG:
         away = np.abs(rest.angles_deg - REST_DEG)
         for k in np.flatnonzero(away > FARTHEST_DEG):  # NaN was not measured
             low, high = REST_DEG[k] - FARTHEST_DEG[k], REST_DEG[k] + FARTHEST_DEG[k]
             found.append(f"{ANGLES[k]}_deg is {rest.angles_deg[k]:.0f}, at rest a person's is {low:.0f} to {high:.0f}")
-    if "TS" in landmarks_mm and "AI" in landmarks_mm:
-        above_mm = (landmarks_mm["TS"] - landmarks_mm["AI"])[rest.rows, 1]
-        if np.median(above_mm) < 0.0:
-            found.append("TS lies below AI")
+    for above, below in (("TS", "AI"), ("AC", "GH")):
+        if above in landmarks_mm and below in landmarks_mm:
+            above_mm = (landmarks_mm[above] - landmarks_mm[below])[rest.rows, 1]
+            if np.median(above_mm) < 0.0:
+                found.append(f"{above} lies below {below}")
     return found
 
 

@@ -18,13 +18,16 @@ from motions.checks.distances import (
     size_of,
     size_of_ranges,
 )
-from motions.landmarks.frames import thorax_frame
 
 THORAX = ("IJ", "PX", "C7", "T8")
 
 MIDLINE_MM = 40.0
 """Of PX and T8 from the plane through IJ, C7 and their own middle: these four lie in the midline. Table 4.2 has 10 mm;
 a curved spine (scoliosis) puts T8 some centimetres beside it. Assumed: 40 mm turn the thorax by 12 degrees."""
+
+
+_LEAST_AREA_MM2 = 1.0
+"""Three points on a line span no plane, and nothing is beside it."""
 
 
 @dataclass(frozen=True)
@@ -91,14 +94,20 @@ def _bad(positions: Positions, medians: Mapping[Pair, float]) -> dict[frozenset[
         for pair, one in zip(pairs, good, strict=True)
         if not one
     }
-    return found | _beside_midline(positions) | _other_sternal_end(positions, medians)
+    found |= _beside_midline(positions)
+    if any({"AC", "IJ"} & names and "SC" not in names for names in found):
+        return found  # it may be AC or IJ that is wrong
+    return found | _other_sternal_end(positions, medians)
 
 
 def _beside_midline(positions: Positions) -> dict[frozenset[str], str]:
     if any(name not in positions for name in THORAX):
         return {}
-    x_axis = thorax_frame(*(positions[name] for name in THORAX))[:, 0]
-    beside = np.abs(np.sum(x_axis * (positions["PX"] - positions["IJ"]), axis=0))
+    IJ, PX, C7, T8 = (positions[name] for name in THORAX)
+    across = np.cross(
+        C7 - IJ, (PX + T8) / 2.0 - IJ, axis=0
+    )  # to the plane; its length is 0 where the three are on a line
+    beside = np.abs(np.sum(across * (PX - IJ), axis=0)) / np.maximum(np.linalg.norm(across, axis=0), _LEAST_AREA_MM2)
     if not any_of(beside) or np.nanmedian(beside) <= MIDLINE_MM:
         return {}
     said = f"IJ, PX, C7 and T8 are not in one plane: PX and T8 are {np.nanmedian(beside):.0f} mm beside the midline"
