@@ -57,7 +57,7 @@ def lowest_frames(angles_deg: Float[np.ndarray, "frames 6"], elevation_deg: Floa
 
 
 def unlike_rest(rest: Rest, landmarks_mm: Mapping[str, Float[np.ndarray, "frames 3"]]) -> list[str]:
-    """Say what of the angles with the arm lowest no person has at rest; and if TS is not above AI or AC not above GH (thorax frame)."""
+    """Say what of the angles with the arm lowest no person has at rest; and if AI is above TS or GH above AC."""
     found = []
     if not rest.elevation_deg > HIGHEST_REST_DEG:
         away = np.abs(rest.angles_deg - REST_DEG)
@@ -146,11 +146,10 @@ def warn_of_subjects(motions: Motions, file: str) -> None:
 def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     """What is doubtful in the postures of one subject."""
     rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
-    low = np.isin(np.arange(len(mine.posture)), rest.rows)
     found = []
     if unlike := unlike_rest(rest, mine.landmarks_mm):
         found.append(doubt_of_rest(file, subject, rest, unlike))
-    if signs := wrong_signs(mine, low):
+    if signs := wrong_signs(mine):
         cause = f"{subject}: {'; '.join(one.said for one in signs)}"
         found.append(InputError(file, None, cause, likely_convention(signs)))
     return found

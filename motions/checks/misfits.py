@@ -5,11 +5,14 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from jaxtyping import Float
 
 from motions.checks.distances import (
     LARGEST,
+    MIDDLE,
     RANGES,
     SMALLEST,
+    UNDECIDED,
     Pair,
     Positions,
     blamed,
@@ -26,6 +29,13 @@ MIDLINE_MM = 40.0
 a curved spine (scoliosis) puts T8 some centimetres beside it. Assumed: 40 mm turn the thorax by 12 degrees."""
 
 
+SHOULDER = ("SC", "AC", "AA", "TS", "AI", "GH")
+"""Landmarks that stay on their side of the midline, however the arm moves."""
+
+BEYOND_MM, SC_BEYOND_MM = 20.0, 5.0
+"""On the other side of the midline no landmark of a shoulder is: but for errors of the midline, which goes through IJ
+beside SC (Table 4.2: 20 and 21 mm)."""
+
 _LEAST_AREA_MM2 = 1.0
 """Three points on a line span no plane, and nothing is beside it."""
 
@@ -39,7 +49,7 @@ class Misfit:
     blamed: tuple[tuple[str, ...], ...]
     """Landmarks that explain it together; several where it is not decided."""
     swapped: Pair | None
-    """The two that leave nothing of this when they are exchanged; None if not exactly one pair does."""
+    """The two that leave nothing of this when they are exchanged, and a likelier person than any others do."""
 
     @property
     def landmarks(self) -> tuple[str, ...]:
@@ -55,8 +65,10 @@ def misfit(positions: Positions) -> Misfit | None:
     bad = _bad(positions, medians)
     if not bad:
         return None
-    off = {pair: (mm - RANGES[pair].middle_mm) / RANGES[pair].sd_mm for pair, mm in medians.items()}
-    return Misfit(tuple(bad.values()), tuple(blamed(list(bad), off)), _swapped(positions))
+    off = _off(medians)
+    blame = blamed(list(bad), off)
+    without = sum(z * z for pair, z in off.items() if not set(pair) & set(blame[0]))
+    return Misfit(tuple(bad.values()), tuple(blame), _swapped(positions, without))
 
 
 def medians_mm(positions: Positions) -> dict[Pair, float]:
@@ -94,41 +106,76 @@ def _bad(positions: Positions, medians: Mapping[Pair, float]) -> dict[frozenset[
         for pair, one in zip(pairs, good, strict=True)
         if not one
     }
-    found |= _beside_midline(positions)
-    if any({"AC", "IJ"} & names and "SC" not in names for names in found):
-        return found  # it may be AC or IJ that is wrong
-    return found | _other_sternal_end(positions, medians)
+    wrong = {name for names in found for name in names}
+    if not {"IJ", "C7"} <= set(positions) or wrong & {*THORAX, MIDDLE}:
+        return found  # no plane, or none that is one
+    found |= _angle_before_joint(positions)
+    return found | _beside_midline(positions) | _other_shoulder(positions)
+
+
+def _across(positions: Positions) -> Float[np.ndarray, "3 frames"]:
+    """The unit vector to the right or left: across the plane of IJ, C7 and the middle of PX and T8. IJ is in it."""
+    IJ, C7 = positions["IJ"], positions["C7"]
+    middle = positions[MIDDLE] if MIDDLE in positions else (positions["PX"] + positions["T8"]) / 2.0
+    across = np.cross(C7 - IJ, middle - IJ, axis=0)
+    return across / np.maximum(np.linalg.norm(across, axis=0), _LEAST_AREA_MM2)
 
 
 def _beside_midline(positions: Positions) -> dict[frozenset[str], str]:
-    if any(name not in positions for name in THORAX):
+    if MIDDLE in positions:
         return {}
-    IJ, PX, C7, T8 = (positions[name] for name in THORAX)
-    across = np.cross(
-        C7 - IJ, (PX + T8) / 2.0 - IJ, axis=0
-    )  # to the plane; its length is 0 where the three are on a line
-    beside = np.abs(np.sum(across * (PX - IJ), axis=0)) / np.maximum(np.linalg.norm(across, axis=0), _LEAST_AREA_MM2)
+    beside = np.abs(np.sum(_across(positions) * (positions["PX"] - positions["IJ"]), axis=0))
     if not any_of(beside) or np.nanmedian(beside) <= MIDLINE_MM:
         return {}
     said = f"IJ, PX, C7 and T8 are not in one plane: PX and T8 are {np.nanmedian(beside):.0f} mm beside the midline"
     return {frozenset(THORAX): f"{said}, in people up to {MIDLINE_MM:.0f}"}
 
 
-def _other_sternal_end(positions: Positions, medians: Mapping[Pair, float]) -> dict[frozenset[str], str]:
-    """SC is nearer to AC than IJ is (Table 4.2: by 22 and 19 mm); SC of the other shoulder is not."""
-    if ("SC", "AC") not in medians or "IJ" not in positions:
-        return {}
-    from_ij = distances_mm(positions, [("IJ", "AC")])[0]
-    if not any_of(from_ij) or np.nanmedian(from_ij) >= medians["SC", "AC"]:
-        return {}
-    said = f"SC is {medians['SC', 'AC']:.0f} mm from AC, IJ only {np.nanmedian(from_ij):.0f}"
-    return {frozenset(("SC",)): f"{said}: SC may be that of the other shoulder"}
+def _other_shoulder(positions: Positions) -> dict[frozenset[str], str]:
+    """Landmarks that are not on the side of the midline on which most of the shoulder is."""
+    across, lateral = _across(positions), {}
+    for name in SHOULDER:
+        if name in positions:
+            mm = np.sum(across * (positions[name] - positions["IJ"]), axis=0)
+            if any_of(mm):
+                lateral[name] = float(np.nanmedian(mm))
+    side = np.sign(np.median([*lateral.values()])) if lateral else 0.0
+    return {
+        frozenset((name,)): f"{name} is {abs(mm):.0f} mm beyond the midline, where the other shoulder's is"
+        for name, mm in lateral.items()
+        if side * mm < -(SC_BEYOND_MM if name == "SC" else BEYOND_MM)
+    }
 
 
-def _swapped(positions: Positions) -> Pair | None:
-    found = [
-        (a, b)
-        for a, b in combinations(positions, 2)
-        if not _bad(exchanged := {**positions, a: positions[b], b: positions[a]}, medians_mm(exchanged))
-    ]
-    return found[0] if len(found) == 1 else None
+def _angle_before_joint(positions: Positions) -> dict[frozenset[str], str]:
+    """AA, behind and beside AC, is farther from IJ than AC is."""
+    if not {"AC", "AA"} <= set(positions):
+        return {}
+    joint, corner = distances_mm(positions, [("IJ", "AC"), ("IJ", "AA")])
+    nearer = joint - corner
+    if not any_of(nearer) or np.nanmedian(nearer) <= 0.0:
+        return {}
+    return {frozenset(("AC", "AA")): f"AA is {np.nanmedian(nearer):.0f} mm nearer to IJ than AC, in people farther"}
+
+
+def _off(medians: Mapping[Pair, float]) -> dict[Pair, float]:
+    """How far each distance is from the middle of its range, in SD of a person of this size."""
+    factor = size_of_ranges(size_of(medians))
+    return {pair: (mm / factor - RANGES[pair].middle_mm) / RANGES[pair].sd_mm for pair, mm in medians.items()}
+
+
+def _swapped(positions: Positions, without: float) -> Pair | None:
+    """The two whose exchange mends all.
+
+    None where others do as well, or where the person is likelier ``without`` the landmarks that are blamed.
+    """
+    likely: dict[Pair, float] = {}
+    for a, b in combinations(positions, 2):
+        exchanged = {**positions, a: positions[b], b: positions[a]}
+        medians = medians_mm(exchanged)
+        if not _bad(exchanged, medians):
+            likely[a, b] = sum(z * z for z in _off(medians).values())
+    best = sorted(likely, key=lambda pair: likely[pair])
+    if not best or likely[best[0]] > without + UNDECIDED:
+        return None
+    return None if len(best) > 1 and likely[best[1]] - likely[best[0]] < UNDECIDED else best[0]

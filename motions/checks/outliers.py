@@ -11,7 +11,7 @@ in all of these distances (``motions.checks.distances.blamed``).
 **Swaps.** Where the exchange of two landmarks puts every distance of a frame right, their labels are exchanged there.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -48,8 +48,12 @@ FALSE_ALARM = 0.005
 _SD_OF_HALF = 1.4826
 """SD over half the width of the shortest half, of normal values."""
 
-_NEAR_SD = 4.0
+_NEAR_SD = 3.0
 """Distances this near to the reference give its median and SD."""
+
+_MORE_THAN_STEPS = 1.5
+"""An SD is at most this many times that of the steps between frames, in few of which an outlier begins or ends: where
+nearly half of the frames are wrong, the shortest half is wide."""
 
 _FEW = 10.0
 """The limit of n frames is that of many times 1 + 10/(n - 1): their SD is uncertain, and the largest of many distances
@@ -147,7 +151,9 @@ def _middle_limit_sd(known: Float[np.ndarray, " n"], least_mm: float, count: int
     widths = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
     first = int(np.argmin(widths))
     middle = (ordered[first] + ordered[first + half - 1]) / 2.0
-    near = ordered[np.abs(ordered - middle) <= max(_NEAR_SD * _SD_OF_HALF * widths[first] / 2.0, least_mm)]
+    of_half, of_steps = widths[first] / 2.0, float(np.median(np.abs(np.diff(known)))) / np.sqrt(2.0)
+    sd = _SD_OF_HALF * min(of_half, _MORE_THAN_STEPS * of_steps)
+    near = ordered[np.abs(ordered - middle) <= max(_NEAR_SD * sd, least_mm)]
     sd = float(near.std(ddof=1)) if len(near) > 1 else 0.0
     k = np.sqrt(2.0 * np.log(count / FALSE_ALARM)) * (1.0 + _FEW / max(len(near) - 1, 1))
     return float(np.median(near)), max(float(k * sd), least_mm), max(sd, _LEAST_SD_MM)
@@ -197,17 +203,26 @@ def _mended(here: Positions, reference: Reference, pair: Pair) -> Bool[np.ndarra
 def _blamed_frames(
     reference: Reference, off: np.ndarray, wrong: Bool[np.ndarray, "pairs frames"], left: Int[np.ndarray, " frames"]
 ) -> Iterator[Outlier]:
-    """The landmarks to blame in each of these frames, those of like frames together."""
-    in_sd = off * (reference.limit_mm / reference.sd_mm)[:, None]
-    by_blame: dict[tuple[str, ...], list[int]] = {}
-    for frame in left.tolist():
-        bad = [frozenset(pair) for pair, one in zip(reference.pairs, wrong[:, frame], strict=True) if one]
-        z: Mapping[Pair, float] = {
-            pair: value for pair, value in zip(reference.pairs, in_sd[:, frame], strict=True) if np.isfinite(value)
-        }
-        names = tuple(dict.fromkeys(name for names in blamed(bad, z) for name in names))
-        by_blame.setdefault(names, []).append(frame)
+    """The landmarks to blame in each run of these frames, those of like runs together."""
+    flags = np.isin(np.arange(off.shape[1]), left)
+    by_blame: dict[frozenset[str], list[int]] = {}
+    for first, last in runs(flags):
+        frames = slice(first, last + 1)
+        by_blame.setdefault(_blame(reference, off[:, frames], wrong[:, frames]), []).extend(range(first, last + 1))
     for names, frames in by_blame.items():
         rows = [any(name in pair for name in names) for pair in reference.pairs]
         size = float(np.nanmax((off[rows] * reference.limit_mm[rows, None])[:, frames]))
-        yield Outlier(names, np.array(frames), False, size)
+        yield Outlier(tuple(sorted(names)), np.array(frames), False, size)
+
+
+def _blame(
+    reference: Reference, off: Float[np.ndarray, "pairs run"], wrong: Bool[np.ndarray, "pairs run"]
+) -> frozenset[str]:
+    """All landmarks that may be to blame for the distances that are wrong in most frames of a run, or in any."""
+    most = 2 * wrong.sum(axis=1) > wrong.shape[1]
+    bad = [frozenset(reference.pairs[k]) for k in np.flatnonzero(most if most.any() else wrong.any(axis=1))]
+    known = np.isfinite(off).any(axis=1)
+    in_sd = off[known] * (reference.limit_mm / reference.sd_mm)[known, None]
+    z = np.sqrt(np.nanmean(in_sd**2, axis=1)).tolist()
+    by_pair = {reference.pairs[k]: value for k, value in zip(np.flatnonzero(known), z, strict=True)}
+    return frozenset(name for names in blamed(bad, by_pair) for name in names)

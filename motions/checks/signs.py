@@ -12,7 +12,7 @@ left out.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
@@ -22,8 +22,11 @@ LARGE_MOTION_DEG = 60.0
 LOW_DEG = 50.0
 """With the arm lower than this the girdle is near its rest: the scapula alone turns by 20 degrees to here."""
 
+NEAR_DEG = 2.0
+"""Postures this much above the lowest are at rest too, where no motion is large enough for a line."""
+
 LEAST_LOG_ODDS = -2.0
-"""7 to 1 for the other sign: by the normal distributions below a sound angle gets there in 0.7 % of people or less."""
+"""7 to 1 for the other sign: by the normal distributions below a sound angle gets there in 1 % of people or less."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,13 @@ USUAL: dict[str, Usual] = {
         6.0,
         f"29 +- 10 deg from 25 to 125 deg, Dayanidhi et al., Clin. Biomech. 20 (2005) 600-606; {_MEASURED}: 9 to 29",
     ),
-    "scapula_x": Usual(  # its course goes both ways: -10 to 10
-        -10.0, 5.0, 0.0, 1.0, "10 deg forward, Struyf et al. (2011); de Groot: -10; eight shoulders: -4 to -14"
+    "scapula_x": Usual(
+        -9.0,
+        5.0,
+        3.0,
+        6.0,
+        "10 deg forward at rest, backward with elevation in most studies, Struyf et al. (2011); measured as above: -4 "
+        "to -14 at rest, courses of -10 to 10",
     ),
 }
 
@@ -80,47 +88,47 @@ class WrongSign:
     said: str
 
 
-def wrong_signs(motions: Motions, low: Bool[np.ndarray, " postures"]) -> list[WrongSign]:
-    """Find the angles of one subject that likely have the other sign. low: the postures with the arm lowest."""
-    low = low & (motions.humerus_elevation_deg <= LOW_DEG)  # NaN is not
-    courses = _courses(motions)
+def wrong_signs(motions: Motions) -> list[WrongSign]:
+    """Find the angles of one subject that likely have the other sign."""
+    low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
     found = []
     for k, angle in enumerate(ANGLES):
-        usual, at_rest = USUAL[angle], motions.angles_deg[low, k]
+        usual, lines = USUAL[angle], _lines(motions, k)
+        course = float(np.mean([slope for slope, _ in lines])) if lines else np.nan
+        at_rest = [start for _, start in lines] or motions.angles_deg[low, k]
         rest = float(np.nanmedian(at_rest)) if np.isfinite(at_rest).any() else np.nan
-        course = float(np.mean(courses[angle])) if courses[angle] else np.nan
         terms = 2.0 * rest * usual.rest / usual.rest_sd**2, 2.0 * course * usual.course / usual.course_sd**2
         if float(np.nansum(terms)) < LEAST_LOG_ODDS:
             found.append(WrongSign(angle, _said(angle, usual, rest, course)))
     return found
 
 
-def _courses(motions: Motions) -> dict[str, list[float]]:
-    """Of each angle, its change over 60 degrees of elevation in each motion that is large enough."""
-    found: dict[str, list[float]] = {angle: [] for angle in ANGLES}
+def _lowest(elevation_deg: Float[np.ndarray, " n"]) -> float:
+    known = elevation_deg[np.isfinite(elevation_deg)]
+    return float(known.min()) if len(known) else np.nan
+
+
+def _lines(motions: Motions, angle: int) -> list[tuple[float, float]]:
+    """Of each motion that is large enough, the least-squares line of an angle over elevation: degrees over 60, and
+    degrees at the lowest elevation (NaN above LOW_DEG)."""
+    found = []
     for motion in dict.fromkeys(motions.motion.tolist()):
         rows = motions.motion == motion
-        for k, angle in enumerate(ANGLES):
-            course = _course(motions.humerus_elevation_deg[rows], motions.angles_deg[rows, k])
-            if np.isfinite(course):
-                found[angle].append(course)
+        elevation_deg, angle_deg = motions.humerus_elevation_deg[rows], motions.angles_deg[rows, angle]
+        known = np.isfinite(elevation_deg) & np.isfinite(angle_deg)
+        x, y = elevation_deg[known], angle_deg[known]
+        if len(x) and np.ptp(x) >= LARGE_MOTION_DEG:
+            away = x - x.mean()
+            slope = float(np.sum(away * y) / np.sum(away * away))
+            start = float(y.mean() + slope * away.min()) if x.min() <= LOW_DEG else np.nan
+            found.append((LARGE_MOTION_DEG * slope, start))
     return found
-
-
-def _course(elevation_deg: Float[np.ndarray, " n"], angle_deg: Float[np.ndarray, " n"]) -> float:
-    """The slope of the least-squares line, degrees over 60; NaN where the arm moves less."""
-    known = np.isfinite(elevation_deg) & np.isfinite(angle_deg)
-    x, y = elevation_deg[known], angle_deg[known]
-    if not len(x) or np.ptp(x) < LARGE_MOTION_DEG:
-        return np.nan
-    x = x - x.mean()
-    return float(LARGE_MOTION_DEG * np.sum(x * y) / np.sum(x * x))
 
 
 def _said(angle: str, usual: Usual, rest: float, course: float) -> str:
     words = []
     if usual.rest and np.isfinite(rest):
-        words.append(f"is {rest:.0f} with the arm lowest (people: {usual.rest:.0f} +- {usual.rest_sd:.0f})")
+        words.append(f"is {rest:.0f} with the arm low (people: {usual.rest:.0f} +- {usual.rest_sd:.0f})")
     if usual.course and np.isfinite(course):
         goes = "rises" if course > 0.0 else "falls"
         words.append(

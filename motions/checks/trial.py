@@ -33,9 +33,10 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
     ends = [name for name in ("PX", "T8") if name in found]
     middle = len(ends) == 2 and np.array_equal(found["PX"], found["T8"], equal_nan=True)
     if middle:
-        found[MIDDLE] = [found.pop(name) for name in ends][0]
-    _check_swap(found, whose, file)
+        found[MIDDLE] = found.pop("PX")
+        del found["T8"]
     _leave_unseen(found, whose, file)
+    _check_swap(found, whose, file)
     _leave_outliers(found, whose, file)
     _leave_misfits(found, whose, file)
     if middle:

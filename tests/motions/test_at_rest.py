@@ -135,7 +135,8 @@ def test_no_swap_is_named_wrongly(lab):
         assert any(name in text for name in pair for text in said), pair
         swaps = [text for text in said if "swapped?" in text]
         named += bool(swaps)
-        assert all(f"Are {pair[0]} and {pair[1]} swapped?" in text for text in swaps)
+        ways = [f"Are {a} and {b} swapped?" for a, b in (pair, pair[::-1])]
+        assert all(any(way in text for way in ways) for text in swaps)
     assert named > 40
 
 
@@ -148,7 +149,7 @@ def test_a_motion_file_with_a_sign_turned_round_is_read_with_a_warning(tmp_path)
         read_any(tmp_path / "m.csv", Mapping(), Labels("", ""))
     said = [str(one.message) for one in caught]
     assert re.search(r"simulated01: with the arm at 0 degrees scapula_y_deg is -.*frames\.md", said[0])
-    assert re.search(r"simulated01: scapula_y_deg .* is -.* with the arm lowest.*Turn the sign of scapula_y", said[1])
+    assert re.search(r"simulated01: scapula_y_deg .* is -.* with the arm low.*Turn the sign of scapula_y", said[1])
 
 
 def test_a_trial_without_humerus_is_checked_in_its_first_posture(lab, tmp_path):

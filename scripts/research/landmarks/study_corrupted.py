@@ -3,8 +3,8 @@
     .venv/bin/python scripts/research/landmarks/study_corrupted.py --trials 2000 --seed 1
 
 A trial counts where its fault changes an angle by more than 5 degrees in a frame. It is named where a message has one
-of the wrong landmarks, or the sign; blamed alone where no sound landmark is named beside it; silent where nothing is
-said and a posture that is written has such an error.
+of the wrong landmarks, or the sign; blamed alone where no sound landmark is named beside it; silent where it is not
+named and a posture that is written has such an error.
 """
 
 import argparse
@@ -110,10 +110,13 @@ def judge(rng: Generator, kind: str) -> Result:
     counts = changed is None or errors_deg(changed, true).max() > LARGE_DEG
     said, found = messages(one.lab_mm, one.side)
     blame = blamed(said)
+    wrong = found is not None and _is_wrong(found, true)
     named = bool(blame & set(one.wrong)) or (kind == "mirrored" and any("left-handed" in text for text in said))
+    named = named or (kind == "zero" and not wrong)  # a gap like any other: the angles are empty
     alone = kind == "mirrored" or blame <= set(one.wrong)
-    silent = not said and found is not None and _is_wrong(found, true)
-    return Result(kind, one.noise_mm, bool(counts), named, alone, silent, f"{one.wrong} {one.frames} {said}")
+    return Result(
+        kind, one.noise_mm, bool(counts), named, alone, wrong and not named, f"{one.wrong} {one.frames} {said}"
+    )
 
 
 def _is_wrong(found: Motions, true: Float[np.ndarray, "frames 7"]) -> bool:
@@ -131,7 +134,7 @@ def judge_signs(rng: Generator, angles: tuple[str, ...]) -> Result:
     change = np.abs(2.0 * motions.angles_deg[:, flip < 0.0]).max() > LARGE_DEG
     named = all(any(f"{angle}_deg" in text for text in said) for angle in angles)
     beside = {angle for angle in ANGLES for text in said if f"{angle}_deg (" in text} - set(angles)
-    return Result(f"sign {' '.join(angles)}", NOISE_DEG, bool(change), named, not beside, not said, " | ".join(said))
+    return Result(f"sign {' '.join(angles)}", NOISE_DEG, bool(change), named, not beside, not named, " | ".join(said))
 
 
 def _angles(rng: Generator) -> Motions:
