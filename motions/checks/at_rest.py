@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from motions.checks.misfits import misfit
 from motions.checks.signs import likely_convention, wrong_signs
 from motions.errors import InputError, warn_input
 from motions.rhythm import REST_DEG
@@ -114,8 +115,8 @@ class SubjectDoubts:
         self._named = 0
 
     def look_at(self, motions: Motions, files: Mapping[str, str]) -> None:
-        """Warn of subjects with angles that no person has with the arm lowest, or with a sign that nobody's course has:
-        another sign, radians, another frame. files: where each subject stands."""
+        """Warn of subjects with angles that no person has with the arm lowest, with a sign that nobody's course has
+        (another sign, radians, another frame), or with landmarks that are no person's. files: where each stands."""
         for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
             if subject in self._seen:
                 continue
@@ -149,6 +150,8 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     found = []
     if unlike := unlike_rest(rest, mine.landmarks_mm):
         found.append(doubt_of_rest(file, subject, rest, unlike))
+    if wrong := misfit({name: place.T for name, place in mine.landmarks_mm.items()}):
+        found.append(InputError(file, None, f"{subject}: {wrong.cause}", wrong.remedy))
     if signs := wrong_signs(mine):
         cause = f"{subject}: {'; '.join(one.said for one in signs)}"
         found.append(InputError(file, None, cause, likely_convention(signs)))

@@ -36,6 +36,9 @@ BEYOND_MM, SC_BEYOND_MM = 20.0, 5.0
 """On the other side of the midline no landmark of a shoulder is: but for errors of the midline, which goes through IJ
 beside SC (Table 4.2: 20 and 21 mm)."""
 
+_MOST_SAID = 8
+"""Distances in a message."""
+
 _LEAST_AREA_MM2 = 1.0
 """Three points on a line span no plane, and nothing is beside it."""
 
@@ -50,6 +53,24 @@ class Misfit:
     """Landmarks that explain it together; several where it is not decided."""
     swapped: Pair | None
     """The two that leave nothing of this when they are exchanged, and a likelier person than any others do."""
+
+    @property
+    def cause(self) -> str:
+        """Say what is wrong."""
+        more = f"; and {len(self.said) - _MOST_SAID} more" if len(self.said) > _MOST_SAID else ""
+        listed = "; ".join(self.said[:_MOST_SAID]) + more
+        return listed if self.swapped else f"{self._blame} cannot be right: {listed}"
+
+    @property
+    def remedy(self) -> str:
+        """Say what to do."""
+        if self.swapped:
+            return f"Are {self.swapped[0]} and {self.swapped[1]} swapped? With them exchanged nothing of this is left"
+        return f"Look at {self._blame}: is the marker lost, another one, of the other shoulder, or in another unit?"
+
+    @property
+    def _blame(self) -> str:
+        return " or ".join(" and ".join(names) for names in self.blamed)
 
     @property
     def landmarks(self) -> tuple[str, ...]:
@@ -68,7 +89,8 @@ def misfit(positions: Positions) -> Misfit | None:
     off = _off(medians)
     blame = blamed(list(bad), off)
     without = sum(z * z for pair, z in off.items() if not set(pair) & set(blame[0]))
-    return Misfit(tuple(bad.values()), tuple(blame), _swapped(positions, without))
+    beyond = len(blame) == 1 and frozenset(blame[0]) in bad  # of the other shoulder: an exchange may mend it by chance
+    return Misfit(tuple(bad.values()), tuple(blame), None if beyond else _swapped(positions, without))
 
 
 def medians_mm(positions: Positions) -> dict[Pair, float]:

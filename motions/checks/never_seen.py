@@ -29,7 +29,7 @@ def never_seen(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str,
     """Tell in which frames each landmark has a position that says that it was not seen; NaN is not among them.
 
     It is so at exactly (0, 0, 0), but for IJ where it is so in every frame; beyond FARTHEST_MM; and where it stays at
-    exactly one place while none of the landmarks that move with it does, nor the thorax (IJ).
+    exactly one place while none of the landmarks that move with it does, nor the thorax (IJ), still in its own frame.
     """
     still = {name: _still(place) for name, place in lab_mm.items()}
     return {name: _unseen(name, place) | _alone(name, still) for name, place in lab_mm.items()}
@@ -56,6 +56,6 @@ def _alone(name: str, still: Mapping[str, Bool[np.ndarray, " frames"]]) -> Bool[
     """Where it is still and all of its companions move: one that is still with others is where the body is still."""
     groups = [group for group in COMPANIONS if name in group]
     others = {other for group in (*groups, (ORIGIN,)) for other in group if other != name and other in still}
-    if not others:
+    if not others or ORIGIN not in still:
         return np.zeros_like(still[name])
     return still[name] & ~np.any([still[other] for other in others], axis=0)

@@ -197,7 +197,7 @@ def _swaps(positions: Positions, reference: Reference, flagged: Int[np.ndarray, 
 def _mended(here: Positions, reference: Reference, pair: Pair) -> Bool[np.ndarray, " frames"]:
     a, b = pair
     off = reference.off({**here, a: here[b], b: here[a]})
-    return ~(off > 1.0).any(axis=0) & np.isfinite(here[a] + here[b]).all(axis=0)
+    return np.logical_not((off > 1.0).any(axis=0)) & np.isfinite(here[a] + here[b]).all(axis=0)
 
 
 def _blamed_frames(

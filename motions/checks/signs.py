@@ -25,8 +25,9 @@ LOW_DEG = 50.0
 NEAR_DEG = 2.0
 """Postures this much above the lowest are at rest too, where no motion is large enough for a line."""
 
-LEAST_LOG_ODDS = -2.0
-"""7 to 1 for the other sign: by the normal distributions below a sound angle gets there in 1 % of people or less."""
+LEAST_LOG_ODDS = -1.5
+"""9 to 2 for the other sign. Measured and simulated motions have 0.1 and more; by the normal distributions below a sound
+angle gets below it in 1.5 % of people or less."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ MOST_POSTURES = 100
 of less than ``motions.checks.outliers.RIGID_MM`` is lost."""
 
 _MOST_NAMED = 8
-"""Runs of frames, or distances, in a message."""
+"""Runs of frames in a message."""
 
 
 def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: str, file: str) -> Positions:
@@ -48,9 +48,7 @@ def _check_swap(found: Positions, whose: str, file: str) -> None:
     """InputError where the exchange of two landmarks puts a whole trial right that is no person's."""
     wrong = misfit(found)
     if wrong is not None and wrong.swapped is not None:
-        a, b = wrong.swapped
-        remedy = f"Are {a} and {b} swapped? With them exchanged nothing of this is left"
-        raise InputError(file, None, f"{whose}: {_listed(wrong.said)}", remedy)
+        raise InputError(file, None, f"{whose}: {wrong.cause}", wrong.remedy)
 
 
 def _leave_unseen(found: Positions, whose: str, file: str) -> None:
@@ -116,14 +114,7 @@ def _leave_misfits(found: Positions, whose: str, file: str) -> None:
         wrong = misfit(found)
         if wrong is None:
             return
-        blame = " or ".join(" and ".join(names) for names in wrong.blamed)
-        remedy = f"Look at {blame}: is the marker lost, another one, of the other shoulder, or in another unit?"
-        _leave_whole(found, wrong.landmarks, f"{whose}: {blame} cannot be right: {_listed(wrong.said)}", remedy, file)
-
-
-def _listed(said: tuple[str, ...]) -> str:
-    more = f"; and {len(said) - _MOST_NAMED} more" if len(said) > _MOST_NAMED else ""
-    return "; ".join(said[:_MOST_NAMED]) + more
+        _leave_whole(found, wrong.landmarks, f"{whose}: {wrong.cause}", wrong.remedy, file)
 
 
 def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str, file: str) -> None:

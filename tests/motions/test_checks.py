@@ -10,7 +10,7 @@ import pytest
 from command import girdle
 from laboratory import simulated_trial, up_and_down
 
-from motions import ANGLES, InputError, Motions, read_motions
+from motions import ANGLES, InputError, Motions, read_motions, write_motions
 from motions.checks.at_rest import MOST_NAMED, warn_of_subjects
 from motions.checks.distances import RANGES, blamed
 from motions.checks.misfits import likely_unit, misfit
@@ -283,3 +283,23 @@ def test_negative_elevation_is_refused_in_a_table_of_angles_too(tmp_path):
 def test_postures_without_a_landmark_say_which(lab):
     with pytest.warns(InputWarning, match=r"3 of 120 postures are left out.*They have gaps in T8"):
         postures_from_landmarks(changed(lab, "T8", slice(0, 3), np.nan), Labels("P", "m"), "t.trc")
+
+
+def test_reading_says_it_once_for_the_api_and_the_commands(tmp_path):
+    write_motions(course(clavicle_z=-1.0, scapula_z=-1.0), tmp_path / "m.csv")
+    with pytest.warns(InputWarning, match="It looks like ISB's beta") as caught:
+        read_motions(tmp_path / "m.csv")
+    assert len(caught) == 1
+    for command in (("convert", "m.csv", "out.csv"), ("fit", "m.csv", "--model", "R2", "--out", "results")):
+        ran = girdle(*(tmp_path / word if word in ("m.csv", "out.csv", "results") else word for word in command))
+        assert ran.err.count("It looks like ISB's beta") == 1
+
+
+def test_positions_in_a_motion_file_are_a_persons_too(tmp_path):
+    girdle_mm = {name: np.tile(DISSECTION[name], (12, 1)) for name in ("SC", "AC", "TS", "AI")}
+    write_motions(replace(course(), landmarks_mm=girdle_mm), tmp_path / "m.csv")
+    read_motions(tmp_path / "m.csv")  # SC is still in the thorax frame, and a warning would be an error
+    wrong = girdle_mm | {"TS": girdle_mm["TS"] - np.array([150.0, 0.0, 0.0])}
+    write_motions(replace(course(), landmarks_mm=wrong), tmp_path / "m.csv")
+    with pytest.warns(InputWarning, match=r"P: TS cannot be right: TS is \d+ mm from AC"):
+        read_motions(tmp_path / "m.csv")
