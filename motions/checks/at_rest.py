@@ -147,12 +147,13 @@ def warn_of_subjects(motions: Motions, file: str) -> None:
 def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     """What is doubtful in the postures of one subject."""
     rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
-    found = []
-    if unlike := unlike_rest(rest, mine.landmarks_mm):
+    found, signs = [], wrong_signs(mine)
+    named = tuple(f"{one.angle}_deg" for one in signs)
+    if unlike := [text for text in unlike_rest(rest, mine.landmarks_mm) if not text.startswith(named)]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
     if wrong := misfit({name: place.T for name, place in mine.landmarks_mm.items()}):
         found.append(InputError(file, None, f"{subject}: {wrong.cause}", wrong.remedy))
-    if signs := wrong_signs(mine):
+    if signs:
         cause = f"{subject}: {'; '.join(one.said for one in signs)}"
         found.append(InputError(file, None, cause, likely_convention(signs)))
     return found

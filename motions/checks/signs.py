@@ -26,8 +26,8 @@ NEAR_DEG = 2.0
 """Postures this much above the lowest are at rest too, where no motion is large enough for a line."""
 
 LEAST_LOG_ODDS = -1.5
-"""9 to 2 for the other sign. Measured and simulated motions have 0.1 and more; by the normal distributions below a sound
-angle gets below it in 1.5 % of people or less."""
+"""9 to 2 for the other sign. Measured and simulated motions have 0.1 and more; by the normal distributions below a
+sound angle gets below it in 1.5 % of people or less. Twice that where only one of both terms was measured."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,8 @@ def wrong_signs(motions: Motions) -> list[WrongSign]:
         at_rest = [start for _, start in lines] or motions.angles_deg[low, k]
         rest = float(np.nanmedian(at_rest)) if np.isfinite(at_rest).any() else np.nan
         terms = 2.0 * rest * usual.rest / usual.rest_sd**2, 2.0 * course * usual.course / usual.course_sd**2
-        if float(np.nansum(terms)) < LEAST_LOG_ODDS:
+        half = np.isnan(terms[0]) != np.isnan(terms[1]) and usual.rest and usual.course
+        if float(np.nansum(terms)) < LEAST_LOG_ODDS * (2.0 if half else 1.0):
             found.append(WrongSign(angle, _said(angle, usual, rest, course)))
     return found
 

@@ -1,6 +1,5 @@
 """The arm lowest: where the estimate of the clavicle's axial rotation starts, and what no person is at rest."""
 
-import re
 import warnings
 from dataclasses import replace
 from itertools import combinations
@@ -137,7 +136,7 @@ def test_no_swap_is_named_wrongly(lab):
         named += bool(swaps)
         ways = [f"Are {a} and {b} swapped?" for a, b in (pair, pair[::-1])]
         assert all(any(way in text for way in ways) for text in swaps)
-    assert named > 40
+    assert named > 35
 
 
 def test_a_motion_file_with_a_sign_turned_round_is_read_with_a_warning(tmp_path):
@@ -145,11 +144,10 @@ def test_a_motion_file_with_a_sign_turned_round_is_read_with_a_warning(tmp_path)
     motions = motions.select(motions.subject == motions.subjects[0])
     wrong = motions.angles_deg * np.where(np.arange(6) == X + 1, -1.0, 1.0)
     write_motions(replace(motions, angles_deg=wrong), tmp_path / "m.csv")
-    with pytest.warns(InputWarning) as caught:
+    said = r"simulated01: scapula_y_deg .* is -.* with the arm low.*Turn the sign of scapula_y_deg.*frames\.md"
+    with pytest.warns(InputWarning, match=said) as caught:
         read_any(tmp_path / "m.csv", Mapping(), Labels("", ""))
-    said = [str(one.message) for one in caught]
-    assert re.search(r"simulated01: with the arm at 0 degrees scapula_y_deg is -.*frames\.md", said[0])
-    assert re.search(r"simulated01: scapula_y_deg .* is -.* with the arm low.*Turn the sign of scapula_y", said[1])
+    assert len(caught) == 1  # the rest posture is not said again
 
 
 def test_a_trial_without_humerus_is_checked_in_its_first_posture(lab, tmp_path):
