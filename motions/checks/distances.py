@@ -109,11 +109,14 @@ _MOST_BLAMED = 3
 
 def distances_mm(positions: Positions, pairs: Iterable[Pair]) -> Float[np.ndarray, "pairs frames"]:
     """Compute the distances of pairs of landmarks; NaN in a gap of one of them."""
-    return np.stack([np.linalg.norm(positions[a] - positions[b], axis=0) for a, b in pairs])
+    with np.errstate(over="ignore"):  # what is that far away is no landmark
+        return np.stack([np.linalg.norm(positions[a] - positions[b], axis=0) for a, b in pairs])
 
 
 def size_of(medians_mm: Mapping[Pair, float]) -> float:
-    """Give the size of the person as a share of an adult's: the median of the distances over their middles."""
+    """Give the size of the person as a share of an adult's: the median of the distances over their middles, or 1."""
+    if not medians_mm:
+        return 1.0
     return float(np.median([mm / RANGES[pair].middle_mm for pair, mm in medians_mm.items()]))
 
 

@@ -80,17 +80,20 @@ class Misfit:
 
 def misfit(positions: Positions) -> Misfit | None:
     """Find what no person has in the medians over a trial (see ``motions.checks.distances``); None if nothing."""
+    with np.errstate(over="ignore", invalid="ignore"):  # of what is as far away as numbers go
+        return _misfit(positions)
+
+
+def _misfit(positions: Positions) -> Misfit | None:
     medians = medians_mm(positions)
-    if not medians:
-        return None
-    bad = _bad(positions, medians)
+    bad = _bad(positions, medians) if medians else {}
     if not bad:
         return None
     off = _off(medians)
     blame = blamed(list(bad), off)
     without = sum(z * z for pair, z in off.items() if not set(pair) & set(blame[0]))
     beyond = len(blame) == 1 and frozenset(blame[0]) in bad  # of the other shoulder: an exchange may mend it by chance
-    return Misfit(tuple(bad.values()), tuple(blame), None if beyond else _swapped(positions, without))
+    return Misfit(tuple(bad.values()), tuple(blame), None if beyond else _swapped(positions, medians, without))
 
 
 def medians_mm(positions: Positions) -> dict[Pair, float]:
@@ -112,7 +115,7 @@ def any_of(row: np.ndarray) -> bool:
 def likely_unit(positions: Positions, factors: Mapping[str, float]) -> str | None:
     """Give the unit, by its factor, in which the distances would be a person's where they are not; else None."""
     medians = medians_mm(positions)
-    if not medians or SMALLEST <= size_of(medians) <= LARGEST:
+    if SMALLEST <= size_of(medians) <= LARGEST:
         return None
     return next((unit for unit, factor in factors.items() if SMALLEST <= size_of(medians) * factor <= LARGEST), None)
 
@@ -186,7 +189,7 @@ def _off(medians: Mapping[Pair, float]) -> dict[Pair, float]:
     return {pair: (mm / factor - RANGES[pair].middle_mm) / RANGES[pair].sd_mm for pair, mm in medians.items()}
 
 
-def _swapped(positions: Positions, without: float) -> Pair | None:
+def _swapped(positions: Positions, as_they_are: Mapping[Pair, float], without: float) -> Pair | None:
     """The two whose exchange mends all.
 
     None where others do as well, or where the person is likelier ``without`` the landmarks that are blamed.
@@ -195,7 +198,7 @@ def _swapped(positions: Positions, without: float) -> Pair | None:
     for a, b in combinations(positions, 2):
         exchanged = {**positions, a: positions[b], b: positions[a]}
         medians = medians_mm(exchanged)
-        if not _bad(exchanged, medians):
+        if set(medians) == set(as_they_are) and not _bad(exchanged, medians):
             likely[a, b] = sum(z * z for z in _off(medians).values())
     best = sorted(likely, key=lambda pair: likely[pair])
     if not best or likely[best[0]] > without + UNDECIDED:

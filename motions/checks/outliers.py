@@ -141,7 +141,7 @@ def _size(pairs: list[Pair], distances: Float[np.ndarray, "pairs frames"]) -> fl
         for pair, row in zip(pairs, distances, strict=True)
         if pair in RANGES and np.isfinite(row).any()
     }
-    return size_of(medians) if medians else 1.0
+    return size_of(medians)
 
 
 def _middle_limit_sd(known: Float[np.ndarray, " n"], least_mm: float, count: int) -> tuple[float, float, float]:
