@@ -90,11 +90,15 @@ class Motions:
 
     def select(self, mask: Bool[np.ndarray, " postures"]) -> Motions:
         """Select the postures where the mask is true, in the same order."""
+        return self.take(np.flatnonzero(mask))
+
+    def take(self, rows: Int[np.ndarray, " chosen"]) -> Motions:
+        """Take postures by their rows, in this order."""
         return replace(
             self,
-            **{field: getattr(self, field)[mask] for field in _PER_POSTURE},
-            landmarks_mm={name: position[mask] for name, position in self.landmarks_mm.items()},
-            extra=self.extra.iloc[np.flatnonzero(mask)].reset_index(drop=True),
+            **{field: getattr(self, field)[rows] for field in _PER_POSTURE},
+            landmarks_mm={name: position[rows] for name, position in self.landmarks_mm.items()},
+            extra=self.extra.iloc[rows].reset_index(drop=True),
         )
 
     @staticmethod

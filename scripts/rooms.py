@@ -32,7 +32,7 @@ ORDER = (
 """The rooms, each of which may import those before it and none after it. `adapt` alone is `adapt/__init__.py`."""
 
 WITHIN = (
-    ("motions.motion_csv", "motions.landmarks", "motions.formats"),
+    ("motions.checks", "motions.motion_csv", "motions.landmarks", "motions.formats"),
     ("adapt.solvers.newton", "adapt.solvers.projection"),
     ("adapt.diagnosis.fit", "adapt.diagnosis.inference", "adapt.diagnosis.texts"),
 )

@@ -10,7 +10,6 @@ from adapt.cli.options import DEFAULT_MODEL
 from adapt.output.run_files import Files, inputs_record
 from models.person.family import AnyModel, PersonalSets, load_any_model
 from motions import InputError, Motions, read_motions
-from motions.landmarks.at_rest import warn_of_subjects
 from motions.table import warn_of_alike_motions
 
 _MOST_NAMED = 10
@@ -21,15 +20,9 @@ def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[A
     """Read the motions and the models, and say what run.json says of their files."""
     record, sets = inputs_record(motions, models), load_models(models)
     table = read_motions(*motions)
-    warn_of(table)
+    warn_of_alike_motions(table, "the motions")
     missing = subjects_without_set(sets, table.subjects)
     return without_subjects(table, missing), sets, record
-
-
-def warn_of(motions: Motions) -> None:
-    """Warn of what can be used and is likely wrong: subjects unlike any, motions that are named nearly alike."""
-    warn_of_subjects(motions, "the motions")
-    warn_of_alike_motions(motions, "the motions")
 
 
 def subjects_without_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:

@@ -28,8 +28,8 @@ from models.parameter_sets import FLATTEST_SCAPULA_MM, ParameterSet
 from models.person.attachments import ATTACHMENT_SD_MM, CONOID_SD_MM, with_carried_conoid
 from models.person.sizes import ONE_POSTURE_MM, PALPATOR_MM, Size, bone_sizes, size_of
 from models.person.thorax_ellipsoid import ThoraxFit, fit_thorax
+from motions.checks.rigidity import Rigidity, check_rigidity
 from motions.landmarks.frames import clavicle_frame, scapula_frame
-from motions.landmarks.rigidity import Rigidity, check_rigidity
 
 _UP = np.array([0.0, 1.0, 0.0])
 

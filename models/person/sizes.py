@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.landmarks.rigidity import Rigidity
+from motions.checks.rigidity import Rigidity
 
 _MEDIAN_SD = 1.2533
 """SD of the median of n normal values, times sqrt(n) over theirs (sqrt(pi / 2))."""

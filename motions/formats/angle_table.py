@@ -14,7 +14,7 @@ from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
-from motions.motion_csv.cells import LARGEST_ANGLE_DEG
+from motions.motion_csv.cells import ELEVATION_REMEDY, LARGEST_ANGLE_DEG
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.motion_csv.unit_and_side import LEAST_VALUES
@@ -64,6 +64,9 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
     through = table.header.get(SCAPULA_THROUGH) or ("AA" if isb else "AC")
     if through != "AC":
         angles_deg = _brought_to_ac(table, angles_deg, labels)
+    if (elevation_deg < 0.0).any():  # NaN is not
+        cause = f"{mapping.column(ELEVATION)} is {np.nanmin(elevation_deg):g}, below 0"
+        raise InputError(table.file, None, cause, ELEVATION_REMEDY)
     numbers, extra = _numbers(table), {}
     if labels.at_deg:
         whose = mapping.column(ELEVATION)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from motions.checks.at_rest import warn_of_subjects
 from motions.errors import InputError, listed, warn_input
 from motions.formats.angle_table import motions_from_table
 from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
-from motions.landmarks.at_rest import warn_of_subjects
 from motions.landmarks.clusters.calibration import Calibration, calibrate
 from motions.landmarks.clusters.carried import CarriedTrial, carry
 from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
@@ -84,7 +84,7 @@ def read_any(path: Path, mapping: Mapping, labels: Labels, calibration: Calibrat
     if kind == ".csv":
         _check_columns(path)
         _check_unused(labels, path, "subjects, motions and postures")
-        return _checked(read_motions(path), path)
+        return read_motions(path)
     cause = f"files that end in {kind!r} are not known" if kind else "the name of the file has no ending"
     raise InputError(
         str(path), None, cause, "Known are .c3d, .trc, .mot, .sto, .csv, .tsv, .txt and a Spartacus checkout"

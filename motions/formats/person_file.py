@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from motions.checks.trial import sound_landmarks
 from motions.errors import InputError, listed
 from motions.formats.any_file import labels_of_file, marker_groups
 from motions.formats.marker_files.any_markers import read_markers
@@ -101,8 +102,8 @@ Frames = tuple[Float[np.ndarray, " 3 3 postures"], Float[np.ndarray, "3 postures
 def _of_markers(markers, mapping: Mapping, labels: Labels) -> Iterable[tuple[PersonLandmarks, Frames] | InputError]:
     lab_mm = landmarks_mm(markers, mapping)
     for rows, one in marker_groups(markers, labels):
-        mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
         try:
+            mine = sound_landmarks({name: xyz[:, rows] for name, xyz in lab_mm.items()}, one.subject, markers.file)
             thorax_mm = in_thorax(mine, one.side, markers.file)
         except InputError as error:
             yield error
@@ -123,6 +124,11 @@ def _of_motion_file(path: Path) -> Iterable[tuple[PersonLandmarks, Frames] | Inp
             cause = f"subject {subject!r}: the motion file has no positions of TS, AI and AC (or AA)"
             remedy = "Give positions of landmarks: .c3d, .trc or CSV with columns such as TS_x_mm"
             yield InputError(str(path), None, cause, remedy)
+            continue
+        try:
+            known = sound_landmarks(known, subject, str(path))
+        except InputError as error:
+            yield error
             continue
         left = SIDE_MEASURED in mine.extra and "left" in mine.extra[SIDE_MEASURED].tolist()
         names = tuple(f"{m} {p}" for m, p in zip(mine.motion, mine.posture, strict=True))

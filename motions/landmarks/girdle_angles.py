@@ -1,10 +1,12 @@
 """The angles of the girdle and of the arm in each frame of a trial, from positions of landmarks."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
 
+from motions.checks.misfits import misfit
 from motions.errors import InputError
 from motions.landmarks.acromion import AcromionRotation, ac_from_aa_deg
 from motions.landmarks.frames import (
@@ -15,6 +17,7 @@ from motions.landmarks.frames import (
     thorax_frame,
     transposed,
 )
+from motions.landmarks.mapping import THORAX
 from motions.landmarks.stand_ins import SternoclavicularOffset, with_stand_ins
 from motions.motion_csv.cells import Side
 from motions.motion_csv.posture_rows import MIRROR_POSITION
@@ -97,31 +100,55 @@ def in_thorax(
 
     InputError if the landmarks are those of the other shoulder, or in a left-handed frame.
     """
-    R_lab_thorax = thorax_frame(*(lab_mm[name] for name in ("IJ", "PX", "C7", "T8")))
-    mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
-    thorax_mm = {
-        name: mirror * rotate(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
-    }
-    _check_side(thorax_mm, side, file)
+    thorax_mm = _in_thorax(lab_mm, side)
+    if _is_on_other_side(thorax_mm, file):
+        raise _other_side(lab_mm, side, file)
     return thorax_mm
 
 
-def _check_side(thorax_mm: dict[str, np.ndarray], side: Side, file: str) -> None:
-    """InputError if the acromion is on the other side of the thorax than it should be."""
+def _in_thorax(
+    lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side
+) -> dict[str, Float[np.ndarray, "3 frames"]]:
+    R_lab_thorax = thorax_frame(*(lab_mm[name] for name in THORAX))
+    mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
+    return {
+        name: mirror * rotate(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
+    }
+
+
+def _swapped_in_thorax(lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side) -> list[str]:
+    """The pairs of landmarks of the thorax whose exchange puts the shoulder on its side: TS behind IJ and above AI."""
+    found = []
+    for a, b in combinations(THORAX, 2):
+        other = _in_thorax({**lab_mm, a: lab_mm[b], b: lab_mm[a]}, side)
+        TS, AI = (np.nanmedian(other[name], axis=1) for name in ("TS", "AI"))
+        if TS[0] > 0.0 and TS[2] > 0.0 and TS[1] > AI[1] and misfit({**lab_mm, a: lab_mm[b], b: lab_mm[a]}) is None:
+            found.append(f"{a} and {b}")
+    return found
+
+
+def _is_on_other_side(thorax_mm: dict[str, np.ndarray], file: str) -> bool:
+    """Whether the acromion is on the other side of the thorax than it should be."""
     acromion = thorax_mm["AC"] if "AC" in thorax_mm else thorax_mm["AA"]
     measured = np.isfinite(acromion[0])
     if not measured.any():
         raise InputError(
             file, None, "in no frame were the acromion and the thorax measured together", "Use another trial"
         )
-    if np.median(acromion[0][measured]) < 0.0:
-        other = "left" if side == "right" else "right"
-        cause = f"the acromion lies on the {other} of IJ, PX, C7 and T8, but the side is {side}"
-        remedy = (
-            f"Say --side {other} if it is a {other} shoulder; if it is not, the file's axes are left-handed: "
-            'turn one round with axes = ["x", "y", "-z"] in a mapping file (--map)'
-        )
-        raise InputError(file, None, cause, remedy)
+    return bool(np.median(acromion[0][measured]) < 0.0)
+
+
+def _other_side(lab_mm: dict[str, np.ndarray], side: Side, file: str) -> InputError:
+    """The error of a shoulder on the other side: two landmarks of the thorax are swapped, or the side or axes wrong."""
+    other = "left" if side == "right" else "right"
+    cause = f"the acromion lies on the {other} of IJ, PX, C7 and T8, but the side is {side}"
+    swaps = _swapped_in_thorax(lab_mm, side)
+    swapped = f"Are {', or '.join(swaps)} swapped? With them exchanged it is on its side. If not: " if swaps else ""
+    remedy = swapped + (
+        f"Say --side {other} if it is a {other} shoulder; if it is not, the file's axes are left-handed: "
+        'turn one round with axes = ["x", "y", "-z"] in a mapping file (--map)'
+    )
+    return InputError(file, None, cause, remedy)
 
 
 def _scapula_deg(

@@ -8,15 +8,13 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
+from motions.checks.misfits import likely_unit, medians_mm
 from motions.errors import InputError, listed, warn_input
 from motions.landmarks.derived import factors_of, is_formula
 from motions.landmarks.mapping import MARKERS, THORAX, UNIT_WORDS, UNITS_MM, Mapping
 
 NEEDED = (*THORAX, "TS", "AI")
 """Without these there is neither a thorax nor a scapula frame."""
-
-NECK_MM = (60.0, 250.0)
-"""From IJ to C7 through the neck: 100-150 mm in adults. Metres or inches taken for mm are far outside."""
 
 _MOST_NAMED = 40
 """Markers in a message."""
@@ -47,7 +45,7 @@ def landmarks_mm(markers: Markers, mapping: Mapping) -> dict[str, Float[np.ndarr
 
     A marker is found by its name, else without case, else behind a prefix as in ``P01:IJ``, or behind one that all
     needed landmarks have. InputError if a needed one is not there, nowhere measured or there twice, if no unit is
-    known, or if the size of the neck shows that it is not the right one.
+    known, or if distances show that it is not the right one.
     """
     factor = millimetres(markers, mapping)
     _check_there(markers, mapping)
@@ -242,18 +240,16 @@ def _listed(markers: Markers) -> str:
 
 
 def check_size(file: str, found: dict[str, Float[np.ndarray, "3 frames"]], factor: float) -> None:
-    """Raise InputError if there is no neck, or not that of a person. factor: the millimetres of the file's unit."""
-    lengths = np.linalg.norm(found["IJ"] - found["C7"], axis=0)
-    if np.isnan(lengths).all():
+    """Raise InputError if there is no neck, or if all distances are a person's in another unit.
+
+    factor: the millimetres of the file's unit.
+    """
+    if np.isnan(found["IJ"] + found["C7"]).any(axis=0).all():
         cause = "IJ and C7 are in no frame together: there is no thorax"
         raise InputError(file, None, cause, "Reconstruct them, or use another trial")
-    neck = float(np.nanmedian(lengths))
-    if NECK_MM[0] <= neck <= NECK_MM[1]:
-        return
-    fitting = [unit for unit, mm in UNITS_MM.items() if NECK_MM[0] <= neck / factor * mm <= NECK_MM[1]]
-    cause = f"IJ and C7 are {neck:.3g} mm apart, which no neck is"
-    remedy = "Check which markers are IJ and C7"
-    if fitting:
-        remedy = f"The positions look like {fitting[0]}: correct the unit"
-        remedy += f', or write unit = "{fitting[0]}" in a mapping file (--map), which wins over the file'
-    raise InputError(file, None, cause, remedy)
+    unit = likely_unit(found, {unit: mm / factor for unit, mm in UNITS_MM.items()})
+    if unit is not None:
+        neck = medians_mm(found)["IJ", "C7"]
+        cause = f"the distances between landmarks are no person's: IJ and C7 are {neck:.3g} mm apart"
+        remedy = f'The positions look like {unit}: correct the unit, or write unit = "{unit}" in a mapping file (--map)'
+        raise InputError(file, None, cause, f"{remedy}, which wins over the file")

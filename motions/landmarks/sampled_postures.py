@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
+from motions.checks.at_rest import HIGHEST_REST_DEG, Rest, doubt_of_rest, likely_swap, lowest_frames, unlike_rest
+from motions.checks.trial import slipped, sound_landmarks, without_slips
 from motions.errors import InputError, warn_input
 from motions.landmarks.acromion import AcromionRotation
-from motions.landmarks.at_rest import HIGHEST_REST_DEG, Rest, likely_swap, lowest_frames, unlike_rest, warn_unlike_rest
 from motions.landmarks.girdle_angles import CLAVICLE_X, FrameAngles, estimated_axial_deg, frame_angles
+from motions.landmarks.mapping import THORAX
 from motions.landmarks.resampling import resample_trial
-from motions.landmarks.rigidity import check_rigidity
 from motions.landmarks.stand_ins import GlenohumeralOffset, SternoclavicularOffset
 from motions.motion_csv.cells import Side
 from motions.motion_csv.columns import SIDE_MEASURED
@@ -103,16 +104,23 @@ def postures_from_landmarks(
 
     lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the frames of the whole
     trial with the arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures
-    with too few angles are left out. InputError if none is left; InputWarning if the arm lowest is unlike a person's.
+    with too few angles are left out. InputError if none is left, or if landmarks are no person's; InputWarning of
+    landmarks that are left out (``motions.checks.trial``) and if the arm lowest is unlike a person's.
     """
-    frames = _frames(dict(lab_mm), labels, file)
+    sound_mm = sound_landmarks(lab_mm, f"{labels.subject}, {labels.motion}", file)
+    slips = slipped(sound_mm)
+    if labels.at_deg:
+        sound_mm = without_slips(sound_mm, slips, f"{labels.subject}, {labels.motion}", file)
+    frames = _frames(sound_mm, labels, file)
     rest = lowest_frames(frames.angles_deg, frames.humerus_deg[:, 1])
-    _check_rest(dict(lab_mm), frames, rest, labels, file)
+    _check_rest(sound_mm, frames, rest, labels, file)
     angles_deg = frames.angles_deg.copy()
     angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, rest.angles_deg)
     frames = replace(frames, angles_deg=angles_deg)
     table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
     table = _with_marks(table, frames.stand_ins, rest.elevation_deg)
+    if slips and not labels.at_deg:
+        table = replace(table, extra=table.extra.assign(**{SLIPPED: _marks(slips, len(table.posture))}))
     measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= FEWEST_ANGLES
     if not measured.any():
         cause = f"no posture has {FEWEST_ANGLES} angles: landmarks are missing in every one"
@@ -122,7 +130,9 @@ def postures_from_landmarks(
         if labels.at_deg:
             which += f", at {', '.join(f'{at:g}' for at in table.humerus_elevation_deg[~measured])} degrees"
         cause = f"{labels.subject}, {labels.motion}: {which}: fewer than {FEWEST_ANGLES} angles are known there"
-        warn_input(InputError(file, None, cause, _LOOK_FOR_GAPS))
+        gaps = [] if labels.at_deg else _gaps(sound_mm, ~measured)
+        remedy = f"They have gaps in {', '.join(gaps)}" if gaps else _LOOK_FOR_GAPS
+        warn_input(InputError(file, None, cause, remedy))
     return table.select(measured)
 
 
@@ -142,13 +152,13 @@ def _check_rest(
             return ["the arm is never low"]  # so that nothing can be said of its angles at rest
         return unlike_rest(lowest, other.landmarks_mm)
 
-    unlike = unlike_rest(rest, frames.landmarks_mm)
-    swap = likely_swap(lab_mm, unlike_with) if unlike else None
-    warn_unlike_rest(file, f"{labels.subject}, {labels.motion}", rest, unlike, swap)
+    if unlike := unlike_rest(rest, frames.landmarks_mm):
+        swap = likely_swap(lab_mm, unlike_with)
+        warn_input(doubt_of_rest(file, f"{labels.subject}, {labels.motion}", rest, unlike, swap))
 
 
 def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: float) -> Motions:
-    """The table, marked where an angle is an estimate, and where a landmark slipped or was not measured."""
+    """The table, marked where an angle is an estimate, and where a landmark was not measured."""
     count, extra = len(table.posture), table.extra.copy()
     estimated = np.isfinite(table.angles_deg[:, CLAVICLE_X])
     extra[ANGLES_FROM_LANDMARKS] = ["yes"] * count
@@ -156,13 +166,18 @@ def _with_marks(table: Motions, stand_ins: Dictionary[str, str], zero_at_deg: fl
     extra[ESTIMATE_ZERO] = np.where(estimated & np.isfinite(zero_at_deg), f"{zero_at_deg:.1f}", "")
     if stand_ins:
         extra[CLAVICLE_PLACED] = ["; ".join(f"{name} {said}" for name, said in stand_ins.items())] * count
-    slips = check_rigidity(table.landmarks_mm).slips
-    if slips:
-        names: list[list[str]] = [[] for _ in range(count)]
-        for slip in slips:
-            names[slip.posture].append(slip.landmark)
-        extra[SLIPPED] = [" ".join(one) for one in names]
     return replace(table, extra=extra)
+
+
+def _gaps(lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], frames: Bool[np.ndarray, " frames"]) -> list[str]:
+    """The landmarks that were not measured in some of these frames, of those without which there are fewer angles."""
+    names = (*THORAX, "SC", "AC", "TS", "AI")
+    return [name for name in names if name in lab_mm and np.isnan(lab_mm[name][:, frames]).any()]
+
+
+def _marks(slips: Dictionary[str, Sequence[int]], count: int) -> list[str]:
+    """Of each posture, the landmarks that slipped in it."""
+    return [" ".join(name for name, rows in slips.items() if row in rows) for row in range(count)]
 
 
 def _as_they_are(frames: FrameAngles, labels: Labels) -> Motions:

@@ -17,6 +17,12 @@ SIDES: dict[str, Side] = {"": "right", "right": "right", "r": "right", "left": "
 LARGEST_ANGLE_DEG = 180.0
 """Every angle is a rotation of less than half a turn."""
 
+ELEVATION_REMEDY = (
+    "Elevation is the angle of the humerus with the vertical, 0 to 180 degrees; ISB's beta of the humerus is its "
+    "negative (elevation = -beta): turn its sign round"
+)
+"""For a negative one."""
+
 LARGEST_POSTURE = 2**53
 """Whole numbers beyond it have no exact float, so that two of them could be taken for one."""
 
@@ -73,6 +79,14 @@ def angle_in(row: Row, column: str) -> float:
     if abs(value_deg) > LARGEST_ANGLE_DEG:
         cause = f"{column} is {_quoted(row.cells[column])}, more than {LARGEST_ANGLE_DEG:.0f} degrees"
         raise row.error(cause, "Give angles in degrees between -180 and 180")
+    return value_deg
+
+
+def elevation_in(row: Row) -> float:
+    """Read the elevation of the humerus in degrees, 0 to 180; NaN if not measured."""
+    value_deg = angle_in(row, "humerus_elevation_deg")
+    if value_deg < 0.0:
+        raise row.error(f"humerus_elevation_deg is {value_deg:g}, below 0", ELEVATION_REMEDY)
     return value_deg
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from motions.motion_csv.cells import Side, angle_in, measured_in, name_in, side_in, whole_number_in
+from motions.motion_csv.cells import Side, angle_in, elevation_in, measured_in, name_in, side_in, whole_number_in
 from motions.motion_csv.columns import ANGLE_COLUMNS, KNOWN, SIDE, SIDE_MEASURED, landmark_columns
 from motions.motion_csv.rows import Row
 from motions.table import FEWEST_ANGLES, LANDMARKS
@@ -55,7 +55,7 @@ def posture_from_row(row: Row) -> Posture:
         subject=name_in(row, "subject"),
         motion=name_in(row, "motion"),
         number=whole_number_in(row, "posture"),
-        humerus_elevation_deg=angle_in(row, "humerus_elevation_deg"),
+        humerus_elevation_deg=elevation_in(row),
         angles_deg=angles_deg * MIRROR_ANGLES if left else angles_deg,
         landmarks_mm={
             name: position_mm * MIRROR_POSITION if left else position_mm for name, position_mm in landmarks_mm.items()

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from motions.checks.at_rest import SubjectDoubts
 from motions.errors import InputError
 from motions.motion_csv.packed import PackedRow, PostureColumns, packed
 from motions.motion_csv.posture_rows import Posture, posture_from_row
@@ -16,7 +17,8 @@ def read_motions(*paths: str | os.PathLike[str]) -> Motions:
     """Read the postures of all subjects in the CSV files, as right shoulders, in the order of the files.
 
     A file or a subject with an error is left out and named in `rejected`. A subject whose motions are in
-    several files is one subject. InputError if a path does not exist or if no subject is left.
+    several files is one subject. InputError if a path does not exist or if no subject is left; InputWarning of
+    subjects whose angles no person has with the arm lowest, or that move as nobody's do: another sign, unit or frame.
     """
     (motions,) = MotionStream(*paths).in_chunks(None)
     return motions
@@ -37,6 +39,7 @@ class MotionStream:
         for path in named:
             _check_existence(path)
         self.rejected: list[InputError] = []
+        self._doubts = SubjectDoubts()
         self._usable: list[Path] = []
         self._last: dict[str, int] = {}  # where the last row of each subject is
         self._once: dict[Path, list[PackedRow]] = {}  # of what can be read only once: pipes
@@ -79,8 +82,11 @@ class MotionStream:
                 self.rejected += rejected
                 if len(chunk.columns):
                     found = True
-                    yield chunk.columns.table([*named, *rejected])
+                    table = chunk.columns.table([*named, *rejected])
+                    self._doubts.look_at(table, chunk.files)
+                    yield table
                 chunk, named = _Chunk(), ()
+        self._doubts.end("the motions")
         if not found:
             raise _first_of(self.rejected)
 
@@ -91,6 +97,7 @@ class _Chunk:
     def __init__(self) -> None:
         self.subjects = 0
         self.columns = PostureColumns()
+        self.files: dict[str, str] = {}  # where each subject begins
         self._rejected: list[tuple[int, InputError]] = []
 
     @property
@@ -101,6 +108,8 @@ class _Chunk:
     def take(self, rows: Sequence[tuple[int, PackedRow]]) -> None:
         """Take all rows of a subject, each with its place."""
         self.subjects += 1
+        first = rows[0][1].unpacked()
+        self.files[first.cells["subject"]] = first.file
         try:
             postures = _subject_from_rows([row.unpacked() for _, row in rows])
         except InputError as error:

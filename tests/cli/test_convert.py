@@ -262,14 +262,12 @@ def test_an_estimate_and_what_is_left_out_are_said(trials, tmp_path):
     assert "clavicle_x_deg (axial rotation) is an estimate\n" in without_zero.out
 
 
-def test_a_map_with_ts_and_ai_swapped_is_converted_with_a_warning(trials, tmp_path):
+def test_a_map_with_ts_and_ai_swapped_is_refused(trials, tmp_path):
     (tmp_path / "t.trc").write_text("\n".join(trc_lines(trials[0.0].thorax_mm)) + "\n")
     (tmp_path / "lab.toml").write_text('[markers]\nTS = "AI"\nAI = "TS"\n')
     ended = girdle("convert", tmp_path / "t.trc", tmp_path / "t.csv", "--map", tmp_path / "lab.toml", "--at", "20,60")
-    assert ended.status == 0
-    assert ended.err.startswith(f"warning: {tmp_path / 't.trc'}: t, t: with the arm at 0 degrees scapula_")
-    assert "scapula_x_deg is 1" in ended.err
-    assert "TS lies below AI. Are TS and AI swapped?" in ended.err
+    said = "t, t: TS is 184 mm from AC, in people 80 to 170"
+    refused(ended, str(tmp_path / "t.trc"), said, "Are TS and AI swapped? With them exchanged nothing of this is left")
 
 
 def test_a_cropped_trial_is_converted_with_a_warning(trials, tmp_path):

@@ -208,6 +208,6 @@ def test_a_wrong_sign_is_a_warning_of_so_many_subjects(tmp_path):
     for command in ("adapt", "fit"):
         said = girdle(command, written(tmp_path, [header, *flipped, *twice]), "--out", tmp_path / command).messages
         assert len(said) == 11
-        assert re.match(r"warning: the motions: simulated01: .* scapula_y_deg is -\d+, at rest a person's is", said[0])
+        assert re.match(r"warning: .*motion\.csv: simulated01: scapula_y_deg .* is -\d+ with the arm low", said[0])
         assert said[10].startswith("warning: the motions: 10 more subjects are like this")
     assert girdle("fit", written(tmp_path, [header, *rows]), "--out", tmp_path / "right").messages == []

@@ -110,7 +110,7 @@ def test_a_left_shoulder_is_mirrored(tmp_path):
         )
 
 
-AI_ON_THE_LINE = {f"AI_{a}_mm": [2 * DISSECTION["TS"][k] - DISSECTION["AC"][k]] for k, a in enumerate("xyz")}
+AI_ON_THE_LINE = {f"AI_{a}_mm": [1.6 * DISSECTION["TS"][k] - 0.6 * DISSECTION["AC"][k]] for k, a in enumerate("xyz")}
 METRES = {f"{n}_{a}_mm": [DISSECTION[n][k] / 1000.0] for n in DISSECTION if n != "AC-J" for k, a in enumerate("xyz")}
 LEFT_HANDED = {f"{n}_z_mm": [-DISSECTION[n][2]] for n in ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")}
 NO_AC = {f"AC_{a}_mm": [np.nan] for a in "xyz"}
@@ -122,7 +122,7 @@ NO_SC = {f"SC_{a}_mm": [np.nan] for a in "xyz"}
     ("changes", "options", "cause", "remedy"),
     [
         (AI_ON_THE_LINE, [], "on a line", "--rest"),
-        (METRES, [], "which no neck is", "look like m"),
+        (METRES, [], "IJ and C7 are 0.135 mm apart", "look like m"),
         (LEFT_HANDED, [], "the side is right", "left-handed"),
         (NO_AC, [], "marker 'AC' (AC) was nowhere measured", "AA does too: AC is placed from it with --aa-to-ac"),
         (NO_AC | AA, [], "AC was not measured", "place it from AA with --aa-to-ac kolz2020"),

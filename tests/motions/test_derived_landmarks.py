@@ -112,9 +112,15 @@ def test_a_landmark_that_slipped_is_marked_in_its_posture(tmp_path, lab):
     assert SLIPPED not in read(tmp_path, lab, "").extra
     slipped = {name: xyz.copy() for name, xyz in lab.items()}
     along = lab["TS"][:, 4] - lab["AI"][:, 4]
-    slipped["TS"][:, 4] += 10.0 * along / np.linalg.norm(along)
+    slipped["TS"][:, 4] += 8.0 * along / np.linalg.norm(along)
     marks = read(tmp_path, slipped, "").extra[SLIPPED].tolist()
     assert marks == ["", "", "", "", "TS", "", "", "", ""]
+    slipped["TS"][:, 4] += 8.0 * along / np.linalg.norm(along)
+    with pytest.warns(InputWarning) as caught:
+        found = read(tmp_path, slipped, "")
+    assert "TS is not in its place in frame 5, by up to 16 mm" in str(caught[0].message)
+    assert "They have gaps in TS" in str(caught[1].message)
+    assert found.posture.tolist() == [1, 2, 3, 4, 6, 7, 8, 9]
 
 
 def test_names_with_signs_stay_names(tmp_path, lab):

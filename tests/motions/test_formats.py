@@ -138,7 +138,7 @@ def test_metres_called_millimetres_are_found_out(lab, tmp_path, kind):
     metres = {name: xyz / 1000.0 for name, xyz in lab.items()}
     path = tmp_path / f"trial.{kind}"
     write_c3d(path, metres, "mm") if kind == "c3d" else trc(tmp_path, trc_lines(metres, "mm"))
-    refused(path, "which no neck is", "look like m: correct the unit")
+    refused(path, "IJ and C7 are 0.126 mm apart", "look like m: correct the unit")
 
 
 def test_a_unit_that_is_not_known_or_not_said(lab, tmp_path):

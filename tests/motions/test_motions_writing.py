@@ -1,6 +1,7 @@
 """Writing motion files: the same arrays come back, and a file is whole or not there."""
 
 import csv
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motions import ANGLES, LANDMARKS, InputError, Motions, read_motions, write_motions
+from motions.errors import InputWarning
 from motions.files import atomic_write
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1, max_size=6).filter(
@@ -62,7 +64,8 @@ def assert_same(left: Motions, right: Motions) -> None:
 def test_what_was_written_is_read_again(tmp_path_factory, arrays):
     motions, path = Motions(**arrays), tmp_path_factory.getbasetemp() / "round_trip.csv"
     write_motions(motions, path)
-    assert_same(read_motions(path), motions)
+    with warnings.catch_warnings(action="ignore", category=InputWarning):  # of angles that no person has
+        assert_same(read_motions(path), motions)
 
 
 def test_a_left_shoulder_is_mirrored_once_only(tmp_path):

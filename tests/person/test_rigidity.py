@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from motions.landmarks.rigidity import check_rigidity
+from motions.checks.rigidity import check_rigidity
 from tests.helpers.thesis_tables import DISSECTION
 
 PALPATOR_MM = 0.96
@@ -36,7 +36,7 @@ CASES = 200
 def test_sound_landmarks_raise_few_alarms():
     rng = np.random.default_rng(0)
     alarms = [bool(check_rigidity(noisy(moving_scapula(12, rng), rng)).slips) for _ in range(CASES)]
-    assert np.mean(alarms) <= 0.05
+    assert np.mean(alarms) <= 0.02
 
 
 def test_a_slip_of_10_mm_toward_or_off_another_landmark_is_named():
@@ -54,7 +54,7 @@ def test_a_slip_of_10_mm_toward_or_off_another_landmark_is_named():
     assert np.mean(named) >= 0.95
 
 
-@pytest.mark.parametrize(("with_aa", "share"), [(True, 0.79), (False, 0.64)])
+@pytest.mark.parametrize(("with_aa", "share"), [(True, 0.75), (False, 0.60)])
 def test_a_slip_in_any_direction_is_named_less_often(with_aa, share):
     """What docs/person.md says of it: distances see it as far as it goes toward or away from other landmarks."""
     rng = np.random.default_rng(1)

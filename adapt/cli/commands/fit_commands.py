@@ -11,7 +11,7 @@ import typer
 from adapt.api import check_own_bones, fit_postures
 from adapt.cli.commands.known_effects import Known, read_known, say_known
 from adapt.cli.ending import finish, say_report
-from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, warn_of, without_subjects
+from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, without_subjects
 from adapt.cli.options import (
     Float32,
     KnownEffects,
@@ -50,7 +50,7 @@ from adapt.tables.results import Tables
 from models.effects.amplitudes import described
 from models.person.family import AnyModel
 from motions import InputError, MotionStream
-from motions.table import Motions
+from motions.table import Motions, warn_of_alike_motions
 
 
 def fit(
@@ -138,7 +138,7 @@ def adapt(
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
-    warn_of(first)
+    warn_of_alike_motions(first, "the motions")
     chunks = chain([first], chunks)
     with results_folder(out) as folder:
         parts = Parts(folder, run_key(record, options | {"chunk": size}))

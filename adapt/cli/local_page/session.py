@@ -115,7 +115,7 @@ class Session:
         self.motions = None
         paths = [self.folder / one.motions for one in self.files if one.read]
         if paths:
-            self.motions = await asyncio.to_thread(read_motions, *paths)
+            self.motions = await asyncio.to_thread(_read, *paths)
 
     def named(self, text: str) -> str:
         """Put the browser's names of files into a message."""
@@ -146,6 +146,12 @@ class Session:
         target = self.folder / ZIP
         zip_folder(self.folder, ("uploads", "motions", MAPPING, *COMMANDS), self.files, target)
         return target
+
+
+def _read(*paths: Path) -> Motions:
+    """Read motion files. What is doubtful in them was said when each was converted."""
+    with warnings.catch_warnings(action="ignore", category=InputWarning):
+        return read_motions(*paths)
 
 
 def convert_arguments(upload: Upload, options: LaboratoryOptions) -> list[str]:

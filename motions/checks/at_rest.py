@@ -7,10 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from motions.checks.misfits import misfit
+from motions.checks.signs import likely_convention, wrong_signs
 from motions.errors import InputError, warn_input
-from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.rhythm import REST_DEG
 from motions.table import ANGLES, Motions
+
+CLAVICLE_X = ANGLES.index("clavicle_x")
 
 LOWEST_SHARE = 0.01
 """Of the frames, those that may be lower than the lowest elevation: a marker that jumps. None of up to 100."""
@@ -55,17 +58,18 @@ def lowest_frames(angles_deg: Float[np.ndarray, "frames 6"], elevation_deg: Floa
 
 
 def unlike_rest(rest: Rest, landmarks_mm: Mapping[str, Float[np.ndarray, "frames 3"]]) -> list[str]:
-    """Say what of the angles with the arm lowest no person has at rest; and if TS is not above AI (thorax frame)."""
+    """Say what of the angles with the arm lowest no person has at rest; and if AI is above TS or GH above AC."""
     found = []
     if not rest.elevation_deg > HIGHEST_REST_DEG:
         away = np.abs(rest.angles_deg - REST_DEG)
         for k in np.flatnonzero(away > FARTHEST_DEG):  # NaN was not measured
             low, high = REST_DEG[k] - FARTHEST_DEG[k], REST_DEG[k] + FARTHEST_DEG[k]
             found.append(f"{ANGLES[k]}_deg is {rest.angles_deg[k]:.0f}, at rest a person's is {low:.0f} to {high:.0f}")
-    if "TS" in landmarks_mm and "AI" in landmarks_mm:
-        above_mm = (landmarks_mm["TS"] - landmarks_mm["AI"])[rest.rows, 1]
-        if np.median(above_mm) < 0.0:
-            found.append("TS lies below AI")
+    for above, below in (("TS", "AI"), ("AC", "GH")):
+        if above in landmarks_mm and below in landmarks_mm:
+            above_mm = (landmarks_mm[above] - landmarks_mm[below])[rest.rows, 1]
+            if np.median(above_mm) < 0.0:
+                found.append(f"{above} lies below {below}")
     return found
 
 
@@ -85,32 +89,71 @@ def likely_swap(lab_mm: Positions, find_unlike: FindUnlike) -> tuple[str, str] |
     return found[0] if len(found) == 1 else None
 
 
-def warn_unlike_rest(file: str, whose: str, rest: Rest, unlike: list[str], swap: tuple[str, str] | None = None) -> None:
-    """Warn of what is unlike rest, if there is anything, and name two landmarks that are likely swapped."""
-    if not unlike:
-        return
+def doubt_of_rest(
+    file: str, whose: str, rest: Rest, unlike: list[str], swap: tuple[str, str] | None = None
+) -> InputError:
+    """Say what is unlike rest, and name two landmarks that are likely swapped."""
     where = (
         "in the first posture" if np.isnan(rest.elevation_deg) else f"with the arm at {rest.elevation_deg:.0f} degrees"
     )
     remedy = "Check the names of the landmarks, the axes and the signs (docs/frames.md)"
     if swap is not None:
         remedy = f"Are {swap[0]} and {swap[1]} swapped? With them exchanged nothing of this is left"
-    warn_input(InputError(file, None, f"{whose}: {where} {'; '.join(unlike)}", remedy))
+    return InputError(file, None, f"{whose}: {where} {'; '.join(unlike)}", remedy)
 
 
 MOST_NAMED = 10
 """Subjects that are warned of by name."""
 
 
+class SubjectDoubts:
+    """Warns of subjects whose angles are likely not what their names say, each once; beyond MOST_NAMED by number."""
+
+    def __init__(self) -> None:
+        self._seen: set[str] = set()
+        self._more = 0
+        self._named = 0
+
+    def look_at(self, motions: Motions, files: Mapping[str, str]) -> None:
+        """Warn of subjects with angles that no person has with the arm lowest, with a sign that nobody's course has
+        (another sign, radians, another frame), or with landmarks that are no person's. files: where each stands."""
+        for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
+            if subject in self._seen:
+                continue
+            self._seen.add(subject)
+            warnings = _doubts(motions.take(mine), subject, files[subject])
+            if warnings and self._named >= MOST_NAMED:
+                self._more += 1
+            elif warnings:
+                self._named += 1
+                for one in warnings:
+                    warn_input(one)
+
+    def end(self, file: str) -> None:
+        """Warn of the number of those that were not named."""
+        if self._more:
+            cause = f"{self._more} more subjects are like this"
+            warn_input(InputError(file, None, cause, "Check signs and units"))
+            self._more = 0
+
+
 def warn_of_subjects(motions: Motions, file: str) -> None:
-    """Warn of subjects whose angles no person has with the arm lowest: another sign, radians, another frame."""
-    unlike: list[tuple[str, Rest, list[str]]] = []
-    for subject, mine in zip(motions.subjects, motions.rows_by_subject(), strict=True):
-        rest = lowest_frames(motions.angles_deg[mine], motions.humerus_elevation_deg[mine])
-        if found := unlike_rest(rest, {name: place[mine] for name, place in motions.landmarks_mm.items()}):
-            unlike.append((subject, rest, found))
-    for one in unlike[:MOST_NAMED]:
-        warn_unlike_rest(file, *one)
-    if len(unlike) > MOST_NAMED:
-        cause = f"{len(unlike) - MOST_NAMED} more subjects are like this"
-        warn_input(InputError(file, None, cause, "Check signs and units"))
+    """Warn of subjects as ``SubjectDoubts`` does, of one file."""
+    doubts = SubjectDoubts()
+    doubts.look_at(motions, dict.fromkeys(motions.subjects, file))
+    doubts.end(file)
+
+
+def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
+    """What is doubtful in the postures of one subject."""
+    rest = lowest_frames(mine.angles_deg, mine.humerus_elevation_deg)
+    found, signs = [], wrong_signs(mine)
+    named = tuple(f"{one.angle}_deg" for one in signs)
+    if unlike := [text for text in unlike_rest(rest, mine.landmarks_mm) if not text.startswith(named)]:
+        found.append(doubt_of_rest(file, subject, rest, unlike))
+    if wrong := misfit({name: place.T for name, place in mine.landmarks_mm.items()}):
+        found.append(InputError(file, None, f"{subject}: {wrong.cause}", wrong.remedy))
+    if signs:
+        cause = f"{subject}: {'; '.join(one.said for one in signs)}"
+        found.append(InputError(file, None, cause, likely_convention(signs)))
+    return found

@@ -27,9 +27,9 @@ CLAVICLE = ("SC", "AC")
 FEWEST_POSTURES = 4
 """With fewer there is nothing to judge a posture by: it is taken out, and the others still need a scatter."""
 
-FALSE_ALARM = 0.02
+FALSE_ALARM = 0.006
 """Chance that a posture of a sound trial is said to have slipped, by the F distribution. The linearised distances are
-not quite Gaussian: simulated trials give up to three times as many, 5 % at most with palpated landmarks."""
+not quite Gaussian: simulated trials give up to three times as many, at most 2 % (scripts/research/landmarks)."""
 
 SLIP_MM = 10.0
 """SD a coordinate of what a slip is believed to be beforehand: fingers and markers slip by centimetres."""

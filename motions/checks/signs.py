@@ -1,0 +1,153 @@
+"""Signs of angles, by how a girdle lies at rest and how it moves while the arm rises.
+
+For an angle with r at rest and a course of s degrees over 60 degrees of elevation, normal in the population with means
+m, n and SDs p, q, the odds of the sign as it is against the other one are exp(L),
+
+    L = 2 r m / p^2 + 2 s n / q^2.
+
+Where L is below LEAST_LOG_ODDS the other sign is the likely one. A term without a measurement, or whose mean is 0, is
+left out.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from motions.table import ANGLE_NAMES, ANGLES, Motions
+
+LARGE_MOTION_DEG = 60.0
+"""Of elevation within one motion, over which a course says something."""
+
+LOW_DEG = 50.0
+"""With the arm lower than this the girdle is near its rest: the scapula alone turns by 20 degrees to here."""
+
+NEAR_DEG = 2.0
+"""Postures this much above the lowest are at rest too, where no motion is large enough for a line."""
+
+LEAST_LOG_ODDS = -1.5
+"""9 to 2 for the other sign. Measured and simulated motions have 0.1 and more; by the normal distributions below a
+sound angle gets below it in 1.5 % of people or less. Twice that where only one of both terms was measured."""
+
+
+@dataclass(frozen=True)
+class Usual:
+    """An angle at rest and its course over 60 degrees of elevation, degrees: means and SDs of people.
+
+    A mean of 0 says nothing of the sign.
+    """
+
+    rest: float
+    rest_sd: float
+    course: float
+    course_sd: float
+    source: str
+
+
+_MEASURED = "twelve motions of six bone-pin shoulders (Moissenet 2023), means of Ludewig 2009 and Oki 2012"
+
+USUAL: dict[str, Usual] = {
+    "clavicle_y": Usual(
+        -26.0, 8.0, -12.0, 8.0, f"Ludewig et al., JOSPT 34 (2004): retraction 15-29 deg at most; {_MEASURED}: -29 to -2"
+    ),
+    "clavicle_z": Usual(
+        11.5, 6.0, 8.0, 5.0, f"Ludewig et al., JOSPT 34 (2004): elevation 11-15 deg at most; {_MEASURED}: 3 to 12"
+    ),
+    "clavicle_x": Usual(  # its zero is a convention
+        0.0, 1.0, 11.0, 6.0, f"Ludewig et al., JOSPT 34 (2004): 15-31 deg backward at most; {_MEASURED}: 4 to 17"
+    ),
+    "scapula_y": Usual(
+        40.0,
+        12.0,
+        0.0,
+        1.0,
+        "35 deg at AA, review of Struyf et al., Scand. J. Med. Sci. Sports 21 (2011) 352-358",
+    ),
+    "scapula_z": Usual(
+        10.0,
+        10.0,
+        20.0,
+        6.0,
+        f"29 +- 10 deg from 25 to 125 deg, Dayanidhi et al., Clin. Biomech. 20 (2005) 600-606; {_MEASURED}: 9 to 29",
+    ),
+    "scapula_x": Usual(
+        -9.0,
+        5.0,
+        3.0,
+        6.0,
+        "10 deg forward at rest, backward with elevation in most studies, Struyf et al. (2011); measured as above: -4 "
+        "to -14 at rest, courses of -10 to 10",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class WrongSign:
+    """An angle whose other sign is the likely one."""
+
+    angle: str
+    said: str
+
+
+def wrong_signs(motions: Motions) -> list[WrongSign]:
+    """Find the angles of one subject that likely have the other sign."""
+    low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
+    found = []
+    for k, angle in enumerate(ANGLES):
+        usual, lines = USUAL[angle], _lines(motions, k)
+        course = float(np.mean([slope for slope, _ in lines])) if lines else np.nan
+        at_rest = [start for _, start in lines] or motions.angles_deg[low, k]
+        rest = float(np.nanmedian(at_rest)) if np.isfinite(at_rest).any() else np.nan
+        terms = 2.0 * rest * usual.rest / usual.rest_sd**2, 2.0 * course * usual.course / usual.course_sd**2
+        half = np.isnan(terms[0]) != np.isnan(terms[1]) and usual.rest and usual.course
+        if float(np.nansum(terms)) < LEAST_LOG_ODDS * (2.0 if half else 1.0):
+            found.append(WrongSign(angle, _said(angle, usual, rest, course)))
+    return found
+
+
+def _lowest(elevation_deg: Float[np.ndarray, " n"]) -> float:
+    known = elevation_deg[np.isfinite(elevation_deg)]
+    return float(known.min()) if len(known) else np.nan
+
+
+def _lines(motions: Motions, angle: int) -> list[tuple[float, float]]:
+    """Of each motion that is large enough, the least-squares line of an angle over elevation: degrees over 60, and
+    degrees at the lowest elevation (NaN above LOW_DEG)."""
+    found = []
+    for motion in dict.fromkeys(motions.motion.tolist()):
+        rows = motions.motion == motion
+        elevation_deg, angle_deg = motions.humerus_elevation_deg[rows], motions.angles_deg[rows, angle]
+        known = np.isfinite(elevation_deg) & np.isfinite(angle_deg)
+        x, y = elevation_deg[known], angle_deg[known]
+        if len(x) and np.ptp(x) >= LARGE_MOTION_DEG:
+            away = x - x.mean()
+            slope = float(np.sum(away * y) / np.sum(away * away))
+            start = float(y.mean() + slope * away.min()) if x.min() <= LOW_DEG else np.nan
+            found.append((LARGE_MOTION_DEG * slope, start))
+    return found
+
+
+def _said(angle: str, usual: Usual, rest: float, course: float) -> str:
+    words = []
+    if usual.rest and np.isfinite(rest):
+        words.append(f"is {rest:.0f} with the arm low (people: {usual.rest:.0f} +- {usual.rest_sd:.0f})")
+    if usual.course and np.isfinite(course):
+        goes = "rises" if course > 0.0 else "falls"
+        words.append(
+            f"{goes} by {abs(course):.0f} degrees over 60 degrees of elevation (people: {usual.course:.0f} +- "
+            f"{usual.course_sd:.0f})"
+        )
+    return f"{angle}_deg ({ANGLE_NAMES[angle]}) {' and '.join(words)}"
+
+
+def likely_convention(found: list[WrongSign]) -> str:
+    """Say what the angles look like, and what to do."""
+    angles = [one.angle for one in found]
+    names = " and ".join(f"{angle}_deg" for angle in angles)
+    turn = f"turn the sign of {names} round (docs/frames.md), or check which angle it is"
+    isb = [angle for angle in angles if angle.endswith("_z")]
+    if isb == angles:
+        return f"It looks like ISB's beta: z = -beta; {turn}"
+    if isb:
+        return f"z looks like ISB's beta (z = -beta); {turn}"
+    return turn[0].upper() + turn[1:]

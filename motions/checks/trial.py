@@ -1,0 +1,139 @@
+"""The landmarks of one shoulder, checked before anything is computed of them: what is wrong is named and left out."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from motions.checks.distances import MIDDLE
+from motions.checks.misfits import misfit
+from motions.checks.never_seen import Positions, never_seen
+from motions.checks.outliers import find_outliers, runs
+from motions.checks.rigidity import check_rigidity
+from motions.errors import InputError, warn_input
+
+NEEDED = ("IJ", "PX", "C7", "T8", MIDDLE, "TS", "AI")
+"""Without one of these there is no angle."""
+
+MOST_POSTURES = 100
+"""Of palpated postures, in which a slip of millimetres is looked for. A trial has more frames, among which an outlier
+of less than ``motions.checks.outliers.RIGID_MM`` is lost."""
+
+_MOST_NAMED = 8
+"""Runs of frames in a message."""
+
+
+def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: str, file: str) -> Positions:
+    """Return the landmarks with NaN where one was not seen or is an outlier, each named in an InputWarning.
+
+    lab_mm: of one shoulder, in any frame, mm. whose: in messages. A landmark that is wrong in the whole trial is left
+    out where angles can do without it. InputError where they cannot: it names the landmarks to blame, or two swapped.
+    """
+    found = {name: np.array(place, float) for name, place in lab_mm.items()}
+    ends = [name for name in ("PX", "T8") if name in found]
+    middle = len(ends) == 2 and np.array_equal(found["PX"], found["T8"], equal_nan=True)
+    if middle:
+        found[MIDDLE] = found.pop("PX")
+        del found["T8"]
+    _leave_unseen(found, whose, file)
+    _check_swap(found, whose, file)
+    _leave_outliers(found, whose, file)
+    _leave_misfits(found, whose, file)
+    if middle:
+        found |= dict.fromkeys(ends, found.pop(MIDDLE))
+    return {name: found[name] for name in lab_mm if name in found}
+
+
+def _check_swap(found: Positions, whose: str, file: str) -> None:
+    """InputError where the exchange of two landmarks puts a whole trial right that is no person's."""
+    wrong = misfit(found)
+    if wrong is not None and wrong.swapped is not None:
+        raise InputError(file, None, f"{whose}: {wrong.cause}", wrong.remedy)
+
+
+def _leave_unseen(found: Positions, whose: str, file: str) -> None:
+    """Put NaN where a landmark has a position that says that it was not seen."""
+    for name, unseen in never_seen(found).items():
+        if not unseen.any():
+            continue
+        x, y, z = found[name][:, np.flatnonzero(unseen)[0]]
+        was_seen = np.isfinite(found[name]).all(axis=0) & ~unseen
+        found[name][:, unseen] = np.nan
+        if not was_seen.any():
+            cause = f"{whose}: landmark {name} was never seen: it is at ({x:g}, {y:g}, {z:g}) in every frame"
+            _leave_whole(found, (name,), cause, "Reconstruct its marker, or use another trial", file)
+        elif x or y or z:  # zeros among others are how every program writes a gap
+            cause = f"{whose}: landmark {name} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(unseen))}"
+            remedy = "It was not seen there and is left out: write gaps as empty cells, or reconstruct them"
+            warn_input(InputError(file, None, cause, remedy))
+
+
+def _leave_outliers(found: Positions, whose: str, file: str) -> None:
+    """Put NaN where a landmark is not in its place."""
+    for one in find_outliers(found):
+        named = " and ".join(one.landmarks) if one.swapped else " or ".join(one.landmarks)
+        where = frames_of(one.frames)
+        if one.swapped:
+            cause = f"{whose}: the labels of {named} are exchanged in {where}"
+            remedy = "These frames of both are left out: exchange the labels there"
+            if 2 * len(one.frames) > found[one.landmarks[0]].shape[1]:
+                remedy += ", or in all others"
+        else:
+            cause = f"{whose}: {named} is not in its place in {where}, by up to {one.size_mm:.0f} mm"
+            remedy = f"{'It is' if len(one.landmarks) == 1 else 'They are'} left out there: look at the marker"
+        warn_input(InputError(file, None, cause, remedy))
+        for name in one.landmarks:
+            found[name][:, one.frames] = np.nan
+
+
+def slipped(found: Positions) -> dict[str, list[int]]:
+    """Find the landmarks of clavicle and scapula that slipped by millimetres in palpated postures, from 0."""
+    if next(iter(found.values())).shape[1] > MOST_POSTURES:
+        return {}
+    slips: dict[str, list[int]] = {}
+    for slip in check_rigidity({name: place.T for name, place in found.items()}).slips:
+        slips.setdefault(slip.landmark, []).append(slip.posture)
+    return slips
+
+
+def without_slips(found: Positions, slips: Mapping[str, list[int]], whose: str, file: str) -> Positions:
+    """Put NaN where a landmark slipped, with an InputWarning."""
+    left = dict(found)
+    for name, frames in slips.items():
+        where = frames_of(np.array(frames))
+        remedy = "It is left out there: look at the marker"
+        warn_input(InputError(file, None, f"{whose}: {name} slipped in {where}", remedy))
+        left[name] = left[name].copy()
+        left[name][:, frames] = np.nan
+    return left
+
+
+def _leave_misfits(found: Positions, whose: str, file: str) -> None:
+    """Leave out a landmark that makes a person of no size. InputError if it is needed, or if nobody knows which."""
+    for _ in range(len(found)):
+        wrong = misfit(found)
+        if wrong is None:
+            return
+        _leave_whole(found, wrong.landmarks, f"{whose}: {wrong.cause}", wrong.remedy, file)
+
+
+def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str, file: str) -> None:
+    """Leave out landmarks that are nowhere right, with a warning. InputError if one of them is needed."""
+    names = tuple(names)
+    acromion = {"AC", "AA"} & set(found)
+    if set(names) & set(NEEDED) or acromion <= set(names):
+        raise InputError(file, None, cause, remedy)
+    for name in names:
+        del found[name]
+    warn_input(InputError(file, None, f"{cause}. {'It is' if len(names) == 1 else 'They are'} left out", remedy))
+
+
+def frames_of(frames: Int[np.ndarray, " frames"]) -> str:
+    """Write frames, from 0, as 'frames 21-30, 45', from 1; the rest as a number where there are many runs."""
+    flags = np.zeros(int(frames.max()) + 1, bool)
+    flags[frames] = True
+    found = runs(flags)
+    words = [str(a + 1) if a == b else f"{a + 1}-{b + 1}" for a, b in found]
+    more = sum(b - a + 1 for a, b in found[_MOST_NAMED:])
+    listed = ", ".join(words[:_MOST_NAMED]) + (f" and {more} more" if more else "")
+    return f"frame{'s' if len(frames) > 1 else ''} {listed}"

@@ -1,0 +1,1 @@
+"""Is a wrong landmark, a wrong sign or a swap named, and a sound trial left alone?"""

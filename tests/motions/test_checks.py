@@ -1,0 +1,305 @@
+"""Landmarks that no person has, markers that were not seen, outliers, swaps and signs: named, and never in silence."""
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from command import girdle
+from laboratory import simulated_trial, up_and_down
+
+from motions import ANGLES, InputError, Motions, read_motions, write_motions
+from motions.checks.at_rest import MOST_NAMED, warn_of_subjects
+from motions.checks.distances import RANGES, blamed
+from motions.checks.misfits import likely_unit, misfit
+from motions.checks.never_seen import never_seen
+from motions.checks.outliers import find_outliers
+from motions.checks.trial import frames_of, sound_landmarks
+from motions.errors import InputWarning
+from motions.landmarks.sampled_postures import Labels, postures_from_landmarks
+from motions.rhythm_subjects import DATA_FILE
+from tests.helpers.thesis_tables import DISSECTION, MRI
+
+FRAMES = 120
+
+
+@pytest.fixture(scope="module")
+def lab() -> dict[str, np.ndarray]:
+    """A trial in a laboratory in which the trunk sways by 40 mm, with 0.5 mm of noise."""
+    thorax = simulated_trial(up_and_down()[:: 600 // FRAMES], closed=True).thorax_mm
+    rng = np.random.default_rng(0)
+    sway = 40.0 * np.sin(np.linspace(0.0, 5.0, FRAMES)) * np.ones((3, 1)) + np.array([[300.0], [-500.0], [1200.0]])
+    return {name: xyz + sway + 0.5 * rng.standard_normal(xyz.shape) for name, xyz in thorax.items()}
+
+
+def changed(lab, name: str, frames: slice, place) -> dict[str, np.ndarray]:
+    """The trial with a landmark at another place in some frames."""
+    new = lab[name].copy()
+    new[:, frames] = place
+    return lab | {name: new}
+
+
+def said_of(lab) -> tuple[list[str], dict[str, np.ndarray]]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = sound_landmarks(lab, "P, m", "t.trc")
+    return [str(one.message) for one in caught], found
+
+
+ALL = slice(0, FRAMES)
+
+
+def test_a_sound_trial_is_left_alone(lab):
+    said, found = said_of(lab)
+    assert not said
+    for name, place in lab.items():
+        np.testing.assert_array_equal(found[name], place)
+
+
+@pytest.mark.parametrize("measured", [DISSECTION, MRI], ids=["dissection", "mri"])
+def test_the_measured_cadaver_is_a_person_at_any_size_from_child_to_giant(measured):
+    at = {name: np.array(xyz)[:, None] for name, xyz in measured.items() if name != "AC-J"}
+    for size in (0.55, 0.7, 0.86, 1.0, 1.13):
+        assert misfit({name: size * xyz for name, xyz in at.items()}) is None
+    assert likely_unit({name: xyz / 10.0 for name, xyz in at.items()}, {"mm": 1.0, "cm": 10.0, "m": 1000.0}) == "cm"
+    assert likely_unit(at, {"cm": 10.0}) is None
+
+
+def test_every_range_has_a_source_and_the_cadaver_in_it():
+    for (a, b), one in RANGES.items():
+        assert one.source
+        if a in DISSECTION and b in DISSECTION:
+            for measured in (DISSECTION, MRI):
+                mm = np.linalg.norm(np.subtract(measured[a], measured[b]))
+                assert one.low_mm < mm < one.high_mm, (a, b)
+
+
+def test_the_blame_is_on_the_fewest_landmarks_by_hand():
+    ac_ts, ac_ai, ts_ai = (frozenset(pair) for pair in (("AC", "TS"), ("AC", "AI"), ("TS", "AI")))
+    assert blamed([ac_ts, ts_ai], {("AC", "TS"): 9.0, ("TS", "AI"): 9.0, ("AC", "AI"): 0.0}) == [("TS",)]
+    off = {("AC", "TS"): 9.0, ("TS", "AI"): 0.0, ("AC", "AI"): 4.0}
+    assert blamed([ac_ts], off) == [("AC",)]  # it explains AC-AI, 4 SD off, too
+    assert blamed([ac_ts], off | {("AC", "AI"): 2.0}) == [("AC",), ("TS",)]  # 2 SD may be chance
+    assert blamed([ac_ts, ac_ai, ts_ai], dict.fromkeys([("AC", "TS")], 9.0)) == [
+        ("AC", "AI"),
+        ("AC", "TS"),
+        ("AI", "TS"),
+    ]
+
+
+@pytest.mark.parametrize("value", [0.0, -16512.0, 9999999.0])
+def test_a_landmark_that_was_never_seen_is_a_gap(lab, value):
+    with pytest.raises(InputError, match="landmark T8 was never seen: it is at "):
+        sound_landmarks(changed(lab, "T8", ALL, value), "P, m", "t.trc")
+    said, found = said_of(changed(lab, "GH", ALL, value))
+    assert "GH was never seen" in said[0]
+    assert "It is left out" in said[0]
+    assert set(lab) - set(found) == {"GH"}
+    said, found = said_of(changed(lab, "AI", slice(10, 20), value))
+    assert np.isnan(found["AI"][:, 10:20]).all()
+    assert np.isfinite(found["AI"][:, 20:]).all()
+    assert said == [] if value == 0.0 else "AI is at" in said[0]  # zeros are gaps everywhere
+
+
+def test_a_landmark_that_stands_still_while_its_bone_moves_is_a_gap(lab):
+    said, found = said_of(changed(lab, "TS", slice(30, 60), lab["TS"][:, 29:30]))
+    assert "landmark TS is at" in said[0]
+    assert "frames 30-60" in said[0]
+    assert np.isnan(found["TS"][:, 29:60]).all()
+    with pytest.raises(InputError, match="landmark AI was never seen"):
+        sound_landmarks(changed(lab, "AI", ALL, lab["AI"][:, :1]), "P, m", "t.trc")
+
+
+def test_the_origin_and_a_body_at_rest_are_no_gaps():
+    thorax = simulated_trial(np.linspace(0.0, 120.0, 30)).thorax_mm  # IJ is (0, 0, 0), the thorax is still
+    assert not any(unseen.any() for unseen in never_seen(thorax).values())
+    at_rest = {name: np.repeat(xyz[:, :1], 30, axis=1) for name, xyz in thorax.items()}
+    assert not any(unseen.any() for unseen in never_seen(at_rest).values())
+
+
+SIDEWAYS = np.array([[250.0], [100.0], [-200.0]])
+
+
+@pytest.mark.parametrize("name", ["IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI", "AA", "GH", "EM", "EL"])
+def test_an_outlier_of_every_landmark_is_named_with_its_frames(lab, name):
+    moved = changed(lab, name, slice(50, 55), lab[name][:, 50:55] + SIDEWAYS)
+    (one,) = find_outliers(moved)
+    assert (one.landmarks, one.frames.tolist(), one.swapped) == ((name,), [50, 51, 52, 53, 54], False)
+    said, found = said_of(moved)
+    assert f"{name} is not in its place in frames 51-55" in said[0]
+    assert np.isnan(found[name][:, 50:55]).all()
+    kept = {other: np.isfinite(place).all() for other, place in found.items()}
+    assert kept == {other: other != name for other in lab}
+
+
+@pytest.mark.parametrize("pair", [("TS", "AI"), ("IJ", "C7"), ("AC", "GH"), ("GH", "EM"), ("SC", "AC"), ("IJ", "SC")])
+@pytest.mark.parametrize("last", [45, FRAMES])
+def test_a_swap_in_mid_trial_is_named_as_that(lab, pair, last):
+    frames = slice(last - 25, last)
+    a, b = pair
+    (one,) = find_outliers(changed(changed(lab, a, frames, lab[b][:, frames]), b, frames, lab[a][:, frames]))
+    assert set(one.landmarks) == {a, b}
+    assert one.swapped
+    assert one.frames.tolist() == list(range(last - 25, last))
+
+
+def test_skin_that_moves_slowly_is_no_outlier(lab):
+    """AI under the skin: 40 mm away from its place at the top of the motion, there and back."""
+    bump = 40.0 * np.exp(-((np.linspace(-4.0, 4.0, FRAMES)) ** 2))
+    along = (lab["AI"] - lab["AC"]) / np.linalg.norm(lab["AI"] - lab["AC"], axis=0)
+    assert not find_outliers(lab | {"AI": lab["AI"] + bump * along})
+
+
+def test_a_landmark_of_the_other_shoulder_is_refused(lab):
+    with pytest.raises(InputError, match=r"TS cannot be right: TS is \d+ mm from AC, in people 80 to 170"):
+        sound_landmarks(changed(lab, "TS", ALL, lab["TS"] - np.array([[120.0], [0.0], [0.0]])), "P, m", "t.trc")
+    said, found = said_of(changed(lab, "GH", ALL, lab["GH"] - np.array([[300.0], [0.0], [0.0]])))
+    assert "GH cannot be right" in said[0]
+    assert "GH" not in found
+
+
+def test_a_thorax_out_of_its_plane_is_refused(lab):
+    away = lab["T8"] + np.array([[110.0], [0.0], [0.0]])
+    with pytest.raises(InputError, match=r"not in one plane.* beside the midline"):
+        sound_landmarks(changed(lab, "T8", ALL, away), "P, m", "t.trc")
+
+
+def test_a_middle_of_px_and_t8_is_checked_as_that(lab):
+    middle = (lab["PX"] + lab["T8"]) / 2.0
+    assert said_of(lab | {"PX": middle, "T8": middle})[0] == []
+    with pytest.raises(InputError, match="PX_T8 cannot be right"):
+        sound_landmarks(lab | {"PX": middle + 1000.0, "T8": middle + 1000.0}, "P, m", "t.trc")
+
+
+def test_runs_of_frames_end_with_the_number_left_out():
+    assert frames_of(np.array([4])) == "frame 5"
+    assert frames_of(np.array([20, 21, 22, 40])) == "frames 21-23, 41"
+    assert frames_of(np.arange(0, 40, 2)) == "frames 1, 3, 5, 7, 9, 11, 13, 15 and 12 more"
+
+
+ELEVATION = np.linspace(10.0, 120.0, 12)
+
+
+def course(**changes: float) -> Motions:
+    """De Groot's rest and Ludewig's courses, an angle turned round by -1."""
+    at_10, by_60 = np.array([-28.0, 12.0, 0.0, 38.0, 9.0, -10.0]), np.array([-12.0, 8.0, 13.0, -2.0, 21.0, 5.0])
+    angles = (at_10 + np.outer((ELEVATION - 10.0) / 60.0, by_60)) * [changes.get(angle, 1.0) for angle in ANGLES]
+    count = len(ELEVATION)
+    names = {"subject": np.array(["P"] * count), "motion": np.array(["m"] * count), "posture": np.arange(1, count + 1)}
+    empty = pd.DataFrame(index=pd.RangeIndex(count))
+    return Motions(**names, humerus_elevation_deg=ELEVATION, angles_deg=angles, landmarks_mm={}, extra=empty)
+
+
+def warned(motions: Motions) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        warn_of_subjects(motions, "m.csv")
+    return [str(one.message) for one in caught]
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_a_sign_turned_round_is_named_alone(angle):
+    said = [text for text in warned(course(**{angle: -1.0})) if "people" in text]
+    assert len(said) == 1
+    assert f"{angle}_deg (" in said[0]
+    assert not [other for other in ANGLES if other != angle and f"{other}_deg (" in said[0]]
+    assert not warned(course())
+
+
+def test_isb_is_recognised_and_a_small_motion_says_nothing():
+    (said,) = warned(course(clavicle_z=-1.0, scapula_z=-1.0))
+    assert "falls by 21 degrees over 60 degrees of elevation" in said
+    assert "It looks like ISB's beta: z = -beta; turn the sign of clavicle_z_deg and scapula_z_deg round" in said
+    small = course(clavicle_x=-1.0).select(ELEVATION < 65.0)
+    assert not warned(small)
+
+
+def test_of_many_subjects_the_first_are_named_and_the_others_counted():
+    parts = [replace(course(scapula_z=-1.0), subject=np.array([f"P{k}"] * 12)) for k in range(MOST_NAMED + 3)]
+    said = warned(Motions.concatenate(parts))
+    assert len(said) == MOST_NAMED + 1
+    assert "3 more subjects are like this" in said[-1]
+
+
+def test_measured_and_shipped_motions_pass_without_a_word(measured_files):
+    for path in (*measured_files, DATA_FILE):
+        read_motions(path)  # a warning would be an error
+
+
+@pytest.fixture(scope="module")
+def cases() -> Path:
+    folder = Path(__file__).parents[3] / "shared" / "cases"
+    if not folder.exists():
+        pytest.skip("the cases of the shared folder are not here")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "said"),
+    [
+        ("c08_zero_all_AI.trc", 2, "landmark AI was never seen: it is at (0, 0, 0) in every frame"),
+        ("c08_zero_all_T8.trc", 2, "landmark T8 was never seen"),
+        ("c08_zero_all_GH.trc", 0, "landmark GH was never seen"),
+        ("spike_T8.trc", 0, "T8 is not in its place in frames 31-35"),
+        ("mid_TSAI.trc", 0, "the labels of TS and AI are exchanged in frames 21-30"),
+        ("mixTS.trc", 2, "TS is 229 mm from AC, in people 80 to 170"),
+        ("isb_unsigned.csv", 0, "It looks like ISB's beta: z = -beta"),
+        ("neg_elev90.csv", 2, "Elevation is the angle of the humerus with the vertical, 0 to 180 degrees"),
+        ("base.trc", 0, ""),
+    ],
+)
+def test_the_cases_say_what_is_wrong_and_the_rest_is_right(cases, tmp_path, name, status, said):
+    options = ["--subject", "P01", "--motion", "abd"] if name.endswith(".trc") else []
+    ran = girdle("convert", cases / name, tmp_path / "out.csv", *options)
+    assert ran.status == status
+    assert said in ran.err if said else not ran.err
+    if status or name.endswith(".csv"):
+        return
+    by_hand = pd.read_csv(cases / "base_angles.csv").set_index("frame")
+    found = pd.read_csv(tmp_path / "out.csv").set_index("posture")
+    angles = [column for column in by_hand if "GH" not in name or not column.startswith("humerus")]
+    without_noise = name in ("spike_T8.trc", "mid_TSAI.trc")  # that of 0.3 mm in the angles by hand
+    atol = 1.0 if without_noise else 0.01
+    np.testing.assert_allclose(found[angles], by_hand.loc[found.index, angles], rtol=0.0, atol=atol)
+
+
+def test_refused_trials_make_no_person_either(cases, tmp_path):
+    ran = girdle("model", cases / "mixTS.trc", "--out", tmp_path / "p.toml", "--subject", "P01")
+    assert ran.status == 2
+    assert "TS is 229 mm from AC" in ran.err
+
+
+def test_negative_elevation_is_refused_in_a_table_of_angles_too(tmp_path):
+    lines = ["trial", "nRows=2", "nColumns=3", "inDegrees=yes", "endheader", "time\thumerus_elevation\tscapula_y"]
+    path = tmp_path / "t.mot"
+    path.write_text("\n".join([*lines, "0\t10\t30", "1\t-20\t31"]) + "\n")
+    ran = girdle("convert", path, tmp_path / "out.csv")
+    assert ran.status == 2
+    assert "humerus_elevation is -20, below 0" in ran.err
+
+
+def test_postures_without_a_landmark_say_which(lab):
+    with pytest.warns(InputWarning, match=r"3 of 120 postures are left out.*They have gaps in T8"):
+        postures_from_landmarks(changed(lab, "T8", slice(0, 3), np.nan), Labels("P", "m"), "t.trc")
+
+
+def test_reading_says_it_once_for_the_api_and_the_commands(tmp_path):
+    write_motions(course(clavicle_z=-1.0, scapula_z=-1.0), tmp_path / "m.csv")
+    with pytest.warns(InputWarning, match="It looks like ISB's beta") as caught:
+        read_motions(tmp_path / "m.csv")
+    assert len(caught) == 1
+    for command in (("convert", "m.csv", "out.csv"), ("fit", "m.csv", "--model", "R2", "--out", "results")):
+        ran = girdle(*(tmp_path / word if word in ("m.csv", "out.csv", "results") else word for word in command))
+        assert ran.err.count("It looks like ISB's beta") == 1
+
+
+def test_positions_in_a_motion_file_are_a_persons_too(tmp_path):
+    girdle_mm = {name: np.tile(DISSECTION[name], (12, 1)) for name in ("SC", "AC", "TS", "AI")}
+    write_motions(replace(course(), landmarks_mm=girdle_mm), tmp_path / "m.csv")
+    read_motions(tmp_path / "m.csv")  # SC is still in the thorax frame, and a warning would be an error
+    wrong = girdle_mm | {"TS": girdle_mm["TS"] - np.array([150.0, 0.0, 0.0])}
+    write_motions(replace(course(), landmarks_mm=wrong), tmp_path / "m.csv")
+    with pytest.warns(InputWarning, match=r"P: TS cannot be right: TS is \d+ mm from AC"):
+        read_motions(tmp_path / "m.csv")
