@@ -12,7 +12,7 @@ left out.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from motions.table import ANGLE_NAMES, ANGLES, Motions
 
@@ -92,15 +92,18 @@ class WrongSign:
 def wrong_signs(motions: Motions) -> list[WrongSign]:
     """Find the angles of one subject that likely have the other sign."""
     low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
+    courses, starts, large = _lines(motions)
     found = []
     for k, angle in enumerate(ANGLES):
-        usual, lines = USUAL[angle], _lines(motions, k)
-        course = float(np.mean([slope for slope, _ in lines])) if lines else np.nan
-        at_rest = [start for _, start in lines] or motions.angles_deg[low, k]
-        rest = float(np.nanmedian(at_rest)) if np.isfinite(at_rest).any() else np.nan
+        usual, line = USUAL[angle], large[:, k]
+        course = float(courses[line, k].mean()) if line.any() else np.nan
+        at_rest = starts[line, k] if line.any() else motions.angles_deg[low, k]
+        at_rest = at_rest[np.isfinite(at_rest)]
+        rest = float(np.median(at_rest)) if len(at_rest) else np.nan
         terms = 2.0 * rest * usual.rest / usual.rest_sd**2, 2.0 * course * usual.course / usual.course_sd**2
-        half = np.isnan(terms[0]) != np.isnan(terms[1]) and usual.rest and usual.course
-        if float(np.nansum(terms)) < LEAST_LOG_ODDS * (2.0 if half else 1.0):
+        known = [term for term in terms if term == term]
+        half = len(known) == 1 and usual.rest and usual.course
+        if sum(known) < LEAST_LOG_ODDS * (2.0 if half else 1.0):
             found.append(WrongSign(angle, _said(angle, usual, rest, course)))
     return found
 
@@ -110,21 +113,25 @@ def _lowest(elevation_deg: Float[np.ndarray, " n"]) -> float:
     return float(known.min()) if len(known) else np.nan
 
 
-def _lines(motions: Motions, angle: int) -> list[tuple[float, float]]:
-    """Of each motion that is large enough, the least-squares line of an angle over elevation: degrees over 60, and
-    degrees at the lowest elevation (NaN above LOW_DEG)."""
-    found = []
+def _lines(
+    motions: Motions,
+) -> tuple[Float[np.ndarray, "motions 6"], Float[np.ndarray, "motions 6"], Bool[np.ndarray, "motions 6"]]:
+    """Of each motion, the least-squares line of every angle over elevation: degrees over 60, and degrees at the lowest
+    elevation (NaN above LOW_DEG); and whether it is large enough for one."""
+    every: list[tuple[np.ndarray, ...]] = []
     for motion in dict.fromkeys(motions.motion.tolist()):
         rows = motions.motion == motion
-        elevation_deg, angle_deg = motions.humerus_elevation_deg[rows], motions.angles_deg[rows, angle]
-        known = np.isfinite(elevation_deg) & np.isfinite(angle_deg)
-        x, y = elevation_deg[known], angle_deg[known]
-        if len(x) and np.ptp(x) >= LARGE_MOTION_DEG:
-            away = x - x.mean()
-            slope = float(np.sum(away * y) / np.sum(away * away))
-            start = float(y.mean() + slope * away.min()) if x.min() <= LOW_DEG else np.nan
-            found.append((LARGE_MOTION_DEG * slope, start))
-    return found
+        x, y = np.broadcast_to(motions.humerus_elevation_deg[rows, None], (rows.sum(), 6)), motions.angles_deg[rows]
+        known = np.isfinite(x + y)
+        x, y, count = np.where(known, x, 0.0), np.where(known, y, 0.0), np.maximum(known.sum(axis=0), 1)
+        lowest, highest = np.where(known, x, np.inf).min(axis=0), np.where(known, x, -np.inf).max(axis=0)
+        large, middle = highest - lowest >= LARGE_MOTION_DEG, x.sum(axis=0) / count
+        away = np.where(known, x - middle, 0.0)
+        slope = (away * y).sum(axis=0) / np.where(large, (away * away).sum(axis=0), 1.0)
+        start = y.sum(axis=0) / count + slope * np.where(large, lowest - middle, 0.0)
+        every.append((LARGE_MOTION_DEG * slope, np.where(lowest <= LOW_DEG, start, np.nan), large))
+    courses, starts, large = zip(*every, strict=True)
+    return np.stack(courses), np.stack(starts), np.stack(large)
 
 
 def _said(angle: str, usual: Usual, rest: float, course: float) -> str:
