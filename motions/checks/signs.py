@@ -81,6 +81,12 @@ USUAL: dict[str, Usual] = {
 }
 
 
+_REST, _REST_SD, _COURSE, _COURSE_SD = np.array(
+    [(one.rest, one.rest_sd, one.course, one.course_sd) for one in (USUAL[angle] for angle in ANGLES)]
+).T
+"""The same, the angles side by side."""
+
+
 @dataclass(frozen=True)
 class WrongSign:
     """An angle whose other sign is the likely one."""
@@ -93,19 +99,24 @@ def wrong_signs(motions: Motions) -> list[WrongSign]:
     """Find the angles of one subject that likely have the other sign."""
     low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
     courses, starts, large = _lines(motions)
-    found = []
-    for k, angle in enumerate(ANGLES):
-        usual, line = USUAL[angle], large[:, k]
-        course = float(courses[line, k].mean()) if line.any() else np.nan
-        at_rest = starts[line, k] if line.any() else motions.angles_deg[low, k]
-        at_rest = at_rest[np.isfinite(at_rest)]
-        rest = float(np.median(at_rest)) if len(at_rest) else np.nan
-        terms = 2.0 * rest * usual.rest / usual.rest_sd**2, 2.0 * course * usual.course / usual.course_sd**2
-        known = [term for term in terms if term == term]
-        half = len(known) == 1 and usual.rest and usual.course
-        if sum(known) < LEAST_LOG_ODDS * (2.0 if half else 1.0):
-            found.append(WrongSign(angle, _said(angle, usual, rest, course)))
-    return found
+    has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
+    course = np.where(has_line, np.where(large, courses, 0.0).sum(axis=0) / count, np.nan)
+    rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
+    by_rest, by_course = 2.0 * rest * _REST / _REST_SD**2, 2.0 * course * _COURSE / _COURSE_SD**2
+    half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
+    log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
+    wrong = np.flatnonzero(log_odds < LEAST_LOG_ODDS * np.where(half, 2.0, 1.0))
+    return [WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k])) for k in wrong]
+
+
+def _medians(values: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "6"]:
+    """Of what is known of each angle; NaN of nothing."""
+    count = np.isfinite(values).sum(axis=0)
+    if not len(values):
+        return np.full(values.shape[1], np.nan)
+    ordered, column = np.sort(values, axis=0), np.arange(values.shape[1])  # NaN comes last
+    low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, len(values) - 1)
+    return np.where(count > 0, (ordered[low, column] + ordered[high, column]) / 2.0, np.nan)
 
 
 def _lowest(elevation_deg: Float[np.ndarray, " n"]) -> float:
