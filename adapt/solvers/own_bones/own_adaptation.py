@@ -28,7 +28,7 @@ from adapt.solvers.own_bones.most_probable import (
     persons_first,
     staged,
 )
-from adapt.solvers.own_bones.scales import PRIOR, Moments, Scales, informative, learnt, moments
+from adapt.solvers.own_bones.scales import PRIOR, Moments, Scales, are_known, informative, learnt, moments
 from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
@@ -243,8 +243,7 @@ def _moments(data: Problems, spread: Spread, scales: Sequence[Scales]) -> tuple[
     prior, _ = _prior(data, spread, scales)
     found = most_probable(rows, part, prior, *staged(rows, part, prior, STARTS_MM[0]), _LEARNING_STEPS)
     of = moments(of_chain(spread.columns_mm), prior, found, rows, part)
-    finite = np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & np.isfinite(of.c).all(axis=0)
-    return of, found.closed & finite & (of.informative > 0)
+    return of, found.closed & are_known(of)
 
 
 def adapt_own_bones(

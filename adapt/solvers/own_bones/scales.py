@@ -35,6 +35,9 @@ chain cannot do, and noise."""
 
 _NOISES_DEG = (0.05, 10.0)
 
+_LARGEST = 1e13
+"""Of an element of M, below which M + 1 is positive definite to rounding."""
+
 _FLAT = 1e-3
 """Slope of -2 log p in a logarithm at the end: it is then 1e-4 SDs off at most."""
 
@@ -110,6 +113,14 @@ def moments(
         c.append(mine @ np.concatenate(b[:, part == p]))
     A, c = np.stack(A, axis=-1), np.stack(c, axis=-1)
     return Moments(A, c, np.bincount(part, (b**2).sum(axis=0)), informative(rows.measured, part, x.shape[1]))
+
+
+def are_known(of: Moments) -> Bool[np.ndarray, " problems"]:
+    """Tell whose likelihood can be computed with all scales and noises within the limits: a chain that hardly closes has
+    slopes without end."""
+    finite = np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & np.isfinite(of.c).all(axis=0)
+    largest = np.abs(of.A).max(axis=(0, 1)) * (MOST_SCALE / _NOISES_DEG[0]) ** 2
+    return finite & (largest < _LARGEST) & (of.informative > 0)
 
 
 def learnt(of: Moments, runs: Bool[np.ndarray, "runs problems"], start: Sequence[Scales]) -> list[Scales]:
