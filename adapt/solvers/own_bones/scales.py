@@ -116,8 +116,10 @@ def moments(
 
 
 def are_known(of: Moments) -> Bool[np.ndarray, " problems"]:
-    """Tell whose likelihood can be computed with all scales and noises within the limits: a chain that hardly closes has
-    slopes without end."""
+    """Tell whose likelihood can be computed with all scales and noises within the limits.
+
+    A chain that hardly closes has slopes without end.
+    """
     finite = np.isfinite(of.square) & np.isfinite(of.A).all(axis=(0, 1)) & np.isfinite(of.c).all(axis=0)
     largest = np.abs(of.A).max(axis=(0, 1)) * (MOST_SCALE / _NOISES_DEG[0]) ** 2
     return finite & (largest < _LARGEST) & (of.informative > 0)
