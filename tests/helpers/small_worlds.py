@@ -34,9 +34,11 @@ HAVE_STRENGTHS = (
 
 
 @cache
-def simulated(effect: str = "", subjects: int = 3, noise_deg: float = 0.3, seed: int = 7) -> Simulated:
-    """Simulate subjects with R2, with an effect at work or none."""
-    return simulate_model_subjects(load_model("R2"), EFFECTS.get(effect), subjects, noise_deg, seed)
+def simulated(
+    effect: str = "", subjects: int = 3, noise_deg: float = 0.3, seed: int = 7, size: float = 1.0
+) -> Simulated:
+    """Simulate subjects with R2, with an effect at work or none, so many times as large as it typically is."""
+    return simulate_model_subjects(load_model("R2"), EFFECTS.get(effect), subjects, noise_deg, seed, size)
 
 
 def every_frame(motions: Motions, times: int) -> Motions:
