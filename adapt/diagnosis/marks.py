@@ -8,6 +8,7 @@ in the distances between landmarks, which no other cause changes, and marks it; 
 import numpy as np
 from jaxtyping import Bool
 
+from motions.landmarks.clusters.carried_columns import SCAPULA_FROM
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.landmarks.sampled_postures import (
     ANGLES_FROM_LANDMARKS,
@@ -22,6 +23,7 @@ from motions.table import Motions
 _MADE_SO = (
     (ESTIMATED, "yes", "clavicle_axial_estimate"),  # an estimate of the axial rotation lags the true one
     (SCAPULA_ROTATED, "AA brought to AC", "scapula_landmark_bias"),  # a mean rotation is not the subject's
+    (SCAPULA_FROM, ".", "skin_artefact"),  # a cluster lies on the skin
     (CLAVICLE_PLACED, "SC from|AC from", "clavicle_frame_bias"),  # nor is an offset: it turns the clavicle
 )
 """Column, mark, effect."""
@@ -43,6 +45,11 @@ def _marked(motions: Motions, column: str, mark: str) -> Bool[np.ndarray, " post
 def angles_are_of_landmarks(motions: Motions) -> bool:
     """Tell whether angles were computed from the same landmarks: one error would count twice."""
     return bool(is_marked(motions, ANGLES_FROM_LANDMARKS, "yes").any())
+
+
+def scapula_is_carried(motions: Motions) -> bool:
+    """Tell whether a cluster on the skin carried the landmarks of the scapula and AC: they are not on the bone."""
+    return bool(is_marked(motions, SCAPULA_FROM, ".").any())
 
 
 def without_slips(motions: Motions) -> tuple[Motions, tuple[str, ...]]:

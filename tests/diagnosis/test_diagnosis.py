@@ -13,6 +13,7 @@ from adapt.cli.commands.known_effects import Known, read_known
 from adapt.diagnosis.fit.noise import ASSUMED
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.inference.computed_axial_rotation import ESTIMATE
+from adapt.diagnosis.marks import declared_effects, scapula_is_carried
 from adapt.diagnosis.result import ALL, EFFECT, NONE, OWN_BONES, UNKNOWN, Diagnoses
 from adapt.diagnosis.texts.json_form import as_json
 from adapt.diagnosis.texts.notes import notes
@@ -213,3 +214,11 @@ def test_measured_shoulders_are_predicted_and_no_pin_is_contradicted(name, measu
         assert gaps[bone].value <= most
     assert gaps[ALL].value <= RATIO * found.gaps.other_motion["adapted"][ALL].value
     assert found.gaps.other_person["with_effect"][ALL].value <= PERSON_DEG
+
+
+def test_a_file_says_that_a_cluster_carried_the_scapula():
+    motions = simulated().motions
+    carried = replace(motions, extra=motions.extra.assign(scapula_from="cluster, one static posture"))
+    assert declared_effects(carried) == ("skin_artefact",)
+    assert scapula_is_carried(carried)
+    assert not scapula_is_carried(motions)

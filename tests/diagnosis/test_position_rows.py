@@ -216,6 +216,9 @@ def test_of_angles_that_are_of_the_same_landmarks_the_path_of_sc_and_the_length_
     across = candidates.where(("ac_translation",))[3:]  # three terms each of along, up, back
     np.testing.assert_allclose(left.by_amplitude[:, 3, across], 0.0, atol=EXACT_MM)
     assert left.places.tolist() == [1, 1, 1, 2]
+    on_skin = rows.beside_angles_of_them(shoulders.angles, ac_is_on_the_bone=False)
+    assert on_skin is not None
+    np.testing.assert_array_equal(on_skin.values_mm, left.values_mm[:, :3])
     only_scapula = parts(laid_out(both, without="SC"))[0]
     assert only_scapula.beside_angles_of_them(shoulders.angles) is None
 

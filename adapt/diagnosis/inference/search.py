@@ -27,6 +27,7 @@ from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.intervals import resampled_persons
+from adapt.diagnosis.marks import scapula_is_carried
 from adapt.tables.folds import PERSON
 from models.effects import Effect
 from models.person.family import AnyModel
@@ -348,6 +349,7 @@ def search_of(
     candidates, rows = lay_out(effects, shoulders, measured_sizes(shoulders, girdle, effects) if apart else {}), None
     if position_noise_mm is not None:
         rows = position_rows(model, girdle, candidates, shoulders, position_noise_mm)
-        rows = rows.beside_angles_of_them(shoulders.angles) if rows and angles_are_of_landmarks else rows
+        if rows and angles_are_of_landmarks:
+            rows = rows.beside_angles_of_them(shoulders.angles, not scapula_is_carried(shoulders.motions))
     joint = JointFit(fitted, shoulders, candidates, everybody(shoulders), rows)
     return Search(joint, folds_of(shoulders), progress, known)

@@ -74,8 +74,11 @@ class PositionRows:
         """Take some of the amplitudes."""
         return replace(self, by_amplitude=self.by_amplitude[..., where])
 
-    def beside_angles_of_them(self, angles: Float[np.ndarray, "6 rows"]) -> "PositionRows | None":
-        """Keep what is not in angles that were computed from these landmarks: how SC moves, and AC along the clavicle.
+    def beside_angles_of_them(
+        self, angles: Float[np.ndarray, "6 rows"], ac_is_on_the_bone: bool = True
+    ) -> "PositionRows | None":
+        """Keep what is not in angles that were computed from these landmarks: how SC moves, and AC along the clavicle,
+        unless skin carried it.
 
         Where they are in their bones is left open: that is in what landmarks say of sizes (``measured_sizes``). None
         where SC was not measured.
@@ -88,7 +91,7 @@ class PositionRows:
             [first, first + 1, first + 2],
             [np.tile(one, (count, 1)) for one in np.eye(n)[first : first + 3]],
         )
-        if "AC" in self.landmarks:
+        if ac_is_on_the_bone and "AC" in self.landmarks:
             own = 3 * self.landmarks.index("AC")
             along = np.zeros((count, n))
             along[:, own : own + 3] = bone_rotations(angles)[0][:, 0].T
