@@ -76,10 +76,10 @@ def diagnose(
     all that are listed and the doubtful numbers of each model. Postures that are marked with a slip are left out.
     ``adaptations``: of these models to these motions (``adapt.api.adapt_with_every_fold``), where they are known; they
     are computed anew where a posture is left out.
-    ``positions``: of landmarks, in the motions. "use" is "check" so far: the constants of each person are fitted to
-    them, and the distances that are left are reported; sizes of bones that they measure are taken into the search.
-    "check": the search does not see them. "ignore": motions without them. ``position_noise_mm``: the SD of one
-    coordinate; without it, it is estimated.
+    ``positions``: of landmarks, in the motions. "use": they are data of the search, as angles are, and give every
+    person its sizes of the causes that they show. "check": the search does not see them; the constants of each person
+    are fitted to them, and the distances that are left are reported. "ignore": motions without them.
+    ``position_noise_mm``: the SD of one coordinate; without it, it is estimated.
     Raises InputError where ``motions`` are none or no subject has enough postures, ValueError for an effect of one's
     own that does nothing, or something at amplitude 0.
     """
