@@ -36,8 +36,8 @@ from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import MOTION, PERSON, Fold, motions_and_persons, motions_and_thirds
 from models.effects import Effect
 from models.effects.amplitudes import NO_EFFECTS, Amplitudes, active_effects
-from models.effects.course import CONSTANT
 from models.effects.effect import cause_of
+from models.effects.set_numbers import NUMBER_EFFECTS
 from models.person.family import AnyModel
 from motions.table import Motions
 
@@ -52,6 +52,20 @@ SURE = 0.8
 
 _FRAMES = ("clavicle_frame_bias", "scapula_landmark_bias")
 """Constants that differ between persons as frames do; the others differ as bones do."""
+
+OWN_CONSTANTS = frozenset(
+    (
+        *_FRAMES,
+        "clavicle_length",
+        "scapula_size",
+        "ac_offset",
+        "thorax_tilt",
+        "thorax_asymmetry",
+        "thorax_shape",
+        *(effect.name for effect in NUMBER_EFFECTS.values()),
+    )
+)
+"""Causes that bones, frames and a thorax of a person's own hold."""
 
 
 class Rung(NamedTuple):
@@ -210,8 +224,8 @@ class OwnBonesNull:
         candidates, at = search.joint.candidates, search.mode(hypothesis)
         where, causes = candidates.where(hypothesis), [candidates.causes[one] for one in hypothesis]
         between = np.full(len(where), search.discrepancy.between_shoulders)
-        for (effect, own), cause in zip(candidates.slices(hypothesis), causes, strict=True):
-            if effect.course is CONSTANT:
+        for (_, own), cause in zip(candidates.slices(hypothesis), causes, strict=True):
+            if cause in OWN_CONSTANTS:
                 between[own] = scales.frames if cause in _FRAMES else scales.bones
         evidence = at.evidence._replace(between=between)
         given = evidence.given(where, at.amplitude, candidates.mean[where], candidates.scale[where])
@@ -224,8 +238,8 @@ class OwnBonesNull:
         return float(np.mean(1.0 / (1.0 + np.exp(np.clip(np.array(after) - before, None, _OVERFLOW)))))
 
     def is_constant(self, name: str) -> bool:
-        """Tell whether a cause is the same in every posture, and not known to be at work."""
-        return self.library[name].course is CONSTANT and name not in self.search.known
+        """Tell whether a cause is one that own bones hold, and not known to be at work."""
+        return cause_of(name) in OWN_CONSTANTS and name not in self.search.known
 
     def tested_on(self, name: str) -> tuple[str, ...]:
         """Say what shows a cause that is named (``Cause.tested_on``)."""

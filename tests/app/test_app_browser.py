@@ -145,7 +145,7 @@ def test_measured_shoulders_are_diagnosed_and_a_broken_file_beside_them_is_remov
     """Two bone-pin shoulders of a cadaver: a pin shows no skin artefact."""
     shoulders = [path for path in measured_files if re.search(r"bonepin_cadaver2", path.name)]
     give(page, *shoulders, written(tmp_path, ["a,b", "1,2"], "broken.csv"))
-    expect(page.get_by_text("broken.csv, line 1: columns subject, motion")).to_be_visible()
+    expect(page.get_by_text("broken.csv, line 1: the header has neither angles nor positions")).to_be_visible()
     remove = page.get_by_role("button", name="remove broken.csv")
     remove.click()
     expect(remove).to_be_hidden()  # from then on it reads anew, and what is clicked meanwhile does nothing
@@ -162,7 +162,7 @@ def test_broken_files_are_named_and_the_page_lives_on(page, tmp_path):
     (tmp_path / "cut.c3d").write_bytes(b"\x02\x50" + b"\xff" * 3000)
     give(page, tmp_path / "cut.c3d", written(tmp_path, ["a,b", "1,2"]))
     expect(page.get_by_text("cut.c3d: the file ends before its data")).to_be_visible()
-    expect(page.get_by_text("motion.csv, line 1: columns subject, motion")).to_be_visible()
+    expect(page.get_by_text("motion.csv, line 1: the header has neither angles nor positions")).to_be_visible()
     expect(page.get_by_role("button", name="Adapt", exact=True)).to_be_disabled()
     page.get_by_role("button", name="remove motion.csv").click()
     expect(page.locator(".file")).to_have_count(1)
