@@ -21,7 +21,7 @@ from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.inference.not_named import why_not_named
 from adapt.diagnosis.inference.search import search_of
-from adapt.diagnosis.inference.selection import name_causes, nothing_named
+from adapt.diagnosis.inference.selection import name_causes, nothing_named, probable
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
@@ -152,7 +152,7 @@ class _Study:
         other = named.hypothesis
         null = OwnBonesNull(search, self.model, self.motions, self.library, self.person, seen=named.seen)
         own_bones = null.adapted()
-        kept = null.beyond(other, mean_floor)
+        kept = probable(null.beyond(other, mean_floor), weights.inclusion, candidates.causes)
         weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
         rungs = null.ladder(kept, other)
         gains = null.gains(rungs, other, mean_floor)

@@ -9,7 +9,7 @@ from adapt.diagnosis.inference.not_named import (
     PREDICTS_WORSE,
     why_not_named,
 )
-from adapt.diagnosis.inference.selection import Named
+from adapt.diagnosis.inference.selection import Named, probable
 
 BIAS, GAP, TILT, SPIN = "scapula_landmark_bias", "scapulothoracic_gap", "thorax_tilt", "clavicle_frame_bias"
 
@@ -27,3 +27,8 @@ def test_the_reason_is_the_step_at_which_a_cause_was_left_out():
         SPIN: PERSONS_DIFFER,
     }
     assert GAP not in why_not_named(inclusion, causes, named, (f"{GAP}:posture",), (SPIN,))
+
+
+def test_a_cause_that_is_hardly_at_work_in_any_set_is_not_named():
+    causes = {BIAS: BIAS, f"{GAP}:posture": GAP}
+    assert probable((BIAS, f"{GAP}:posture"), {BIAS: 0.01, GAP: 0.9}, causes) == (f"{GAP}:posture",)

@@ -20,6 +20,9 @@ LEAST_PROBABILITY = 0.8
 """Of sets with a cause in a place, whichever, against the set with none there, averaged over persons drawn anew."""
 
 
+LEAST_INCLUSION = 0.05
+"""Probability over all sets, below which no cause is named."""
+
 _WORSE = 2.0
 """Standard errors, beyond which a prediction is worse: 1 lets chance veto one true cause in six."""
 
@@ -64,6 +67,11 @@ def name_causes(search: Search) -> Named:
     hypothesis = _predicting(search, chosen, shown)
     sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
     return Named(hypothesis, chosen, sets, frozenset(map(cause_of, shown)))
+
+
+def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[str, str]) -> Hypothesis:
+    """Leave out causes that are hardly at work in any probable set, however much the chosen one needs them."""
+    return tuple(name for name in named if inclusion[causes[name]] >= LEAST_INCLUSION)
 
 
 def nothing_named(search: Search) -> Named:
