@@ -79,7 +79,7 @@ def _compared(seen: Motions, unseen: Motions, model: ParameterSet, draws: int, g
         return mean_unseen_deg(unseen, model, effects=effects, thorax_downweighting=downweighting)
 
     search = search_of(model, shoulders, candidate_effects(model, shoulders.subjects)).run()
-    named = name_causes(search, 0.0).hypothesis
+    named = name_causes(search).hypothesis
     drawn = [drawn_at_random(search.joint.candidates, len(named), generator) for _ in range(draws)]
     without = (gaps(NO_EFFECTS, downweighting)[ALL] for downweighting in (1.0, THORAX_DOWNWEIGHTING))
     return *without, *(_gaps(search, one, gaps) for one in (named, *drawn))
