@@ -29,6 +29,7 @@ from adapt.diagnosis.adapted_gaps import AdaptedGaps, gaps_of
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.inference.intervals import known_mean, resampled_persons
 from adapt.diagnosis.inference.search import Search
+from adapt.diagnosis.inference.weights import probabilities
 from adapt.diagnosis.sizes_of_others import effects_of_folds, no_size, own_effects
 from adapt.evaluation.held_out import HeldOut, adapt_with_folds, held_out_with_own_bones
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
@@ -241,7 +242,7 @@ class OwnBonesNull:
         for times in search.times:
             a, root = given.amplitude_of(times)
             after.append(_log_density_at_0(a[own], np.linalg.inv(root @ root.T)[own, own]))
-        return float(np.mean(1.0 / (1.0 + np.exp(np.clip(np.array(after) - before, None, _OVERFLOW)))))
+        return float(probabilities([np.array(after), np.full(len(after), before)])[1])
 
     def is_constant(self, name: str) -> bool:
         """Tell whether a cause is one that own bones hold, and not known to be at work."""
@@ -265,10 +266,6 @@ class OwnBonesNull:
 def _log_density_at_0(mean: Float[np.ndarray, " n"], covariance: Float[np.ndarray, "n n"]) -> float:
     """But for the powers of 2 pi."""
     return float(-0.5 * (np.linalg.slogdet(covariance).logabsdet + mean @ np.linalg.solve(covariance, mean)))
-
-
-_OVERFLOW = 700.0
-"""Of a logarithm."""
 
 
 def _standard_error(differences: Float[np.ndarray, " folds"], persons: np.ndarray) -> float:

@@ -175,7 +175,7 @@ class _Study:
         against = why_not_named(weights.inclusion, candidates.causes, named, kept, constants)
         verdict = self._verdict(causes, weights, gaps, with_causes if tested else adapted, noise, against)
         others = null.unseen(kept, other) if gaps.other_person else None
-        before = self.plain.before[self.model.name]
+        before, used = self.plain.before[self.model.name], search.joint.positions is not None
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -201,7 +201,7 @@ class _Study:
             indistinguishable=indistinguishable(none),
             lacking=lacking(len(shoulders.kinds), shoulders.persons),
             next_measurement=propose(search, self.model, named.chosen, [sets[name].names for name in order]),
-            positions=judge_positions(self.task, self.model, before, adapted, with_causes, others),
+            positions=judge_positions(self.task, self.model, before, adapted, with_causes, others, used),
         )
 
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:

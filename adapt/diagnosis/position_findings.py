@@ -111,17 +111,18 @@ def judge_positions(
     adapted: AdaptedGaps,
     with_causes: AdaptedGaps,
     others: HeldOut | None,
+    used: bool,
 ) -> Positions:
     """Hold simulated positions against measured ones, in sample and on motions that neither adaptations nor constants
     have seen. ``others``: adaptations with sizes of causes that have not seen the person either, of whom there are
-    several."""
+    several. ``used``: whether the search has seen the positions."""
     rows = posture_rows(task.motions)
     judge = Judge.of(model, rows)
     base = as_they_are(model, rows, before)
     chains = {BASE: base, ADAPTED: adapted_to_all(adapted.found), WITH_CAUSES: adapted_to_all(with_causes.found)}
     other_motion, other_person = _unseen(judge, base, adapted, with_causes, others)
     return Positions(
-        used=task.searched_sd_mm is not None and not (task.note and "SC" not in judge.measured_mm),
+        used=used,
         note=task.note,
         noise_mm=task.coordinate_sd_mm,
         in_sample={state: judge.gap_mm(one) for state, one in chains.items()},

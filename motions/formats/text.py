@@ -1,6 +1,5 @@
 """Text that programs of laboratories write: its encoding, separators, decimal commas and numbers."""
 
-import csv
 import io
 import re
 from collections.abc import Iterable, Sequence
@@ -13,6 +12,7 @@ from jaxtyping import Float
 from motions.errors import InputError
 from motions.files import read_bytes, refuse_binary
 from motions.motion_csv.cells import NOT_MEASURED, to_number
+from motions.motion_csv.rows import cells_of_lines
 
 SEPARATORS = ("\t", ";", ",")
 """Between the cells of a line; a comma may be a decimal one beside the others."""
@@ -77,18 +77,8 @@ def separator_of(line: str) -> str | None:
 
 def split_lines(text: str, separator: str, file: str) -> list[Line]:
     """Split every line into cells, blank lines included. InputError where quotation marks are not closed."""
-    reader = csv.reader(io.StringIO(text.replace("\r\r\n", "\n"), newline=""), delimiter=separator, strict=True)
-    lines: list[Line] = []
-    while True:
-        start = reader.line_num + 1
-        try:
-            cells = next(reader, None)
-        except csv.Error as error:
-            cause = f"the line cannot be split into cells ({error})"
-            raise InputError(file, start, cause, "Look for a quotation mark that is not closed") from error
-        if cells is None:
-            return lines
-        lines.append(Line(start, [cell.strip() for cell in cells]))
+    whole = io.StringIO(text.replace("\r\r\n", "\n"), newline="")
+    return [Line(start, [cell.strip() for cell in cells]) for start, cells in cells_of_lines(whole, file, separator)]
 
 
 def with_points(rows: Iterable[Sequence[str]]) -> list[list[str]]:

@@ -108,10 +108,10 @@ class _Chunk:
     def take(self, rows: Sequence[tuple[int, PackedRow]]) -> None:
         """Take all rows of a subject, each with its place."""
         self.subjects += 1
-        first = rows[0][1].unpacked()
-        self.files[first.cells["subject"]] = first.file
+        unpacked = [row.unpacked() for _, row in rows]
+        self.files[unpacked[0].cells["subject"]] = unpacked[0].file
         try:
-            postures = _subject_from_rows([row.unpacked() for _, row in rows])
+            postures = _subject_from_rows(unpacked)
         except InputError as error:
             self._rejected.append((rows[0][0], error))
         else:

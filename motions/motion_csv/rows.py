@@ -2,7 +2,7 @@
 
 import csv
 import difflib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,7 +100,15 @@ def _split(text: Iterator[str], file: str) -> Iterator[tuple[int, list[str]]]:
     The standard reader and not pandas' one, because only it says on which line a row stands when there are
     blank lines or line breaks between quotes.
     """
-    reader = csv.reader(text, strict=True)
+    for start, cells in cells_of_lines(text, file):
+        if any(map(str.strip, cells)):
+            yield start, cells
+
+
+def cells_of_lines(text: Iterable[str], file: str, separator: str = ",") -> Iterator[tuple[int, list[str]]]:
+    """Split every line, blank ones included, with the number of the line on which it starts. InputError where quotation
+    marks are not closed."""
+    reader = csv.reader(text, delimiter=separator, strict=True)
     while True:
         start = reader.line_num + 1
         try:
@@ -110,8 +118,7 @@ def _split(text: Iterator[str], file: str) -> Iterator[tuple[int, list[str]]]:
             raise InputError(file, start, cause, "Look for a quotation mark that is not closed") from error
         if cells is None:
             return
-        if any(map(str.strip, cells)):
-            yield start, cells
+        yield start, cells
 
 
 def _check_header(columns: list[str], file: str, line: int) -> None:

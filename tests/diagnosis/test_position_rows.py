@@ -15,6 +15,7 @@ from adapt.diagnosis.fit.positions.position_evidence import position_evidence, s
 from adapt.diagnosis.fit.positions.position_rows import PositionRows, Seen, planned_rows
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
 from adapt.diagnosis.inference.search import Search, search_of
+from adapt.diagnosis.inference.selection import by_positions
 from adapt.engine.batching import take_problems
 from adapt.evaluation.person_constants import prior_of
 from models import load_model
@@ -194,8 +195,8 @@ def test_positions_show_a_joint_that_moves_and_no_other():
     """The movement is 16 and 18 mm with the arm up; of three persons with a degree of noise in their angles."""
     moves, rests = (laid_out(one, noise_mm=0.5) for one in (far, nothing))
     for name in ("sc_translation", "ac_translation"):
-        assert moves.shown_by_positions(name, ("sc_translation", "ac_translation")) > 0.9
-        assert rests.shown_by_positions(name, (name,)) < 0.2
+        assert by_positions(moves, name, ("sc_translation", "ac_translation")) > 0.9
+        assert by_positions(rests, name, (name,)) < 0.2
     shown = shown_sizes(
         moves.likelihood.positions, moves.joint.candidates, ("sc_translation", "ac_translation"), {"sc_translation"}
     )

@@ -68,6 +68,14 @@ class Candidates:
         """Find the amplitudes of a hypothesis, effect by effect."""
         return np.concatenate([np.zeros(0, int), *(self.places[name] for name in hypothesis)]).astype(int)
 
+    def among_all(
+        self, hypothesis: Sequence[str], amplitude: Float[np.ndarray, " own"]
+    ) -> Float[np.ndarray, " amplitudes"]:
+        """Give the amplitudes of a hypothesis their places among all; the others are 0."""
+        found = np.zeros(len(self.scale))
+        found[self.where(hypothesis)] = amplitude
+        return found
+
     def effect(self, name: str) -> Effect:
         """Find the effect of this name."""
         return next(one for one in self.effects if one.name == name)

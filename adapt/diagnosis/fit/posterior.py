@@ -79,8 +79,8 @@ def modes(
             _rows_first(one, mode)[group, in_order] for one in (near.y[:, None], near.by_theta, near.by_channel)
         )
         Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
-        own, here = mode.a[: len(amplitudes[group]), group], np.zeros(len(every))
-        here[joint.candidates.where(hypothesis)] = own
+        own = mode.a[: len(amplitudes[group]), group]
+        here = joint.candidates.among_all(hypothesis, own)
         evidence = likelihood.evidence(thetas[group], y[..., 0], Z, every, here)
         found.append(Posterior(hypothesis, thetas[group], own, y[..., 0], Z, evidence))
     return found

@@ -32,8 +32,7 @@ def unseen_amplitudes(
 ) -> Float[np.ndarray, "folds own"]:
     """Give the amplitudes of a hypothesis for every fold, in the linear model around the mode of one within it; of the
     causes that were ``seen``, those that positions show."""
-    where, here = candidates.where(hypothesis), np.zeros(len(candidates.scale))
-    here[candidates.where(at.hypothesis)] = at.amplitude
+    where, here = candidates.where(hypothesis), candidates.among_all(at.hypothesis, at.amplitude)
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
     of_motion = {
         motion: likelihood_without(motion).evidence(at.theta_mm, at.y, Z, where, here[where])

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
+from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.positions.position_evidence import Shown, shown_sizes
 from adapt.diagnosis.inference.search import Search
@@ -59,9 +60,7 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
         (own,) = (place for effect, place in candidates.slices(node.hypothesis) if effect.name == name)
         for times, count in zip(search.times, of_persons, strict=True):
             if count:
-                amplitude, root = given.amplitude_of(times)
-                normal = generator.standard_normal((len(amplitude), count))
-                found.append((amplitude + np.linalg.solve(root.T, normal).T)[:, own])
+                found.append(_drawn(given, times, count, generator)[:, own])
     return np.concatenate(found)
 
 
@@ -71,10 +70,14 @@ def draws_shown(search: Search, shown: Shown, name: str) -> Float[np.ndarray, "d
     (own,) = (place for effect, place in candidates.slices(shown.names) if effect.name == name)
     found = []
     for times in search.times:
-        amplitude, root = shown.given.amplitude_of(times)
-        normal = generator.standard_normal((len(amplitude), _DRAWS // len(search.times)))
-        found.append((amplitude + np.linalg.solve(root.T, normal).T)[:, own])
+        found.append(_drawn(shown.given, times, _DRAWS // len(search.times), generator)[:, own])
     return np.concatenate(found)
+
+
+def _drawn(given: Given, times, count: int, generator: np.random.Generator) -> Float[np.ndarray, "count own"]:
+    """Draw all amplitudes of a set, of shoulders that count so much each."""
+    amplitude, root = given.amplitude_of(times)
+    return amplitude + np.linalg.solve(root.T, generator.standard_normal((len(amplitude), count))).T
 
 
 def share_of(

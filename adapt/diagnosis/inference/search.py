@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
-from adapt.diagnosis.fit.evidence import Evidence, Given
+from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
@@ -50,9 +50,6 @@ _KEPT = 20
 """Sets that a pass hands to the next."""
 
 _WORST = -1e9
-
-_SURE = 700.0
-"""Of a logarithm of odds: beyond it the exponential overflows."""
 
 
 class Node(NamedTuple):
@@ -159,8 +156,7 @@ class Search:
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
         """Give a set, in the linear model around the mode of one within it."""
         candidates = self.joint.candidates
-        where, here = candidates.where(hypothesis), np.zeros(len(candidates.scale))
-        here[candidates.where(posterior.hypothesis)] = posterior.amplitude
+        where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
         return posterior.evidence.given(where, here[where], candidates.mean[where], candidates.scale[where])
 
     def widened(self, node: Node) -> list[tuple[float, Hypothesis, Node]]:
@@ -284,13 +280,8 @@ class Search:
         """Give the amplitudes of every shoulder by effect, where their posterior is highest, without a motion; of the
         causes that were ``seen``, those that positions show."""
         candidates, at, likelihood = self.joint.candidates, self.mode(hypothesis), self.likelihood_without(motion)
-        where, every, here = (
-            candidates.where(hypothesis),
-            np.arange(len(candidates.scale)),
-            np.zeros(candidates.scale.shape),
-        )
-        here[candidates.where(at.hypothesis)] = at.amplitude
-        evidence = likelihood.evidence(at.theta_mm, at.y, at.Z, every, here)
+        where, here = candidates.where(hypothesis), candidates.among_all(at.hypothesis, at.amplitude)
+        evidence = likelihood.evidence(at.theta_mm, at.y, at.Z, np.arange(len(here)), here)
         sizes = evidence.given(where, here[where], candidates.mean[where], candidates.scale[where]).of_shoulders
         if shown := shown_sizes(likelihood.positions, candidates, hypothesis, seen):
             sizes[:, shown.where] = shown.given.of_shoulders
@@ -300,23 +291,6 @@ class Search:
     def without_causes(self) -> Linearised:
         """Adapt as `girdle adapt` does without effects."""
         return linearise(self.joint, self.joint.from_starts().theta_mm.T)
-
-    def shown_by_positions(self, name: str, hypothesis: Hypothesis) -> float:
-        """Compute how probable a cause is beside the others of a set by measured positions alone, whatever the angles
-        say, over persons drawn anew; 0 without positions."""
-        positions = self.likelihood.positions
-        if positions is None:
-            return 0.0
-        less, more = (self._by_positions(positions, one) for one in (without(hypothesis, name), hypothesis))
-        return float(np.mean(1.0 / (1.0 + np.exp(np.clip(less - more - self.log_odds, -_SURE, _SURE)))))
-
-    def _by_positions(self, positions: Evidence, hypothesis: Hypothesis) -> Float[np.ndarray, " draws"]:
-        candidates = self.joint.candidates
-        where = candidates.where(hypothesis)
-        given = positions.only(where).given(
-            np.arange(len(where)), np.zeros(len(where)), candidates.mean[where], candidates.scale[where]
-        )
-        return given.resampled(self.times)
 
     @property
     def best(self) -> Node:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
+from adapt.diagnosis.fit.positions.position_evidence import given_by_positions
 from adapt.diagnosis.inference.alternatives import LEVEL, CredibleSet, credible_set
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
@@ -63,10 +64,23 @@ class Named(NamedTuple):
 def name_causes(search: Search) -> Named:
     """Name the causes of the set that carries over, but for those that make the prediction worse."""
     chosen, places = _chosen(search)
-    shown = [one for one in chosen.hypothesis if search.shown_by_positions(one, chosen.hypothesis) >= LEAST_PROBABILITY]
+    shown = [one for one in chosen.hypothesis if by_positions(search, one, chosen.hypothesis) >= LEAST_PROBABILITY]
     hypothesis = _predicting(search, chosen, shown)
     sets = {name: credible_set(search.joint.candidates.causes[name], places[name]) for name in hypothesis}
     return Named(hypothesis, chosen, sets, frozenset(map(cause_of, shown)))
+
+
+def by_positions(search: Search, name: str, hypothesis: Hypothesis) -> float:
+    """Compute how probable a cause is beside the others of a set by measured positions alone, whatever the angles say,
+    over persons drawn anew; 0 without positions."""
+    positions = search.likelihood.positions
+    if positions is None:
+        return 0.0
+    less, more = (
+        given_by_positions(positions, search.joint.candidates, one).resampled(search.times)
+        for one in (without(hypothesis, name), hypothesis)
+    )
+    return float(probabilities([less, more + search.log_odds])[1])
 
 
 def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[str, str]) -> Hypothesis:

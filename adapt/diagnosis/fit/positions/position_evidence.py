@@ -51,6 +51,13 @@ def _white(
     return white.reshape(-1, columns.shape[2]), log_determinant
 
 
+def given_by_positions(positions: Evidence, candidates: Candidates, hypothesis: Hypothesis) -> Given:
+    """Give a set of causes by positions alone."""
+    where = candidates.where(hypothesis)
+    mean, scale = candidates.mean[where], candidates.scale[where]
+    return positions.only(where).given(np.arange(len(where)), np.zeros(len(where)), mean, scale)
+
+
 class Shown(NamedTuple):
     """The causes of a set that positions show, and what positions alone say of their amplitudes.
 
@@ -72,7 +79,5 @@ def shown_sizes(
     names = tuple(name for name in hypothesis if candidates.causes[name] in causes)
     if positions is None or not names:
         return None
-    where = candidates.where(names)
-    mean, scale = candidates.mean[where], candidates.scale[where]
-    given = positions.only(where).given(np.arange(len(where)), np.zeros(len(where)), mean, scale)
-    return Shown(names, np.flatnonzero(np.isin(candidates.where(hypothesis), where)), given)
+    where = np.flatnonzero(np.isin(candidates.where(hypothesis), candidates.where(names)))
+    return Shown(names, where, given_by_positions(positions, candidates, names))
