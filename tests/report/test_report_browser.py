@@ -215,16 +215,17 @@ def test_the_numbers_in_a_heat_map_can_be_read_on_every_colour(look):
 def drag_until_turned(seen: Seen, before: dict[str, float]) -> None:
     """Drag the view as a person does: what is let go is what is seen, and what had no effect is done again.
 
-    A busy machine drops moves, shows them late, and loses a press that comes while the view is drawn anew.
+    A busy machine drops moves, shows them late, and loses a press that comes while the view is drawn anew. From
+    straight above only a drag upward turns it, so drags go down and up in turn.
     """
     page = seen.page
     page.locator("#readout").evaluate("one => one.scrollIntoView()")
-    for _ in range(DRAGS):
+    for drag in range(DRAGS):
         box = page.locator("#view").bounding_box()
         assert box
         page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
         page.mouse.down()
-        page.mouse.move(box["x"] + 0.95 * box["width"], box["y"] + 0.55 * box["height"], steps=5)
+        page.mouse.move(box["x"] + 0.95 * box["width"], box["y"] + (0.55, 0.3)[drag % 2] * box["height"], steps=5)
         try:
             page.wait_for_function(TURNED, arg=before, timeout=DRAG_MS)
             seen.settled_eye()
