@@ -103,6 +103,8 @@ class OwnBonesNull:
     """Number of the person of each subject."""
     found: dict[tuple[Hypothesis, Hypothesis], HeldOut] = field(default_factory=dict)
     """What is held out with sets of causes, each among those that were named together."""
+    learnt: dict[Hypothesis, People] = field(default_factory=dict)
+    """How persons differ beside them."""
     seen: frozenset[str] = frozenset()
     """Causes that measured positions show."""
 
@@ -111,10 +113,21 @@ class OwnBonesNull:
         """The postures, without effects."""
         return posture_rows(self.motions)
 
-    @cached_property
+    @property
     def people(self) -> People:
-        """How these persons differ."""
-        return learn_people(self.rows, [self.model])
+        """How these persons differ where no cause is at work."""
+        return self.people_with(())
+
+    def people_with(self, hypothesis: Hypothesis) -> People:
+        """Learn how these persons differ beside causes: what they take was in nobody's bones."""
+        if hypothesis not in self.learnt:
+            rows = self.rows
+            if hypothesis:
+                at, slices = self.search.mode(hypothesis), self.search.joint.candidates.slices(hypothesis)
+                sizes: Amplitudes = {effect.name: at.amplitude[own].tolist() for effect, own in slices}
+                rows = posture_rows(self.motions, sizes, self.library)
+            self.learnt[hypothesis] = learn_people(rows, [self.model])
+        return self.learnt[hypothesis]
 
     @cached_property
     def folds(self) -> list[Fold]:
@@ -146,7 +159,8 @@ class OwnBonesNull:
         each = [effects_of_folds(self.search, one, *laid_out) for one in missing]
         effects = jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *each)
         folds, count = self.folds * len(missing), len(self.folds)
-        every = held_out_with_own_bones(rows, self.model, folds, self.people, effects)
+        people = [self.people_with(one) for one in missing for _ in self.folds]
+        every = held_out_with_own_bones(rows, self.model, folds, people, effects)
         for k, one in enumerate(missing):
             self.found[one, named] = every.of(np.arange(k * count, (k + 1) * count))
 

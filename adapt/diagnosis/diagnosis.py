@@ -21,7 +21,7 @@ from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.inference.not_named import why_not_named
 from adapt.diagnosis.inference.search import search_of
-from adapt.diagnosis.inference.selection import name_causes, nothing_named, probable
+from adapt.diagnosis.inference.selection import REJECTED, name_causes, nothing_named, probable, standing
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
@@ -153,6 +153,9 @@ class _Study:
         null = OwnBonesNull(search, self.model, self.motions, self.library, self.person, seen=named.seen)
         own_bones = null.adapted()
         kept = probable(null.beyond(other, mean_floor), weights.inclusion, candidates.causes)
+        rejected = weights.unexplained >= REJECTED
+        if rejected:
+            kept = standing(search, kept, named.seen)
         weights = weights.beyond(null.probability_beyond(kept, other, mean_floor), null.is_held)
         rungs = null.ladder(kept, other)
         gains = null.gains(rungs, other, mean_floor)
@@ -172,8 +175,9 @@ class _Study:
             sets = with_what_moves_as_well(sets, candidates.causes)
         causes = [Cause(*sets[name], gains[name].share, gains[name].t, null.tested_on(name)) for name in order]
         constants = tuple(filter(null.is_constant, other))
-        against = why_not_named(weights.inclusion, candidates.causes, named, kept, constants)
-        verdict = self._verdict(causes, weights, gaps, with_causes if tested else adapted, noise, against)
+        against = why_not_named(weights.inclusion, candidates.causes, named, kept, constants, rejected)
+        shown = with_causes if tested else adapted
+        verdict = self._verdict(causes, weights, gaps, shown, noise, against, rejected)
         others = null.unseen(kept, other) if gaps.other_person else None
         before, used = self.plain.before[self.model.name], search.joint.positions is not None
         return Diagnosis(
@@ -226,10 +230,11 @@ class _Study:
         shown: AdaptedGaps,
         noise: Noise,
         against: dict[str, str],
+        rejected: bool,
     ) -> Verdict:
         """``shown``: the adaptations whose gap is more than noise or not; bones of one person's own in one motion hide
         any."""
-        answer = self._answer(causes, gaps, shown, noise)
+        answer = UNKNOWN if rejected and not causes else self._answer(causes, gaps, shown, noise)
         for name in self.search.known:
             if not any(cause.names[0] == name for cause in causes):
                 causes.append(Cause((name,), (1.0,), 0.0, np.nan, ("angles",)))

@@ -163,20 +163,23 @@ def held_out_with_own_bones(
     rows: PostureRows,
     model: AnyModel,
     folds: Sequence[Fold],
-    people: People,
+    people: Sequence[People],
     fold_effects: ActiveEffects,
     weight: float = WEIGHT,
 ) -> HeldOut:
     """Adapt each fold with bones of the person's own, whether they predict or not, and predict what it holds out.
 
-    ``fold_effects``: (channels, postures, folds), as ``rows`` has them.
+    ``people``: how they differ in each fold. ``fold_effects``: (channels, postures, folds), as ``rows`` has them.
     """
     data = problems_of(rows, [model])
     problem, fitted, tested = _parts(rows, folds, 1)
+    known = {id(one): one.of([model], rows.subjects, held_out=True) for one in people}
+    scales = [known[id(one)][fold.subject] for one, fold in zip(people, folds, strict=True)]
 
     def adapt(part: Problems, which: Int[np.ndarray, " folds"]) -> tuple[Problems, Adapted]:
         part = replace(part, active_effects=fold_effects)
-        return own_bones(part, _persons(part, rows, [model], people, which, np.ones(len(which), bool)), weight)[:2]
+        persons = _persons(part, rows, [model], people[0], which, np.ones(len(which), bool))
+        return own_bones(part, persons._replace(scales=scales), weight)[:2]
 
     return _as_held_out(folds, *predicted(data, problem, fitted, tested, adapt), tested)
 

@@ -59,14 +59,20 @@ class Constants(NamedTuple):
     covariance: Float[np.ndarray, "numbers numbers problems"]
 
 
+def columns_of(model: AnyModel, subjects: tuple[str, ...]) -> Float[np.ndarray, "numbers sizes subjects"]:
+    """Compute what one SD of each size of a person adds to the constants: ``SIZES``, and then AA along three axes."""
+    columns = spread_of([model], subjects).columns_mm
+    of_set = np.concatenate([columns[NUMBERS[name]] for name in _OF_SET])
+    found = np.zeros((_COUNT, of_set.shape[1] + 3, len(subjects)))
+    found[: len(of_set), : of_set.shape[1]] = of_set
+    found[len(of_set) :, of_set.shape[1] :] = AA_SD_MM * np.eye(3)[..., None]
+    return found
+
+
 def prior_of(model: AnyModel, subjects: tuple[str, ...]) -> Float[np.ndarray, "numbers numbers subjects"]:
     """Compute the covariance P of every subject, mm^2."""
-    columns = spread_of([model], subjects).columns_mm
-    moved = np.concatenate([columns[NUMBERS[name]] for name in _OF_SET])
-    covariance = np.zeros((_COUNT, _COUNT, len(subjects)))
-    covariance[: len(moved), : len(moved)] = np.einsum("iks,jks->ijs", moved, moved)
-    np.einsum("iis->is", covariance)[len(moved) :] = AA_SD_MM**2
-    return covariance
+    columns = columns_of(model, subjects)
+    return np.einsum("iks,jks->ijs", columns, columns)
 
 
 def constants_of(

@@ -21,7 +21,7 @@ from adapt.diagnosis.inference.amplitude import amplitudes, draws_of, share_of
 from adapt.diagnosis.inference.intervals import fold_weights, interval, resampled_persons
 from adapt.diagnosis.inference.left_over import left_over_share
 from adapt.diagnosis.inference.search import Search, search_of
-from adapt.diagnosis.inference.selection import carrying_over, gain, name_causes
+from adapt.diagnosis.inference.selection import gain, name_causes
 from adapt.diagnosis.inference.weights import Weights, probabilities, probabilities_of_draws, weigh
 from adapt.diagnosis.result import NONE
 from adapt.evaluation.held_out import adapt_with_folds
@@ -240,33 +240,6 @@ def test_a_cause_may_be_named_that_does_not_make_the_prediction_worse():
     assert found.predicts, "worse by less than its error"
 
 
-def test_of_sets_that_the_evidence_cannot_tell_apart_the_one_that_carries_over_is_taken():
-    found = searched(BIAS)
-    one, other, unlikely = (BIAS,), ("thorax_tilt",), (BIAS, "thorax_tilt")
-    nodes = {
-        name: found.nodes[one]._replace(hypothesis=name, value=value, resampled=np.full(len(found.times), value))
-        for name, value in ((one, 0.0), (other, -1.0), (unlikely, -4.0))
-    }
-    search = replace(found, nodes=nodes, gaps={})
-    folds = search.folds
-
-    def with_sizes_of_others(hypothesis: tuple[str, ...], gap_deg: float) -> None:
-        search.gaps[hypothesis, False] = np.full((folds.of_kind(PERSON).sum(), 6), gap_deg)
-
-    with_sizes_of_others(one, 2.0)
-    with_sizes_of_others(other, 1.9)
-    with_sizes_of_others(unlikely, 0.1)
-    assert carrying_over(search).hypothesis == other, "the likelier ones are compared"
-    with_sizes_of_others(other, 2.1)
-    assert carrying_over(search).hypothesis == one
-    with_sizes_of_others(other, 1.9)
-    search.gaps[other, False][:2] = [[0.0], [3.6]]
-    assert carrying_over(search).hypothesis == one, "better by less than a standard error"
-    alone = replace(search, folds=folds.only(MOTION))
-    with_sizes_of_others(other, 0.1)
-    assert carrying_over(alone).hypothesis == one, "one person: the most probable"
-
-
 def test_fold_weights_sum_to_the_folds_and_hold_persons_together():
     person = np.array([0, 0, 0, 1, 1, 1])
     weights = fold_weights(person, 2000, 1)
@@ -360,7 +333,8 @@ def test_angles_alone_do_not_say_which_joint_moves():
 
 def test_what_is_held_against_a_null_loses_its_probability():
     """Of a set with both, what is not beyond the null leaves the other one."""
-    weights = Weights({(BIAS, "ac_translation"): 0.8, (BIAS,): 0.2}, {BIAS: BIAS, "ac_translation": "ac_translation"})
+    causes = {BIAS: BIAS, "ac_translation": "ac_translation"}
+    weights = Weights({(BIAS, "ac_translation"): 0.8, (BIAS,): 0.2}, causes, unexplained=0.0)
     found = weights.beyond(0.25, lambda name: name != BIAS)
     assert found.probability == pytest.approx({(BIAS,): 0.8, (BIAS, "ac_translation"): 0.2})
     assert found.inclusion == pytest.approx({BIAS: 1.0, "ac_translation": 0.2})

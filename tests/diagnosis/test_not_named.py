@@ -3,6 +3,7 @@
 from small_worlds import searched
 
 from adapt.diagnosis.inference.not_named import (
+    LEFT_OVER,
     NOT_NEEDED,
     OWN_BONES_DO,
     PERSONS_DIFFER,
@@ -20,13 +21,15 @@ def test_the_reason_is_the_step_at_which_a_cause_was_left_out():
     named = Named((SPIN, f"{GAP}:posture"), chosen)
     causes = {BIAS: BIAS, f"{GAP}:posture": GAP, TILT: TILT, SPIN: SPIN}
     inclusion = {BIAS: 1.0, GAP: 0.9, TILT: 0.85, SPIN: 0.95, "sc_offset": 0.1}
-    assert why_not_named(inclusion, causes, named, (), (SPIN,)) == {
+    assert why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=False) == {
         BIAS: PREDICTS_WORSE,
         GAP: OWN_BONES_DO,
         TILT: NOT_NEEDED,
         SPIN: PERSONS_DIFFER,
     }
-    assert GAP not in why_not_named(inclusion, causes, named, (f"{GAP}:posture",), (SPIN,))
+    assert GAP not in why_not_named(inclusion, causes, named, (f"{GAP}:posture",), (SPIN,), unexplained=False)
+    rejected = why_not_named(inclusion, causes, named, (), (SPIN,), unexplained=True)
+    assert set(rejected.values()) == {LEFT_OVER}
 
 
 def test_a_cause_that_is_hardly_at_work_in_any_set_is_not_named():

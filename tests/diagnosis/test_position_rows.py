@@ -9,7 +9,7 @@ import pytest
 from oracles import bones
 from scipy.spatial.transform import Rotation
 
-from adapt.diagnosis.fit.candidates import Candidates
+from adapt.diagnosis.fit.candidates import Candidates, lay_out
 from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
 from adapt.diagnosis.fit.positions.position_evidence import position_evidence, shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import PositionRows, Seen, planned_rows
@@ -21,6 +21,7 @@ from adapt.evaluation.person_constants import prior_of
 from models import load_model
 from models.effects import EFFECTS
 from models.effects.course import FULL_ELEVATION_DEG
+from models.person.positions.measured_movement import AA_SD_MM
 from motions import Motions
 from motions.rhythm_subjects import simulate_subjects
 
@@ -113,6 +114,21 @@ def test_a_constant_of_the_person_is_in_the_constants():
     np.testing.assert_allclose(found[:, [0, 1, 2, 3, 4, 5, 9, 10, 11]], 0.0, atol=EXACT_MM)
 
 
+def test_what_all_persons_have_in_common_of_a_constant_is_a_cause():
+    """But for AA, of which no candidate says where it is; without candidates all of it is a constant of all."""
+    _, _, shoulders = parts(laid_out())
+    girdle = laid_out().joint.model.sets.girdle
+    listed, none = (lay_out([EFFECTS[name] for name in names], shoulders) for names in (EFFECTS, ["conoid_strain"]))
+    landmarks = ("SC", "AC", "AA")
+    rows, alone = (planned_rows(MODEL, girdle, one, shoulders, landmarks) for one in (listed, none))
+    np.testing.assert_allclose(rows.by_common[:, :6], 0.0, atol=EXACT_MM)
+    of_all, of_each, of_listed = (
+        np.einsum("rni,rmi->rnm", one, one) for one in (alone.by_common, alone.by_constant, rows.by_common)
+    )
+    np.testing.assert_allclose(of_all, of_each, atol=1e-8)
+    np.testing.assert_allclose(of_listed[:, 6:, 6:], AA_SD_MM**2 * np.tile(np.eye(3), (len(of_all), 1, 1)), atol=1e-8)
+
+
 def test_what_carries_a_landmark_and_was_not_measured_is_passed_over():
     rows, candidates, _ = parts(laid_out(both, without="AC"))
     left = rows.values_mm + rows.by_amplitude @ amplitudes(candidates, sc_translation=SC_MM, ac_translation=AC_MM)
@@ -149,9 +165,8 @@ def dense(
     n = rows.values_mm.shape[1]
     noise = rows.places * rows.noise_mm**2 + (found.noise_deg * rows.lever_mm) ** 2
     total = np.kron(found.own_mm**2 / 2.0 * (near + of_motion) * same, np.eye(n)) + np.diag(noise.ravel())
-    alike = np.kron(same + 1.0, np.ones((n, n)))
-    H, A = (x.reshape(noise.size, -1) for x in (rows.by_constant, rows.by_amplitude[..., where]))
-    total += alike * (H @ H.T)
+    H, C, A = (x.reshape(noise.size, -1) for x in (rows.by_constant, rows.by_common, rows.by_amplitude[..., where]))
+    total += found.people**2 * np.kron(same, np.ones((n, n))) * (H @ H.T) + C @ C.T
     between = np.kron(found.between_shoulders**2 * same + (0.0 if mean_is_known else 1.0), np.ones((n, n)))
     return total + between * (A @ np.diag(candidates.scale[where] ** 2) @ A.T)
 

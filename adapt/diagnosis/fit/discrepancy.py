@@ -18,8 +18,9 @@ So too of every coordinate of a measured landmark (``fit.position_rows``), which
     own_mm^2 (near_motion + near) / 2 [same shoulder] + common_mm^2 near
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,13 @@ class Discrepancy(NamedTuple):
     """SD of a coordinate of a landmark about its place in its bone, along the motions of a shoulder."""
     common_mm: float
     """What all shoulders have in common of it."""
+    people: float
+    """Scale of how persons differ in where landmarks are in their bones (``models.person.own_bones``)."""
+
+    @property
+    def smooth_deg2(self) -> float:
+        """Variance of y that is smooth along the motions."""
+        return self.of_motion_deg**2 + self.of_shoulder_deg**2 + self.common_motion_deg**2 + self.common_deg**2
 
     @property
     def between_per_deg(self) -> float:
@@ -52,15 +60,21 @@ class Discrepancy(NamedTuple):
         return self.between_shoulders / self.noise_deg
 
 
-TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5)
+TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5, 1.0)
 """Before any data: the medians of log-normal priors."""
 
-LOG_SD = np.array([0.5, 1.4, 1.4, 1.4, 1.4, 0.5, 1.0, 1.0, 1.0])
+LOG_SD = np.array([0.5, 1.4, 1.4, 1.4, 1.4, 0.5, 1.0, 1.0, 1.0, 0.7])
 """SDs of their logarithms: a factor of 4, of 2.7 between shoulders, and of 1.6 for the length and the noise: that of
 measured angles is between half a degree (bone pins) and two (palpation). With less the modes of measured motions lie in
 long, narrow valleys, and where the steps end depends on where they begin."""
 
-OF_POSITIONS = 2
+_COMMON, _OWN = ("common_motion_deg", "common_deg", "common_mm"), ("of_motion_deg", "of_shoulder_deg", "own_mm")
+
+NOTHING_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({"noise": _COMMON + _OWN, "own": _COMMON, "common": ()})
+"""What may be left beside the causes, and what there is then none of: noise alone; what shoulders do each in its own
+way, as bones of their own let them; and what all do alike."""
+
+OF_POSITIONS = 3
 """So many of these, the last, are of positions."""
 
 _STEP_DEG = 5.0
@@ -151,7 +165,7 @@ def _curves(shoulders: Shoulders, common: Callable, least: float) -> Float[np.nd
     every = np.stack([elevation, along, shoulders.motion])
     points = np.unique(np.round(every / [[_STEP_DEG], [_STEP_DEG], [1.0]]), axis=1) * [[_STEP_DEG], [_STEP_DEG], [1.0]]
     values, vectors = np.linalg.eigh(common(points, points))
-    kept = values > least * values.max()
+    kept = values > max(least * values.max(), 0.0)
     return common(every, points) @ vectors[:, kept] / np.sqrt(values[kept])
 
 

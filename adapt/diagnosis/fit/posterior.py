@@ -5,7 +5,7 @@ linear (Laplace), and there each shoulder has its own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -55,6 +55,8 @@ class Posterior:
     Z: Float[np.ndarray, "rows 3 n"]
     """dy in the adapted parameters and in the amplitudes of all candidates."""
     evidence: Evidence
+    by_belief: tuple[Evidence, ...] = ()
+    """With each belief about what no cause explains, in the same linear model."""
 
 
 def modes(
@@ -63,6 +65,7 @@ def modes(
     hypotheses: Sequence[Hypothesis],
     thetas_mm: Sequence[Float[np.ndarray, "subjects adapted"]],
     amplitudes: Sequence[Float[np.ndarray, " own"]],
+    beliefs: Sequence[Likelihood] = (),
 ) -> list[Posterior]:
     """Find the modes of hypotheses side by side, each from a start of its own; ``joint`` has everybody in one group."""
     objective = joint.objective(hypotheses)
@@ -81,31 +84,37 @@ def modes(
         Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
         own = mode.a[: len(amplitudes[group]), group]
         here = joint.candidates.among_all(hypothesis, own)
-        evidence = likelihood.evidence(thetas[group], y[..., 0], Z, every, here)
-        found.append(Posterior(hypothesis, thetas[group], own, y[..., 0], Z, evidence))
+        here_linear = thetas[group], y[..., 0], Z, every, here
+        evidence, *others = (one.evidence(*here_linear) for one in (likelihood, *beliefs))
+        found.append(Posterior(hypothesis, thetas[group], own, y[..., 0], Z, evidence, tuple(others)))
     return found
 
 
-def likeliest(joint: JointFit, at: Posterior, start: Discrepancy) -> Discrepancy:
-    """Find the discrepancy of the highest evidence times prior, in the linear model around a mode."""
+def likeliest(joint: JointFit, at: Posterior, none: Sequence[str] = (), start: Discrepancy = TYPICAL) -> Discrepancy:
+    """Find the discrepancy of the highest evidence times prior, in the linear model around a mode; of some of its parts
+    there is ``none``."""
     from scipy.optimize import minimize  # 0.4 s to load: not for every command
 
     where = joint.candidates.where(at.hypothesis)
     mean, scale = joint.candidates.mean[where], joint.candidates.scale[where]
     Z, own = at.Z[..., np.concatenate([np.arange(_N), _N + where])], np.arange(len(where))
+    few = replace(joint, positions=joint.positions.amplitudes(where)) if joint.positions else joint
+    free = ~np.isin(Discrepancy._fields, none)
+    free[len(free) if joint.positions else len(free) - OF_POSITIONS :] = False
 
     def of(z: Float[np.ndarray, " numbers"]) -> Discrepancy:
         """In SDs of the logarithms about their medians."""
-        return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * np.append(z, left)).tolist())
+        logs = np.zeros(len(TYPICAL))
+        logs[free] = z
+        return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * logs).tolist())._replace(**dict.fromkeys(none, 0.0))
 
     def cost(z: Float[np.ndarray, " numbers"]) -> float:
-        evidence = Likelihood.of(joint, of(z)).evidence(at.theta_mm, at.y, Z, where, at.amplitude)
+        evidence = Likelihood.of(few, of(z)).evidence(at.theta_mm, at.y, Z, own, at.amplitude)
         return 0.5 * float((z**2).sum()) - evidence.given(own, at.amplitude, mean, scale).log_evidence
 
-    begin = np.log(np.divide(start, TYPICAL)) / LOG_SD
-    first, left = np.split(begin, [len(begin) if joint.positions else len(begin) - OF_POSITIONS])
-    bounds = [(-_WITHIN, _WITHIN)] * len(first)
-    found = minimize(cost, first, method="L-BFGS-B", bounds=bounds, options=_SEARCH)
+    begin = np.log(np.array(start)[free] / np.array(TYPICAL)[free]) / LOG_SD[free]
+    bounds = [(-_WITHIN, _WITHIN)] * len(begin)
+    found = minimize(cost, begin, method="L-BFGS-B", bounds=bounds, options=_SEARCH)
     return of(found.x)
 
 

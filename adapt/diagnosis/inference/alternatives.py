@@ -43,12 +43,12 @@ def credible_set(own: str, place: dict[str, Node]) -> CredibleSet:
 
 _JOINTS = ("ac_translation", "sc_translation")
 
-_MOVES = (*_JOINTS, "conoid_strain", "scapulothoracic_gap")
+MOVES = (*_JOINTS, "conoid_strain", "scapulothoracic_gap")
 """What lets a constraint of the chain give way along a motion."""
 
 
 def with_what_moves_as_well(sets: Mapping[str, CredibleSet], causes: Mapping[str, str]) -> dict[str, CredibleSet]:
-    """Give every joint that is said to move all other names of ``_MOVES`` that are candidates and no cause beside it.
+    """Give every joint that is said to move all other names of ``MOVES`` that are candidates and no cause beside it.
 
     Angles alone show which constraint gives way, and not what moves: what they named contradicted pins that saw the
     joints (docs/diagnose.md). ``causes``: of the candidates.
@@ -57,7 +57,7 @@ def with_what_moves_as_well(sets: Mapping[str, CredibleSet], causes: Mapping[str
     found = dict(sets)
     for name, one in sets.items():
         if one.names[0] in _JOINTS:
-            more = [other for other in _MOVES if other in causes.values() and other not in {*one.names, *named}]
+            more = [other for other in MOVES if other in causes.values() and other not in {*one.names, *named}]
             found[name] = CredibleSet((*one.names, *more), (*one.shares, *(0.0 for _ in more)))
     return found
 

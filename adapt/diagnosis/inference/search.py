@@ -1,13 +1,15 @@
 """The search over sets of causes: a beam of posterior modes, each widened by what the linear model says of one more.
 
-    V(H) = log evidence(H) + |H| log(expected / candidates)
+    V(H) = log sum_k w_k evidence_k(H) + |H| log(expected / candidates)
 
-The evidence is that of ``fit.posterior``. What no cause explains has the variances that the best set of a first pass
-leaves; a second pass searches with them.
+The evidence is that of ``fit.posterior``, with each belief k about what no cause explains (``Belief``): noise alone,
+what shoulders do each in its own way, what all do alike. w is that of ``_UNKNOWN`` more causes for the last, which acts
+like one that is not in the list; the others are alike. Their variances are those that the best set of a first pass
+leaves, in which noise alone is left; and of what all do alike those besides that are left where nothing is named.
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
-from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
+from adapt.diagnosis.fit.discrepancy import NOTHING_OF, TYPICAL, Discrepancy
 from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
 from adapt.diagnosis.fit.likelihood import Likelihood
@@ -35,6 +37,9 @@ from models.person.family import AnyModel
 EXPECTED_CAUSES = 2.0
 """Of all candidates, before any data."""
 
+_UNKNOWN = 2
+"""A cause that is not in the list is as improbable as two that are: an explanation by a pair of them comes first."""
+
 _WIDTHS = ((1, 10, 10), (4, 4, 10), (3, 4, 8), (2, 4, 5), (1, 3, 3))
 """At each number of causes: sets to widen, candidates to add to each, and sets to fit."""
 
@@ -52,15 +57,37 @@ _KEPT = 20
 _WORST = -1e9
 
 
+class Belief(NamedTuple):
+    """About what no cause explains."""
+
+    left: str
+    """Of ``NOTHING_OF``."""
+    discrepancy: Discrepancy
+
+
 class Node(NamedTuple):
     """One hypothesis, fitted."""
 
     hypothesis: Hypothesis
     posterior: Posterior
-    value: float
-    """V."""
-    resampled: Float[np.ndarray, " draws"]
-    """V of persons drawn anew."""
+    by_belief: Float[np.ndarray, "beliefs draws"]
+    """log w_k evidence_k + |H| log odds: of all persons, and of persons drawn anew."""
+
+    @property
+    def value(self) -> float:
+        """V."""
+        return float(_summed(self.by_belief[:, 0]))
+
+    @property
+    def resampled(self) -> Float[np.ndarray, " draws"]:
+        """V of persons drawn anew."""
+        return _summed(self.by_belief[:, 1:])
+
+
+def _summed(logarithms: Float[np.ndarray, "beliefs ..."]) -> np.ndarray:
+    """Add up in logarithms."""
+    highest = logarithms.max(axis=0)
+    return highest + np.log(np.exp(logarithms - highest).sum(axis=0))
 
 
 @dataclass
@@ -80,6 +107,8 @@ class Search:
     gaps: dict[tuple[Hypothesis, bool], Float[np.ndarray, "folds 6"]] = field(default_factory=dict)
     """Of unseen postures, of those, with and without sizes of one's own (``unseen_gaps_deg``)."""
     discrepancy: Discrepancy = TYPICAL
+    """Of the belief that is most probable with the best set; modes are found with it."""
+    beliefs: tuple[Belief, ...] = (Belief("common", TYPICAL),)
     likelihoods: dict[tuple[Discrepancy, str | None], Likelihood] = field(default_factory=dict)
     """By the discrepancy, and what is held out of them."""
 
@@ -101,11 +130,18 @@ class Search:
 
     def likelihood_without(self, motion: str | None) -> Likelihood:
         """Hold a motion out."""
-        key = self.discrepancy, motion
+        return self._with(self.discrepancy, motion)
+
+    def _with(self, discrepancy: Discrepancy, motion: str | None = None) -> Likelihood:
+        key = discrepancy, motion
         if key not in self.likelihoods:
             seen = None if motion is None else self.folds.label != motion
-            self.likelihoods[key] = Likelihood.of(self.joint, self.discrepancy, seen)
+            self.likelihoods[key] = Likelihood.of(self.joint, discrepancy, seen)
         return self.likelihoods[key]
+
+    def _modes(self, hypotheses: Sequence[Hypothesis], thetas_mm, amplitudes) -> list[Posterior]:
+        beliefs = [self._with(one.discrepancy) for one in self.beliefs]
+        return modes(self.joint, self.likelihood, hypotheses, thetas_mm, amplitudes, beliefs)
 
     def fit(self, names: Sequence[str], start: Node | None) -> Node:
         """Fit a hypothesis, from the fit of another one; without one, what is known."""
@@ -115,8 +151,8 @@ class Search:
         if start is None:
             theta = [self.without_causes.theta_mm, self.joint.model.theta_mm]
             believed = self.joint.candidates.mean[self.joint.candidates.where(hypothesis)]
-            found = modes(self.joint, self.likelihood, [hypothesis] * 2, theta, [believed] * 2)
-            return self._add(max(found, key=lambda one: self._value(self.given(one, hypothesis), hypothesis)))
+            found = self._modes([hypothesis] * 2, theta, [believed] * 2)
+            return self._add(max(found, key=lambda one: self._value(one, hypothesis)))
         return self.fit_all([(hypothesis, start)])[0]
 
     def fit_all(self, starts: Sequence[tuple[Hypothesis, Node]]) -> list[Node]:
@@ -125,7 +161,7 @@ class Search:
         if missing:
             thetas = [start.posterior.theta_mm for start in missing.values()]
             amplitudes = [self._amplitude_at(start, hypothesis) for hypothesis, start in missing.items()]
-            for posterior in modes(self.joint, self.likelihood, list(missing), thetas, amplitudes):
+            for posterior in self._modes(list(missing), thetas, amplitudes):
                 self._add(posterior)
         return [self.nodes[hypothesis] for hypothesis, _ in starts]
 
@@ -138,20 +174,40 @@ class Search:
 
     def _add(self, posterior: Posterior) -> Node:
         hypothesis = posterior.hypothesis
-        given, value, resampled = self.given(posterior, hypothesis), _WORST, np.full(len(self.times), _WORST)
-        if self.joint.candidates.has_the_sign(hypothesis, given.amplitude, self.known):
-            value, resampled = self._value(given, hypothesis), self.resampled(given, hypothesis)
-        node = self.nodes[hypothesis] = Node(hypothesis, posterior, value, resampled)
+        by_belief = np.full((len(self.beliefs), 1 + len(self.times)), _WORST)
+        amplitude = self.given(posterior, hypothesis).amplitude
+        if self.joint.candidates.has_the_sign(hypothesis, amplitude, self.known):
+            by_belief = self._by_belief(posterior, hypothesis, self.times)
+        node = self.nodes[hypothesis] = Node(hypothesis, posterior, by_belief)
         self.progress(f"{len(self.nodes)} sets of causes")
         return node
 
-    def _value(self, given: Given, hypothesis: Hypothesis) -> float:
-        """V of a set."""
-        return given.log_evidence + len(hypothesis) * self.log_odds
+    def _by_belief(
+        self, posterior: Posterior, hypothesis: Hypothesis, times: Float[np.ndarray, "draws subjects"]
+    ) -> Float[np.ndarray, "beliefs 1+draws"]:
+        """Compute what V is of with each belief, in the linear model around the mode of a set within it: of all
+        persons, and of those that count so much."""
+        candidates = self.joint.candidates
+        where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
+        every = np.concatenate([np.ones((1, self.times.shape[1])), times])
+        believed = candidates.mean[where], candidates.scale[where]
+        found = [one.given(where, here[where], *believed).resampled(every) for one in posterior.by_belief]
+        return np.array(found) + len(hypothesis) * self.log_odds + self._log_weights[:, None]
 
-    def resampled(self, given: Given, hypothesis: Hypothesis) -> Float[np.ndarray, " draws"]:
-        """Compute V of a set, of persons drawn anew."""
-        return given.resampled(self.times) + len(hypothesis) * self.log_odds
+    @property
+    def _log_weights(self) -> Float[np.ndarray, " beliefs"]:
+        """What all do alike, by whichever estimate, is as improbable as ``_UNKNOWN`` causes."""
+        of_common = _UNKNOWN * self.log_odds - np.log(max(1, sum(one.left == "common" for one in self.beliefs)))
+        weights = np.array([of_common if one.left == "common" else 0.0 for one in self.beliefs])
+        return weights - _summed(weights)
+
+    def by_belief(self, near: Node, hypothesis: Hypothesis) -> Float[np.ndarray, "beliefs draws"]:
+        """Predict those of persons drawn anew from the mode of another set."""
+        return self._by_belief(near.posterior, hypothesis, self.times)[:, 1:]
+
+    def _value(self, posterior: Posterior, hypothesis: Hypothesis) -> float:
+        """Compute V of a set in the linear model around the mode of one within it."""
+        return float(_summed(self._by_belief(posterior, hypothesis, self.times[:0])[:, 0]))
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
         """Give a set, in the linear model around the mode of one within it."""
@@ -175,7 +231,7 @@ class Search:
         """Predict V of a set from the mode of another one, once."""
         both = node.hypothesis, hypothesis
         if both not in self.predicted:
-            self.predicted[both] = self._value(self.given(node.posterior, hypothesis), hypothesis)
+            self.predicted[both] = self._value(node.posterior, hypothesis)
         return self.predicted[both]
 
     def beam(self, first: Sequence[str] = ()) -> None:
@@ -199,26 +255,52 @@ class Search:
             best = max(best, highest)
 
     def run(self) -> "Search":
-        """Search from what is known, and beside it from each effect whose size has been measured; again with the
-        discrepancy that the best set leaves."""
+        """Search from what is known, and beside it from each effect whose size has been measured: as if noise alone
+        were left, as large as what is not smooth along the motions; and again with what the best set leaves."""
+        first = self.fit(self.known, None)
+        smooth = likeliest(self.joint, first.posterior)
+        self._believe([Belief("noise", smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0)))])
+        learnt = None
         for _ in range(_PASSES):
             self.beam()
             for effect in self.joint.candidates.effects:
                 if effect.prior.mean and effect.name not in self.known:
                     self.beam((effect.name,))
-            self._learn(self.best)
+            if self.best.hypothesis != learnt:
+                learnt = self.best.hypothesis
+                self._learn(self.best, smooth)
         return self
 
-    def _learn(self, node: Node) -> None:
-        """Estimate the discrepancy from what a set leaves, and fit the best sets anew with it."""
-        self.discrepancy = likeliest(self.joint, node.posterior, self.discrepancy)
+    def _learn(self, best: Node, smooth: Discrepancy) -> None:
+        """Estimate what the best set leaves to each belief, and fit the best sets anew with them; where nothing is
+        named ``smooth`` is left."""
+        beliefs = [
+            Belief(left, likeliest(self.joint, best.posterior, none, smooth)) for left, none in NOTHING_OF.items()
+        ]
+        if best.hypothesis != self.known:
+            beliefs.append(Belief("common", smooth))
+        self._believe(beliefs)
+
+    def _believe(self, beliefs: Sequence[Belief]) -> None:
+        """Fit the best sets anew with these beliefs."""
         best = sorted(self.usable, key=lambda one: -one.value)[:_KEPT]
-        before, self.nodes = list({one.hypothesis: one for one in (*best, self.nodes[self.known])}.values()), {}
+        before = list({one.hypothesis: one for one in (*best, self.nodes[self.known])}.values())
+        self.beliefs = tuple(beliefs)
+        self.discrepancy = self._most_probable(before[0])
+        self.nodes = {}
         self.predicted.clear()
         thetas, amplitudes = zip(*((one.posterior.theta_mm, one.posterior.amplitude) for one in before), strict=True)
-        hypotheses = [one.hypothesis for one in before]
-        for posterior in modes(self.joint, self.likelihood, hypotheses, thetas, amplitudes):
+        for posterior in self._modes([one.hypothesis for one in before], thetas, amplitudes):
             self._add(posterior)
+
+    def _most_probable(self, node: Node) -> Discrepancy:
+        """Find the belief that is most probable with a set."""
+        candidates, at = self.joint.candidates, node.posterior
+        every = np.arange(len(candidates.scale))
+        linear = at.theta_mm, at.y, at.Z, every, candidates.among_all(at.hypothesis, at.amplitude)
+        by_belief = tuple(self._with(one.discrepancy).evidence(*linear) for one in self.beliefs)
+        found = self._by_belief(replace(at, by_belief=by_belief), node.hypothesis, self.times[:0])[:, 0]
+        return self.beliefs[int(np.argmax(found))].discrepancy
 
     def in_place_of(self, node: Node, own: str) -> dict[str, Node]:
         """Fit the most hopeful sets with another cause in the place of one; the best of each cause, its own among
@@ -246,7 +328,7 @@ class Search:
             found = near.posterior
             if near.hypothesis != hypothesis:
                 start = near.posterior.theta_mm, self._amplitude_at(near, hypothesis)
-                (found,) = modes(self.joint, self.likelihood, [hypothesis], [start[0]], [start[1]])
+                (found,) = self._modes([hypothesis], [start[0]], [start[1]])
             self.posteriors[hypothesis] = found
         return self.posteriors[hypothesis]
 
@@ -296,6 +378,12 @@ class Search:
     def best(self) -> Node:
         """The set of the highest V."""
         return max(self.usable, key=lambda node: node.value)
+
+    @property
+    def left_over_share(self) -> float:
+        """Share of the variance that is smooth along the motions, where nothing is named, that the best set leaves."""
+        best, *nothing = (one.discrepancy.smooth_deg2 for one in self.beliefs if one.left == "common")
+        return best / nothing[0] if nothing else 1.0
 
     @property
     def usable(self) -> list[Node]:

@@ -1,7 +1,7 @@
 """Which causes are named: those that are needed of the set that carries over, as long as each predicts unseen motions
 and persons."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -10,19 +10,24 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, without
 from adapt.diagnosis.fit.positions.position_evidence import given_by_positions
-from adapt.diagnosis.inference.alternatives import LEVEL, CredibleSet, credible_set
+from adapt.diagnosis.inference.alternatives import MOVES, CredibleSet, credible_set
 from adapt.diagnosis.inference.intervals import known_mean
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.inference.weights import probabilities
-from adapt.tables.folds import PERSON
 from models.effects.effect import cause_of
 
 LEAST_PROBABILITY = 0.8
 """Of sets with a cause in a place, whichever, against the set with none there, averaged over persons drawn anew."""
 
-
 LEAST_INCLUSION = 0.05
 """Probability over all sets, below which no cause is named."""
+
+REJECTED = 0.9
+"""Probability that all persons do something alike beside the best causes, from which these explain not all: simulated
+worlds with a cause outside the list have 0.99 or more, with those of the list 0.6 or less."""
+
+_MOST_LEFT_OVER = 0.5
+"""Share of what is smooth that they leave, from which they explain nothing then."""
 
 _WORSE = 2.0
 """Standard errors, beyond which a prediction is worse: 1 lets chance veto one true cause in six."""
@@ -62,7 +67,7 @@ class Named(NamedTuple):
 
 
 def name_causes(search: Search) -> Named:
-    """Name the causes of the set that carries over, but for those that make the prediction worse."""
+    """Name the causes of the most probable set, but for those that make the prediction worse."""
     chosen, places = _chosen(search)
     shown = [one for one in chosen.hypothesis if by_positions(search, one, chosen.hypothesis) >= LEAST_PROBABILITY]
     hypothesis = _predicting(search, chosen, shown)
@@ -88,38 +93,29 @@ def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[
     return tuple(name for name in named if inclusion[causes[name]] >= LEAST_INCLUSION)
 
 
+def standing(search: Search, named: Hypothesis, seen: Collection[str]) -> Hypothesis:
+    """Keep what stands though all persons do something alike that no cause explains: what is known and what was
+    ``seen``; and, where the best set leaves less than half, what is not a movement, of which angles tell which
+    constraint gives way and not what moves."""
+    little = search.left_over_share <= _MOST_LEFT_OVER
+    sure = {*seen, *map(cause_of, search.known)}
+    return tuple(name for name in named if cause_of(name) in sure or (little and cause_of(name) not in MOVES))
+
+
 def nothing_named(search: Search) -> Named:
     """Name no cause."""
     return Named((), search.nodes[search.known])
 
 
 def _chosen(search: Search) -> tuple[Node, dict[str, dict[str, Node]]]:
-    """Find the set that carries over, less what is not needed, and what may stand in the place of each cause."""
+    """Find the most probable set, less what is not needed, and what may stand in the place of each cause."""
     while True:
-        best = node = carrying_over(search)
+        best = node = search.best
         while weak := _weakest(search, node, places := _places(search, node)):
             node = search.without(node, weak)
-        if carrying_over(search).hypothesis == best.hypothesis:
+        if search.best is best:
             causes = search.joint.candidates.causes
             return node, places | {name: {causes[name]: node} for name in search.known}
-
-
-def carrying_over(search: Search) -> Node:
-    """Find the most probable set that does not predict persons who were not seen, with the sizes of the others as they
-    are, worse than any, beyond ``_WORSE`` standard errors, of those that hold the truth with ``LEVEL`` between them; of
-    one person, the most probable."""
-    if PERSON not in search.folds.kinds:
-        return search.best
-    sets = search.usable
-    probability = probabilities([node.resampled for node in sets])
-    likely = np.argsort(-probability)
-    likely = likely[: np.searchsorted(np.cumsum(probability[likely]), LEVEL) + 1]
-    hypotheses = [sets[k].hypothesis for k in likely]
-    search.predict(hypotheses, own_sizes=False)
-    gaps = np.array([known_mean(search.unseen_gaps_deg(one, own_sizes=False)) for one in hypotheses])
-    beyond = gaps - gaps[np.argmin(gaps.mean(axis=1))]
-    as_good = beyond.mean(axis=1) <= _WORSE * _standard_error(beyond)
-    return sets[likely[np.argmax(as_good)]]
 
 
 def _standard_error(differences: Float[np.ndarray, "*sets folds"]) -> Float[np.ndarray, "*sets"]:

@@ -23,6 +23,8 @@ class Weights:
     """Most probable first; sums to 1."""
     cause: dict[str, str]
     """By name of a candidate, its cause."""
+    unexplained: float
+    """Probability that all shoulders do something alike that no cause explains."""
 
     @cached_property
     def inclusion(self) -> dict[str, float]:
@@ -40,7 +42,7 @@ class Weights:
         for hypothesis, p in self.probability.items():
             rest = tuple(name for name in hypothesis if not held(name))
             found[rest] = found.get(rest, 0.0) + (1.0 - probability) * p
-        return Weights(dict(sorted(found.items(), key=lambda one: -one[1])), self.cause)
+        return Weights(dict(sorted(found.items(), key=lambda one: -one[1])), self.cause, self.unexplained)
 
 
 def weigh(search: Search) -> Weights:
@@ -49,11 +51,15 @@ def weigh(search: Search) -> Weights:
     least = search.best.value - _NEAR
     near = [node for node in search.usable if node.value > least]
     widened = sorted((one for node in near for one in search.widened(node) if one[0] > least), key=lambda one: one[0])
-    starts = {hypothesis: start.posterior for _, hypothesis, start in widened}  # where it is most probable
-    values = {name: search.resampled(search.given(start, name), name) for name, start in starts.items()}
-    values |= {node.hypothesis: node.resampled for node in search.usable}
-    found = dict(zip(values, probabilities(list(values.values())).tolist(), strict=True))
-    return Weights(dict(sorted(found.items(), key=lambda one: -one[1])), search.joint.candidates.causes)
+    starts = {hypothesis: start for _, hypothesis, start in widened}  # where it is most probable
+    each = {name: search.by_belief(start, name) for name, start in starts.items()}
+    each |= {node.hypothesis: node.by_belief[:, 1:] for node in search.usable}
+    every = np.array(list(each.values()))
+    shares = np.exp(every - every.max(axis=(0, 1)))
+    shares = (shares / shares.sum(axis=(0, 1))).mean(axis=2)
+    found = dict(zip(each, shares.sum(axis=1).tolist(), strict=True))
+    unexplained = float(shares[:, [one.left == "common" for one in search.beliefs]].sum())
+    return Weights(dict(sorted(found.items(), key=lambda one: -one[1])), search.joint.candidates.causes, unexplained)
 
 
 def probabilities(values: Sequence[Float[np.ndarray, " draws"]]) -> Float[np.ndarray, " sets"]:

@@ -23,8 +23,9 @@ from adapt.solvers.own_bones.most_probable import Posterior, Prior, Rows, person
 from models.person.own_bones import GROUPS, SIZES
 from motions.table import FEWEST_ANGLES
 
-LOG_SCALE_SD, LOG_NOISE_SD = 0.4, 0.7
-"""Of the logarithms' normal priors: half or twice the SDs of ``SIZES`` is 1.7 SDs off, half or twice the noise 1."""
+SCALE_SD, LOG_NOISE_SD = 0.6, 0.7
+"""Of a scale about 1, and of the logarithm of the noise: twice the SDs of ``SIZES``, and persons who do not differ, are
+1.7 SDs off; half or twice the noise is 1."""
 
 TYPICAL_NOISE_DEG = 0.8
 """Between bone pins, 0.4, and palpation, 1.5: of an angle, with what the chain cannot do."""
@@ -181,12 +182,21 @@ def minus_two_log_likelihood(logarithms: Float[np.ndarray, "scales runs"], of: M
     noise_alone = shared.sum(axis=1) + square - vz - zz - 2.0 * (z * back).sum(axis=1)
     curvatures = _bordered(of_scales, 2.0 * z * back - shared, noise_alone)
     expected = _bordered(K * K, shared, m - followed.sum(axis=1) - shared.sum(axis=1))
-    precision = 1.0 / np.array([LOG_SCALE_SD] * len(GROUPS) + [LOG_NOISE_SD])[:, None] ** 2
     starts = np.searchsorted(run, np.arange(logarithms.shape[1]))
     sums = (np.add.reduceat(one, starts, axis=0).T for one in (values, slopes, curvatures, expected))
-    of_prior = (precision * logarithms**2).sum(axis=0), 2.0 * precision * logarithms
-    of_prior += 2 * (2.0 * np.diag(precision[:, 0])[..., None],)
-    return tuple(one + more for one, more in zip(sums, of_prior, strict=True))
+    return tuple(one + more for one, more in zip(sums, _of_prior(logarithms), strict=True))
+
+
+def _of_prior(logarithms: Float[np.ndarray, "scales runs"]):
+    """-2 log of it, with its slopes and curvatures: normal in the scales, and in the logarithm of the noise."""
+    scale, noise = np.exp(logarithms[:-1]), logarithms[-1:]
+    off, off_noise = (scale - 1.0) / SCALE_SD, noise / LOG_NOISE_SD
+    value = (off**2).sum(axis=0) + (off_noise**2)[0]
+    slope = np.append(2.0 * off * scale / SCALE_SD, 2.0 * off_noise / LOG_NOISE_SD, axis=0)
+    of_noise = np.full(noise.shape, 2.0 / LOG_NOISE_SD**2)
+    curved = np.append(2.0 * scale * (2.0 * scale - 1.0) / SCALE_SD**2, of_noise, axis=0)
+    expected = np.append(2.0 * scale**2 / SCALE_SD**2, of_noise, axis=0)
+    return value, slope, *(np.eye(len(slope))[..., None] * one for one in (curved, expected))
 
 
 def _by_group(of_sizes: Float[np.ndarray, "pairs sizes"]) -> Float[np.ndarray, "pairs groups"]:

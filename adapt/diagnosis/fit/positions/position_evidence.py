@@ -45,8 +45,10 @@ def _white(
     variance = rows.places * rows.noise_mm**2 + (discrepancy.noise_deg * rows.lever_mm[own]) ** 2
     inverse_root, log_determinant = position_whitening(shoulders, discrepancy, own, variance, measured)
     of_curves = np.einsum("rb,nk->rnkb", curves, np.eye(n)).reshape(len(own), n, -1)
-    constants, values = rows.by_constant[own], rows.values_mm[own, :, None]
-    columns = np.concatenate([constants, constants, of_curves, rows.by_amplitude[own], values], axis=2)
+    shared, values = [rows.by_common[own], of_curves], rows.values_mm[own, :, None]
+    columns = np.concatenate(
+        [discrepancy.people * rows.by_constant[own], *shared, rows.by_amplitude[own], values], axis=2
+    )
     white = inverse_root @ np.swapaxes(np.where(measured[..., None], columns, 0.0), 0, 1)
     return white.reshape(-1, columns.shape[2]), log_determinant
 

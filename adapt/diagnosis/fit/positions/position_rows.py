@@ -3,12 +3,13 @@
 A landmark m is seen from the next measured one that carries it, p (the thorax where none was): c = p_m - p_p, in the
 thorax frame, at the angles as they were measured. The closed chain is not in it:
 
-    c = c_0 + A a_s + H x_s + curves + noise,    x_s = S (h + u_s),  h and u_s ~ N(0, 1)
+    c = c_0 + A a_s + H x_s + curves + noise,    x_s = S u_s + C h,  h and u_s ~ N(0, 1)
 
 c_0 is that of the parameter set. A is the slope of c in all amplitudes. x_s are the constants of the person
-(``adapt.evaluation.person_constants``): the places of SC, AC, TS, AI and AA in their bones, S S' their covariance; h is
-what all persons have in common of them, as the set is one person's too. The noise of a coordinate is that of a place,
-of two where a landmark is seen from another, and that of the measured angles by its lever.
+(``adapt.evaluation.person_constants``): the places of SC, AC, TS, AI and AA in their bones, S S' their covariance by a
+scale that is learnt (``Discrepancy.people``). What all persons have in common of them is a cause, a candidate
+(``_COMMON_OF``); h is of what no candidate changes, as AA, which no set has. The noise of a coordinate is that of a
+place, of two where a landmark is seen from another, and that of the measured angles by its lever.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,11 +22,13 @@ from jaxtyping import Bool, Float, Int
 from adapt.diagnosis.fit.candidates import Candidates
 from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.engine.batching import take_problems
-from adapt.evaluation.person_constants import Places, place_slopes, prior_of
+from adapt.evaluation.person_constants import Places, columns_of, place_slopes, prior_of
 from models.effects import ActiveEffects, Effect
+from models.effects.course import CONSTANT
 from models.effects.extended_girdle import NO_ACTIVE_EFFECTS
 from models.girdle import Girdle, bone_rotations
 from models.person.family import AnyModel
+from models.person.own_bones import NAMES
 from models.person.positions.landmark_positions import POSITIONS, BonePoses, bone_poses, positions_mm
 from motions.landmarks.sampled_postures import measured_places_mm
 from motions.rotations import DEG
@@ -51,6 +54,20 @@ _AA = {"AA": np.array([[-5.0], [-25.0], [22.0]])}
 effect does to it goes by it; where it is in a person is a constant."""
 
 
+_COMMON_OF: Mapping[str, str] = {
+    "SC_": "sc_offset",
+    "clavicle_length": "clavicle_length",
+    "scapula_size": "scapula_size",
+    "TS_x": "ts_offset",
+    "AI_": "ai_offset",
+    "clavicle_AC": "ac_offset",
+    "scapula_AC": "ac_offset",
+    "clavicle_frame": "clavicle_frame_bias",
+    "scapula_frame": "scapula_landmark_bias",
+}
+"""By how the name of a person's size begins (``models.person.own_bones``), the cause that all have in common of it."""
+
+
 @dataclass(frozen=True)
 class PositionRows:
     """Measured coordinates; n of each posture."""
@@ -61,6 +78,8 @@ class PositionRows:
     by_amplitude: Float[np.ndarray, "rows n amplitudes"]
     by_constant: Float[np.ndarray, "rows n constants"]
     """H S."""
+    by_common: Float[np.ndarray, "rows n common"]
+    """H C."""
     landmarks: tuple[str, ...]
     """Those that were measured, three coordinates each."""
     places: Int[np.ndarray, " n"]
@@ -102,6 +121,7 @@ class PositionRows:
             measured=self.measured[:, kept],
             by_amplitude=turned @ self.by_amplitude,
             by_constant=_OPEN * turned @ self.by_constant,
+            by_common=_OPEN * turned @ self.by_constant,
             landmarks=self.landmarks,
             places=self.places[kept],
             lever_mm=np.zeros((count, len(kept))),
@@ -140,16 +160,26 @@ def _laid_out(
     places = np.concatenate([place.T for place in _from_carriers(measured).values()], axis=1)
     known = np.isfinite(places)
     root = np.linalg.cholesky(np.moveaxis(prior_of(model, shoulders.subjects), -1, 0))[shoulders.subject]
+    columns, by_constant = columns_of(model, shoulders.subjects), seen.by_constant(poses)
+    common = np.moveaxis(columns[:, ~_are_candidates(candidates, columns.shape[1])], -1, 0)[shoulders.subject]
     return PositionRows(
         values_mm=np.where(known, c_0 - np.where(known, places, 0.0), 0.0),
         measured=known,
         by_amplitude=candidates.by_amplitude(seen.by_channel(candidates.effects, angles)),
-        by_constant=np.einsum("rni,rij->rnj", seen.by_constant(poses), root),
+        by_constant=by_constant @ root,
+        by_common=by_constant @ common,
         landmarks=tuple(measured),
         places=np.repeat([1 + bool(_carrier(name, measured)) for name in measured], 3),
         lever_mm=seen.lever_mm(angles, shoulders.measured),
         noise_mm=noise_mm,
     )
+
+
+def _are_candidates(candidates: Candidates, count: int) -> Bool[np.ndarray, " sizes"]:
+    """Tell which sizes of a person a candidate changes in all of them."""
+    tried = {candidates.causes[effect.name] for effect in candidates.effects if effect.course is CONSTANT}
+    of_sizes = [any(name.startswith(start) and _COMMON_OF[start] in tried for start in _COMMON_OF) for name in NAMES]
+    return np.array(of_sizes + [False] * (count - len(of_sizes)))
 
 
 def _carrier(name: str, measured: Sequence[str] | Places) -> str | None:
