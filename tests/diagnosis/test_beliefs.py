@@ -8,9 +8,8 @@ from scipy.special import logsumexp
 from small_worlds import CANDIDATES, searched, simulated
 
 from adapt.diagnosis import diagnose
-from adapt.diagnosis.fit.discrepancy import NOTHING_OF
+from adapt.diagnosis.fit.discrepancy import NOTHING_OF, Belief
 from adapt.diagnosis.fit.likelihood import Likelihood
-from adapt.diagnosis.inference.search import Belief
 from adapt.diagnosis.inference.selection import standing
 from adapt.diagnosis.inference.weights import weigh
 from models import load_model

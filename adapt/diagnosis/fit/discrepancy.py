@@ -18,7 +18,7 @@ So too of every coordinate of a measured landmark (``fit.position_rows``), which
     own_mm^2 (near_motion + near) / 2 [same shoulder] + common_mm^2 near
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -86,6 +86,27 @@ _LEAST_VARIANCE = 1e-2
 
 _LEAST_OF_FEW = 5e-2
 """So too for positions, whose coordinates have three to five curves each: 5 % of the common variance is lost."""
+
+
+_UNKNOWN = 2
+"""A cause that is not in the list is as improbable as two that are: an explanation by a pair of them comes first."""
+
+
+class Belief(NamedTuple):
+    """About what no cause explains."""
+
+    left: str
+    """Of ``NOTHING_OF``."""
+    discrepancy: Discrepancy
+
+
+def log_weights(beliefs: Sequence[Belief], log_odds: float) -> Float[np.ndarray, " beliefs"]:
+    """Compute how probable each is before any data: what all do alike, by whichever estimate, acts like a cause that is
+    not in the list; ``log_odds`` are those of one that is."""
+    count = sum(one.left == "common" for one in beliefs)
+    of_common = _UNKNOWN * log_odds - np.log(max(1, count))
+    weights = np.array([of_common if one.left == "common" else 0.0 for one in beliefs])
+    return weights - np.logaddexp.reduce(weights)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
     V(H) = log sum_k w_k evidence_k(H) + |H| log(expected / candidates)
 
 The evidence is that of ``fit.posterior``, with each belief k about what no cause explains (``Belief``): noise alone,
-what shoulders do each in its own way, what all do alike. w is that of ``_UNKNOWN`` more causes for the last, which acts
+what shoulders do each in its own way, what all do alike. w is that of two more causes for the last, which acts
 like one that is not in the list; the others are alike. Their variances are those that the best set of a first pass
 leaves, in which noise alone is left; and of what all do alike those besides that are left where nothing is named.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
-from adapt.diagnosis.fit.discrepancy import NOTHING_OF, TYPICAL, Discrepancy
+from adapt.diagnosis.fit.discrepancy import NOTHING_OF, TYPICAL, Belief, Discrepancy, log_weights
 from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
 from adapt.diagnosis.fit.likelihood import Likelihood
@@ -37,9 +37,6 @@ from models.person.family import AnyModel
 EXPECTED_CAUSES = 2.0
 """Of all candidates, before any data."""
 
-_UNKNOWN = 2
-"""A cause that is not in the list is as improbable as two that are: an explanation by a pair of them comes first."""
-
 _WIDTHS = ((1, 10, 10), (4, 4, 10), (3, 4, 8), (2, 4, 5), (1, 3, 3))
 """At each number of causes: sets to widen, candidates to add to each, and sets to fit."""
 
@@ -57,14 +54,6 @@ _KEPT = 20
 _WORST = -1e9
 
 
-class Belief(NamedTuple):
-    """About what no cause explains."""
-
-    left: str
-    """Of ``NOTHING_OF``."""
-    discrepancy: Discrepancy
-
-
 class Node(NamedTuple):
     """One hypothesis, fitted."""
 
@@ -76,18 +65,12 @@ class Node(NamedTuple):
     @property
     def value(self) -> float:
         """V."""
-        return float(_summed(self.by_belief[:, 0]))
+        return float(np.logaddexp.reduce(self.by_belief[:, 0]))
 
     @property
     def resampled(self) -> Float[np.ndarray, " draws"]:
         """V of persons drawn anew."""
-        return _summed(self.by_belief[:, 1:])
-
-
-def _summed(logarithms: Float[np.ndarray, "beliefs ..."]) -> np.ndarray:
-    """Add up in logarithms."""
-    highest = logarithms.max(axis=0)
-    return highest + np.log(np.exp(logarithms - highest).sum(axis=0))
+        return np.logaddexp.reduce(self.by_belief[:, 1:])
 
 
 @dataclass
@@ -192,14 +175,7 @@ class Search:
         every = np.concatenate([np.ones((1, self.times.shape[1])), times])
         believed = candidates.mean[where], candidates.scale[where]
         found = [one.given(where, here[where], *believed).resampled(every) for one in posterior.by_belief]
-        return np.array(found) + len(hypothesis) * self.log_odds + self._log_weights[:, None]
-
-    @property
-    def _log_weights(self) -> Float[np.ndarray, " beliefs"]:
-        """What all do alike, by whichever estimate, is as improbable as ``_UNKNOWN`` causes."""
-        of_common = _UNKNOWN * self.log_odds - np.log(max(1, sum(one.left == "common" for one in self.beliefs)))
-        weights = np.array([of_common if one.left == "common" else 0.0 for one in self.beliefs])
-        return weights - _summed(weights)
+        return np.array(found) + len(hypothesis) * self.log_odds + log_weights(self.beliefs, self.log_odds)[:, None]
 
     def by_belief(self, near: Node, hypothesis: Hypothesis) -> Float[np.ndarray, "beliefs draws"]:
         """Predict those of persons drawn anew from the mode of another set."""
@@ -207,7 +183,7 @@ class Search:
 
     def _value(self, posterior: Posterior, hypothesis: Hypothesis) -> float:
         """Compute V of a set in the linear model around the mode of one within it."""
-        return float(_summed(self._by_belief(posterior, hypothesis, self.times[:0])[:, 0]))
+        return float(np.logaddexp.reduce(self._by_belief(posterior, hypothesis, self.times[:0])[:, 0]))
 
     def given(self, posterior: Posterior, hypothesis: Hypothesis) -> Given:
         """Give a set, in the linear model around the mode of one within it."""

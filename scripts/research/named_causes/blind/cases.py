@@ -86,6 +86,8 @@ _COMMON = {
     "three": Condition(SINGLE, subjects=3),
     "one": Condition(SINGLE, subjects=1),
     "noise_3": Condition(SINGLE, noise_deg=3.0),
+    "two_motions": Condition(SINGLE),
+    "landmarks": Condition(SINGLE, landmarks=True),
     "landmarks_three": Condition(SINGLE, subjects=3, landmarks=True),
 }
 ALONE = "alone_"
