@@ -36,9 +36,6 @@ from motions.rotations import (
     rotation_from_cardan,
 )
 
-FREE_COORDINATES = ("AC_y", "AC_z", "TS_x")
-"""The order of every vector of free coordinates, mm, thorax frame."""
-
 DRIVEN = ("ok", "unreachable_AC", "unreachable_TS", "unreachable_AI", "unreachable_conoid", "not_converged", "invalid")
 """How a posture ended. AC: AC_y, AC_z are farther from SC than the clavicle is long. TS, AI: with these coordinates the
 point meets its distance nowhere within ``WINDOW_DEG`` of the start. conoid: too short or too long at every axial

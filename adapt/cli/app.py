@@ -10,6 +10,7 @@ import typer
 
 from adapt.cli.commands.app_command import open_app
 from adapt.cli.commands.assess_commands import diagnose_gap, muscle_results, trust_results
+from adapt.cli.commands.drive_command import drive_girdle
 from adapt.cli.commands.fit_commands import adapt, fit
 from adapt.cli.commands.list_commands import list_effects, list_models, simulate
 from adapt.cli.doctor import doctor
@@ -49,6 +50,7 @@ for name, command in {
     "contour": contours_of_slices,
     "models": list_models,
     "simulate": simulate,
+    "drive": drive_girdle,
     "effects": list_effects,
     "app": open_app,
     "doctor": doctor,

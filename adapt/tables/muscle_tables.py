@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from adapt.tables.before_after import KEYS, STATES, BeforeAfter, State, before_and_after, subject_means
-from models.drive import FREE_COORDINATES
 from models.muscles.balance import OK, Balance, arm_weight_N, balance
 from models.muscles.contact import FORCES, contact_forces
 from models.muscles.muscle_lines import SERRATUS, MuscleLines, all_have_landmarks, muscle_lines_of
@@ -23,6 +22,7 @@ from models.muscles.pulls import (
 )
 from models.person.family import AnyModel
 from motions.errors import InputError
+from motions.formats.free_coordinates import FREE_COORDINATES
 
 BODY_MASS_KG = 75.0
 """Of a person of whom it is not given. Assumed: the cadavers of Table 3.1 weighed 71 to 75 kg."""

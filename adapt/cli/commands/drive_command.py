@@ -1,0 +1,69 @@
+"""``girdle drive``: the free coordinates of the girdle to postures and back."""
+
+from typing import Annotated
+
+import pandas as pd
+import typer
+from rich.console import Console
+
+from adapt.cli.ending import finish
+from adapt.cli.options import DEFAULT_MODEL, MotionFiles, Out, Repeat, console
+from adapt.cli.terminal.print_tables import HEADERS, folding_table
+from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
+from adapt.tables.driven_table import DrivenPostures, coordinates_of_postures, driven_postures
+from models import load_model
+from motions import Motions, read_motions, write_motions
+from motions.formats.free_coordinates import COORDINATE_COLUMNS, FREE_COORDINATES, read_free_coordinates
+from motions.motion_csv.columns import ANGLE_COLUMNS
+
+_MOST_PRINTED = 50
+"""Postures of which each has a line."""
+
+
+def drive_girdle(
+    motions: MotionFiles,
+    out: Out,
+    model: Annotated[str, typer.Option(help="Name of a parameter set or a TOML file.")] = DEFAULT_MODEL,
+    inverse: Annotated[
+        bool, typer.Option("--inverse", help="The way back: the coordinates that the girdle has at measured angles.")
+    ] = False,
+    repeat: Repeat = None,
+) -> None:
+    """Drive the girdle by y and z of AC and x of TS, its three free coordinates, to postures (thesis 3.2.2).
+
+    Takes motion files with positions of AC and TS, or CSV files with the columns AC_y_mm, AC_z_mm and TS_x_mm (thorax
+    frame, right shoulder) and, if need be, subject, motion, posture and humerus_elevation_deg. The posture is the one
+    nearest to the measured angles where the file has them, else to the arm hanging.
+
+    Writes driven.csv (one row a posture: coordinates, six angles, residuals of the constraints A1-A3, status),
+    motions.csv (the postures that were reached as a motion file) and run.json. A posture out of reach says which part
+    cannot follow: unreachable_AC, _TS, _AI or _conoid.
+
+    With --inverse: motion files in, and in driven.csv the coordinates that the girdle has at the six angles; A1-A3
+    then say how far these angles are from closing its chain.
+    """
+    record, parameters = inputs_record(motions, [model]), load_model(model)
+    read = read_motions if inverse else read_free_coordinates
+    table = Motions.concatenate([read(path) for path in motions])
+    found = (coordinates_of_postures if inverse else driven_postures)(table, parameters)
+    with results_folder(out) as folder, transaction(folder) as part:
+        write_table(found.table, part / "driven.csv")
+        if not inverse and (reached := found.as_motions) is not None:
+            write_motions(reached, part / "motions.csv")
+        write_run(part, "drive", record, {"inverse": inverse}, table.rejected)
+    _print_driven(console, found)
+    finish(table, found.failed)
+
+
+def _print_driven(console: Console, found: DrivenPostures) -> None:
+    """Print the postures of each motion; a dash where one was not reached."""
+    shown = found.table.head(_MOST_PRINTED)
+    for (subject, motion), rows in shown.groupby(["subject", "motion"], sort=False):
+        title = f"{found.model.name}, {subject}, {motion}: mm and degrees"
+        table = folding_table(title, (), ("no.", *FREE_COORDINATES, *HEADERS))
+        for row in rows.to_dict("records"):
+            values = [row[name] for name in (*COORDINATE_COLUMNS, *ANGLE_COLUMNS)]
+            table.add_row(str(row["posture"]), *("-" if pd.isna(value) else f"{value:.1f}" for value in values))
+        console.print(table)
+    if len(found.status) > len(shown):
+        console.print(f"{len(found.status)} postures: the others in driven.csv")

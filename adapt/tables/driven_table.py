@@ -1,0 +1,100 @@
+"""Postures driven by their free coordinates, and the free coordinates of postures: the table of `girdle drive`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Shaped
+
+from models.drive import DRIVEN, drive, free_coordinates_mm
+from models.girdle import constraint_residuals_mm, landmarks
+from models.parameter_sets import ParameterSet
+from motions.formats.angle_table import ORIGIN
+from motions.formats.free_coordinates import COORDINATE_COLUMNS, coordinates_mm
+from motions.motion_csv.columns import ANGLE_COLUMNS
+from motions.rhythm import REST_DEG
+from motions.rotations import DEG
+from motions.table import Motions
+
+OK, NOT_KNOWN = DRIVEN[0], DRIVEN[-1]
+
+
+@dataclass(frozen=True)
+class DrivenPostures:
+    """The postures of ``motions`` with one model."""
+
+    model: ParameterSet
+    motions: Motions
+    coordinates_mm: Float[np.ndarray, "3 postures"]
+    """AC_y, AC_z, TS_x, thorax frame."""
+    angles: Float[np.ndarray, "6 postures"]
+    """rad; NaN where the status is not ``ok``."""
+    residual_mm: Float[np.ndarray, "3 postures"]
+    """A1-A3: 0 in a driven posture; in a measured one how far it is from closing the chain."""
+    status: Shaped[np.ndarray, " postures"]
+    """One of ``models.drive.DRIVEN``."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The columns of ``driven.csv``."""
+        own = self.motions
+        names = {"model": self.model.name, "subject": own.subject, "motion": own.motion, "posture": own.posture}
+        angles = dict(zip(ANGLE_COLUMNS, self.angles * float(DEG), strict=True))
+        residuals = {f"a{k + 1}_mm": one for k, one in enumerate(self.residual_mm)}
+        coordinates = dict(zip(COORDINATE_COLUMNS, self.coordinates_mm, strict=True))
+        elevation = {"humerus_elevation_deg": own.humerus_elevation_deg}
+        return pd.DataFrame({**names, **elevation, **coordinates, **angles, **residuals, "status": self.status})
+
+    @property
+    def as_motions(self) -> Motions | None:
+        """The postures that are ``ok`` as simulated motions with the landmarks of the girdle; None where none is."""
+        good = np.flatnonzero(self.status == OK)
+        if not len(good):
+            return None
+        at = landmarks(self.model.girdle.repeated(len(good)), self.angles[:, good])
+        own = self.motions.take(good)
+        origin = f"simulated: {self.model.name} driven by AC_y, AC_z, TS_x"
+        return Motions(
+            subject=own.subject,
+            motion=own.motion,
+            posture=own.posture,
+            humerus_elevation_deg=own.humerus_elevation_deg,
+            angles_deg=self.angles[:, good].T * DEG,
+            landmarks_mm={name: np.asarray(getattr(at, name)).T for name in ("AC", "TS", "AI")},
+            extra=pd.DataFrame({ORIGIN: [origin] * len(good)}),
+        )
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why postures of a subject are not there, by subject."""
+        found = {}
+        for name in self.motions.subjects:
+            words = self.status[self.motions.subject == name]
+            wrong = [word for word in DRIVEN[1:] if (words == word).any()]
+            if wrong:
+                said = ", ".join(f"{(words == word).sum()} {word}" for word in wrong)
+                found[name] = f"{said} of {len(words)} postures"
+        return found
+
+
+def driven_postures(motions: Motions, model: ParameterSet) -> DrivenPostures:
+    """Drive the girdle by the coordinates that AC and TS of the motions have (thesis 3.2.2, 6.2.3).
+
+    On the branch nearest to the posture's own six angles where the motions have them, else to the arm hanging.
+    """
+    mm = coordinates_mm(motions)
+    start_deg = np.where(np.isfinite(motions.angles_deg), motions.angles_deg, REST_DEG)
+    driven = drive(model.girdle, mm, start_deg.T / DEG)
+    return _postures(motions, model, mm, np.asarray(driven.angles), driven.words)
+
+
+def coordinates_of_postures(motions: Motions, model: ParameterSet) -> DrivenPostures:
+    """Compute the coordinates that the girdle has at the measured angles, the chain left open: the way back."""
+    angles = motions.angles_deg.T / DEG
+    words = np.where(np.isfinite(angles).all(axis=0), OK, NOT_KNOWN)
+    return _postures(motions, model, np.asarray(free_coordinates_mm(model.girdle, angles)), angles, words)
+
+
+def _postures(motions: Motions, model: ParameterSet, mm, angles, words) -> DrivenPostures:
+    residual_mm = constraint_residuals_mm(model.girdle.repeated(len(words)), angles)
+    return DrivenPostures(model, motions, mm, angles, np.asarray(residual_mm), words)
