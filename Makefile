@@ -62,11 +62,11 @@ completion: .venv/runtime ## how what is not printed of R2, R4 and R6 is best pl
 	$(BIN)/python scripts/research/thesis/study_completion.py $(MOTIONS) $(MEANS)
 
 tables: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
-	$(BIN)/python scripts/research/thesis/compare_thesis.py $(MOTIONS) $(MEANS)
+	$(BIN)/girdle compare $(MOTIONS) $(MEANS) --model R2 --model R4 --model R6 --out out/compare
 	$(BIN)/python scripts/research/thesis/study_objective.py $(MOTIONS) $(MEANS:--mean=--leave-out)
 
 questions: .venv/runtime ## what measured motions say of the questions of chapter 7: a minute
-	$(BIN)/python scripts/research/thesis/study_chapter7.py $(MOTIONS) $(MEANS)
+	$(BIN)/girdle questions $(MOTIONS) $(MEANS) --model R2 --model R4 --model R6 --out out/questions
 
 thesis: tables completion questions ## all that measured motions say of the thesis: minutes; prints Markdown
 

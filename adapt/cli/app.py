@@ -13,6 +13,7 @@ from adapt.cli.commands.assess_commands import diagnose_gap, muscle_results, tru
 from adapt.cli.commands.drive_command import drive_girdle
 from adapt.cli.commands.fit_commands import adapt, fit
 from adapt.cli.commands.list_commands import list_effects, list_models, simulate
+from adapt.cli.commands.thesis_commands import compare, questions
 from adapt.cli.doctor import doctor
 from adapt.cli.ending import EXIT_BAD_INPUT, EXIT_INTERRUPTED, is_out_of_memory, out_of_memory, watch_stdin
 from adapt.cli.landmarks.landmark_commands import contours_of_slices, convert_file, model_of_person
@@ -51,6 +52,8 @@ for name, command in {
     "models": list_models,
     "simulate": simulate,
     "drive": drive_girdle,
+    "compare": compare,
+    "questions": questions,
     "effects": list_effects,
     "app": open_app,
     "doctor": doctor,

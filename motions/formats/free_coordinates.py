@@ -34,7 +34,7 @@ def read_free_coordinates(path: Path) -> Motions:
     no angle is known. InputError where a coordinate is missing.
     """
     table = read_table(path)
-    if set((*landmark_columns("AC"), *landmark_columns("TS"), "subject", "clavicle_y_deg")) <= set(table.columns):
+    if {*landmark_columns("AC"), *landmark_columns("TS"), "subject", "clavicle_y_deg"} <= set(table.columns):
         return _checked(read_motions(path), path)
     return _of_table(table, path)
 

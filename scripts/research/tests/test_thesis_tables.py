@@ -1,23 +1,23 @@
-"""The printed tables against themselves, the scores by hand, and each choice of the study against what it says."""
+"""The scores by hand, and each choice of the study against what it says."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from handmade import adaptations, motions_of, rising
 from oracles import ellipsoid_distance
 from typer.testing import CliRunner
 
 from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.problems import problems_of
 from adapt.solvers.rows import posture_rows
+from adapt.trust.thesis import printed
 from models import load_model
 from models.girdle import landmarks
 from motions import Motions, read_motions
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.motion_csv.writing import write_motions
-from scripts.research.thesis import compare_thesis, printed, scores, study_objective
+from scripts.research.thesis import scores, study_objective
 from scripts.research.thesis.outcomes import ABDUCTION, FLEXION, Outcome, Study, outcomes, prepare
 from scripts.research.thesis.variants import (
     AXIAL,
@@ -31,9 +31,6 @@ from scripts.research.thesis.variants import (
     with_points,
 )
 from scripts.rooms import ROOT
-
-HALF_DIGIT = 0.05 + 1e-9
-"""The tables are printed to 0.1; subjects too, whose rounding averages out."""
 
 SAME = 1e-12
 
@@ -50,40 +47,6 @@ def motions() -> Motions:
 @pytest.fixture(scope="module")
 def study(motions) -> Study:
     return prepare(motions, printed.SETS)
-
-
-# --- as printed ----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["Table 6.1", "Table 6.2", "Table 6.3", "Table 6.4"])
-@pytest.mark.parametrize("statistic", printed.STATISTICS)
-def test_statistics_are_those_of_the_printed_subjects_but_for_the_misprints(name, statistic):
-    table = printed.tables()[name]
-    recomputed = printed.STATISTICS[statistic](table.of_subjects)
-    wrong = {one.column: one for one in printed.misprints() if (one.table, one.row) == (name, statistic)}
-    for column, value in zip(table.columns, recomputed, strict=True):
-        off = abs(table.cell(statistic, column) - value)
-        if column in wrong:
-            assert table.cell(statistic, column) == wrong[column].printed
-            assert value == pytest.approx(wrong[column].recomputed, abs=0.005)
-            assert off > HALF_DIGIT
-        else:
-            assert off <= HALF_DIGIT, column
-
-
-def test_every_table_is_whole():
-    for table in printed.tables().values():
-        assert table.values.shape == (len(table.rows), len(table.columns))
-        assert table.pages
-    assert [len(table.of_subjects) for table in printed.tables().values()] == [0, 0, 10, 10, 10, 10, 0, 0]
-
-
-def test_six_angles_in_j_would_have_grown_with_r6():
-    """The mean of squares is at least the square of the mean: R6 from 96 to 122 deg^2, in eight of ten subjects."""
-    for angles, (before, after, grew) in ((printed.ANGLES, (96, 122, 8)), (compare_thesis.FIVE, (47, 29, 1))):
-        least = [printed.least_mean_j_deg2(printed.gaps_deg(adapted), angles)[2] for adapted in (False, True)]
-        assert [round(float(x.mean())) for x in least] == [before, after]
-        assert int((least[1] > least[0]).sum()) == grew
 
 
 # --- scores --------------------------------------------------------------------------------------------------------
@@ -224,24 +187,9 @@ def test_without_a_weight_nothing_moves(study):
 # --- what is printed -----------------------------------------------------------------------------------------------
 
 
-def test_table_3_4_beside_ours():
-    """A gap of 6 degrees in every angle and posture, by hand-made fits: mean 6.0, SD 0.0."""
-    made = adaptations(motions_of(rising(2, 4), motion=ABDUCTION), [load_model(name) for name in printed.SETS])
-    before = made.fits[made.fits["adapted"] == 0]
-    lines = compare_thesis.mean_motion_table(before, "Table 3.4", ["s1"]).splitlines()
-    assert len(lines) == 2 + 3 * 2
-    published, ours = ([cell.strip() for cell in lines[k].strip("|").split("|")] for k in (4, 5))
-    assert published[:4] == ["R4", "thesis", "2.8 (1.7)", "5.8 (1.7)"]
-    assert set(ours[2:8]) == {"6.0 (0.0)"}
-
-
-def test_both_commands_print_their_tables(motions, study, tmp_path: Path, monkeypatch):
+def test_the_study_prints_its_table(motions, tmp_path: Path, monkeypatch):
     path = tmp_path / "motions.csv"
     write_motions(motions, path)
-    result = CliRunner().invoke(compare_thesis.app, [str(path), "--mean", motions.subjects[0]], catch_exceptions=False)
-    assert result.exit_code == 0
-    assert "2 of 2 subjects; thesis: 10." in result.stdout
-    assert "| scapula, mean | 7.2 -> 3.8 |" in result.stdout
     few = {"weight": {"w = 0": Variant(weight=0.0), "w = 10": Variant()}}
     monkeypatch.setattr(study_objective, "choices", lambda: few)
     result = CliRunner().invoke(study_objective.app, [str(path)], catch_exceptions=False)

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
+from adapt.trust.thesis import printed
 from models.adapted_parameters import ADAPTED
-from scripts.research.thesis import printed
 from scripts.research.thesis.outcomes import Outcome
 
 LEAST_MM = 0.5

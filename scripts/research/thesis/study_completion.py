@@ -29,6 +29,7 @@ from adapt.solvers.posture_fits import fit_batch
 from adapt.solvers.problems import Problems, problems_of
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.tables.folds import Fold, motions_or_thirds
+from adapt.trust.thesis.printed import SETS
 from models import ParameterSet, load_model
 from models.adapted_parameters import ADAPTED
 from models.girdle import Girdle, constraint_residuals_mm
@@ -37,7 +38,6 @@ from motions.rotations import DEG
 from motions.table import BONES, person_of
 from scripts.completion import SHIPPED, Completed, Rule, table_sets
 from scripts.reporting import check_known, markdown
-from scripts.research.thesis.printed import SETS
 
 OTHER_SETS = ("breteler_dissection", "breteler_mri", "das3")
 

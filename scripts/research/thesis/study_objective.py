@@ -16,10 +16,10 @@ import typer
 
 from adapt.cli import app as cli
 from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.trust.thesis import printed
 from models.adapted_parameters import ADAPTED
 from motions import ANGLES
 from scripts.reporting import markdown
-from scripts.research.thesis import printed
 from scripts.research.thesis.outcomes import Outcome, Study, outcomes, persons, prepare
 from scripts.research.thesis.scores import TERMS, WITHOUT_CONOID, beats, complete, scores
 from scripts.research.thesis.variants import AXIAL, BOUNDS, LEFT_OUT, POINTS, SIDES, Variant

@@ -27,11 +27,11 @@ from adapt import adapt_subjects
 from adapt.cli import app as cli
 from adapt.solvers import status
 from adapt.tables.results import ALL_MOTIONS, HELD_OUT
+from adapt.trust.thesis.printed import SETS
 from models import load_model
 from models.adapted_parameters import ADAPTED
 from motions import ANGLES, read_motions
 from scripts.reporting import markdown
-from scripts.research.thesis.printed import SETS
 
 _NOTHING = 1e-20
 """A sum of squares that is rounding."""

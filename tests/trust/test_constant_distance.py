@@ -6,12 +6,12 @@ import pytest
 from programs import few_runs
 
 from adapt import fit_postures
+from adapt.trust.questions.constant_distance import distance_courses, noise_courses, thorax_distances_mm
 from models import load_model
 from models.girdle import Girdle
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
-from scripts.research.thesis.chapter7.constant_distance import distance_courses, noise_courses, thorax_distances_mm
 
 CLOSED_MM = 1e-9
 """What a posture fit promises."""

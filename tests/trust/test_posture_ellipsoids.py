@@ -7,12 +7,12 @@ from programs import few_runs
 from scipy.optimize import minimize
 
 from adapt import fit_postures
+from adapt.trust.questions.posture_ellipsoids import foreseen_square_sd, least_change, smooth_share
 from models import load_model
 from models.girdle import Girdle
 from motions import read_motions
 from motions.rhythm_subjects import DATA_FILE
 from motions.rotations import DEG
-from scripts.research.thesis.chapter7.posture_ellipsoids import foreseen_square_sd, least_change, smooth_share
 
 SD_MM = np.array([8.0, 7.0, 2.0, 13.0, 17.0, 2.0])
 """R6 in Table 6.5."""

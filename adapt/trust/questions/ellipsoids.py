@@ -1,25 +1,27 @@
 """Question (c): an ellipsoid for each posture?"""
 
-import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from adapt.solvers import status
-from models.adapted_parameters import ADAPTED_PARAMETERS
+from adapt.trust.questions.answer import ELLIPSOID, Answer, Collector
+from adapt.trust.questions.persons import AdaptedRows, Persons, Unseen, adapt_rows, closest, with_noise_alone
+from adapt.trust.questions.posture_ellipsoids import foreseen_square_sd, least_change, smooth_share
+from adapt.trust.thesis.printed import SETS, sd_mm
+from models.adapted_parameters import ADAPTED_PARAMETERS, PERSON_SD_MM
 from motions.rotations import DEG
 from motions.table import BONES
-from scripts.research.thesis.chapter7.posture_ellipsoids import foreseen_square_sd, least_change, smooth_share
-from scripts.research.thesis.chapter7.shoulders import AdaptedRows, Persons, Unseen, closest
 
-SIZE_HEADER = ["data", "set", "part", "change, SDs", "varying, SDs", "varying by noise, SDs", "share that is smooth"]
-SIZE_HEADER += ["closed", "varying, group means, SDs"]
+MEASURED, SIMULATED = "measured", "simulated noise"
 
-UNSEEN_HEADER = ["data", "set", "bone", "adapted without the motion", "+ mean change", "+ line over elevation"]
-UNSEEN_HEADER += ["mean change gains", "line gains over mean"]
+SEED = 1999
 
 PARTS = {"ellipsoid": slice(0, -1), "conoid": slice(-1, None)}
+
+WITHOUT, WITH_MEAN, WITH_LINE = "adapted without the motion", "+ mean change", "+ line over elevation"
 
 _LEAST_AXIS_MM = 1.0
 
@@ -27,23 +29,44 @@ Course = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Changes (adapted, fitted rows), elevations of the fitted and of the tested rows, to changes of the tested rows."""
 
 
-def size_rows(label: str, data: AdaptedRows, persons: Persons, noise_deg: float, sd_mm: np.ndarray) -> list[list[str]]:
+def spread_mm(model: str) -> Float[np.ndarray, " adapted"]:
+    """Give the SDs of Table 6.5 of this set; of sets that it has not, those between people."""
+    return sd_mm()[SETS.index(model)] if model in SETS else PERSON_SD_MM
+
+
+def ellipsoid_answers(data: AdaptedRows, persons: Persons, noise_deg: float) -> list[Answer]:
+    """Answer by size and smoothness of the change and by what it predicts; then of simulated noise alone.
+
+    Simulated, the size is that of the change from the parameters that the simulation has; the gaps on motions held out
+    are of parameters adapted anew. No gaps where no subject has two motions.
+    """
+    found, of_mm = Collector(ELLIPSOID, data.model.name, persons), spread_mm(data.model.name)
+    noisy = with_noise_alone(data, noise_deg, SEED)
+    worlds = {MEASURED: (data, data), SIMULATED: (replace(data, motions=noisy), adapt_rows(noisy, data.model))}
+    for label, (known, adapted) in worlds.items():
+        _add_sizes(found, label, known, persons, noise_deg, of_mm)
+        if adapted.unseen:
+            _add_unseen(found, label, adapted, persons, of_mm)
+    return found.answers
+
+
+def _add_sizes(found: Collector, label: str, data: AdaptedRows, persons: Persons, noise_deg: float, of_mm) -> None:
     """How large the least change from the adapted parameters is, how much of it varies from posture to posture, what
     noise alone would give, and how smooth it is along the motions."""
     girdle = data.girdle(data.adapted_mm)
-    change = least_change(girdle, data.angles, sd_mm)
-    foreseen = foreseen_square_sd(girdle, closest(girdle, data.angles), noise_deg, sd_mm)
+    change = least_change(girdle, data.angles, of_mm)
+    foreseen = foreseen_square_sd(girdle, closest(girdle, data.angles), noise_deg, of_mm)
     sequences = [rows for rows in persons.shoulders.sequences() if len(rows)]
-    closed = f"{(change.status == status.OK).sum()} of {len(change.status)}"
-    lines = []
     for part, numbers in PARTS.items():
-        in_sd = change.in_sd[numbers]
+        in_sd, case = change.in_sd[numbers], f"{label}, {part}"
+        found.add(case, "change", "SD", root_mean_square(persons, in_sd))
         varying = root_mean_square(persons, in_sd - means_of_subjects(persons, in_sd))
-        cells = [persons.cell(root_mean_square(persons, in_sd)), persons.cell(varying, 2)]
-        cells.append(f"{persons.each(root_mean_square(persons, np.sqrt(foreseen[numbers]))).mean():.2f}")
-        cells += [f"{100 * smooth_share(in_sd, sequences):.0f} %", closed, persons.of_means(varying, 2)]
-        lines.append([label, data.model.name, part, *cells])
-    return lines
+        found.add(case, "varying", "SD", varying)
+        by_noise = root_mean_square(persons, np.sqrt(foreseen[numbers]))
+        found.add_number(case, "varying by noise", "SD", persons.mean(by_noise))
+        found.add_number(case, "share that is smooth", "%", 100.0 * smooth_share(in_sd, sequences))
+        closed = int((change.status == status.OK).sum())
+        found.add_number(case, f"closed, of {len(change.status)} postures", "postures", closed)
 
 
 def root_mean_square(persons: Persons, in_sd: Float[np.ndarray, "numbers rows"]) -> Float[np.ndarray, " subjects"]:
@@ -68,24 +91,24 @@ def line_over_elevation(change, seen_deg, elevation_deg) -> np.ndarray:
     return (np.stack([np.ones_like(elevation_deg), elevation_deg], axis=1) @ line).T
 
 
-def unseen_rows(label: str, data: AdaptedRows, persons: Persons, sd_mm: np.ndarray) -> list[list[str]]:
+def _add_unseen(found: Collector, label: str, data: AdaptedRows, persons: Persons, of_mm) -> None:
     """The gap on motions held out: adapted without them, and with the course of their other motions' changes."""
-    changes = changes_of_others(data, sd_mm)
-    courses: Sequence[Course | None] = (None, mean_change, line_over_elevation)
-    gaps = [unseen_gaps_deg(data, changes, course) for course in courses]
-    lines = []
+    changes = changes_of_others(data, of_mm)
+    courses: dict[str, Course | None] = {WITHOUT: None, WITH_MEAN: mean_change, WITH_LINE: line_over_elevation}
+    gaps = {name: unseen_gaps_deg(data, changes, course) for name, course in courses.items()}
     for bone in ("scapula", "clavicle"):
-        values = [persons.by_subject(one[:, BONES[bone]].mean(axis=1)) for one in gaps]
-        gains = [persons.cell(before - after, 2, "+") for before, after in itertools.pairwise(values)]
-        lines.append([label, data.model.name, bone, *(persons.cell(one, 2) for one in values), *gains])
-    return lines
+        values = {name: persons.by_subject(one[:, BONES[bone]].mean(axis=1)) for name, one in gaps.items()}
+        for name, value in values.items():
+            found.add(f"{label}, {bone}", name, "deg", value)
+        found.add(f"{label}, {bone}", "mean change gains", "deg", values[WITHOUT] - values[WITH_MEAN])
+        found.add(f"{label}, {bone}", "line gains over mean", "deg", values[WITH_MEAN] - values[WITH_LINE])
 
 
-def changes_of_others(data: AdaptedRows, sd_mm: np.ndarray) -> list[np.ndarray]:
+def changes_of_others(data: AdaptedRows, of_mm: np.ndarray) -> list[np.ndarray]:
     """Of each motion held out, the least changes (mm) of the subject's other postures, which it was not adapted to."""
     rows = np.concatenate([one.fitted for one in data.unseen])
     theta = np.concatenate([np.repeat(one.theta_mm[:, None], len(one.fitted), axis=1) for one in data.unseen], axis=1)
-    change = least_change(data.girdle(theta), data.angles[:, rows], sd_mm).change_mm
+    change = least_change(data.girdle_at(rows, theta), data.angles[:, rows], of_mm).change_mm
     return np.split(change, np.cumsum([len(one.fitted) for one in data.unseen])[:-1], axis=1)
 
 

@@ -17,10 +17,13 @@ from adapt.solvers.problems import problems_of
 from adapt.solvers.rows import posture_rows
 from adapt.tables.folds import MOTION, motions_and_thirds
 from models.girdle import Girdle
-from models.parameter_sets import ParameterSet
-from motions import InputError, Motions
+from models.person.family import AnyModel, girdles_of
+from motions.errors import InputError, listed
 from motions.rotations import DEG
-from scripts.reporting import check_known
+from motions.table import Motions
+
+_MOST_NAMED = 10
+"""Subjects in a message."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Unseen:
 class AdaptedRows:
     """The rows of motions with a model: as it is, adapted, and adapted without the motion of each row."""
 
-    model: ParameterSet
+    model: AnyModel
     motions: Motions
     adapted_mm: Float[np.ndarray, "adapted rows"]
     without_mm: Float[np.ndarray, "adapted rows"]
@@ -52,7 +55,13 @@ class AdaptedRows:
 
     def girdle(self, theta_mm: Float[np.ndarray, "adapted rows"] | None = None) -> Girdle:
         """Give the model's girdle for each row, as it is or with adapted parameters."""
-        own = self.model.girdle.repeated(len(self.motions.posture) if theta_mm is None else theta_mm.shape[1])
+        return self.girdle_at(np.arange(len(self.motions.posture)), theta_mm)
+
+    def girdle_at(
+        self, rows: Int[np.ndarray, " chosen"], theta_mm: Float[np.ndarray, "adapted chosen"] | None = None
+    ) -> Girdle:
+        """Give the girdle of these rows, as it is or with adapted parameters."""
+        own = girdles_of(self.model, self.motions.subject[rows].tolist())
         return own if theta_mm is None else own.with_adapted(theta_mm)
 
 
@@ -65,7 +74,7 @@ def whole(motions: Motions) -> Motions:
     return motions.select(known)
 
 
-def adapt_rows(motions: Motions, model: ParameterSet) -> AdaptedRows:
+def adapt_rows(motions: Motions, model: AnyModel) -> AdaptedRows:
     """Adapt the model to each subject, and to each subject without each of its motions."""
     batch = posture_rows(motions)
     data = problems_of(batch, [model])
@@ -102,6 +111,15 @@ def with_noise_alone(data: AdaptedRows, noise_deg: float, seed: int) -> Motions:
 
 
 @dataclass(frozen=True)
+class Interval:
+    """A mean over persons with its 95 % interval; NaN ends of one person, all NaN of none."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class Persons:
     """Who is a person: the subjects that are not group means, left and right of one being one."""
 
@@ -110,8 +128,11 @@ class Persons:
 
     @staticmethod
     def of(motions: Motions, means: Sequence[str]) -> "Persons":
-        """Tell persons from group means. BadParameter for a mean that is no subject."""
-        check_known(means, motions.subjects, "subject")
+        """Tell persons from group means. InputError for a mean that is no subject."""
+        unknown = [name for name in means if name not in motions.subjects]
+        if unknown:
+            cause, there = f"no subject is called '{unknown[0]}'", listed(motions.subjects, _MOST_NAMED)
+            raise InputError("--mean", None, cause, f"Take one of {there}")
         return Persons(shoulders_of(motions), np.isin(motions.subjects, list(means)))
 
     def by_subject(self, values: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " subjects"]:
@@ -125,17 +146,19 @@ class Persons:
         real = dict.fromkeys(number[~self.is_mean & known].tolist())
         return np.array([of_subjects[(number == one) & known].mean() for one in real])
 
-    def cell(self, of_subjects: Float[np.ndarray, " subjects"], digits: int = 1, sign: str = "") -> str:
-        """Write mean and 95 % t interval over persons; the mean alone of one person, nothing of none."""
+    def mean(self, of_subjects: Float[np.ndarray, " subjects"]) -> float:
+        """Average over persons; NaN of none."""
         values = self.each(of_subjects)
-        if not len(values):
-            return ""
-        middle, form = values.mean(), f"{sign}.{digits}f"
-        if len(values) < 2:
-            return f"{middle:{form}}"
-        half = student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-        return f"{middle:{form}} ({middle - half:{form}} to {middle + half:{form}})"
+        return float(values.mean()) if len(values) else float("nan")
 
-    def of_means(self, of_subjects: Float[np.ndarray, " subjects"], digits: int = 1) -> str:
-        """Write the value of each group mean."""
-        return ", ".join(f"{value:.{digits}f}" for value in of_subjects[self.is_mean])
+    def interval(self, of_subjects: Float[np.ndarray, " subjects"]) -> Interval:
+        """Give mean and 95 % t interval over persons."""
+        values, middle = self.each(of_subjects), self.mean(of_subjects)
+        if len(values) < 2:
+            return Interval(middle, float("nan"), float("nan"))
+        half = float(student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
+        return Interval(middle, middle - half, middle + half)
+
+    def means(self, of_subjects: Float[np.ndarray, " subjects"]) -> dict[str, float]:
+        """Give the value of each group mean by its name."""
+        return {name: float(of_subjects[k]) for k, name in enumerate(self.shoulders.subjects) if self.is_mean[k]}

@@ -3,13 +3,13 @@
 import numpy as np
 import pandas as pd
 
-from motions.rhythm import COEFFICIENTS, REST_DEG
-from motions.table import Motions
-from scripts.research.thesis.chapter7.rhythm_prediction import (
+from adapt.trust.questions.rhythm_prediction import (
     PLANE_COLUMN,
     planes_of_elevation_deg,
     predict_from_lowest,
 )
+from motions.rhythm import COEFFICIENTS, REST_DEG
+from motions.table import Motions
 
 EXACT_DEG = 1e-10
 """The same arithmetic on other shapes of arrays."""
