@@ -37,7 +37,7 @@ ONLY_IN = {
     "plotly": ("adapt.report",),
     "pydicom": ("models",),
     "rich": ("adapt.cli",),
-    "scipy": ("models", "adapt.solvers", "adapt.diagnosis"),
+    "scipy": ("models", "adapt.solvers", "adapt.diagnosis", "adapt.trust"),
     "shapely": ("models",),
     "typer": ("adapt.cli",),
 }

@@ -1,3 +1,5 @@
+# pyright: reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The thesis's tables against themselves, and ``girdle compare`` against tables made by hand and the summary."""
 
 from dataclasses import replace

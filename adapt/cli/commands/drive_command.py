@@ -1,3 +1,5 @@
+# pyright: reportGeneralTypeIssues=false
+# (pandas says "Hashable" of a group's key)
 """``girdle drive``: the free coordinates of the girdle to postures and back."""
 
 from typing import Annotated

@@ -80,12 +80,12 @@ def means_of_subjects(persons: Persons, in_sd: Float[np.ndarray, "numbers rows"]
 
 
 def mean_change(change, _, elevation_deg) -> np.ndarray:
-    """The mean of the other motions."""
+    """Take the mean of the other motions."""
     return np.repeat(change.mean(axis=1, keepdims=True), len(elevation_deg), axis=1)
 
 
 def line_over_elevation(change, seen_deg, elevation_deg) -> np.ndarray:
-    """A straight line over the elevation of the arm, least squares of the other motions."""
+    """Fit a straight line over the elevation of the arm, least squares of the other motions."""
     design = np.stack([np.ones_like(seen_deg), seen_deg], axis=1)
     line = np.linalg.lstsq(design, change.T, rcond=None)[0]
     return (np.stack([np.ones_like(elevation_deg), elevation_deg], axis=1) @ line).T
@@ -105,7 +105,7 @@ def _add_unseen(found: Collector, label: str, data: AdaptedRows, persons: Person
 
 
 def changes_of_others(data: AdaptedRows, of_mm: np.ndarray) -> list[np.ndarray]:
-    """Of each motion held out, the least changes (mm) of the subject's other postures, which it was not adapted to."""
+    """Find the least changes (mm) of the other postures of the subject of each motion held out, adapted without it."""
     rows = np.concatenate([one.fitted for one in data.unseen])
     theta = np.concatenate([np.repeat(one.theta_mm[:, None], len(one.fitted), axis=1) for one in data.unseen], axis=1)
     change = least_change(data.girdle_at(rows, theta), data.angles[:, rows], of_mm).change_mm
@@ -115,7 +115,7 @@ def changes_of_others(data: AdaptedRows, of_mm: np.ndarray) -> list[np.ndarray]:
 def unseen_gaps_deg(
     data: AdaptedRows, changes: Sequence[np.ndarray], course: Course | None
 ) -> Float[np.ndarray, "rows 6"]:
-    """|simulated - measured| of every row, its motion being held out; NaN where that is not possible."""
+    """Compute |simulated - measured| of every row, its motion being held out; NaN where that is not possible."""
     theta = data.without_mm.copy()
     for one, change in zip(data.unseen, changes, strict=True):
         if course is not None:
@@ -127,6 +127,6 @@ def unseen_gaps_deg(
 
 
 def predicted_change(data: AdaptedRows, one: Unseen, change, course: Course) -> np.ndarray:
-    """What the course makes of the changes that are known."""
+    """Predict the changes of the motion held out by the course of those that are known."""
     elevation, known = data.motions.humerus_elevation_deg, np.isfinite(change).all(axis=0)
     return course(change[:, known], elevation[one.fitted[known]], elevation[one.tested])

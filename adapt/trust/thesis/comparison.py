@@ -219,7 +219,7 @@ _MEASURES: dict[str, Callable[[pd.Series], float]] = {"mean": pd.Series.mean, "m
 
 
 def conclusions(table: pd.DataFrame) -> pd.DataFrame:
-    """What the thesis concludes from Tables 6.1-6.4, by source and model: mean and largest gap, before and after."""
+    """Tabulate what the thesis concludes from Tables 6.1-6.4: mean and largest gap by source and model."""
     numbered = table[~table["row"].isin(STATISTICS)]
     rows = []
     for bone, k in (("clavicle", 0), ("scapula", 1)):

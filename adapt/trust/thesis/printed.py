@@ -34,7 +34,7 @@ class Printed:
     values: Float[np.ndarray, "rows columns"]
 
     def cell(self, row: str, column: str) -> float:
-        """One number."""
+        """Give one number."""
         return float(self.values[self.rows.index(row), self.columns.index(column)])
 
     @property
@@ -61,7 +61,7 @@ def _document() -> dict:
 
 @functools.cache
 def tables() -> dict[str, Printed]:
-    """Every table by its name."""
+    """Read every table, by its name."""
     return {
         name: Printed(
             one["title"], one["pages"], tuple(one["rows"]), tuple(one["columns"]), np.array(one["values"], float)
@@ -72,7 +72,7 @@ def tables() -> dict[str, Printed]:
 
 
 def misprints() -> list[Misprint]:
-    """The known ones."""
+    """List the known ones."""
     return [Misprint(**one) for one in _document()["misprint"]]
 
 
@@ -106,5 +106,5 @@ def own_mm() -> Float[np.ndarray, "sets adapted"]:
 def least_mean_j_deg2(
     gaps: Float[np.ndarray, "sets angles subjects"], angles: tuple[str, ...] = ANGLES
 ) -> Float[np.ndarray, "sets subjects"]:
-    """The mean over some angles of the squared mean gaps: a lower bound of mean(J) of that motion (Jensen)."""
+    """Compute the mean over some angles of the squared mean gaps: a lower bound of mean(J) of that motion (Jensen)."""
     return (gaps[:, [ANGLES.index(angle) for angle in angles]] ** 2).mean(axis=1)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from scripts.research.thesis.attachment_types import CROSS, LARGE, SHIFT, SLIDE, SMALL, attachment_type
+from models.person.transfer.attachment_types import CROSS, LARGE, SHIFT, SLIDE, SMALL, attachment_type
 
-THESIS = Path(__file__).parents[4] / "shared" / "thesis.txt"
+THESIS = Path(__file__).parents[3] / "shared" / "thesis.txt"
 ROW = re.compile(r"^R2\d?-R2\d\s+([\d.]+)\s+([\d.]+)\s+([\d.]+)\s+(SMALL|LARGE|T[123])\b", re.MULTILINE)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scripts.research.person.bone_surfaces import carried_points, similarity_by_inertia
+from models.person.transfer.bone_surfaces import carried_points, similarity_by_inertia
 
 PLANTED_MM = 1.0
 
