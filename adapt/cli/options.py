@@ -12,6 +12,7 @@ from models.effects.amplitudes import OPTION
 from models.effects.course import FULL_ELEVATION_DEG
 from motions.errors import InputError
 from motions.landmarks.acromion import ROTATIONS
+from motions.landmarks.mapping import UNITS_MM
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 
 DEFAULT_MODEL = "R2"
@@ -151,4 +152,8 @@ ScFromIj = Annotated[
 
 GhFromAc = Annotated[
     str, typer.Option(help=f"Offset that places GH from AC, where nobody marked it: {', '.join(GH_OFFSETS)}.")
+]
+
+SurfaceUnit = Annotated[
+    str, typer.Option(help=f"Unit of the surfaces, which their files do not say: {', '.join(UNITS_MM)}.")
 ]

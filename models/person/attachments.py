@@ -9,14 +9,19 @@ are in the frames of their bones (Appendix A):
 
 The ligament grows as the scapula. A bone carried to itself is unchanged; a bone of another size but the same shape is
 carried without error. What shape differs beyond the landmarks stays unknown: ``ATTACHMENT_SD_MM``.
+
+Surfaces of both scapulae, where there are any, carry the scapular attachment in place of the landmarks
+(``models.person.transfer``). Not the clavicular one: two landmarks do not say how a clavicle is turned about its axis.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from models.girdle import Girdle
+from models.person.transfer.carried_attachments import Bone, carry_attachments
+from models.person.transfer.mesh import Mesh
 
 ATTACHMENT_SD_MM = 8.0
 """Of an attachment carried by landmarks, a coordinate: seen in MRI and in dissection of one cadaver, attachments are 4
@@ -42,13 +47,31 @@ def scapular_map(
     return carried
 
 
-def with_carried_conoid(person: Girdle, generic: Girdle) -> Girdle:
+@dataclass(frozen=True)
+class ScapularSurfaces:
+    """The surfaces of two scapulae, each in its own scapula frame (Appendix A)."""
+
+    generic: Mesh
+    person: Mesh
+
+    def carried(self, person: Girdle, generic: Girdle) -> Float[np.ndarray, "3"]:
+        """Carry the scapular attachment of the conoid by the surfaces, held at AC, TS and AI; scapula frame."""
+        bones = [
+            Bone({"AC": np.zeros(3), "TS": np.asarray(of.ts_mm), "AI": np.asarray(of.ai_mm)}, mesh)
+            for of, mesh in ((generic, self.generic), (person, self.person))
+        ]
+        attachment = {"conoid": np.asarray(generic.scapula_conoid_mm).reshape(3, 1)}
+        return carry_attachments(attachment, *bones).points_mm["conoid"][:, 0]
+
+
+def with_carried_conoid(person: Girdle, generic: Girdle, surfaces: ScapularSurfaces | None = None) -> Girdle:
     """Give a person's girdle the conoid of a generic one, carried to its clavicle and scapula."""
     scapula = scapular_map(*(np.asarray(v) for v in (generic.ts_mm, generic.ai_mm, person.ts_mm, person.ai_mm)))
     longer = float(person.ac_mm[0]) / float(generic.ac_mm[0])
+    by_landmarks = scapula @ np.asarray(generic.scapula_conoid_mm)
     return replace(
         person,
         clavicle_conoid_mm=np.asarray(generic.clavicle_conoid_mm) * longer,
-        scapula_conoid_mm=scapula @ np.asarray(generic.scapula_conoid_mm),
+        scapula_conoid_mm=by_landmarks if surfaces is None else surfaces.carried(person, generic),
         conoid_length_mm=np.asarray(float(generic.conoid_length_mm) * scapula[2, 2]),
     )

@@ -4,7 +4,7 @@
   TS = (-|AC-TS|, 0, 0), and AI = (x, -y, 0) with x = -(|AC-TS|^2 + |AC-AI|^2 - |TS-AI|^2) / (2 |AC-TS|) and
   x^2 + y^2 = |AC-AI|^2.
 - Thorax: the ellipsoid of least D of the person's points (``models.person.thorax_ellipsoid``), else the generic one.
-- Conoid: carried (``models.person.attachments``).
+- Conoid: carried by landmarks, on the scapula by surfaces where they are given (``models.person.attachments``).
 - const1 and const2: the distances of TS and AI to the ellipsoid in a named posture at rest, so that A1 and A2 hold in
   it. A3 holds there with the axial rotation c of the clavicle that nobody measured: with p the scapular attachment in
   the clavicle's frame before axial rotation and k the clavicular one,
@@ -25,7 +25,7 @@ from models.adapted_parameters import ADAPTED, ELLIPSOID
 from models.ellipsoid import signed_distance_mm
 from models.girdle import Girdle
 from models.parameter_sets import FLATTEST_SCAPULA_MM, ParameterSet
-from models.person.attachments import ATTACHMENT_SD_MM, CONOID_SD_MM, with_carried_conoid
+from models.person.attachments import ATTACHMENT_SD_MM, CONOID_SD_MM, ScapularSurfaces, with_carried_conoid
 from models.person.sizes import ONE_POSTURE_MM, PALPATOR_MM, Size, bone_sizes, size_of
 from models.person.thorax_ellipsoid import ThoraxFit, fit_thorax
 from motions.checks.rigidity import Rigidity, check_rigidity
@@ -63,11 +63,13 @@ def person_set(
     posture_names: tuple[str, ...],
     stand_ins: Mapping[str, str],
     thorax_points_mm: Float[np.ndarray, "3 points"] | None = None,
+    surfaces: ScapularSurfaces | None = None,
 ) -> PersonSet:
     """Build the set of one person from landmarks in the thorax frame (SC, AC, TS, AI), right shoulder.
 
     rest: the posture in which the chain closes. stand_ins: landmarks that were not measured, and what is in their
-    place. ValueError where a landmark was not measured at rest, or AC, TS and AI lie on a line, or where the thorax
+    place. surfaces: of the generic and the person's scapula, which carry the conoid's attachment there in place of the
+    landmarks. ValueError where a landmark was not measured at rest, or AC, TS and AI lie on a line, or where the thorax
     points give no ellipsoid, or one whose middle is in front of IJ.
     """
     at_rest = _at_rest(landmarks_mm, rest, posture_names[rest])
@@ -91,12 +93,13 @@ def person_set(
         ts_mm=ts,
         ai_mm=ai,
     )
-    girdle = with_carried_conoid(girdle, generic.girdle)
+    girdle = with_carried_conoid(girdle, generic.girdle, surfaces)
     girdle, carried_mm = _closed_at_rest(girdle, at_rest)
     return PersonSet(
         girdle=girdle,
         points_mm=generic.points_mm if thorax_points_mm is None else thorax_points_mm,
-        source=_sources(generic, of_bones, SC, thorax, thorax_points_mm, posture_names[rest], stand_ins, carried_mm),
+        source=_sources(generic, of_bones, SC, thorax, thorax_points_mm, posture_names[rest], stand_ins, carried_mm)
+        | ({} if surfaces is None else {"scapula.conoid_mm": _by_surfaces(generic)}),
         rigidity=rigidity,
         sizes=of_bones,
         thorax=thorax,
@@ -193,6 +196,11 @@ def _sources(generic, of_bones, SC, thorax, points, rest: str, stand_ins, carrie
         "constraint.conoid_length_mm": f"{carried}, {carried_mm:.1f} mm, as far as the chain closes in posture {rest}; "
         f"+-{CONOID_SD_MM:.1f} mm",
     }
+
+
+def _by_surfaces(generic: ParameterSet) -> str:
+    said = f"derived: of {generic.name}, carried by the surfaces of both scapulae, held at AC, TS and AI"
+    return f"{said}; +-{ATTACHMENT_SD_MM:.1f} mm"
 
 
 def _notes(rigidity: Rigidity, names, rest: int, thorax: ThoraxFit | None, conoid_mm, carried_mm) -> tuple[str, ...]:

@@ -54,6 +54,13 @@ class PersonLandmarks:
     stand_ins: dict[str, str]
     """Landmarks that were not measured, and where they are from."""
     points_mm: dict[str, Float[np.ndarray, "3 points"]] = field(default_factory=dict)
+    frames: "Frames | None" = None
+    """Of the thorax in the file's own frame, by posture."""
+
+    def in_thorax_mm(self, file_mm: Float[np.ndarray, "3 points"], posture: int = 0) -> Float[np.ndarray, "3 points"]:
+        """Bring points in the frame of the landmarks of a posture into the thorax frame of a right shoulder."""
+        assert self.frames is not None  # read_persons has set them
+        return _moved(file_mm, np.full(file_mm.shape[1], posture), self.frames, self.side)
 
     def described(self, posture: int) -> str:
         """Name a posture with its elevation of the arm."""
@@ -159,7 +166,7 @@ def _complete(
             cause = f"subject {person.subject!r}: {name} was not measured, and without it the clavicle has no length"
             raise InputError(person.file, None, cause, f"Measure {name}, or place it {remedy}")
     surfaces = {} if points is None or table is None else _points(points, table, person, frames, mapping)
-    return replace(person, landmarks_mm=placed, stand_ins=said, points_mm=surfaces)
+    return replace(person, landmarks_mm=placed, stand_ins=said, points_mm=surfaces, frames=frames)
 
 
 def _points(

@@ -5,14 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from meshes import write_stl
+from scipy.spatial import ConvexHull
 
 from adapt.model_subjects import simulate_model_subjects
 from models import load_model
+from models.girdle import Girdle
 from models.parameter_sets import FOLDER
+from models.person.attachments import scapular_map
 from models.person.family import load_personal_sets
 from motions import write_motions
+from motions.landmarks.frames import scapula_frame
 from scripts.research.person.simulated_persons import landmark_table, point_table, simulate_persons
-from tests.helpers.command import girdle
+from tests.helpers.command import girdle, refused
 from tests.helpers.laboratory import simulated_trial, trc_lines
 from tests.helpers.round_points import cylinder_points, sphere_points
 from tests.helpers.thesis_tables import DISSECTION
@@ -108,6 +113,49 @@ def test_a_left_shoulder_is_mirrored(tmp_path):
             getattr(load_model(tmp_path / "right.toml").girdle, field),
             atol=1e-9,
         )
+
+
+def scapula_surface(own: Girdle) -> tuple[np.ndarray, np.ndarray]:
+    """A convex bone through AC, TS and AI of a set, in its scapula frame: corners and triangles."""
+    ends = np.stack([np.zeros(3), own.ts_mm, own.ai_mm], axis=1)
+    ball = np.random.default_rng(4).normal(size=(3, 1500))
+    bone = np.array([[45.0], [40.0], [25.0]]) * ball / np.linalg.norm(ball, axis=0)
+    bone[:, bone[0] > 20.0] *= np.array([[0.9], [1.0], [1.4]])
+    points = np.hstack([ends, ends.mean(axis=1, keepdims=True) + bone])
+    return points, ConvexHull(points.T).simplices
+
+
+def placed(corners: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Corners of the scapula frame, mapped, where the landmarks of the dissection put the bone."""
+    AC, TS, AI = (np.array(DISSECTION[name]) for name in ("AC", "TS", "AI"))
+    return AC[:, None] + scapula_frame(AC, TS, AI) @ M @ corners
+
+
+def test_surfaces_of_the_scapula_carry_the_conoid(tmp_path):
+    """Of the generic bone moved by the map of its landmarks, where that carries it; of one half as thick again, deeper."""
+    pytest.importorskip("vtkmodules")
+    generic = load_model("R2").girdle
+    corners, triangles = scapula_surface(generic)
+    write_stl(tmp_path / "generic.stl", corners, triangles)
+    landmarks = table_4_2(tmp_path)
+    assert girdle("model", landmarks, "--out", tmp_path / "landmarks.toml").status == 0
+    own = load_model(tmp_path / "landmarks.toml").girdle
+    M = scapular_map(*(np.asarray(v) for v in (generic.ts_mm, generic.ai_mm, own.ts_mm, own.ai_mm)))
+    surfaces = "--surface", tmp_path / "own.stl", "--generic-surface", tmp_path / "generic.stl"
+    for thicker in (1.0, 1.5):
+        write_stl(tmp_path / "own.stl", placed(corners, np.diag([1.0, 1.0, thicker]) @ M), triangles)
+        made = girdle("model", landmarks, *surfaces, "--out", tmp_path / "surfaces.toml")
+        assert made.status == 0, made.err
+        found = load_model(tmp_path / "surfaces.toml")
+        expected = np.diag([1.0, 1.0, thicker]) @ np.asarray(own.scapula_conoid_mm)
+        assert np.linalg.norm(np.asarray(found.girdle.scapula_conoid_mm) - expected) < 3.0
+        assert found.source["scapula.conoid_mm"].startswith("derived: of R2, carried by the surfaces")
+    np.testing.assert_array_equal(found.girdle.clavicle_conoid_mm, own.clavicle_conoid_mm)
+    write_stl(tmp_path / "own.stl", placed(corners, M) + 80.0, triangles)
+    off = girdle("model", landmarks, *surfaces, "--out", tmp_path / "off.toml")
+    refused(off, str(tmp_path / "own.stl"), "the landmarks of 1 are off this surface: AC", "frame and unit")
+    alone = girdle("model", landmarks, "--surface", tmp_path / "own.stl", "--out", tmp_path / "off.toml")
+    refused(alone, "--generic-surface", "the other none", "Give both, or none")
 
 
 AI_ON_THE_LINE = {f"AI_{a}_mm": [1.6 * DISSECTION["TS"][k] - 0.6 * DISSECTION["AC"][k]] for k, a in enumerate("xyz")}

@@ -8,14 +8,14 @@ import numpy as np
 import typer
 
 from adapt.cli.ending import EXIT_SOME_NOT_HANDLED, finish
-from adapt.cli.options import AaToAc, GhFromAc, Names, ScFromIj, Shoulder, console, errors
+from adapt.cli.options import AaToAc, GhFromAc, Names, ScFromIj, Shoulder, SurfaceUnit, console, errors
 from models import load_model
 from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settings
 from motions import InputError, Motions
 from motions.errors import named
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
-from motions.landmarks.mapping import CLUSTERS, read_mapping
+from motions.landmarks.mapping import CLUSTERS, UNITS_MM, read_mapping
 from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, is_marked, marked_slips
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 from motions.motion_csv.cells import SIDES
@@ -119,6 +119,21 @@ def model_of_person(
         Path | None,
         typer.Option(help="CSV of points: surface (thorax, humeral_head, humeral_shaft, ...), x_mm, y_mm, z_mm."),
     ] = None,
+    surface: Annotated[
+        Path | None,
+        typer.Option(
+            help="Surface of the person's scapula (.stl, .ply, .vtp), in the frame of the landmarks of its first posture; "
+            "with --generic-surface it carries the conoid's attachment in place of the landmarks.",
+            show_default=False,
+        ),
+    ] = None,
+    generic_surface: Annotated[
+        Path | None,
+        typer.Option(
+            help="Surface of the scapula of --model, in its scapula frame (origin AC, Appendix A).", show_default=False
+        ),
+    ] = None,
+    surface_unit: SurfaceUnit = "mm",
     rest: Annotated[
         str, typer.Option(help="Posture in which the chain closes, by its name. Default: the arm lowest.")
     ] = "",
@@ -136,11 +151,17 @@ def model_of_person(
     another set, carried to the person's bones. Every number has its source and its SD; `girdle adapt --model` takes
     the file, `--models-of` a folder of them.
     """
-    from adapt.cli.landmarks.person import write_person_sets  # readers of laboratories' files: not for every command
+    from adapt.cli.landmarks.person import SurfaceFiles, write_person_sets  # readers of files: not for every command
     from adapt.cli.terminal.print_person import print_persons
 
     labels = _labels(subject, "", side, "", aa_to_ac, sc_from_ij)
-    written, rejected = write_person_sets(source, out, load_model(model), read_mapping(names), labels, rest, points)
+    if (surface is None) != (generic_surface is None):
+        lacking = "--surface" if surface is None else "--generic-surface"
+        raise InputError(lacking, None, "one scapula has a surface, the other none", "Give both, or none")
+    unit_mm = named(surface_unit, UNITS_MM, "--surface-unit", "unit")
+    files = SurfaceFiles(generic_surface, surface, unit_mm) if surface and generic_surface else None
+    generic, mapping = load_model(model), read_mapping(names)
+    written, rejected = write_person_sets(source, out, generic, mapping, labels, rest, points, files)
     print_persons(console, written)
     for error in rejected:
         errors.print(f"left out: {error}", soft_wrap=True)

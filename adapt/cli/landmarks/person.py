@@ -1,19 +1,22 @@
 """``girdle model``: landmarks and points of persons in, a parameter set of each out."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from models.export.toml import parameters_toml
 from models.parameter_sets import ParameterSet, parameter_document, parameter_set
+from models.person.attachments import ScapularSurfaces
 from models.person.bony_contours import described_contours
 from models.person.person_set import PersonSet, person_set
 from models.person.sizes import DEEPEST_MM
+from models.person.transfer.mesh import read_mesh
 from motions.errors import InputError, warn_input
 from motions.files import atomic_write, file_names, make_folder, printable
 from motions.formats.person_file import PersonLandmarks, read_persons
+from motions.landmarks.frames import scapula_frame
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.sampled_postures import Labels
 
@@ -32,14 +35,34 @@ class Written:
     """The posture in which it closes, with the elevation of the arm."""
 
 
+@dataclass(frozen=True)
+class SurfaceFiles:
+    """Surfaces of the generic scapula, in its scapula frame, and of the person's, in the frame of its landmarks."""
+
+    generic: Path
+    person: Path
+    unit_mm: float
+
+
 def write_person_sets(
-    source: Path, target: Path, generic: ParameterSet, mapping: Mapping, labels: Labels, rest: str, points: Path | None
+    source: Path,
+    target: Path,
+    generic: ParameterSet,
+    mapping: Mapping,
+    labels: Labels,
+    rest: str,
+    points: Path | None,
+    surface_files: SurfaceFiles | None = None,
 ) -> tuple[list[Written], list[InputError]]:
     """Write a parameter set of every subject in the source; and why others have none.
 
-    target: a file that ends in .toml for one subject, else a folder. InputError if the source cannot be used at all.
+    target: a file that ends in .toml for one subject, else a folder. surface_files: of one subject alone. InputError if
+    the source cannot be used at all.
     """
     persons, rejected = read_persons(source, mapping, labels, points)
+    if surface_files is not None and len(persons) > 1:
+        cause = f"{source} has {len(persons)} subjects, and a surface is of one"
+        raise InputError("--surface", None, cause, "Give the landmarks of the one whose surface it is")
     if target.suffix.lower() == TOML and len(persons) > 1:
         cause = f"{source} has {len(persons)} subjects and {target.name} holds one"
         raise InputError(str(target), None, cause, "Name a folder instead, without an ending")
@@ -47,7 +70,8 @@ def write_person_sets(
     for person, path in zip(persons, _paths(persons, target), strict=True):
         try:
             at = person.named(rest) if rest else _lowest(person)
-            built, contours = _built(person, generic, at)
+            surfaces = None if surface_files is None else _surfaces(person, surface_files, mapping)
+            built, contours = _built(person, generic, at, surfaces)
             text = person_toml(person.subject, built, contours, person.described(at), generic.name)
             parameter_set(parameter_document(text, person.file), person.file)  # what --model would refuse
         except InputError as error:
@@ -71,10 +95,42 @@ def _paths(persons: list[PersonLandmarks], target: Path) -> Iterator[Path]:
         yield target / f"{name}{TOML}"
 
 
-def _built(person: PersonLandmarks, generic: ParameterSet, at: int) -> tuple[PersonSet, tuple[str, ...]]:
+def _surfaces(person: PersonLandmarks, files: SurfaceFiles, mapping: Mapping) -> ScapularSurfaces:
+    """The surfaces of both scapulae in their own frames; the person's is where its landmarks are in the first posture.
+
+    InputError where AC, TS or AI was not measured there, or lies far off the surface: it is in another frame then.
+    """
+    at = {name: person.landmarks_mm[name][:, :1] for name in ("AC", "TS", "AI")}
+    missing = [name for name, place in at.items() if name in person.stand_ins or not np.isfinite(place).all()]
+    if missing:
+        cause = f"{' and '.join(missing)} were not measured in {person.postures[0]}, where the surface is"
+        raise InputError(
+            person.file, None, cause, "Measure AC, TS and AI in the frame of the surface, as first posture"
+        )
+    mesh = read_mesh(files.person, files.unit_mm)
+    corners = person.in_thorax_mm(mapping.axes_matrix @ mesh.corners)
+    placed = replace(mesh, corners=corners)
+    off = {name: float(placed.distances_mm(place)[0]) for name, place in at.items()}
+    if max(off.values()) > FARTHEST_MM:
+        said = ", ".join(f"{name} {mm:.0f} mm" for name, mm in off.items())
+        cause = f"the landmarks of {person.postures[0]} are off this surface: {said}"
+        raise InputError(str(files.person), None, cause, "Give it in the frame and unit of the landmarks")
+    R = scapula_frame(*(place[:, 0] for place in at.values()))
+    return ScapularSurfaces(read_mesh(files.generic, files.unit_mm), replace(mesh, corners=R.T @ (corners - at["AC"])))
+
+
+FARTHEST_MM = 25.0
+"""Of AC, TS or AI from the surface of its own scapula: the AC joint has cartilage, landmarks are palpated through skin.
+Assumed: ten times the 1.1-2.4 mm of Table 5.2."""
+
+
+def _built(
+    person: PersonLandmarks, generic: ParameterSet, at: int, surfaces: ScapularSurfaces | None
+) -> tuple[PersonSet, tuple[str, ...]]:
+    thorax_points_mm = person.points_mm.get("thorax")
     try:
         built = person_set(
-            person.landmarks_mm, generic, at, person.postures, person.stand_ins, person.points_mm.get("thorax")
+            person.landmarks_mm, generic, at, person.postures, person.stand_ins, thorax_points_mm, surfaces
         )
         return built, described_contours(person.points_mm)
     except ValueError as error:

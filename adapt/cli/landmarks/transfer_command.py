@@ -9,7 +9,7 @@ import pandas as pd
 import typer
 from rich.console import Console
 
-from adapt.cli.options import console
+from adapt.cli.options import SurfaceUnit, console
 from adapt.cli.terminal.print_tables import folding_table
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from adapt.tables.attachment_tables import distances_table, points_table
@@ -23,10 +23,6 @@ from motions.formats.named_points import NamedPoints, read_landmarks, read_named
 from motions.landmarks.mapping import UNITS_MM
 
 Optional = Path | None
-
-SurfaceUnit = Annotated[
-    str, typer.Option(help=f"Unit of the surfaces, which their files do not say: {', '.join(UNITS_MM)}.")
-]
 
 
 def transfer(
