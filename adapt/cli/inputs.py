@@ -10,19 +10,52 @@ from adapt.cli.options import DEFAULT_MODEL
 from adapt.output.run_files import Files, inputs_record
 from models.person.family import AnyModel, PersonalSets, load_any_model
 from motions import InputError, Motions, read_motions
-from motions.table import warn_of_alike_motions
+from motions.errors import warn_input
+from motions.landmarks.girdle_angles import CLAVICLE_X
+from motions.table import FEWEST_ANGLES, warn_of_alike_motions
+
+ANGLE_CHOICES = SIX, FIVE = ("six", "five")
+"""The angles that J is made of: all that were measured, or all but the axial rotation of the clavicle, which from two
+landmarks is an estimate (thesis 6.2.2)."""
 
 _MOST_NAMED = 10
 """Names in a message."""
 
 
-def read_inputs(motions: list[Path], models: list[str]) -> tuple[Motions, list[AnyModel], Files]:
-    """Read the motions and the models, and say what run.json says of their files."""
+def read_inputs(motions: list[Path], models: list[str], angles: str = SIX) -> tuple[Motions, list[AnyModel], Files]:
+    """Read the motions and the models, and say what run.json says of their files; ``angles``: of ``ANGLE_CHOICES``."""
+    check_angles(angles)
     record, sets = inputs_record(motions, models), load_models(models)
-    table = read_motions(*motions)
+    table = with_angles(read_motions(*motions), angles)
     warn_of_alike_motions(table, "the motions")
     missing = subjects_without_set(sets, table.subjects)
     return without_subjects(table, missing), sets, record
+
+
+def check_angles(angles: str) -> None:
+    """InputError for a word that is none of ``ANGLE_CHOICES``."""
+    if angles not in ANGLE_CHOICES:
+        raise InputError("--angles", None, f"there is no '{angles}'", f"Use one of {', '.join(ANGLE_CHOICES)}")
+
+
+def with_angles(motions: Motions, angles: str) -> Motions:
+    """Return the motions as measured, or, with FIVE, without the axial rotation of the clavicle.
+
+    Postures of which too few other angles are left for a fit are left out, and a warning says how many. InputError
+    where none is left.
+    """
+    if angles == SIX:
+        return motions
+    angles_deg = motions.angles_deg.copy()
+    angles_deg[:, CLAVICLE_X] = np.nan
+    enough = np.isfinite(angles_deg).sum(axis=1) >= FEWEST_ANGLES
+    if not enough.all():
+        cause = f"{(~enough).sum()} postures have fewer than {FEWEST_ANGLES} angles without clavicle_x_deg"
+        error = InputError("--angles five", None, cause, "They are left out: measure more angles, or take six")
+        if not enough.any():
+            raise error
+        warn_input(error)
+    return replace(motions, angles_deg=angles_deg).select(enough)
 
 
 def subjects_without_set(models: list[AnyModel], subjects: Sequence[str]) -> dict[str, InputError]:

@@ -13,6 +13,7 @@ from models.effects.course import FULL_ELEVATION_DEG
 from motions.errors import InputError
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.mapping import UNITS_MM
+from motions.landmarks.sampled_postures import CLAVICLE_Z
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 
 DEFAULT_MODEL = "R2"
@@ -78,6 +79,16 @@ Reading = Annotated[
     typer.Option(
         help=f"Units of D and J in E: {', '.join(READINGS)}. The last one also takes measured positions of TS and AI; "
         "use it with a person's own parameter set only."
+    ),
+]
+
+Angles = Annotated[
+    str,
+    typer.Option(
+        metavar="six|five",
+        help="Angles in J: six, or five without the axial rotation of the clavicle, which is an estimate where two "
+        "landmarks were measured on it. What is simulated of it then means nothing: two axial rotations close the "
+        "conoid equally well.",
     ),
 ]
 
@@ -152,6 +163,15 @@ ScFromIj = Annotated[
 
 GhFromAc = Annotated[
     str, typer.Option(help=f"Offset that places GH from AC, where nobody marked it: {', '.join(GH_OFFSETS)}.")
+]
+
+ClavicleZ = Annotated[
+    str,
+    typer.Option(
+        metavar="|".join(CLAVICLE_Z),
+        help="Whose y axis the clavicle's z axis is normal to with the arm lowest: the thorax's, so that the estimated "
+        "axial rotation begins at 0, or the global one (Appendix A), which needs `global` in --map.",
+    ),
 ]
 
 SurfaceUnit = Annotated[

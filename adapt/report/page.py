@@ -33,6 +33,7 @@ from adapt.report.plain_words import GLOSSARY, explained, with_hover
 from adapt.report.position_figures import HEIGHT, STATE_NAMES, WIDTH, drawings, shown_states
 from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means
 from adapt.tables.results import Tables
+from adapt.tables.thorax_table import THORAX_WORDS, thorax_table
 from models.effects import EFFECTS
 from models.girdle import CONSTRAINT_NAMES
 from models.person.family import AnyModel
@@ -104,6 +105,8 @@ def report_html(
             muscles=muscle_means(muscles).reset_index().to_dict("records") if muscles else [],
             forces=force_means(muscles.balance) if muscles else {},
             with_lines=_with_lines(data),
+            thorax=thorax_table(motions).to_dict("records"),
+            thorax_words=THORAX_WORDS,
             data=_json(data),
             style=_verbatim("report.css"),
             script=Markup("\n").join(map(_verbatim, _SCRIPTS)),

@@ -124,6 +124,7 @@ def _checked(motions: Motions, path: Path) -> Motions:
 
 def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration: Calibration | None) -> Motions:
     """The postures of every subject in the file; a subject whose landmarks are wrong is left out and named."""
+    labels = replace(labels, R_lab_global=mapping.R_lab_global)
     trial = None if calibration is None else carry(markers, mapping, calibration)
     lab_mm = landmarks_mm(markers, mapping) if trial is None else trial.lab_mm
     if "SC" not in lab_mm and labels.sc_from_ij is None:

@@ -66,6 +66,22 @@ def humerus_angles(R_thorax_humerus: Rotations) -> Points:
     )
 
 
+def thorax_angles(R_global_thorax: Rotations) -> Points:
+    """Compute backward tilt, torsion and lateral flexion (x, y, z), radians, of the thorax (Appendix A).
+
+    R = Rx(x) Ry(y) Rz(z) in the global frame (x right, y up, z backward), -pi/2 <= y <= pi/2. x > 0 is backward,
+    y > 0 and z > 0 are to the left.
+    """
+    R = R_global_thorax
+    return np.stack(
+        [
+            np.arctan2(-R[1, 2], R[2, 2]),
+            np.arctan2(R[0, 2], np.hypot(R[0, 0], R[0, 1])),
+            np.arctan2(-R[0, 1], R[0, 0]),
+        ]
+    )
+
+
 def frame(x: Points, y: Points) -> Rotations:
     """Build the right-handed frame with these orthogonal unit axes."""
     return np.stack([x, y, cross(x, y)], axis=1)

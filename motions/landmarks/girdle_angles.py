@@ -14,6 +14,7 @@ from motions.landmarks.frames import (
     humerus_angles,
     humerus_frame,
     scapula_frame,
+    thorax_angles,
     thorax_frame,
     transposed,
 )
@@ -22,7 +23,7 @@ from motions.landmarks.stand_ins import SternoclavicularOffset, with_stand_ins
 from motions.motion_csv.cells import Side
 from motions.motion_csv.posture_rows import MIRROR_POSITION
 from motions.rhythm import clavicle_axial_rotation
-from motions.rotations import DEG, cardan_from_rotation, rotate, rotation_from_cardan
+from motions.rotations import DEG, cardan_from_rotation, compose, rotate, rotation_from_cardan
 from motions.table import LANDMARKS
 
 CLAVICLE_X = 2
@@ -43,6 +44,10 @@ class FrameAngles:
     """Those that were measured: what stands in for one has no position of its own."""
     stand_ins: dict[str, str]
     """Landmarks that were not measured, and what the clavicle's angles take in their place."""
+    thorax_deg: Float[np.ndarray, "frames 3"]
+    """Of the thorax in the global frame (``frames.thorax_angles``), as it was measured; NaN where that is not known."""
+    global_axial_deg: Float[np.ndarray, " frames"]
+    """Axial rotation of the clavicle's frame whose z is normal to the global y (Appendix A); NaN where not known."""
 
 
 def frame_angles(
@@ -51,19 +56,27 @@ def frame_angles(
     file: str,
     aa_to_ac: AcromionRotation | None = None,
     sc_from_ij: SternoclavicularOffset | None = None,
+    R_lab_global: Float[np.ndarray, "3 3"] | None = None,
 ) -> FrameAngles:
     """Compute the angles of every frame (thesis, Appendix A).
 
     A left shoulder is mirrored in the sagittal plane of its thorax.
     lab_mm: landmarks in any right-handed frame. aa_to_ac: what brings a scapula through AA to the thesis's frame, where
-    AC was not measured; sc_from_ij: what places SC, where it was not. InputError if the former is wanting, or if the
-    landmarks are those of the other shoulder.
+    AC was not measured; sc_from_ij: what places SC, where it was not; R_lab_global: the global frame, if it is known.
+    InputError if the first of these is wanting, or if the landmarks are those of the other shoulder.
     """
     thorax_mm = in_thorax(lab_mm, side, file)
     placed_mm, stand_ins = with_stand_ins(thorax_mm, aa_to_ac, sc_from_ij)
     count = thorax_mm["TS"].shape[1]
     angles = np.full((6, count), np.nan)
+    R_lab_thorax = thorax_frame(*(lab_mm[name] for name in THORAX))
+    thorax, axial = np.full((3, count), np.nan), np.full(count, np.nan)
+    if R_lab_global is not None:
+        thorax = thorax_angles(compose(R_lab_global.T[..., None], R_lab_thorax)) * float(DEG)
     if "SC" in placed_mm and "AC" in placed_mm:
+        if R_lab_global is not None:
+            y_global = _of_side(side) * rotate(transposed(R_lab_thorax), R_lab_global[:, 1:2])
+            axial = _cardan_deg(clavicle_frame(placed_mm["SC"], placed_mm["AC"], y_global))[CLAVICLE_X]
         y_thorax = np.array([0.0, 1.0, 0.0])[:, None]
         angles[:CLAVICLE_X] = _cardan_deg(clavicle_frame(placed_mm["SC"], placed_mm["AC"], y_thorax))[:CLAVICLE_X]
     else:
@@ -73,19 +86,19 @@ def frame_angles(
     if all(name in thorax_mm for name in ("GH", "EM", "EL")):
         humerus = humerus_angles(humerus_frame(*(thorax_mm[name] for name in ("GH", "EM", "EL")))) * float(DEG)
     kept = {name: thorax_mm[name].T for name in LANDMARKS if name in thorax_mm}
-    return FrameAngles(angles.T, humerus.T, kept, stand_ins)
+    return FrameAngles(angles.T, humerus.T, kept, stand_ins, thorax.T, axial)
 
 
 def estimated_axial_deg(
-    angles_deg: Float[np.ndarray, "postures 6"], rest_deg: Float[np.ndarray, "6"]
+    angles_deg: Float[np.ndarray, "postures 6"], rest_deg: Float[np.ndarray, "6"], at_rest_deg: float = 0.0
 ) -> Float[np.ndarray, " postures"]:
-    """Estimate the clavicle's axial rotation: the one that turns SC and AC joint least from rest, where it is 0.
+    """Estimate the clavicle's axial rotation: the one that turns SC and AC joint least from rest, where it is known.
 
-    Angles in degrees. Section 6.3 of the thesis minimises the rotation in both joints, note 1 of its Appendix A (Pronk)
-    in the AC joint alone. On six bone-pin shoulders the former is 1-5 degrees (rms) off the measured rotation, the
-    latter 5-11: here it is the former, `clavicle_axial_rotation`.
+    Angles in degrees; ``at_rest_deg``: that at rest, 0 by convention. Section 6.3 of the thesis minimises the rotation
+    in both joints, note 1 of its Appendix A (Pronk) in the AC joint alone. On six bone-pin shoulders the former is 1-5
+    degrees (rms) off the measured rotation, the latter 5-11: here it is the former, `clavicle_axial_rotation`.
     """
-    rest = np.where(np.arange(6) == CLAVICLE_X, 0.0, rest_deg) / float(DEG)
+    rest = np.where(np.arange(6) == CLAVICLE_X, at_rest_deg, rest_deg) / float(DEG)
     postures = angles_deg.T / float(DEG)
     R_clavicle, R_scapula = (
         np.repeat(rotation_from_cardan(part)[..., None], len(angles_deg), axis=2) for part in (rest[:3], rest[3:])
@@ -110,10 +123,15 @@ def _in_thorax(
     lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side
 ) -> dict[str, Float[np.ndarray, "3 frames"]]:
     R_lab_thorax = thorax_frame(*(lab_mm[name] for name in THORAX))
-    mirror = MIRROR_POSITION[:, None] if side == "left" else 1.0
     return {
-        name: mirror * rotate(transposed(R_lab_thorax), position - lab_mm["IJ"]) for name, position in lab_mm.items()
+        name: _of_side(side) * rotate(transposed(R_lab_thorax), position - lab_mm["IJ"])
+        for name, position in lab_mm.items()
     }
+
+
+def _of_side(side: Side) -> Float[np.ndarray, "3 1"]:
+    """What a vector of the thorax frame is times, to be a right shoulder's."""
+    return MIRROR_POSITION[:, None] if side == "left" else np.ones((3, 1))
 
 
 def _swapped_in_thorax(lab_mm: dict[str, Float[np.ndarray, "3 frames"]], side: Side) -> list[str]:

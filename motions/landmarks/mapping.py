@@ -1,7 +1,7 @@
 """The mapping file: what a laboratory calls the landmarks and the angles, in which unit and axes (TOML)."""
 
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +40,7 @@ BONES_BELOW = ("thorax", "clavicle")
 """What the angles of the scapula may be relative to."""
 
 _AXES = {f"{sign}{letter}": (place, -1.0 if sign else 1.0) for place, letter in enumerate("xyz") for sign in ("", "-")}
-_KEYS = ("unit", "axes", "scapula_relative_to", "markers", "columns", "clusters")
+_KEYS = ("unit", "axes", "global", "scapula_relative_to", "markers", "columns", "clusters")
 _EXAMPLE = 'Write lines such as unit = "mm" or, under [markers], IJ = "the name of your marker"'
 
 
@@ -60,6 +60,9 @@ class Mapping:
     """Markers of the clusters on CLUSTERS (``motions.landmarks.clusters``)."""
     scapula_relative_to: str = ""
     """Which of BONES_BELOW the angles of the scapula in a .mot or .sto file are relative to; empty: not said."""
+    global_axes: tuple[str, str, str] | None = None
+    """Which axes of the file point to the right, upward and backward of the person who faces forward: the global frame
+    of Appendix A. None: not said."""
 
     def marker(self, landmark: str) -> str:
         """Return the name of a landmark in the file, or the formula that gives it."""
@@ -71,13 +74,25 @@ class Mapping:
         return self.columns.get(angle, angle)
 
     @property
+    def R_lab_global(self) -> Float[np.ndarray, "3 3"] | None:
+        """The global frame in the file's right-handed one; None where the file does not say it."""
+        if self.global_axes is None:
+            return None
+        return self.axes_matrix @ _rows(self.global_axes).T
+
+    @property
     def axes_matrix(self) -> Float[np.ndarray, "3 3"]:
         """The right-handed position of the file's position."""
-        matrix = np.zeros((3, 3))
-        for row, axis in enumerate(self.axes):
-            place, sign = _AXES[axis]
-            matrix[row, place] = sign
-        return matrix
+        return _rows(self.axes)
+
+
+def _rows(axes: tuple[str, str, str]) -> Float[np.ndarray, "3 3"]:
+    """The named axes of the file, a row each."""
+    matrix = np.zeros((3, 3))
+    for row, axis in enumerate(axes):
+        place, sign = _AXES[axis]
+        matrix[row, place] = sign
+    return matrix
 
 
 def read_mapping(path: Path | None) -> Mapping:
@@ -103,7 +118,19 @@ def read_mapping(path: Path | None) -> Mapping:
     if below not in ("", *BONES_BELOW):
         raise InputError(file, None, f"scapula_relative_to is {below!r}", f"Write one of {', '.join(BONES_BELOW)}")
     markers, columns = _names(document, "markers", file), _names(document, "columns", file)
-    return Mapping(unit, tuple(axes), markers, columns, _clusters(document, file), below)
+    mapping = Mapping(unit, tuple(axes), markers, columns, _clusters(document, file), below)
+    return mapping if "global" not in document else _with_global(mapping, document["global"], file)
+
+
+def _with_global(mapping: Mapping, axes: object, file: str) -> Mapping:
+    """The mapping with the global frame. InputError where it is none, or left-handed."""
+    remedy = 'Name the axes of the file that point right, up and backward, as in global = ["x", "z", "-y"]'
+    if not _is_frame(axes):
+        raise InputError(file, None, f"global is {axes!r}", remedy)
+    found = replace(mapping, global_axes=tuple(axes))  # type: ignore[arg-type]
+    if found.R_lab_global is None or np.linalg.det(found.R_lab_global) < 0.0:
+        raise InputError(file, None, f"global is {axes!r}, a left-handed frame", remedy)
+    return found
 
 
 def _clusters(document: dict, file: str) -> dict[str, tuple[str, ...]]:

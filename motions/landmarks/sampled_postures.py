@@ -41,6 +41,20 @@ ANGLES_FROM_LANDMARKS = "angles_from_landmarks"
 """The extra column that says, with `yes`, that the angles were computed from the landmarks whose positions stand beside
 them: both have the same errors."""
 
+THORAX_COLUMNS = ("thorax_x_deg", "thorax_y_deg", "thorax_z_deg")
+"""The extra columns with backward tilt, torsion and lateral flexion of the thorax against the global frame (Appendix A)
+where the file has one."""
+
+BY_GLOBAL_Y = "global"
+"""The word for a clavicle whose z axis is normal to the global y."""
+
+CLAVICLE_Z = ("thorax", BY_GLOBAL_Y)
+"""To whose y axis the clavicle's z axis is normal with the arm lowest: the thorax's, so that its axial rotation begins
+at 0, or the global one of Appendix A."""
+
+CLAVICLE_Z_BY = "clavicle_z_by"
+"""The extra column that says so of a clavicle by the global y, with the axial rotation at which it begins."""
+
 FRAMES = "frames"
 """The extra column with the number of frames that a posture of a trial rests on."""
 
@@ -87,6 +101,10 @@ class Labels:
     aa_to_ac_name: str = ""
     sc_from_ij: SternoclavicularOffset | None = None
     gh_from_ac: GlenohumeralOffset | None = None
+    R_lab_global: Float[np.ndarray, "3 3"] | None = None
+    """The global frame, where the mapping says it."""
+    clavicle_z: str = CLAVICLE_Z[0]
+    """One of CLAVICLE_Z."""
     folder: str = ""
     """Whose trial it is by the folder that the file lies in, if neither the file nor ``subject`` says it."""
 
@@ -114,11 +132,14 @@ def postures_from_landmarks(
     frames = _frames(sound_mm, labels, file)
     rest = lowest_frames(frames.angles_deg, frames.humerus_deg[:, 1])
     _check_rest(sound_mm, frames, rest, labels, file)
-    angles_deg = frames.angles_deg.copy()
-    angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, rest.angles_deg)
+    angles_deg, begins_deg = frames.angles_deg.copy(), _axial_at_rest_deg(frames, rest, labels, file)
+    angles_deg[:, CLAVICLE_X] = estimated_axial_deg(angles_deg, rest.angles_deg, begins_deg)
     frames = replace(frames, angles_deg=angles_deg)
     table = _sampled(frames, labels, file) if labels.at_deg else _as_they_are(frames, labels)
     table = _with_marks(table, frames.stand_ins, rest.elevation_deg)
+    if labels.clavicle_z == BY_GLOBAL_Y:
+        said = f"global y: axial rotation begins at {begins_deg:.1f} deg, by the thorax's y at 0"
+        table = replace(table, extra=table.extra.assign(**{CLAVICLE_Z_BY: [said] * len(table.posture)}))
     if slips and not labels.at_deg:
         table = replace(table, extra=table.extra.assign(**{SLIPPED: _marks(slips, len(table.posture))}))
     measured = np.sum(np.isfinite(table.angles_deg), axis=1) >= FEWEST_ANGLES
@@ -136,8 +157,20 @@ def postures_from_landmarks(
     return table.select(measured)
 
 
+def _axial_at_rest_deg(frames: FrameAngles, rest: Rest, labels: Labels, file: str) -> float:
+    """The axial rotation with the arm lowest. InputError where the global frame is asked for and not known."""
+    if labels.clavicle_z != BY_GLOBAL_Y:
+        return 0.0
+    if labels.R_lab_global is None:
+        cause = "the clavicle's z axis by the global y needs the global frame, and the file does not say it"
+        raise InputError(
+            file, None, cause, 'Write global = ["x", "z", "-y"], right, up and back, in the mapping (--map)'
+        )
+    return float(np.median(frames.global_axial_deg[rest.rows]))
+
+
 def _frames(lab_mm: dict[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str) -> FrameAngles:
-    return frame_angles(lab_mm, labels.side, file, labels.aa_to_ac, labels.sc_from_ij)
+    return frame_angles(lab_mm, labels.side, file, labels.aa_to_ac, labels.sc_from_ij, labels.R_lab_global)
 
 
 def _check_rest(
@@ -182,7 +215,15 @@ def _marks(slips: Dictionary[str, Sequence[int]], count: int) -> list[str]:
 
 def _as_they_are(frames: FrameAngles, labels: Labels) -> Motions:
     """Each frame a posture."""
-    return _table(labels, frames.humerus_deg[:, 1], frames.angles_deg, frames.landmarks_mm, {})
+    extra = _thorax_columns(frames.thorax_deg, labels)
+    return _table(labels, frames.humerus_deg[:, 1], frames.angles_deg, frames.landmarks_mm, extra)
+
+
+def _thorax_columns(thorax_deg: Float[np.ndarray, "postures 3"], labels: Labels) -> dict[str, list[str]]:
+    """The columns of the thorax where the global frame is known."""
+    if labels.R_lab_global is None:
+        return {}
+    return {column: _texts(one) for column, one in zip(THORAX_COLUMNS, thorax_deg.T, strict=True)}
 
 
 def _sampled(frames: FrameAngles, labels: Labels, file: str) -> Motions:
@@ -193,13 +234,15 @@ def _sampled(frames: FrameAngles, labels: Labels, file: str) -> Motions:
         remedy = "Name these markers in a mapping file (--map), or leave out --at: then each frame is a posture"
         raise InputError(file, None, cause, remedy)
     positions = list(frames.landmarks_mm.values())
-    values = np.concatenate([frames.angles_deg, *positions], axis=1)
+    thorax = [] if labels.R_lab_global is None else [frames.thorax_deg]
+    values = np.concatenate([frames.angles_deg, *positions, *thorax], axis=1)
     whose = f"{labels.subject}, {labels.motion}"
     sampled = resample_trial(elevation_deg, values, np.array(labels.at_deg), file, whose)
     landmarks_mm = {
         name: _whole(sampled.values[:, 6 + 3 * place : 9 + 3 * place]) for place, name in enumerate(frames.landmarks_mm)
     }
     extra = {spread_column(angle): _texts(sampled.spread[:, place]) for place, angle in enumerate(ANGLES)}
+    extra |= _thorax_columns(sampled.values[:, -3:], labels)
     extra[FRAMES] = [str(count) for count in sampled.frames.tolist()]
     return _table(labels, sampled.at_deg, sampled.values[:, :6], landmarks_mm, extra)
 

@@ -132,7 +132,7 @@ def placed(corners: np.ndarray, M: np.ndarray) -> np.ndarray:
 
 
 def test_surfaces_of_the_scapula_carry_the_conoid(tmp_path):
-    """Of the generic bone moved by the map of its landmarks, where that carries it; of one half as thick again, deeper."""
+    """Of the generic bone moved by the map of its landmarks, where that carries it; of one half as thick again, off."""
     pytest.importorskip("vtkmodules")
     generic = load_model("R2").girdle
     corners, triangles = scapula_surface(generic)

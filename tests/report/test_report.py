@@ -23,6 +23,7 @@ from adapt.tables.folds import MOTION, POSTURES
 from adapt.tables.results import summary_table
 from models import load_model
 from motions import ANGLES, Motions
+from motions.landmarks.sampled_postures import THORAX_COLUMNS
 
 LARGEST_BYTES = 10_000_000
 """A file larger than this cannot be mailed everywhere."""
@@ -66,6 +67,18 @@ def test_residuals_are_those_of_each_rows_own_parameters():
     theta_mm = np.stack([own, own + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0])], axis=1)
     _, residuals = bones_mm(girdle.repeated(2).with_adapted(theta_mm), np.repeat(rising(1, 1)[0].T, 2, axis=1))
     np.testing.assert_allclose(residuals[:, 0] - residuals[:, 1], [0.0, 0.0, 3.0], rtol=0.0, atol=MM_TOLERANCE)
+
+
+def test_a_thorax_turned_in_the_laboratory_has_its_table_and_one_that_is_not_known_none():
+    motions = motions_of(rising(2, 4))
+    made = adaptations(motions, R2)
+    assert "Thorax against the global frame" not in words_of(report_html(motions, R2, made))
+    columns = dict(zip(THORAX_COLUMNS, ("12.5", "-25.0", ""), strict=True))
+    known = replace(motions, extra=motions.extra.assign(**columns))
+    said = words_of(report_html(known, R2, made))
+    assert "Thorax against the global frame" in said
+    assert "backward tilt 12.5" in " ".join(said.split())
+    assert "flexion to the left" not in said  # measured nowhere
 
 
 # --- the numbers of the figures ------------------------------------------------------------------------------------

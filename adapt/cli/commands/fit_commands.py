@@ -11,8 +11,18 @@ import typer
 from adapt.api import check_own_bones, fit_postures
 from adapt.cli.commands.known_effects import Known, read_known, say_known
 from adapt.cli.ending import finish, say_report
-from adapt.cli.inputs import asked_models, load_models, read_inputs, subjects_without_set, without_subjects
+from adapt.cli.inputs import (
+    SIX,
+    asked_models,
+    check_angles,
+    load_models,
+    read_inputs,
+    subjects_without_set,
+    with_angles,
+    without_subjects,
+)
 from adapt.cli.options import (
+    Angles,
     Float32,
     KnownEffects,
     Models,
@@ -59,6 +69,7 @@ def fit(
     model: Models = [],  # noqa: B006 (typer reads it, never changes it)
     models_of: ModelsOf = [],  # noqa: B006
     float32: Float32 = False,
+    angles: Angles = SIX,
     effect: KnownEffects = [],  # noqa: B006
     repeat: Repeat = None,
 ) -> None:
@@ -67,13 +78,14 @@ def fit(
     Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
     """
     effects = read_known(effect).effects  # without adaptation there are no thorax points to weigh
-    table, models, record = read_inputs(motions, asked_models(model, models_of))
+    table, models, record = read_inputs(motions, asked_models(model, models_of), angles)
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = fit_postures(table, models, report, np.float32 if float32 else np.float64, effects)
         with transaction(folder) as part:
             write_fits(part, result)
-            write_run(part, "fit", record, {"float32": float32, "effect": effect}, table.rejected)
+            options = {"float32": float32, "angles": angles, "effect": effect}
+            write_run(part, "fit", record, options, table.rejected)
     print_summary(console, result.summary)
     say_known(Known(effects))
     finish(table, failed_subjects(result.fits))
@@ -98,6 +110,7 @@ def adapt(
         str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work, as tcp://host:8786.")
     ] = "",
     float32: Float32 = False,
+    angles: Angles = SIX,
     effect: KnownEffects = [],  # noqa: B006
     thorax_downweighting: ThoraxDownweighting = 1.0,
     own_bones: OwnBones = False,
@@ -113,14 +126,18 @@ def adapt(
     """
     if reading not in READINGS:
         raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
+    check_angles(angles)
     known = read_known(effect, thorax_downweighting)
-    how = ", ".join([f"w = {weight:g}", f"reading {reading}", *[OWN_BONES] * own_bones, *known.texts])
+    of_angles = [] if angles == SIX else [f"{angles} angles"]
+    words = [f"w = {weight:g}", f"reading {reading}", *of_angles, *[OWN_BONES] * own_bones, *known.texts]
+    how = ", ".join(words)
     named = asked_models(model, models_of)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
     options: dict[str, object] = {
         "weight": weight,
         "reading": reading,
         "float32": float32,
+        "angles": angles,
         "effect": effect,
         "thorax_downweighting": thorax_downweighting,
         "own_bones": own_bones,
@@ -133,10 +150,11 @@ def adapt(
     people = None
     if own_bones:
         check_own_bones(known.effects, reading, less)
-        people = _people(files, missing, subjects, models, known)
+        people = _people(files, missing, subjects, models, known, angles)
     work = Work(tuple(models), weight, reading, shown, held_out, float32, known.effects, less, people)
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
-    chunks = (one for one in (without_subjects(part, missing) for part in files.in_chunks(size)) if len(one.posture))
+    parts_of_files = (without_subjects(part, missing) for part in files.in_chunks(size))
+    chunks = (with_angles(one, angles) for one in parts_of_files if len(one.posture))
     first = next(chunks)  # bad input is found before a folder is made for it
     warn_of_alike_motions(first, "the motions")
     chunks = chain([first], chunks)
@@ -179,11 +197,12 @@ def _people(
     subjects: Sequence[str],
     models: list[AnyModel],
     known: Known,
+    angles: str,
 ) -> People:
     """Learn how the persons of the whole run differ, so that no part depends on how many there are."""
     chosen = list(own_sample(subjects))
     parts = (without_subjects(part, missing) for part in files.in_chunks(LANES))
-    motions = Motions.concatenate([part.select(np.isin(part.subject, chosen)) for part in parts])
+    motions = with_angles(Motions.concatenate([part.select(np.isin(part.subject, chosen)) for part in parts]), angles)
     with progress(errors) as report:
         report("how persons differ")
         return learn_people(posture_rows(motions, known.effects), models)

@@ -5,8 +5,8 @@ from typing import Annotated
 import typer
 
 from adapt.cli.ending import finish
-from adapt.cli.inputs import asked_models, read_inputs
-from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, Repeat, console, errors
+from adapt.cli.inputs import SIX, asked_models, read_inputs
+from adapt.cli.options import Angles, Models, ModelsOf, MotionFiles, Out, Repeat, console, errors
 from adapt.cli.terminal.print_tables import progress
 from adapt.cli.terminal.print_thesis import print_answers, print_comparison
 from adapt.output.large_runs.parts import not_adapted
@@ -35,6 +35,7 @@ def compare(
             help="Motion of Table 3.5, the other that is adapted to. Default: forward_flexion or sagittal_elevation."
         ),
     ] = "",
+    angles: Angles = SIX,
     repeat: Repeat = None,
 ) -> None:
     """Make Tables 3.4, 3.5 and 6.1-6.6 of the thesis of your motions and sets, beside the printed ones.
@@ -45,14 +46,14 @@ def compare(
     Writes comparison.csv, one row a number: table, source (thesis or girdle), model, row (subject or statistic),
     quantity, unit, value, sd; and run.json.
     """
-    table, models, record = read_inputs(motions, asked_models(model, models_of))
+    table, models, record = read_inputs(motions, asked_models(model, models_of), angles)
     names = MotionNames.of(table, abduction, flexion)
     with results_folder(out) as folder:
         with progress(errors) as report:
             found = comparison(table, models, names, mean, report)
         with transaction(folder) as part:
             write_table(found.table, part / "comparison.csv")
-            options = {"mean": mean, "abduction": abduction, "flexion": flexion}
+            options = {"mean": mean, "abduction": abduction, "flexion": flexion, "angles": angles}
             write_run(part, "compare", record, options, table.rejected)
     print_comparison(console, found.table)
     failed = {} if found.adaptations is None else not_adapted(found.adaptations)

@@ -1,6 +1,9 @@
+# pyright: reportGeneralTypeIssues=false
+# (pandas says "Hashable" of a group's key)
 """``girdle convert``, ``girdle model`` and ``girdle contour``: from what a laboratory measures to what is adapted."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +11,9 @@ import numpy as np
 import typer
 
 from adapt.cli.ending import EXIT_SOME_NOT_HANDLED, finish
-from adapt.cli.options import AaToAc, GhFromAc, Names, ScFromIj, Shoulder, SurfaceUnit, console, errors
+from adapt.cli.options import AaToAc, ClavicleZ, GhFromAc, Names, ScFromIj, Shoulder, SurfaceUnit, console, errors
+from adapt.cli.terminal.print_tables import folding_table
+from adapt.tables.thorax_table import THORAX_WORDS, thorax_table
 from models import load_model
 from models.person.contours.band import HALF_WIDTH_PX, INSIDE, VECTOR_PX, Settings
 from motions import InputError, Motions
@@ -16,7 +21,15 @@ from motions.errors import named
 from motions.landmarks.acromion import ROTATIONS
 from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_FROM, residual_column
 from motions.landmarks.mapping import CLUSTERS, UNITS_MM, read_mapping
-from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels, is_marked, marked_slips
+from motions.landmarks.sampled_postures import (
+    CLAVICLE_Z,
+    CLAVICLE_Z_BY,
+    ESTIMATE_ZERO,
+    ESTIMATED,
+    Labels,
+    is_marked,
+    marked_slips,
+)
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 from motions.motion_csv.cells import SIDES
 
@@ -63,6 +76,7 @@ def convert_file(
     aa_to_ac: AaToAc = "",
     sc_from_ij: ScFromIj = "",
     gh_from_ac: GhFromAc = "",
+    clavicle_z: ClavicleZ = CLAVICLE_Z[0],
     isb: Annotated[bool, typer.Option("--isb", help="Write .mot angles as ISB's alpha, beta, gamma.")] = False,
 ) -> None:
     """Bring files of your laboratory into this project's forms, and results into those of others.
@@ -76,7 +90,10 @@ def convert_file(
     from adapt.cli.landmarks.many_files import first_file
     from adapt.cli.landmarks.write_map import write_map as write_mapping
 
+    if clavicle_z not in CLAVICLE_Z:
+        raise InputError("--clavicle-z", None, f"there is no '{clavicle_z}'", f"Use one of {', '.join(CLAVICLE_Z)}")
     labels = _labels(subject, motion, side, at, aa_to_ac, sc_from_ij, gh_from_ac)
+    labels = replace(labels, clavicle_z=clavicle_z)
     if write_map is not None:
         found = write_mapping(first_file(files[0]), write_map, read_mapping(names))
         console.print(f"{write_map} written: {found} names found. Edit it, and take it with --map", soft_wrap=True)
@@ -104,6 +121,7 @@ def convert_file(
     _say_estimated(motions)
     _say_cluster(motions)
     _say_slipped(motions)
+    _say_thorax(motions)
     finish(motions, {})
 
 
@@ -122,7 +140,7 @@ def model_of_person(
     surface: Annotated[
         Path | None,
         typer.Option(
-            help="Surface of the person's scapula (.stl, .ply, .vtp), in the frame of the landmarks of its first posture; "
+            help="Surface of the person's scapula (.stl, .ply, .vtp), in the frame of the landmarks, first posture: "
             "with --generic-surface it carries the conoid's attachment in place of the landmarks.",
             show_default=False,
         ),
@@ -261,6 +279,24 @@ def _say_slipped(motions: Motions) -> None:
     for row, names in marked_slips(motions).items():
         where = f"{motions.subject[row]}, {motions.motion[row]} {motions.posture[row]}"
         console.print(f"{names} slipped: {where}", soft_wrap=True)
+
+
+def _say_thorax(motions: Motions) -> None:
+    """Print the thorax against the global frame, median and range by motion; and how the clavicle's axis differs."""
+    for said in dict.fromkeys(motions.extra.get(CLAVICLE_Z_BY, ())):
+        console.print(f"Clavicle's z axis by the {said}", soft_wrap=True)
+    rows = thorax_table(motions)
+    if not len(rows):
+        return
+    table = folding_table("Thorax against the global frame, degrees: median (least to most)", ("subject", "motion"))
+    for name in THORAX_WORDS.values():
+        table.add_column(name, no_wrap=True, justify="right")
+    for (subject, motion), part in rows.groupby(["subject", "motion"], sort=False):
+        cells = [
+            f"{r['median_deg']:.1f} ({r['least_deg']:.1f} to {r['most_deg']:.1f})" for r in part.to_dict("records")
+        ]
+        table.add_row(str(subject), str(motion), *cells)
+    console.print(table)
 
 
 def _elevations(at: str) -> tuple[float, ...]:

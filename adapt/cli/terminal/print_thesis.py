@@ -65,7 +65,11 @@ def _print_gap_rows(console: Console, title: str, mine: pd.DataFrame) -> None:
 def _with_sd(rows: pd.DataFrame, digits: int) -> list[str]:
     """'2.9 (1.6)' of each; the SD of one number is none."""
     words = zip(rows["value"], rows["sd"], strict=True)
-    return [f"{x:.{digits}f} ({'-' if isnan(sd) else format(sd, f'.{digits}f')})" for x, sd in words]
+    return [f"{_or_dash(x, digits)} ({_or_dash(sd, digits)})" for x, sd in words]
+
+
+def _or_dash(value: float, digits: int) -> str:
+    return "-" if isnan(value) else f"{value:.{digits}f}"
 
 
 def _both(rows: pd.DataFrame) -> str:
