@@ -16,6 +16,7 @@ from adapt.cli.commands.list_commands import list_effects, list_models, simulate
 from adapt.cli.commands.thesis_commands import compare, questions
 from adapt.cli.doctor import doctor
 from adapt.cli.ending import EXIT_BAD_INPUT, EXIT_INTERRUPTED, is_out_of_memory, out_of_memory, watch_stdin
+from adapt.cli.landmarks.check_command import check
 from adapt.cli.landmarks.landmark_commands import contours_of_slices, convert_file, model_of_person
 from adapt.cli.landmarks.transfer_command import transfer
 from adapt.cli.options import console, errors
@@ -51,6 +52,7 @@ for name, command in {
     "model": model_of_person,
     "contour": contours_of_slices,
     "transfer": transfer,
+    "check": check,
     "models": list_models,
     "simulate": simulate,
     "drive": drive_girdle,

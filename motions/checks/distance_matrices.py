@@ -1,7 +1,7 @@
 """Two measurements of one bone: what differs between the distances of its points (thesis, chapters 4 and 5).
 
 The distance matrices are DM_1 and DM_2, and E = DM_1 - DM_2 (Eq. 4.1 and 5.1). A point that is wrong in one of them
-spoils its whole row; the largest subset that agrees is kept. Tables 4.1 and 5.1 come out again.
+spoils its whole row; the largest subset that agrees is kept.
 """
 
 from collections.abc import Sequence
@@ -23,11 +23,17 @@ def difference_matrix(
     return one - other
 
 
+MOST_POINTS = 16
+"""Of which every subset is looked at: 65 000."""
+
+
 def largest_consistent(differences: Float[np.ndarray, "points points"]) -> tuple[int, ...]:
     """Find the largest set of points whose differences are all within the mean of the absolute differences (Table 5.1);
-    of several the one that agrees best."""
+    of several the one that agrees best. ValueError for more than ``MOST_POINTS``, of which there are too many sets."""
     apart = np.abs(differences)
     count = len(apart)
+    if count > MOST_POINTS:
+        raise ValueError(f"{count} points, and sets of at most {MOST_POINTS} are looked through")
     limit = float(apart[np.triu_indices(count, 1)].mean())
     for size in range(count, 1, -1):
         kept = [part for part in combinations(range(count), size) if _mean_of(apart, part, np.max) <= limit]

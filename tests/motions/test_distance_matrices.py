@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scripts.research.thesis.distance_matrices import (
+from motions.checks.distance_matrices import (
     difference_matrix,
     distance_matrix,
     largest_consistent,

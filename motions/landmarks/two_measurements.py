@@ -1,0 +1,79 @@
+"""One bone measured twice, or in every frame of a trial: distance matrices and rigid motions of its points.
+
+Chapter 4 (MRI and dissection, Table 4.1) and Chapter 5 (CT and palpation, Tables 5.1 and 5.2) of the thesis.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from motions.checks.distance_matrices import difference_matrix, distance_matrix, largest_consistent
+from motions.landmarks.clusters.rigid_fit import FEWEST, fit_rigid
+from motions.rotations import DEG, vector_from_rotation
+
+Points = Float[np.ndarray, "3 points"]
+
+
+@dataclass(frozen=True)
+class RigidMotion:
+    """The rotation and translation that lay points on others best (Spoor and Veldpaus 1980: least squares)."""
+
+    angle_deg: float
+    """About one axis."""
+    axis: Float[np.ndarray, "3"]
+    """Of length 1; NaN without a rotation."""
+    shift_mm: Float[np.ndarray, "3"]
+    """Of the middle of the points."""
+    residual_mm: Float[np.ndarray, " points"]
+    """What each point is off after it: mean and SD are those of Table 5.2."""
+
+
+def rigid_motion(one: Points, other: Points) -> RigidMotion:
+    """Find the motion that takes the points of one measurement to those of the other.
+
+    ValueError for fewer than three points, or for points on a line.
+    """
+    if one.shape[1] < FEWEST:
+        raise ValueError(f"{one.shape[1]} points, and a rigid motion needs {FEWEST}")
+    fit = fit_rigid(one.T, other.T[..., None])
+    if np.isnan(fit.residual_mm[0]):
+        raise ValueError("the points lie on a line")
+    vector = np.asarray(vector_from_rotation(fit.pose.R[..., 0]))
+    angle = float(np.linalg.norm(vector))
+    moved = fit.pose.R[..., 0] @ one + fit.pose.t
+    axis = vector / angle if angle > 0.0 else np.full(3, np.nan)
+    shift = other.mean(axis=1) - one.mean(axis=1)
+    return RigidMotion(angle * float(DEG), axis, shift, np.linalg.norm(moved - other, axis=0))
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Two measurements of the points of one body."""
+
+    names: tuple[str, ...]
+    first_mm: Float[np.ndarray, "points points"]
+    """Distances in the first."""
+    differences_mm: Float[np.ndarray, "points points"]
+    """E = DM_first - DM_second (Eq. 4.1, 5.1)."""
+    consistent: tuple[str, ...]
+    """The largest set that agrees (Table 5.1)."""
+    motion: RigidMotion | None
+    """From the first to the second; None where three points are lacking, or on a line."""
+    moved_by: tuple[str, ...]
+    """The points of this motion: the consistent ones, or all where these are fewer than three."""
+
+
+def compare_measurements(names: Sequence[str], first: Points, second: Points) -> Compared:
+    """Compare two measurements of the same points. ValueError for more points than subsets can be looked through."""
+    one, other = distance_matrix(first), distance_matrix(second)
+    differences = difference_matrix(one, other)
+    kept = list(largest_consistent(differences))
+    by = kept if len(kept) >= FEWEST else list(range(len(names)))
+    try:
+        motion = rigid_motion(first[:, by], second[:, by])
+    except ValueError:
+        motion = None
+    consistent, moved_by = (tuple(names[k] for k in part) for part in (kept, by))
+    return Compared(tuple(names), one, differences, consistent, motion, moved_by)
