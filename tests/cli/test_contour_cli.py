@@ -98,13 +98,28 @@ def points_of(path: Path) -> np.ndarray:
     return pd.read_csv(path)[["x_mm", "y_mm", "z_mm"]].to_numpy().T
 
 
+def test_a_muscle_of_any_name_has_its_volume(tmp_path):
+    """Of slices 5 to 13 of the ball: sum of pi (R^2 - z^2) times 2.5 mm."""
+    scan, volumes = png_scan(tmp_path), tmp_path / "volumes.csv"
+    scan.clicks.write_text(scan.clicks.read_text().replace("humeral_head", "teres major"))
+    sizes = "--pixel-mm", PIXEL_MM, "--slice-mm", SLICE_MM, "--volumes", volumes, "--inside", "bright"
+    said = girdle("contour", *scan.files, "--clicks", scan.clicks, "--out", tmp_path / "points.csv", *sizes)
+    assert (said.status, said.messages) == (0, [])
+    assert "teres major: girdle model takes no such surface, but thorax" in said.out
+    z = np.arange(4, 13) * SLICE_MM - CENTRE_MM[2]
+    expected = (np.pi * (HEAD_MM**2 - z**2)).sum() * SLICE_MM / 1000.0
+    row = pd.read_csv(volumes).iloc[0]
+    assert (row["surface"], row["slices"]) == ("teres major", 9)
+    assert row["volume_cm3"] == pytest.approx(expected, rel=0.02)
+
+
 def test_points_of_png_slices_lie_on_the_ball(tmp_path):
     scan, out = png_scan(tmp_path), tmp_path / "points.csv"
     sizes = "--pixel-mm", PIXEL_MM, "--slice-mm", SLICE_MM
     said = girdle("contour", *scan.files, "--clicks", scan.clicks, "--out", out, "--inside", "bright", *sizes)
     assert (said.status, said.messages) == (0, [])
     table = pd.read_csv(out)
-    assert f"humeral_head: {len(table)} points in 9 slices" in said.out
+    assert f"humeral_head: {len(table)} points in 9 slices, " in said.out
     assert list(dict.fromkeys(table["slice"])) == [f"s{k}.png" for k in range(5, 14)]
     away = np.linalg.norm(points_of(out).T - (CENTRE_MM - [0.0, 0.0, 4 * SLICE_MM]), axis=1) - HEAD_MM
     assert np.sqrt(np.mean(away**2)) < WITHIN_MM
@@ -246,7 +261,6 @@ WRONG = {
     "outside the image": ("s9.png,90,1,", "the click at (90, 1) is not in the image of 72 x 72 pixels", "from 0"),
     "an empty cell": ("s9.png,,1,", "the click at (nan, 1) is not in the image", "from 0"),
     "no number": ("s9.png,1,a,", "'a' is not a number", "decimal point"),
-    "no such surface": ("s9.png,1,1,rib", "there is no surface 'rib'", "Use one of thorax"),
     "two clicks": (
         "s7.png,1,1,humeral_head",
         "1 clicks draw no closed contour (humeral_head in slice 3)",

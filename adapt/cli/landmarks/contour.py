@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 
 from models.person.contours.band import Settings
@@ -12,9 +13,10 @@ from models.person.contours.closed_contour import vectorised
 from models.person.contours.edge_path import slopes_of
 from models.person.contours.image_slices import ImageSlice, read_slices
 from models.person.contours.slice_stack import doubtful, follow
+from models.person.contours.stack_volume import area_mm2, stack_volume_cm3
 from motions.errors import InputError
 from motions.files import atomic_write, printable
-from motions.formats.person_file import check_surface
+from motions.formats.person_file import SURFACES
 
 _DIGITS = 3
 """Of a coordinate, mm or pixels."""
@@ -27,6 +29,8 @@ class Followed:
     label: Label
     slices: int
     points: int
+    volume_cm3: float
+    """Area times distance of the slices; NaN of a single slice."""
     left_out: tuple[str, ...]
     """Files of slices in which a part of the contour lies on no edge: their points are not written."""
 
@@ -39,14 +43,13 @@ def write_contours(
     vector_px: float,
     sizes_mm: tuple[float | None, float | None],
     in_window: str = "",
+    volumes: Path | None = None,
 ) -> list[Followed]:
     """Write the points of every contour as ``girdle model --points`` reads them.
 
-    in_window: the surface whose clicks a window takes first; they are added to the file of clicks. InputError where a
-    slice, a click or a contour is wrong.
+    in_window: the surface whose clicks a window takes first; they are added to the file of clicks. volumes: a file for
+    the volume of each. InputError where a slice, a click or a contour is wrong.
     """
-    if in_window:
-        check_surface(in_window, "--surface")
     slices = read_slices(paths, *sizes_mm)
     known = read_clicks(clicks, slices) if clicks.exists() or not in_window else []
     if in_window:
@@ -62,12 +65,27 @@ def write_contours(
         weak = doubtful(found, mine)
         polygons = {k: vectorised(one.points_px, vector_px) for k, one in found.items() if k not in weak}
         of_label = [row for k, polygon in polygons.items() for row in _rows(label, slices[k], polygon)]
-        done.append(Followed(label, len(polygons), len(of_label), tuple(Path(slices[k].file).name for k in weak)))
+        volume = _volume_cm3({k: slices[k].to_mm(polygon) for k, polygon in polygons.items()}, slices)
+        weak_files = tuple(Path(slices[k].file).name for k in weak)
+        done.append(Followed(label, len(polygons), len(of_label), volume, weak_files))
         rows += of_label
     if not rows:
         raise InputError(str(clicks), None, "there are no clicks", "Click in a window with --click, or write them")
     atomic_write(out, as_csv(rows, list(rows[0])))
+    if volumes is not None:
+        columns = [*Label._fields, "slices", "volume_cm3"]
+        known = [one.label._asdict() | {"slices": one.slices, "volume_cm3": one.volume_cm3} for one in done]
+        atomic_write(volumes, as_csv(known, columns))
     return done
+
+
+def _volume_cm3(polygons_mm: dict[int, np.ndarray], slices: Sequence[ImageSlice]) -> float:
+    if len(polygons_mm) < 2:
+        return float("nan")
+    step = slices[1].origin_mm - slices[0].origin_mm
+    normal = np.cross(slices[0].x_mm, slices[0].y_mm)
+    slice_mm = float(step @ normal / np.linalg.norm(normal))
+    return stack_volume_cm3({k: area_mm2(polygon) for k, polygon in polygons_mm.items()}, slice_mm)
 
 
 def _clicked(slices: list[ImageSlice], known: list[Click], surface: str, settings: Settings) -> list[Click]:
@@ -94,7 +112,11 @@ def print_contours(console: Console, done: Sequence[Followed], out: Path) -> Non
     """Say what was found, and which slices to look at."""
     for one in done:
         whose = " ".join(word for word in one.label if word)
-        console.print(printable(f"{whose}: {one.points} points in {one.slices} slices"), soft_wrap=True)
+        volume = "" if np.isnan(one.volume_cm3) else f", {one.volume_cm3:.1f} cm3"
+        console.print(printable(f"{whose}: {one.points} points in {one.slices} slices{volume}"), soft_wrap=True)
+        if one.label.surface not in SURFACES:
+            said = f"{whose}: girdle model takes no such surface, but {', '.join(SURFACES)}"
+            console.print(printable(said), soft_wrap=True)
         if one.left_out:
             named = ", ".join(one.left_out)
             said = f"{whose}: left out, part of the contour lies on no edge: {named}. Correct it there, or draw it anew"

@@ -195,8 +195,13 @@ def contours_of_slices(
         bool, typer.Option("--click", help="Take clicks in a window first, and add them to --clicks.")
     ] = False,
     surface: Annotated[
-        str, typer.Option(help="Of the clicks in the window, as `girdle model --points` names it.")
+        str,
+        typer.Option(help="Of the clicks in the window: as `girdle model --points` names it, or any other, a muscle."),
     ] = "thorax",
+    volumes: Annotated[
+        Path | None,
+        typer.Option(help="CSV for the volume of each surface: area times distance of the slices.", show_default=False),
+    ] = None,
     inside: Annotated[
         str, typer.Option(help="What the bone is beside what surrounds it: bright, dark, either.")
     ] = "either",
@@ -224,7 +229,8 @@ def contours_of_slices(
     """Find contours of bones in image slices from a few clicks, and write their points in mm (Chapter 2).
 
     Between clicks the contour follows the strongest edge near them. It is propagated to the other slices; where that
-    fails, a correction of three clicks, or a new contour, puts it right. Needs the extra `contour` of the package.
+    fails, a correction of three clicks, or a new contour, puts it right. Volumes are those of Table 4.8. Needs the
+    extra `contour` of the package.
     """
     from adapt.cli.landmarks.contour import print_contours, write_contours  # readers of images: not for every command
 
@@ -233,7 +239,9 @@ def contours_of_slices(
     if slice_mm == 0.0:
         raise InputError("--slice-mm", None, "slices 0 mm apart are one", "Give their distance")
     settings = Settings(inside, half_width_px)  # type: ignore[arg-type]
-    done = write_contours(slices, clicks, out, settings, vector_px, (pixel_mm, slice_mm), surface if click else "")
+    done = write_contours(
+        slices, clicks, out, settings, vector_px, (pixel_mm, slice_mm), surface if click else "", volumes
+    )
     print_contours(console, done, out)
 
 

@@ -10,7 +10,6 @@ from models.person.contours.image_slices import ImageSlice
 from models.person.contours.slice_stack import SliceClicks
 from motions.errors import InputError
 from motions.files import atomic_write
-from motions.formats.person_file import check_surface
 from motions.formats.text import numbers
 from motions.motion_csv.rows import Row, read_table
 from motions.motion_csv.writing import csv_text
@@ -27,7 +26,7 @@ _POINTS_OF_CORRECTION = 3
 
 
 class Label(NamedTuple):
-    """Whose contour it is, and of what, as ``girdle model --points`` has it."""
+    """Whose contour it is, and of what: a surface of ``girdle model --points``, or one of any other name, as a muscle."""
 
     subject: str = ""
     posture: str = ""
@@ -63,7 +62,6 @@ def _click(row: Row, xy: np.ndarray, slices: Sequence[ImageSlice]) -> Click:
         raise InputError(row.file, row.line, f"there is no use {use!r}", f"Write {DRAW} or {CORRECT}")
     words = {name: row.cells.get(name, "").strip() for name in Label._fields}
     label = Label(**{name: word for name, word in words.items() if word})
-    check_surface(label.surface, row.file, row.line)
     number = _slice_number(row, slices)
     rows, columns = slices[number].grey.shape
     if not (-0.5 <= xy[0] <= columns - 0.5 and -0.5 <= xy[1] <= rows - 0.5):  # nor NaN, an empty cell
