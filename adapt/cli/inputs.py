@@ -33,7 +33,7 @@ def read_inputs(motions: list[Path], models: list[str], angles: str = SIX) -> tu
 
 
 def check_angles(angles: str) -> None:
-    """InputError for a word that is none of ``ANGLE_CHOICES``."""
+    """Refuse a word that is none of ``ANGLE_CHOICES``: InputError."""
     if angles not in ANGLE_CHOICES:
         raise InputError("--angles", None, f"there is no '{angles}'", f"Use one of {', '.join(ANGLE_CHOICES)}")
 

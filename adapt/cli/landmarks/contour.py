@@ -65,7 +65,9 @@ def write_contours(
         weak = doubtful(found, mine)
         polygons = {k: vectorised(one.points_px, vector_px) for k, one in found.items() if k not in weak}
         of_label = [row for k, polygon in polygons.items() for row in _rows(label, slices[k], polygon)]
-        volume = _volume_cm3({k: slices[k].to_mm(polygon) for k, polygon in polygons.items()}, slices)
+        volume = _volume_cm3(
+            {k: slices[k].to_mm(found[k].points_px) for k in polygons}, slices
+        )  # not of polygons inside
         weak_files = tuple(Path(slices[k].file).name for k in weak)
         done.append(Followed(label, len(polygons), len(of_label), volume, weak_files))
         rows += of_label
@@ -79,13 +81,13 @@ def write_contours(
     return done
 
 
-def _volume_cm3(polygons_mm: dict[int, np.ndarray], slices: Sequence[ImageSlice]) -> float:
-    if len(polygons_mm) < 2:
+def _volume_cm3(contours_mm: dict[int, np.ndarray], slices: Sequence[ImageSlice]) -> float:
+    if len(contours_mm) < 2:
         return float("nan")
     step = slices[1].origin_mm - slices[0].origin_mm
     normal = np.cross(slices[0].x_mm, slices[0].y_mm)
     slice_mm = float(step @ normal / np.linalg.norm(normal))
-    return stack_volume_cm3({k: area_mm2(polygon) for k, polygon in polygons_mm.items()}, slice_mm)
+    return stack_volume_cm3({k: area_mm2(one) for k, one in contours_mm.items()}, slice_mm)
 
 
 def _clicked(slices: list[ImageSlice], known: list[Click], surface: str, settings: Settings) -> list[Click]:

@@ -26,7 +26,7 @@ _POINTS_OF_CORRECTION = 3
 
 
 class Label(NamedTuple):
-    """Whose contour it is, and of what: a surface of ``girdle model --points``, or one of any other name, as a muscle."""
+    """Whose contour it is, and of what: a surface of ``girdle model --points``, or of any other name, as a muscle."""
 
     subject: str = ""
     posture: str = ""
