@@ -65,9 +65,7 @@ def write_contours(
         weak = doubtful(found, mine)
         polygons = {k: vectorised(one.points_px, vector_px) for k, one in found.items() if k not in weak}
         of_label = [row for k, polygon in polygons.items() for row in _rows(label, slices[k], polygon)]
-        volume = _volume_cm3(
-            {k: slices[k].to_mm(found[k].points_px) for k in polygons}, slices
-        )  # not of polygons inside
+        volume = _volume_cm3({k: slices[k].to_mm(found[k].points_px) for k in polygons}, slices)
         weak_files = tuple(Path(slices[k].file).name for k in weak)
         done.append(Followed(label, len(polygons), len(of_label), volume, weak_files))
         rows += of_label
