@@ -30,6 +30,7 @@ USE_OF_EXTRA = {
     "contour": "girdle contour",
     "dask": "girdle adapt --dask",
     "parquet": "girdle convert TABLE.csv TABLE.parquet",
+    "surface": "girdle transfer with surfaces",
 }
 """What a person cannot do without an extra of the package."""
 

@@ -26,7 +26,7 @@ def read_inputs(motions: list[Path], models: list[str], angles: str = SIX) -> tu
     """Read the motions and the models, and say what run.json says of their files; ``angles``: of ``ANGLE_CHOICES``."""
     check_angles(angles)
     record, sets = inputs_record(motions, models), load_models(models)
-    table = with_angles(read_motions(*motions), angles)
+    table = not_empty(with_angles(read_motions(*motions), angles), angles)
     warn_of_alike_motions(table, "the motions")
     missing = subjects_without_set(sets, table.subjects)
     return without_subjects(table, missing), sets, record
@@ -38,11 +38,18 @@ def check_angles(angles: str) -> None:
         raise InputError("--angles", None, f"there is no '{angles}'", f"Use one of {', '.join(ANGLE_CHOICES)}")
 
 
+def not_empty(motions: Motions | None, angles: str) -> Motions:
+    """Return the motions. InputError where no posture is left of them."""
+    if motions is None or not len(motions.posture):
+        cause = f"no posture has {FEWEST_ANGLES} angles without clavicle_x_deg"
+        raise InputError(f"--angles {angles}", None, cause, "Measure more angles, or take six")
+    return motions
+
+
 def with_angles(motions: Motions, angles: str) -> Motions:
     """Return the motions as measured, or, with FIVE, without the axial rotation of the clavicle.
 
-    Postures of which too few other angles are left for a fit are left out, and a warning says how many. InputError
-    where none is left.
+    Postures of which too few other angles are left for a fit are left out, and a warning says how many.
     """
     if angles == SIX:
         return motions
@@ -51,10 +58,7 @@ def with_angles(motions: Motions, angles: str) -> Motions:
     enough = np.isfinite(angles_deg).sum(axis=1) >= FEWEST_ANGLES
     if not enough.all():
         cause = f"{(~enough).sum()} postures have fewer than {FEWEST_ANGLES} angles without clavicle_x_deg"
-        error = InputError("--angles five", None, cause, "They are left out: measure more angles, or take six")
-        if not enough.any():
-            raise error
-        warn_input(error)
+        warn_input(InputError("--angles five", None, cause, "They are left out: measure more angles, or take six"))
     return replace(motions, angles_deg=angles_deg).select(enough)
 
 

@@ -1,4 +1,5 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
 # (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The thorax against the global frame (Appendix A) as a table, where motion files have it."""
 

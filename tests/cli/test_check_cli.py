@@ -1,3 +1,6 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportAssignmentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """``girdle check``: the printed matrix of two measurements, screws of which two are wrong, a trial turned by hand."""
 
 import numpy as np

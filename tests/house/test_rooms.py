@@ -40,6 +40,7 @@ ONLY_IN = {
     "scipy": ("models", "adapt.solvers", "adapt.diagnosis", "adapt.trust"),
     "shapely": ("models",),
     "typer": ("adapt.cli",),
+    "vtkmodules": ("models",),
 }
 """Packages of others that only these rooms import: a web page does not print, a solver does not draw. matplotlib makes
 figures of results and the window of `girdle contour`."""

@@ -1,3 +1,6 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportAssignmentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """The questions of chapter 7: who is a person, intervals by hand, the courses, and a run on simulated subjects."""
 
 from dataclasses import replace

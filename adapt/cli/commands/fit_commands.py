@@ -16,6 +16,7 @@ from adapt.cli.inputs import (
     asked_models,
     check_angles,
     load_models,
+    not_empty,
     read_inputs,
     subjects_without_set,
     with_angles,
@@ -154,8 +155,8 @@ def adapt(
     work = Work(tuple(models), weight, reading, shown, held_out, float32, known.effects, less, people)
     maker = on_cluster(dask) if dask else on_this_machine(len(subjects) // size)
     parts_of_files = (without_subjects(part, missing) for part in files.in_chunks(size))
-    chunks = (with_angles(one, angles) for one in parts_of_files if len(one.posture))
-    first = next(chunks)  # bad input is found before a folder is made for it
+    chunks = (one for one in (with_angles(part, angles) for part in parts_of_files) if len(one.posture))
+    first = not_empty(next(chunks, None), angles)  # bad input is found before a folder is made for it
     warn_of_alike_motions(first, "the motions")
     chunks = chain([first], chunks)
     with results_folder(out) as folder:

@@ -1,11 +1,12 @@
 """What measured motions say of the questions of chapter 7: numbers with 95 % intervals over persons."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
+from adapt.api import Progress
 from adapt.diagnosis.fit.noise import estimate_noise
 from adapt.trust.questions.answer import COLUMNS, Answer
 from adapt.trust.questions.distance import distance_answers
@@ -30,7 +31,7 @@ class Answers:
 
 
 def answered(
-    motions: Motions, models: Sequence[AnyModel], means: Sequence[str] = (), progress: Callable[[str], None] = print
+    motions: Motions, models: Sequence[AnyModel], means: Sequence[str] = (), progress: Progress = lambda _: None
 ) -> Answers:
     """Answer the three questions with every model.
 

@@ -42,8 +42,9 @@ def carry_attachments(attachments: Mapping[str, Points], source: Bone, target: B
     pairs = [np.array([bone.landmarks_mm[name] for name in common]).reshape(-1, 3).T for bone in (source, target)]
     every = np.concatenate(list(attachments.values()), axis=1)
     if source.mesh is not None and target.mesh is not None:
-        clouds = [mesh.spread(SPREAD_POINTS) for mesh in (source.mesh, target.mesh)]
-        found = carried_points(*clouds, every, *(pairs if common else ()))
+        clouds = source.mesh.spread(SPREAD_POINTS), target.mesh.spread(SPREAD_POINTS)
+        landmarks = (pairs[0], pairs[1]) if common else (None, None)
+        found = carried_points(*clouds, every, *landmarks)
         held = f", held at {', '.join(common)}" if common else ""
         how = f"by the surfaces{held}"
     else:

@@ -129,7 +129,7 @@ def _beyond(content: bytes, pattern: bytes, times: int) -> str:
 def _by_vtk(path: Path, kind: str) -> tuple[Float[np.ndarray, "corners 3"], Int[np.ndarray, "triangles 3"]]:
     try:
         from vtkmodules.util.numpy_support import vtk_to_numpy
-        from vtkmodules.vtkCommonCore import vtkObject
+        from vtkmodules.vtkCommonCore import vtkCommand, vtkObject
         from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
         from vtkmodules.vtkIOGeometry import vtkSTLReader
         from vtkmodules.vtkIOPLY import vtkPLYReader
@@ -141,7 +141,7 @@ def _by_vtk(path: Path, kind: str) -> tuple[Float[np.ndarray, "corners 3"], Int[
     split, clean = vtkTriangleFilter(), vtkCleanPolyData()
     said: list[str] = []
     for one in (reader, split, clean):
-        one.AddObserver("ErrorEvent", lambda *_: said.append("the reader stopped in it"))
+        one.AddObserver(vtkCommand.ErrorEvent, lambda *_: said.append("the reader stopped in it"))
     reader.SetFileName(str(path))
     split.SetInputConnection(reader.GetOutputPort())
     split.PassLinesOff()
