@@ -98,7 +98,7 @@ KnownEffects = Annotated[
     typer.Option(
         OPTION,
         metavar="NAME=A,B,C[~D,E,F]|measured",
-        help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
+        help="An effect known to be active in every subject, by the size of each of its directions (see `girdle "
         f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
         "scapula_landmark_bias=0,12,0. With ~2,2,2 behind it the size of each subject is adapted too, about this mean: "
         "one that is 2 off counts as a degree in one angle of one posture. sc_translation=measured and "

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: what takes the gap away, what is at work, where the gap is, how far it shrinks.
+"""Figures of a diagnosis: what takes the gap away, what is active, where the gap is, how far it shrinks.
 
 Lightness carries what colour does, so that all of them can be read in grey.
 """
@@ -104,7 +104,7 @@ def _values(cells: Sequence[Cell], lows: Sequence[float]) -> Float[np.ndarray, "
 
 
 def budget(diagnosis: Diagnosis) -> Figure:
-    """Draw the ladder of the gap on motions not seen: as it is, adapted, with one cause after the other, from noise."""
+    """Draw the budget of the gap on held-out motions: as it is, adapted, with one cause after the other, from noise."""
     steps = diagnosis.budget
     rows, values = np.arange(len(steps)), np.array([step.gap_deg for step in steps], float).reshape(-1, 3)
     largest = float(np.nanmax(values, initial=0.0)) or 1.0
@@ -126,7 +126,7 @@ def budget(diagnosis: Diagnosis) -> Figure:
 
 
 def inclusion(diagnosis: Diagnosis) -> Figure:
-    """Draw the probability of every candidate of being at work, most probable first; those that are named are dark."""
+    """Draw the inclusion probability of every candidate, most probable first; those that are named are dark."""
     probability = diagnosis.verdict.inclusion
     named = {name for cause in diagnosis.verdict.causes for name in cause.names}
     names = sorted(probability, key=lambda name: -probability[name])
@@ -142,14 +142,14 @@ def inclusion(diagnosis: Diagnosis) -> Figure:
     axes.invert_yaxis()
     axes.set_xlim(0.0, 1.08)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
-    axes.set_xlabel("probability of being at work, alone or with others")
-    _title(figure, diagnosis, "What is at work", "dark: named" if named else "none is named")
+    axes.set_xlabel("inclusion probability, alone or with others")
+    _title(figure, diagnosis, "What is active", "dark: named" if named else "none is named")
     return figure
 
 
 def gaps(diagnosis: Diagnosis) -> Figure:
     """Draw the noise floor and the gap of the model as it is, adapted, and with the causes, one panel per bone."""
-    kinds: dict[GapKind, str] = {"base": "model as it is", "adapted": "adapted", "own_bones": "bones of their own"}
+    kinds: dict[GapKind, str] = {"base": "model as it is", "adapted": "adapted", "own_bones": "own bones"}
     if diagnosis.goes_further:
         kinds["with_effect"] = "with the causes"
     kinds["noise_floor"] = "noise alone"
@@ -166,7 +166,7 @@ def gaps(diagnosis: Diagnosis) -> Figure:
     handles, labels = panels[0].get_legend_handles_labels()
     below_title = (1.0, 1.0 - 0.15 / figure.get_figheight())
     figure.legend(handles, labels, loc="upper right", bbox_to_anchor=below_title, ncols=2, frameon=False)
-    _title(figure, diagnosis, "How far the gap shrinks", f"unseen: {held_out_text(diagnosis.gaps)}")
+    _title(figure, diagnosis, "How far the gap shrinks", f"held out: {held_out_text(diagnosis.gaps)}")
     return figure
 
 

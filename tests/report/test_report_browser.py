@@ -357,7 +357,7 @@ def test_a_diagnosis_is_in_the_page(look, window):
     assert page.inner_text("h1") == sentence(TWO)
     steps = [name.split("\n")[0] for name in page.locator("#ladder [data-model=R2] .name").all_inner_texts()]
     causes = ["+ AC joint moves ac_translation", "+ scapula lifts off the thorax scapulothoracic_gap"]
-    assert steps == ["model as it is", "adapted", "+ bones of their own", *causes, "noise alone"]
+    assert steps == ["model as it is", "adapted", "+ own bones", *causes, "noise alone"]
     hovered = page.locator("#ladder [data-model=R2] abbr").first.get_attribute("title")
     assert hovered == EFFECTS["ac_translation"].what
     widths = [box["width"] for one in page.locator("#ladder [data-model=R2] .bar").all() if (box := one.bounding_box())]
@@ -371,7 +371,7 @@ def test_a_diagnosis_is_in_the_page(look, window):
     assert "2.80 [2.70, 2.90]" in " ".join(page.inner_text("#gap").split())
     (both, *_) = page.locator("#gaps .figure").all()
     unseen, in_sample = json.loads(both.evaluate("one => JSON.stringify(one.data)"))
-    assert (unseen["name"], in_sample["name"]) == ("unseen motions", "in sample")
+    assert (unseen["name"], in_sample["name"]) == ("held-out motions", "in sample")
     assert unseen["x"] == [4.1, 2.8, 2.0, 0.9, 0.3]
     assert in_sample["x"] == pytest.approx([4.0, 2.4, 1.6, 0.5, 0.2])
     (band,) = [
@@ -408,7 +408,7 @@ def test_bars_and_unseen_gaps_have_their_tables(look):
     unseen, in_sample = seen.page.evaluate("document.querySelector('#gaps .figure').data.map((one) => one.x)")
     gaps = numbers_of(seen, "gaps")
     both = [gaps[0], *(row for row in gaps if row[0] == "both bones")]
-    assert column(both, "unseen motions, °") == unseen
+    assert column(both, "held-out motions, °") == unseen
     assert column(both, "in sample, °") == pytest.approx(in_sample)
     seen.assert_quiet()
 

@@ -148,8 +148,8 @@ def trust_results(
 ) -> None:
     """Adapt as `girdle adapt` does, and say how far the result can be trusted.
 
-    Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
-    for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
+    Writes trust.csv (one row a subject: gaps in sample and held out, flat directions, warnings), uncertainty.csv (an
+    interval for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
     plausibility.csv (are size and place a thorax's; do contact and conoid keep their directions, the serratus its
     arms?), contact.csv (directions and arms of contact and conoid in each posture), with --choose-weight weights.csv,
     the tables of `girdle adapt` and run.json.

@@ -20,7 +20,7 @@ DOWN_WEIGHTED = "prior thorax points down-weighted"
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the subjects: effects at work, and how many times less the prior thorax points count."""
+    """What is known of the subjects: active effects, and how many times less the prior thorax points count."""
 
     effects: Amplitudes
     thorax_downweighting: float = 1.0
@@ -53,7 +53,9 @@ def effects_of(folder: Path | None) -> list[str]:
     """Read the causes of a diagnosis as ``--effect`` takes them; none without a folder. InputError if it has none."""
     if folder is None:
         return []
-    path = folder / "diagnosis.json" if folder.is_dir() else folder
+    path = folder / "diagnosis.json"
+    if not path.is_file():
+        raise InputError(str(path), None, "there is no such file", _GIVE_A_DIAGNOSIS)
     try:
         found = json.loads(read_text(path, _GIVE_A_DIAGNOSIS))["options"]
         named = [str(option) for option in found]
@@ -70,7 +72,7 @@ def effects_of(folder: Path | None) -> list[str]:
 
 
 def say_known(known: Known) -> None:
-    """Print which effects are at work, and how much less the prior thorax points count."""
+    """Print which effects are active, and how much less the prior thorax points count."""
     if effects := described(known.effects):
         print_folded(console, f"With {effects} active in every subject.")
     if known.thorax_downweighting != 1.0:

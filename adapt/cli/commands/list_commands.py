@@ -38,7 +38,7 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same subjects.")] = 0,
     repeat: Repeat = None,
 ) -> None:
-    """Simulate subjects with the model, an unmodelled effect at work in them, and noise.
+    """Simulate subjects with the model, an active unmodelled effect, and noise.
 
     Writes motions.csv (what a laboratory would have measured; every row says it is simulated), truth.csv (the
     parameters and amplitudes behind it, one row a subject) and run.json.
