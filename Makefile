@@ -23,6 +23,7 @@ quick: lint ## after every change, in under a minute: style, and the tests that 
 lint: .venv/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python -m scripts.words
 
 types: .venv/dev
 	$(BIN)/pyright
