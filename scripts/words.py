@@ -3,8 +3,8 @@
     python scripts/words.py            # what is wrong, a line each; exit status 1 if anything is
     python scripts/words.py --ease     # Flesch reading ease of each page
 
-A user page is README.md or a page of docs/ outside docs/research/. Code in blocks and backticks, and formulas, are no prose:
-only the count has them.
+A user page is README.md or a page of docs/ outside docs/research/. Code in blocks and backticks, and formulas, are no
+prose: only the count has them.
 """
 
 import re
