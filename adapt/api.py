@@ -42,7 +42,7 @@ from motions.table import Motions, check_motions
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PostureFits:
     """Posture fits of every model with every posture."""
 
@@ -51,13 +51,16 @@ class PostureFits:
     fits: pd.DataFrame
     """One row a model and posture: the columns of ``fits.csv``."""
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.fits['subject'].nunique()} subjects, {', '.join(self.by_model)})"
+
     @cached_property
     def summary(self) -> pd.DataFrame:
         """Mean absolute difference of each angle by model, motion and subject: Tables 6.1 and 6.2."""
         return summary_table(self.fits)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Adaptations(Tables, PostureFits):
     """The same before and after adaptation, with the adapted parameters."""
 
