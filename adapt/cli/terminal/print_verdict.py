@@ -9,13 +9,17 @@ import pandas as pd
 from rich.console import Console
 
 from adapt.solvers import status
-from adapt.tables.folds import MOTION
+from adapt.tables.folds import MOTION, POSTURES
 from adapt.tables.held_out import by_model
 from adapt.tables.results import ALL_MOTIONS, Tables, parameter_statistics
 from motions.table import BONES
 
 _LEAST_WIDTH = 40
 """Of a line; a narrower terminal folds it itself."""
+
+
+_WHAT_WAS_HELD_OUT = {frozenset({MOTION}): "motions", frozenset({POSTURES}): "postures"}
+"""By kinds of folds (``adapt.tables.folds``)."""
 
 
 def print_folded(console: Console, text: str, first: str = "", further: str = "  ") -> None:
@@ -43,7 +47,7 @@ def verdicts(result: Tables) -> Iterator[str]:
         mine = bounds[(bounds["model"] == model) & (bounds["at_bound"] > 0)]
         at_bound = ", ".join(f"{one.parameter} ({one.at_bound} of {one.subjects})" for one in mine.itertuples())
         kinds = set(result.heldout["kind"][result.heldout["model"] == model]) if len(heldout) else set()
-        what = f"on held-out {'motions' if kinds == {MOTION} else 'motions or postures'}"
+        what = f"on held-out {_WHAT_WAS_HELD_OUT.get(frozenset(kinds), 'motions or postures')}"
         gap = _held_out_gap(heldout.loc[model]) if model in heldout.index else ""
         said = (
             f"gap {what}: {gap}" if gap else f"gap on the postures adapted to: {_in_sample_gap(result.summary, model)}"
