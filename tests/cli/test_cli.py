@@ -21,6 +21,7 @@ from adapt.tables.results import STATISTICS
 from models import load_model, model_names
 from models.adapted_parameters import ADAPTED, HALF_WIDTHS_MM
 from models.effects import EFFECTS
+from models.effects.amplitudes import read_amplitudes
 from models.ellipsoid import signed_distance_mm
 from models.parameter_sets import FOLDER
 from motions import ANGLES
@@ -508,9 +509,13 @@ def test_effects_are_listed_with_what_a_caller_gives_of_them():
     assert (ended.status, ended.err) == (0, "")
     lines = dict(line.split(maxsplit=1) for line in ended.out.splitlines())
     assert list(lines) == list(EFFECTS)
-    assert lines["scapulothoracic_gap"].endswith("; size 2 / 3 mm (TS / AI)")
+    option = "--effect scapulothoracic_gap=TS,AI in mm, at 150 degrees of elevation"
+    assert lines["scapulothoracic_gap"].endswith(f"; size 2 / 3 mm; {option}")
     for name, effect in EFFECTS.items():
-        assert lines[name].endswith(f"{effect.size_unit} ({' / '.join(effect.directions)})")
+        places = ["0" for _ in lines[name].partition(f"--effect {name}=")[2].partition(" in ")[0].split(",")]
+        assert f"{effect.size_unit}; --effect" in lines[name]
+        assert effect.unit in lines[name]
+        read_amplitudes([f"{name}={','.join(places)}"])  # as many numbers as it takes
 
 
 # --- what the terminal says ----------------------------------------------------------------------------------------
