@@ -7,6 +7,8 @@ import json
 import re
 from pathlib import Path
 
+import typer
+
 from scripts.rooms import ROOT
 
 FOLDER = ROOT / "docs" / "notebooks"
@@ -44,4 +46,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

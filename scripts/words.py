@@ -8,9 +8,11 @@ prose: only the count has them.
 """
 
 import re
-import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from scripts.rooms import ROOT
 
@@ -100,18 +102,25 @@ def reading_ease(text: str) -> float:
     return 206.835 - 1.015 * len(words) / len(sentences) - 84.6 * syllables / len(words)
 
 
-def main() -> int:
-    """Print what is wrong, or with ``--ease`` how easily each page reads."""
-    if "--ease" in sys.argv:
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    ease: Annotated[bool, typer.Option("--ease", help="Print Flesch's reading ease of each page instead.")] = False,
+) -> None:
+    """Say what is wrong with the words of the user pages, a line each; exit status 1 if anything is."""
+    if ease:
         for page in user_pages():
             print(f"{reading_ease(page.read_text('utf-8')):5.1f}  {page.relative_to(ROOT)}")
-        return 0
+        return
     wrong = [one for page in user_pages() for one in findings(page)]
     if (count := word_count()) > MOST_WORDS:
         wrong.append(f"user pages have {count} words, at most {MOST_WORDS}")
-    print(*wrong, sep="\n" if wrong else "")
-    return 1 if wrong else 0
+    if wrong:
+        print(*wrong, sep="\n")
+        raise typer.Exit(1)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    app()
