@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
 """Plots on matplotlib axes of your own: angles, positions, and of a diagnosis the budget, inclusion and the heat map.
 
     figure, axes = plt.subplots()

@@ -58,7 +58,7 @@ def test_the_figures_of_a_diagnosis_are_drawn(axes):
     assert len(inclusion.patches) == len(TWO.verdict.inclusion)
     heat = Figure().subplots()
     draw_heat_map(heat, TWO, "abduction")
-    assert np.nanmax(heat.images[0].get_array()) == max(cell.mean_absolute_deg for cell in TWO.where.cells)
+    assert np.nanmax(np.asarray(heat.images[0].get_array())) == max(cell.mean_absolute_deg for cell in TWO.where.cells)
     with pytest.raises(InputError, match="there is no motion 'flexion'"):
         draw_heat_map(heat, NOTHING, "flexion")
 

@@ -25,5 +25,3 @@ def test_a_notebook_runs(page, tmp_path, monkeypatch):
         for cell in json.loads(page.with_suffix(".ipynb").read_text(encoding="utf-8"))["cells"]:
             if cell["cell_type"] == "code":
                 exec("".join(cell["source"]), names)
-    if "why" in names:
-        assert names["why"].verdict.answer == "effect"  # pyright: ignore[reportAttributeAccessIssue]
