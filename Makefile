@@ -14,8 +14,8 @@ unexport PYTHONDONTWRITEBYTECODE
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
 
-test: .venv/dev ## everything that must hold: style, types, tests; types are checked beside the first tests
-	$(MAKE) --no-print-directory -j2 lint types units
+test: .venv/dev .venv/docs ## everything that must hold: style, types, pages, tests; types and pages are checked beside the first tests
+	$(MAKE) --no-print-directory -j2 lint types docs units
 
 quick: lint ## after every change, in under a minute: style, and the tests that are not marked slow
 	$(BIN)/pytest -m "not slow"
@@ -23,6 +23,7 @@ quick: lint ## after every change, in under a minute: style, and the tests that 
 lint: .venv/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python -m scripts.words
 
 types: .venv/dev
 	$(BIN)/pyright

@@ -1,9 +1,16 @@
-"""Fits of the girdle to measured motions, postures and subjects, and the diagnosis of the gap that they leave."""
+"""Fits of the girdle to measured motions, postures and subjects, and the diagnosis of the gap that they leave.
 
-from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
-from adapt.diagnosis import Diagnosis, diagnose
-from adapt.model_subjects import Simulated, simulate_model_subjects
-from adapt.trust.assessment import Trust, assess_trust
+The names are imported when they are asked for: the shell's TAB, which needs none of them, does not wait for JAX.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from adapt.api import Adaptations, PostureFits, adapt_subjects, fit_postures
+    from adapt.diagnosis import Diagnosis, diagnose
+    from adapt.model_subjects import Simulated, simulate_model_subjects
+    from adapt.trust.assessment import Trust, assess_trust
 
 __all__ = [
     "Adaptations",
@@ -17,3 +24,21 @@ __all__ = [
     "fit_postures",
     "simulate_model_subjects",
 ]
+
+_HOMES = {
+    "adapt.api": ("Adaptations", "PostureFits", "adapt_subjects", "fit_postures"),
+    "adapt.diagnosis": ("Diagnosis", "diagnose"),
+    "adapt.model_subjects": ("Simulated", "simulate_model_subjects"),
+    "adapt.trust.assessment": ("Trust", "assess_trust"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    home = next((module for module, names in _HOMES.items() if name in names), None)
+    if home is None:
+        raise AttributeError(f"module 'adapt' has no attribute {name!r}")
+    return getattr(importlib.import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

@@ -1,5 +1,5 @@
 """``python -m adapt``: the command line without the installed script."""
 
-from adapt.cli.app import main
+from adapt.cli.entry import main
 
 main()

@@ -16,7 +16,7 @@ from adapt.evaluation.held_out import AdaptedSubjects, adapt_with_folds, gaps_de
 from adapt.evaluation.position_check import Judge, adapted_to_all, as_they_are
 from adapt.solvers.adaptation import Adapted
 from adapt.solvers.motion_fits import fit_rows, rows_of_optima
-from adapt.solvers.objective import DEFAULT_READING, WEIGHT, check_weight, down_weighted
+from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT, check_weight, down_weighted
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.solvers.solution import PostureSolution
@@ -42,7 +42,7 @@ from motions.table import Motions, check_motions
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PostureFits:
     """Posture fits of every model with every posture."""
 
@@ -51,13 +51,16 @@ class PostureFits:
     fits: pd.DataFrame
     """One row a model and posture: the columns of ``fits.csv``."""
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.fits['subject'].nunique()} subjects, {', '.join(self.by_model)})"
+
     @cached_property
     def summary(self) -> pd.DataFrame:
         """Mean absolute difference of each angle by model, motion and subject: Tables 6.1 and 6.2."""
         return summary_table(self.fits)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Adaptations(Tables, PostureFits):
     """The same before and after adaptation, with the adapted parameters."""
 
@@ -117,7 +120,7 @@ def adapt_subjects(
     motions: Motions,
     models: AnyModel | Sequence[AnyModel],
     weight: float = WEIGHT,
-    reading: str = DEFAULT_READING,
+    reading: str = DEFAULT_OBJECTIVE,
     progress: Progress = lambda _: None,
     held_out: Collection[str] | None = None,
     dtype: DTypeLike = np.float64,
@@ -130,10 +133,11 @@ def adapt_subjects(
 
     A model is a parameter set, or a set for each subject (``models.person.family.PersonalSets``).
 
-    ``weight`` is w of Eq. 6.5 and ``reading`` a name of ``adapt.solvers.objective.READINGS``. Subjects are independent:
-    one that fails has its status and leaves the others as they are. The subjects ``held_out`` are adapted again without
-    each of their motions, or, with a single motion, each third of their postures: see ``adapt.evaluation.held_out``. By
-    default all are, of more than 400 a sample; this takes about twice the time of the rest, and ``()`` spares it.
+    ``weight`` is w of Eq. 6.5 and ``reading`` the objective variant, a name of ``adapt.solvers.objective.OBJECTIVES``.
+    Subjects are independent: one that fails has its status and leaves the others as they are. The subjects
+    ``held_out`` are adapted again without each of their motions, or, with a single motion, each third of their
+    postures: see ``adapt.evaluation.held_out``. By default all are, of more than 400 a sample; this takes about twice
+    the time of the rest, and ``()`` spares it.
     ``folds``: another choice of what is held out in turn (``adapt.tables.folds``).
 
     ``dtype``: with float32 the fits are iterated in it, and again in float64 where that does not converge. Of simulated
@@ -219,8 +223,8 @@ def simulated_positions(result: Adaptations, motions: Motions, models: AnyModel 
 def check_own_bones(effects: Amplitudes, reading: str, thorax_downweighting: float) -> None:
     """Refuse, with an InputError, what has no part in the objective of own bones."""
     cause = ""
-    if reading != DEFAULT_READING or thorax_downweighting != 1.0:
-        cause = "the objective of own bones has no D: no reading and no down-weighting changes it"
+    if reading != DEFAULT_OBJECTIVE or thorax_downweighting != 1.0:
+        cause = "the objective of own bones has no D: no variant of E and no down-weighting changes it"
     elif any(isinstance(one, PersonalSize) for one in effects.values()):
         cause = "sizes of effects of each person's own are not fitted beside them"
     if cause:

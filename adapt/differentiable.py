@@ -14,8 +14,9 @@ Inner functions are jitted although they only run inside others: JAX then keeps 
 within loops ask for again and again. For the same reason the starts of a subject come one after the other.
 """
 
+import logging
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import NamedTuple
 
 import jax
@@ -33,6 +34,8 @@ from motions.errors import InputError
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG
 from motions.table import FEWEST_ANGLES
+
+_LOG = logging.getLogger(__name__)
 
 WEIGHT = 10.0
 """w of Eq. 6.5 (thesis 6.2.6)."""
@@ -102,6 +105,7 @@ def fit_posture(
     The first call compiles for 5 to 20 s, a derivative as long again. InputError if the first axis is not six long, or
     if an angle is above a full turn, which ``jit`` cannot see.
     """
+    _say_compiling()
     s, W = _target(angles, measured)
     return _fits(jax.tree.map(jnp.asarray, girdle), s, W, _starts(s, start))
 
@@ -120,6 +124,7 @@ def objective(
     D is the mean squared distance of the thorax points. Angles, ``measured``, ``start``, derivatives, compilation and
     errors are those of :func:`fit_posture`.
     """
+    _say_compiling()
     problem = _problem(girdle, points_mm, angles, measured, weight)
     return _objective(jnp.asarray(theta_mm), problem, _starts(problem.s, start))
 
@@ -141,6 +146,7 @@ def adapt_subject(
     The first call compiles for about a minute, a derivative for half of one more; a subject then takes some seconds.
     InputError as in :func:`fit_posture`.
     """
+    _say_compiling()
     return _subject(_problem(girdle, points_mm, angles, measured, weight), jnp.asarray(bounds_mm))
 
 
@@ -164,6 +170,12 @@ class _Problem(NamedTuple):
     def distances(self, theta: Array) -> Array:
         girdle = self.girdle.with_adapted(theta)
         return signed_distance_mm(self.points_mm, girdle.centre_mm[:, None], girdle.semi_axes_mm[:, None])
+
+
+@cache
+def _say_compiling() -> None:
+    """Say once a process why nothing seems to happen."""
+    _LOG.warning("the first call compiles: a posture fit for 5 to 20 s, an adaptation for a minute; later calls do not")
 
 
 def _problem(girdle: Girdle, points_mm, angles, measured, weight) -> _Problem:

@@ -1,5 +1,6 @@
 """The differentiable girdle: geometry, constraints, parameter sets."""
 
+from models.adapted_parameters import ADAPTED_PARAMETERS
 from models.parameter_sets import ParameterSet, load_model, model_names
 
-__all__ = ["ParameterSet", "load_model", "model_names"]
+__all__ = ["ADAPTED_PARAMETERS", "ParameterSet", "load_model", "model_names"]

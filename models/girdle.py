@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Float
 
 from models.adapted_parameters import adapted_components, conoid_length, ellipsoid_components
@@ -51,8 +52,15 @@ class Girdle:
     """const3 of A3."""
 
     def residuals_mm(self, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-        """Compute A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`."""
-        return constraint_residuals_mm(self, angles)
+        """Compute A1, A2, A3 at six angles in radians: :func:`constraint_residuals_mm`.
+
+        One girdle takes any batch of angles, ``(6, *batch)``. ValueError if an angle is above a full turn, as degrees
+        are; ``jit`` cannot see that.
+        """
+        if not isinstance(angles, Tracer) and np.max(np.abs(np.nan_to_num(angles)), initial=0.0) > 2.0 * np.pi:
+            raise ValueError("angles are in radians: give np.deg2rad(motions.angles_deg).T")
+        more = np.ndim(angles) - np.ndim(self.sc_mm)
+        return constraint_residuals_mm(self.over_axes(more) if more > 0 else self, angles)
 
     @property
     def adapted_mm(self) -> Float[Array, " adapted *batch"]:

@@ -98,7 +98,7 @@ _BOUNDS = {f"bounds.{key}": _LENGTH for key in HALF_WIDTHS_MM}
 _SECTIONS = tuple(dict.fromkeys(key.partition(".")[0] for key in (*_NUMBERS, *_BOUNDS)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ParameterSet:
     """One girdle, the thorax points its ellipsoid was fitted to, and how far the adaptation may change it."""
 
@@ -111,6 +111,9 @@ class ParameterSet:
     """Lower and upper bound of the adapted parameters, in the order of ``ADAPTED_PARAMETERS``: own value -+ half."""
     source: dict[str, str]
     """Where each number comes from, by ``section.key``. Empty where a file of the user's own names none."""
+
+    def __repr__(self) -> str:
+        return f"ParameterSet({self.name!r})"
 
     def is_measured(self, key: str) -> bool:
         """Tell whether the source says that a number was measured of the person (``models.person``)."""

@@ -42,7 +42,7 @@ _PER_POSTURE = ("subject", "motion", "posture", "humerus_elevation_deg", "angles
 """Fields of ``Motions`` with an entry for each posture, but for landmarks and extra columns."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Motions:
     """N postures in the order of the files, all as a right shoulder; NaN means 'not measured'.
 
@@ -62,6 +62,10 @@ class Motions:
     landmarks_mm: dict[str, Float[np.ndarray, "postures 3"]]
     extra: pd.DataFrame
     rejected: tuple[InputError, ...] = ()
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(dict.fromkeys(self.motion.tolist()))
+        return f"Motions({len(self.posture)} postures of {len(self.subjects)} subjects: {kinds})"
 
     @property
     def subjects(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from adapt.cli import app as cli
 from adapt.cli import options
 from adapt.cli.commands.fit_commands import adapt
 from adapt.cli.ending import EXIT_SOME_NOT_HANDLED
-from adapt.solvers.objective import DEFAULT_READING, WEIGHT
+from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT
 from motions import InputError
 
 app = typer.Typer(add_completion=False)
@@ -23,7 +23,7 @@ def batch(
     model: options.Models = [],  # noqa: B006 (typer reads it, never changes it)
     models_of: options.ModelsOf = [],  # noqa: B006
     weight: options.Weight = WEIGHT,
-    reading: options.Reading = DEFAULT_READING,
+    reading: options.Objective = DEFAULT_OBJECTIVE,
     float32: options.Float32 = False,
     effect: options.KnownEffects = [],  # noqa: B006
 ) -> None:

@@ -7,7 +7,7 @@ import typer
 
 from adapt.cli.terminal.print_tables import PlainConsole
 from adapt.output.repeat import other_versions, read_record, recorded_arguments
-from adapt.solvers.objective import READINGS, check_weight
+from adapt.solvers.objective import OBJECTIVES, check_weight
 from models.effects.amplitudes import OPTION
 from models.effects.course import FULL_ELEVATION_DEG
 from motions.errors import InputError
@@ -19,6 +19,8 @@ from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 DEFAULT_MODEL = "R2"
 
 THORAX_OPTION = "--thorax-downweighting"
+
+EFFECTS_OF_OPTION = "--effects-of"
 
 console = PlainConsole()
 errors = PlainConsole(stderr=True)
@@ -74,11 +76,13 @@ Weight = Annotated[
     float, typer.Option(min=0.0, callback=_not_without_motions, help="w of E = D + w mean(J), thesis Eq. 6.5.")
 ]
 
-Reading = Annotated[
+Objective = Annotated[
     str,
     typer.Option(
-        help=f"Units of D and J in E: {', '.join(READINGS)}. The last one also takes measured positions of TS and AI; "
-        "use it with a person's own parameter set only."
+        "--objective",
+        "--reading",  # its earlier name
+        help=f"Units of D and J in E: {', '.join(OBJECTIVES)}. The last one also takes measured positions of TS and "
+        "AI; use it with a person's own parameter set only.",
     ),
 ]
 
@@ -106,7 +110,7 @@ KnownEffects = Annotated[
     typer.Option(
         OPTION,
         metavar="NAME=A,B,C[~D,E,F]|measured",
-        help="An effect known to be at work in every subject, by the size of each of its directions (see `girdle "
+        help="An effect known to be active in every subject, by the size of each of its directions (see `girdle "
         f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
         "scapula_landmark_bias=0,12,0. With ~2,2,2 behind it the size of each subject is adapted too, about this mean: "
         "one that is 2 off counts as a degree in one angle of one posture. sc_translation=measured and "
@@ -132,6 +136,21 @@ OwnBones = Annotated[
         help="Adapt bones and frames of each person's own beside the six parameters, as far as people differ, in place "
         "of E within bounds.",
     ),
+]
+
+EffectsOf = Annotated[
+    Path | None,
+    typer.Option(
+        EFFECTS_OF_OPTION,
+        metavar="FOLDER",
+        help="Adapt with the causes that `girdle diagnose` has written into this folder, with their amplitudes "
+        "(diagnosis.json); --effect adds others.",
+        show_default=False,
+    ),
+]
+
+ShowTables = Annotated[
+    bool, typer.Option("--tables", help="Print the tables too; the files of the run have them in any case.")
 ]
 
 Repeat = Annotated[

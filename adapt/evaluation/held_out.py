@@ -15,7 +15,7 @@ from adapt.evaluation.own_or_plain import Persons, own_bones, own_or_plain
 from adapt.evaluation.predictions import Adapt, Places, Unseen, gaps_of, predicted, unseen_angles
 from adapt.solvers import status
 from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.objective import DEFAULT_READING, WEIGHT
+from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT
 from adapt.solvers.own_bones.own_adaptation import OwnBones, People, spread_of, with_landmarks
 from adapt.solvers.problems import Problems, problems_of, select_problems
 from adapt.solvers.rows import PostureRows, one_in_so_many
@@ -89,7 +89,7 @@ def adapt_with_folds(
     models: Sequence[AnyModel],
     folds: Sequence[Fold],
     weight: float = WEIGHT,
-    reading: str = DEFAULT_READING,
+    reading: str = DEFAULT_OBJECTIVE,
     progress: Callable[[str], None] = lambda _: None,
     dtype: DTypeLike = np.float64,
     people: People | None = None,
@@ -189,7 +189,7 @@ def held_out(
     rows: PostureRows,
     folds: Sequence[Fold],
     weight: float = WEIGHT,
-    reading: str = DEFAULT_READING,
+    reading: str = DEFAULT_OBJECTIVE,
     progress: Callable[[str], None] = lambda _: None,
 ) -> HeldOut:
     """Adapt every problem (model * subjects + subject) of ``data`` anew without what each of its folds holds out.

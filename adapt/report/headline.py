@@ -45,7 +45,7 @@ def headline(summary: pd.DataFrame, people: str, kinds: Collection[str]) -> str:
     if not bones:
         return f"No posture of {people} could be fitted."
     unseen = [bone for bone in bones if np.isfinite(after[HELD_OUT[bone]])]
-    what = f" on unseen {'motions' if set(kinds) == {MOTION} else 'postures'}"
+    what = f" on held-out {'motions' if set(kinds) == {MOTION} else 'postures'}"
 
     def fall(bone: str) -> str:
         said = f"{bone}’s{' gap' if bone == bones[0] else ''}"

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from adapt.diagnosis.result import Diagnoses, Diagnosis, GapLevels, Step
+from adapt.diagnosis.texts.cause_sentences import cause_sentence, measure_next
 from adapt.diagnosis.texts.json_form import JsonObject, plain
 from adapt.diagnosis.texts.notes import notes
 from adapt.diagnosis.texts.wording import (
@@ -28,7 +29,7 @@ from adapt.diagnosis.texts.wording import (
 from adapt.report.figure_data import figure_data
 from adapt.report.headline import closest, headline
 from adapt.report.muscle_figures import force_sentence, muscle_sentence
-from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects
+from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects, whether_to_use
 from adapt.report.plain_words import GLOSSARY, explained, with_hover
 from adapt.report.position_figures import HEIGHT, STATE_NAMES, WIDTH, drawings, shown_states
 from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means
@@ -98,6 +99,7 @@ def report_html(
             postures=len(motions.posture),
             postures_drawn=len(data["posture"]),
             overview=overview(result),
+            whether_to_use=whether_to_use(result),
             parameters=adapted_parameters(result),
             held_out=result.heldout["subject"].nunique(),
             not_handled=not_handled or {},
@@ -153,6 +155,7 @@ def _environment() -> Environment:
         "hover": with_hover,
         "largest": _largest,
         "listed": listed,
+        "measure_next": measure_next,
         "notes": notes,
         "percent": percent_text,
         "probability": probability_text,
@@ -164,6 +167,7 @@ def _environment() -> Environment:
     }
     environment.globals |= {
         "angle_names": ANGLE_NAMES,
+        "cause_sentence": cause_sentence,
         "constraints": CONSTRAINT_NAMES,
         "effects": EFFECTS,
         "glossary": GLOSSARY,

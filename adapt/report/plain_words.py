@@ -20,9 +20,14 @@ GLOSSARY = {
     "gap": "mean absolute difference between simulated and measured angles, degrees",
     "adaptation": "ellipsoid and conoid length are changed until the model comes closest to this person",
     "prior thorax points": "points on the thorax that the parameter set has, another person's",
-    "unseen": "of motions, postures or persons that the numbers were not fitted to",
+    "held out": "of motions, postures or persons that the numbers were not fitted to",
+    "own bones": "bone lengths, attachments and frames of a person, adapted as far as people differ",
+    "active": "said of an effect that acts in these people; its probability is the inclusion probability",
+    "credible set": "the causes that may stand in one place, with 95 % probability together",
     "noise alone": "what would be left if the model were right and the measurement had this noise",
 }
+
+_TERM = re.compile(rf"(?<![\\w-])({'|'.join(sorted(map(re.escape, GLOSSARY), key=len, reverse=True))})(?![\\w-])")
 
 _IDENTIFIER = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 
@@ -38,7 +43,7 @@ def explained(name: str) -> Markup:
 
 
 def with_hover(text: str) -> Markup:
-    """Give every identifier in a sentence its plain name on hover and focus."""
+    """Give identifiers in a sentence their plain names on hover and focus, and words of the glossary their meaning."""
 
     def one(found: re.Match[str]) -> str:
         name = found.group()
@@ -46,4 +51,10 @@ def with_hover(text: str) -> Markup:
             return name
         return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(_PLAIN_NAMES[name], name))
 
-    return Markup(_IDENTIFIER.sub(one, str(escape(text))))  # escaped first; identifiers have no marks
+    def term(found: re.Match[str]) -> str:
+        return str(Markup('<abbr tabindex="0" title="{}">{}</abbr>').format(GLOSSARY[found.group()], found.group()))
+
+    parts = _IDENTIFIER.split(str(escape(text)))  # escaped first; identifiers and terms have no marks
+    between = [_TERM.sub(term, part, count=1) for part in parts]
+    named = [one(found) for found in _IDENTIFIER.finditer(str(escape(text)))]
+    return Markup("".join(word for pair in zip(between, [*named, ""], strict=True) for word in pair))

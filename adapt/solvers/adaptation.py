@@ -10,11 +10,11 @@ from adapt.engine.batching import as_type, refit, take_problems, with_problems
 from adapt.solvers import newton, projection, status
 from adapt.solvers.newton.subject import SubjectProblem
 from adapt.solvers.objective import (
-    DEFAULT_READING,
-    READINGS,
+    DEFAULT_OBJECTIVE,
+    OBJECTIVES,
     WEIGHT,
     AtOptimum,
-    Reading,
+    ObjectiveVariant,
     mean_square_deg2,
 )
 from adapt.solvers.posture_fits import fit_batch, nearby_angles
@@ -81,7 +81,7 @@ class Adapted(NamedTuple):
     E: Float[np.ndarray, " problems"]
     """In the units of the reading."""
     weight: Float[np.ndarray, " problems"]
-    """W of the sum u d^2 + v L [mm^2] + W mean(J) [deg^2] that has the same optimum (``Reading.equivalent``)."""
+    """W of the sum u d^2 + v L [mm^2] + W mean(J) [deg^2] with the same optimum (``ObjectiveVariant.equivalent``)."""
     point_weights: Float[np.ndarray, "points problems"]
     """u of it."""
     landmark_weight: Float[np.ndarray, " problems"]
@@ -104,7 +104,7 @@ Progress = Callable[[str], None]
 def adapt_batch(
     data: Problems,
     weight: float = WEIGHT,
-    reading: str = DEFAULT_READING,
+    reading: str = DEFAULT_OBJECTIVE,
     progress: Progress = lambda _: None,
 ) -> Adapted:
     """Find the lowest E of each problem from several starts, with exact derivatives and the bounds of the model.
@@ -115,7 +115,7 @@ def adapt_batch(
     """
     if data.active_effects.own:
         return _with_own_sizes(data, weight, reading, progress)
-    chosen, equivalent = READINGS[reading], np.full(data.counted.shape[1:], WEIGHT)
+    chosen, equivalent = OBJECTIVES[reading], np.full(data.counted.shape[1:], WEIGHT)
     if chosen.form == "squares":
         _, equivalent = chosen.equivalent(
             weight, _at_optimum(data, chosen, data.girdle.adapted_mm, np.full(equivalent.shape, np.nan))
@@ -145,13 +145,15 @@ def _with_own_sizes(data: Problems, weight: float, reading: str, progress: Progr
         left = left[again]
         if not len(left):
             break
-    if reading != DEFAULT_READING:
+    if reading != DEFAULT_OBJECTIVE:
         adapted = adapt_batch(data.with_sizes(sizes), weight, reading, progress)
     adapted.code[~settled] = status.UNCONVERGED
     return adapted._replace(sizes=sizes)
 
 
-def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapted, progress: Progress) -> Adapted:
+def _reweighted(
+    data: Problems, weight: float, reading: ObjectiveVariant, adapted: Adapted, progress: Progress
+) -> Adapted:
     """The optimum whose own weights of points and postures it is the optimum of, each problem until it has settled."""
     left = np.arange(len(adapted.code))
     for number in range(_REWEIGHTED):
@@ -170,7 +172,7 @@ def _reweighted(data: Problems, weight: float, reading: Reading, adapted: Adapte
     return adapted
 
 
-def _at_optimum(data: Problems, reading: Reading, theta_mm, mean_j_deg2) -> AtOptimum:
+def _at_optimum(data: Problems, reading: ObjectiveVariant, theta_mm, mean_j_deg2) -> AtOptimum:
     """What E is made of at theta."""
     moved = data.girdle.with_adapted(theta_mm).over_postures()
     places, weights, levels = landmark_points(data, reading.landmarks > 0.0)
@@ -181,7 +183,7 @@ def _at_optimum(data: Problems, reading: Reading, theta_mm, mean_j_deg2) -> AtOp
     return AtOptimum(of_points, np.asarray(data.point_weights), mean_j_deg2, np.sum(data.counted, axis=0), L)
 
 
-def _lowest(data: Problems, weight: float, reading: Reading, equivalent, progress: Progress) -> Adapted:
+def _lowest(data: Problems, weight: float, reading: ObjectiveVariant, equivalent, progress: Progress) -> Adapted:
     """All starts of all problems side by side; each optimum goes on until its postures are the lowest."""
     problem = subject_problem(data, equivalent, reading.landmarks)
     theta, angles = _starts(data)
@@ -235,12 +237,12 @@ def adapted_from(
 ) -> Adapted:
     """Find the optimum of E = D [mm^2] + weight mean(J) [deg^2] from one start alone, theta in mm, within the
     bounds."""
-    reading = READINGS[DEFAULT_READING]
+    reading = OBJECTIVES[DEFAULT_OBJECTIVE]
     equivalent = np.broadcast_to(np.asarray(weight, float), data.counted.shape[1:])
     return _from_theta(data, weight, reading, equivalent, theta)
 
 
-def _from_theta(data: Problems, weight, reading: Reading, equivalent, theta, point_weights=None) -> Adapted:
+def _from_theta(data: Problems, weight, reading: ObjectiveVariant, equivalent, theta, point_weights=None) -> Adapted:
     """The optimum reached from theta and the postures that are fitted there."""
     problem = subject_problem(data, equivalent, reading.landmarks, point_weights)
     start = data.angles if data.active_effects.effects else fitted_angles(data, theta)
@@ -315,7 +317,7 @@ def _over_postures(data: Problems, angles: Float[np.ndarray, "6 rows"]) -> Float
     return angles[:, np.maximum.accumulate(place, axis=0)]
 
 
-def _as_adapted(data: Problems, weight, reading: Reading, equivalent, solved: SubjectSolution) -> Adapted:
+def _as_adapted(data: Problems, weight, reading: ObjectiveVariant, equivalent, solved: SubjectSolution) -> Adapted:
     angles, count = np.sum(data.measured, axis=0), np.sum(data.counted, axis=0)
     determined = np.all(angles >= FEWEST_ANGLES, axis=0)
     theta = np.where(determined, solved.theta, np.nan)

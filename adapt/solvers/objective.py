@@ -1,10 +1,10 @@
-"""The objective of the adaptation, E = D + w mean(J_p), and the ways to read it (thesis Eq. 6.3-6.5).
+"""The objective of the adaptation, E = D + w mean(J_p), and its variants (thesis Eq. 6.3-6.5).
 
 The thesis leaves open whether D is a mean of squares, their root or, as Eq. 6.3 is printed, a mean of lengths; whether
-points and postures are summed or averaged; and the units. A reading is a choice of all. Every reading has the optimum
-of some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the reading only changes u and W.
+points and postures are summed or averaged; and the units. A variant is a choice of all. Every variant has the optimum
+of some sum_i u_i d_i^2 [mm^2] + W mean(J_p) [deg^2] over the thorax points: the variant only changes u and W.
 
-One reading is not the thesis's: with ``landmarks`` E = D + v L + w mean(J_p), where L = mean((d(TS) - const1)^2,
+One variant is not the thesis's: with ``landmarks`` E = D + v L + w mean(J_p), where L = mean((d(TS) - const1)^2,
 (d(AI) - const2)^2) over the measured positions of TS and AI in the postures that E is made of, d their signed distance
 to the ellipsoid and L in the units of D. AC and SC would add nothing: no constraint keeps them near the ellipsoid.
 """
@@ -65,7 +65,7 @@ class AtOptimum:
 
 
 @dataclass(frozen=True)
-class Reading:
+class ObjectiveVariant:
     """Units of D and J in E, what E takes of the distances, and whether it sums or averages."""
 
     distance_per_mm: float = 1.0
@@ -98,7 +98,7 @@ class Reading:
         return at.point_weights, share
 
     def value(self, w: float, at: AtOptimum) -> Float[np.ndarray, " problems"]:
-        """Compute E in the units of the reading."""
+        """Compute E in the units of the variant."""
         points, postures = self._counts(at)
         power = _length_mm(at.distance_mm) if self.form == "lengths" else at.distance_mm**2
         unit = self.distance_per_mm if self.form == "lengths" else self.distance_per_mm**2
@@ -117,25 +117,25 @@ def _length_mm(distance_mm):
     return np.sqrt(distance_mm**2 + KINK_MM**2)
 
 
-READINGS = {
-    "mm2_deg2": Reading(),
-    "cm2_deg2": Reading(0.1),
-    "cm2_rad2": Reading(0.1, np.pi / 180.0),
-    "rms_cm_rad": Reading(0.1, np.pi / 180.0, "roots"),
-    "rms_mm_deg": Reading(form="roots"),
-    "mm_deg2": Reading(form="lengths"),
-    "cm_deg2": Reading(0.1, form="lengths"),
-    "sum_mm2_deg2": Reading(sum_points=True),
-    "sum_cm2_deg2": Reading(0.1, sum_points=True),
-    "sum_mm_deg2": Reading(form="lengths", sum_points=True),
-    "sum_mm2_sum_deg2": Reading(sum_points=True, sum_postures=True),
-    "mm2_sum_deg2": Reading(sum_postures=True),
-    "mm2_deg2_landmarks": Reading(landmarks=1.0),
+OBJECTIVES = {
+    "mm2_deg2": ObjectiveVariant(),
+    "cm2_deg2": ObjectiveVariant(0.1),
+    "cm2_rad2": ObjectiveVariant(0.1, np.pi / 180.0),
+    "rms_cm_rad": ObjectiveVariant(0.1, np.pi / 180.0, "roots"),
+    "rms_mm_deg": ObjectiveVariant(form="roots"),
+    "mm_deg2": ObjectiveVariant(form="lengths"),
+    "cm_deg2": ObjectiveVariant(0.1, form="lengths"),
+    "sum_mm2_deg2": ObjectiveVariant(sum_points=True),
+    "sum_cm2_deg2": ObjectiveVariant(0.1, sum_points=True),
+    "sum_mm_deg2": ObjectiveVariant(form="lengths", sum_points=True),
+    "sum_mm2_sum_deg2": ObjectiveVariant(sum_points=True, sum_postures=True),
+    "mm2_sum_deg2": ObjectiveVariant(sum_postures=True),
+    "mm2_deg2_landmarks": ObjectiveVariant(landmarks=1.0),
 }
-"""The readings by name; ``mm2_deg2`` is the default. docs/research/thesis.md compares those that the thesis leaves
+"""The variants by name; ``mm2_deg2`` is the default. docs/research/thesis.md compares those that the thesis leaves
 open."""
 
-DEFAULT_READING = "mm2_deg2"
+DEFAULT_OBJECTIVE = "mm2_deg2"
 
 
 def check_weight(weight: float, place: str = "weight") -> None:

@@ -8,6 +8,7 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 
 import jax
 import numpy as np
@@ -50,7 +51,7 @@ SubjectRows = Mapping[tuple[str, int], pd.DataFrame]
 """Rows of a table by model and state (0: as the model is, 1: adapted)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Tables:
     """The tables of an adaptation."""
 
@@ -62,6 +63,17 @@ class Tables:
     """One row a model, subject and part held out: the columns of ``heldout.csv``; none of whom none was asked for."""
     subjects: SubjectRows
     """What the summary is made of."""
+
+    def __repr__(self) -> str:
+        models = ", ".join(dict.fromkeys(self.parameters["model"]))
+        return f"{type(self).__name__}({self.parameters['subject'].nunique()} subjects, {models})"
+
+    def _repr_html_(self) -> str:
+        """Show the mean gaps over the subjects, degrees, where a notebook asks for it."""
+        summary = self.summary
+        means = summary[(summary["subject"] == "mean") & (summary["motion"] == ALL_MOTIONS)]
+        columns = ["model", "adapted", *(f"{bone}_deg" for bone in BONES), *HELD_OUT.values()]
+        return f"<p>{escape(repr(self))}</p>{means[columns].to_html(index=False, float_format='%.1f', na_rep='')}"
 
     @cached_property
     def summary(self) -> pd.DataFrame:

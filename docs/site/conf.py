@@ -26,7 +26,15 @@ from scripts.reference import documented_names  # noqa: E402
 project = "girdle"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode"]
 root_doc = "README"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "docs/research/*.md", "docs/site/*.md"]
+include_patterns = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "docs/*.md",
+    "docs/research/*.md",
+    "docs/notebooks/*.md",
+    "docs/site/*.md",
+]
 exclude_patterns = [".venv", "out", "docs/site/navigation.md"]
 source_suffix = {".md": "markdown"}
 

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from simulated_trial import write_trc
+from simulated_trial import simulated_landmarks, write_trc
 
 from adapt import adapt_subjects
 from models import ParameterSet, load_model
@@ -16,7 +16,7 @@ from motions import read_trial
 
 def main(folder: Path) -> ParameterSet:
     """Make the set, print its lengths beside those of R2, and the gaps that both leave."""
-    trial, own = write_trc(folder / "P01.trc", model="R4"), folder / "P01.toml"
+    trial, own = write_trc(folder / "P01.trc", simulated_landmarks("R4")), folder / "P01.toml"
     # As on the command line: girdle model P01.trc --model R2 --out P01.toml
     subprocess.run([sys.executable, "-m", "adapt", "model", trial, "--model", "R2", "--out", own], check=True)
 

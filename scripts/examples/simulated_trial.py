@@ -36,9 +36,9 @@ def simulated_landmarks(model: str) -> dict[str, np.ndarray]:
     return {**fixed, **moving, "EM": elbow - half, "EL": elbow + half}
 
 
-def write_trc(path: Path, model: str = "R2") -> Path:
-    """Write the landmarks as a motion capture system would."""
-    landmarks_mm = simulated_landmarks(model)
+def write_trc(path: Path, landmarks_mm: dict[str, np.ndarray] | None = None) -> Path:
+    """Write the landmarks (those of R2, if none are given) as a motion capture system would."""
+    landmarks_mm = landmarks_mm or simulated_landmarks("R2")
     xyz = np.concatenate(list(landmarks_mm.values()), axis=1)
     frames, count = len(xyz), len(landmarks_mm)
     lines = [

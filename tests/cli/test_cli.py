@@ -21,6 +21,7 @@ from adapt.tables.results import STATISTICS
 from models import load_model, model_names
 from models.adapted_parameters import ADAPTED, HALF_WIDTHS_MM
 from models.effects import EFFECTS
+from models.effects.amplitudes import read_amplitudes
 from models.ellipsoid import signed_distance_mm
 from models.parameter_sets import FOLDER
 from motions import ANGLES
@@ -106,7 +107,7 @@ def test_adapt_writes_its_files_and_nothing_else(adapted):
     assert names == sorted([*ADAPT_FILES, "report.html"])
     models = sorted(path.name for path in (adapted.folder / "models").iterdir())
     assert models == ["R2_simulated01.toml", "R2_simulated02.toml"]
-    assert "R2, after adaptation" in adapted.ended.out
+    assert adapted.ended.out.startswith("R2: 2 of 2 subjects adapted; gap on held-out motions: clavicle ")
 
 
 def test_the_report_draws_the_closed_chain(adapted):
@@ -410,7 +411,7 @@ BAD_OPTIONS = {
     "misspelt model": (["--model", "breteler_mir"], "breteler_mir", "no parameter set", "Did you mean breteler_mri?"),
     "model file not there": (["--model", "no.toml"], "no.toml", "cannot be read", "Check the path"),
     "one model twice": (["--model", "R2", "--model", "R2"], "--model", "two models are called 'R2'", "Give each one"),
-    "unknown reading": (["--reading", "mm_deg"], "--reading", "unknown reading 'mm_deg'", "Use one of mm2_deg2"),
+    "unknown objective": (["--reading", "mm_deg"], "--objective", "unknown variant 'mm_deg'", "Use one of mm2_deg2"),
 }
 
 
@@ -508,6 +509,53 @@ def test_effects_are_listed_with_what_a_caller_gives_of_them():
     assert (ended.status, ended.err) == (0, "")
     lines = dict(line.split(maxsplit=1) for line in ended.out.splitlines())
     assert list(lines) == list(EFFECTS)
-    assert lines["scapulothoracic_gap"].endswith("; size 2 / 3 mm (TS / AI)")
+    option = "--effect scapulothoracic_gap=TS,AI in mm, at 150 degrees of elevation"
+    assert lines["scapulothoracic_gap"].endswith(f"; size 2 / 3 mm; {option}")
     for name, effect in EFFECTS.items():
-        assert lines[name].endswith(f"{effect.size_unit} ({' / '.join(effect.directions)})")
+        places = ["0" for _ in lines[name].partition(f"--effect {name}=")[2].partition(" in ")[0].split(",")]
+        assert f"{effect.size_unit}; --effect" in lines[name]
+        assert effect.unit in lines[name]
+        read_amplitudes([f"{name}={','.join(places)}"])  # as many numbers as it takes
+
+
+# --- what the terminal says ----------------------------------------------------------------------------------------
+
+
+def test_an_adaptation_ends_with_a_verdict_and_has_its_tables_on_demand(motion, adapted, tmp_path):
+    """One verdict a set, folded at 80 columns; the tables of subjects with --tables alone."""
+    held_out = adapted.table("heldout").query("held_out == held_out")
+    gap = held_out["scapula_gap_unseen_deg"].mean()  # both motions of a subject have as many postures
+    words = " ".join(adapted.ended.out.split())
+    assert f"deg, scapula {held_out['scapula_gap_before_deg'].mean():.1f} -> {gap:.1f} deg;" in words
+    assert words.endswith(f"Open {adapted.folder / 'report.html'}")
+    assert max(map(len, adapted.ended.out.splitlines()[:-1])) <= 80
+    assert "after adaptation:" not in words
+    said = girdle("adapt", motion, "--model", "R2", "--weight", "5", "--tables", "--out", tmp_path / "out").out
+    assert "R2, after adaptation: mean |simulated - measured|" in said
+    assert "…" not in said
+
+
+def test_the_causes_of_a_diagnosis_are_adapted_with(motion, tmp_path):
+    """The same numbers as by --effect, and the same record."""
+    option = "scapula_landmark_bias=0,5,0"
+    (tmp_path / "diagnosis.json").write_text(json.dumps({"options": [option]}))
+    by_folder, by_option = tmp_path / "folder", tmp_path / "option"
+    assert girdle("fit", motion, "--effects-of", tmp_path, "--out", by_folder).status == 0
+    assert girdle("fit", motion, "--effect", option, "--out", by_option).status == 0
+    assert (by_folder / "fits.csv").read_bytes() == (by_option / "fits.csv").read_bytes()
+    assert json.loads((by_folder / "run.json").read_text())["options"]["effect"] == [option]
+
+
+@pytest.mark.parametrize(
+    ("text", "cause", "remedy"),
+    [
+        (None, "there is no such file", "girdle diagnose --out FOLDER"),
+        ("[]", "this is not a diagnosis.json", "girdle diagnose --out FOLDER"),
+        ('{"options": []}', "names no cause whose size a gap shows", "Adapt without --effects-of"),
+    ],
+)
+def test_a_folder_without_causes_is_refused(motion, tmp_path, text, cause, remedy):
+    if text is not None:
+        (tmp_path / "diagnosis.json").write_text(text)
+    ended = girdle("adapt", motion, "--effects-of", tmp_path, "--out", tmp_path / "out")
+    refused(ended, str(tmp_path / "diagnosis.json"), cause, remedy)

@@ -147,7 +147,7 @@ def test_bones_that_were_not_found_are_said_and_end_with_3(tmp_path, monkeypatch
     assert ended.status == 3
     why = "own bones not_converged, the plain adaptation is kept"
     assert ended.messages == [f"not handled: simulated{k:02d}: {why}" for k in (1, 2)]
-    assert "Bones of their own were not found, the plain adaptation is kept: simulated01, simulated02" in ended.out
+    assert "Own bones were not found, the plain adaptation is kept: simulated01, simulated02" in ended.out
     table = pd.read_csv(tmp_path / "out" / "parameters.csv", keep_default_na=False)
     assert table["own_bones"].tolist() == ["not_converged"] * 2
     assert table["status"].tolist() == ["ok"] * 2
@@ -157,15 +157,15 @@ def test_bones_that_were_not_found_are_said_and_end_with_3(tmp_path, monkeypatch
         np.testing.assert_array_equal(model.girdle.ts_mm, R2.girdle.ts_mm)
         assert model.source["scapula.ts_mm"] == "of R2: " + R2.source["scapula.ts_mm"]
         assert model.source["thorax.semi_axes_mm"].startswith(
-            f"adapted to {name}, from R2 (w = 10, reading mm2_deg2, plain)"
+            f"adapted to {name}, from R2 (w = 10, objective mm2_deg2, plain)"
         )
 
 
 @pytest.mark.parametrize(
     ("option", "value", "cause"),
     [
-        ("--reading", "mm2_deg2_landmarks", "no reading and no down-weighting changes it"),
-        ("--thorax-downweighting", 30, "no reading and no down-weighting changes it"),
+        ("--reading", "mm2_deg2_landmarks", "no variant of E and no down-weighting changes it"),
+        ("--thorax-downweighting", 30, "no variant of E and no down-weighting changes it"),
         (
             "--effect",
             "scapula_landmark_bias=0,0,0~5,5,5",

@@ -11,6 +11,7 @@ DOCUMENTS = [
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs" / "research").glob("*.md")),
+    *sorted((ROOT / "docs" / "notebooks").glob("*.md")),
     ROOT / "docs" / "site" / "api.md",
 ]
 """Not the changelog: it names what was."""

@@ -1,6 +1,7 @@
 """What the documents tell a reader to type: Python that runs, commands whose options exist."""
 
 import ast
+import builtins
 import contextlib
 import inspect
 import re
@@ -113,7 +114,7 @@ def check_calls(code: str, names: dict[str, object]) -> None:
     """Hold the arguments of every call of a named function against its signature."""
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            function = names[node.func.id]
+            function = (vars(builtins) | names)[node.func.id]
             assert callable(function)
             keywords = {str(keyword.arg): None for keyword in node.keywords}
             inspect.signature(function).bind(*[None] * len(node.args), **keywords)

@@ -14,7 +14,7 @@ CROSSINGS = rooms.crossings(IMPORTS)
 MOST_ENTRIES = 12
 """Of a folder: what a reader takes in at once."""
 
-NOT_COUNTED = {"__init__.py", "__main__.py", "__pycache__"}
+NOT_COUNTED = {"__init__.py", "__main__.py", "__pycache__", "py.typed"}
 DATA_FOLDERS = {"motions/data", "models/sets"}
 
 SAME_BASENAME = {

@@ -169,7 +169,7 @@ def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_pa
     np.testing.assert_allclose(found[numbers].to_numpy(float), expected[numbers].to_numpy(float), rtol=1e-12)
 
     said = described(effects)
-    assert f"With {said} at work in every subject." in ended.out
+    assert f"With {said} active in every subject." in " ".join(ended.out.split())
     assert f"<b>With {said}</b> at work" in (out / "report.html").read_text()
     assert all(f"with {said})" in path.read_text() for path in (out / "models").iterdir())
 
@@ -232,7 +232,7 @@ def test_the_command_line_down_weights_thorax_points_by_its_option_or_as_an_effe
     found = pd.read_csv(outs[0] / "parameters.csv")["A_z_mm"]
     np.testing.assert_allclose(found, expected["A_z_mm"], rtol=1e-12)
     assert "Prior thorax points down-weighted 30 times." in ended[0].out
-    assert "at work in every subject" not in ended[0].out
+    assert "active in every subject" not in ended[0].out
     assert "Prior thorax points down-weighted:</b> they count 1/30 in" in (outs[0] / "report.html").read_text()
     assert all(
         "prior thorax points down-weighted 30 times" in path.read_text() for path in (outs[0] / "models").iterdir()

@@ -213,3 +213,16 @@ def test_numpy_finds_what_jax_finds():
     assert isinstance(found, np.ndarray)
     expected = one_run(jax.vmap(lambda q: constraint_residuals_mm(HAND, q), -1, -1))(angles)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING_MM)
+
+
+def test_one_girdle_takes_any_batch_of_angles():
+    girdle, angles = load_model("R2").girdle, np.linspace(-0.4, 0.4, 6 * 2 * 3).reshape(6, 2, 3)
+    found = np.asarray(girdle.residuals_mm(angles))
+    for place in np.ndindex(2, 3):
+        one = girdle.residuals_mm(angles[(slice(None), *place)])
+        np.testing.assert_allclose(found[(slice(None), *place)], one, rtol=0.0, atol=1e-12)
+
+
+def test_degrees_are_refused():
+    with pytest.raises(ValueError, match=r"in radians: give np.deg2rad"):
+        load_model("R2").girdle.residuals_mm(np.full(6, 30.0))

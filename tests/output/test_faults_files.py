@@ -213,7 +213,7 @@ def test_a_disk_with_room_for_the_tables_alone_gets_them_and_keeps_no_older_repo
     assert result.status == 2
     assert said.startswith(f"error: {earlier / 'report.html'}: the file cannot be written (No space left on device)")
     assert "the tables are there" in said
-    assert "after adaptation" in result.out
+    assert "subjects adapted" in result.out
     after = contents(earlier)
     assert "report.html" in before
     assert "report.html" not in after

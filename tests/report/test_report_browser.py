@@ -1,13 +1,14 @@
 """The report as a person meets it: opened in a real browser, stepped, turned, chosen from, on a desk and on a phone."""
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from browsing import EYE, PHONE, WIDE, Seen, column, needs_browser, numbers_of
-from diagnoses import NOTHING, TWO, gap_of
+from diagnoses import MANY, NOTHING, TWO, gap_of
 from handmade import MOVED_MM, adaptations, motions_of, rising
 from pages import EVIL, MODELS, R2, simulated
 from PIL import Image
@@ -19,6 +20,7 @@ from adapt.diagnosis.result import Diagnoses
 from adapt.diagnosis.texts.wording import sentence
 from adapt.report import report_html
 from adapt.report.bone_positions import POINTS
+from models import load_model
 from models.effects import EFFECTS
 from motions import InputError, Motions
 from scripts.picture_report import main, picture
@@ -357,7 +359,7 @@ def test_a_diagnosis_is_in_the_page(look, window):
     assert page.inner_text("h1") == sentence(TWO)
     steps = [name.split("\n")[0] for name in page.locator("#ladder [data-model=R2] .name").all_inner_texts()]
     causes = ["+ AC joint moves ac_translation", "+ scapula lifts off the thorax scapulothoracic_gap"]
-    assert steps == ["model as it is", "adapted", "+ bones of their own", *causes, "noise alone"]
+    assert steps == ["model as it is", "adapted", "+ own bones", *causes, "noise alone"]
     hovered = page.locator("#ladder [data-model=R2] abbr").first.get_attribute("title")
     assert hovered == EFFECTS["ac_translation"].what
     widths = [box["width"] for one in page.locator("#ladder [data-model=R2] .bar").all() if (box := one.bounding_box())]
@@ -371,7 +373,7 @@ def test_a_diagnosis_is_in_the_page(look, window):
     assert "2.80 [2.70, 2.90]" in " ".join(page.inner_text("#gap").split())
     (both, *_) = page.locator("#gaps .figure").all()
     unseen, in_sample = json.loads(both.evaluate("one => JSON.stringify(one.data)"))
-    assert (unseen["name"], in_sample["name"]) == ("unseen motions", "in sample")
+    assert (unseen["name"], in_sample["name"]) == ("held-out motions", "in sample")
     assert unseen["x"] == [4.1, 2.8, 2.0, 0.9, 0.3]
     assert in_sample["x"] == pytest.approx([4.0, 2.4, 1.6, 0.5, 0.2])
     (band,) = [
@@ -408,7 +410,7 @@ def test_bars_and_unseen_gaps_have_their_tables(look):
     unseen, in_sample = seen.page.evaluate("document.querySelector('#gaps .figure').data.map((one) => one.x)")
     gaps = numbers_of(seen, "gaps")
     both = [gaps[0], *(row for row in gaps if row[0] == "both bones")]
-    assert column(both, "unseen motions, °") == unseen
+    assert column(both, "held-out motions, °") == unseen
     assert column(both, "in sample, °") == pytest.approx(in_sample)
     seen.assert_quiet()
 
@@ -454,3 +456,42 @@ def test_the_picture_of_a_report_is_small(started, tmp_path):
 def test_a_report_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match="there is no such file"):
         main(tmp_path / "report.html", tmp_path / "report.png")
+
+
+FIVE = [load_model(name) for name in ("R2", "R4", "R6", "breteler_dissection", "breteler_mri")]
+
+
+@cache
+def five_sets() -> str:
+    """Two causes, one over the posture of the bones, and as many as a page has room for."""
+    motions = two_motions(3)
+    diagnoses = {one.name: replace(MANY if k % 2 else TWO, model=one.name) for k, one in enumerate(FIVE)}
+    return report_html(motions, FIVE, adaptations(motions, FIVE), {}, Diagnoses(diagnoses))
+
+
+@pytest.mark.parametrize("width", [PHONE["width"], TABLET["width"], WIDE["width"]])
+def test_the_longest_diagnosis_of_five_sets_fits(look, width):
+    seen = look(five_sets(), {"width": width, "height": 900})
+    for number in range(len(FIVE)):
+        seen.page.select_option("#model", index=number)
+        seen.assert_quiet()
+
+
+def test_the_command_to_copy_names_the_folder_of_the_page(look):
+    seen = look(five_sets())
+    command = seen.page.locator(".command:visible")
+    said = command.locator("code").inner_text()
+    assert "--model R2 --own-bones --effects-of" in said
+    assert "FOLDER" not in said, "the page was opened as a file"
+    command.locator("button").click()
+    expect(command.locator("[role=status]")).to_have_text(re.compile("copied|selected"))
+    seen.assert_quiet()
+
+
+def test_the_page_opens_where_adaptation_changes_most(look):
+    seen = look(adapted())
+    data, at = seen.data(), seen.chosen
+    states, motions = data["models"][at["model"]]["states"], data["subjects"][0]["motions"]
+    falls = np.subtract(states["before"]["rms_deg"], states["after"]["rms_deg"])
+    mine = falls[motions[0]["rows"][0] : motions[-1]["rows"][1]]
+    assert falls[motions[at["motion"]]["rows"][0] + at["posture"]] == mine.max()

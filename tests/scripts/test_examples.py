@@ -123,3 +123,27 @@ def test_examples_use_what_is_public():
         lines = path.read_text().splitlines()
         imported = [line.split()[1] for line in lines if line.startswith(("from adapt", "from models", "from motions"))]
         assert set(imported) <= public, path.name
+
+
+def test_the_sample_trials_are_written_as_they_ship(tmp_path, example, monkeypatch):
+    written = runpy.run_path(str(ROOT / "scripts" / "examples" / "write_samples.py"))
+    written["main"](tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert len(names) == 5
+    for name in names:
+        if not name.endswith(".c3d"):  # which holds the version of its writer
+            assert (tmp_path / name).read_bytes() == (ROOT / "motions" / "data" / name).read_bytes(), name
+
+
+def test_the_sample_trials_say_the_same(tmp_path):
+    """Landmarks as .trc, as .c3d and carried by clusters are one motion, but for rounding to 0.01 mm."""
+    data, at = ROOT / "motions" / "data", range(0, 121, 20)
+    trc, c3d = (read_trial(data / f"simulated_trial.{kind}", at_deg=at) for kind in ("trc", "c3d"))
+    clusters = read_trial(
+        data / "simulated_cluster_trial.trc",
+        mapping=data / "simulated_cluster.toml",
+        static=[data / "simulated_cluster_static.trc"],
+        at_deg=at,
+    )
+    np.testing.assert_allclose(c3d.angles_deg, trc.angles_deg, rtol=0.0, atol=0.01)
+    np.testing.assert_allclose(clusters.angles_deg, trc.angles_deg, rtol=0.0, atol=0.3)  # zero of the axial rotation

@@ -10,11 +10,11 @@ from programs import one_run
 
 from adapt.solvers.newton.subject import point_multiplier, thorax_terms
 from adapt.solvers.objective import (
-    DEFAULT_READING,
-    READINGS,
+    DEFAULT_OBJECTIVE,
+    OBJECTIVES,
     WEIGHT,
     AtOptimum,
-    Reading,
+    ObjectiveVariant,
 )
 from adapt.solvers.projection import thorax_term
 from models import load_model
@@ -58,19 +58,19 @@ FITTED_MM = 1e-4
 
 
 def test_the_thesis_weight_and_reading():
-    assert (WEIGHT, DEFAULT_READING, list(READINGS)) == (10.0, "mm2_deg2", list(BY_HAND))
+    assert (WEIGHT, DEFAULT_OBJECTIVE, list(OBJECTIVES)) == (10.0, "mm2_deg2", list(BY_HAND))
 
 
-@pytest.mark.parametrize("name", READINGS)
+@pytest.mark.parametrize("name", OBJECTIVES)
 def test_e_by_hand(name):
-    exact = 1e-14 if READINGS[name].form != "lengths" else ROUNDED_OFF
-    assert READINGS[name].value(W, AT) == pytest.approx(BY_HAND[name], rel=exact)
+    exact = 1e-14 if OBJECTIVES[name].form != "lengths" else ROUNDED_OFF
+    assert OBJECTIVES[name].value(W, AT) == pytest.approx(BY_HAND[name], rel=exact)
 
 
-@pytest.mark.parametrize("name", READINGS)
+@pytest.mark.parametrize("name", OBJECTIVES)
 def test_the_weights_give_e_the_slopes_of_the_weighted_squares(name):
     """dE by each distance and by J, by differences, are those of sum u d^2 + W J, but for one factor."""
-    reading, step = READINGS[name], 1e-5
+    reading, step = OBJECTIVES[name], 1e-5
     at = replace(AT, distance_mm=np.array([[4.0], [-1.0], [50.0]]))
     u, weight = reading.equivalent(W, at)
 
@@ -88,9 +88,9 @@ def test_the_weights_give_e_the_slopes_of_the_weighted_squares(name):
 def test_a_root_of_nothing_has_a_weight():
     """At D = 0 or J = 0 the root has a kink; the weight stays a number, of 1e-12 mm^2 or deg^2."""
     at = replace(AT, distance_mm=np.zeros((3, 1)), mean_j_deg2=np.array([1.0]))
-    assert Reading(form="roots").equivalent(1.0, at)[1] == pytest.approx(1e-6, rel=1e-12)
+    assert ObjectiveVariant(form="roots").equivalent(1.0, at)[1] == pytest.approx(1e-6, rel=1e-12)
     at = replace(AT, distance_mm=np.ones((3, 1)), mean_j_deg2=np.array([0.0]))
-    assert Reading(form="roots").equivalent(1.0, at)[1] == pytest.approx(1e6, rel=1e-12)
+    assert ObjectiveVariant(form="roots").equivalent(1.0, at)[1] == pytest.approx(1e6, rel=1e-12)
 
 
 def test_d_of_a_sphere_by_hand():

@@ -10,7 +10,7 @@ from oracles import Bones, bones, cardan, ellipsoid_distance, slsqp, with_theta
 
 from adapt.evaluation.curvature import curvature
 from adapt.solvers.adaptation import Adapted, adapt_batch
-from adapt.solvers.objective import KINK_MM, READINGS, WEIGHT
+from adapt.solvers.objective import KINK_MM, OBJECTIVES, WEIGHT
 from adapt.solvers.problems import Problems, problems_of, select_problems, subject_problem
 from adapt.solvers.projection.thorax_term import Thorax
 from adapt.solvers.rows import posture_rows
@@ -88,7 +88,7 @@ def data(motions) -> Problems:
 
 @pytest.fixture(scope="module")
 def adapted(data) -> dict[str, Adapted]:
-    return {name: adapt_batch(data, WEIGHT, name) for name in READINGS}
+    return {name: adapt_batch(data, WEIGHT, name) for name in OBJECTIVES}
 
 
 @pytest.fixture(scope="module")
@@ -121,10 +121,10 @@ def scalar_l(motions: Motions, moved: Bones) -> float:
 
 
 def test_every_reading_is_written_anew():
-    assert list(D_AND_J) == list(READINGS)
+    assert list(D_AND_J) == list(OBJECTIVES)
 
 
-@pytest.mark.parametrize("name", READINGS)
+@pytest.mark.parametrize("name", OBJECTIVES)
 def test_e_is_that_of_the_scalar_one_and_no_lower_nearby(name, data, adapted, scalar_e):
     """In every parameter, up and down, within the bounds."""
     found = adapted[name]
@@ -138,11 +138,11 @@ def test_e_is_that_of_the_scalar_one_and_no_lower_nearby(name, data, adapted, sc
             assert scalar_e(name, moved, found) >= E - NO_LOWER * E, (k, step)
 
 
-@pytest.mark.parametrize("name", READINGS)
+@pytest.mark.parametrize("name", OBJECTIVES)
 def test_no_other_reading_s_optimum_is_lower(name, adapted, scalar_e):
     """And some are higher: the readings are not one."""
     others = {other: scalar_e(name, found.theta_mm[:, 0], found) for other, found in adapted.items()}
-    assert min(others.values()) >= others[name] * (1.0 - SETTLED[READINGS[name].form])
+    assert min(others.values()) >= others[name] * (1.0 - SETTLED[OBJECTIVES[name].form])
     assert max(others.values()) > 1.01 * others[name]
 
 

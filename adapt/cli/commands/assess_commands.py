@@ -1,6 +1,9 @@
 """``girdle diagnose``, ``girdle trust`` and ``girdle muscles``: what to think of an adaptation."""
 
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -8,7 +11,19 @@ import typer
 from adapt.api import adapt_subjects, adapt_with_every_fold
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import asked_models, read_inputs
-from adapt.cli.options import Models, ModelsOf, MotionFiles, Out, OwnBones, Repeat, Weight, console, errors
+from adapt.cli.options import (
+    EFFECTS_OF_OPTION,
+    Models,
+    ModelsOf,
+    MotionFiles,
+    Out,
+    OwnBones,
+    Repeat,
+    ShowTables,
+    Weight,
+    console,
+    errors,
+)
 from adapt.cli.terminal.print_diagnosis import print_diagnosis
 from adapt.cli.terminal.print_muscles import print_muscles
 from adapt.cli.terminal.print_tables import progress
@@ -64,21 +79,22 @@ def diagnose_gap(
             show_default=False,
         ),
     ] = None,
+    tables: ShowTables = False,
     repeat: Repeat = None,
 ) -> None:
     """Say why the adapted model and the measurements still differ: what gap is left, where, and what causes it.
 
     Looks for the causes of `girdle effects`, several at once, that predict motions and persons that were not fitted.
     The answer is **none** (nothing beyond noise), **effect** (one cause or more, each with the names that these data
-    cannot tell apart) or **unknown** (no candidate predicts better). With it come the probability of each candidate of
-    being at work, the gap budget (what adaptation, each cause and noise take of the gap on unseen motions), the size of
-    each cause, and the measurement that would tell most.
+    cannot tell apart) or **unknown** (no candidate predicts better). With it come the size of each cause, what it was
+    tested on, what to measure next, and the command that adapts with the causes. --tables adds the inclusion
+    probabilities and the gap budget (what adaptation, each cause and noise take of the gap on held-out motions).
 
     More subjects and more kinds of motion help most: the same causes are sought in all of them. A subject with fewer
     than four postures is left out.
 
     Writes diagnosis.json (everything), budget.svg (what takes the gap away), inclusion.svg (how probably each candidate
-    is at work), gap_heatmap.svg (where the gap is), gaps.svg (how far it shrinks), positions.csv (where landmarks
+    is active), gap_heatmap.svg (where the gap is), gaps.svg (how far it shrinks), positions.csv (where landmarks
     are simulated and were measured), the tables of `girdle adapt`, run.json and report.html (the page to look at).
     With several models the figures are those of the model with the smallest gap after adaptation.
     """
@@ -86,7 +102,8 @@ def diagnose_gap(
         cause = f"{noise_deg:g} is not between {LEAST_DEG:g} and {MOST_NOISE_DEG:g} degrees"
         raise InputError("--noise-deg", None, cause, "Give the SD of one angle in degrees, or leave it to be estimated")
     check_use(positions, position_noise_mm)
-    table, models, record = read_inputs(motions, asked_models(model, models_of))
+    asked = asked_models(model, models_of)
+    table, models, record = read_inputs(motions, asked)
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = adapt_with_every_fold(table, models, progress=report)
@@ -102,9 +119,19 @@ def diagnose_gap(
                 write_run(part, "diagnose", record, given, table.rejected)
                 failed = not_adapted(result) | diagnoses.closest.left_out
                 wrong = write_report(part, table, models, result, failed, diagnoses=diagnoses)
-        print_diagnosis(console, diagnoses)
+        sets = {one.name: name for one, name in zip(models, asked, strict=True)}
+        print_diagnosis(console, diagnoses, tables, _next_command(diagnoses, motions, sets, out))
         say_report(folder, wrong)
     finish(table, failed)
+
+
+def _next_command(diagnoses: Diagnoses, motions: Sequence[Path], sets: Mapping[str, str], out: Path) -> str:
+    """Write the command that adapts the same motions with own bones and, where there are any, with the causes."""
+    asked = sets[diagnoses.closest.model]
+    model = ("--models-of" if Path(asked).is_dir() else "--model", asked)
+    causes = (EFFECTS_OF_OPTION, str(out)) if diagnoses.closest.options else ()
+    to = str(out.with_name(f"{out.name}_adapted"))
+    return shlex.join(["girdle", "adapt", *map(str, motions), *model, "--own-bones", *causes, "--out", to])
 
 
 def trust_results(
@@ -121,8 +148,8 @@ def trust_results(
 ) -> None:
     """Adapt as `girdle adapt` does, and say how far the result can be trusted.
 
-    Writes trust.csv (one row a subject: gaps seen and unseen, flat directions, warnings), uncertainty.csv (an interval
-    for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
+    Writes trust.csv (one row a subject: gaps in sample and held out, flat directions, warnings), uncertainty.csv (an
+    interval for each parameter), heldout.csv (the gap on each motion and third of the postures, adapted without them),
     plausibility.csv (are size and place a thorax's; do contact and conoid keep their directions, the serratus its
     arms?), contact.csv (directions and arms of contact and conoid in each posture), with --choose-weight weights.csv,
     the tables of `girdle adapt` and run.json.

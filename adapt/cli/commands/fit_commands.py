@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from adapt.api import check_own_bones, fit_postures
-from adapt.cli.commands.known_effects import Known, read_known, say_known
+from adapt.cli.commands.known_effects import Known, effects_of, read_known, say_known
 from adapt.cli.ending import finish, say_report
 from adapt.cli.inputs import (
     SIX,
@@ -24,15 +24,17 @@ from adapt.cli.inputs import (
 )
 from adapt.cli.options import (
     Angles,
+    EffectsOf,
     Float32,
     KnownEffects,
     Models,
     ModelsOf,
     MotionFiles,
+    Objective,
     Out,
     OwnBones,
-    Reading,
     Repeat,
+    ShowTables,
     ThoraxDownweighting,
     Weight,
     console,
@@ -46,6 +48,7 @@ from adapt.cli.terminal.print_tables import (
     print_without_landmarks,
     progress,
 )
+from adapt.cli.terminal.print_verdict import print_verdicts
 from adapt.evaluation.held_out import sample
 from adapt.output.adapted_models import OWN_BONES, write_adapted_models
 from adapt.output.large_runs.dask_cluster import on_cluster
@@ -53,7 +56,7 @@ from adapt.output.large_runs.local_processes import on_this_machine
 from adapt.output.large_runs.parts import LANES, MOST_SHOWN, Parts, Work, failed_subjects
 from adapt.output.result_files import write_fits, write_report
 from adapt.output.run_files import inputs_record, results_folder, run_key, transaction, write_run
-from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.solvers.objective import DEFAULT_OBJECTIVE, OBJECTIVES, WEIGHT
 from adapt.solvers.own_bones.own_adaptation import People, learn_people
 from adapt.solvers.own_bones.own_adaptation import sample as own_sample
 from adapt.solvers.rows import posture_rows
@@ -72,12 +75,14 @@ def fit(
     float32: Float32 = False,
     angles: Angles = SIX,
     effect: KnownEffects = [],  # noqa: B006
+    effects_of_folder: EffectsOf = None,
     repeat: Repeat = None,
 ) -> None:
     """Fit every posture with the models as they are (Tables 6.1 and 6.2).
 
     Writes fits.csv (one row a posture), summary.csv (subjects by angles) and run.json.
     """
+    effect = [*effects_of(effects_of_folder), *effect]
     effects = read_known(effect).effects  # without adaptation there are no thorax points to weigh
     table, models, record = read_inputs(motions, asked_models(model, models_of), angles)
     with results_folder(out) as folder:
@@ -98,7 +103,7 @@ def adapt(
     model: Models = [],  # noqa: B006 (typer reads it, never changes it)
     models_of: ModelsOf = [],  # noqa: B006
     weight: Weight = WEIGHT,
-    reading: Reading = DEFAULT_READING,
+    reading: Objective = DEFAULT_OBJECTIVE,
     chunk: Annotated[
         int | None,
         typer.Option(
@@ -113,8 +118,10 @@ def adapt(
     float32: Float32 = False,
     angles: Angles = SIX,
     effect: KnownEffects = [],  # noqa: B006
+    effects_of_folder: EffectsOf = None,
     thorax_downweighting: ThoraxDownweighting = 1.0,
     own_bones: OwnBones = False,
+    tables: ShowTables = False,
     repeat: Repeat = None,
 ) -> None:
     """Adapt thorax ellipsoid and conoid to each subject, over all its motions together (Tables 6.1-6.6).
@@ -125,12 +132,13 @@ def adapt(
 
     Any number of subjects is worked on in parts, in bounded memory; a run that was stopped goes on where it was.
     """
-    if reading not in READINGS:
-        raise InputError("--reading", None, f"unknown reading '{reading}'", f"Use one of {', '.join(READINGS)}")
+    if reading not in OBJECTIVES:
+        raise InputError("--objective", None, f"unknown variant '{reading}'", f"Use one of {', '.join(OBJECTIVES)}")
     check_angles(angles)
+    effect = [*effects_of(effects_of_folder), *effect]
     known = read_known(effect, thorax_downweighting)
     of_angles = [] if angles == SIX else [f"{angles} angles"]
-    words = [f"w = {weight:g}", f"reading {reading}", *of_angles, *[OWN_BONES] * own_bones, *known.texts]
+    words = [f"w = {weight:g}", f"objective {reading}", *of_angles, *[OWN_BONES] * own_bones, *known.texts]
     how = ", ".join(words)
     named = asked_models(model, models_of)
     record, models, files = inputs_record(motions, named), load_models(named), MotionStream(*motions)
@@ -182,12 +190,14 @@ def adapt(
                     active_effects=at_work,
                     thorax_downweighting=known.thorax_downweighting,
                 )
-        _print_tables(result)
+        if tables:
+            _print_tables(result)
         if people is not None:
             print_own_bones(console, result.parameters)
         say_known(known)
-        if READINGS[reading].landmarks:
+        if OBJECTIVES[reading].landmarks:
             print_without_landmarks(console, result.parameters)
+        print_verdicts(console, result)
         say_report(folder, wrong)
     finish(table, failed)
 

@@ -1,12 +1,16 @@
 """What ``--effect`` and ``--thorax-downweighting`` say, as the fits take it."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from adapt.cli.options import THORAX_OPTION, console
+from adapt.cli.options import EFFECTS_OF_OPTION, THORAX_OPTION, console
+from adapt.cli.terminal.print_verdict import print_folded
 from adapt.solvers.objective import WEIGHT, down_weighted
 from models.effects.amplitudes import OPTION, Amplitudes, described, read_amplitudes
 from motions.errors import InputError
+from motions.files import read_text
 
 THORAX_POINTS = "thorax_points"
 """The same setting of E as ``THORAX_OPTION``, as ``--effect`` takes it."""
@@ -16,7 +20,7 @@ DOWN_WEIGHTED = "prior thorax points down-weighted"
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the subjects: effects at work, and how many times less the prior thorax points count."""
+    """What is known of the subjects: active effects, and how many times less the prior thorax points count."""
 
     effects: Amplitudes
     thorax_downweighting: float = 1.0
@@ -42,10 +46,35 @@ def read_known(words: Sequence[str], thorax_downweighting: float = 1.0) -> Known
     return known
 
 
+_GIVE_A_DIAGNOSIS = "Give the folder that `girdle diagnose --out FOLDER` has written"
+
+
+def effects_of(folder: Path | None) -> list[str]:
+    """Read the causes of a diagnosis as ``--effect`` takes them; none without a folder. InputError if it has none."""
+    if folder is None:
+        return []
+    path = folder / "diagnosis.json"
+    if not path.is_file():
+        raise InputError(str(path), None, "there is no such file", _GIVE_A_DIAGNOSIS)
+    try:
+        found = json.loads(read_text(path, _GIVE_A_DIAGNOSIS))["options"]
+        named = [str(option) for option in found]
+    except (ValueError, KeyError, TypeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(str(path), None, "this is not a diagnosis.json", _GIVE_A_DIAGNOSIS) from error
+    if not named:
+        cause = "this diagnosis names no cause whose size a gap shows"
+        raise InputError(
+            str(path), None, cause, f"Adapt without {EFFECTS_OF_OPTION}, with --own-bones if people differ"
+        )
+    return named
+
+
 def say_known(known: Known) -> None:
-    """Print which effects are at work, and how much less the prior thorax points count."""
+    """Print which effects are active, and how much less the prior thorax points count."""
     if effects := described(known.effects):
-        console.print(f"With {effects} at work in every subject.", soft_wrap=True)
+        print_folded(console, f"With {effects} active in every subject.")
     if known.thorax_downweighting != 1.0:
         console.print(f"{DOWN_WEIGHTED.capitalize()} {known.thorax_downweighting:g} times.", soft_wrap=True)
 

@@ -10,8 +10,9 @@ from adapt.cli.terminal.print_tables import progress
 from adapt.model_subjects import simulate_model_subjects
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from models import load_model, model_names
-from models.effects import EFFECTS
+from models.effects import EFFECTS, Effect
 from models.effects.amplitudes import OPTION, effect_named
+from models.effects.course import FULL_ELEVATION_DEG, OverElevation
 from motions import write_motions
 
 NO_EFFECT = "none"
@@ -38,7 +39,7 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same subjects.")] = 0,
     repeat: Repeat = None,
 ) -> None:
-    """Simulate subjects with the model, an unmodelled effect at work in them, and noise.
+    """Simulate subjects with the model, an active unmodelled effect, and noise.
 
     Writes motions.csv (what a laboratory would have measured; every row says it is simulated), truth.csv (the
     parameters and amplitudes behind it, one row a subject) and run.json.
@@ -60,11 +61,23 @@ def simulate(
 
 
 def list_effects() -> None:
-    """List the candidate unmodelled effects, one line each: what it changes, how large it is in which directions.
+    """List the candidate effects, one line each: what it changes, its typical size, and what --effect takes.
 
     The size is the SD, before any data, of the root mean square over the postures of what it does beyond a constant.
+    --effect takes an amplitude for each direction, in this order; of one over elevation that at 150 degrees.
     """
     for one in EFFECTS.values():
         scale = " / ".join(f"{value:.2g}" for value in one.prior.scale)
-        along = " / ".join(one.directions)
-        console.print(f"{one.name:28} {one.what}; size {scale} {one.size_unit} ({along})", soft_wrap=True)
+        option = f"{OPTION} {one.name}={_places(one)} in {_unit(one)}"
+        console.print(f"{one.name:28} {one.what}; size {scale} {one.size_unit}; {option}", soft_wrap=True)
+
+
+def _places(effect: Effect) -> str:
+    """Where the amplitude of each direction stands: 'ALONG,UP,BACK'."""
+    return ",".join(direction.upper().replace(" ", "_") for direction in effect.directions)
+
+
+def _unit(effect: Effect) -> str:
+    """The unit of an amplitude; of an effect over elevation, where it holds."""
+    over = isinstance(effect.course, OverElevation)
+    return f"{effect.unit}, at {FULL_ELEVATION_DEG:g} degrees of elevation" if over else effect.unit

@@ -1,4 +1,4 @@
-"""The diagnosis on the terminal: the verdict in a sentence, then small tables, the gap budget first."""
+"""The diagnosis on the terminal: the verdict, each cause, what to measure next, the next command; tables on demand."""
 
 import math
 
@@ -6,7 +6,9 @@ from rich.console import Console
 from rich.table import Table
 
 from adapt.cli.terminal.print_tables import folding_table
+from adapt.cli.terminal.print_verdict import print_folded
 from adapt.diagnosis.result import ALL, Diagnoses, Diagnosis, GapKind, GapLevels
+from adapt.diagnosis.texts.cause_sentences import cause_sentence, measure_next
 from adapt.diagnosis.texts.notes import notes
 from adapt.diagnosis.texts.wording import (
     amplitude_text,
@@ -34,29 +36,45 @@ _COLUMNS = (*BONES, ALL)
 """Of the table of gaps."""
 
 
-def print_diagnosis(console: Console, diagnoses: Diagnoses) -> None:
-    """Print the diagnosis of the closest model in full, the others in one line each."""
+def print_diagnosis(console: Console, diagnoses: Diagnoses, tables: bool, next_command: str) -> None:
+    """Print the diagnosis of the closest model: the verdict, with ``tables`` what it rests on, each cause, what to
+    measure next, and the command that adapts with the causes."""
     closest = diagnoses.closest
-    console.print(f"\n{sentence(closest)}\n", soft_wrap=True)
+    console.print()
+    print_folded(console, sentence(closest), further="")
+    console.print()
+    if tables:
+        _print_what_it_rests_on(console, diagnoses)
+    for number_of, cause in enumerate(closest.verdict.causes, 1):
+        print_folded(console, cause_sentence(closest, cause), f"{number_of}. ", "   ")
+    if closest.verdict.causes and math.isfinite(closest.left_over_share):
+        print_folded(console, f"Unexplained beyond noise: {percent_text(closest.left_over_share)} of the adapted gap.")
+    if len({one.verdict.names for one in diagnoses.by_model.values()}) > 1:
+        print_folded(console, "The parameter sets name different causes: one that all name is surer.")
+    for word, what in zip(("Measure next: ", "Second choice: "), measure_next(closest), strict=False):
+        print_folded(console, f"{word}{what}.")
+    for slip in closest.slips:
+        print_folded(console, f"Left out: {slip}.")
+    console.print(f"Next: {next_command}", soft_wrap=True)
+
+
+def _print_what_it_rests_on(console: Console, diagnoses: Diagnoses) -> None:
     for title, table in _tables(diagnoses).items():
         console.print(title, soft_wrap=True)
         console.print(table)
-    if len({one.verdict.names for one in diagnoses.by_model.values()}) > 1:
-        console.print("The parameter sets name different causes: one that all name is surer.", soft_wrap=True)
-    for one in closest.lacking:
-        console.print(f"Measure {one}.", soft_wrap=True)
-    for note in notes(closest):
-        console.print(f"- {note}", soft_wrap=True)
+    for note in notes(diagnoses.closest):
+        print_folded(console, note, "- ")
+    console.print()
 
 
 def _tables(diagnoses: Diagnoses) -> dict[str, Table]:
     """By title."""
     closest = diagnoses.closest
     unseen = unseen_text(closest.gaps)
-    left = f"; left over beyond noise: {percent_text(closest.left_over_share)}"
+    left = f"; unexplained beyond noise: {percent_text(closest.left_over_share)}"
     tables = {f"The gap on {unseen}, degrees{left if math.isfinite(closest.left_over_share) else ''}": _budget(closest)}
     if closest.verdict.causes:
-        tables[f"Causes: probability of being at work, share of the gap on {unseen}, size"] = _causes(closest)
+        tables[f"Causes: inclusion probability, share of the gap on {unseen}, size"] = _causes(closest)
     tables |= {
         "Mean absolute gap, degrees, with 95 % intervals": _gaps(closest),
         "Where: the largest shares of the gap that noise does not explain": _where(closest),
@@ -83,7 +101,7 @@ def _budget(diagnosis: Diagnosis) -> Table:
 
 def _causes(diagnosis: Diagnosis) -> Table:
     """The names that a cause may have under one another. Its option, too long for a column, stands in the last note."""
-    table = folding_table(None, ["cause"], ["at work", "takes", "size", "typical"])
+    table = folding_table(None, ["cause"], ["active", "takes", "size", "typical"])
     verdict = diagnosis.verdict
     for cause in verdict.causes:
         one = diagnosis.amplitude[cause.names[0]]
@@ -103,14 +121,14 @@ def _gaps(diagnosis: Diagnosis) -> Table:
         "noise_floor": "noise alone",
         "base": "model as it is",
         "adapted": "adapted",
-        "own_bones": "bones of their own",
+        "own_bones": "own bones",
     }
     if diagnosis.goes_further:
         kinds["with_effect"] = "with the causes"
     parts: dict[str, GapLevels | None] = {
-        "other person": gaps.other_person,
-        "other motion": gaps.other_motion,
-        "other postures": gaps.unseen,
+        "held-out person": gaps.other_person,
+        "held-out motion": gaps.other_motion,
+        "held-out postures": gaps.unseen,
         "in sample": gaps.in_sample,
     }
     for part, levels in parts.items():

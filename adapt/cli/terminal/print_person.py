@@ -26,7 +26,8 @@ def print_persons(console: Console, written: Sequence[Written]) -> None:
         for line in (*one.contours, *one.built.notes):
             console.print(f"{printable(one.subject)}: {printable(line)}", soft_wrap=True)
     console.print(
-        "A slip that moves or turns all landmarks of a bone together does not show in their distances.", soft_wrap=True
+        "An outlier that moves or turns all landmarks of a bone together does not show in their distances.",
+        soft_wrap=True,
     )
     first = written[0].path
     where = str(first) if len(written) == 1 else f"{first.parent}, {len(written)} files"

@@ -118,8 +118,8 @@ def print_parameters(console: Console, parameters: pd.DataFrame) -> None:
 
 
 _KEPT = {
-    WORDS[DO_NOT_PREDICT]: "Bones of their own do not predict their motions",
-    WORDS[NOT_CONVERGED]: "Bones of their own were not found",
+    WORDS[DO_NOT_PREDICT]: "Own bones do not predict their held-out motions",
+    WORDS[NOT_CONVERGED]: "Own bones were not found",
 }
 
 
@@ -130,7 +130,7 @@ def print_own_bones(console: Console, parameters: pd.DataFrame) -> None:
         six, bones, frames, _ = (rows[name].iloc[0] for name in OWN_SCALES)
         noise = " to ".join(dict.fromkeys(f"{x:.2f}" for x in (rows["noise_deg"].min(), rows["noise_deg"].max())))
         console.print(
-            f"{model}, bones of each person's own: SDs of people times {six:.2f} (the six), {bones:.2f} (bones), "
+            f"{model}, own bones: SDs of people times {six:.2f} (the six), {bones:.2f} (bones), "
             f"{frames:.2f} (frames); noise {noise} degrees",
             soft_wrap=True,
         )
@@ -155,7 +155,7 @@ def print_without_landmarks(console: Console, parameters: pd.DataFrame) -> None:
 
 
 def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> None:
-    """Print the gap on what an adaptation has not seen beside that on the same postures before it and in sample."""
+    """Print the held-out gap beside that on the same postures before it and in sample."""
     known = heldout["subject"].nunique()
     if known < subjects:
         others = "the others were not sampled, not adapted or have a single posture"
@@ -167,10 +167,10 @@ def print_heldout(console: Console, heldout: pd.DataFrame, subjects: int) -> Non
     parts = heldout.groupby(["model", "subject"]).size()
     for model, rows in by_subject(heldout).groupby("model", sort=False):
         title = (
-            f"{model}: mean |simulated - measured|, degrees, before, after (seen), and where\n"
-            "the motion, or third of a single one, was held out from the adaptation (unseen)"
+            f"{model}: mean |simulated - measured|, degrees: before adaptation, after it\n"
+            "(in sample), and with the motion, or a third of a single one, held out"
         )
-        table = folding_table(title, ("subject",), ("clav", "seen", "unseen", "scap", "seen", "unseen"))
+        table = folding_table(title, ("subject",), ("clav", "after", "held", "scap", "after", "held"))
         table.add_column("held out", no_wrap=True)
         for row in rows.to_dict("records") if known <= _MOST_PRINTED else ():
             said = f"{parts[model, row['subject']]} motions" if row["kind"] == MOTION else "thirds"

@@ -17,7 +17,7 @@ _UNSEEN = {"gap_unseen_motion_deg": "motions", "gap_unseen_postures_deg": "postu
 
 
 def print_trust(console: Console, found: Trust) -> None:
-    """Print parameters with their intervals, gaps seen and unseen, which checks pass, and last what may be used."""
+    """Print parameters with intervals, gaps in sample and held out, which checks pass, and last what may be used."""
     for model, mine in found.uncertainty.groupby("model", sort=False):
         _print_parameters(console, str(model), mine)
     _print_gaps(console, found.subjects)
@@ -69,11 +69,11 @@ def _interval(row: dict) -> str:
 
 def _print_gaps(console: Console, subjects: pd.DataFrame) -> None:
     title = (
-        "Mean |simulated - measured|, degrees: before and after adaptation (seen), and on each motion and third of\n"
-        "the postures held out from it; steps between postures without a jump to another solution; how much of the\n"
+        "Mean |simulated - measured|, degrees: before and after adaptation (in sample), and on each held-out motion\n"
+        "and third of the postures; steps between postures without a jump to another solution; how much of the\n"
         "possible fall of mean J the points on the thorax prevent"
     )
-    numbers = ("before", "seen", "motion", "postures", "no jump", "prevented")
+    numbers = ("before", "after", "motion", "postures", "no jump", "prevented")
     table = folding_table(title, ("model", "subject"), numbers)
     gaps = [f"gap_{word}_deg" for word in ("before", "in_sample", "unseen_motion", "unseen_postures")]
     for row in subjects.to_dict("records"):
@@ -88,8 +88,8 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 def print_weights(console: Console, weights: pd.DataFrame) -> None:
     """Print the trade-off curve of w, and whether it has a least gap at all."""
-    title = "w of E = D + w mean(J), by motions held out (* smallest gap unseen)"
-    numbers = ("w", "points rms, mm", "J rms, deg", "gap seen", "gap unseen", "at bound")
+    title = "w of E = D + w mean(J), by motions held out (* smallest held-out gap)"
+    numbers = ("w", "points rms, mm", "J rms, deg", "gap in sample", "held out", "at bound")
     table = folding_table(title, ("model",), numbers)
     for row in weights.to_dict("records"):
         keys = ("thorax_points_rms_mm", "j_rms_deg", "gap_in_sample_deg", "gap_unseen_deg")
@@ -100,7 +100,9 @@ def print_weights(console: Console, weights: pd.DataFrame) -> None:
     for model, rows in weights.groupby("model", sort=False):
         best = rows.loc[rows["best"] == 1, "weight"]
         if len(best) and best.iloc[0] in (rows["weight"].min(), rows["weight"].max()):
-            said = f"{model}: the smallest gap unseen is at the end of the weights tried, so these motions choose none"
+            said = (
+                f"{model}: the smallest held-out gap is at the end of the weights tried, so these motions choose none"
+            )
             console.print(said, soft_wrap=True)
 
 
@@ -117,7 +119,7 @@ def _say_angles(rows: pd.DataFrame) -> str:
     before, after = known["gap_before_deg"], known[unseen]
     better = int((after < before).sum())
     use = "use the adapted model" if 2 * better > len(known) else "use the model as it is"
-    gap = f"the gap on unseen {_UNSEEN[unseen]} goes from {before.mean():.1f} to {after.mean():.1f} deg"
+    gap = f"the gap on held-out {_UNSEEN[unseen]} goes from {before.mean():.1f} to {after.mean():.1f} deg"
     return f"Angles: {use}; {gap}, smaller in {better} of {len(known)} subjects."
 
 

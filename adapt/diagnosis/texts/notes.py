@@ -5,7 +5,6 @@ from collections.abc import Collection, Sequence
 from adapt.diagnosis.fit.shoulders import MOST_POSTURES
 from adapt.diagnosis.result import Diagnosis, Noise
 from adapt.diagnosis.texts.wording import listed
-from models.effects.amplitudes import OPTION
 
 
 def notes(diagnosis: Diagnosis) -> list[str]:
@@ -15,7 +14,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
     return [
         f"Parameter set {diagnosis.model}.",
         _noise(diagnosis.noise),
-        *(f"The motion file says of its angles that {name} is at work." for name in diagnosis.declared_effects),
+        *(f"The motion file says of its angles that {name} is active." for name in diagnosis.declared_effects),
         *([_AXIAL] if diagnosis.axial_is_computed else []),
         *(f"{name} is probable and not named: {why}." for name, why in diagnosis.verdict.not_named.items()),
         *_landmark_sizes(diagnosis),
@@ -57,8 +56,8 @@ def _limits(diagnosis: Diagnosis) -> list[str]:
     """What data of one motion, or of one person, cannot say."""
     one_motion, one_person = diagnosis.gaps.other_motion is None, diagnosis.persons == 1
     return [
-        *(["One kind of motion: nothing can be said of unseen motions."] if one_motion else []),
-        *(["One person: nothing can be said of unseen persons."] if one_person else []),
+        *(["One kind of motion: nothing can be said of held-out motions."] if one_motion else []),
+        *(["One person: nothing can be said of held-out persons."] if one_person else []),
         *([] if diagnosis.can_test else ["Probabilities of candidates rest on postures between others: no answer."]),
     ]
 
@@ -81,5 +80,5 @@ def _indistinguishable(names: Sequence[str], candidates: Collection[str]) -> str
 def _how_to_adapt(diagnosis: Diagnosis) -> str:
     """How the next adaptation takes all of it into account at once."""
     names = [name for name, one in diagnosis.amplitude.items() if one.amplitude is not None]
-    options = [f"{OPTION} {one}" for one in diagnosis.options]
-    return f"To adapt with {listed(names, 'and')}: girdle adapt ... --own-bones {' '.join(options)}"
+    command = "girdle adapt ... --own-bones --effects-of FOLDER"
+    return f"To adapt with {listed(names, 'and')}: {command}, the folder of this diagnosis."

@@ -30,7 +30,7 @@ _FINE = 1.0
 _LEAST_PROBABILITY = 0.005
 """Less than it would be written as 0.00, which says that there is none."""
 
-OWN = "bones of their own"
+OWN = "own bones"
 """What every person has, before any cause."""
 
 _MOST_NAMES = 3
@@ -121,7 +121,7 @@ def answer_text(verdict: Verdict) -> str:
 
 def step_text(step: str) -> str:
     """Write a step of the gap budget: 'model as it is', '+ ac_translation', 'noise alone'."""
-    words = {BASE: "model as it is", ADAPTED_STEP: "adapted", OWN_BONES: "+ bones of their own", NOISE: "noise alone"}
+    words = {BASE: "model as it is", ADAPTED_STEP: "adapted", OWN_BONES: "+ own bones", NOISE: "noise alone"}
     return words.get(step, f"+ {step}")
 
 
@@ -132,8 +132,8 @@ def subjects_text(diagnosis: Diagnosis) -> str:
 
 
 def unseen_text(gaps: Gaps) -> str:
-    """Write what the unseen gaps are of: 'unseen motions' where there are several kinds, else persons or postures."""
-    return f"unseen {'motions' if gaps.other_motion else 'persons' if gaps.other_person else 'postures'}"
+    """Write what the held-out gaps are of: 'held-out motions' if there are several kinds, else persons or postures."""
+    return f"held-out {'motions' if gaps.other_motion else 'persons' if gaps.other_person else 'postures'}"
 
 
 def held_out_text(gaps: Gaps) -> str:

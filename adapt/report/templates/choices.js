@@ -179,5 +179,5 @@ document
   .forEach((button) =>
     button.addEventListener("click", () => go({ view: button.dataset.view, looks: at.looks + 1 })),
   );
-go({ model: at.model });
+go({ model: at.model, ...mostChanged() });
 document.body.dataset.drawn = "yes";

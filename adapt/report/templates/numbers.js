@@ -116,6 +116,27 @@ async function copyTable(table, said) {
   }
 }
 
+// A command on the page, with the folder of the page where the browser knows it.
+document.querySelectorAll(".command").forEach((one) => {
+  const folder = decodeURIComponent(location.pathname)
+    .replace(/[^/]*$/, "")
+    .replace(/^\/(?=[A-Za-z]:)/, "");
+  one.querySelectorAll(".folder").forEach((place) => {
+    if (location.protocol === "file:") place.textContent = `"${folder}"`;
+  });
+  one.querySelector(".copy").addEventListener("click", async () => {
+    const [code, said] = [one.querySelector("code"), one.querySelector("[role=status]")];
+    getSelection().selectAllChildren(code);
+    try {
+      await navigator.clipboard.writeText(code.textContent);
+      said.textContent = "copied";
+    } catch {
+      said.textContent = "selected: copy it with Ctrl+C";
+    }
+  });
+});
+element("print").addEventListener("click", () => print());
+
 function writeNumbers() {
   document.querySelectorAll(".numbers[open]").forEach((one) => {
     writeTable(one.querySelector("table"), NUMBERS[one.dataset.of]());

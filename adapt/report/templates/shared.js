@@ -7,6 +7,19 @@ const at = {
   ...{ heat: 0, lines: 0, joint: 0, view: "oblique", looks: 1 },
 };
 
+// The page opens at the posture of the first subject at which adaptation changes most.
+function mostChanged() {
+  const { before, after } = data.models[at.model].states;
+  const falls = data.subjects[0].motions.flatMap(({ rows }, k) =>
+    Array.from({ length: rows[1] - rows[0] }, (_, p) => {
+      const r = rows[0] + p;
+      return { motion: k, posture: p, fall: (before.rms_deg[r] ?? 0) - (after.rms_deg[r] ?? Infinity) };
+    }),
+  );
+  const { motion: k, posture } = falls.reduce((most, one) => (one.fall > most.fall ? one : most));
+  return { motion: k, posture };
+}
+
 // Okabe and Ito's palette: told apart by the colour-blind and, by lightness and line style, in grey print.
 const COLOUR = {
   measured: "#000000",

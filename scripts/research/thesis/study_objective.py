@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from adapt.cli import app as cli
-from adapt.solvers.objective import DEFAULT_READING, READINGS, WEIGHT
+from adapt.solvers.objective import DEFAULT_OBJECTIVE, OBJECTIVES, WEIGHT
 from adapt.trust.thesis import printed
 from models.adapted_parameters import ADAPTED
 from motions import ANGLES
@@ -47,14 +47,14 @@ app = typer.Typer(add_completion=False)
 def choices() -> dict[str, dict[str, Variant]]:
     """The variants of each choice by their label."""
     return {
-        "reading": {name: Variant(reading=name) for name, one in READINGS.items() if not one.landmarks},
+        "reading": {name: Variant(reading=name) for name, one in OBJECTIVES.items() if not one.landmarks},
         "weight": {f"w = {weight:g}": Variant(weight=weight) for weight in WEIGHTS},
         "angles in J": {name: Variant(axial=name) for name in AXIAL},
         "five angles, reading": {
             # Iterated readings would take another ten minutes: of five angles the conoid is often flat in E.
             name: Variant(reading=name, axial=LEFT_OUT)
-            for name, one in READINGS.items()
-            if one.form == "squares" and name != DEFAULT_READING and not one.landmarks
+            for name, one in OBJECTIVES.items()
+            if one.form == "squares" and name != DEFAULT_OBJECTIVE and not one.landmarks
         },
         "thorax points": {name: Variant(points=name) for name in POINTS},
         "bounds": {name: Variant(bounds=name) for name in BOUNDS},
@@ -148,7 +148,7 @@ def main(
     found = run(study, lambda stage: print(stage, file=sys.stderr, flush=True))
     print(
         f"{len(study.subjects)} subjects with R2, R4 and R6, adapted to {study.data.counted[:, 0].sum()} postures (the "
-        f"first); as shipped: reading {DEFAULT_READING}, w = {WEIGHT:g}.\n\n{score_table(found)}"
+        f"first); as shipped: reading {DEFAULT_OBJECTIVE}, w = {WEIGHT:g}.\n\n{score_table(found)}"
     )
 
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from adapt.solvers.objective import DEFAULT_READING, WEIGHT
+from adapt.solvers.objective import DEFAULT_OBJECTIVE, WEIGHT
 from adapt.solvers.problems import Problems
 from adapt.solvers.unmeasured import at_rest
 from models.parameter_sets import SHORTEST_MM
@@ -44,7 +44,7 @@ ellipsoid from one side to the other, so that a subject's postures all have the 
 class Variant:
     """One choice of everything; as shipped where nothing is said."""
 
-    reading: str = DEFAULT_READING
+    reading: str = DEFAULT_OBJECTIVE
     weight: float = WEIGHT
     axial: str = MEASURED
     points: str = "all"

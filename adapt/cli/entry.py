@@ -1,0 +1,55 @@
+"""Where `girdle` starts: a TAB of the shell is answered from a list of words, anything else by the command line.
+
+The command line imports JAX, which takes a second: too long for a TAB. `shell_words.txt` holds its commands and
+options; `scripts/shell_words.py` writes it.
+"""
+
+import inspect
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ASKED = "_GIRDLE_COMPLETE"
+"""The environment variable with which typer's scripts for the shells ask."""
+
+WORDS = Path(__file__).with_name("shell_words.txt")
+"""A line each: a command and its help, or a command, an option and its help; tabs between them."""
+
+
+def main() -> None:
+    """Answer the shell, or run the command line."""
+    if ASKED in os.environ:
+        words()(prog_name="girdle")
+    from adapt.cli.app import main as run  # not for a TAB
+
+    run()
+
+
+def words() -> typer.Typer:
+    """Make a command line of the same commands and options, which does nothing but complete."""
+    app, options = typer.Typer(), dict[str, dict[str, str]]()
+    helps: dict[str, str] = {}
+    for line in WORDS.read_text(encoding="utf-8").splitlines():
+        command, *option, said = line.split("\t")
+        options.setdefault(command, {}).update(dict.fromkeys(option, said))
+        helps.setdefault(command, said)
+    for command, its in options.items():
+        app.command(command, help=helps[command])(_takes(its))
+    return app
+
+
+def _takes(options: dict[str, str]) -> Callable[..., None]:
+    def command(**_: str) -> None: ...
+
+    kinds = {
+        f"option_{number}": Annotated[str, typer.Option(name, help=said)]
+        for number, (name, said) in enumerate(options.items())
+    }
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    places = [inspect.Parameter(name, keyword, default="", annotation=kind) for name, kind in kinds.items()]
+    command.__signature__ = inspect.Signature(places)  # type: ignore[attr-defined]
+    command.__annotations__ = dict(kinds)
+    return command

@@ -1,0 +1,74 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false
+# (pandas says "Series | DataFrame | scalar" of nearly every result)
+"""What `girdle adapt` ends with: a verdict for each parameter set; sentences folded at the terminal's width."""
+
+import textwrap
+from collections.abc import Iterator
+
+import pandas as pd
+from rich.console import Console
+
+from adapt.solvers import status
+from adapt.tables.folds import MOTION, POSTURES
+from adapt.tables.held_out import by_model
+from adapt.tables.results import ALL_MOTIONS, Tables, parameter_statistics
+from motions.table import BONES
+
+_LEAST_WIDTH = 40
+"""Of a line; a narrower terminal folds it itself."""
+
+
+_WHAT_WAS_HELD_OUT = {frozenset({MOTION}): "motions", frozenset({POSTURES}): "postures"}
+"""By kinds of folds (``adapt.tables.folds``)."""
+
+
+def print_folded(console: Console, text: str, first: str = "", further: str = "  ") -> None:
+    """Print a sentence folded between words, never cut: a path or an option stays in one piece."""
+    width = max(console.width, _LEAST_WIDTH)
+    folder = textwrap.TextWrapper(
+        width, initial_indent=first, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
+    )
+    for line in folder.wrap(text):
+        console.print(line, soft_wrap=True)
+
+
+def print_verdicts(console: Console, result: Tables) -> None:
+    """Print for each parameter set how many subjects were adapted, the held-out gap, and the parameters at a bound."""
+    for line in verdicts(result):
+        print_folded(console, line)
+
+
+def verdicts(result: Tables) -> Iterator[str]:
+    """Say of each parameter set, in one line, what an adaptation with it is worth."""
+    bounds = parameter_statistics(result.parameters)
+    heldout = by_model(result.heldout) if len(result.heldout) else pd.DataFrame()
+    for model, rows in result.parameters.groupby("model", sort=False):
+        good = int((rows["status"] == status.OK).sum())
+        mine = bounds[(bounds["model"] == model) & (bounds["at_bound"] > 0)]
+        at_bound = ", ".join(f"{one.parameter} ({one.at_bound} of {one.subjects})" for one in mine.itertuples())
+        kinds = set(result.heldout["kind"][result.heldout["model"] == model]) if len(heldout) else set()
+        what = f"on held-out {_WHAT_WAS_HELD_OUT.get(frozenset(kinds), 'motions or postures')}"
+        gap = _held_out_gap(heldout.loc[model]) if model in heldout.index else ""
+        said = (
+            f"gap {what}: {gap}" if gap else f"gap on the postures adapted to: {_in_sample_gap(result.summary, model)}"
+        )
+        end = f"at a bound, not to be read: {at_bound}" if at_bound else "no parameter at a bound"
+        yield f"{model}: {good} of {len(rows)} subjects adapted; {said}; {end}."
+
+
+def _held_out_gap(row: pd.Series) -> str:
+    pairs = {bone: (row[f"{bone}_gap_before_deg"], row[f"{bone}_gap_unseen_deg"]) for bone in BONES}
+    return _falls(pairs)
+
+
+def _in_sample_gap(summary: pd.DataFrame, model: object) -> str:
+    rows = summary[(summary["model"] == model) & (summary["motion"] == ALL_MOTIONS) & (summary["subject"] == "mean")]
+    before, after = (rows[rows["adapted"] == state] for state in (0, 1))
+    pairs = {bone: (before[f"{bone}_deg"].mean(), after[f"{bone}_deg"].mean()) for bone in BONES}
+    return _falls(pairs)
+
+
+def _falls(pairs: dict[str, tuple[float, float]]) -> str:
+    """Write 'clavicle 3.0 -> 2.6 deg, scapula 8.2 -> 4.5 deg', without a bone that was not measured."""
+    known = {bone: pair for bone, pair in pairs.items() if not any(map(pd.isna, pair))}
+    return ", ".join(f"{bone} {before:.1f} -> {after:.1f} deg" for bone, (before, after) in known.items())

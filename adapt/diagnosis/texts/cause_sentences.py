@@ -1,0 +1,157 @@
+"""A named cause in sentences: what it does and how large it is, what shows it, and what to measure next."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from adapt.diagnosis.result import ADAPTED_STEP, Cause, CauseAmplitude, Diagnosis, Proposal
+from adapt.diagnosis.texts.wording import (
+    amplitude_text,
+    cause_names,
+    gap_text,
+    listed,
+    number,
+    unseen_text,
+    with_unit,
+)
+from models.effects import EFFECTS
+from models.effects.amplitudes import PersonalSize
+from models.effects.course import FULL_ELEVATION_DEG, OverElevation
+from models.effects.effect import cause_of
+
+_MOST = 0.5
+"""Share of the sum of squares from which a cause acts mostly in one direction."""
+
+_STEPS = 51
+"""Elevations at which the largest strength is sought: every 3 degrees of 150."""
+
+_ONE_WAY = {"along": "away from SC", "TS": "at TS", "AI": "at AI"}
+_OTHER_WAY = {
+    "along": "toward SC",
+    "up": "down",
+    "back": "forward",
+    "lateral": "medial",
+    "outward": "inward",
+    "TS": "at TS, toward the thorax",
+    "AI": "at AI, toward the thorax",
+}
+"""What a direction is called where its amplitude is above and below 0; below 0 a minus stands before any other."""
+
+_AS = {
+    "clavicle_y": "the clavicle protracts",
+    "clavicle_z": "the clavicle is elevated",
+    "clavicle_x": "the clavicle turns backward about its axis",
+    "scapula_y": "the scapula protracts",
+    "scapula_z": "the scapula rotates laterally",
+    "scapula_x": "the scapula tips backward",
+}
+"""What goes with an angle that grows."""
+
+_TESTED = {
+    "positions": "measured positions",
+    "other_motion": "held-out motions",
+    "other_person": "held-out persons",
+    "evidence": "the evidence alone: a constant that all have in common",
+    "angles": "the angles themselves, which were computed from each other",
+}
+
+
+def cause_sentence(diagnosis: Diagnosis, cause: Cause) -> str:
+    """Say what a cause does, how large it is, what it takes of the gap, what shows it, and what may stand for it."""
+    one = diagnosis.amplitude[cause.names[0]]
+    names, typical = cause_names(cause), with_unit(number(one.typical), one.unit)
+    said = [
+        f"{_does(one, diagnosis.highest_elevation_deg)} ({names[0]}).",
+        f"Size {amplitude_text(one)}{', root mean square over the postures' * bool(one.course)}; typical is {typical}.",
+        _takes(diagnosis, names[0]),
+        f"Tested on {listed([_TESTED[kind] for kind in cause.tested_on], 'and')}." if cause.tested_on else "",
+        f"These data cannot tell it from {listed(names[1:], 'or')}." if names[1:] else "",
+        "It is larger than such an effect is: something acts like it." if one.too_large else "",
+    ]
+    return " ".join(filter(None, said))
+
+
+def _does(one: CauseAmplitude, highest_deg: float) -> str:
+    effect = EFFECTS.get(one.effect)
+    plain = EFFECTS[cause_of(one.effect)].plain_name if cause_of(one.effect) in EFFECTS else ""
+    plain = plain or (effect.what if effect else one.what)
+    values = {name: size.value for name, size in one.directions.items()}
+    peak = _largest(one, highest_deg)
+    if peak is not None:
+        size, values = peak
+        raised = f"while the arm rises to {highest_deg:.0f} degrees"
+        return f"{_capital(plain)}: up to {with_unit(number(size), one.unit)}{_mostly(values)}, {raised}"
+    how = f", with the {one.course}" if one.course and not _mostly(values) else "" if one.course else ", a constant"
+    return f"{_capital(plain)}: {with_unit(number(one.size.value), one.unit)}{how}{_mostly(values)}"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _largest(one: CauseAmplitude, highest_deg: float) -> tuple[float, dict[str, float]] | None:
+    """The largest strength up to the highest elevation, and its components; None of another basis or unit."""
+    effect = EFFECTS.get(one.effect)
+    if effect is None or not isinstance(effect.course, OverElevation) or effect.strength_unit:
+        return None
+    if not math.isfinite(highest_deg) or one.amplitude is None or isinstance(one.amplitude, str):
+        return None
+    given = one.amplitude.mean if isinstance(one.amplitude, PersonalSize) else one.amplitude
+    by_direction = np.asarray(given, float).reshape(len(effect.directions), -1)
+    terms = effect.course.terms(np.linspace(0.0, min(highest_deg, FULL_ELEVATION_DEG), _STEPS))
+    strength = by_direction @ terms[: by_direction.shape[1]]
+    best = int(np.linalg.norm(strength, axis=0).argmax())
+    components = dict(zip(effect.directions, strength[:, best].tolist(), strict=True))
+    return float(np.linalg.norm(strength[:, best])), components
+
+
+def _mostly(values: Mapping[str, float]) -> str:
+    """Name the direction in which most of it lies: ', mostly back as the scapula protracts'."""
+    if len(values) < 2:
+        return ""
+    name = max(values, key=lambda one: abs(values[one]))
+    if values[name] ** 2 < _MOST * sum(value**2 for value in values.values()):
+        return ""
+    direction, _, angle = name.partition(" by ")
+    below = values[name] < 0.0
+    direction = _OTHER_WAY.get(direction, f"-({direction})") if below else _ONE_WAY.get(direction, direction)
+    return f", mostly {direction}" + (f" as {_AS[angle]}" if angle in _AS else "")
+
+
+def _takes(diagnosis: Diagnosis, name: str) -> str:
+    """What the step of the gap budget takes, degrees; empty where the budget has no such step."""
+    for before, step in zip(diagnosis.budget, diagnosis.budget[1:], strict=False):
+        if cause_of(step.step) == name and step.step != ADAPTED_STEP and math.isfinite(step.gap_deg.value):
+            fall = f"{gap_text(before.gap_deg.value)} to {gap_text(step.gap_deg.value)} deg"
+            return f"With it the gap on {unseen_text(diagnosis.gaps)} goes from {fall}."
+    return ""
+
+
+_POSITIONS = "positions of SC and AC in every posture (girdle convert writes them): joints that move show there"
+
+
+def measure_next(diagnosis: Diagnosis) -> list[str]:
+    """Say what to measure next, the best choice first and a second one; empty where nothing beyond noise is left."""
+    proposals = _distinct(diagnosis)
+    found = [*diagnosis.lacking, *(_proposal(one, diagnosis.persons) for one in proposals)]
+    asked = not diagnosis.positions.measured_mm and diagnosis.verdict.answer != "none"
+    if asked and not any(one.what.startswith("positions") for one in proposals):
+        found.append(_POSITIONS)
+    return found[:2]
+
+
+def _distinct(diagnosis: Diagnosis) -> list[Proposal]:
+    """The best proposal of each kind: people, motion, landmarks."""
+    kept: dict[str, Proposal] = {}
+    for one in diagnosis.next_measurement:
+        kept.setdefault(one.what.split()[0], one)
+    return list(kept.values())
+
+
+def _proposal(one: Proposal, persons: int) -> str:
+    what = one.what.replace("twice as many persons", f"{2 * persons} persons in place of {persons}")
+    if what.startswith("positions of "):
+        what = what.replace("positions of ", "positions of landmarks in every posture, ", 1) + " (girdle convert)"
+    odds = f"{number(one.separation_now)} -> {number(one.separation_then)} nats"
+    return f"{what}: tells {one.between[0]} from {one.between[1]} (expected evidence {odds})"

@@ -1,0 +1,126 @@
+"""The words of the pages: how many there are, which of them the glossary replaces, and how easily they read.
+
+    python scripts/words.py            # what is wrong, a line each; exit status 1 if anything is
+    python scripts/words.py --ease     # Flesch reading ease of each page
+
+A user page is README.md or a page of docs/ outside docs/research/. Code in blocks and backticks, and formulas, are no
+prose: only the count has them.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scripts.rooms import ROOT
+
+MOST_WORDS = 20_000
+"""Of all user pages together, code and tables included: two hours of reading."""
+
+REPLACED = {
+    r"unseen": "held-out",
+    r"not seen|have seen|has seen|had not seen": "held out of",
+    r"valleys?": "local minimum",
+    r"at work": "active",
+    r"left over": "unexplained",
+    r"stand-ins?": "estimated landmark",
+    r"ladders?|rungs?": "gap budget, step",
+    r"relie(?:f|ved)": "thorax down-weighting",
+    r"bones of their own": "own bones",
+    r"sizes of (?:others|other persons)": "population amplitudes",
+    r"persons' own sizes|sizes of their own": "subject-level amplitudes",
+}
+"""Words that the glossary has a term for, and the term."""
+
+HISTORY = {
+    r"looked at": "docs/research/ says how often data were used",
+    r"\b(?=[0-9a-f]*[a-f])(?=[0-9a-f]*[0-9])[0-9a-f]{7,40}\b": "a commit belongs to docs/research/",
+    r"[Aa]n? earlier version|[Ee]arlier versions|used to be": "a user page says what is",
+}
+
+NOBODY_UNDERSTOOD = (
+    "As many causes at random leave",
+    "more than halves the gap of living people elsewhere",
+    "is the gap of persons with the sizes that the others have",
+    "the most probable is taken that predicts persons who were not seen",
+    "they are numbers more, which the person's own motions set",
+    "say of the bones what they can",
+    "along the courses of persons who all have sizes of their own",
+    "those of others do",
+    "which is none of the search's",
+)
+"""Of sentences that readers of the pages had to read twice."""
+
+WAITING = {"docs/diagnose.md", "docs/evidence.md"}
+"""Pages whose figures are being measured: counted, and not yet held to the words."""
+
+_BLOCK = re.compile(r"^```[^\n]*\n.*?^```|\$\$.*?\$\$|`[^`\n]*`|\$[^$\n]+\$|\]\([^)\s]*\)", re.MULTILINE | re.DOTALL)
+_TABLE = re.compile(r"^\|.*$|^#.*$", re.MULTILINE)
+_SENTENCE = re.compile(r"[.!?:](?=\s)|\n\n|\n(?=- )")
+_VOWELS = re.compile(r"[aeiouy]+")
+
+
+def user_pages() -> list[Path]:
+    """List README.md and the pages of docs/ that are for users."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def word_count() -> int:
+    """Count what stands between blanks and has a letter or a digit, in all user pages."""
+    return sum(bool(re.search(r"\w", word)) for page in user_pages() for word in page.read_text("utf-8").split())
+
+
+def prose(text: str) -> str:
+    """Leave out code, formulas and the targets of links, but keep the lines."""
+    return _BLOCK.sub(lambda found: "\n" * found.group().count("\n") or " ", text)
+
+
+def findings(page: Path) -> Iterator[str]:
+    """Say of each line of a page which word has a term in the glossary, or tells history."""
+    name, text = str(page.relative_to(ROOT)), page.read_text("utf-8")
+    yield from (f"{name}: nobody understood '{one}'" for one in NOBODY_UNDERSTOOD if one in " ".join(text.split()))
+    if name in WAITING:
+        return
+    for number, line in enumerate(prose(text).splitlines(), 1):
+        for pattern, term in {**{rf"\b(?:{word})\b": term for word, term in REPLACED.items()}, **HISTORY}.items():
+            if found := re.search(pattern, line):
+                yield f"{name}:{number}: '{found.group()}': {term}"
+
+
+def reading_ease(text: str) -> float:
+    """Compute Flesch's reading ease, 206.835 - 1.015 words a sentence - 84.6 syllables a word, of the running text.
+
+    Syllables are groups of vowels, without a silent e at the end. 30 to 50 is the ease of a scientific paper, 60 to 70
+    that of a newspaper (R. Flesch, J. Appl. Psychol. 32 (1948) 221-233).
+    """
+    running = _TABLE.sub("", prose(text))
+    words = re.findall(r"[A-Za-z]{2,}", running)
+    sentences = [one for one in _SENTENCE.split(running) if re.search(r"[A-Za-z]{2,}", one)]
+    syllables = sum(max(1, len(_VOWELS.findall(re.sub(r"e$", "", word.lower())))) for word in words)
+    return 206.835 - 1.015 * len(words) / len(sentences) - 84.6 * syllables / len(words)
+
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    ease: Annotated[bool, typer.Option("--ease", help="Print Flesch's reading ease of each page instead.")] = False,
+) -> None:
+    """Say what is wrong with the words of the user pages, a line each; exit status 1 if anything is."""
+    if ease:
+        for page in user_pages():
+            print(f"{reading_ease(page.read_text('utf-8')):5.1f}  {page.relative_to(ROOT)}")
+        return
+    wrong = [one for page in user_pages() for one in findings(page)]
+    if (count := word_count()) > MOST_WORDS:
+        wrong.append(f"user pages have {count} words, at most {MOST_WORDS}")
+    if wrong:
+        print(*wrong, sep="\n")
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    app()

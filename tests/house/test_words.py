@@ -1,0 +1,60 @@
+"""User pages are short and have one language: the terms of the glossary, no history (`scripts/words.py`)."""
+
+import re
+
+import pytest
+
+from scripts import words
+from scripts.rooms import ROOT
+
+MOST_LINES_OF_CHANGELOG = 60
+"""Of a version that is not released."""
+
+MOST_CELLS = 4
+"""A table of the README: what a phone shows."""
+
+
+def test_user_pages_are_a_few_hours_of_reading():
+    assert words.word_count() <= words.MOST_WORDS
+
+
+@pytest.mark.parametrize("page", words.user_pages(), ids=lambda page: page.name)
+def test_a_page_has_the_words_of_the_glossary_and_no_history(page):
+    assert not list(words.findings(page))
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["the gap on unseen motions", "it ended in another valley", "as in 4de8b3b", "looked at 30 times", "one at work"],
+)
+def test_a_wrong_word_is_noticed(tmp_path, monkeypatch, line):
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    page = tmp_path / "page.md"
+    page.write_text(f"# Page\n\n`unseen` is a key.\n{line}\n", encoding="utf-8")
+    (found,) = words.findings(page)
+    assert found.startswith("page.md:4: ")
+
+
+def test_short_words_in_short_sentences_read_more_easily():
+    """5 words, 5 syllables in one sentence: 206.835 - 1.015 * 5 - 84.6."""
+    assert words.reading_ease("The dog sat on it. ") == pytest.approx(206.835 - 1.015 * 5 - 84.6)
+    assert words.reading_ease("Identifiability necessitates regularisation, considering ellipsoids. ") < 0.0
+
+
+def test_the_unreleased_part_of_the_changelog_is_short():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    _, first, *_ = re.split(r"^## ", text, flags=re.MULTILINE)
+    assert len(first.splitlines()) <= MOST_LINES_OF_CHANGELOG
+
+
+def test_tables_of_the_readme_are_narrow():
+    rows = re.findall(r"^\|(.*)\|$", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert max(row.count("|") + 1 for row in rows) <= MOST_CELLS
+
+
+def test_every_term_has_a_sentence():
+    """One row a term in docs/glossary.md: term, meaning, symbol and unit, source."""
+    text = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    rows = [row.split("|")[1:-1] for row in text.splitlines() if re.match(r"\| (?!term )", row)]
+    assert len(rows) >= 30
+    assert [row[0] for row in rows if len(row) != 4 or len(row[1].split()) < 5] == []
