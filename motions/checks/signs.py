@@ -158,9 +158,14 @@ def _said(angle: str, usual: Usual, rest: float, course: float) -> str:
     return f"{angle}_deg ({ANGLE_NAMES[angle]}) {' and '.join(words)}"
 
 
+_MIRRORED = "If it is a right one, protraction has the other sign (docs/frames.md)"
+
+
 def likely_convention(found: list[WrongSign]) -> str:
     """Say what the angles look like, and what to do."""
     angles = [one.angle for one in found]
+    if {"clavicle_y", "scapula_y"} <= set(angles):
+        return "It looks like a left shoulder: say so (--side left, or left in the column side). " + _MIRRORED
     names = " and ".join(f"{angle}_deg" for angle in angles)
     turn = f"turn the sign of {names} round (docs/frames.md), or check which angle it is"
     isb = [angle for angle in angles if angle.endswith("_z")]

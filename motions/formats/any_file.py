@@ -31,6 +31,9 @@ _MOST_NAMED = 20
 
 _OF_ANGLES = (".mot", ".sto")
 
+ARM = ("GH", "EM", "EL")
+"""Without one of them there is no elevation."""
+
 
 def read_trial(
     path: str | os.PathLike[str],
@@ -133,6 +136,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
         cause = "landmark SC was not found, so the angles of the clavicle stay empty"
         remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
         warn_input(InputError(markers.file, None, cause, remedy))
+    _warn_of_arm(lab_mm, labels, markers.file)
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
         mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
@@ -145,6 +149,17 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
     if not parts:
         raise rejected[0]
     return replace(Motions.concatenate(parts), rejected=tuple(rejected))
+
+
+def _warn_of_arm(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> None:
+    """InputWarning where the arm has some of its landmarks, and no elevation."""
+    absent = [name for name in ARM if name not in lab_mm and not (name == "GH" and labels.gh_from_ac)]
+    if not absent or len(absent) == len(ARM):
+        return
+    found = [name for name in ARM if name in lab_mm]
+    cause = f"of the arm there is {' and '.join(found)} but not {' and '.join(absent)}, so its elevation stays empty"
+    remedy = "Name the marker in a mapping file (--map)"
+    warn_input(InputError(file, None, cause, remedy + (", or place GH (--gh-from-ac)" if "GH" in absent else "")))
 
 
 def _of_shoulder(
