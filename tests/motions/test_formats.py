@@ -561,7 +561,7 @@ def test_angles_of_the_ac_joint_are_asked_about(tmp_path):
         ("markers = 3", "markers is not a section", "IJ ="),
         ('[markers]\nXX = "a"', "no landmark 'XX'", "IJ, PX, C7, T8"),
         ('[markers]\nIJ = "a"\nPX = "a"', "'a' stands for two", "of its own"),
-        ('unit = "inch"', "unit is 'inch'", "mm, cm, m"),
+        ('unit = "foot"', "unit is 'foot'", "mm, cm, m, inch"),
         ('unit = ["x"]', r"unit is \['x'\]", "mm, cm, m"),
         ('axes = ["x", "y"]', "axes is", '"-z"'),
         ('axes = ["x", "y", "y"]', "axes is", '"-z"'),
