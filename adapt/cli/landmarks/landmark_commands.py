@@ -20,6 +20,16 @@ from motions.landmarks.sampled_postures import ESTIMATE_ZERO, ESTIMATED, Labels,
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 from motions.motion_csv.cells import SIDES
 
+Statics = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--static",
+        help="Static trial with palpated landmarks and the markers of clusters (see [clusters] of --map), which carry "
+        "them; repeatable: over several postures of the arm the scapula is interpolated.",
+        show_default=False,
+    ),
+]
+
 _NUMBER = r"\d+(\.\d+)?(e[+-]\d+)?"
 
 MANY_FRAMES = 50
@@ -52,14 +62,7 @@ def convert_file(
     at: Annotated[
         str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
     ] = "",
-    static: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Static trial with palpated landmarks and the markers of clusters (see [clusters] of --map), which "
-            "carry them into IN; repeatable: over several postures of the arm the scapula is interpolated.",
-            show_default=False,
-        ),
-    ] = None,
+    static: Statics = None,
     aa_to_ac: AaToAc = "",
     sc_from_ij: ScFromIj = "",
     gh_from_ac: GhFromAc = "",
@@ -127,6 +130,7 @@ def model_of_person(
         str, typer.Option(help="Whose landmarks they are, if the file does not say; else its name.")
     ] = "",
     side: Shoulder = "right",
+    static: Statics = None,
     aa_to_ac: AaToAc = "",
     sc_from_ij: ScFromIj = "",
 ) -> None:
@@ -140,7 +144,9 @@ def model_of_person(
     from adapt.cli.terminal.print_person import print_persons
 
     labels = _labels(subject, "", side, "", aa_to_ac, sc_from_ij)
-    written, rejected = write_person_sets(source, out, load_model(model), read_mapping(names), labels, rest, points)
+    written, rejected = write_person_sets(
+        source, out, load_model(model), read_mapping(names), labels, rest, points, static or []
+    )
     print_persons(console, written)
     for error in rejected:
         errors.print(f"left out: {error}", soft_wrap=True)

@@ -1,11 +1,12 @@
 """``girdle model``: landmarks and points of persons in, a parameter set of each out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from adapt.cli.landmarks.many_files import calibration_for
 from models.export.toml import parameters_toml
 from models.parameter_sets import ParameterSet, parameter_document, parameter_set
 from models.person.bony_contours import described_contours
@@ -33,13 +34,22 @@ class Written:
 
 
 def write_person_sets(
-    source: Path, target: Path, generic: ParameterSet, mapping: Mapping, labels: Labels, rest: str, points: Path | None
+    source: Path,
+    target: Path,
+    generic: ParameterSet,
+    mapping: Mapping,
+    labels: Labels,
+    rest: str,
+    points: Path | None,
+    statics: Sequence[Path] = (),
 ) -> tuple[list[Written], list[InputError]]:
     """Write a parameter set of every subject in the source; and why others have none.
 
-    target: a file that ends in .toml for one subject, else a folder. InputError if the source cannot be used at all.
+    target: a file that ends in .toml for one subject, else a folder. statics: trials in which the landmarks were
+    palpated that clusters carry into the source. InputError if the source cannot be used at all.
     """
-    persons, rejected = read_persons(source, mapping, labels, points)
+    calibration = calibration_for(source, statics, mapping, labels)
+    persons, rejected = read_persons(source, mapping, labels, points, calibration)
     if target.suffix.lower() == TOML and len(persons) > 1:
         cause = f"{source} has {len(persons)} subjects and {target.name} holds one"
         raise InputError(str(target), None, cause, "Name a folder instead, without an ending")
@@ -48,6 +58,8 @@ def write_person_sets(
         try:
             at = person.named(rest) if rest else _lowest(person)
             built, contours = _built(person, generic, at)
+            if calibration is not None:
+                contours = (*contours, f"Landmarks are those that clusters carried; the scapula's: {calibration.said}.")
             text = person_toml(person.subject, built, contours, person.described(at), generic.name)
             parameter_set(parameter_document(text, person.file), person.file)  # what --model would refuse
         except InputError as error:
