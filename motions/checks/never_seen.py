@@ -35,6 +35,13 @@ def never_seen(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str,
     return {name: _unseen(name, place) | _alone(name, still) for name, place in lab_mm.items()}
 
 
+def never_seen_of_cluster(markers_mm: Mapping[str, Float[np.ndarray, "3 frames"]]) -> dict[str, np.ndarray]:
+    """Tell in which frames each marker of a cluster was not seen, as ``never_seen``: all of them move together."""
+    still = {name: _still(place) for name, place in markers_mm.items()}
+    moving = {name: ~np.any([still[other] for other in still if other != name], axis=0) for name in still}
+    return {name: _unseen(name, place) | (still[name] & moving[name]) for name, place in markers_mm.items()}
+
+
 def _unseen(name: str, place: Float[np.ndarray, "3 frames"]) -> Bool[np.ndarray, " frames"]:
     zero = (place == 0.0).all(axis=0)
     if name == ORIGIN and zero.all():

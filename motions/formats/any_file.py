@@ -168,7 +168,7 @@ def _of_shoulder(
     """The postures of one subject, marked where a cluster carried the landmarks or GH was placed."""
     offset = labels.gh_from_ac
     complete = lab_mm if offset is None else place_gh(lab_mm, offset, labels.side)
-    part = postures_from_landmarks(complete, labels, file)
+    part = postures_from_landmarks(complete, labels, file, trial is not None and "scapula" in trial.residuals_mm)
     if trial is not None:
         part = with_cluster(part, trial, rows, bool(labels.at_deg))
     if offset is None or ("GH" in lab_mm and (trial is None or not trial.calibration.gh_placed)):
