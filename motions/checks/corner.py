@@ -1,4 +1,4 @@
-"""AA, the corner of the acromion, under the name of AC: the head of the humerus then lies before the scapula's plane."""
+"""AA, the corner of the acromion, under the name of AC: GH then lies before the plane of the scapula."""
 
 import numpy as np
 from jaxtyping import Float

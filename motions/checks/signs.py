@@ -10,6 +10,7 @@ left out.
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -87,6 +88,13 @@ _REST, _REST_SD, _COURSE, _COURSE_SD = np.array(
 """The same, the angles side by side."""
 
 
+EXCHANGED = 12.0
+"""Sum of squares, in SDs of people, by which two angles have to be likelier when exchanged: odds of 400 to 1."""
+
+FARTHEST_SD = 2.5
+"""Exchanged, no term of the two is farther than this from people's."""
+
+
 @dataclass(frozen=True)
 class WrongSign:
     """An angle whose other sign is the likely one."""
@@ -95,18 +103,49 @@ class WrongSign:
     said: str
 
 
+def exchanged(motions: Motions) -> tuple[str, str] | None:
+    """Find two angles of one bone whose columns are likely exchanged, by what people have at rest and over a course."""
+    rest, course = _rest_and_course(motions)
+
+    def squares(here: Float[np.ndarray, "6"], there: Float[np.ndarray, "6"], pair: list[int]) -> np.ndarray:
+        of_rest = np.where(_REST == 0.0, np.nan, (here - _REST) / _REST_SD)[pair]
+        return np.concatenate([of_rest, np.where(_COURSE == 0.0, np.nan, (there - _COURSE) / _COURSE_SD)[pair]]) ** 2
+
+    found: dict[tuple[str, str], float] = {}
+    for first, second in (*combinations(range(3), 2), *combinations(range(3, 6), 2)):
+        pair = [first, second]
+        mine, other = (squares(rest, course, pair), squares(*(_turned(x, pair) for x in (rest, course)), pair))
+        known = np.isfinite(mine) & np.isfinite(other)
+        if known.any() and other[known].max() <= FARTHEST_SD**2:
+            found[ANGLES[first], ANGLES[second]] = float((mine - other)[known].sum())
+    best = max(found, key=lambda pair: found[pair], default=None)
+    return best if best is not None and found[best] > EXCHANGED else None
+
+
+def _turned(values: Float[np.ndarray, "6"], pair: list[int]) -> Float[np.ndarray, "6"]:
+    turned = values.copy()
+    turned[pair] = values[pair[::-1]]
+    return turned
+
+
 def wrong_signs(motions: Motions) -> list[WrongSign]:
     """Find the angles of one subject that likely have the other sign."""
-    low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
-    courses, starts, large = _lines(motions)
-    has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
-    course = np.where(has_line, np.where(large, courses, 0.0).sum(axis=0) / count, np.nan)
-    rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
+    rest, course = _rest_and_course(motions)
     by_rest, by_course = 2.0 * rest * _REST / _REST_SD**2, 2.0 * course * _COURSE / _COURSE_SD**2
     half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
     log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
     wrong = np.flatnonzero(log_odds < LEAST_LOG_ODDS * np.where(half, 2.0, 1.0))
     return [WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k])) for k in wrong]
+
+
+def _rest_and_course(motions: Motions) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+    """Each angle with the arm low, and over 60 degrees of elevation; NaN where nothing says it."""
+    low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
+    courses, starts, large = _lines(motions)
+    has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
+    course = np.where(has_line, np.where(large, courses, 0.0).sum(axis=0) / count, np.nan)
+    rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
+    return rest, course
 
 
 def _medians(values: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "6"]:

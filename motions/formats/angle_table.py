@@ -14,7 +14,7 @@ from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
-from motions.motion_csv.cells import ELEVATION_REMEDY, LARGEST_ANGLE_DEG
+from motions.motion_csv.cells import ELEVATION_REMEDY
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.motion_csv.unit_and_side import LEAST_VALUES
@@ -40,8 +40,8 @@ _WIDE = ("clavicle_y", ISB_ANGLES[0], "scapula_y", ISB_ANGLES[3])
 """Protraction, by both names."""
 
 _LEAST_SPAN = 0.5
-"""Of elevations that stay below pi: an arm that moves by 30 degrees, in radians. One that hangs still for so long that it
-stays below 3 degrees moves by tenths."""
+"""Of elevations that stay below pi: an arm that moves by 30 degrees, in radians. One that hangs below 3 degrees moves
+by tenths."""
 
 _SAY_RELATIVE = 'write scapula_relative_to = "clavicle", or "thorax", above [columns] in a mapping file (--map)'
 
@@ -105,8 +105,8 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
 
 
 def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None:
-    """The column of this name, or of the coordinate of this name in a file of OpenSim's states
-    (``/jointset/sternoclavicular/clavicle_y/value``), in any case, with _deg behind it or not; None where there is none."""
+    """The column of this name, in any case and with _deg behind it or not, or of the coordinate of this name in a file
+    of OpenSim's states (``/jointset/sternoclavicular/clavicle_y/value``); None where there is none."""
     wanted = mapping.column(name)
     if wanted in table.columns:
         return table.columns[wanted]
@@ -181,7 +181,9 @@ def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarr
     degrees = [name for name, value in largest.items() if value > np.pi]
     most = max(degrees, key=lambda name: largest[name], default="")
     if radians and degrees:
-        cause = f"{mapping.column(most)} goes to {largest[most]:.4g}: degrees; {mapping.column(radians[0])} never exceeds "
+        cause = (
+            f"{mapping.column(most)} goes to {largest[most]:.4g}: degrees; {mapping.column(radians[0])} never exceeds "
+        )
         cause += f"{largest[radians[0]]:.3g}: radians"
         raise InputError(table.file, table.unit_line, cause, "Bring all angles to one unit, and say it (inDegrees)")
     if said == "no" and degrees:

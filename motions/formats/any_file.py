@@ -13,8 +13,8 @@ from motions.formats.angle_table import motions_from_table
 from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import read_mot
-from motions.formats.text import is_number
 from motions.formats.spartacus import is_spartacus, read_spartacus
+from motions.formats.text import is_number
 from motions.landmarks.clusters.calibration import Calibration, calibrate
 from motions.landmarks.clusters.carried import CarriedTrial, carry
 from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
@@ -102,7 +102,9 @@ def _check_columns(path: Path) -> None:
         cause = f"the header has neither angles nor positions of markers, but {listed(columns, _MOST_NAMED)}"
         if all(is_number(column) for column in columns):
             cause = "there is no header: the first line has numbers and no names"
-        remedy = "Call columns IJ_x_mm, IJ_y_mm, ..., or give an export of Vicon, Motive, Qualisys or Visual3D, .c3d or .trc"
+        remedy = (
+            "Call columns IJ_x_mm, IJ_y_mm, ..., or give an export of Vicon, Motive, Qualisys or Visual3D, .c3d or .trc"
+        )
         raise InputError(str(path), 1, cause, remedy)
 
 

@@ -84,7 +84,7 @@ def write_mot(table: AngleTable, path: Path) -> None:
 
 
 def _separator(names: str) -> str | None:
-    """What separates the cells, by the line of the names: blanks or tabs (None) as in OpenSim, or what a spreadsheet put."""
+    """What separates the cells, by the line of the names: blanks or tabs (None) as in OpenSim, or a spreadsheet's."""
     return None if len(names.split()) > 1 else next((one for one in ",;" if one in names), None)
 
 

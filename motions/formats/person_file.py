@@ -83,7 +83,9 @@ def read_persons(
     markers = read_markers(path)
     if calibration is not None and markers is None:
         cause = "static trials calibrate clusters of markers, and this file has none"
-        raise InputError(str(path), None, cause, "Leave out --static, or name a .c3d, .trc, .csv or .tsv file of markers")
+        raise InputError(
+            str(path), None, cause, "Leave out --static, or name a .c3d, .trc, .csv or .tsv file of markers"
+        )
     table = None if points is None else read_table(points)
     found, rejected = [], []
     if markers is None:
@@ -110,10 +112,7 @@ Frames = tuple[Float[np.ndarray, " 3 3 postures"], Float[np.ndarray, "3 postures
 def _of_markers(
     markers: Markers, mapping: Mapping, labels: Labels, calibration: Calibration | None
 ) -> Iterable[tuple[PersonLandmarks, Frames] | InputError]:
-    if calibration is None:
-        lab_mm = landmarks_mm(markers, mapping)
-    else:
-        lab_mm = carry(markers, mapping, calibration).lab_mm
+    lab_mm = landmarks_mm(markers, mapping) if calibration is None else carry(markers, mapping, calibration).lab_mm
     for rows, one in marker_groups(markers, labels):
         try:
             mine = sound_landmarks({name: xyz[:, rows] for name, xyz in lab_mm.items()}, one.subject, markers.file)

@@ -104,9 +104,9 @@ def postures_from_landmarks(
 
     lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the frames of the whole
     trial with the arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures
-    with too few angles are left out. carried: a cluster carried the scapula, whose distance to SC changes with the skin.
-    InputError if none is left, or if landmarks are no person's; InputWarning of
-    landmarks that are left out (``motions.checks.trial``) and if the arm lowest is unlike a person's.
+    with too few angles are left out. carried: a cluster carried the scapula, whose distance to SC changes with skin.
+    InputError if none is left, or if landmarks are no person's; InputWarning of landmarks that are left out
+    (``motions.checks.trial``) and if the arm lowest is unlike a person's.
     """
     sound_mm = sound_landmarks(lab_mm, f"{labels.subject}, {labels.motion}", file)
     slips = {} if carried else slipped(sound_mm)

@@ -246,7 +246,9 @@ def test_targets_of_visual3d(trial, lab, tmp_path):
 def test_only_markers_that_the_program_expects(lab, tmp_path):
     """Markers of a skeleton stand in columns of another type; those measured have no names."""
     rows = motive({f"Unlabeled {1000 + k}": xyz for k, xyz in enumerate(lab.values())}, subject="")
-    refused(written(tmp_path, text(rows)), "has Rigid Body and no positions of Markers with names", "Markers switched on")
+    refused(
+        written(tmp_path, text(rows)), "has Rigid Body and no positions of Markers with names", "Markers switched on"
+    )
 
 
 def test_what_is_wrong_with_a_table_of_landmarks(lab, tmp_path):

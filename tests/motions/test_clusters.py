@@ -335,7 +335,7 @@ def test_what_was_palpated_wrong_is_named_in_the_static_trial(tmp_path, places, 
 def test_two_postures_of_one_scapula_have_its_shape(tmp_path):
     """AI palpated 40 mm away with the arm raised: no sound landmark is blamed for what follows."""
     path = changed_static(tmp_path, "raised.trc", RAISED, AI=ghost_of("AI", 40.0))
-    with pytest.raises(InputError, match="AI .*cannot be right: AI and (AC|TS|AA) are") as caught:
+    with pytest.raises(InputError, match=r"AI .*cannot be right: AI and (AC|TS|AA) are") as caught:
         read_calibration([static(tmp_path, REST), path], MAPPING, LABELS)
     assert caught.value.file == str(path)
     assert "palpate AI" in caught.value.remedy
@@ -348,14 +348,18 @@ def test_one_palpated_frame_that_jumps_does_not_count(tmp_path):
         return lab["AI"] + np.array([0.0, 200.0, 0.0])
 
     calibration = read_calibration([changed_static(tmp_path, "jumps.trc", REST, AI=jumping)], MAPPING, LABELS)
-    assert worst(read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration), trial) < EXACT
+    assert (
+        worst(read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration), trial) < EXACT
+    )
 
 
 @pytest.mark.parametrize("value", [0.0, -16512.0, "held"])
 def test_a_marker_of_a_cluster_that_was_never_seen_is_a_gap(tmp_path, value):
     """The three others carry the scapula."""
     trial, lab = with_clusters(ELEVATIONS)
-    lab["sc0"] = np.repeat(lab["sc0"][:, :1], len(ELEVATIONS), axis=1) if value == "held" else np.full_like(lab["sc0"], value)
+    lab["sc0"] = (
+        np.repeat(lab["sc0"][:, :1], len(ELEVATIONS), axis=1) if value == "held" else np.full_like(lab["sc0"], value)
+    )
     calibration = read_calibration([static(tmp_path, REST)], MAPPING, LABELS)
     with pytest.warns(InputWarning, match="marker sc0 of cluster scapula is at .* in frames 1-50. It was not seen"):
         motions = read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration)

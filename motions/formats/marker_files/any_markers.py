@@ -41,5 +41,7 @@ def read_markers(path: Path) -> Markers | None:
             return read(path)
     if kind != ".csv":
         cause = "the header has no positions of markers: no columns such as IJ_x_mm, and it is none of a known program"
-        raise InputError(str(path), None, cause, "Known are tables of Vicon, Motive, Qualisys and Visual3D, .c3d and .trc")
+        raise InputError(
+            str(path), None, cause, "Known are tables of Vicon, Motive, Qualisys and Visual3D, .c3d and .trc"
+        )
     return None

@@ -1,9 +1,9 @@
 """Positions of landmarks under one header: columns IJ_x_mm, IJ_y_mm, ... or the like, one row a posture or frame.
 
 The separator may be a comma, a semicolon, a tab or blanks. A column is a marker, x, y or z in either case, and the unit
-where the file says it: ``IJ_x_mm``, ``IJ_X_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ x / mm``, ``IJ_mm_x``, ``IJ_x``, ``IJX``,
-``X_IJ``. Without letters, ``IJ_1``, ``IJ_2`` and ``IJ_3`` are x, y and z, as MATLAB writes the columns of a matrix. Titles
-may stand above, a line of units below.
+where the file says it: ``IJ_x_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ x / mm``, ``IJ_mm_x``, ``IJ_x``, ``IJX``,
+``X_IJ``. Without letters, ``IJ_1``, ``IJ_2`` and ``IJ_3`` are x, y and z, as MATLAB writes the columns of a matrix.
+Titles may stand above, a line of units below.
 """
 
 import re

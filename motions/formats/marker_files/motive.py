@@ -72,6 +72,8 @@ def _blocks(table: ExportTable, types: Line, names: Line, kinds: Line, axes: Lin
     blocks = [Block(names.cells[k] if k < len(names.cells) else "", (k, k + 1, k + 2)) for k in starts]
     there = [kind for kind in dict.fromkeys(_type_cells(types)) if kind.casefold() != _MARKER]
     if not blocks or (there and all(block.name.casefold().startswith(_WITHOUT_NAME) for block in blocks)):
-        cause = f"this Motive export has {', '.join(there)} and no positions of Markers" + (" with names" if blocks else "")
+        cause = f"this Motive export has {', '.join(there)} and no positions of Markers" + (
+            " with names" if blocks else ""
+        )
         raise InputError(table.file, types.number, cause, _EXPORT)
     return blocks

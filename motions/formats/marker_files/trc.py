@@ -18,7 +18,7 @@ from motions.landmarks.markers import Markers
 
 _EXPORT = "Export the trial again as .trc"
 _HEADER_LINES = 4
-"""The path, keys, their values, the names of the markers; below X1 Y1 Z1 ... come the data. Blank lines do not count."""
+"""The path, keys, their values, the names of the markers; below X1 Y1 Z1 ... come the data. Blank lines are none."""
 
 _AXIS = re.compile(r"[XYZ]\d*", re.IGNORECASE)
 

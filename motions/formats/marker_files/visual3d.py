@@ -1,7 +1,7 @@
 """Positions in a text file of Visual3D (Export Data to ASCII): five rows over the data.
 
-In each column the trial's file, the name of the signal, its type (TARGET, LANDMARK, ...), its folder, and under ITEM X, Y
-or Z. The unit is not said.
+In each column the trial's file, the name of the signal, its type (TARGET, LANDMARK, ...), its folder, and in the row
+ITEM X, Y or Z. The unit is not said.
 """
 
 from pathlib import Path

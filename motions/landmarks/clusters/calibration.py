@@ -35,8 +35,8 @@ SAME_POSTURE_DEG = 10.0
 moves by less than a palpated landmark scatters."""
 
 SAME_BONE_MM = 20.0
-"""That a distance of palpated landmarks may differ between two postures. Assumed: of its ends each is palpated twice, with
-an SD of 5 mm, which is 10 mm for the difference."""
+"""That a distance of palpated landmarks may differ between two postures. Assumed: each of its ends is palpated twice,
+with an SD of 5 mm, which is 10 mm for the difference."""
 
 _MOST_FRAMES = (0.05, 0.95)
 """Quantiles between which a static trial holds still: a marker that jumps does not count."""
@@ -177,7 +177,9 @@ def cluster_markers_mm(
         if unseen.any():
             x, y, z = found[name][:, np.flatnonzero(unseen)[0]]
             found[name] = np.where(unseen, np.nan, found[name])
-            cause = f"marker {name} of cluster {segment} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(unseen))}"
+            cause = (
+                f"marker {name} of cluster {segment} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(unseen))}"
+            )
             warn_input(InputError(markers.file, None, cause, "It was not seen there and is left out"))
     return found
 
