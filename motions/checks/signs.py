@@ -106,25 +106,28 @@ class WrongSign:
 def exchanged(motions: Motions) -> tuple[str, str] | None:
     """Find two angles of one bone whose columns are likely exchanged, by what people have at rest and over a course."""
     rest, course = _rest_and_course(motions)
-
-    def squares(here: Float[np.ndarray, "6"], there: Float[np.ndarray, "6"], pair: list[int]) -> np.ndarray:
-        of_rest = np.where(_REST == 0.0, np.nan, (here - _REST) / _REST_SD)[pair]
-        return np.concatenate([of_rest, np.where(_COURSE == 0.0, np.nan, (there - _COURSE) / _COURSE_SD)[pair]]) ** 2
-
     found: dict[tuple[str, str], float] = {}
-    for first, second in (*combinations(range(3), 2), *combinations(range(3, 6), 2)):
-        pair = [first, second]
-        mine, other = (squares(rest, course, pair), squares(*(_turned(x, pair) for x in (rest, course)), pair))
-        known = np.isfinite(mine) & np.isfinite(other)
+    for pair in (*combinations(range(3), 2), *combinations(range(3, 6), 2)):
+        mine, other = _squares(rest, course, pair), _squares(_turned(rest, pair), _turned(course, pair), pair)
+        known = np.isfinite(mine + other)
         if known.any() and other[known].max() <= FARTHEST_SD**2:
-            found[ANGLES[first], ANGLES[second]] = float((mine - other)[known].sum())
-    best = max(found, key=lambda pair: found[pair], default=None)
+            found[ANGLES[pair[0]], ANGLES[pair[1]]] = float((mine - other)[known].sum())
+    best = max(found, key=lambda one: found[one], default=None)
     return best if best is not None and found[best] > EXCHANGED else None
 
 
-def _turned(values: Float[np.ndarray, "6"], pair: list[int]) -> Float[np.ndarray, "6"]:
+def _squares(
+    rest: Float[np.ndarray, "6"], course: Float[np.ndarray, "6"], pair: tuple[int, int]
+) -> Float[np.ndarray, "4"]:
+    """Of two angles, how far they are from people's at rest and over a course, in SD, squared; NaN says nothing."""
+    of_rest = np.where(_REST == 0.0, np.nan, (rest - _REST) / _REST_SD)
+    of_course = np.where(_COURSE == 0.0, np.nan, (course - _COURSE) / _COURSE_SD)
+    return np.concatenate([of_rest[list(pair)], of_course[list(pair)]]) ** 2
+
+
+def _turned(values: Float[np.ndarray, "6"], pair: tuple[int, int]) -> Float[np.ndarray, "6"]:
     turned = values.copy()
-    turned[pair] = values[pair[::-1]]
+    turned[list(pair)] = values[list(pair[::-1])]
     return turned
 
 

@@ -53,7 +53,7 @@ def _check_swap(found: Positions, whose: str, file: str) -> None:
     wrong = misfit(found)
     if wrong is None or wrong.swapped is None:
         return
-    corner = looks_like_corner(found) if "AC" in wrong.swapped else None
+    corner = looks_like_corner(found) if ("AC",) in wrong.blamed else None
     if corner:
         raise InputError(file, None, f"{whose}: {'; '.join(wrong.said)}; {corner}", CALL_IT_AA)
     raise InputError(file, None, f"{whose}: {wrong.cause}", wrong.remedy)
@@ -122,7 +122,7 @@ def _leave_misfits(found: Positions, whose: str, file: str) -> None:
         wrong = misfit(found)
         if wrong is None:
             return
-        corner = looks_like_corner(found) if "AC" in wrong.landmarks else None
+        corner = looks_like_corner(found) if ("AC",) in wrong.blamed else None
         cause, remedy = (f"{wrong.cause}; {corner}", CALL_IT_AA) if corner else (wrong.cause, wrong.remedy)
         _leave_whole(found, wrong.landmarks, f"{whose}: {cause}", remedy, file)
 
