@@ -40,8 +40,8 @@ _BESIDE_IT: Pair = ("IJ", "SC")
 """Exchanged, SC is where that of the other shoulder is, but for some millimetres. The midline through IJ tilts then."""
 
 _TILT_MM = 6.0
-"""Of PX from the midline, to the side without the shoulder: in the cadaver of the thesis (Table 4.2) 15 mm by MRI and 31
-by dissection with IJ and SC exchanged, otherwise 2 and 10. Below it, exchanged ones are rare."""
+"""Of PX from the midline, to the side without the shoulder: in the cadaver of the thesis (Table 4.2) 15 mm by MRI, 31
+by dissection with IJ and SC exchanged, else 2 and 10. Below it, exchanged ones are rare."""
 
 _OF_ACROMION: Pair = ("AC", "AA")
 
