@@ -120,6 +120,15 @@ def test_the_origin_and_a_body_at_rest_are_no_gaps():
     assert not any(unseen.any() for unseen in never_seen(at_rest).values())
 
 
+def test_a_body_at_rest_in_a_file_of_few_digits_is_seen():
+    """Rounded to millimetres, some landmarks do not change for frames while all others do by a digit."""
+    rng = np.random.default_rng(0)
+    places = {name: rng.uniform(-500.0, 500.0, (3, 1)) for name in ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")}
+    rounded = {name: np.round(place + 0.3 * rng.standard_normal((3, 300))) for name, place in places.items()}
+    rounded["TS"][:, 100:104] = rounded["TS"][:, 100:101]
+    assert not any(unseen.any() for unseen in never_seen(rounded).values())
+
+
 SIDEWAYS = np.array([[250.0], [100.0], [-200.0]])
 
 
