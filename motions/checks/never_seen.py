@@ -63,17 +63,23 @@ def _unseen(name: str, place: Float[np.ndarray, "3 frames"]) -> Bool[np.ndarray,
 def _held(
     place: Float[np.ndarray, "3 frames"], others: Sequence[Float[np.ndarray, "3 frames"]]
 ) -> Bool[np.ndarray, " frames"]:
-    """In which frames a landmark is at exactly the place where it is in FEWEST_FRAMES in a row or more, while all of
-    the others go by MOVED_MM: one that is still with others is where the body is still."""
-    same = (place[:, 1:] == place[:, :-1]).all(axis=0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+    """In which frames a landmark stands still, while none of the others does and all go by MOVED_MM: one that is still
+    with others is where the body is still."""
     found = np.zeros(place.shape[1], bool)
-    for first, last in edges.reshape(-1, 2):
-        run = slice(first, last + 1)
-        if last + 1 - first >= FEWEST_FRAMES:
-            go_mm = [_goes_mm(other[:, run]) for other in others]
-            found[run] = any(mm > 0.0 for mm in go_mm) and all(np.isnan(mm) or mm > MOVED_MM for mm in go_mm)
+    for first, last in _runs_at_one_place(place):
+        go_mm = [_goes_mm(other[:, first : last + 1]) for other in others]
+        found[first : last + 1] = any(mm > 0.0 for mm in go_mm) and all(np.isnan(mm) or mm > MOVED_MM for mm in go_mm)
+    for other in others if found.any() else ():
+        for first, last in _runs_at_one_place(other):
+            found[first : last + 1] = False
     return found
+
+
+def _runs_at_one_place(place: Float[np.ndarray, "3 frames"]) -> list[tuple[int, int]]:
+    """The first and the last of FEWEST_FRAMES or more in a row in which a landmark is at exactly one place."""
+    same = (place[:, 1:] == place[:, :-1]).all(axis=0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int))).reshape(-1, 2).tolist()
+    return [(first, last) for first, last in edges if last + 1 - first >= FEWEST_FRAMES]
 
 
 def _goes_mm(place: Float[np.ndarray, "3 frames"]) -> float:
