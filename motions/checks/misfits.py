@@ -1,6 +1,6 @@
 """A whole trial whose landmarks are no person's: which are to blame, whether two are swapped, which unit it may be."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -172,14 +172,20 @@ def _beside_midline(positions: Positions) -> dict[frozenset[str], str]:
     return {frozenset(THORAX): f"{said}, in people up to {MIDLINE_MM:.0f}"}
 
 
-def _other_shoulder(positions: Positions) -> dict[frozenset[str], str]:
-    """Landmarks that are not on the side of the midline on which most of the shoulder is."""
-    across, lateral = _across(positions), {}
-    for name in SHOULDER:
+def _lateral_mm(positions: Positions, names: Iterable[str]) -> dict[str, float]:
+    """How far landmarks are from the midline, to one side; without those that were not measured with the thorax."""
+    across, found = _across(positions), {}
+    for name in names:
         if name in positions:
             mm = np.sum(across * (positions[name] - positions["IJ"]), axis=0)
             if any_of(mm):
-                lateral[name] = float(np.nanmedian(mm))
+                found[name] = float(np.nanmedian(mm))
+    return found
+
+
+def _other_shoulder(positions: Positions) -> dict[frozenset[str], str]:
+    """Landmarks that are not on the side of the midline on which most of the shoulder is."""
+    lateral = _lateral_mm(positions, SHOULDER)
     side = np.sign(np.median([*lateral.values()])) if lateral else 0.0
     return {
         frozenset((name,)): f"{name} is {abs(mm):.0f} mm beyond the midline, where the other shoulder's is"
@@ -209,9 +215,9 @@ def _tilts(positions: Positions) -> bool:
     """Tell whether PX lies so far beside the midline that IJ may lie beside it."""
     if MIDDLE in positions:
         return True
-    across = _across(positions)
-    PX, AC = (np.nanmedian(np.sum(across * (positions[name] - positions["IJ"]), axis=0)) for name in ("PX", "AC"))
-    return bool(-np.sign(AC) * PX > _TILT_MM)
+    lateral = _lateral_mm(positions, ("PX", *SHOULDER[1:]))
+    side = np.sign(np.median([mm for name, mm in lateral.items() if name != "PX"]))
+    return bool(-side * lateral["PX"] > _TILT_MM)
 
 
 def _mends(positions: Positions, as_they_are: Mapping[Pair, float], pair: Pair) -> dict[Pair, float] | None:

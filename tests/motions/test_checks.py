@@ -182,6 +182,9 @@ def test_ij_and_sc_exchanged_are_not_taken_for_a_wrong_sc(lab):
         sound_landmarks(lab | {"SC": lab["IJ"], "IJ": lab["SC"]}, "P, m", "t.trc")
     assert caught.value.remedy.endswith("Or are IJ and SC swapped?")
     assert str(caught.value).endswith("swapped?")
+    without_ac = {name: xyz for name, xyz in lab.items() if name != "AC"}
+    with pytest.raises(InputError, match="SC or IJ cannot be right"):
+        sound_landmarks(without_ac | {"SC": lab["IJ"], "IJ": lab["SC"]}, "P, m", "t.trc")
 
 
 def test_both_landmarks_of_the_acromion_exchanged_are_named(lab):
