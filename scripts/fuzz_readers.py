@@ -69,6 +69,9 @@ def kinds(folder: Path) -> dict[str, Kind]:
     def any_motions(path: Path) -> object:
         return read_any(path, Mapping(), labels)
 
+    def in_mm(path: Path) -> object:
+        return read_any(path, Mapping(unit="mm"), labels)
+
     def record(path: Path) -> object:
         return recorded_arguments(read_record(path), path, "adapt", {"weight", "reading"})
 
@@ -83,9 +86,13 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "vicon": Kind(".csv", any_motions, _vicon()),
         "motive": Kind(".csv", any_motions, _motive()),
         "qualisys": Kind(".tsv", any_motions, _qualisys()),
+        "visual3d": Kind(".txt", in_mm, _visual3d()),
+        "matlab": Kind(".csv", in_mm, _matlab()),
+        "pandas": Kind(".csv", in_mm, _pandas()),
         "clusters": Kind(".trc", _carried(folder), _trc(_CLUSTER_MM)),
         "static trial": Kind(".trc", _calibrated, _trc(_CLUSTER_MM)),
         "mot": Kind(".mot", any_motions, _mot(folder)),
+        "mot, commas": Kind(".mot", any_motions, _mot(folder).replace(b"\t", b",")),
         "c3d": Kind(".c3d", any_motions, _c3d(folder)),
         "run.json": Kind(".json", record, _run_json(folder)),
         "clicks": Kind(".csv", _read_clicks, _CLICKS),
@@ -299,6 +306,26 @@ def _qualisys() -> bytes:
     names = list(_positions_mm())
     rows = [["NO_OF_FRAMES", str(_FRAMES)], ["NO_OF_MARKERS", str(len(names))], ["FREQUENCY", "100"]]
     return _table([*rows, ["DATA_INCLUDED", "3D"], ["MARKER_NAMES", *names], *_frames()], "\t")
+
+
+def _visual3d() -> bytes:
+    names = [name for name in _positions_mm() for _ in range(3)]
+    rows = [["", *[cell] * len(names)] for cell in ("P1.c3d", "", "TARGET", "ORIGINAL")]
+    rows[1][1:] = names
+    rows.append(["ITEM", *"XYZ" * (len(names) // 3)])
+    return _table([*rows, *([str(k), *cells] for k, cells in enumerate(_frames(), 1))], "\t")
+
+
+def _matlab() -> bytes:
+    """A table whose variables are matrices, as writetable writes it."""
+    return _table([[f"{name}_{k}" for name in _positions_mm() for k in (1, 2, 3)], *_frames()], ",")
+
+
+def _pandas() -> bytes:
+    """Two rows of names, under a line that a spreadsheet takes for what separates the cells."""
+    names = list(_positions_mm())
+    rows = [["sep=;"], ["", *(name for name in names for _ in range(3))], ["", *"xyz" * len(names)]]
+    return _table([*rows, *([str(k), *cells] for k, cells in enumerate(_frames()))], ";")
 
 
 def _trc(more_mm: dict[str, tuple[float, float, float]] | None = None) -> bytes:

@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from motions.checks.corner import REMEDY as CALL_IT_AA
+from motions.checks.corner import looks_like_corner
 from motions.checks.misfits import misfit
-from motions.checks.signs import likely_convention, wrong_signs
+from motions.checks.signs import LARGE_MOTION_DEG, exchanged, likely_convention, wrong_signs
 from motions.errors import InputError, warn_input
 from motions.rhythm import REST_DEG
 from motions.table import ANGLES, Motions
@@ -151,9 +153,51 @@ def _doubts(mine: Motions, subject: str, file: str) -> list[InputError]:
     named = tuple(f"{one.angle}_deg" for one in signs)
     if unlike := [text for text in unlike_rest(rest, mine.landmarks_mm) if not text.startswith(named)]:
         found.append(doubt_of_rest(file, subject, rest, unlike))
-    if wrong := misfit({name: place.T for name, place in mine.landmarks_mm.items()}):
+    if doubt := _of_size(mine):
+        found.append(InputError(file, None, f"{subject}: {doubt[0]}", doubt[1]))
+    if not signs and (pair := exchanged(mine)):
+        cause = f"{subject}: {pair[0]}_deg is as {pair[1]}_deg is in people, and the other way round"
+        found.append(InputError(file, None, cause, "Are the two columns exchanged (docs/frames.md)?"))
+    positions = {name: place.T for name, place in mine.landmarks_mm.items()}
+    if wrong := misfit(positions):
         found.append(InputError(file, None, f"{subject}: {wrong.cause}", wrong.remedy))
+    elif corner := looks_like_corner(positions):
+        found.append(InputError(file, None, f"{subject}: {corner}", CALL_IT_AA))
     if signs:
         cause = f"{subject}: {'; '.join(one.said for one in signs)}"
         found.append(InputError(file, None, cause, likely_convention(signs)))
     return found
+
+
+LARGEST_RADIANS = 1.0
+"""No clavicle is elevated or turned, and no scapula tipped, by more. In degrees, an angle that stays below it while the
+arm rises by 60 has less than the noise of a measurement and a tenth of its course in people."""
+
+_SMALL = ("clavicle_z", "clavicle_x", "scapula_x")
+"""Angles that a check of larger values (``motions.motion_csv.unit_and_side``) does not see in radians."""
+
+_FEWEST_VALUES = 3
+
+
+def _of_size(mine: Motions) -> tuple[str, str] | None:
+    """What is wrong with angles that are 0 throughout, or small while the arm moves, and what to do."""
+    by_angle = {angle: column[np.isfinite(column)] for angle, column in zip(ANGLES, mine.angles_deg.T, strict=True)}
+    known = {angle: values for angle, values in by_angle.items() if len(values) >= _FEWEST_VALUES}
+    zero = [f"{angle}_deg" for angle, values in known.items() if not values.any()]
+    if zero and len(zero) < len(known):
+        return (
+            f"{' and '.join(zero)} is 0 in every posture",
+            "Empty its cells if it was not measured: 0 counts as measured",
+        )
+    elevation = mine.humerus_elevation_deg[np.isfinite(mine.humerus_elevation_deg)]
+    if not len(elevation) or np.ptp(elevation) < LARGE_MOTION_DEG:
+        return None
+    small = [
+        f"{angle}_deg" for angle in _SMALL if angle in known and 0.0 < np.abs(known[angle]).max() <= LARGEST_RADIANS
+    ]
+    if not small:
+        return None
+    return (
+        f"{' and '.join(small)} never exceeds {LARGEST_RADIANS:g} while the arm moves: it looks like radians",
+        "Give degrees",
+    )

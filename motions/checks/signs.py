@@ -10,6 +10,7 @@ left out.
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -87,6 +88,13 @@ _REST, _REST_SD, _COURSE, _COURSE_SD = np.array(
 """The same, the angles side by side."""
 
 
+EXCHANGED = 12.0
+"""Sum of squares, in SDs of people, by which two angles have to be likelier when exchanged: odds of 400 to 1."""
+
+FARTHEST_SD = 2.5
+"""Exchanged, no term of the two is farther than this from people's."""
+
+
 @dataclass(frozen=True)
 class WrongSign:
     """An angle whose other sign is the likely one."""
@@ -95,18 +103,52 @@ class WrongSign:
     said: str
 
 
+def exchanged(motions: Motions) -> tuple[str, str] | None:
+    """Find two angles of one bone whose columns are likely exchanged, by what people have at rest and over a course."""
+    rest, course = _rest_and_course(motions)
+    found: dict[tuple[str, str], float] = {}
+    for pair in (*combinations(range(3), 2), *combinations(range(3, 6), 2)):
+        mine, other = _squares(rest, course, pair), _squares(_turned(rest, pair), _turned(course, pair), pair)
+        known = np.isfinite(mine + other)
+        if known.any() and other[known].max() <= FARTHEST_SD**2:
+            found[ANGLES[pair[0]], ANGLES[pair[1]]] = float((mine - other)[known].sum())
+    best = max(found, key=lambda one: found[one], default=None)
+    return best if best is not None and found[best] > EXCHANGED else None
+
+
+def _squares(
+    rest: Float[np.ndarray, "6"], course: Float[np.ndarray, "6"], pair: tuple[int, int]
+) -> Float[np.ndarray, "4"]:
+    """Of two angles, how far they are from people's at rest and over a course, in SD, squared; NaN says nothing."""
+    of_rest = np.where(_REST == 0.0, np.nan, (rest - _REST) / _REST_SD)
+    of_course = np.where(_COURSE == 0.0, np.nan, (course - _COURSE) / _COURSE_SD)
+    return np.concatenate([of_rest[list(pair)], of_course[list(pair)]]) ** 2
+
+
+def _turned(values: Float[np.ndarray, "6"], pair: tuple[int, int]) -> Float[np.ndarray, "6"]:
+    turned = values.copy()
+    turned[list(pair)] = values[list(pair[::-1])]
+    return turned
+
+
 def wrong_signs(motions: Motions) -> list[WrongSign]:
     """Find the angles of one subject that likely have the other sign."""
-    low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
-    courses, starts, large = _lines(motions)
-    has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
-    course = np.where(has_line, np.where(large, courses, 0.0).sum(axis=0) / count, np.nan)
-    rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
+    rest, course = _rest_and_course(motions)
     by_rest, by_course = 2.0 * rest * _REST / _REST_SD**2, 2.0 * course * _COURSE / _COURSE_SD**2
     half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
     log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
     wrong = np.flatnonzero(log_odds < LEAST_LOG_ODDS * np.where(half, 2.0, 1.0))
     return [WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k])) for k in wrong]
+
+
+def _rest_and_course(motions: Motions) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
+    """Each angle with the arm low, and over 60 degrees of elevation; NaN where nothing says it."""
+    low = motions.humerus_elevation_deg <= min(LOW_DEG, _lowest(motions.humerus_elevation_deg) + NEAR_DEG)  # NaN is not
+    courses, starts, large = _lines(motions)
+    has_line, count = large.any(axis=0), np.maximum(large.sum(axis=0), 1)
+    course = np.where(has_line, np.where(large, courses, 0.0).sum(axis=0) / count, np.nan)
+    rest = np.where(has_line, _medians(np.where(large, starts, np.nan)), _medians(motions.angles_deg[low]))
+    return rest, course
 
 
 def _medians(values: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "6"]:
@@ -158,9 +200,14 @@ def _said(angle: str, usual: Usual, rest: float, course: float) -> str:
     return f"{angle}_deg ({ANGLE_NAMES[angle]}) {' and '.join(words)}"
 
 
+_MIRRORED = "If it is a right one, protraction has the other sign (docs/frames.md)"
+
+
 def likely_convention(found: list[WrongSign]) -> str:
     """Say what the angles look like, and what to do."""
     angles = [one.angle for one in found]
+    if {"clavicle_y", "scapula_y"} <= set(angles):
+        return "It looks like a left shoulder: say so (--side left, or left in the column side). " + _MIRRORED
     names = " and ".join(f"{angle}_deg" for angle in angles)
     turn = f"turn the sign of {names} round (docs/frames.md), or check which angle it is"
     isb = [angle for angle in angles if angle.endswith("_z")]

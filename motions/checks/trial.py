@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
+from motions.checks.corner import REMEDY as CALL_IT_AA
+from motions.checks.corner import looks_like_corner
 from motions.checks.distances import MIDDLE
 from motions.checks.misfits import misfit
 from motions.checks.never_seen import Positions, never_seen
@@ -39,6 +41,8 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
     _check_swap(found, whose, file)
     _leave_outliers(found, whose, file)
     _leave_misfits(found, whose, file)
+    if corner := looks_like_corner(found):
+        warn_input(InputError(file, None, f"{whose}: {corner}", CALL_IT_AA))
     if middle:
         found |= dict.fromkeys(ends, found.pop(MIDDLE))
     return {name: found[name] for name in lab_mm if name in found}
@@ -47,8 +51,12 @@ def sound_landmarks(lab_mm: Mapping[str, Float[np.ndarray, "3 frames"]], whose: 
 def _check_swap(found: Positions, whose: str, file: str) -> None:
     """InputError where the exchange of two landmarks puts a whole trial right that is no person's."""
     wrong = misfit(found)
-    if wrong is not None and wrong.swapped is not None:
-        raise InputError(file, None, f"{whose}: {wrong.cause}", wrong.remedy)
+    if wrong is None or wrong.swapped is None:
+        return
+    corner = looks_like_corner(found) if ("AC",) in wrong.blamed else None
+    if corner:
+        raise InputError(file, None, f"{whose}: {'; '.join(wrong.said)}; {corner}", CALL_IT_AA)
+    raise InputError(file, None, f"{whose}: {wrong.cause}", wrong.remedy)
 
 
 def _leave_unseen(found: Positions, whose: str, file: str) -> None:
@@ -114,7 +122,9 @@ def _leave_misfits(found: Positions, whose: str, file: str) -> None:
         wrong = misfit(found)
         if wrong is None:
             return
-        _leave_whole(found, wrong.landmarks, f"{whose}: {wrong.cause}", wrong.remedy, file)
+        corner = looks_like_corner(found) if ("AC",) in wrong.blamed else None
+        cause, remedy = (f"{wrong.cause}; {corner}", CALL_IT_AA) if corner else (wrong.cause, wrong.remedy)
+        _leave_whole(found, wrong.landmarks, f"{whose}: {cause}", remedy, file)
 
 
 def _leave_whole(found: Positions, names: Iterable[str], cause: str, remedy: str, file: str) -> None:

@@ -14,7 +14,7 @@ from motions.landmarks.acromion import ac_from_aa_deg
 from motions.landmarks.mapping import Mapping
 from motions.landmarks.resampling import resample_trial
 from motions.landmarks.sampled_postures import ESTIMATED, FRAMES, SCAPULA_ROTATED, Labels, is_marked, spread_column
-from motions.motion_csv.cells import ELEVATION_REMEDY, LARGEST_ANGLE_DEG
+from motions.motion_csv.cells import ELEVATION_REMEDY
 from motions.motion_csv.columns import SIDE_MEASURED
 from motions.motion_csv.posture_rows import MIRROR_ANGLES
 from motions.motion_csv.unit_and_side import LEAST_VALUES
@@ -38,6 +38,10 @@ _OF_OUR_OSIM = re.compile(r"scapula_(abduction|elevation|upward_rot|winging)\b")
 
 _WIDE = ("clavicle_y", ISB_ANGLES[0], "scapula_y", ISB_ANGLES[3])
 """Protraction, by both names."""
+
+_LEAST_SPAN = 0.5
+"""Of elevations that stay below pi: an arm that moves by 30 degrees, in radians. One that hangs below 3 degrees moves
+by tenths."""
 
 _SAY_RELATIVE = 'write scapula_relative_to = "clavicle", or "thorax", above [columns] in a mapping file (--map)'
 
@@ -101,12 +105,12 @@ def motions_from_table(table: AngleTable, mapping: Mapping, labels: Labels) -> M
 
 
 def _column(table: AngleTable, mapping: Mapping, name: str) -> np.ndarray | None:
-    """The column of this name, or of the coordinate of this name in a file of OpenSim's states
-    (``/jointset/sternoclavicular/clavicle_y/value``), in any case; None where there is none."""
+    """The column of this name, in any case and with _deg behind it or not, or of the coordinate of this name in a file
+    of OpenSim's states (``/jointset/sternoclavicular/clavicle_y/value``); None where there is none."""
     wanted = mapping.column(name)
     if wanted in table.columns:
         return table.columns[wanted]
-    state = re.compile(rf"(.*/)?{re.escape(wanted)}(/value)?", re.IGNORECASE)
+    state = re.compile(rf"(.*/)?{re.escape(wanted)}(_deg)?(/value)?", re.IGNORECASE)
     matches = [column for column in table.columns if state.fullmatch(column)]
     if len(matches) > 1:
         cause = f"columns {' and '.join(matches)} may both be {name}"
@@ -164,24 +168,40 @@ def _listed(table: AngleTable) -> str:
 
 
 def _check_unit(table: AngleTable, mapping: Mapping, columns: dict[str, np.ndarray]) -> None:
-    """InputError where the values, degrees by the header, show that they are in the other unit.
+    """InputError where the values show that they are in another unit than the header says, or in both.
 
     Protraction of clavicle and scapula goes beyond 30 degrees in every published motion
     (``motions.motion_csv.unit_and_side``), that of the scapula relative to the clavicle need not.
     """
-    largest = {name: float(np.nanmax(np.abs(column), initial=0.0)) for name, column in columns.items()}
-    most = max(largest, key=lambda name: largest[name])
     said = table.header.get("indegrees", "").lower()
-    if said == "no" and largest[most] > LARGEST_ANGLE_DEG:
-        goes = f"{mapping.column(most)} goes to {np.deg2rad(largest[most]):.4g}"
+    in_file = columns if said == "yes" else {name: np.deg2rad(column) for name, column in columns.items()}
+    largest = {name: float(np.nanmax(np.abs(column), initial=0.0)) for name, column in in_file.items()}
+    wide = _WIDE[: 2 if mapping.scapula_relative_to == "clavicle" else 4]
+    radians = [name for name, column in in_file.items() if name in (*wide, ELEVATION) and _in_radians(name, column)]
+    degrees = [name for name, value in largest.items() if value > np.pi]
+    most = max(degrees, key=lambda name: largest[name], default="")
+    if radians and degrees:
+        cause = (
+            f"{mapping.column(most)} goes to {largest[most]:.4g}: degrees; {mapping.column(radians[0])} never exceeds "
+        )
+        cause += f"{largest[radians[0]]:.3g}: radians"
+        raise InputError(table.file, table.unit_line, cause, "Bring all angles to one unit, and say it (inDegrees)")
+    if said == "no" and degrees:
+        goes = f"{mapping.column(most)} goes to {largest[most]:.4g}"
         cause = f"the header says radians (inDegrees=no), but {goes}: degrees"
         raise InputError(table.file, table.unit_line, cause, "Write inDegrees=yes")
-    wide = [name for name in columns if name in _WIDE[: 2 if mapping.scapula_relative_to == "clavicle" else 4]]
-    small = [name for name in wide if np.isfinite(columns[name]).sum() >= LEAST_VALUES and largest[name] <= np.pi]
-    if said == "yes" and small:
-        never = f"{mapping.column(small[0])} never exceeds {largest[small[0]]:.3g}"
+    if said == "yes" and radians:
+        never = f"{mapping.column(radians[0])} never exceeds {largest[radians[0]]:.3g}"
         cause = f"the header says degrees (inDegrees=yes), but {never}: radians"
         raise InputError(table.file, table.unit_line, cause, "Write inDegrees=no if all angles are in radians")
+
+
+def _in_radians(name: str, column: Float[np.ndarray, " rows"]) -> bool:
+    """Tell whether an angle that goes beyond 30 degrees stays below pi; an elevation only where the arm moves."""
+    known = column[np.isfinite(column)]
+    if len(known) < LEAST_VALUES or np.abs(known).max() > np.pi:
+        return False
+    return name != ELEVATION or float(np.ptp(known)) > _LEAST_SPAN
 
 
 def _relative_to_thorax(angles_deg: Float[np.ndarray, "postures 6"]) -> Float[np.ndarray, "postures 6"]:

@@ -14,6 +14,7 @@ from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.marker_files.export_table import read_head
 from motions.formats.mot import read_mot
 from motions.formats.spartacus import is_spartacus, read_spartacus
+from motions.formats.text import is_number
 from motions.landmarks.clusters.calibration import Calibration, calibrate
 from motions.landmarks.clusters.carried import CarriedTrial, carry
 from motions.landmarks.clusters.carried_columns import with_cluster, with_placed_gh
@@ -29,6 +30,9 @@ _MOST_NAMED = 20
 """Columns in a message."""
 
 _OF_ANGLES = (".mot", ".sto")
+
+ARM = ("GH", "EM", "EL")
+"""Without one of them there is no elevation."""
 
 
 def read_trial(
@@ -96,7 +100,11 @@ def _check_columns(path: Path) -> None:
     columns = [column for column in read_head(path).columns() if column]
     if columns and not any(word in column.lower() for column in columns for word in ("clavicle", "scapula", "subject")):
         cause = f"the header has neither angles nor positions of markers, but {listed(columns, _MOST_NAMED)}"
-        remedy = "Call columns IJ_x_mm, IJ_y_mm, ..., or give the export of Vicon, Motive or Qualisys, .c3d or .trc"
+        if all(is_number(column) for column in columns):
+            cause = "there is no header: the first line has numbers and no names"
+        remedy = (
+            "Call columns IJ_x_mm, IJ_y_mm, ..., or give an export of Vicon, Motive, Qualisys or Visual3D, .c3d or .trc"
+        )
         raise InputError(str(path), 1, cause, remedy)
 
 
@@ -131,6 +139,7 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
         cause = "landmark SC was not found, so the angles of the clavicle stay empty"
         remedy = "Name its marker in a mapping file (--map), or place it with --sc-from-ij kaptein1999"
         warn_input(InputError(markers.file, None, cause, remedy))
+    _warn_of_arm(lab_mm, labels, markers.file)
     parts, rejected = [], []
     for rows, one in marker_groups(markers, labels):
         mine = {name: xyz[:, rows] for name, xyz in lab_mm.items()}
@@ -145,13 +154,24 @@ def _of_markers(markers: Markers, mapping: Mapping, labels: Labels, calibration:
     return replace(Motions.concatenate(parts), rejected=tuple(rejected))
 
 
+def _warn_of_arm(lab_mm: dict[str, np.ndarray], labels: Labels, file: str) -> None:
+    """InputWarning where the arm has some of its landmarks, and no elevation."""
+    absent = [name for name in ARM if name not in lab_mm and not (name == "GH" and labels.gh_from_ac)]
+    if not absent or len(absent) == len(ARM):
+        return
+    found = [name for name in ARM if name in lab_mm]
+    cause = f"of the arm there is {' and '.join(found)} but not {' and '.join(absent)}, so its elevation stays empty"
+    remedy = "Name the marker in a mapping file (--map)"
+    warn_input(InputError(file, None, cause, remedy + (", or place GH (--gh-from-ac)" if "GH" in absent else "")))
+
+
 def _of_shoulder(
     lab_mm: dict[str, np.ndarray], labels: Labels, trial: CarriedTrial | None, rows: np.ndarray, file: str
 ) -> Motions:
     """The postures of one subject, marked where a cluster carried the landmarks or GH was placed."""
     offset = labels.gh_from_ac
     complete = lab_mm if offset is None else place_gh(lab_mm, offset, labels.side)
-    part = postures_from_landmarks(complete, labels, file)
+    part = postures_from_landmarks(complete, labels, file, trial is not None and "scapula" in trial.residuals_mm)
     if trial is not None:
         part = with_cluster(part, trial, rows, bool(labels.at_deg))
     if offset is None or ("GH" in lab_mm and (trial is None or not trial.calibration.gh_placed)):

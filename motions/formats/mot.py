@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from motions.errors import InputError
 from motions.files import atomic_write
-from motions.formats.text import numbers, plain_lines, read_export
+from motions.formats.text import numbers, plain_lines, read_export, with_points
 
 _END, _UNIT = "endheader", "indegrees"
 _ALIASES = {"datarows": "nrows", "nr": "nrows", "datacolumns": "ncolumns", "nc": "ncolumns"}
@@ -51,18 +51,19 @@ def read_mot(path: Path) -> AngleTable:
     rows = [ends[0] + 2 + place for place, line in enumerate(body) if line.strip()]
     if len(rows) < 2:
         raise InputError(file, None, f"there are no rows under {_END}", "Write the names of the columns, then the rows")
-    names = lines[rows[0] - 1].split()
+    separator = _separator(lines[rows[0] - 1])
+    names = _cells(lines[rows[0] - 1], separator)
     for name in names:
         if names.count(name) > 1:
             raise InputError(file, rows[0], f"column {name!r} stands there twice", "Rename or remove one of them")
-    cells = [lines[row - 1].split() for row in rows[1:]]
+    cells = [_cells(lines[row - 1], separator) for row in rows[1:]]
     for row, line in zip(rows[1:], cells, strict=True):
         if len(line) != len(names):
             cause = f"the line has {len(line)} cells where there are {len(names)} columns"
             raise InputError(file, row, cause, "Write nan for what was not measured")
     _check_count(header, "nrows", len(cells), file)
     _check_count(header, "ncolumns", len(names), file)
-    table = numbers(np.array(cells), rows[1:], file)
+    table = numbers(np.array(cells if separator == "," else with_points(cells)), rows[1:], file)
     degrees = _degrees(header, file)
     columns = {name: table[:, place] * (1.0 if name == "time" else degrees) for place, name in enumerate(names)}
     unit_line = next(number for number, (key, _) in enumerate(said, 1) if key == _UNIT)
@@ -80,6 +81,15 @@ def write_mot(table: AngleTable, path: Path) -> None:
     buffer = io.StringIO()
     frame.to_csv(buffer, sep="\t", index=False, na_rep="nan", lineterminator="\n")
     atomic_write(path, f"{path.stem}\n{header}{_END}\n{buffer.getvalue()}")
+
+
+def _separator(names: str) -> str | None:
+    """What separates the cells, by the line of the names: blanks or tabs (None) as in OpenSim, or a spreadsheet's."""
+    return None if len(names.split()) > 1 else next((one for one in ",;" if one in names), None)
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    return [cell.strip() for cell in line.split(separator)]
 
 
 def _key_value(line: str) -> tuple[str, str]:

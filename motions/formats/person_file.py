@@ -12,10 +12,12 @@ from motions.errors import InputError, listed
 from motions.formats.any_file import labels_of_file, marker_groups
 from motions.formats.marker_files.any_markers import read_markers
 from motions.formats.text import numbers
+from motions.landmarks.clusters.calibration import Calibration
+from motions.landmarks.clusters.carried import carry
 from motions.landmarks.frames import humerus_angles, humerus_frame, thorax_frame, transposed
 from motions.landmarks.girdle_angles import in_thorax
 from motions.landmarks.mapping import THORAX, UNITS_MM, Mapping
-from motions.landmarks.markers import landmarks_mm
+from motions.landmarks.markers import Markers, landmarks_mm
 from motions.landmarks.sampled_postures import Labels
 from motions.landmarks.stand_ins import with_stand_ins
 from motions.motion_csv.cells import Side
@@ -77,18 +79,26 @@ class PersonLandmarks:
 
 
 def read_persons(
-    path: Path, mapping: Mapping, labels: Labels, points: Path | None = None
+    path: Path, mapping: Mapping, labels: Labels, points: Path | None = None, calibration: Calibration | None = None
 ) -> tuple[list[PersonLandmarks], list[InputError]]:
     """Read every subject of a file of positions, or of a motion file that has landmarks; and why others are left out.
 
     AC that was not measured is placed from AA, SC from IJ, where ``labels`` say how. ``points``: a CSV file with
     the columns surface, x_mm, y_mm, z_mm (or _cm, _m) and, if need be, subject and posture, in the frame of the
-    landmarks in that posture (by default the subject's first).
+    landmarks in that posture (by default the subject's first). ``calibration``: of clusters that carry landmarks.
     """
     markers = read_markers(path)
+    if calibration is not None and markers is None:
+        cause = "static trials calibrate clusters of markers, and this file has none"
+        raise InputError(
+            str(path), None, cause, "Leave out --static, or name a .c3d, .trc, .csv or .tsv file of markers"
+        )
     table = None if points is None else read_table(points)
     found, rejected = [], []
-    persons = _of_motion_file(path) if markers is None else _of_markers(markers, mapping, labels_of_file(labels, path))
+    if markers is None:
+        persons = _of_motion_file(path)
+    else:
+        persons = _of_markers(markers, mapping, labels_of_file(labels, path), calibration)
     for one in persons:
         if isinstance(one, InputError):
             rejected.append(one)
@@ -106,8 +116,10 @@ Frames = tuple[Float[np.ndarray, " 3 3 postures"], Float[np.ndarray, "3 postures
 """R_file_thorax and IJ of each posture."""
 
 
-def _of_markers(markers, mapping: Mapping, labels: Labels) -> Iterable[tuple[PersonLandmarks, Frames] | InputError]:
-    lab_mm = landmarks_mm(markers, mapping)
+def _of_markers(
+    markers: Markers, mapping: Mapping, labels: Labels, calibration: Calibration | None
+) -> Iterable[tuple[PersonLandmarks, Frames] | InputError]:
+    lab_mm = landmarks_mm(markers, mapping) if calibration is None else carry(markers, mapping, calibration).lab_mm
     for rows, one in marker_groups(markers, labels):
         try:
             mine = sound_landmarks({name: xyz[:, rows] for name, xyz in lab_mm.items()}, one.subject, markers.file)

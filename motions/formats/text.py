@@ -89,6 +89,15 @@ def with_points(rows: Iterable[Sequence[str]]) -> list[list[str]]:
     return [[cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in cells]
 
 
+def is_number(cell: str) -> bool:
+    """Tell whether a cell is a number, with a point or a comma."""
+    try:
+        to_number(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
 def numbers(cells: np.ndarray, rows: Sequence[int], file: str) -> Float[np.ndarray, "rows columns"]:
     """Read the cells as numbers, NaN where one is empty or says nan. InputError at the first that is none.
 

@@ -19,7 +19,7 @@ MARKERS = (*THORAX, *LANDMARKS)
 MIDDLES = {"PX_T8": ("PX", "T8")}
 """A middle that stands for both of its landmarks: the thorax frame needs no more of PX and T8."""
 
-UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+UNITS_MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 """Millimetres in a unit of length, by the names that files give it."""
 
 UNIT_WORDS = {
@@ -27,7 +27,7 @@ UNIT_WORDS = {
     for prefix, unit in (("milli", "mm"), ("centi", "cm"), ("", "m"))
     for ending in ("er", "re")
     for s in ("", "s")
-}
+} | {"in": "inch", "inches": "inch"}
 """Units as words, by which some programs call them."""
 
 CLUSTERS = ("thorax", "scapula", "humerus")

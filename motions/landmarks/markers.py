@@ -112,7 +112,7 @@ def millimetres(markers: Markers, mapping: Mapping) -> float:
 
     InputError if neither says it, or says what is none. InputWarning where they differ.
     """
-    said = (markers.unit or "").strip()
+    said = (markers.unit or "").strip(" []()")
     stated = UNIT_WORDS.get(said.lower(), said.lower())
     if mapping.unit and stated not in ("", mapping.unit):
         cause = f"the file says that positions are in {said}; they are read as {mapping.unit}, as the mapping file says"

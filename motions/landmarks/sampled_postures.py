@@ -116,17 +116,18 @@ class Labels:
 
 
 def postures_from_landmarks(
-    lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str
+    lab_mm: Dictionary[str, Float[np.ndarray, "3 frames"]], labels: Labels, file: str, carried: bool = False
 ) -> Motions:
     """Compute the postures of one subject, numbered from 1 in the order of the frames.
 
     lab_mm: landmarks in any right-handed frame. The clavicle's axial rotation is estimated from the frames of the whole
     trial with the arm lowest (the first one where the humerus was not measured), and marked as an estimate. Postures
-    with too few angles are left out. InputError if none is left, or if landmarks are no person's; InputWarning of
-    landmarks that are left out (``motions.checks.trial``) and if the arm lowest is unlike a person's.
+    with too few angles are left out. carried: a cluster carried the scapula, whose distance to SC changes with skin.
+    InputError if none is left, or if landmarks are no person's; InputWarning of landmarks that are left out
+    (``motions.checks.trial``) and if the arm lowest is unlike a person's.
     """
     sound_mm = sound_landmarks(lab_mm, f"{labels.subject}, {labels.motion}", file)
-    slips = slipped(sound_mm)
+    slips = {} if carried else slipped(sound_mm)
     if labels.at_deg:
         sound_mm = without_slips(sound_mm, slips, f"{labels.subject}, {labels.motion}", file)
     frames = _frames(sound_mm, labels, file)

@@ -15,6 +15,9 @@ _SAVE_AS = "Save the table as comma-separated text (CSV, UTF-8) with decimal poi
 _CONVERTED = (".c3d", ".trc", ".mot", ".sto")
 """Endings of what ``girdle convert`` makes a motion file of."""
 
+_SAYS_SEPARATOR = "sep="
+"""How the first line begins by which a spreadsheet says what separates the cells."""
+
 _MOST_NAMED = 20
 """Columns in a message."""
 
@@ -64,6 +67,8 @@ def _table_rows(path: Path, check_header: Callable[[list[str], str, int], None])
     file = str(path)
     lines = _split(_lines(path), file)
     header_line, header = next(lines, (None, []))
+    if header and header[0].lower().startswith(_SAYS_SEPARATOR):
+        header_line, header = next(lines, (None, []))
     if header_line is None:
         raise InputError(file, None, "the file is empty", "Give a file with a header and rows")
     columns = [name.strip() for name in header]

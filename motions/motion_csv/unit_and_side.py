@@ -103,6 +103,11 @@ def wrong_side(postures: Sequence[Posture]) -> Finding | None:
     scapula_y = _mean_deg(postures, "scapula_y")
     if not (clavicle_y > LEFT_CLAVICLE_DEG and scapula_y < LEFT_SCAPULA_DEG):
         return None
+    if _mean_deg(postures, "clavicle_z") > 0.0 and _mean_deg(postures, "scapula_z") > 0.0:  # no mirror image
+        cause = "the clavicle is protracted and the scapula retracted, but both are elevated: no shoulder is so"
+        return Finding(
+            cause, "Exchange clavicle_y_deg and scapula_y_deg, or turn the sign of both round (docs/frames.md)"
+        )
     side: Side = postures[0].side
     if side == "left":
         cause = "the side is left, but the angles are those of a right shoulder: they were mirrored before"

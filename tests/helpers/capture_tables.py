@@ -63,6 +63,14 @@ def qualisys(
     return rows + [[*lead[k], *cells(lab, k, gap)] for k in frames(lab)]
 
 
+def visual3d(lab: dict[str, np.ndarray], kind: str = "TARGET") -> list[list[str]]:
+    """Visual3D: file, name, type, folder and component over each column."""
+    names = [name for name in lab for _ in "XYZ"]
+    rows = [["", *[cell] * len(names)] for cell in ("P01.c3d", "", kind, "ORIGINAL")]
+    rows[1][1:] = names
+    return [*rows, ["ITEM", *["X", "Y", "Z"] * len(lab)], *([str(k + 1), *cells(lab, k)] for k in frames(lab))]
+
+
 def landmarks(lab: dict[str, np.ndarray], column: str = "{name}_{axis}_mm") -> list[list[str]]:
     """One header: a column for each coordinate, called as the pattern says."""
     header = [column.format(name=name, axis=axis, AXIS=axis.upper()) for name in lab for axis in "xyz"]

@@ -1,11 +1,17 @@
 """The command with fits that no solver made (tests/helpers/handmade.py): for what happens to its files, in a second.
 
-``python quick_girdle.py STAGE ARGUMENTS`` says "fitting", "writing" or "publishing" when it comes to that stage, and
-waits there to be killed; STAGE "never" runs through.
+``python quick_girdle.py`` makes a process of its own of each command that ``started_runs`` asks for on stdin, without
+importing all anew. A run says "fitting", "writing" or "publishing" when it comes to the stage that it was told, and
+waits there to be killed; told "never" it runs through.
 """
 
+import json
+import os
+import signal
 import sys
 import time
+import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -53,5 +59,39 @@ def _main(at: str) -> None:
     cli.main()
 
 
+def _run(at: str, arguments: list[str], out: str, err: str) -> int:
+    """Run the command with its words in two files, as a started process would; its exit status."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for path, number in ((out, 1), (err, 2)):
+        os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT, 0o600), number)
+    sys.argv = ["girdle", *arguments]
+    try:
+        _main(at)
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):
+                stream.flush()
+    return 0
+
+
+def _serve() -> None:
+    """Answer each line of stdin: with the number of the process that it starts, or the status of one that ended."""
+    for line in sys.stdin:
+        told = json.loads(line)
+        if isinstance(told, int):
+            _, status = os.waitpid(told, 0)
+            print(os.waitstatus_to_exitcode(status), flush=True)
+            continue
+        process = os.fork()
+        if process == 0:
+            os._exit(_run(*told))
+        print(process, flush=True)
+
+
 if __name__ == "__main__":
-    _main(sys.argv.pop(1))
+    _serve()

@@ -220,6 +220,12 @@ REFUSED = {
         "is 40.4 mm, less than of any",
         "centimetres times 10",
     ),
+    "the centre in cm": (
+        "[0, -296.0, 78.0]",
+        "[0, -29.6, 7.8]",
+        "thorax.centre_mm is 30.61 mm from IJ, which then lies deep inside",
+        "centimetres times 10",
+    ),
     "a clavicle in cm": (
         "= 158",
         "= 15.8",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from capture_tables import RATE, landmarks, motive, qualisys, text, vicon
+from capture_tables import RATE, landmarks, motive, qualisys, text, vicon, visual3d
 from laboratory import in_laboratory, simulated_trial, trc_lines, with_gaps
 from scipy.spatial.transform import Rotation
 
@@ -91,7 +91,10 @@ def test_unit_and_rate_are_those_of_the_header(trial, lab, tmp_path):
         assert markers is not None
         assert (markers.unit, markers.rate_hz) == (unit, RATE)
         assert_same(path, trial)
-    refused(written(tmp_path, text(motive(metres, "Inches"))), "the unit of the positions is 'Inches'", "mm, cm, m")
+    inches = {name: xyz / 25.4 for name, xyz in lab.items()}
+    assert_same(written(tmp_path, text(motive(inches, "Inches"))), trial)
+    refused(written(tmp_path, text(motive(inches))), "IJ and C7 are 4.98 mm apart", 'write unit = "inch"')
+    refused(written(tmp_path, text(motive(metres, "Feet"))), "the unit of the positions is 'Feet'", "mm, cm, m, inch")
     trc = read_trc(written(tmp_path, "\n".join(trc_lines(lab)) + "\n", "trial.trc"))
     assert trc.rate_hz == RATE
 
@@ -165,7 +168,7 @@ def test_what_a_table_lacks_is_said(lab, tmp_path):
     unnamed = vicon(lab)
     unnamed[2][2] = ""
     refused(written(tmp_path, text(unnamed)), "the first marker has no name", "Nexus")
-    refused(written(tmp_path, "time,a\n1,2\n", "trial.tsv"), "no positions of markers", "Vicon, Motive and Qualisys")
+    refused(written(tmp_path, "time,a\n1,2\n", "trial.tsv"), "no positions of markers", "Qualisys and Visual3D")
 
 
 @pytest.mark.parametrize(
@@ -177,13 +180,18 @@ def test_what_a_table_lacks_is_said(lab, tmp_path):
         "{name}.{axis} (mm)",
         "{name}:{AXIS}_MM",
         "{name} {axis} [millimeters]",
+        "{name} {axis} / mm",
+        "{name} ({axis}) [mm]",
+        "{name}_mm_{axis}",
+        "{name}{AXIS}_mm",
+        "{AXIS}_{name} (mm)",
     ],
 )
 def test_how_columns_of_landmarks_may_be_called(trial, lab, tmp_path, column):
     assert_same(written(tmp_path, text(landmarks(lab, column))), trial)
 
 
-@pytest.mark.parametrize("column", ["{name}_{axis}", "{name} {AXIS}", "{name}.{axis}", "{name}{AXIS}"])
+@pytest.mark.parametrize("column", ["{name}_{axis}", "{name} {AXIS}", "{name}.{axis}", "{name}{AXIS}", "{AXIS}_{name}"])
 def test_columns_without_a_unit_ask_for_it(trial, lab, tmp_path, column):
     path = written(tmp_path, text(landmarks(lab, column), ";", ","))
     refused(path, "does not say in which unit", 'unit = "mm"')
@@ -196,8 +204,51 @@ def test_a_line_of_units_under_the_header(trial, lab, tmp_path):
 
 
 def test_a_csv_of_something_else_is_named(tmp_path):
-    path = written(tmp_path, "X_IJ,Y_IJ,Z_IJ\n1,2,3\n")
-    refused(path, "neither angles nor positions of markers, but X_IJ, Y_IJ, Z_IJ", "IJ_x_mm")
+    path = written(tmp_path, "u_IJ,v_IJ,w_IJ\n1,2,3\n")
+    refused(path, "neither angles nor positions of markers, but u_IJ, v_IJ, w_IJ", "IJ_x_mm")
+    refused(written(tmp_path, "0.5,2,-3e1\n1,2,3\n"), "no header: the first line has numbers and no names", "IJ_x_mm")
+
+
+@pytest.mark.parametrize("above", ["sep=;\n", "# my export\n", "Subject P01;;\n\n"])
+def test_what_may_stand_over_the_header(trial, lab, tmp_path, above):
+    assert_same(written(tmp_path, above + text(landmarks(lab), ";", ",")), trial)
+
+
+def test_cells_between_blanks(trial, lab, tmp_path):
+    """As fixed-width text, where nothing else separates them."""
+    assert_same(written(tmp_path, text(landmarks(lab), "  "), "trial.txt"), trial)
+
+
+def test_a_table_of_matlab_and_one_of_pandas(trial, lab, tmp_path):
+    """IJ_1, IJ_2, IJ_3 of writetable; two rows of names and axes of a MultiIndex, with the number of the frame."""
+    _, *rows = landmarks(lab)
+    numbered = [f"{name}_{k}" for name in lab for k in (1, 2, 3)]
+    two = [["", *(name for name in lab for _ in "xyz")], ["frame", *["x", "y", "z"] * len(lab)]]
+    for path in (
+        written(tmp_path, text([numbered, *rows]), "matlab.csv"),
+        written(tmp_path, text([*two, *([str(k), *row] for k, row in enumerate(rows))]), "pandas.csv"),
+    ):
+        refused(path, "does not say in which unit", 'unit = "mm"')
+        assert_same(path, trial, Mapping(unit="mm"))
+
+
+def test_targets_of_visual3d(trial, lab, tmp_path):
+    path = written(tmp_path, text(visual3d(lab), "\t"), "trial.txt")
+    refused(path, "does not say in which unit", 'unit = "mm"')
+    assert_same(path, trial, Mapping(unit="mm"))
+    angles = written(tmp_path, text(visual3d(lab, "LINK_MODEL_BASED")))
+    assert refused(angles, "Visual3D has LINK_MODEL_BASED and no TARGET", "TARGET or LANDMARK").row == 3
+    two = [[*row, *row[1:]] for row in visual3d(lab)]
+    two[0][-3:] = ["P02.c3d"] * 3
+    refused(written(tmp_path, text(two)), "2 trials side by side: P01.c3d, P02.c3d", "one trial")
+
+
+def test_only_markers_that_the_program_expects(lab, tmp_path):
+    """Markers of a skeleton stand in columns of another type; those measured have no names."""
+    rows = motive({f"Unlabeled {1000 + k}": xyz for k, xyz in enumerate(lab.values())}, subject="")
+    refused(
+        written(tmp_path, text(rows)), "has Rigid Body and no positions of Markers with names", "Markers switched on"
+    )
 
 
 def test_what_is_wrong_with_a_table_of_landmarks(lab, tmp_path):

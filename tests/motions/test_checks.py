@@ -12,6 +12,7 @@ from laboratory import simulated_trial, up_and_down
 
 from motions import ANGLES, InputError, Motions, read_motions, write_motions
 from motions.checks.at_rest import MOST_NAMED, warn_of_subjects
+from motions.checks.corner import looks_like_corner
 from motions.checks.distances import RANGES, blamed
 from motions.checks.misfits import likely_unit, misfit
 from motions.checks.never_seen import never_seen
@@ -119,6 +120,15 @@ def test_the_origin_and_a_body_at_rest_are_no_gaps():
     assert not any(unseen.any() for unseen in never_seen(at_rest).values())
 
 
+def test_a_body_at_rest_in_a_file_of_few_digits_is_seen():
+    """Rounded to millimetres, some landmarks do not change for frames while all others do by a digit."""
+    rng = np.random.default_rng(0)
+    places = {name: rng.uniform(-500.0, 500.0, (3, 1)) for name in ("IJ", "PX", "C7", "T8", "SC", "AC", "TS", "AI")}
+    rounded = {name: np.round(place + 0.3 * rng.standard_normal((3, 300))) for name, place in places.items()}
+    rounded["TS"][:, 100:104] = rounded["TS"][:, 100:101]
+    assert not any(unseen.any() for unseen in never_seen(rounded).values())
+
+
 SIDEWAYS = np.array([[250.0], [100.0], [-200.0]])
 
 
@@ -164,6 +174,35 @@ def test_a_thorax_out_of_its_plane_is_refused(lab):
     away = lab["T8"] + np.array([[110.0], [0.0], [0.0]])
     with pytest.raises(InputError, match=r"not in one plane.* beside the midline"):
         sound_landmarks(changed(lab, "T8", ALL, away), "P, m", "t.trc")
+
+
+def test_ij_and_sc_exchanged_are_not_taken_for_a_wrong_sc(lab):
+    """SC is then where that of the other shoulder is; without it the thorax would be turned by 17 degrees."""
+    with pytest.raises(InputError, match=r"SC or IJ cannot be right: .*SC is .* beyond the midline") as caught:
+        sound_landmarks(lab | {"SC": lab["IJ"], "IJ": lab["SC"]}, "P, m", "t.trc")
+    assert caught.value.remedy.endswith("Or are IJ and SC swapped?")
+    assert str(caught.value).endswith("swapped?")
+    without_ac = {name: xyz for name, xyz in lab.items() if name != "AC"}
+    with pytest.raises(InputError, match="SC or IJ cannot be right"):
+        sound_landmarks(without_ac | {"SC": lab["IJ"], "IJ": lab["SC"]}, "P, m", "t.trc")
+
+
+def test_both_landmarks_of_the_acromion_exchanged_are_named(lab):
+    with pytest.raises(InputError, match=r"AA is .* nearer to IJ than AC") as caught:
+        sound_landmarks(lab | {"AC": lab["AA"], "AA": lab["AC"]}, "P, m", "t.trc")
+    assert "Are AC and AA swapped?" in caught.value.remedy
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_the_corner_of_the_acromion_under_the_name_of_ac(lab, mirror):
+    """Of a right and of a left shoulder; measured by hand, GH is 8 and -4 mm before the scapula of the cadaver."""
+    corner = {name: mirror * xyz for name, xyz in lab.items() if name != "AA"} | {"AC": mirror * lab["AA"]}
+    said, _ = said_of(corner)
+    assert "before the plane of AC, TS and AI, in people up to 26: AC looks like AA" in said[0]
+    assert "--aa-to-ac kolz2020" in said[0]
+    assert looks_like_corner({name: xyz for name, xyz in lab.items() if name != "AA"}) is None
+    for measured in (DISSECTION, MRI):
+        assert looks_like_corner({name: np.array(xyz)[:, None] for name, xyz in measured.items()}) is None
 
 
 def test_a_middle_of_px_and_t8_is_checked_as_that(lab):
@@ -214,6 +253,31 @@ def test_isb_is_recognised_and_a_small_motion_says_nothing():
     assert "It looks like ISB's beta: z = -beta; turn the sign of clavicle_z_deg and scapula_z_deg round" in said
     small = course(clavicle_x=-1.0).select(ELEVATION < 65.0)
     assert not warned(small)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [("scapula_y", "scapula_z"), ("scapula_z", "scapula_x"), ("clavicle_y", "clavicle_z")]
+)
+def test_two_angles_whose_columns_are_exchanged_are_named(a, b):
+    turned = course().angles_deg.copy()
+    places = [ANGLES.index(a), ANGLES.index(b)]
+    turned[:, places] = turned[:, places[::-1]]
+    assert any(f"{one}_deg" in text for text in warned(replace(course(), angles_deg=turned)) for one in (a, b))
+    if a == "scapula_y":
+        (said,) = warned(replace(course(), angles_deg=turned))
+        assert "scapula_y_deg is as scapula_z_deg is in people, and the other way round. Are the two columns" in said
+
+
+def test_an_angle_that_is_zero_or_in_radians_throughout_is_named():
+    """One that was not measured is empty; what is small in degrees is smaller than the noise of a measurement."""
+    angles = course().angles_deg.copy()
+    angles[:, ANGLES.index("clavicle_x")] = 0.0
+    (said,) = warned(replace(course(), angles_deg=angles))
+    assert "clavicle_x_deg is 0 in every posture. Empty its cells" in said
+    angles = course().angles_deg.copy()
+    angles[:, ANGLES.index("scapula_x")] = np.radians(angles[:, ANGLES.index("scapula_x")])
+    (said,) = warned(replace(course(), angles_deg=angles))
+    assert "scapula_x_deg never exceeds 1 while the arm moves: it looks like radians" in said
 
 
 def test_of_many_subjects_the_first_are_named_and_the_others_counted():

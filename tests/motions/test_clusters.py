@@ -17,7 +17,7 @@ from motions.landmarks.clusters.carried_columns import HUMERUS_PLACED, SCAPULA_F
 from motions.landmarks.clusters.rigid_fit import Pose, fit_rigid, part_of_the_way
 from motions.landmarks.frames import humerus_frame, scapula_frame
 from motions.landmarks.mapping import Mapping, read_mapping
-from motions.landmarks.sampled_postures import Labels
+from motions.landmarks.sampled_postures import SLIPPED, Labels
 from motions.landmarks.stand_ins import KAPTEIN_GH
 
 EXACT = 1e-6
@@ -305,3 +305,70 @@ def test_parts_of_a_motion_make_the_whole():
     np.testing.assert_allclose(part_of_the_way(about, np.array([0.37])).carry(centre), centre, atol=1e-12)
     straight = Pose(np.eye(3)[..., None], np.array([[3.0], [4.0], [5.0]]))
     np.testing.assert_allclose(part_of_the_way(straight, np.array([0.5])).t, straight.t / 2.0, atol=1e-14)
+
+
+def changed_static(folder, name, at_deg, **places):
+    """A static trial with landmarks or markers at other places."""
+    _, lab = with_clusters(np.full(3, at_deg))
+    return written(folder, name, lab | {one: place(lab) for one, place in places.items()}, [*PALPATED, *markers_of()])
+
+
+def ghost_of(name, away_mm):
+    return lambda lab: lab[name] + np.array([[away_mm], [0.0], [0.0]])
+
+
+@pytest.mark.parametrize(
+    ("places", "said"),
+    [
+        ({"TS": lambda lab: 0.0 * lab["TS"]}, "landmark TS was never seen"),
+        ({"TS": lambda lab: lab["AI"], "AI": lambda lab: lab["TS"]}, "Are TS and AI swapped"),
+        ({"AI": ghost_of("AI", 300.0)}, "AI cannot be right"),
+    ],
+)
+def test_what_was_palpated_wrong_is_named_in_the_static_trial(tmp_path, places, said):
+    path = changed_static(tmp_path, "wrong.trc", REST, **places)
+    with pytest.raises(InputError, match=said) as caught:
+        read_calibration([path], MAPPING, LABELS)
+    assert caught.value.file == str(path)
+
+
+def test_two_postures_of_one_scapula_have_its_shape(tmp_path):
+    """AI palpated 40 mm away with the arm raised: no sound landmark is blamed for what follows."""
+    path = changed_static(tmp_path, "raised.trc", RAISED, AI=ghost_of("AI", 40.0))
+    with pytest.raises(InputError, match=r"AI .*cannot be right: AI and (AC|TS|AA) are") as caught:
+        read_calibration([static(tmp_path, REST), path], MAPPING, LABELS)
+    assert caught.value.file == str(path)
+    assert "palpate AI" in caught.value.remedy
+
+
+def test_one_palpated_frame_that_jumps_does_not_count(tmp_path):
+    trial, lab = with_clusters(ELEVATIONS)
+
+    def jumping(lab):
+        return lab["AI"] + np.array([0.0, 200.0, 0.0])
+
+    calibration = read_calibration([changed_static(tmp_path, "jumps.trc", REST, AI=jumping)], MAPPING, LABELS)
+    assert (
+        worst(read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration), trial) < EXACT
+    )
+
+
+@pytest.mark.parametrize("value", [0.0, -16512.0, "held"])
+def test_a_marker_of_a_cluster_that_was_never_seen_is_a_gap(tmp_path, value):
+    """The three others carry the scapula."""
+    trial, lab = with_clusters(ELEVATIONS)
+    lab["sc0"] = (
+        np.repeat(lab["sc0"][:, :1], len(ELEVATIONS), axis=1) if value == "held" else np.full_like(lab["sc0"], value)
+    )
+    calibration = read_calibration([static(tmp_path, REST)], MAPPING, LABELS)
+    with pytest.warns(InputWarning, match="marker sc0 of cluster scapula is at .* in frames 1-50. It was not seen"):
+        motions = read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration)
+    assert worst(motions, trial) < EXACT
+
+
+def test_skin_that_lags_is_no_slip_of_a_landmark(tmp_path):
+    """With one static posture the distance from SC to AC changes by the skin: nothing is said of SC."""
+    _, lab = with_clusters(ELEVATIONS, lag=True)
+    calibration = read_calibration([static(tmp_path, REST, lag=True)], MAPPING, LABELS)
+    motions = read_any(written(tmp_path, "moving.trc", lab, markers_of()), MAPPING, LABELS, calibration)
+    assert SLIPPED not in motions.extra

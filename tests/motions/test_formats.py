@@ -316,6 +316,16 @@ def test_line_ends_and_a_missing_blank_line_of_a_trc_file(lab, tmp_path, line_en
     np.testing.assert_allclose(read_trc(path).positions[1], lab["C7"], rtol=0.0, atol=EXACT)
 
 
+def test_blank_lines_and_a_missing_line_of_axes_in_a_trc_header(trial, lab, tmp_path):
+    """No frame is taken for a line of the header."""
+    lines = [line for line in trc_lines(lab) if line]
+    lines[3] = lines[3].replace("Frame#", "Frame #")
+    for variant in (lines, ["", *lines[:4], "", *lines[4:]], [*lines[:4], *lines[5:]]):
+        path = tmp_path / "variant.trc"
+        path.write_text("\n".join(variant) + "\n")
+        assert len(read_trc(path).positions[0, 0]) == len(trial.elevation_deg)
+
+
 @pytest.mark.parametrize("lines", [[], ["a", "b"], ["PathFileType\t4"] + ["x"] * 9])
 def test_what_is_no_trc_file(tmp_path, lines):
     with pytest.raises(InputError, match=r"trc file|Frame#"):
@@ -519,6 +529,39 @@ def test_the_unit_of_angles_is_checked_by_their_values(tmp_path):
     np.testing.assert_allclose(read_any(path, Mapping(), LABELS).angles_deg, trial.angles_deg, rtol=0.0, atol=EXACT)
 
 
+def test_angles_in_two_units_are_named_both(tmp_path):
+    """Neither word of inDegrees would be right."""
+    trial = simulated_trial(ELEVATIONS)
+    names = ["humerus_elevation", *ANGLES]
+    head = ["states", "inDegrees=no", "endheader", " ".join(["time", *names])]
+    for unit in ("no", "yes"):
+        head[1] = f"inDegrees={unit}"
+        rows = [
+            f"0 {e} " + " ".join(map(str, np.radians(a)))
+            for e, a in zip(trial.elevation_deg, trial.angles_deg, strict=True)
+        ]
+        cause = "humerus_elevation goes to 125: degrees; clavicle_y never exceeds 1.04: radians"
+        assert refused(mot(tmp_path, [*head, *rows]), cause, "one unit").row == 2
+    rows = [
+        f"0 {np.radians(e)} " + " ".join(map(str, a))
+        for e, a in zip(trial.elevation_deg, trial.angles_deg, strict=True)
+    ]
+    refused(mot(tmp_path, [*head, *rows]), "degrees; humerus_elevation never exceeds 2.18: radians", "one unit")
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), ("\t", ",")])
+def test_a_spreadsheets_mot_with_names_of_a_motion_file(tmp_path, separator, decimal):
+    trial = simulated_trial(ELEVATIONS)
+    names = ["time", "humerus_elevation_deg", *(f"{angle}_deg" for angle in ANGLES)]
+    rows = [[0.0, e, *a] for e, a in zip(trial.elevation_deg, trial.angles_deg, strict=True)]
+    lines = [
+        separator.join(names),
+        *(separator.join(repr(float(x)).replace(".", decimal) for x in row) for row in rows),
+    ]
+    motions = read_any(mot(tmp_path, ["t", "nColumns=8", "inDegrees=yes", "endheader", *lines]), Mapping(), LABELS)
+    np.testing.assert_array_equal(motions.angles_deg, trial.angles_deg)
+
+
 def test_names_of_opensims_states_are_those_of_its_coordinates(tmp_path):
     """``.osim`` files of this project have these coordinates; its scapulothoracic joint has others, which are named."""
     clavicle = [f"/jointset/sternoclavicular/{name}/value" for name in ANGLES[:3]]
@@ -561,7 +604,7 @@ def test_angles_of_the_ac_joint_are_asked_about(tmp_path):
         ("markers = 3", "markers is not a section", "IJ ="),
         ('[markers]\nXX = "a"', "no landmark 'XX'", "IJ, PX, C7, T8"),
         ('[markers]\nIJ = "a"\nPX = "a"', "'a' stands for two", "of its own"),
-        ('unit = "inch"', "unit is 'inch'", "mm, cm, m"),
+        ('unit = "foot"', "unit is 'foot'", "mm, cm, m, inch"),
         ('unit = ["x"]', r"unit is \['x'\]", "mm, cm, m"),
         ('axes = ["x", "y"]', "axes is", '"-z"'),
         ('axes = ["x", "y", "y"]', "axes is", '"-z"'),

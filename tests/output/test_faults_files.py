@@ -1,17 +1,20 @@
 """What happens to the files when a run is killed, interrupted or short of disk, or when two runs share a folder."""
 
 import errno
+import itertools
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from command import Ended, girdle, refused, shipped_lines, written
 from quick_girdle import quick_adaptations
+from started_runs import StartedRun, StartedRuns
 
 from adapt.output import run_files as output
 from adapt.output.large_runs import parts
@@ -19,8 +22,6 @@ from adapt.output.publishing import UNFINISHED
 from models import load_model
 from models.parameter_sets import model_file
 from motions.files import part_name
-
-QUICK_GIRDLE = Path(__file__).parents[1] / "helpers" / "quick_girdle.py"
 
 TABLES = {"fits.csv", "heldout.csv", "parameters.csv", "summary.csv", "run.json"}
 
@@ -88,14 +89,18 @@ def listening(command: list[str], environment: dict[str, str] | None = None) -> 
         signal.signal(signal.SIGINT, heard)
 
 
-def started(at: str, *arguments: object) -> subprocess.Popen[str]:
-    """The command in a process of its own, when it has come to the stage."""
-    command = [sys.executable, str(QUICK_GIRDLE), at, *map(str, arguments)]
-    process = listening(command)
-    assert process.stdout is not None
-    if at != "never":
-        assert process.stdout.readline() == f"{at}\n", process.communicate()[1]
-    return process
+@pytest.fixture(scope="module")
+def runs() -> Iterator[StartedRuns]:
+    server = StartedRuns()
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def started(runs, tmp_path) -> Callable[..., StartedRun]:
+    """Start the command in a process of its own, and come back when it is at the stage."""
+    count = itertools.count()
+    return lambda at, *arguments: StartedRun(runs, at, arguments, tmp_path / f"started{next(count)}")
 
 
 def ended(process: subprocess.Popen[str]) -> Ended:
@@ -107,11 +112,11 @@ def ended(process: subprocess.Popen[str]) -> Ended:
 
 
 @pytest.mark.parametrize("stage", ["fitting", "writing"])
-def test_a_killed_run_leaves_the_earlier_results_and_the_next_one_clears_up(earlier, other, stage):
+def test_a_killed_run_leaves_the_earlier_results_and_the_next_one_clears_up(earlier, other, started, stage):
     before = contents(earlier)
-    process = started(stage, "adapt", other, "--out", earlier)
-    process.kill()
-    assert ended(process).status == -signal.SIGKILL
+    run = started(stage, "adapt", other, "--out", earlier)
+    run.signal(signal.SIGKILL)
+    assert run.ended().status == -signal.SIGKILL
     after = contents(earlier)
     assert {name: after[name] for name in before} == before
     assert all(name.startswith(".") for name in set(after) - set(before))
@@ -120,14 +125,14 @@ def test_a_killed_run_leaves_the_earlier_results_and_the_next_one_clears_up(earl
     assert not [name for name in contents(earlier) if name.startswith(".")]
 
 
-def test_a_run_killed_between_two_files_leaves_each_of_them_whole(earlier, other, tmp_path):
+def test_a_run_killed_between_two_files_leaves_each_of_them_whole(earlier, other, started, tmp_path):
     """The one moment when tables of two runs can stand side by side: milliseconds, and run.json tells."""
     before = contents(earlier)
     assert girdle("adapt", other, "--out", tmp_path / "new").status == 0
     new = contents(tmp_path / "new")
-    process = started("publishing", "adapt", other, "--out", earlier)
-    process.kill()
-    ended(process)
+    run = started("publishing", "adapt", other, "--out", earlier)
+    run.signal(signal.SIGKILL)
+    run.ended()
     after = contents(earlier)
     assert after["parameters.csv"] == before["parameters.csv"]
     for name in TABLES:
@@ -135,11 +140,11 @@ def test_a_run_killed_between_two_files_leaves_each_of_them_whole(earlier, other
 
 
 @pytest.mark.parametrize("stage", ["fitting", "writing", "publishing"])
-def test_an_interrupt_is_status_130_and_a_word(earlier, other, stage):
+def test_an_interrupt_is_status_130_and_a_word(earlier, other, started, stage):
     before = contents(earlier)
-    process = started(stage, "adapt", other, "--out", earlier)
-    process.send_signal(signal.SIGINT)
-    result = ended(process)
+    run = started(stage, "adapt", other, "--out", earlier)
+    run.signal(signal.SIGINT)
+    result = run.ended()
     assert (result.status, result.messages) == (130, ["interrupted"])
     after = contents(earlier)
     assert set(after) >= set(before)
@@ -157,7 +162,7 @@ def test_an_interrupt_in_mid_batch_ends_the_real_fits(tmp_path):
     process = listening(command, environment)
     assert process.stderr is not None
     while not (tmp_path / "out").exists() and process.poll() is None:
-        pass
+        time.sleep(0.01)
     process.send_signal(signal.SIGINT)
     result = ended(process)
     assert (result.status, result.messages) == (130, ["interrupted"])
@@ -287,20 +292,20 @@ def test_too_little_memory_is_one_sentence_and_leaves_the_earlier_results(earlie
 # --- two runs, one folder --------------------------------------------------------------------------------------------
 
 
-def test_a_second_run_in_a_folder_is_told_of_the_first(earlier, motion, other):
+def test_a_second_run_in_a_folder_is_told_of_the_first(earlier, motion, other, started):
     before = contents(earlier)
     first = started("fitting", "adapt", other, "--out", earlier)
     refused(girdle("adapt", motion, "--out", earlier), str(earlier), "another run is writing to this folder", "Wait")
     assert contents(earlier) == before
-    first.kill()
-    ended(first)
+    first.signal(signal.SIGKILL)
+    first.ended()
     assert girdle("adapt", motion, "--out", earlier).status == 0, "the lock ends with its process"
 
 
-def test_many_runs_at_once_leave_the_files_of_one(quick, motion, other, tmp_path):
+def test_many_runs_at_once_leave_the_files_of_one(quick, motion, other, started, tmp_path):
     folder, inputs = tmp_path / "out", [motion, other] * 2
-    runs = [started("never", "adapt", path, "--out", folder) for path in inputs]
-    statuses = [ended(run).status for run in runs]
+    at_once = [started("never", "adapt", path, "--out", folder) for path in inputs]
+    statuses = [run.ended().status for run in at_once]
     assert set(statuses) <= {0, 2}
     assert 0 in statuses
     alone = {}

@@ -33,6 +33,16 @@ from motions.landmarks.sampled_postures import (
 from motions.landmarks.stand_ins import GH_OFFSETS, OFFSETS
 from motions.motion_csv.cells import SIDES
 
+Statics = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--static",
+        help="Static trial with palpated landmarks and the markers of clusters (see [clusters] of --map), which carry "
+        "them; repeatable: over several postures of the arm the scapula is interpolated.",
+        show_default=False,
+    ),
+]
+
 _NUMBER = r"\d+(\.\d+)?(e[+-]\d+)?"
 
 MANY_FRAMES = 50
@@ -65,14 +75,7 @@ def convert_file(
     at: Annotated[
         str, typer.Option("--at", help="Elevations of the arm to sample a trial at, as in 30,60,90. Else every frame.")
     ] = "",
-    static: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Static trial with palpated landmarks and the markers of clusters (see [clusters] of --map), which "
-            "carry them into IN; repeatable: over several postures of the arm the scapula is interpolated.",
-            show_default=False,
-        ),
-    ] = None,
+    static: Statics = None,
     aa_to_ac: AaToAc = "",
     sc_from_ij: ScFromIj = "",
     gh_from_ac: GhFromAc = "",
@@ -160,6 +163,7 @@ def model_of_person(
         str, typer.Option(help="Whose landmarks they are, if the file does not say; else its name.")
     ] = "",
     side: Shoulder = "right",
+    static: Statics = None,
     aa_to_ac: AaToAc = "",
     sc_from_ij: ScFromIj = "",
 ) -> None:
@@ -179,7 +183,7 @@ def model_of_person(
     unit_mm = named(surface_unit, UNITS_MM, "--surface-unit", "unit")
     files = SurfaceFiles(generic_surface, surface, unit_mm) if surface and generic_surface else None
     generic, mapping = load_model(model), read_mapping(names)
-    written, rejected = write_person_sets(source, out, generic, mapping, labels, rest, points, files)
+    written, rejected = write_person_sets(source, out, generic, mapping, labels, rest, points, files, static or [])
     print_persons(console, written)
     for error in rejected:
         errors.print(f"left out: {error}", soft_wrap=True)

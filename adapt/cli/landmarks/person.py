@@ -1,11 +1,12 @@
 """``girdle model``: landmarks and points of persons in, a parameter set of each out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from adapt.cli.landmarks.many_files import calibration_for
 from models.export.toml import parameters_toml
 from models.parameter_sets import ParameterSet, parameter_document, parameter_set
 from models.person.attachments import ScapularSurfaces
@@ -53,13 +54,16 @@ def write_person_sets(
     rest: str,
     points: Path | None,
     surface_files: SurfaceFiles | None = None,
+    statics: Sequence[Path] = (),
 ) -> tuple[list[Written], list[InputError]]:
     """Write a parameter set of every subject in the source; and why others have none.
 
-    target: a file that ends in .toml for one subject, else a folder. surface_files: of one subject alone. InputError if
-    the source cannot be used at all.
+    target: a file that ends in .toml for one subject, else a folder. surface_files: of one subject alone. statics: trials
+    in which the landmarks were palpated that clusters carry into the source. InputError if the source cannot be used at
+    all.
     """
-    persons, rejected = read_persons(source, mapping, labels, points)
+    calibration = calibration_for(source, statics, mapping, labels)
+    persons, rejected = read_persons(source, mapping, labels, points, calibration)
     if surface_files is not None and len(persons) > 1:
         cause = f"{source} has {len(persons)} subjects, and a surface is of one"
         raise InputError("--surface", None, cause, "Give the landmarks of the one whose surface it is")
@@ -72,6 +76,8 @@ def write_person_sets(
             at = person.named(rest) if rest else _lowest(person)
             surfaces = None if surface_files is None else _surfaces(person, surface_files, mapping)
             built, contours = _built(person, generic, at, surfaces)
+            if calibration is not None:
+                contours = (*contours, f"Landmarks are those that clusters carried; the scapula's: {calibration.said}.")
             text = person_toml(person.subject, built, contours, person.described(at), generic.name)
             parameter_set(parameter_document(text, person.file), person.file)  # what --model would refuse
         except InputError as error:

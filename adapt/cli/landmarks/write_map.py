@@ -34,7 +34,7 @@ def write_map(source: Path, target: Path, mapping: Mapping) -> int:
 
 def _of_markers(markers: Markers, mapping: Mapping) -> tuple[int, str]:
     found = {landmark: _short(markers, name) for landmark, name in names_of_landmarks(markers, mapping).items()}
-    said = f"the file says {printable(markers.unit)}" if markers.unit else "the file does not say it: mm, cm or m"
+    said = f"the file says {printable(markers.unit)}" if markers.unit else "the file does not say it: mm, cm, m or inch"
     unit = f"unit = {toml_text(mapping.unit)}" if mapping.unit else f'# unit = "mm"  # {said}'
     names = dict.fromkeys(_short(markers, name) for name in markers.names)
     others = [name for name in names if name not in found.values()]

@@ -5,15 +5,22 @@ from pathlib import Path
 from motions.errors import InputError
 from motions.formats.marker_files.c3d import read_c3d
 from motions.formats.marker_files.export_table import ENDINGS, read_head
-from motions.formats.marker_files.landmark_table import holds_positions, read_landmark_table
+from motions.formats.marker_files.landmark_table import has_header, holds_positions, read_landmark_table
 from motions.formats.marker_files.motive import is_motive, read_motive
 from motions.formats.marker_files.qualisys import is_qualisys, read_qualisys
 from motions.formats.marker_files.trc import read_trc
 from motions.formats.marker_files.vicon import is_vicon, read_vicon
+from motions.formats.marker_files.visual3d import is_visual3d, read_visual3d
 from motions.landmarks.markers import Markers
 
 _OF_ONE_KIND = {".c3d": read_c3d, ".trc": read_trc}
-_TABLES = ((is_motive, read_motive), (is_qualisys, read_qualisys), (is_vicon, read_vicon))
+_TABLES = (
+    (is_motive, read_motive),
+    (is_qualisys, read_qualisys),
+    (is_visual3d, read_visual3d),
+    (is_vicon, read_vicon),
+    (has_header, read_landmark_table),
+)
 
 
 def read_markers(path: Path) -> Markers | None:
@@ -34,5 +41,7 @@ def read_markers(path: Path) -> Markers | None:
             return read(path)
     if kind != ".csv":
         cause = "the header has no positions of markers: no columns such as IJ_x_mm, and it is none of a known program"
-        raise InputError(str(path), None, cause, "Known are tables of Vicon, Motive and Qualisys, .c3d and .trc")
+        raise InputError(
+            str(path), None, cause, "Known are tables of Vicon, Motive, Qualisys and Visual3D, .c3d and .trc"
+        )
     return None

@@ -1,7 +1,7 @@
 """A table of marker positions as capture software exports it, whatever its header: what all of them share."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,8 +27,11 @@ ENDINGS = (".csv", ".tsv", ".txt")
 
 EXPORT = "Export it again as CSV, TSV, .c3d or .trc"
 
-_NOTHING = ("null", "na", "n/a")
+_NOTHING = ("null", "na", "n/a", "-", "--", "---")
 """What programs write for a marker that was not seen, beside an empty cell, nan and zeros."""
+
+_SAYS_SEPARATOR = re.compile(r'\ufeff?"?sep=(.)"?', re.IGNORECASE)
+"""The first line by which a spreadsheet says what separates the cells."""
 
 _HEAD_BYTES, _HEAD_LINES = 2**18, 40
 """What is looked at to tell the kinds of tables apart: a header has fewer lines, of a few hundred names each."""
@@ -41,7 +44,7 @@ class ExportTable(NamedTuple):
     lines: list[Line]
 
     def columns(self) -> list[str]:
-        """Give the cells of the first line that is not blank."""
+        """Give the cells of the first line that is not blank, nor says what separates them."""
         return next((line.cells for line in self.lines if any(line.cells)), [])
 
     def first_words(self) -> list[str]:
@@ -58,15 +61,15 @@ class Block(NamedTuple):
 
 def read_head(path: Path) -> ExportTable:
     """Read the first lines of a text file, to tell which kind of table it is. InputError if it cannot be read."""
-    lines = plain_lines(decoded(read_bytes(path, _HEAD_BYTES)))[:_HEAD_LINES]
-    separator = _separator(lines)
+    text, separator = _separated(decoded(read_bytes(path, _HEAD_BYTES)))
+    lines = plain_lines(text)[:_HEAD_LINES]
     return ExportTable(str(path), [Line(k, _cells(line, separator)) for k, line in enumerate(lines, 1)])
 
 
 def read_export_table(path: Path) -> ExportTable:
     """Read all lines of a text file as cells. InputError if it is none."""
-    text = read_export(path, EXPORT)
-    return ExportTable(str(path), split_lines(text, _separator(plain_lines(text)[:_HEAD_LINES]), str(path)))
+    text, separator = _separated(read_export(path, EXPORT))
+    return ExportTable(str(path), split_lines(text, separator, str(path)))
 
 
 def markers_of(
@@ -86,7 +89,7 @@ def markers_of(
     columns = [column for block in blocks for column in block.columns]
     for line in data:
         _check_width(table.file, line, max(columns) + 1, width)
-    cells = with_points([_without_nothing(line.cells[column] for column in columns) for line in data])
+    cells = with_points([without_nothing(line.cells[column] for column in columns) for line in data])
     values = numbers(np.array(cells, dtype=object), [line.number for line in data], table.file)
     positions = zeros_as_gaps(values.T.reshape(len(blocks), 3, -1))
     return Markers(table.file, tuple(block.name for block in blocks), positions, unit, {}, rate_hz)
@@ -98,17 +101,24 @@ def number_or_none(text: str) -> float | None:
     return float(match[0].replace(",", ".")) if match and len(match[0]) < 20 else None
 
 
-def _separator(lines: Sequence[str]) -> str:
-    """What separates the cells: of the line with the most of it, as a title has none."""
+def _separated(text: str) -> tuple[str, str]:
+    """The text, and what separates its cells: what its first line says, or of the line with the most of it, as a title
+    has none. Where nothing but blanks does, tabs take their place."""
+    lines = plain_lines(text)[:_HEAD_LINES]
+    if said := _SAYS_SEPARATOR.fullmatch(lines[0].rstrip(",;\t ")):
+        return text[len(lines[0]) :], said[1]
     found = [(line.count(separator), separator) for line in lines if (separator := separator_of(line)) is not None]
-    return max(found)[1] if found else ","
+    if found:
+        return text, max(found)[1]
+    return re.sub(r"(?<=\S)[ ]+(?=\S)", "\t", text), "\t"
 
 
 def _cells(line: str, separator: str) -> list[str]:
     return [cell.strip().strip('"') for cell in line.split(separator)]
 
 
-def _without_nothing(cells) -> list[str]:
+def without_nothing(cells: Iterable[str]) -> list[str]:
+    """Empty the cells with a word for what was not seen."""
     return ["" if cell.casefold() in _NOTHING else cell for cell in cells]
 
 

@@ -1,7 +1,9 @@
 """Positions of landmarks under one header: columns IJ_x_mm, IJ_y_mm, ... or the like, one row a posture or frame.
 
-The separator may be a comma, a semicolon or a tab. A column is a marker, x, y or z in either case, and the unit where
-the file says it: ``IJ_x_mm``, ``IJ_X_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ_x``, ``IJX``. A line of units may follow.
+The separator may be a comma, a semicolon, a tab or blanks. A column is a marker, x, y or z in either case, and the unit
+where the file says it: ``IJ_x_mm``, ``IJ X [mm]``, ``IJ.x (m)``, ``IJ x / mm``, ``IJ_mm_x``, ``IJ_x``, ``IJX``,
+``X_IJ``. Without letters, ``IJ_1``, ``IJ_2`` and ``IJ_3`` are x, y and z, as MATLAB writes the columns of a matrix.
+Titles may stand above, a line of units below.
 """
 
 import re
@@ -18,12 +20,24 @@ from motions.landmarks.markers import Markers
 ROW_COLUMNS = ("subject", "motion", "posture", "side")
 """What a file may say of each row."""
 
-_COORDINATE = re.compile(
-    r"(?P<name>.*[^\s_.:-])[\s_.:-]+(?P<axis>[xyz])(?:[\s_.]*[\[(]?(?P<unit>mm|cm|m|millimet(?:er|re)s?|met(?:er|re)s?)[\])]?)?",
-    re.IGNORECASE,
+_UNIT = r"(?:[\s_./]*[\[(]?(?P<unit>" + "|".join((*UNITS_MM, *UNIT_WORDS)) + r")[\])]?)?"
+_OURS = "|".join(MARKERS)
+_FORMS = tuple(
+    re.compile(form, re.IGNORECASE)
+    for form in (
+        r"(?P<name>.*[^\s_.:-])[\s_.:-]+(?P<unit>mm|cm)[\s_.:-]+(?P<axis>[xyz])",
+        rf"(?P<name>.*[^\s_.:-])[\s_.:-]+[\[(]?(?P<axis>[xyz])[\])]?{_UNIT}",
+        rf"(?P<name>{_OURS})(?P<axis>[xyz]){_UNIT}",
+        rf"(?P<axis>[xyz])[\s_.:-]*(?P<name>{_OURS}){_UNIT}",
+    )
 )
-_TOGETHER = re.compile(rf"(?P<name>{'|'.join(MARKERS)})(?P<axis>[xyz])(?P<unit>)", re.IGNORECASE)
-"""A landmark called as here, with nothing between it and the axis."""
+"""Of a column: the last two of landmarks called as here, with nothing between, or with the axis before."""
+
+_NUMBERED = re.compile(r"(?P<name>.*[^\s_])_(?P<axis>[123])(?P<unit>)")
+_AXES = {"1": "x", "2": "y", "3": "z"}
+
+_FEWEST_NUMBERED = 4
+"""Markers with three numbers that make a table one of positions: those of the thorax."""
 
 _BONES = ("clavicle", "scapula", "humerus")
 """Their x, y and z are angles (``clavicle_y``), whatever unit is left out."""
@@ -32,7 +46,12 @@ _BONES = ("clavicle", "scapula", "humerus")
 def holds_positions(columns: Iterable[str]) -> bool:
     """Tell whether a table with these columns is one of positions: a motion file has the clavicle's angles too."""
     columns = list(columns)
-    return "clavicle_y_deg" not in columns and any(_coordinate(column) for column in columns)
+    return "clavicle_y_deg" not in columns and bool(_coordinates(columns))
+
+
+def has_header(head: ExportTable) -> bool:
+    """Tell whether a line of the head is the header of positions, titles above it or not."""
+    return any(holds_positions(line.cells) for line in head.lines)
 
 
 def read_landmark_table(path: Path) -> Markers:
@@ -41,9 +60,9 @@ def read_landmark_table(path: Path) -> Markers:
     InputError if a marker has only some of its coordinates, columns stand there twice or units differ.
     """
     table = read_export_table(path)
-    place, header = next((k, line) for k, line in enumerate(table.lines) if any(line.cells))
+    place, header = next((k, line) for k, line in enumerate(table.lines) if holds_positions(line.cells))
     _check_names(table.file, header.number, header.cells)
-    found = {column: match for column in header.cells if (match := _coordinate(column))}
+    found = _coordinates(header.cells)
     unit = _unit(table.file, header.number, found.values())
     names = dict.fromkeys(match["name"] for match in found.values())
     blocks = [_block(table, header.number, header.cells, name, found) for name in names]
@@ -54,9 +73,24 @@ def read_landmark_table(path: Path) -> Markers:
     return replace(markers, rows=_rows(header.cells, [line.cells for line in data]))
 
 
+def _coordinates(columns: Sequence[str]) -> dict[str, re.Match[str]]:
+    """The columns that are coordinates; those with numbers only where none has a letter."""
+    found = {column: match for column in columns if (match := _coordinate(column))}
+    if found:
+        return found
+    numbered = {column: match for column in columns if (match := _NUMBERED.fullmatch(column))}
+    names = [match["name"] for match in numbered.values()]
+    whole = {name for name in names if names.count(name) == len(_AXES)}
+    return {c: m for c, m in numbered.items() if m["name"] in whole} if len(whole) >= _FEWEST_NUMBERED else {}
+
+
 def _coordinate(column: str) -> re.Match[str] | None:
-    match = _COORDINATE.fullmatch(column) or _TOGETHER.fullmatch(column)
+    match = next((match for form in _FORMS if (match := form.fullmatch(column))), None)
     return None if match is None or match["name"].casefold() in _BONES else match
+
+
+def _axis(match: re.Match[str]) -> str:
+    return _AXES.get(match["axis"], match["axis"].lower())
 
 
 def _check_names(file: str, line: int, columns: list[str]) -> None:
@@ -87,7 +121,7 @@ def _block(table: ExportTable, line: int, columns: list[str], name: str, found: 
     own = [column for column, match in found.items() if match["name"] == name]
     places = []
     for axis in "xyz":
-        mine = [column for column in own if found[column]["axis"].lower() == axis]
+        mine = [column for column in own if _axis(found[column]) == axis]
         if len(mine) != 1:
             like = own[0][: found[own[0]].start("axis")] + axis + own[0][found[own[0]].end("axis") :]
             cause = f"column {like} is missing" if not mine else f"columns {' and '.join(mine)} are one coordinate"

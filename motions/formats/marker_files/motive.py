@@ -14,6 +14,9 @@ from motions.landmarks.markers import Markers
 
 _FIRST = "format version"
 _MARKER, _TYPES = "marker", ("marker", "rigid body", "bone", "rigid body marker", "bone marker", "asset marker")
+_WITHOUT_NAME = "unlabeled"
+"""How the program calls a marker that nobody named."""
+
 _UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m"}
 _EXPORT = "Export it again from Motive with the header and with Markers switched on"
 
@@ -66,9 +69,11 @@ def _blocks(table: ExportTable, types: Line, names: Line, kinds: Line, axes: Lin
 
     width = len(axes.cells)
     starts = [k for k in range(2, width - 2) if all(is_position(k + step, axis) for step, axis in enumerate("xyz"))]
-    if not starts:
-        there = ", ".join(dict.fromkeys(_type_cells(types)))
-        raise InputError(
-            table.file, types.number, f"this Motive export has {there} and no positions of Markers", _EXPORT
+    blocks = [Block(names.cells[k] if k < len(names.cells) else "", (k, k + 1, k + 2)) for k in starts]
+    there = [kind for kind in dict.fromkeys(_type_cells(types)) if kind.casefold() != _MARKER]
+    if not blocks or (there and all(block.name.casefold().startswith(_WITHOUT_NAME) for block in blocks)):
+        cause = f"this Motive export has {', '.join(there)} and no positions of Markers" + (
+            " with names" if blocks else ""
         )
-    return [Block(names.cells[k] if k < len(names.cells) else "", (k, k + 1, k + 2)) for k in starts]
+        raise InputError(table.file, types.number, cause, _EXPORT)
+    return blocks

@@ -12,13 +12,15 @@ from jaxtyping import Float
 
 from motions.errors import InputError, warn_input
 from motions.formats.gaps import zeros_as_gaps
-from motions.formats.marker_files.export_table import number_or_none
+from motions.formats.marker_files.export_table import number_or_none, without_nothing
 from motions.formats.text import Line, numbers, plain_lines, read_export, with_points
 from motions.landmarks.markers import Markers
 
 _EXPORT = "Export the trial again as .trc"
-_NAMES_LINE, _FIRST_DATA_LINE = 4, 6
-"""From 1: the names of the markers; below X1 Y1 Z1 ... come the data, mostly after a blank line."""
+_HEADER_LINES = 4
+"""The path, keys, their values, the names of the markers; below X1 Y1 Z1 ... come the data. Blank lines are none."""
+
+_AXIS = re.compile(r"[XYZ]\d*", re.IGNORECASE)
 
 _SEPARATORS = ("\t", ";", ",")
 """Of cells, the surest first; where a line has none of them, blanks separate them."""
@@ -33,18 +35,19 @@ def read_trc(path: Path) -> Markers:
     """
     file = str(path)
     text = read_export(path, _EXPORT)
-    lines = [Line(number, _cells(line)) for number, line in enumerate(plain_lines(text), 1)]
-    if len(lines) < _FIRST_DATA_LINE or not text.lstrip().startswith("PathFileType"):
+    numbered = [Line(number, _cells(line)) for number, line in enumerate(plain_lines(text), 1)]
+    lines = [line for line in numbered if any(line.cells)]
+    if len(lines) <= _HEADER_LINES or not text.lstrip().startswith("PathFileType"):
         raise InputError(file, None, "this is not a .trc file", _EXPORT)
-    header = dict(zip(lines[1].cells, lines[2].cells, strict=False))
-    names = lines[_NAMES_LINE - 1].cells
-    if names[:1] not in (["Frame#"], ["Frame"]):
-        raise InputError(file, _NAMES_LINE, "the line does not start with Frame#", _EXPORT)
+    header, names = dict(zip(lines[1].cells, lines[2].cells, strict=False)), lines[_HEADER_LINES - 1]
+    if not names.cells[0].startswith("Frame"):
+        raise InputError(file, names.number, "the line does not start with Frame#", _EXPORT)
     said = _said(header, "NumMarkers", file)
     markers = _marker_names(names, said, file)
     if said != len(markers):
         raise _miscounted(file, "NumMarkers", said, len(markers), "markers")
-    table = _table(lines, 2 + 3 * len(markers), file)
+    has_axes = any(_AXIS.fullmatch(cell) for cell in lines[_HEADER_LINES].cells)
+    table = _table(lines[_HEADER_LINES + has_axes :], 2 + 3 * len(markers), file)
     said = _said(header, "NumFrames", file)
     if said != len(table):
         found = _miscounted(file, "NumFrames", said, len(table), "frames")
@@ -70,10 +73,10 @@ def _has_separators(word: str) -> bool:
     return word.count(",") > 1 or word.startswith(",") or word.endswith(",")
 
 
-def _marker_names(names: list[str], said: int, file: str) -> list[str]:
+def _marker_names(names: Line, said: int, file: str) -> list[str]:
     """The names over the X columns: Frame#, Time, IJ, '', '', PX, '', '', ...; or one after the other, if they are as
     many as the header says."""
-    row = names[2:]
+    row = names.cells[2:]
     while row and not row[-1]:
         row.pop()
     named = [name for name in row if name]
@@ -81,13 +84,12 @@ def _marker_names(names: list[str], said: int, file: str) -> list[str]:
         cause = (
             f"the header says {said} markers (NumMarkers), and {len(named)} names do not stand over every third column"
         )
-        raise InputError(file, _NAMES_LINE, cause, "Each name is followed by two empty cells, all separated by tabs")
+        raise InputError(file, names.number, cause, "Each name is followed by two empty cells, all separated by tabs")
     return named
 
 
-def _table(lines: list[Line], columns: int, file: str) -> Float[np.ndarray, "frames columns"]:
+def _table(rows: list[Line], columns: int, file: str) -> Float[np.ndarray, "frames columns"]:
     """The data as numbers; an empty cell between two tabs keeps its place."""
-    rows = [line for line in lines[_FIRST_DATA_LINE - 1 :] if any(line.cells)]
     if not rows:
         raise InputError(file, None, "there are no frames under the header", _EXPORT)
     for number, cells in rows:
@@ -98,7 +100,7 @@ def _table(lines: list[Line], columns: int, file: str) -> Float[np.ndarray, "fra
             cause = f"the line has {len(cells)} cells and ends before the {columns} of the header"
             remedy = "Export it again if it was cut off; a gap is an empty cell with its tab"
             raise InputError(file, number, cause, remedy)
-    cells = with_points([line.cells[:columns] for line in rows])
+    cells = with_points([without_nothing(line.cells[:columns]) for line in rows])
     return numbers(np.array(cells, dtype=object), [line.number for line in rows], file)
 
 

@@ -2,7 +2,8 @@
 
 A line ``Trajectories``, one with the rate, names of markers over every third column, ``Frame, Sub Frame, X, Y, Z``,
 their units, and a row for each frame up to a blank line. Other sections (``Devices``, ``Model Outputs``) may stand
-before and after it, and velocities (``X'``) beside the positions. Without the first two lines it is read as well.
+before and after it, and velocities (``X'``) beside the positions. Without the first two lines it is read as well, and
+so are two rows of names and of x, y, z as pandas writes them.
 """
 
 from pathlib import Path
@@ -15,6 +16,13 @@ from motions.landmarks.markers import Markers
 SECTION = "trajectories"
 _OTHER_SECTIONS = ("devices", "joints", "segments", "model outputs", "events", "trajectory count")
 _FRAME = ("frame", "field #", "field")
+
+_MOST_LEADING = 3
+"""Columns before the first marker: numbers of the frame, its time."""
+
+_FEWEST = 4
+"""Markers: those of the thorax."""
+
 _EXPORT = "Export it again from Nexus as ASCII, with Trajectories switched on, or as .c3d"
 
 
@@ -43,15 +51,20 @@ def read_vicon(path: Path) -> Markers:
 
 
 def _is_axes(line: Line) -> bool:
-    """Tell whether this is the row Frame, Sub Frame, X, Y, Z, ..."""
+    """Tell whether this is the row Frame, Sub Frame, X, Y, Z, ..., or one of nothing but X, Y, Z, ..."""
     cells = [cell.casefold() for cell in line.cells]
-    return cells[:1] != [] and cells[0] in _FRAME and any(cells[k : k + 3] == ["x", "y", "z"] for k in (1, 2, 3))
+    lead = next((k for k in range(_MOST_LEADING + 1) if cells[k : k + 3] == ["x", "y", "z"]), None)
+    if lead is None:
+        return False
+    rest = [cell for cell in cells[lead:] if cell]
+    return cells[0] in _FRAME or (len(rest) >= 3 * _FEWEST and rest == ["x", "y", "z"] * (len(rest) // 3))
 
 
 def _blocks(file: str, names: Line, axes: Line) -> list[Block]:
     """A marker for each name, with the first X, Y and Z under it; X', Y' and Z' are velocities."""
     lead = [cell.casefold() for cell in axes.cells].index("x")
-    starts = [k for k, name in enumerate(names.cells) if name and k >= lead]
+    before = [*names.cells[:1], *names.cells]
+    starts = [k for k, name in enumerate(names.cells) if name and k >= lead and (k == lead or name != before[k])]
     if starts[:1] != [lead]:
         raise InputError(file, names.number, "the first marker has no name over its X", _EXPORT)
     return [

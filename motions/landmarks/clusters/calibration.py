@@ -9,11 +9,15 @@ the arm (double calibration: Brochard et al., J. Biomech. 44 (2011) 751-754), an
 from collections.abc import Mapping as Dictionary
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
 
-from motions.errors import InputError
+from motions.checks.distances import blamed, distances_mm
+from motions.checks.never_seen import never_seen_of_cluster
+from motions.checks.trial import frames_of, sound_landmarks
+from motions.errors import InputError, warn_input
 from motions.landmarks.clusters.rigid_fit import FEWEST, Pose, fit_rigid, mean_shape, part_of_the_way
 from motions.landmarks.frames import thorax_frame
 from motions.landmarks.mapping import THORAX, Mapping
@@ -30,10 +34,17 @@ SAME_POSTURE_DEG = 10.0
 """Static trials with the arm within this much of the lowest of them are one posture: over it, the skin of the acromion
 moves by less than a palpated landmark scatters."""
 
+SAME_BONE_MM = 20.0
+"""That a distance of palpated landmarks may differ between two postures. Assumed: each of its ends is palpated twice,
+with an SD of 5 mm, which is 10 mm for the difference."""
+
 _MOST_FRAMES = (0.05, 0.95)
 """Quantiles between which a static trial holds still: a marker that jumps does not count."""
 
 Positions = Dictionary[str, Float[np.ndarray, "3 frames"]]
+
+Node = tuple[float, str, dict[str, Float[np.ndarray, "3 1"]]]
+"""An elevation of the arm, the static trial, and the scapula's landmarks in its cluster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,11 +142,12 @@ class _Static:
             self.landmarks_mm = place_gh(self.landmarks_mm, gh_from, side)
         if {"IJ", "C7"} <= self.landmarks_mm.keys():
             check_size(markers.file, self.landmarks_mm, factor)
+        if self.landmarks_mm:
+            self.landmarks_mm = sound_landmarks(self.landmarks_mm, "static trial", markers.file)
         self.markers_mm = {
             name: place
-            for names in mapping.clusters.values()
-            for name in names
-            if (place := marker_mm(markers, mapping, name, factor)) is not None
+            for segment in mapping.clusters
+            for name, place in cluster_markers_mm(markers, mapping, segment, factor).items()
         }
 
     def seen(self, names: Sequence[str]) -> np.ndarray | None:
@@ -145,14 +157,31 @@ class _Static:
         return np.stack([self.markers_mm[name] for name in names])
 
     def beside(self, cluster: Cluster, landmarks: Sequence[str]) -> dict[str, Float[np.ndarray, "3 1"]]:
-        """The mean places of these landmarks in the frame of a cluster, of those seen together with it."""
+        """The median places of these landmarks in the frame of a cluster, of those seen together with it."""
         seen = self.seen(cluster.names)
         if seen is None:
             return {}
         pose = fit_rigid(cluster.shape_mm, seen).pose
         found = {name: pose.fetch(self.landmarks_mm[name]) for name in landmarks if name in self.landmarks_mm}
         known = {name: place[:, np.isfinite(place).all(axis=0)] for name, place in found.items()}
-        return {name: place.mean(axis=1, keepdims=True) for name, place in known.items() if place.shape[1]}
+        return {name: np.median(place, axis=1, keepdims=True) for name, place in known.items() if place.shape[1]}
+
+
+def cluster_markers_mm(
+    markers: Markers, mapping: Mapping, segment: str, factor: float
+) -> dict[str, Float[np.ndarray, "3 frames"]]:
+    """Find the markers of a segment's cluster that a file has, mm; NaN where one was not seen, with an InputWarning."""
+    every = {name: marker_mm(markers, mapping, name, factor) for name in mapping.clusters[segment]}
+    found = {name: place for name, place in every.items() if place is not None}
+    for name, unseen in never_seen_of_cluster(found).items():
+        if unseen.any():
+            x, y, z = found[name][:, np.flatnonzero(unseen)[0]]
+            found[name] = np.where(unseen, np.nan, found[name])
+            cause = (
+                f"marker {name} of cluster {segment} is at ({x:g}, {y:g}, {z:g}) in {frames_of(np.flatnonzero(unseen))}"
+            )
+            warn_input(InputError(markers.file, None, cause, "It was not seen there and is left out"))
+    return found
 
 
 def _cluster(segment: str, names: tuple[str, ...], read: Sequence[_Static]) -> Cluster:
@@ -230,11 +259,29 @@ def _over_elevation(
     return _body(nodes)
 
 
-def _body(nodes: Sequence[tuple[float, str, dict[str, np.ndarray]]]) -> Body:
+def _check_same_bone(first: Node, other: Node) -> None:
+    """InputError where landmarks were palpated that are not those of one scapula in two postures."""
+    pairs = [pair for pair in combinations(sorted(first[2]), 2) if set(pair) <= other[2].keys()]
+    if not pairs:
+        return
+    change = distances_mm(other[2], pairs)[:, 0] - distances_mm(first[2], pairs)[:, 0]
+    bad = {frozenset(pair): float(mm) for pair, mm in zip(pairs, change, strict=True) if abs(mm) > SAME_BONE_MM}
+    if not bad:
+        return
+    off = {pair: float(mm) / SAME_BONE_MM for pair, mm in zip(pairs, change, strict=True)}
+    named = " or ".join(" and ".join(names) for names in blamed(list(bad), off))
+    most = max(bad, key=lambda pair: abs(bad[pair]))
+    cause = f"{named} cannot be right: {' and '.join(sorted(most))} are {abs(bad[most]):.0f} mm "
+    cause += f"{'farther from' if bad[most] > 0.0 else 'nearer to'} each other than in {first[1]}"
+    raise InputError(other[1], None, cause, f"A scapula keeps its shape: palpate {named} again in one of the two")
+
+
+def _body(nodes: Sequence[Node]) -> Body:
     """One rigid scapula laid on what was palpated at each elevation. InputError where that is too little."""
     first = nodes[0][2]
     poses = []
     for at, file, places in nodes:
+        _check_same_bone(nodes[0], (at, file, places))
         common = [name for name in first if name in places]
         shape = np.stack([first[name][:, 0] for name in common])
         fit = fit_rigid(shape, np.stack([places[name] for name in common])) if len(common) >= FEWEST else None

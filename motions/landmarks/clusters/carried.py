@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from motions.errors import InputError, warn_input
-from motions.landmarks.clusters.calibration import Calibration, carried_by, elevation_deg
+from motions.landmarks.clusters.calibration import Calibration, carried_by, cluster_markers_mm, elevation_deg
 from motions.landmarks.clusters.rigid_fit import Pose, fit_rigid
 from motions.landmarks.mapping import Mapping
-from motions.landmarks.markers import NEEDED, Markers, check_size, landmarks_there_mm, marker_mm, millimetres
+from motions.landmarks.markers import NEEDED, Markers, check_size, landmarks_there_mm, millimetres
 
 LARGEST_RESIDUAL_MM = 10.0
 """Of a rigid fit, root mean square: a plate keeps its shape to a millimetre, markers on skin to some. More is a swapped
@@ -67,11 +67,11 @@ def _pose(
 ) -> tuple[Pose, Float[np.ndarray, " frames"]]:
     """The pose of a cluster in each frame, and the residual of its fit."""
     cluster = calibration.clusters[segment]
-    places = {name: marker_mm(markers, mapping, name, factor) for name in cluster.names}
+    places = cluster_markers_mm(markers, mapping, segment, factor)
     nothing = np.full((3, markers.positions.shape[2]), np.nan)
-    fit = fit_rigid(cluster.shape_mm, np.stack([nothing if x is None else x for x in places.values()]))
+    fit = fit_rigid(cluster.shape_mm, np.stack([places.get(name, nothing) for name in cluster.names]))
     if np.isnan(fit.residual_mm).all():
-        absent = [name for name, place in places.items() if place is None]
+        absent = [name for name in cluster.names if name not in places]
         cause = f"cluster {segment} is in no frame: " + (
             f"there is no marker {', '.join(absent)}" if absent else "gaps"
         )
