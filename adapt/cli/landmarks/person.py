@@ -58,9 +58,9 @@ def write_person_sets(
 ) -> tuple[list[Written], list[InputError]]:
     """Write a parameter set of every subject in the source; and why others have none.
 
-    target: a file that ends in .toml for one subject, else a folder. surface_files: of one subject alone. statics: trials
-    in which the landmarks were palpated that clusters carry into the source. InputError if the source cannot be used at
-    all.
+    target: a file that ends in .toml for one subject, else a folder. surface_files: of one subject alone. statics:
+    trials in which the landmarks were palpated that clusters carry into the source. InputError if the source cannot be
+    used at all.
     """
     calibration = calibration_for(source, statics, mapping, labels)
     persons, rejected = read_persons(source, mapping, labels, points, calibration)

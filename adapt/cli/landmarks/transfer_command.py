@@ -126,6 +126,6 @@ def _print_carried(console: Console, carried: Carried, distances: pd.DataFrame) 
         kind = row["type"] if isinstance(row["type"], str) else ""
         table.add_row(row["attachment"], row["shape"], str(row["points"]), *cells, kind)
     console.print(table)
-    if distances["type"].isna().all():
+    if not any(isinstance(kind, str) for kind in distances["type"]):
         said = f"An attachment carried from another bone is assumed to be {ATTACHMENT_SD_MM:g} mm (SD a coordinate) off"
         console.print(f"{said} (Tables 4.6 and 4.7: 4 to 21 mm)", soft_wrap=True)
