@@ -295,7 +295,8 @@ def _say_slipped(motions: Motions) -> None:
 
 def _say_thorax(motions: Motions) -> None:
     """Print the thorax against the global frame, median and range by motion; and how the clavicle's axis differs."""
-    for said in dict.fromkeys(motions.extra[CLAVICLE_Z_BY] if CLAVICLE_Z_BY in motions.extra else ()):
+    said_by = motions.extra.get(CLAVICLE_Z_BY)
+    for said in dict.fromkeys(() if said_by is None else said_by):
         console.print(f"Clavicle's z axis by the {said}", soft_wrap=True)
     rows = thorax_table(motions)
     if not len(rows):
