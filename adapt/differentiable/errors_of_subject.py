@@ -116,7 +116,8 @@ class Problem(NamedTuple):
     def starts(self, bounds: Array | None) -> Array:
         """Lay out thetas to start from, one each row."""
         if self.own is None:
-            return jnp.clip(least_squares(self.distances, self.girdle.adapted_mm) + STARTS_MM, *bounds)
+            around = least_squares(self.distances, self.girdle.adapted_mm) + STARTS_MM
+            return around if bounds is None else jnp.clip(around, *bounds)
         return jax.lax.map(partial(_softly, self, self.own), jnp.asarray(1.0 / _SLACKS_MM))
 
 
