@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,10 @@ import numpy as np
 import pytest
 from command import girdle
 
-from models import load_model, model_names
+from models import ParameterSet, load_model, model_names
 from models.export.opensim import Q, opensim_model
 from models.girdle import bone_rotations, chain_landmarks
+from models.person.own_bones import with_own_sizes
 from motions import ANGLES, read_motions
 from motions.rhythm_subjects import DATA_FILE
 
@@ -29,6 +31,24 @@ TURNED_DEG = 8.0
 """Away from rest, and well within what every set's clavicle can take."""
 
 
+OWN_BONES = "R2 with bones of its own"
+OWN_SIZES = {
+    "clavicle_AC_y_mm": 4.0,
+    "clavicle_AC_z_mm": -3.0,
+    "clavicle_length_percent": 5.0,
+    "scapula_size_percent": -6.0,
+}
+"""AC is off the axis of the clavicle."""
+
+
+def parameter_set(name: str) -> ParameterSet:
+    if name != OWN_BONES:
+        return load_model(name)
+    R2 = load_model("R2")
+    sizes = {key: np.array(value) for key, value in OWN_SIZES.items()}
+    return replace(R2, girdle=with_own_sizes(R2.girdle, sizes))
+
+
 def in_opensim(*arguments: object) -> dict[str, Any]:
     command = [sys.executable, str(IN_OPENSIM), *map(str, arguments)]
     return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
@@ -40,12 +60,12 @@ def here_mm(place_m) -> np.ndarray:
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, TURNED_DEG], ids=["rest", "turned"])
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", [*model_names(), OWN_BONES])
 def test_opensim_opens_the_model_and_closes_its_chain(name, turned_deg, tmp_path):
     """SC and AC are where our clavicle of the same angles has them; the scapula has our size, the conoid its length."""
-    ours = load_model(name).girdle
+    ours = parameter_set(name).girdle
     path = tmp_path / f"{name}.osim"
-    path.write_text(opensim_model(load_model(name)), encoding="utf-8")
+    path.write_text(opensim_model(parameter_set(name)), encoding="utf-8")
     found = in_opensim("model", path, turned_deg)
     at = {point: here_mm(place) for point, place in found["markers_m"].items()}
     angles = np.concatenate([found["clavicle_rad"], np.zeros(3)])

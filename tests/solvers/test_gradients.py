@@ -22,6 +22,9 @@ FD_TOLERANCE = 1e-6
 """Central differences of step 1e-3 mm or 1e-4 rad: the solver stops at |g| and |dL/dq| of 1e-9, mostly far below, which
 over the step leaves 1e-7; the rest is truncation. Relative to the largest entry."""
 
+FOLD_STEP_RAD = 1e-5
+"""At a fold angles bend more."""
+
 EXACT = 1e-9
 """Forward and reverse: the same 9 x 9 system solved from the left and from the right; condition 1e4. Relative."""
 
@@ -161,3 +164,19 @@ def test_it_ends_where_fit_postures_ends():
 
 SAME_J = 1e-9
 """Relative, and rad: both end at a stationarity of 1e-9."""
+
+
+@cache
+def at_a_fold() -> tuple[jnp.ndarray, jnp.ndarray]:
+    """A posture whose clavicle was not measured, and with which no chain has the measured angles of the scapula."""
+    angles = jnp.asarray(simulate_subjects(10, seed=1).angles_deg[44] / DEG)
+    return angles, jnp.arange(6) >= 3
+
+
+@pytest.mark.parametrize("angle", range(3, 6))
+def test_slopes_where_three_missing_angles_are_at_a_fold(angle):
+    angles, known = at_a_fold()
+    assert value(GIRDLE, angles, known)[-1] > 1.0  # J: with three angles of six a chain leaves none, but at a fold
+    step = FOLD_STEP_RAD * jnp.eye(6)[angle]
+    up, down = (value(GIRDLE, angles + sign * step, known) for sign in (1.0, -1.0))
+    assert_close(forward(GIRDLE, angles, known)[1][:, angle], (up - down) / (2.0 * FOLD_STEP_RAD), FD_TOLERANCE)

@@ -83,8 +83,8 @@ LEAVES = {"newton": 0.01, "projection": 0.01, "differentiable": 0.02}
 """Share of a problem's postures that a kernel may leave to the other one (seen: 0.4 % of those 60 degrees away), or
 that ``adapt.differentiable`` may say are NaN (seen: 1.3 % of them)."""
 
-LEAVES_OF = {("differentiable", "missing angles"): 0.15}
-"""In place of ``LEAVES``: of postures with three angles missing more than a third are NaN (seen: 13 % of all)."""
+LEAVES_OF = {("differentiable", "missing angles"): 0.0, ("differentiable", "missing axial rotations"): 0.0}
+"""In place of ``LEAVES``."""
 
 ONLY_PROJECTION = {"effects", "effects of no size", "hardly held"}
 

@@ -97,7 +97,7 @@ class Parts(NamedTuple):
 def persons_first(values: Float[np.ndarray, "*k problems"]) -> Float[np.ndarray, " problems *k"]:
     """Lay out the numbers of each person one after the other, so that sums over them are the same to the last digit
     whoever else is there."""
-    return np.ascontiguousarray(np.moveaxis(values, -1, 0))
+    return np.ascontiguousarray(values.transpose(-1, *range(values.ndim - 1)))
 
 
 class Prior(NamedTuple):

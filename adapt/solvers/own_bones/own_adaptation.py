@@ -60,13 +60,8 @@ _AS_GOOD_AS_NOISE = 1.3
 """Times the F that noise alone leaves."""
 
 _LEARNING_STEPS, _NOISE_ROUNDS = 30, 5
-"""Scales are learnt from closed chains, where so many steps lead, at an optimum or not; most rounds of a noise."""
-
-_AS_GOOD_AS_NOISE = 1.3
-"""Times the F that noise alone leaves."""
-
-_LEARNING_STEPS = 30
-"""Scales are learnt from where so many lead, at an optimum or not: y has what is open of the chain, and its slopes."""
+"""Scales are learnt from closed chains, where so many steps lead, at an optimum or not: y has what is open, and its
+slopes. Most rounds of a noise."""
 
 _POSTURE_ROUNDS = 4
 """A person with a posture in the higher of two local minima goes on from the lower one."""

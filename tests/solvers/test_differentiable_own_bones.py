@@ -1,0 +1,149 @@
+# pyright: reportOptionalMemberAccess=false
+# (own_bones is None of a plain adaptation)
+"""Own bones as a differentiable function: the minimum of the compiled search, and slopes that are its differences."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from programs import few_runs
+
+from adapt import adapt_subjects
+from adapt.differentiable import AdaptedSubject, OwnPrior, adapt_subject
+from adapt.differentiable.errors_of_subject import problem_of
+from adapt.engine.batching import take_problems
+from adapt.solvers.own_bones.own_adaptation import People
+from adapt.solvers.own_bones.scales import Scales
+from models import load_model
+from models.adapted_parameters import ADAPTED
+from models.person.own_bones import SIZES
+from motions import read_motions
+from motions.rhythm_subjects import DATA_FILE
+
+SAME_E = 1e-9
+"""Relative."""
+
+SAME_SDS = 1e-5
+"""Of a size: the compiled search ends where the slope is a millionth of what the prior pulls with."""
+
+BY_DIFFERENCES = 1e-6
+"""Relative to the largest of a direction, differences of four points: sizes are settled to 1e-9 SDs."""
+
+NEAR_SDS = 0.1
+"""Of all sizes: a chain with a slack of 0.01 mm from one with none (seen: 0.01)."""
+
+STEPS = {"angles": 2e-5, "girdle": 2e-3, "columns": 1e-4, "noise": 1e-4, "weight": 0.1}
+"""Rad, mm, relative, deg."""
+
+SCALES = Scales(adapted=0.9, bones=1.1, frames=0.8, noise_deg=1.5)
+FACTORS = {"adapted": 0.9, "bones": 1.1, "frames": 0.8}
+MODEL = load_model("R2")
+PRIOR = OwnPrior.about(MODEL, SCALES.noise_deg, FACTORS)
+MOTIONS = read_motions(DATA_FILE)
+SUBJECTS = ("simulated02", "simulated03")
+"""The search of the first one ends elsewhere without the start of the compiled one."""
+
+POSTURES = 16
+"""Of which the last two are padding."""
+
+AT = (1, -1, 2, -2)
+
+
+def angles_of(subject: str) -> np.ndarray:
+    angles = np.deg2rad(MOTIONS.angles_deg[MOTIONS.subject == subject].T)
+    return np.pad(angles, ((0, 0), (0, POSTURES - angles.shape[1])), constant_values=np.nan)
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    people = People({}, {MODEL.name: SCALES}, {MODEL.name: {}})
+    motions = MOTIONS.select(np.isin(MOTIONS.subject, SUBJECTS))
+    return adapt_subjects(motions, MODEL, held_out=(), own_bones=people).of(MODEL.name)
+
+
+def start_of(compiled, subject: str) -> np.ndarray:
+    own = take_problems(compiled.own_bones, SUBJECTS.index(subject))
+    return own.sizes / own.prior_sd
+
+
+def result(numbers: dict, known, start) -> AdaptedSubject:
+    return adapt_subject(
+        numbers["girdle"],
+        *(MODEL.points_mm, MODEL.bounds_mm, numbers["angles"], known, numbers["weight"]),
+        own_bones=OwnPrior(numbers["columns"], numbers["noise"]),
+        start=start,
+    )
+
+
+def numbers_of(subject: str) -> dict:
+    girdle = jax.tree.map(jnp.asarray, MODEL.girdle)
+    angles = jnp.asarray(angles_of(subject))
+    return {"girdle": girdle, "angles": angles, "columns": PRIOR.columns_mm, "noise": PRIOR.noise_deg, "weight": 10.0}
+
+
+@few_runs
+def with_slopes(numbers: dict, moved: dict, known, start):
+    """The result, and its slope where the numbers move so."""
+    return jax.jvp(lambda numbers: result(numbers, known, start), (numbers,), (moved,))
+
+
+def solved(subject: str, start, numbers: dict | None = None, moved: dict | None = None):
+    numbers = numbers_of(subject) if numbers is None else numbers
+    moved = jax.tree.map(jnp.zeros_like, numbers) if moved is None else moved
+    return with_slopes(jax.tree.map(jnp.asarray, numbers), moved, np.isfinite(angles_of(subject)), start)
+
+
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_the_minimum_is_that_of_the_compiled_search(compiled, subject):
+    found, _ = solved(subject, start_of(compiled, subject))
+    expected = take_problems(compiled.adapted, SUBJECTS.index(subject))
+    assert found.converged
+    np.testing.assert_allclose(found.E, expected.E, rtol=SAME_E)
+    np.testing.assert_allclose(found.sizes, start_of(compiled, subject), atol=SAME_SDS)
+    np.testing.assert_allclose(found.theta_mm, expected.theta_mm, atol=SAME_SDS * max(one.sd for one in SIZES))
+    np.testing.assert_allclose(found.theta_mm, found.girdle.adapted_mm)
+    assert found.free.all()
+    assert len(found.theta_mm) == len(ADAPTED)
+
+
+def test_a_start_of_its_own_is_near_it(compiled):
+    angles = angles_of("simulated03")
+    starts = few_runs(
+        lambda angles, known: problem_of(MODEL.girdle, MODEL.points_mm, angles, known, 10.0, PRIOR).starts(None)
+    )
+    sizes = starts(angles, np.isfinite(angles))
+    away = np.abs(sizes - start_of(compiled, "simulated03")).max(axis=1)
+    assert away[0] < NEAR_SDS < away[-1]
+    assert not sizes[-1].any()  # the set
+
+
+def direction(what: str, numbers: dict) -> dict:
+    """A random one in these numbers, of the columns in proportion; of the measured angles alone."""
+    random = np.random.default_rng(5)
+    moved = jax.tree.map(jnp.zeros_like, numbers)
+    sizes = {"columns": numbers["columns"]}
+    moved[what] = jax.tree.map(
+        lambda x: jnp.where(jnp.isfinite(x), random.normal(size=x.shape), 0.0), sizes.get(what, numbers[what])
+    )
+    if what == "columns":
+        moved[what] = moved[what] * numbers[what]
+    return moved
+
+
+@pytest.mark.parametrize("what", STEPS)
+def test_slopes_are_differences(compiled, what):
+    subject = SUBJECTS[1]
+    start, numbers = start_of(compiled, subject), jax.tree.map(jnp.asarray, numbers_of(subject))
+    moved = direction(what, numbers)
+    _, slope = solved(subject, start, numbers, moved)
+    ends = []
+    for at in AT:
+        there = jax.tree.map(lambda x, d, at=at: x + at * STEPS[what] * d, numbers, moved)
+        found, _ = solved(subject, start, there)
+        ends.append(np.concatenate([found.sizes, found.girdle.numbers_mm]))
+    up, down, twice_up, twice_down = ends
+    expected = (8.0 * (up - down) - (twice_up - twice_down)) / (12.0 * STEPS[what])
+    ours = np.concatenate([slope.sizes, slope.girdle.numbers_mm])
+    if what == "weight":
+        np.testing.assert_allclose(ours, 0.0, atol=1e-7)  # no optimum follows w
+    np.testing.assert_allclose(ours, expected, rtol=0.0, atol=BY_DIFFERENCES * max(1.0, np.abs(expected).max()))
