@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from adapt.output.run_files import write_table
-from adapt.output.svg import BLUE, ORANGE, svg
+from adapt.output.svg import BLUE, GREEN, ORANGE, svg
 from adapt.tables.muscle_tables import JOINTS, MuscleTables
 from motions.files import atomic_write
 
@@ -22,7 +23,12 @@ _BIN_DEG = 15.0
 _MARGIN = 1.1
 """Above the largest arm."""
 
-_STYLES = {"before": {"color": ORANGE, "linestyle": "--"}, "after": {"color": BLUE}}
+_STYLES = {"before": "--", "after": "-"}
+
+_COLOURS = {"sc": BLUE, "ac": ORANGE, "gh": GREEN}
+
+_COLUMNS = 5
+"""Of the figure: a muscle each."""
 
 
 def write_muscles(folder: Path, found: MuscleTables) -> None:
@@ -36,25 +42,38 @@ def write_muscles(folder: Path, found: MuscleTables) -> None:
 def arms_figure(muscles: pd.DataFrame) -> Figure:
     """Draw the arms of each muscle over elevation, means of all subjects and sets, before and after adaptation."""
     names = list(muscles["muscle"].unique())
-    figure = Figure(figsize=(1.9 * len(names), 4.2), layout="constrained")
-    grid = figure.subplots(len(JOINTS), len(names), sharex=True, sharey="row", squeeze=False)
-    for row, joint in zip(grid, JOINTS, strict=True):
-        row[0].set_ylabel(f"arm about {joint.upper()}, mm")
-        tops = [_draw(axes, muscles[muscles["muscle"] == name], joint) for axes, name in zip(row, names, strict=True)]
-        row[0].set_ylim(0.0, _MARGIN * max(tops))
-    for axes, name in zip(grid[0], names, strict=True):
-        axes.set_title(name.replace("_", " "), loc="left")
-    grid[0][0].legend(frameon=False)
+    rows = -(-len(names) // _COLUMNS)
+    figure = Figure(figsize=(1.9 * _COLUMNS, 1.9 * rows), layout="constrained")
+    grid = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    tops = [_draw(axes, muscles[muscles["muscle"] == name]) for axes, name in zip(grid, names, strict=False)]
+    grid[0].set_ylim(0.0, _MARGIN * max(tops))
+    for axes, name in zip(grid, names, strict=False):
+        axes.set_title(name.replace("_", " "), loc="left", fontsize=8.0)
+    for axes in grid[len(names) :]:
+        axes.set_visible(False)
+    figure.legend(handles=_legend(), frameon=False, loc="outside upper center", ncols=len(JOINTS) * len(_STYLES))
+    figure.supylabel("arm, mm", fontsize=8.0)
     figure.supxlabel("humerus elevation, degrees", fontsize=8.0)
     return figure
 
 
-def _draw(axes: Axes, rows: pd.DataFrame, joint: str) -> float:
-    """Draw one muscle in both states; the largest arm drawn."""
+def _legend() -> list[Line2D]:
+    return [
+        Line2D([], [], color=_COLOURS[joint], linestyle=style, label=f"about {joint.upper()}, {word}")
+        for joint in JOINTS
+        for word, style in _STYLES.items()
+    ]
+
+
+def _draw(axes: Axes, rows: pd.DataFrame) -> float:
+    """Draw one muscle about the joints that it goes over, in both states; the largest arm drawn."""
     top = 0.0
     place = np.round(rows["humerus_elevation_deg"] / _BIN_DEG) * _BIN_DEG
-    for word, style in _STYLES.items():
-        mean = rows.groupby(place)[f"about_{joint}_{word}_mm"].mean()
-        axes.plot(mean.index, mean, label=word, **style)
-        top = max(top, float(np.nanmax(mean)))
+    for joint in JOINTS:
+        for word, style in _STYLES.items():
+            mean = rows.groupby(place)[f"about_{joint}_{word}_mm"].mean()
+            largest = float(np.nan_to_num(mean.to_numpy(float)).max(initial=0.0))
+            if largest > 0.0:
+                axes.plot(mean.index, mean, color=_COLOURS[joint], linestyle=style)
+                top = max(top, largest)
     return top

@@ -25,7 +25,7 @@ STYLE: dict[Any, Any] = {
 NOTE = {"color": "0.35", "fontsize": 7.5}
 """Of text that explains."""
 
-ORANGE, BLUE = "#e69f00", "#0072b2"
+ORANGE, BLUE, GREEN = "#e69f00", "#0072b2", "#009e73"
 """Okabe and Ito's: told apart by the colour-blind and, by lightness, in grey print."""
 
 

@@ -16,15 +16,22 @@ from adapt.tables.results import Tables
 from models.muscles.muscle_lines import SERRATUS, MuscleLines, muscle_lines_of
 from models.muscles.pulls import line_points_mm
 from models.person.family import AnyModel
+from motions.landmarks.humerus_pose import humerus_pose
 from motions.rotations import DEG
 from motions.table import Motions
 
-ROOM_KB, DRAWN_KB, LINES_KB = 4600.0, 0.65, 3.5
+ROOM_KB, DRAWN_KB, LINES_KB = 4600.0, 0.65, 10.0
 """Of a page of 10 MB, beside the library that draws; what one drawn posture of one parameter set takes of it, and what
 its lines do."""
 
 CURVED = 5
 """Points of a path between its ends: its chords leave the ellipsoid by less than a pixel."""
+
+DRAWN = {"": (0, -1), "thorax": tuple(range(CURVED + 2))}
+"""Which of its points are drawn of a line, by its contour."""
+
+ROUND_HUMERUS = (0, 1, 3, 5, 6)
+"""And round the humerus, which is small: its chords leave it by less than 1 mm."""
 
 _ARM_DIGITS = 1
 
@@ -64,12 +71,12 @@ def force_sentence(found: MuscleTables, model: str) -> str:
 def _of_model(motions: Motions, model: AnyModel, result: Tables, muscles: pd.DataFrame, rows, places) -> dict[str, Any]:
     drawn = rows[places]
     names = motions.subject[drawn].tolist()
-    lines = muscle_lines_of(model, names)
+    lines, humerus = muscle_lines_of(model, names), humerus_pose(motions.take(drawn)).angles
     mine = muscles[muscles["model"] == model.name]
     states = {}
     for state, girdles in girdles_by_state(model, names, result).items():
         angles = fitted_deg(state_rows(result.fits, model.name, state).iloc[drawn]) / DEG
-        points = line_points_mm(lines, girdles, angles, CURVED)
+        points = line_points_mm(lines, girdles, angles, CURVED, humerus)
         states[state] = {
             "paths": {int(place): path for place, path in zip(places, _paths(lines, points), strict=True) if path},
             "arms_mm": [_arms(motions, mine, f"about_{joint}_{state}_mm", lines.muscles, rows) for joint in JOINTS],
@@ -86,7 +93,8 @@ def _paths(lines: MuscleLines, points_mm: Float[np.ndarray, " points 3 lines pos
     """Whole mm of each posture and line; of a straight line its ends alone. Empty where a posture has none."""
     found = []
     for posture in np.moveaxis(points_mm, -1, 0):
-        each = [posture[:: 1 if wraps else len(posture) - 1, :, k].ravel() for k, wraps in enumerate(lines.wraps)]
+        drawn = [list(DRAWN.get(contour, ROUND_HUMERUS)) for contour in lines.contour]
+        each = [posture[which, :, k].ravel() for k, which in enumerate(drawn)]
         known = all(np.isfinite(path).all() for path in each)
         found.append([np.round(path).astype(int).tolist() for path in each] if known else [])
     return found

@@ -32,7 +32,7 @@ from adapt.report.muscle_figures import force_sentence, muscle_sentence
 from adapt.report.overview import adapted_parameters, overview, people, simulated_subjects, whether_to_use
 from adapt.report.plain_words import GLOSSARY, explained, with_hover
 from adapt.report.position_figures import HEIGHT, STATE_NAMES, WIDTH, drawings, shown_states
-from adapt.tables.muscle_tables import MuscleTables, force_means, muscle_means
+from adapt.tables.muscle_tables import MuscleTables, force_means, humerus_known_by, muscle_means
 from adapt.tables.results import Tables
 from adapt.tables.thorax_table import THORAX_WORDS, thorax_table
 from models.effects import EFFECTS
@@ -106,6 +106,7 @@ def report_html(
             rejected=[str(error) for error in motions.rejected],
             muscles=muscle_means(muscles).reset_index().to_dict("records") if muscles else [],
             forces=force_means(muscles.balance) if muscles else {},
+            posed=" ".join(humerus_known_by(muscles.balance)) if muscles else "",
             with_lines=_with_lines(data),
             thorax=thorax_table(motions).to_dict("records"),
             thorax_words=THORAX_WORDS,

@@ -1,45 +1,46 @@
-"""Static balance of clavicle and scapula with the least muscle stress: a convex problem with one solution or none.
+"""Static balance of clavicle, scapula and arm with the least muscle stress: a convex problem with one solution or none.
 
 Unknown: the force x_l of each line as a share of its strongest force F_l, and the forces c of TS and AI (which the
-thorax can only press) and of the conoid (which can only pull). The reactions in SC and AC drop out of the moments about
-them, three of the scapula about AC and three of clavicle and scapula about SC:
+thorax can only press) and of the conoid (which can only pull). The reactions in SC, AC and GH drop out of the moments
+about them, three of the arm about GH, three of scapula and arm about AC, and three of all about SC. The humerus presses
+the glenoid with F = B x + g, of the muscles that reach it and of the arm's weight, and F has to point within its rim,
+r_k . F >= 0 (``glenoid``; thesis 3.3.2):
 
-    minimise  |x|^2    subject to    A x + C c + w = 0,   x >= 0,   c >= 0,
+    minimise  |x|^2    subject to    A x + C c + w = 0,   x >= 0,   c >= 0,   K x + k >= 0,
 
-A: moments of the strongest forces, C: of unit contact forces, w: of the arm's weight. Least squared stress is the
-criterion of the thesis (3.2.1), as a strongest force is cross-section times one stress. With C = [Q1 Q2] [R; 0],
+A: moments of the strongest forces, C: of unit contact forces, w: of the weights, K = r B, k = r g. Least squared stress
+is the criterion of the thesis (3.2.1), as a strongest force is cross-section times one stress. With C = [Q1 Q2] [R; 0],
 
     Q2'(A x + w) = 0,    c = -R^-1 Q1'(A x + w) >= 0:
 
-the first are the moments in the three free directions of the chain, where contact does no work; the second are its
+the first are the moments in the six free directions of chain and arm, where contact does no work; the second are its
 multipliers. With x = x0 + Z z, x0 the shortest solution of the equations and Z normal to them, the rest is a
 least-distance problem, min |z| with G z >= h, which Lawson and Hanson (Solving Least Squares Problems, 1974, ch. 23)
 turn into non-negative least squares: with r the residual of  [G'; h'] u = (0, 1),  z = -r_1..m / r_m+1; where r = 0
 there is no solution. ``scipy.optimize.lsq_linear`` solves it by active sets, and what it returns is checked. (SciPy's
 ``nnls`` returns wrong solutions in versions 1.15 to 1.17 at least: scipy/scipy issue 25389; here in 7 % of postures.)
 
-The arm's own muscles are not in it: its weight acts in GH as a force, without the moment that they pass to the scapula.
+Left out: the weight of clavicle and scapula, the moments that ligaments and capsules bear, and the balance of the
+elbow.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Shaped
+from threadpoolctl import threadpool_limits
 
 from models.girdle import Girdle, landmarks
-from models.muscles.contact import FORCES, ContactForces
-from models.muscles.muscle_lines import MuscleLines
+from models.muscles.arm_load import ArmLoad
+from models.muscles.contact import ContactForces
+from models.muscles.glenoid import glenoid_axes, half_angles, off_centre, rim_sides
+from models.muscles.muscle_lines import HUMERUS, MuscleLines, published_lines
 from models.muscles.pulls import Pulls
+from motions.landmarks.frames import humerus_rotation
 from motions.rotations import rotate, rotation_from_cardan
 
 OK, BEYOND_STRENGTH, NO_SOLUTION = "ok", "beyond_strength", "no_solution"
-NOT_CONVERGED, INVALID = "not_converged", "invalid"
-
-GRAVITY_M_S2 = 9.81
-
-ARM_SHARE = 0.05
-"""Mass of a whole arm, of the body's: upper arm 0.028, forearm and hand 0.022 (D.A. Winter, Biomechanics and Motor
-Control of Human Movement, 4th ed. 2009, Table 4.1, after Dempster 1955)."""
+BEYOND_RIM, NOT_CONVERGED, INVALID = "beyond_rim", "not_converged", "invalid"
 
 LARGEST_SHARE = 1e4
 """A solution whose |x| were beyond it is none: no muscle has it, and rounding would decide."""
@@ -60,16 +61,19 @@ class Balance(NamedTuple):
     force_N: Float[np.ndarray, " lines postures"]
     contact_N: Float[np.ndarray, " 3 postures"]
     """Of FORCES: TS, AI, conoid."""
-    multipliers: Float[np.ndarray, " 6 postures"]
-    """y of A x + C c + w = 0: x = max(A'y, 0), C'y <= 0."""
+    gh_N: Float[np.ndarray, " 3 postures"]
+    """F, which the humerus presses the glenoid with, thorax frame; the reaction in GH is its opposite."""
+    off_centre: Float[np.ndarray, " postures"]
+    """How far toward the rim F points: 0 the glenoid's middle, 1 its rim."""
+    multipliers: Float[np.ndarray, " 9 postures"]
+    """y of A x + C c + w = 0: x = max(A'y + K'v, 0), C'y <= 0."""
+    rim_multipliers: Float[np.ndarray, " sides postures"]
+    """v >= 0 of K x + k >= 0."""
     status: Shaped[np.ndarray, " postures"]
-    """``ok``; ``beyond_strength``: a line would need more than its strongest force; ``no_solution``: no forces of these
-    signs balance the arm; ``not_converged``; ``invalid``: a path or an angle is missing."""
-
-
-def arm_weight_N(body_mass_kg: float) -> float:
-    """Compute the weight of one arm, N."""
-    return ARM_SHARE * body_mass_kg * GRAVITY_M_S2
+    """``ok``; ``beyond_strength``: a line would need more than its strongest
+    force; ``beyond_rim``: forces of these signs balance the arm, but none whose reaction in GH is within the glenoid;
+    ``no_solution``: none at all; ``not_converged``; ``invalid``: a path or an angle is missing, as the elevation of the
+    humerus."""
 
 
 def balance(
@@ -78,50 +82,79 @@ def balance(
     contact: ContactForces,
     girdle: Girdle,
     angles: Float[np.ndarray, " 6 postures"],
-    weight_N: float,
+    humerus: Float[np.ndarray, " 3 postures"],
+    load: ArmLoad,
 ) -> Balance:
-    """Balance the arm's weight, down along the thorax's y-axis, in every posture (rad); girdle: one a posture."""
-    scale = lines.strongest_force_N[None, :, None]
-    A = np.concatenate([found.about_ac_mm * scale, found.about_sc_mm * scale])
-    C = np.concatenate([contact.about_ac_mm, contact.about_sc_mm])
-    w = _weight_moments(lines, girdle, angles, weight_N)
-    postures = [least_stress(A[..., p], C[..., p], w[:, p]) for p in range(w.shape[1])]
-    share, c, multipliers, status = (np.stack(part, axis=-1) for part in zip(*postures, strict=True))
-    return Balance(share, share * lines.strongest_force_N[:, None], c, multipliers, status)
+    """Balance arm and load, whose weight is down along the thorax's y-axis, in every posture (rad).
+
+    ``girdle``: one a posture. ``humerus``: p, e, q.
+    """
+    F = lines.strongest_force_N
+    A = found.about_mm * F[None, :, None]
+    C = np.concatenate([np.zeros_like(contact.about_ac_mm), contact.about_ac_mm, contact.about_sc_mm])
+    w = load_moments(lines, girdle, angles, humerus, load)
+    B = np.where(lines.crosses(HUMERUS)[None, :, None], found.pull * F[None, :, None], 0.0)
+    g = np.array([0.0, -load.weight_N.sum(), 0.0])
+    document, R_scapula = published_lines(), rotation_from_cardan(angles[3:])
+    axes, half = glenoid_axes(document), half_angles(document)
+    r = rim_sides(axes, half, R_scapula)
+    K, k = np.einsum("kxp,xlp->klp", r, B), np.einsum("kxp,x->kp", r, g)
+    with threadpool_limits(1, "blas"):  # of small matrices, more threads wait for each other longer than they work
+        postures = [least_stress(*(part[..., p] for part in (A, C, w, K, k))) for p in range(w.shape[1])]
+    share, c, y, v, status = (np.stack(part, axis=-1) for part in zip(*postures, strict=True))
+    pressed = np.einsum("xlp,lp->xp", B, share) + g[:, None]
+    return Balance(share, share * F[:, None], c, pressed, off_centre(axes, half, R_scapula, pressed), y, v, status)
 
 
-def least_stress(A: Float[np.ndarray, "6 lines"], C: Float[np.ndarray, "6 3"], w: Float[np.ndarray, "6"]):
-    """Solve one posture: shares, contact forces, multipliers and status (see the module).
+def least_stress(
+    A: Float[np.ndarray, "moments lines"],
+    C: Float[np.ndarray, "moments 3"],
+    w: Float[np.ndarray, " moments"],
+    K: Float[np.ndarray, "sides lines"],
+    k: Float[np.ndarray, " sides"],
+):
+    """Solve one posture: shares, contact forces, both multipliers and status (see the module).
 
     C must have full rank: three forces that hold the chain.
     """
-    n = A.shape[1]
-    nothing = np.full(n, np.nan), np.full(len(FORCES), np.nan), np.full(6, np.nan)
-    if not all(np.isfinite(part).all() for part in (A, C, w)):
+    nothing = tuple(np.full(count, np.nan) for count in (A.shape[1], C.shape[1], len(w), len(k)))
+    if not all(np.isfinite(part).all() for part in (A, C, w, K, k)):
         return *nothing, INVALID
-    Q, R = np.linalg.qr(C, mode="complete")
-    to_c = -np.linalg.inv(R[:3]) @ Q[:, :3].T
-    size = np.linalg.norm(A, axis=0).max()  # so that all numbers are of order 1
-    E, e = Q[:, 3:].T @ A / size, -Q[:, 3:].T @ w / size
-    x0, Z = _solutions(E, e)
-    if np.abs(E @ x0 - e).max() > TOLERANCE * max(np.abs(e).max(), np.abs(w).max() / size):
-        return *nothing, NO_SOLUTION
-    rows, limits = np.concatenate([to_c @ A / size, np.eye(n)]), np.concatenate([-to_c @ w / size, np.zeros(n)])
-    z, u, status = _least_distance(rows @ Z, limits - rows @ x0)
+    *found, status = _within(A, C, w, K, k)
+    if status == NO_SOLUTION and len(k) and _within(A, C, w, K[:0], k[:0])[-1] == OK:
+        status = BEYOND_RIM
     if status != OK:
         return *nothing, status
+    return *found, OK if found[0].max(initial=0.0) <= 1.0 else BEYOND_STRENGTH
+
+
+def _within(A, C, w, K, k):
+    """Solve one posture of finite numbers; what is found means something where the status is ``ok``."""
+    n, held = A.shape[1], C.shape[1]
+    Q, R = np.linalg.qr(C, mode="complete")
+    to_c = -np.linalg.inv(R[:held]) @ Q[:, :held].T
+    size = np.linalg.norm(A, axis=0).max()  # so that all numbers are of order 1
+    press = max(np.linalg.norm(K, axis=1).max(initial=0.0), 1.0)
+    E, e = Q[:, held:].T @ A / size, -Q[:, held:].T @ w / size
+    x0, Z = _solutions(E, e)
+    rows = np.concatenate([to_c @ A / size, K / press, np.eye(n)])
+    limits = np.concatenate([-to_c @ w / size, -k / press, np.zeros(n)])
+    if np.abs(E @ x0 - e).max() > TOLERANCE * max(np.abs(e).max(), np.abs(w).max() / size):
+        return x0, x0, x0, k, NO_SOLUTION
+    z, u, status = _least_distance(rows @ Z, limits - rows @ x0)
     x = x0 + Z @ z
     # Stationarity, x = E' l + rows' u, gives the multipliers of the equations.
-    y = (Q[:, 3:] @ np.linalg.pinv(E.T) @ (x - rows.T @ u) + to_c.T @ u[:3]) / size
-    x, c = np.maximum(x, 0.0), np.maximum(to_c @ (A @ x + w), 0.0)
-    return x, c, y, OK if x.max(initial=0.0) <= 1.0 else BEYOND_STRENGTH
+    y = (Q[:, held:] @ np.linalg.pinv(E.T) @ (x - rows.T @ u) + to_c.T @ u[:held]) / size
+    x = np.maximum(x, 0.0)
+    return x, np.maximum(to_c @ (A @ x + w), 0.0), y, u[held : held + len(k)] / press, status
 
 
 def _solutions(E, e) -> tuple[np.ndarray, np.ndarray]:
     """Compute the shortest x of E x = e (least squares), and an orthonormal basis of what E leaves open."""
-    U, s, Vt = np.linalg.svd(E)
+    U, s, Vt = np.linalg.svd(E, full_matrices=False)
     rank = int(np.sum(s > TOLERANCE * s.max(initial=0.0)))
-    return Vt[:rank].T @ ((U[:, :rank].T @ e) / s[:rank]), Vt[rank:].T
+    Q, _ = np.linalg.qr(Vt[:rank].T, mode="complete")
+    return Vt[:rank].T @ ((U[:, :rank].T @ e) / s[:rank]), Q[:, rank:]
 
 
 def _least_distance(G, h) -> tuple[np.ndarray, np.ndarray, str]:
@@ -143,8 +176,31 @@ def _least_distance(G, h) -> tuple[np.ndarray, np.ndarray, str]:
     return z, u, OK if converged else NOT_CONVERGED
 
 
-def _weight_moments(lines: MuscleLines, girdle: Girdle, angles, weight_N: float) -> Float[np.ndarray, " 6 postures"]:
-    at = landmarks(girdle, angles)
-    arm = rotate(rotation_from_cardan(angles[3:]), lines.gh_mm.reshape(3, -1))
-    force = np.broadcast_to(np.array([0.0, -weight_N, 0.0])[:, None], arm.shape)
-    return np.concatenate([np.cross(arm, force, axis=0), np.cross(at.AC + arm - girdle.sc_mm, force, axis=0)])
+def load_moments(
+    lines: MuscleLines,
+    girdle: Girdle,
+    angles: Float[np.ndarray, " 6 postures"],
+    humerus: Float[np.ndarray, " 3 postures"],
+    load: ArmLoad,
+) -> Float[np.ndarray, " 9 postures"]:
+    """Compute w, the moments of the weights of arm and load about GH, AC and SC, N mm."""
+    AC = landmarks(girdle, angles).AC
+    GH = AC + rotate(rotation_from_cardan(angles[3:]), _a_posture(lines.gh_mm))
+    mean = load.distance @ load.weight_N / max(load.weight_N.sum(), _NO_WEIGHT)
+    down_the_arm = -humerus_rotation(humerus)[:, 1]
+    centre = GH + mean * upper_arm_mm() * np.asarray(lines.humerus_size) * down_the_arm
+    force = np.array([0.0, -load.weight_N.sum(), 0.0])
+    return np.concatenate([np.cross(centre - joint, force, axisb=0, axis=0) for joint in (GH, AC, girdle.sc_mm)])
+
+
+_NO_WEIGHT = 1e-300
+
+
+def upper_arm_mm() -> float:
+    """Measure the cadaver's upper arm, from GH to halfway between the epicondyles."""
+    GH, EM, EL = (np.array(published_lines()["cadaver"][f"{name}_mm"]) for name in ("gh", "em", "el"))
+    return float(np.linalg.norm(GH - (EM + EL) / 2.0))
+
+
+def _a_posture(point) -> Float[np.ndarray, " 3 postures"]:
+    return np.asarray(point).reshape(3, -1)

@@ -1,17 +1,23 @@
-"""Lengths and moment arms of muscle lines in postures of the girdle.
+"""Lengths and moment arms of muscle lines in postures of girdle and humerus.
 
-A line of length L pulls its moving bone with unit force f = -dL/dX, X its attachment there. Its arms are
+A line between two bones goes over the joints in which the bones after the first up to the second hang. On what lies
+beyond such a joint J it pulls with unit force f along a line through a point X. Its arm about J is (X - J) x f:
+-dL/dtheta for small rotations theta of all that lies beyond J, about the thorax axes, mm. About SC that is clavicle,
+scapula and humerus, about AC scapula and humerus, about GH the humerus.
 
-- about SC, of clavicle and scapula together: (X - SC) x f, and about AC, of the scapula: (X - AC) x f. These are
-  -dL/dtheta for small rotations theta about the thorax axes, mm;
-- in the six angles q of the bones: -dL/dq = f . dX/dq, mm a rad;
-- in the chain's three free coordinates c (``models.drive``): -dL/dc = T' (-dL/dq), with T = dq/dc along which A1-A3
-  stay closed,  [dc/dq; dA/dq] T = [1; 0]; no unit (mm a mm).
+- round the thorax, or straight, from the thorax to clavicle or scapula: X the attachment there, f = -dL/dX.
+- to the humerus, straight or round its head or shaft: X the attachment at the other bone, f = dL/dX: what pulls at the
+  humerus and presses on its surface is together the opposite of what pulls there.
+
+By the six angles q of clavicle and scapula, the humerus keeping its orientation: -dL/dq = f . dY/dq, mm a rad, with Y =
+X, or Y = GH - X. In the chain's three free coordinates c (``models.drive``): -dL/dc = T' (-dL/dq), with T = dq/dc along
+which A1-A3 stay closed,  [dc/dq; dA/dq] T = [1; 0]; no unit (mm a mm).
 
 The thesis's measure of a muscle (3.3.1): mean of the vectors over its lines, length of the mean vector, mean over the
 motion.
 """
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -24,9 +30,11 @@ from jaxtyping import Float
 
 from models.drive import equations_mm
 from models.girdle import Girdle, bone_rotations, chain_landmarks
-from models.muscles.muscle_lines import MuscleLines
+from models.muscles.muscle_lines import CLAVICLE, HUMERUS, SCAPULA, MuscleLines, published_lines
+from models.muscles.round_bones import round_contact_mm, round_depth_mm, round_length_mm, round_points_mm
 from models.muscles.wrapping import outside, path_length_mm, path_points_mm, shortest_path
 from motions.arrays import Array
+from motions.landmarks.frames import humerus_rotation
 from motions.rotations import rotate
 
 
@@ -37,67 +45,76 @@ class Pulls:
     length_mm: Float[np.ndarray, " lines *batch"]
     """NaN where no path was found."""
     contact_mm: Float[np.ndarray, " lines *batch"]
-    """Of the length, how much lies on the ellipsoid."""
+    """Of the length, how much lies on the contour."""
     depth_mm: Float[np.ndarray, " lines *batch"]
-    """How deep the deeper attachment of a line that wraps lies in the ellipsoid, 0 outside (by the shortest axis)."""
+    """How deep the deeper end of a line lies in its contour, 0 outside (in the ellipsoid by the shortest axis)."""
     attachment_mm: Float[np.ndarray, " 3 lines *batch"]
-    """Where the line pulls at the moving bone."""
+    """X, a point of the line along which it pulls."""
     pull: Float[np.ndarray, " 3 lines *batch"]
-    """Force on the moving bone of a line with tension 1: a unit vector but for an attachment inside the ellipsoid."""
+    """f, on what lies beyond, of a line with tension 1: a unit vector but for an end inside the contour."""
     about_sc_mm: Float[np.ndarray, " 3 lines *batch"]
+    """0 of lines that do not go over the joint; so with the others."""
     about_ac_mm: Float[np.ndarray, " 3 lines *batch"]
-    """0 of lines that end at the clavicle."""
+    about_gh_mm: Float[np.ndarray, " 3 lines *batch"]
+
+    @property
+    def about_mm(self) -> Float[np.ndarray, " 9 lines *batch"]:
+        """The arms about GH, AC and SC one below the other, as a balance takes them."""
+        return np.concatenate([self.about_gh_mm, self.about_ac_mm, self.about_sc_mm])
 
 
-def pulls(lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) -> Pulls:
-    """Compute paths and arms in postures (rad); ``girdle`` has one element a posture or no batch."""
-    which, given = _arguments(lines, girdle, angles)
-    length, contact, X, f, about_sc, about_ac = _in_blocks(partial(_lines, which), given)
-    return Pulls(
-        length,
-        contact,
-        _depth_mm(lines, girdle, X),
-        X,
-        f,
-        about_sc,
-        np.where(lines.on_scapula[None, :, None], about_ac, 0.0),
-    )
+def pulls(lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], humerus=None) -> Pulls:
+    """Compute paths and arms in postures (rad); ``girdle`` has one element a posture or no batch.
+
+    ``humerus``: p, e, q of the humerus (Appendix A), rad, one a posture; None: the arm hangs, all are 0.
+    """
+    which, given = _arguments(lines, girdle, angles, humerus)
+    return Pulls(*_in_blocks(partial(_lines, which), given))
 
 
 def lengths_mm(
-    lines: MuscleLines, girdle: Girdle, angles: Float[Array, " 6 postures"]
+    lines: MuscleLines, girdle: Girdle, angles: Float[Array, " 6 postures"], humerus=None
 ) -> Float[Array, " lines postures"]:
     """Measure the lines in postures (rad), mm; differentiable twice in angles and girdle.
 
     ``-jax.jacfwd`` gives the arms by angle, ``-jax.hessian`` their slopes: see :func:`path_length_mm`.
     """
-    which, (thorax, bone, batched, q) = _arguments(lines, girdle, angles)
-    return _length(thorax, _attachments(bone, which, batched, q), which, batched)
+    which, given = _arguments(lines, girdle, angles, humerus)
+    bones = _bones(*given)
+    start, end = (_placed(points, on, bones) for points, on in zip(given[:2], which[:2], strict=True))
+    return _length(start, end, which, bones)
 
 
 def line_points_mm(
-    lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], curved: int
+    lines: MuscleLines, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], curved: int, humerus=None
 ) -> Float[np.ndarray, " points 3 lines postures"]:
-    """Return points along the lines in postures (rad), thorax frame, from the thorax to the bone.
+    """Return points along the lines in postures (rad), thorax frame, from the bone nearer to the trunk to the other.
 
-    The two ends and ``curved`` points between them, evenly along what lies on the ellipsoid, or along a straight line.
+    The two ends and ``curved`` points between them, evenly along what lies on the contour, or along a straight line.
     NaN where an angle is.
     """
-    which, given = _arguments(lines, girdle, angles)
+    which, given = _arguments(lines, girdle, angles, humerus)
     return _in_blocks(partial(_points, which, curved=curved), given)
 
 
 def arms_by_angle_mm(
-    lines: MuscleLines, found: Pulls, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]
+    lines: MuscleLines, found: Pulls, girdle: Girdle, angles: Float[np.ndarray, " 6 postures"], humerus=None
 ) -> Float[np.ndarray, " 6 lines postures"]:
-    """Compute -dL/dq of the six angles, mm a rad."""
-    which, (_, *moving) = _arguments(lines, girdle, angles)
-    return np.einsum("xlp,xqlp->qlp", found.pull, _in_blocks(partial(_attachment_slopes, which), moving))
+    """Compute -dL/dq of the six angles, mm a rad, the humerus keeping its orientation."""
+    which, given = _arguments(lines, girdle, angles, humerus)
+    return np.einsum("xlp,xqlp->qlp", found.pull, _in_blocks(partial(_pulled_slopes, which), given))
 
 
 @partial(jax.jit, static_argnums=0)
-def _attachment_slopes(which: "_Which", bone, girdle: Girdle, q) -> Float[Array, " 3 6 lines postures"]:
-    return _by_angle(lambda q: _attachments(bone, which, girdle, q), q)
+def _pulled_slopes(which: "_Which", start, end, gh, size, R_humerus, girdle: Girdle, q):
+    """dY/dq: see the module."""
+
+    def pulled(q):
+        bones = _bones(start, end, gh, size, R_humerus, girdle, q)
+        to_humerus = bones.origin[HUMERUS][:, None] - _placed(start, which.start, bones)
+        return jnp.where(_reaches_humerus(which), to_humerus, _placed(end, which.end, bones))
+
+    return _by_angle(pulled, q)
 
 
 def free_directions(girdle: Girdle, angles: Float[np.ndarray, " 6 postures"]) -> Float[np.ndarray, " 6 3 postures"]:
@@ -142,16 +159,28 @@ def _batched(girdle: Girdle, angles) -> Girdle:
 class _Which(NamedTuple):
     """What a compiled program is made for."""
 
-    wrap: tuple[int, ...]
-    """The lines that go round the ellipsoid."""
-    on_scapula: tuple[bool, ...]
+    start: tuple[int, ...]
+    """Bone of each line."""
+    end: tuple[int, ...]
+    contour: tuple[str, ...]
+
+    def round_thorax(self) -> np.ndarray:
+        """The lines round the ellipsoid."""
+        return np.flatnonzero([contour == "thorax" for contour in self.contour])
+
+    def round_humerus(self) -> np.ndarray:
+        """The lines round head or shaft of the humerus."""
+        return np.flatnonzero([contour not in ("", "thorax") for contour in self.contour])
 
 
-def _arguments(lines: MuscleLines, girdle: Girdle, angles) -> tuple[_Which, tuple]:
-    """Everything a line depends on; attachments, girdle and angles as JAX's arrays."""
-    points = [_a_posture(jnp.asarray(one)) for one in (lines.thorax_mm, lines.bone_mm)]
-    which = _Which(tuple(np.flatnonzero(lines.wraps).tolist()), tuple(lines.on_scapula.tolist()))
-    return which, (*points, _batched(girdle, angles), jnp.asarray(angles))
+def _arguments(lines: MuscleLines, girdle: Girdle, angles, humerus) -> tuple[_Which, tuple]:
+    """Everything a line depends on; points, sizes, rotation of the humerus, girdle and angles as JAX's arrays."""
+    points = [_a_posture(jnp.asarray(one), 2) for one in (lines.start_mm, lines.end_mm)]
+    gh, size = (_a_posture(jnp.asarray(one), axes) for one, axes in ((lines.gh_mm, 1), (lines.humerus_size, 0)))
+    which = _Which(tuple(lines.start.tolist()), tuple(lines.end.tolist()), lines.contour)
+    hanging = np.zeros((3, *np.shape(angles)[1:]))
+    R_humerus = jnp.asarray(humerus_rotation(hanging if humerus is None else np.asarray(humerus)))
+    return which, (*points, gh, size, R_humerus, _batched(girdle, angles), jnp.asarray(angles))
 
 
 _BLOCK = 64
@@ -173,17 +202,41 @@ def _in_blocks(program, given) -> Any:
     return jax.tree.map(lambda *each: np.concatenate(each, axis=-1)[..., :count], *parts)
 
 
-def _a_posture(points) -> Array:
-    """Points with an axis for the postures at the end, of length 1 where they are the same in all."""
-    return points if points.ndim == 3 else points[:, :, None]
+def _a_posture(points, axes: int) -> Array:
+    """Points with an axis for the postures after their own ones, of length 1 where they are the same in all."""
+    return points if points.ndim > axes else points[..., None]
 
 
-def _attachments(bone, which: _Which, girdle: Girdle, q) -> Float[Array, " 3 lines postures"]:
+class _Bones(NamedTuple):
+    """Where the bones are, thorax frame, in the order of BONES."""
+
+    origin: tuple[Array, ...]
+    rotation: tuple[Array, ...]
+    size: Array
+    """Of the humerus."""
+    girdle: Girdle
+
+
+def _bones(start, end, gh, size, R_humerus, girdle: Girdle, q) -> _Bones:
     R_clavicle, R_scapula = bone_rotations(q)
     AC = chain_landmarks(girdle, R_clavicle, R_scapula).AC
-    with_scapula = AC[:, None] + rotate(R_scapula[:, :, None], bone)
-    with_clavicle = girdle.sc_mm[:, None] + rotate(R_clavicle[:, :, None], bone)
-    return jnp.where(jnp.array(which.on_scapula)[None, :, None], with_scapula, with_clavicle)
+    sc, thorax, upright = jnp.broadcast_to(girdle.sc_mm, AC.shape), jnp.zeros_like(AC), jnp.eye(3)[..., None]
+    origins = (thorax, sc, AC, AC + rotate(R_scapula, gh))
+    return _Bones(origins, (jnp.broadcast_to(upright, R_scapula.shape), R_clavicle, R_scapula, R_humerus), size, girdle)
+
+
+def _placed(points, on: tuple[int, ...], bones: _Bones) -> Float[Array, " 3 lines postures"]:
+    """Bring attachments from the frames of their bones to the thorax frame."""
+    placed = jnp.zeros((3, len(on), bones.origin[0].shape[-1]))
+    for bone in sorted(set(on)):
+        mine = np.flatnonzero(np.array(on) == bone)
+        there = bones.origin[bone][:, None] + rotate(bones.rotation[bone][:, :, None], points[:, mine])
+        placed = placed.at[:, mine].set(there)
+    return placed
+
+
+def _reaches_humerus(which: _Which) -> Array:
+    return jnp.array([bone == HUMERUS for bone in which.end])[None, :, None]
 
 
 def _round_ellipsoid(P, X, girdle: Girdle):
@@ -193,53 +246,99 @@ def _round_ellipsoid(P, X, girdle: Girdle):
     return outside(P, axes), outside(X, axes), axes
 
 
-def _length(P, X, which: _Which, girdle: Girdle) -> Float[Array, " lines postures"]:
-    P = jnp.broadcast_to(P, X.shape)
-    straight = jnp.sqrt(jnp.sum((X - P) ** 2, axis=0))
-    wrap = np.array(which.wrap, int)
-    return straight.at[wrap].set(path_length_mm(*_round_ellipsoid(P[:, wrap], X[:, wrap], girdle)))
+class _Contours(NamedTuple):
+    """The contours of the humerus, one a line, in postures."""
+
+    centre: Array
+    axis: Array
+    radius: Array
+
+
+def _contours(names: Sequence[str], bones: _Bones) -> _Contours:
+    table = published_lines()["contour"]
+    centre, axis = (jnp.array([table[name][key] for name in names]).T[..., None] for key in ("centre_mm", "axis"))
+    radius = jnp.array([table[name]["radius_mm"] for name in names])[:, None] * bones.size
+    R = bones.rotation[HUMERUS][:, :, None]
+    return _Contours(bones.origin[HUMERUS][:, None] + rotate(R, centre * bones.size), rotate(R, axis), radius)
+
+
+def _length(P, X, which: _Which, bones: _Bones) -> Float[Array, " lines postures"]:
+    length = jnp.sqrt(jnp.sum((X - P) ** 2, axis=0))
+    thorax, arm = which.round_thorax(), which.round_humerus()
+    if len(thorax):
+        length = length.at[thorax].set(path_length_mm(*_round_ellipsoid(P[:, thorax], X[:, thorax], bones.girdle)))
+    if len(arm):
+        length = length.at[arm].set(_round_arm(round_length_mm, P, X, which, bones))
+    return length
+
+
+def _round_arm(function, P, X, which: _Which, bones: _Bones):
+    """Call a function of ``round_bones`` with the ends of the lines that go round the humerus, from the centre."""
+    arm = which.round_humerus()
+    contours = _contours([which.contour[k] for k in arm], bones)
+    return function(P[:, arm] - contours.centre, X[:, arm] - contours.centre, contours.axis, contours.radius)
 
 
 @partial(jax.jit, static_argnums=0)
-def _lines(which: _Which, thorax, bone, girdle: Girdle, q):
-    """Lengths, contact, attachments, pulls and their arms about SC and AC, as all ended at the scapula.
+def _lines(which: _Which, start, end, gh, size, R_humerus, girdle: Girdle, q):
+    """Everything of Pulls, in its order.
 
     -dL/dX is the direction at X, and what moves the point outside.
     """
-    X = _attachments(bone, which, girdle, q)
-    P = jnp.broadcast_to(thorax, X.shape)
-    wrap = np.array(which.wrap, int)
-    (outer_P, outer_X, axes), back = jax.vjp(lambda X: _round_ellipsoid(P[:, wrap], X, girdle), X[:, wrap])
-    path = shortest_path(outer_P, outer_X, axes)
-    (pull,) = back((jnp.zeros_like(outer_P), path.from_q, jnp.zeros_like(axes)))
+    bones = _bones(start, end, gh, size, R_humerus, girdle, q)
+    P, X = _placed(start, which.start, bones), _placed(end, which.end, bones)
     straight = jnp.sqrt(jnp.sum((P - X) ** 2, axis=0))
-    length = straight.at[wrap].set(jnp.where(path.found, path.length_mm, jnp.nan))
-    contact = jnp.zeros_like(length).at[wrap].set(path.contact_mm)
-    f = ((P - X) / straight[None]).at[:, wrap].set(pull)
-    AC = chain_landmarks(girdle, *bone_rotations(q)).AC
-    about_sc, about_ac = (jnp.cross(X - joint[:, None], f, axis=0) for joint in (girdle.sc_mm, AC))
-    return length, contact, X, f, about_sc, about_ac
+    length, contact, depth = straight, jnp.zeros_like(straight), jnp.zeros_like(straight)
+    f = (P - X) / straight[None]
+    thorax, arm = which.round_thorax(), which.round_humerus()
+    if len(thorax):
+        (outer_P, outer_X, axes), back = jax.vjp(lambda X: _round_ellipsoid(P[:, thorax], X, girdle), X[:, thorax])
+        path = shortest_path(outer_P, outer_X, axes)
+        (pull,) = back((jnp.zeros_like(outer_P), path.from_q, jnp.zeros_like(axes)))
+        length = length.at[thorax].set(jnp.where(path.found, path.length_mm, jnp.nan))
+        contact, f = contact.at[thorax].set(path.contact_mm), f.at[:, thorax].set(pull)
+        depth = depth.at[thorax].set(_ellipsoid_depth(P[:, thorax], X[:, thorax], girdle))
+    if len(arm):
+        around, back = jax.vjp(lambda P: _round_arm(round_length_mm, P, X, which, bones), P)
+        length, f = length.at[arm].set(around), f.at[:, arm].set(back(jnp.ones_like(around))[0][:, arm])
+        contact = contact.at[arm].set(_round_arm(round_contact_mm, P, X, which, bones))
+        depth = depth.at[arm].set(_round_arm(_deeper, P, X, which, bones))
+    through = jnp.where(_reaches_humerus(which), P, X)
+    about = [_about(joint, which, through, f, bones) for joint in (CLAVICLE, SCAPULA, HUMERUS)]
+    return length, contact, depth, through, f, *about
+
+
+def _about(joint: int, which: _Which, through, f, bones: _Bones) -> Float[Array, " 3 lines postures"]:
+    """Arms about the joint in which this bone hangs."""
+    over = jnp.array([start < joint <= end for start, end in zip(which.start, which.end, strict=True)])[None, :, None]
+    return jnp.where(over, jnp.cross(through - bones.origin[joint][:, None], f, axis=0), 0.0)
 
 
 @partial(jax.jit, static_argnums=0, static_argnames="curved")
-def _points(which: _Which, thorax, bone, girdle: Girdle, q, *, curved: int):
-    X = _attachments(bone, which, girdle, q)
-    P = jnp.broadcast_to(thorax, X.shape)
-    wrap = np.array(which.wrap, int)
+def _points(which: _Which, start, end, gh, size, R_humerus, girdle: Girdle, q, *, curved: int):
+    bones = _bones(start, end, gh, size, R_humerus, girdle, q)
+    P, X = _placed(start, which.start, bones), _placed(end, which.end, bones)
     share = jnp.linspace(0.0, 1.0, curved + 2).reshape(-1, 1, 1, 1)
-    outer = _round_ellipsoid(P[:, wrap], X[:, wrap], girdle)
-    wrapped = path_points_mm(*outer, curved) + girdle.centre_mm[:, None]
-    return (P + share * (X - P)).at[:, :, wrap].set(wrapped)
+    points = P + share * (X - P)
+    thorax, arm = which.round_thorax(), which.round_humerus()
+    if len(thorax):
+        outer = _round_ellipsoid(P[:, thorax], X[:, thorax], girdle)
+        points = points.at[:, :, thorax].set(path_points_mm(*outer, curved) + girdle.centre_mm[:, None])
+    if len(arm):
+        around = _round_arm(partial(round_points_mm, count=curved), P, X, which, bones)
+        centre = _contours([which.contour[k] for k in arm], bones).centre
+        points = points.at[:, :, arm].set(around + centre)
+    return points
 
 
-def _depth_mm(lines: MuscleLines, girdle: Girdle, X) -> Float[np.ndarray, " lines postures"]:
-    ends = np.broadcast_arrays(_a_posture(lines.thorax_mm), X)
-    centre, axes = (
-        np.asarray(x)[:, None, None] if np.ndim(x) == 1 else np.asarray(x)[:, None]
-        for x in (girdle.centre_mm, girdle.semi_axes_mm)
-    )
-    radius = np.stack([np.sqrt((((end - centre) / axes) ** 2).sum(axis=0)) for end in ends]).min(axis=0)
-    return np.where(lines.wraps[:, None], np.maximum(1.0 - radius, 0.0) * axes.min(axis=0), 0.0)
+def _ellipsoid_depth(P, X, girdle: Girdle) -> Float[Array, " lines postures"]:
+    centre, axes = girdle.centre_mm[:, None], girdle.semi_axes_mm[:, None]
+    radius = jnp.minimum(*(jnp.sqrt(jnp.sum(((end - centre) / axes) ** 2, axis=0)) for end in (P, X)))
+    return jnp.maximum(1.0 - radius, 0.0) * jnp.min(axes, axis=0)
+
+
+def _deeper(p, q, axis, radius) -> Float[Array, " lines postures"]:
+    return jnp.maximum(*(round_depth_mm(end, axis, radius) for end in (p, q)))
 
 
 def _by_angle(function, q):

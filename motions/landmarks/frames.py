@@ -7,6 +7,8 @@ columns are its x, y and z axes. NaN in gives NaN out. Right shoulder.
 import numpy as np
 from jaxtyping import Float
 
+from motions.rotations import compose, rotation_from_cardan
+
 Points = Float[np.ndarray, " 3 *batch"]
 Rotations = Float[np.ndarray, " 3 3 *batch"]
 
@@ -80,6 +82,14 @@ def thorax_angles(R_global_thorax: Rotations) -> Points:
             np.arctan2(-R[0, 1], R[0, 0]),
         ]
     )
+
+
+def humerus_rotation(angles: Points) -> Rotations:
+    """Compute R_thorax_humerus = Ry(p) Rz(e) Ry(q), the inverse of :func:`humerus_angles`; angles in radians."""
+    p, e, q = angles
+    zero = np.zeros_like(e)
+    first, second = rotation_from_cardan(np.stack([p, e, zero])), rotation_from_cardan(np.stack([q, zero, zero]))
+    return compose(first, second)
 
 
 def frame(x: Points, y: Points) -> Rotations:

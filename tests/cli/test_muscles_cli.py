@@ -16,7 +16,7 @@ from pages import data_of, words_of
 from adapt import adapt_subjects
 from adapt.tables.muscle_tables import muscle_tables
 from models import load_model
-from models.muscles.balance import arm_weight_N
+from models.muscles.arm_load import arm_load
 from models.muscles.muscle_lines import muscle_lines
 from models.person.family import load_personal_sets
 from motions import write_motions
@@ -30,7 +30,9 @@ ALONE_MM = 1e-6
 def run(tmp_path_factory) -> tuple[Ended, Path]:
     folder = tmp_path_factory.mktemp("muscles")
     motions = written(folder, shipped_lines(2))
-    return girdle("muscles", motions, "--model", "R2", "--body-mass-kg", 60, "--out", folder / "out"), folder / "out"
+    return girdle(
+        "muscles", motions, "--model", "R2", "--body-mass-kg", 60, "--load-kg", 1.5, "--out", folder / "out"
+    ), folder / "out"
 
 
 def test_it_writes_a_table_of_each_kind_and_a_figure(run):
@@ -49,11 +51,42 @@ def test_it_writes_a_table_of_each_kind_and_a_figure(run):
     assert set(pd.read_csv(out / "heldout.csv")["subject"]) == set(tables["balance"]["subject"])
 
 
+def test_muscles_hold_arm_and_load_up_and_press_the_humerus_into_the_glenoid(run):
+    """In every posture the moments of the muscles about GH are minus those of arm and load (thesis, Figure 3.8)."""
+    _, out = run
+    muscles, balance = pd.read_csv(out / "muscles.csv"), pd.read_csv(out / "balance.csv")
+    for state in ("before", "after"):
+        held = muscles.groupby(["subject", "motion", "posture"], sort=False)[f"moment_gh_{state}_Nm"].sum().to_numpy()
+        np.testing.assert_allclose(held, -balance[f"load_gh_{state}_Nm"], atol=1e-6)
+        assert held.max() > 8.0
+        assert balance[f"GH_off_centre_{state}"].between(0.0, 1.0).all()
+        assert balance.loc[balance["humerus_elevation_deg"] == 75.0, f"GH_{state}_N"].min() > 200.0
+    assert set(balance["humerus_known_by"]) == {"motion"}
+    planes = balance.groupby("motion")["humerus_plane_deg"].unique()
+    assert planes["abduction"] == [0.0]
+    assert planes["forward_flexion"] == [90.0]
+    old = ["about_sc_before_mm", "about_sc_after_mm", "about_ac_before_mm", "about_ac_after_mm", "force_before_N"]
+    assert list(muscles)[6:11] == old
+    assert list(muscles)[-1] == "moment_gh_after_Nm"
+
+
+def test_a_column_without_a_number_is_refused_before_anything_is_fitted(tmp_path):
+    header, *rows = shipped_lines(1)
+    lines = [f"{header},humerus_plane_deg", *(f"{row},{'forward' if k == 2 else 30}" for k, row in enumerate(rows))]
+    motions = written(tmp_path, lines)
+    refused(
+        girdle("muscles", motions, "--model", "R2", "--out", tmp_path / "out"),
+        "abduction, posture 3: humerus_plane_deg is 'forward'",
+        "Give degrees, or leave the cell empty",
+    )
+
+
 def test_it_prints_arms_and_forces_before_and_after(run):
     ended, _ = run
     assert "serratus_anterior" in ended.out
     assert "->" in ended.out
     assert "no balance" not in ended.out
+    assert "in 28 of 28 postures is assumed from the motion's name" in ended.out
 
 
 def test_its_page_has_the_lines_and_the_arms_of_the_tables(run):
@@ -122,7 +155,8 @@ def test_the_record_has_the_options(run):
     record = json.loads((out / "run.json").read_text())
     assert record["command"] == "muscles"
     assert record["options"]["body_mass_kg"] == 60
-    assert arm_weight_N(60.0) == pytest.approx(29.43)
+    assert record["options"]["load_kg"] == 1.5
+    assert arm_load(60.0).weight_N.sum() == pytest.approx(29.43)
 
 
 def test_a_set_without_landmarks_is_refused_before_anything_is_fitted(tmp_path):

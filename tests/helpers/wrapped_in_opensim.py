@@ -1,7 +1,8 @@
-"""OpenSim's own path round an ellipsoid, in a process of its own (see in_opensim.py).
+"""OpenSim's own path round a surface, in a process of its own (see in_opensim.py).
 
-``python wrapped_in_opensim.py PROBLEMS.json`` prints the lengths in m of paths from p to q round an ellipsoid with
-semi-axes a, centre 0: JSON lists of [p, q, a], in m.
+``python wrapped_in_opensim.py PROBLEMS.json`` prints the lengths in m of paths from p to q round a surface with centre
+0: JSON lists of [p, q, size], in m; size: three semi-axes of an ellipsoid, one radius of a sphere, or radius and length
+of a cylinder along z.
 """
 
 import json
@@ -11,11 +12,24 @@ from pathlib import Path
 import opensim as osim
 
 
-def length_m(p: list[float], q: list[float], axes: list[float]) -> float:
+def surface(size: list[float]):
+    if len(size) == 3:
+        found = osim.WrapEllipsoid()
+        found.set_dimensions(osim.Vec3(*size))
+    elif len(size) == 2:
+        found = osim.WrapCylinder()
+        found.set_radius(size[0])
+        found.set_length(size[1])
+    else:
+        found = osim.WrapSphere()
+        found.set_radius(size[0])
+    found.setName("surface")
+    return found
+
+
+def length_m(p: list[float], q: list[float], size: list[float]) -> float:
     model = osim.Model()
-    ellipsoid = osim.WrapEllipsoid()
-    ellipsoid.setName("ellipsoid")
-    ellipsoid.set_dimensions(osim.Vec3(*axes))
+    ellipsoid = surface(size)
     model.getGround().addWrapObject(ellipsoid)
     body = osim.Body("body", 1.0, osim.Vec3(0.0), osim.Inertia(1.0))
     model.addBody(body)

@@ -10,7 +10,7 @@ from models import load_model
 from models.drive import drive, free_coordinates_mm
 from models.girdle import bone_rotations
 from models.muscles.contact import angle_deg, contact_forces
-from models.muscles.muscle_lines import SERRATUS, muscle_lines
+from models.muscles.muscle_lines import CLAVICLE, HUMERUS, SCAPULA, SERRATUS, THORAX, muscle_lines
 from models.muscles.pulls import (
     arms_by_angle_mm,
     arms_in_free_directions,
@@ -20,6 +20,7 @@ from models.muscles.pulls import (
     muscle_arms_mm,
     pulls,
 )
+from motions.landmarks.frames import humerus_angles, humerus_rotation
 from motions.rhythm import REST_DEG
 from motions.rotations import DEG, cardan_from_rotation, compose, rotation_from_vector
 
@@ -79,7 +80,8 @@ def test_arms_in_the_free_directions_are_slopes_along_the_driven_chain(name):
 def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
     model, q, _ = postures("R2")
     lines = muscle_lines(model)
-    found = pulls(lines, model.girdle, q)
+    held = np.repeat(np.array([[0.5], [0.9], [-0.4]]), q.shape[1], axis=1)
+    found = pulls(lines, model.girdle, q, held)
     R_clavicle, R_scapula = bone_rotations(q)
     h = 1e-6
     for axis in range(3):
@@ -88,10 +90,11 @@ def test_arms_about_the_joints_are_slopes_for_small_turns_about_them():
             turn = np.zeros((3, q.shape[1]))
             turn[axis] = sign * h
             R = rotation_from_vector(turn)
+            arm = humerus_angles(compose(R, humerus_rotation(held)))
             scapula = cardan_from_rotation(compose(R, R_scapula))
             clavicle = cardan_from_rotation(compose(R, R_clavicle))
             for joint, moved in (("ac", q[:3]), ("sc", clavicle)):
-                lengths[joint, sign] = pulls(lines, model.girdle, np.concatenate([moved, scapula])).length_mm
+                lengths[joint, sign] = pulls(lines, model.girdle, np.concatenate([moved, scapula]), arm).length_mm
         for joint, arms in (("sc", found.about_sc_mm), ("ac", found.about_ac_mm)):
             difference = (lengths[joint, 1.0] - lengths[joint, -1.0]) / (2 * h)
             np.testing.assert_allclose(arms[axis], -difference, atol=SLOPE)
@@ -125,9 +128,12 @@ def test_the_points_of_the_lines_go_from_end_to_end_as_far_as_the_lines_are_long
     along = np.linalg.norm(np.diff(points, axis=0), axis=1).sum(axis=0)
     np.testing.assert_allclose(along, found.length_mm, rtol=1e-5)
     clear = found.depth_mm == 0.0
-    np.testing.assert_allclose(points[-1][:, clear], found.attachment_mm[:, clear], atol=1e-9)
-    thorax = np.broadcast_to(lines.thorax_mm[..., None], points[0].shape)
-    np.testing.assert_allclose(points[0][:, clear], thorax[:, clear], atol=1e-9)
+    to_humerus = (lines.end == HUMERUS)[None, :, None]
+    through = np.where(to_humerus, points[0], points[-1])
+    np.testing.assert_allclose(through[:, clear], found.attachment_mm[:, clear], atol=1e-9)
+    trunk = lines.start == THORAX
+    thorax = np.broadcast_to(lines.start_mm[..., None], points[0].shape)
+    np.testing.assert_allclose(points[0][:, trunk][:, clear[trunk]], thorax[:, trunk][:, clear[trunk]], atol=1e-9)
     centre, axes = (np.asarray(x)[:, None, None] for x in (model.girdle.centre_mm, model.girdle.semi_axes_mm))
     outward = (((points - centre) / axes) ** 2).sum(axis=1)
     assert outward[:, lines.of(SERRATUS)].min() > 1.0 - 1e-9
@@ -148,8 +154,10 @@ def test_a_pull_is_a_unit_force_but_for_attachments_inside():
     size = np.linalg.norm(found.pull, axis=0)
     np.testing.assert_allclose(size[found.depth_mm == 0.0], 1.0, atol=1e-12)
     assert (found.contact_mm[lines.of(SERRATUS)] > 0.0).any()
-    assert (found.contact_mm[~lines.of(SERRATUS)] == 0.0).all()
-    np.testing.assert_array_equal(found.about_ac_mm[:, ~lines.on_scapula], 0.0)
+    assert (found.contact_mm[~lines.wraps] == 0.0).all()
+    for joint, arms in ((CLAVICLE, found.about_sc_mm), (SCAPULA, found.about_ac_mm), (HUMERUS, found.about_gh_mm)):
+        np.testing.assert_array_equal(arms[:, ~lines.crosses(joint)], 0.0)
+        assert (np.linalg.norm(arms[:, lines.crosses(joint)], axis=0) > 0.0).all()
 
 
 def test_contact_pushes_outward_and_the_conoid_pulls_to_the_clavicle():

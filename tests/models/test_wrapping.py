@@ -292,8 +292,8 @@ def test_opensim_wraps_the_serratus_as_long(tmp_path: Path):
         axes, centre = np.asarray(model.girdle.semi_axes_mm)[:, None], np.asarray(model.girdle.centre_mm)[:, None]
         angles = REST_DEG / DEG
         AC = landmarks(model.girdle, angles).AC
-        X = AC[:, None] + rotate(rotation_from_cardan(angles[3:])[..., None], lines.bone_mm)
-        p, q = (np.asarray(outside(x - centre, axes)) * 1.001 for x in (X, lines.thorax_mm))  # OpenSim: none on it
+        X = AC[:, None] + rotate(rotation_from_cardan(angles[3:])[..., None], lines.end_mm)
+        p, q = (np.asarray(outside(x - centre, axes)) * 1.001 for x in (X, lines.start_mm))  # OpenSim: none on it
         ours.append(np.asarray(paths(p, q, axes).length_mm))
         names += [f"{name}, {line}" for line in lines.name]
         problems += [[(x / 1000.0).tolist() for x in (p[:, k], q[:, k], axes[:, 0])] for k in range(p.shape[1])]

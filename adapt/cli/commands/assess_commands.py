@@ -42,10 +42,14 @@ from adapt.tables.muscle_tables import BODY_MASS_KG, muscle_tables
 from adapt.trust.assessment import assess_trust
 from models.muscles.muscle_lines import muscle_lines_of
 from motions import InputError
+from motions.landmarks.humerus_pose import humerus_pose
 
 MOST_NOISE_DEG = 20.0
 """Noise beyond this, or below what a diagnosis can estimate, is a slip of the pen: every posture would be within it, or
 none."""
+
+HEAVIEST_LOAD_KG = 100.0
+"""Nobody holds more with a straight arm: it is a slip of the pen."""
 
 HEAVIEST_KG = 700.0
 """The heaviest person on record had some 635 kg (Guinness World Records): more is a slip of the pen, or no number."""
@@ -180,9 +184,15 @@ def muscle_results(
     body_mass_kg: Annotated[
         float, typer.Option(min=1.0, max=HEAVIEST_KG, help="Of the persons: an arm weighs a twentieth of it.")
     ] = BODY_MASS_KG,
+    load_kg: Annotated[
+        float, typer.Option(min=0.0, max=HEAVIEST_LOAD_KG, help="Held in the hand, with the elbow straight.")
+    ] = 0.0,
     repeat: Repeat = None,
 ) -> None:
-    """Adapt as `girdle adapt` does, and compare muscle arms and the forces that balance the arm before and after.
+    """Adapt as `girdle adapt` does, and compare muscle arms and the forces that hold the arm before and after.
+
+    About SC, AC and GH. Needs how the humerus was held: from GH, EM and EL in the motion file, its columns
+    humerus_plane_deg and humerus_axial_deg, or, assumed, from the name of the motion; balance.csv says which.
 
     Writes muscle_arms.csv (one row a subject and muscle), muscles.csv and balance.csv (one row a posture),
     muscle_lines.csv (one row a posture and line), muscle_arms.svg, the tables of `girdle adapt`, run.json and
@@ -193,16 +203,18 @@ def muscle_results(
     table, models, record = read_inputs(motions, asked_models(model, models_of))
     for one in models:
         muscle_lines_of(one, table.subjects)  # refuses a set without landmarks before anything is fitted
+    humerus_pose(table)  # and a column without numbers
     with results_folder(out) as folder:
         with progress(errors) as report:
             result = adapt_subjects(table, models, weight, progress=report)
             report("muscles")
-            found = muscle_tables(models, result.fits, result.parameters, body_mass_kg)
+            found = muscle_tables(models, result.fits, result.parameters, body_mass_kg, load_kg, table)
             report("writing")
             with transaction(folder) as part:
                 write_adaptations(part, result)
                 write_muscles(part, found)
-                write_run(part, "muscles", record, {"weight": weight, "body_mass_kg": body_mass_kg}, table.rejected)
+                options: dict[str, object] = {"weight": weight, "body_mass_kg": body_mass_kg, "load_kg": load_kg}
+                write_run(part, "muscles", record, options, table.rejected)
                 wrong = write_report(part, table, models, result, not_adapted(result), muscles=found)
         print_muscles(console, found)
         say_report(folder, wrong)

@@ -32,7 +32,7 @@ function muscleLines() {
     });
 }
 
-// Ends of the lines on the thorax, of the first posture of the subject that has lines: they do not move.
+// Ends of the lines nearer to the trunk, of the first posture of the subject that has lines: most do not move.
 function lineEnds() {
   const [start, end] = [subject().motions[0].rows[0], subject().motions.at(-1).rows[1]];
   const states = muscles() ? Object.values(muscles().states) : [];
@@ -45,9 +45,12 @@ function drawArms() {
   const x = abscissa();
   const arms = (state, k) => inMotion(muscles().states[state].arms_mm[at.joint][k]);
   const both = (k) => ["before", "after"].flatMap((state) => finite(arms(state, k)));
-  const top = 1.1 * Math.max(...muscles().muscles.flatMap((_, k) => both(k)), 1);
-  const places = panels("arms", muscles().muscles.length);
-  muscles().muscles.forEach((muscle, k) => {
+  const over = muscles()
+    .muscles.map((muscle, k) => [muscle, k])
+    .filter(([, k]) => Math.max(...both(k), 0) > 0);
+  const top = 1.1 * Math.max(...over.flatMap(([, k]) => both(k)), 1);
+  const places = panels("arms", over.length);
+  over.forEach(([muscle, k], n) => {
     const layout = {
       title: title(spelled(muscle)),
       shapes: here(x.values[at.posture]),
@@ -56,10 +59,10 @@ function drawArms() {
       margin: { l: 60, r: 10, t: 30, b: 38 },
     };
     draw(
-      places[k],
+      places[n],
       lines(x.values, (state) => arms(state, k), ["before", "after"]),
       layout,
     );
-    whenClicked(places[k]);
+    whenClicked(places[n]);
   });
 }

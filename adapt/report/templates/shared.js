@@ -34,7 +34,7 @@ const NAME = {
   measured: "measured",
   before: "model as it is",
   after: "adapted",
-  wrapped: "muscle round the ellipsoid",
+  wrapped: "muscle round thorax or humerus",
   straight: "straight muscle",
 };
 // Not darker than dark text on it can be read.

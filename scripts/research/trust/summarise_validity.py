@@ -14,6 +14,7 @@ from pathlib import Path
 import pandas as pd
 
 from adapt.tables.before_after import subject_means
+from adapt.tables.muscle_tables import JOINTS
 from adapt.trust.thorax_plausibility import WARNING
 from models.muscles.contact import FORCES
 
@@ -34,17 +35,17 @@ def directions(trust: Path) -> pd.DataFrame:
 
 
 def arms(muscles: Path) -> pd.DataFrame:
-    """Tabulate the arms about SC and AC of each muscle, mm, before -> after, and the ratios of subjects."""
+    """Tabulate the arms about SC, AC and GH of each muscle, mm, before -> after, and the ratios of subjects."""
     found = pd.read_csv(muscles / "muscle_arms.csv")
     table = found.groupby(["model", "muscle"], sort=False).mean(numeric_only=True)
-    return pd.DataFrame({joint: _change(table, f"about_{joint}_{{}}_mm", ".0f") for joint in ("sc", "ac")})
+    return pd.DataFrame({joint: _change(table, f"about_{joint}_{{}}_mm", ".0f") for joint in JOINTS})
 
 
 def forces(muscles: Path) -> pd.DataFrame:
     """Tabulate contact and muscle forces, N, before -> after, the share that moved, and postures without a solution."""
     found = pd.read_csv(muscles / "balance.csv")
     table = found.groupby("model", sort=False).mean(numeric_only=True)
-    columns = {name: _change(table, f"{name}_{{}}_N", ".0f") for name in (*FORCES, "muscles")}
+    columns = {name: _change(table, f"{name}_{{}}_N", ".0f") for name in (*FORCES, "GH", "muscles")}
     columns["moved, %"] = (100.0 * table["moved_share"]).round(0)
     for state in ("before", "after"):
         failed = found[f"status_{state}"] != "ok"

@@ -1,0 +1,108 @@
+"""How the humerus was held in each posture: measured, or assumed from the name of the motion.
+
+A motion file needs no more than the elevation. Muscles of the humerus need its whole orientation R = Ry(p) Rz(e) Ry(q)
+(thesis, Appendix A): plane of elevation p (0 abduction, 90 forward flexion), elevation e, axial rotation q (internal
+positive). In this order:
+
+1. ``landmarks``: GH, EM and EL of the posture, thorax frame: all three angles.
+2. ``columns``: the columns PLANE and AXIAL of the file, degrees, beside humerus_elevation_deg.
+3. ``motion``: the plane that the motion's name says (PLANES_DEG), or, of horizontal flexion and axial rotation, the
+   angle in the column MOTION_ANGLE.
+4. ``assumed``: any other name: the plane of the scapula.
+
+Assumed in 3 and 4, where nothing says q: the arm does not turn about its own axis, q = -p, a swing from the hanging arm
+with the elbow's axis in the frontal plane. People turn the arm outward while they raise it: by 0 to 55 degrees up to
+the top, as studies have it (Stokdijk et al., Clin. Biomech. 18:296-302, 2003: about 55 in all planes; Acta Orthop.
+80:451-455, 2009: 27 in abduction, 3 in flexion).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Shaped
+
+from motions.errors import InputError
+from motions.landmarks.frames import humerus_angles, humerus_frame
+from motions.rotations import DEG
+from motions.table import Motions
+
+PLANE, AXIAL, MOTION_ANGLE = "humerus_plane_deg", "humerus_axial_deg", "motion_angle_deg"
+
+PLANES_DEG = {"scap": 30.0, "abduct": 0.0, "front": 0.0, "flex": 90.0, "sagit": 90.0}
+"""Plane of elevation by part of a motion's name. Studies put the plane of the scapula 30 to 40 degrees forward of the
+frontal plane."""
+
+_ASSUMED_DEG = PLANES_DEG["scap"]
+
+LANDMARKS, COLUMNS, MOTION, ASSUMED = "landmarks", "columns", "motion", "assumed"
+
+
+class HumerusPose(NamedTuple):
+    """Orientation of the humerus relative to the thorax, and what it is known by."""
+
+    angles: Float[np.ndarray, " 3 postures"]
+    """p, e, q, rad; NaN where the elevation is."""
+    known_by: Shaped[np.ndarray, " postures"]
+
+
+def humerus_pose(motions: Motions) -> HumerusPose:
+    """Compute the orientation of the humerus in every posture, by the best of what the motions have.
+
+    InputError where a column has no number.
+    """
+    pose = named_pose(motions.motion.tolist(), motions.humerus_elevation_deg, _numbers(motions, MOTION_ANGLE))
+    pose = _where(pose, _by_columns(motions), COLUMNS)
+    return _where(pose, _by_landmarks(motions), LANDMARKS)
+
+
+def named_pose(
+    names: Sequence[str],
+    elevation_deg: Float[np.ndarray, " postures"],
+    motion_angle_deg: Float[np.ndarray, " postures"] | None = None,
+) -> HumerusPose:
+    """Compute the orientation of the humerus from the names of the motions and the elevation alone."""
+    angle = np.full(len(names), np.nan) if motion_angle_deg is None else motion_angle_deg
+    each = [_named(name.lower(), float(deg)) for name, deg in zip(names, angle, strict=True)]
+    p, turned, known_by = (np.array(part) for part in zip(*each, strict=True))
+    return HumerusPose(np.stack([p, elevation_deg, turned - p]) / DEG, known_by)
+
+
+def _named(name: str, angle_deg: float) -> tuple[float, float, str]:
+    """Plane, turn about the own axis, and what says so."""
+    if "horizontal" in name and np.isfinite(angle_deg):
+        return angle_deg, 0.0, MOTION
+    if "axial" in name and np.isfinite(angle_deg):
+        return 0.0, angle_deg, MOTION
+    planes = [plane for part, plane in PLANES_DEG.items() if part in name and "horizontal" not in name]
+    return (planes[0], 0.0, MOTION) if planes else (_ASSUMED_DEG, 0.0, ASSUMED)
+
+
+def _by_columns(motions: Motions) -> Float[np.ndarray, " 3 postures"]:
+    plane, axial = (_numbers(motions, name) for name in (PLANE, AXIAL))
+    return np.stack([plane, motions.humerus_elevation_deg, axial]) / DEG
+
+
+def _by_landmarks(motions: Motions) -> Float[np.ndarray, " 3 postures"]:
+    if not all(name in motions.landmarks_mm for name in ("GH", "EM", "EL")):
+        return np.full((3, len(motions.posture)), np.nan)
+    return humerus_angles(humerus_frame(*(motions.landmarks_mm[name].T for name in ("GH", "EM", "EL"))))
+
+
+def _where(pose: HumerusPose, angles: Float[np.ndarray, " 3 postures"], known_by: str) -> HumerusPose:
+    known = np.isfinite(angles).all(axis=0)
+    return HumerusPose(np.where(known, angles, pose.angles), np.where(known, known_by, pose.known_by))
+
+
+def _numbers(motions: Motions, name: str) -> Float[np.ndarray, " postures"]:
+    """One of the columns that mean nothing to the fits; NaN where it is empty or missing."""
+    if name not in motions.extra:
+        return np.full(len(motions.posture), np.nan)
+    numbers = np.empty(len(motions.posture))
+    for k, cell in enumerate(motions.extra[name].tolist()):
+        try:
+            numbers[k] = float(str(cell).strip() or "nan")
+        except ValueError:
+            where = f"{motions.subject[k]}, {motions.motion[k]}, posture {motions.posture[k]}"
+            raise InputError(where, None, f"{name} is {cell!r}", "Give degrees, or leave the cell empty") from None
+    return numbers
