@@ -153,7 +153,7 @@ def test_side_by_side_is_one_by_one_and_reverse_is_forward(side_by_side):
     for number in (int(np.argmin(found.free.all(axis=1))), *UNEQUAL_LANES):
         one, slope = alone(*LANES[number])
         for ours, theirs in zip(jax.tree.leaves(one), jax.tree.leaves(lane(found, number)), strict=True):
-            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ALONE * max(1.0, np.abs(theirs).max()))
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=ALONE * np.abs(theirs).max(initial=1.0))
         in_reverse = sum(np.reshape(x[number], (6, -1)).sum(axis=1) for x in jax.tree.leaves(slopes))
         assert_close(slope.theta_mm, in_reverse, BOTH_WAYS)
 
