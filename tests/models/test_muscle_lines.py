@@ -100,7 +100,7 @@ def test_the_lines_of_the_humerus_lie_where_the_cadaver_was_measured():
         assert np.linalg.norm(there[:, 0] - 10.0 * np.array(origin_cm)) < ORIGIN_MM, name
     printed = np.array([rows[name]["humerus_mm"] for name in MEASURED_CM])
     measured = 10.0 * np.array([insertion for _, insertion in MEASURED_CM.values()])
-    turn, _ = Rotation.align_vectors(measured - DAS3["gh_mm"], printed)
+    turn, *_ = Rotation.align_vectors(measured - DAS3["gh_mm"], printed)
     assert np.abs(turn.apply(printed) + DAS3["gh_mm"] - measured).max() < INSERTION_MM
     by_landmarks = humerus_frame(*(np.array(CADAVER[f"{name}_mm"]) for name in ("gh", "em", "el")))
     assert np.degrees((Rotation.from_matrix(by_landmarks).inv() * turn).magnitude()) < 0.5

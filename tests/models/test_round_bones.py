@@ -41,7 +41,8 @@ def outside(count: int, seed: int, nearest: float = 1.001) -> tuple[np.ndarray, 
     angle[1] = angle[0] + generator.uniform(-1.0, 1.0, count) * np.radians(150.0)
     distance = RADIUS * generator.uniform(nearest, 1.8, (2, count))
     z = 30.0 * generator.standard_normal((2, count))
-    return tuple(np.stack([distance[k] * np.cos(angle[k]), distance[k] * np.sin(angle[k]), z[k]]) for k in range(2))
+    one, other = (np.stack([distance[k] * np.cos(angle[k]), distance[k] * np.sin(angle[k]), z[k]]) for k in range(2))
+    return one, other
 
 
 def test_over_the_top_of_a_ball():
