@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from adapt.trust.thesis import printed
 from models import load_model
-from scripts.research.thesis import printed, scores
+from scripts.research.thesis import scores
 
 
 def test_the_conclusions_of_the_thesis_follow_from_its_tables():

@@ -21,6 +21,7 @@ from jaxtyping import Float
 
 from adapt.cli import app as cli
 from adapt.diagnosis.fit.candidates import Hypothesis
+from adapt.diagnosis.fit.discrepancy import Belief
 from adapt.diagnosis.fit.posterior import likeliest
 from adapt.diagnosis.fit.shoulders import usable
 from adapt.diagnosis.inference.search import Node, Search, search_of
@@ -109,8 +110,8 @@ def compared(truth: dict, motions: Motions) -> dict[str, float]:
     shoulders, _ = usable(motions)
     effects = (*(one for one in EFFECTS.values() if cause_of(one.name) == label), true_effect(truth, shoulders.motions))
     first = search_of(model, shoulders, effects)
-    left_over = likeliest(first.joint, fitted(first, (TRUE,)).posterior, first.discrepancy)
-    settled = Search(first.joint, first.folds, discrepancy=left_over)
+    left_over = likeliest(first.joint, fitted(first, (TRUE,)).posterior)
+    settled = Search(first.joint, first.folds, discrepancy=left_over, beliefs=(Belief("common", left_over),))
     none, *library, true = (outcome(settled, hypothesis) for hypothesis in ((), *((one.name,) for one in effects)))
     best = max(library)
     gains = {"library": best.log_evidence - none.log_evidence, "true": true.log_evidence - none.log_evidence}
