@@ -35,6 +35,9 @@ ROUND_HUMERUS = (0, 1, 3, 5, 6)
 
 _ARM_DIGITS = 1
 
+_MOST_EXACT = 2000
+"""Drawn postures of all sets, beyond which arms are whole mm: they take a third less of the page."""
+
 
 def muscle_data(
     motions: Motions, models: Sequence[AnyModel], result: Tables, found: MuscleTables, rows: Int[np.ndarray, " rows"]
@@ -42,10 +45,11 @@ def muscle_data(
     """Gather, by model, ``lines`` (name, muscle, whether it wraps) and by state ``paths`` and ``arms_mm``.
 
     ``paths``: by the number of a drawn row, x, y, z of the points of each line one after the other, whole mm; evenly
-    chosen rows, without those that were not fitted. ``arms_mm``: joints by muscles by rows, NaN as there.
+    chosen rows, without those that were not fitted. ``arms_mm``: joints by muscles by rows, null as there.
     """
     places = evenly(len(rows), most_with_lines(len(rows), len(models)))
-    return [_of_model(motions, model, result, found.muscles, rows, places) for model in models]
+    exact = len(rows) * len(models) <= _MOST_EXACT
+    return [_of_model(motions, model, result, found.muscles, rows, places, exact) for model in models]
 
 
 def most_with_lines(postures: int, models: int) -> int:
@@ -68,7 +72,9 @@ def force_sentence(found: MuscleTables, model: str) -> str:
     return f"{100 * moved:.0f} % of the force that holds the arm moves between muscles." if moved == moved else ""
 
 
-def _of_model(motions: Motions, model: AnyModel, result: Tables, muscles: pd.DataFrame, rows, places) -> dict[str, Any]:
+def _of_model(
+    motions: Motions, model: AnyModel, result: Tables, muscles: pd.DataFrame, rows, places, exact: bool
+) -> dict[str, Any]:
     drawn = rows[places]
     names = motions.subject[drawn].tolist()
     lines, humerus = muscle_lines_of(model, names), humerus_pose(motions.take(drawn)).angles
@@ -79,7 +85,9 @@ def _of_model(motions: Motions, model: AnyModel, result: Tables, muscles: pd.Dat
         points = line_points_mm(lines, girdles, angles, CURVED, humerus)
         states[state] = {
             "paths": {int(place): path for place, path in zip(places, _paths(lines, points), strict=True) if path},
-            "arms_mm": [_arms(motions, mine, f"about_{joint}_{state}_mm", lines.muscles, rows) for joint in JOINTS],
+            "arms_mm": [
+                _arms(motions, mine, f"about_{joint}_{state}_mm", lines.muscles, rows, exact) for joint in JOINTS
+            ],
         }
     parts = zip(lines.name, lines.muscle, lines.wraps.tolist(), strict=True)
     return {
@@ -100,9 +108,10 @@ def _paths(lines: MuscleLines, points_mm: Float[np.ndarray, " points 3 lines pos
     return found
 
 
-def _arms(motions: Motions, table: pd.DataFrame, column: str, muscles: Sequence[str], rows) -> np.ndarray:
-    """One column of ``muscles.csv``, muscles by rows; NaN of what it has not."""
+def _arms(motions: Motions, table: pd.DataFrame, column: str, muscles: Sequence[str], rows, exact: bool) -> list:
+    """One column of ``muscles.csv``, muscles by rows; None of what it has not."""
     keys = ["subject", "motion", "posture"]
     at = pd.MultiIndex.from_arrays([motions.subject[rows], motions.motion[rows], motions.posture[rows]], names=keys)
-    parts = [table[table["muscle"] == muscle].set_index(keys)[column].reindex(at) for muscle in muscles]
-    return np.round(np.stack([part.to_numpy(float) for part in parts]), _ARM_DIGITS)
+    parts = [table[table["muscle"] == muscle].set_index(keys)[column].reindex(at).tolist() for muscle in muscles]
+    digits = _ARM_DIGITS if exact else None
+    return [[None if value != value else round(value, digits) for value in part] for part in parts]

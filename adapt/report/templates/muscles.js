@@ -45,9 +45,9 @@ function drawArms() {
   const x = abscissa();
   const arms = (state, k) => inMotion(muscles().states[state].arms_mm[at.joint][k]);
   const both = (k) => ["before", "after"].flatMap((state) => finite(arms(state, k)));
-  const over = muscles()
-    .muscles.map((muscle, k) => [muscle, k])
-    .filter(([, k]) => Math.max(...both(k), 0) > 0);
+  const every = muscles().muscles.map((muscle, k) => [muscle, k]);
+  const passing = every.filter(([, k]) => Math.max(...both(k), 0) > 0);
+  const over = passing.length ? passing : every; // of a subject without arms the figures are empty, not the last ones
   const top = 1.1 * Math.max(...over.flatMap(([, k]) => both(k)), 1);
   const places = panels("arms", over.length);
   over.forEach(([muscle, k], n) => {
