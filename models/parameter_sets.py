@@ -44,7 +44,7 @@ SIZES_MM = {
     "clavicle.length_mm": (30.0, 250.0),
     "clavicle.conoid_mm": (20.0, 250.0),
     "scapula.ts_mm": (24.0, 250.0),
-    "scapula.ai_mm": (36.0, 370.0),
+    "scapula.ai_mm": (30.0, 370.0),
     "scapula.conoid_mm": (8.0, 120.0),
     "thorax.semi_axes_mm": (SHORTEST_MM, 2000.0),
     "constraint.conoid_length_mm": (SHORTEST_MM, 90.0),

@@ -196,7 +196,7 @@ def _other_shoulder(positions: Positions) -> dict[frozenset[str], str]:
 
 def _angle_before_joint(positions: Positions) -> dict[frozenset[str], str]:
     """AA, behind and beside AC, is farther from IJ than AC is."""
-    if not {"AC", "AA"} <= set(positions):
+    if not {"IJ", "AC", "AA"} <= set(positions):
         return {}
     joint, corner = distances_mm(positions, [("IJ", "AC"), ("IJ", "AA")])
     nearer = joint - corner

@@ -170,7 +170,7 @@ def test_the_command_line_does_what_python_does_and_says_with_what(noisy, tmp_pa
 
     said = described(effects)
     assert f"With {said} active in every subject." in " ".join(ended.out.split())
-    assert f"<b>With {said}</b> at work" in (out / "report.html").read_text()
+    assert f"<b>With {said}</b> active" in (out / "report.html").read_text()
     assert all(f"with {said})" in path.read_text() for path in (out / "models").iterdir())
 
     assert girdle("adapt", "--repeat", out / "run.json", "--out", again).status == 0

@@ -236,7 +236,7 @@ REFUSED = {
         "[-148.0, -109.0, 0.0]",
         "[-0.148, -0.109, 0.0]",
         "scapula.ai_mm is 0.1838 mm, less than in any person",
-        "It looks like metres. Give it in mm: between 36 and 370",
+        "It looks like metres. Give it in mm: between 30 and 370",
     ),
     "a clavicle of a giant": ("= 158", "= 1580.0", "clavicle.length_mm is 1580 mm, more than", "tenths of a"),
     "a thorax of a giant": ("404.0", "4040.0", "thorax.semi_axes_mm is 4040 mm, more than", "tenths of a"),

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.stats import t as student
 
 from adapt.diagnosis.fit.shoulders import Shoulders, shoulders_of
 from adapt.engine.batching import take_problems
@@ -156,6 +155,8 @@ class Persons:
         values, middle = self.each(of_subjects), self.mean(of_subjects)
         if len(values) < 2:
             return Interval(middle, float("nan"), float("nan"))
+        from scipy.stats import t as student  # not for every command
+
         half = float(student.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
         return Interval(middle, middle - half, middle + half)
 
