@@ -224,7 +224,7 @@ def test_a_cause_may_be_named_that_does_not_make_the_prediction_worse():
 
     def with_gaps(hypothesis: tuple[str, ...], share_left: float, scatter: float) -> None:
         factor = share_left * (1.0 + scatter * generator.standard_normal(folds))
-        search.gaps[hypothesis, True] = np.full((folds, 6), 2.0) * factor[:, None]
+        search.gaps[hypothesis] = np.full((folds, 6), 2.0) * factor[:, None]
 
     with_gaps((), 1.0, 0.0)
     with_gaps((BIAS,), 0.5, 0.01)
@@ -234,7 +234,7 @@ def test_a_cause_may_be_named_that_does_not_make_the_prediction_worse():
     with_gaps((BIAS,), 1.02, 0.0)
     assert not gain(search, (), (BIAS,)).predicts
     with_gaps((BIAS,), 1.0, 0.3)
-    search.gaps[(BIAS,), True] += 2.0 - search.gaps[(BIAS,), True].mean() + 0.01
+    search.gaps[BIAS,] += 2.0 - search.gaps[BIAS,].mean() + 0.01
     found = gain(search, (), (BIAS,))
     assert found.mean_deg == pytest.approx(-0.01)
     assert found.predicts, "worse by less than its error"

@@ -75,6 +75,7 @@ def modes(
     first = _begin(likelihood, objective, np.concatenate(thetas_mm).T, a, _by_positions(joint, likelihood, hypotheses))
     near, theta, mode = until_ended(objective, first, partial(_stepped, likelihood), _MOST_STEPS)
     every = np.arange(len(joint.candidates.scale))
+    distinct = {id(one): one for one in (likelihood, *beliefs)}.values()  # the first is mostly among the others
     in_order, thetas = np.argsort(joint.rows), _by_group(theta, mode)
     found = []
     for group, hypothesis in enumerate(hypotheses):
@@ -84,8 +85,8 @@ def modes(
         Z = np.concatenate([by_theta, joint.candidates.by_amplitude(by_channel)], axis=2)
         own = mode.a[: len(amplitudes[group]), group]
         here = joint.candidates.among_all(hypothesis, own)
-        here_linear = thetas[group], y[..., 0], Z, every, here
-        evidence, *others = (one.evidence(*here_linear) for one in (likelihood, *beliefs))
+        by_likelihood = {id(one): one.evidence(thetas[group], y[..., 0], Z, every, here) for one in distinct}
+        evidence, *others = (by_likelihood[id(one)] for one in (likelihood, *beliefs))
         found.append(Posterior(hypothesis, thetas[group], own, y[..., 0], Z, evidence, tuple(others)))
     return found
 

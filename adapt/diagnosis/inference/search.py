@@ -30,7 +30,6 @@ from adapt.diagnosis.fit.shoulders import Shoulders
 from adapt.diagnosis.fit.unseen_folds import Folds, folds_of
 from adapt.diagnosis.inference.intervals import resampled_persons
 from adapt.diagnosis.marks import scapula_is_carried
-from adapt.tables.folds import PERSON
 from models.effects import Effect
 from models.person.family import AnyModel
 
@@ -87,8 +86,8 @@ class Search:
     """V of sets from the modes of others, by both names."""
     posteriors: dict[Hypothesis, Posterior] = field(default_factory=dict)
     """Of the few sets of which it was asked what they predict (``mode``)."""
-    gaps: dict[tuple[Hypothesis, bool], Float[np.ndarray, "folds 6"]] = field(default_factory=dict)
-    """Of unseen postures, of those, with and without sizes of one's own (``unseen_gaps_deg``)."""
+    gaps: dict[Hypothesis, Float[np.ndarray, "folds 6"]] = field(default_factory=dict)
+    """Of unseen postures, of those (``unseen_gaps_deg``)."""
     discrepancy: Discrepancy = TYPICAL
     """Of the belief that is most probable with the best set; modes are found with it."""
     beliefs: tuple[Belief, ...] = (Belief("common", TYPICAL),)
@@ -308,28 +307,27 @@ class Search:
             self.posteriors[hypothesis] = found
         return self.posteriors[hypothesis]
 
-    def unseen_gaps_deg(self, hypothesis: Hypothesis, own_sizes: bool = True) -> Float[np.ndarray, "folds 6"]:
-        """Predict unseen postures with a set; with the sizes of others as they are, of persons who were not seen."""
-        self.predict([hypothesis], own_sizes)
-        return self.gaps[hypothesis, own_sizes]
+    def unseen_gaps_deg(self, hypothesis: Hypothesis) -> Float[np.ndarray, "folds 6"]:
+        """Predict unseen postures with a set."""
+        self.predict([hypothesis])
+        return self.gaps[hypothesis]
 
-    def predict(self, hypotheses: Sequence[Hypothesis], own_sizes: bool = True) -> None:
+    def predict(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Predict unseen postures with some sets, each once: side by side it takes a fraction of the time."""
-        missing = [hypothesis for hypothesis in hypotheses if (hypothesis, own_sizes) not in self.gaps]
+        missing = [hypothesis for hypothesis in hypotheses if hypothesis not in self.gaps]
         if missing:
-            folds = self.folds if own_sizes else self.folds.only(PERSON)
-            found = self.predicted_gaps_deg(folds, missing, [self.mode(one) for one in missing], own_sizes)
-            self.gaps |= {(hypothesis, own_sizes): gaps for hypothesis, gaps in zip(missing, found, strict=True)}
+            found = self.predicted_gaps_deg(self.folds, missing, [self.mode(one) for one in missing])
+            self.gaps |= dict(zip(missing, found, strict=True))
 
     def predicted_gaps_deg(
-        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Sequence[Posterior], own_sizes: bool = True
+        self, folds: Folds, hypotheses: Sequence[Hypothesis], at: Sequence[Posterior]
     ) -> list[Float[np.ndarray, "folds 6"]]:
         """Predict folds with each of some sets, in the linear model around the mode of one within it; the shoulder of
-        a fold has sizes of its own about the amplitudes, or the amplitudes themselves."""
+        a fold has sizes of its own about the amplitudes."""
         candidates, without = self.joint.candidates, self.likelihood_without
         every = list(zip(hypotheses, at, strict=True))
         amplitudes = [unseen_amplitudes(folds, candidates, *one, without) for one in every]
-        between = self.discrepancy.between_per_deg if own_sizes else 0.0
+        between = self.discrepancy.between_per_deg
         return unseen_gaps_deg(self.joint, folds, hypotheses, [one.theta_mm for one in at], amplitudes, between)
 
     def sizes_of_shoulders(

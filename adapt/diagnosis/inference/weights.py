@@ -55,8 +55,7 @@ def weigh(search: Search) -> Weights:
     each = {name: search.by_belief(start, name) for name, start in starts.items()}
     each |= {node.hypothesis: node.by_belief[:, 1:] for node in search.usable}
     every = np.array(list(each.values()))
-    shares = np.exp(every - every.max(axis=(0, 1)))
-    shares = (shares / shares.sum(axis=(0, 1))).mean(axis=2)
+    shares = probabilities([one for of_set in every for one in of_set]).reshape(every.shape[:2])
     found = dict(zip(each, shares.sum(axis=1).tolist(), strict=True))
     unexplained = float(shares[:, [one.left == "common" for one in search.beliefs]].sum())
     return Weights(dict(sorted(found.items(), key=lambda one: -one[1])), search.joint.candidates.causes, unexplained)
