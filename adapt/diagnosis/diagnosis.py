@@ -21,7 +21,14 @@ from adapt.diagnosis.inference.left_over import left_over_share, more_than_noise
 from adapt.diagnosis.inference.next_measurement import indistinguishable, lacking, propose
 from adapt.diagnosis.inference.not_named import why_not_named
 from adapt.diagnosis.inference.search import search_of
-from adapt.diagnosis.inference.selection import REJECTED, name_causes, nothing_named, probable, standing
+from adapt.diagnosis.inference.selection import (
+    REJECTED,
+    angles_contradict_landmarks,
+    name_causes,
+    nothing_named,
+    probable,
+    standing,
+)
 from adapt.diagnosis.inference.weights import Weights, weigh
 from adapt.diagnosis.location.observations import observe
 from adapt.diagnosis.location.where import Where, locate
@@ -180,6 +187,7 @@ class _Study:
         verdict = self._verdict(causes, weights, gaps, shown, noise, against, rejected)
         others = null.unseen(kept, other) if gaps.other_person else None
         before, used = self.plain.before[self.model.name], search.joint.positions is not None
+        off_deg = search.shared_turn_deg if rejected and angles_contradict_landmarks(search) else 0.0
         return Diagnosis(
             model=self.model.name,
             subjects=shoulders.subjects,
@@ -205,7 +213,7 @@ class _Study:
             indistinguishable=indistinguishable(none),
             lacking=lacking(len(shoulders.kinds), shoulders.persons),
             next_measurement=propose(search, self.model, named.chosen, [sets[name].names for name in order]),
-            positions=judge_positions(self.task, self.model, before, adapted, with_causes, others, used),
+            positions=judge_positions(self.task, self.model, before, adapted, with_causes, others, used, off_deg),
         )
 
     def _where(self, adapted: AdaptedGaps, with_causes: AdaptedGaps, floor, noise: Noise) -> Where:

@@ -35,6 +35,11 @@ USES: tuple[PositionUse, ...] = ("use", "check", "ignore")
 LEAST_MM, MOST_MM = 0.01, 30.0
 """Noise of a position beyond these is a slip of the pen: rounding of a file, and a landmark that is anywhere."""
 
+_CONTRADICTED = (
+    "angles and landmarks of all persons contradict each other by {:.1f} deg along the motions: check the signs, "
+    "factors and columns of the angles, and what carries the landmarks"
+)
+
 _SAME_ERRORS = (
     "the angles were computed from these landmarks and have the same errors: of the positions, the path of SC and the "
     "length of the clavicle are data, and the rest is held against the diagnosis"
@@ -112,10 +117,12 @@ def judge_positions(
     with_causes: AdaptedGaps,
     others: HeldOut | None,
     used: bool,
+    off_deg: float,
 ) -> Positions:
     """Hold simulated positions against measured ones, in sample and on motions that neither adaptations nor constants
     have seen. ``others``: adaptations with sizes of causes that have not seen the person either, of whom there are
-    several. ``used``: whether the search has seen the positions."""
+    several. ``used``: whether the search has seen the positions. ``off_deg``: by how much all angles contradict the
+    landmarks, if they do."""
     rows = posture_rows(task.motions)
     judge = Judge.of(model, rows)
     base = as_they_are(model, rows, before)
@@ -123,7 +130,7 @@ def judge_positions(
     other_motion, other_person = _unseen(judge, base, adapted, with_causes, others)
     return Positions(
         used=used,
-        note=task.note,
+        note="; ".join(filter(None, [task.note, _CONTRADICTED.format(off_deg) if off_deg else ""])),
         noise_mm=task.coordinate_sd_mm,
         in_sample={state: judge.gap_mm(one) for state, one in chains.items()},
         other_motion=other_motion,

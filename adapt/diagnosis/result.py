@@ -214,7 +214,7 @@ class Positions:
     used: bool
     """Whether the inference has seen them."""
     note: str
-    """Why not, where they were to be used; or empty."""
+    """Why not, where they were to be used; what contradicts them; or empty."""
     noise_mm: float
     """SD of one coordinate; NaN where unknown."""
     in_sample: StateGaps

@@ -10,7 +10,7 @@ from oracles import bones
 from scipy.spatial.transform import Rotation
 
 from adapt.diagnosis.fit.candidates import Candidates, lay_out
-from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy
+from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy, common_position_curves, own_position_curves
 from adapt.diagnosis.fit.positions.position_evidence import position_evidence, shown_sizes
 from adapt.diagnosis.fit.positions.position_rows import PositionRows, Seen, planned_rows
 from adapt.diagnosis.fit.shoulders import Shoulders, usable
@@ -140,10 +140,24 @@ def test_the_lever_of_an_angle_is_the_length_of_the_bone():
     """AC seen from SC: the protraction and elevation of the clavicle turn it by its length, its axial rotation not."""
     rows, _, _ = parts(laid_out())
     of_length = np.deg2rad(1.0) * np.linalg.norm(bones(MODEL.girdle).ac_mm)
-    across = np.sqrt((rows.lever_mm[:, 3:6] ** 2).sum(axis=1))
+    across = np.sqrt((rows.by_angle[:, 3:6] ** 2).sum(axis=(1, 2)))
     assert np.all(across <= np.sqrt(2.0) * of_length * 1.001)
     assert np.all(across >= of_length)
-    np.testing.assert_allclose(rows.lever_mm[:, :3], 0.0, atol=EXACT_MM)
+    np.testing.assert_allclose(rows.by_angle[:, :3], 0.0, atol=EXACT_MM)
+
+
+def test_the_noise_of_angles_turns_the_scapula_as_one_bone():
+    """TS and AI seen from AC turn together: the distance between them stays."""
+    rows, _, shoulders = parts(laid_out())
+    R_S = Rotation.from_euler("YZX", shoulders.motions.angles_deg[:, 3:], degrees=True).as_matrix()
+    base = bones(MODEL.girdle)
+    apart = R_S @ (base.ai_mm - base.ts_mm)
+    np.testing.assert_allclose(
+        np.einsum("rm,rmi->ri", apart, rows.by_angle[:, 9:12] - rows.by_angle[:, 6:9]), 0.0, atol=EXACT_MM
+    )
+
+
+NOT_SMOOTH = TYPICAL._replace(own_mm=0.0, common_mm=0.0, own_turn_deg=0.0, common_turn_deg=0.0)
 
 
 def dense(
@@ -154,27 +168,22 @@ def dense(
     found: Discrepancy,
     mean_is_known: bool = False,
 ):
-    """The covariance of all measured coordinates, written out: (rows, n) flat."""
-    elevation, along = shoulders.course_deg
-    near, near_along = (
-        (1.0 + np.sqrt(3.0) * apart) * np.exp(-np.sqrt(3.0) * apart)
-        for apart in (np.abs(one[:, None] - one) / found.length_deg for one in (elevation, along))
-    )
-    of_motion = near * near_along * (shoulders.motion[:, None] == shoulders.motion)
+    """The covariance of all measured coordinates, written out, but for what is smooth: (rows, n) flat."""
     same = shoulders.subject[:, None] == shoulders.subject
-    n = rows.values_mm.shape[1]
-    noise = rows.places * rows.noise_mm**2 + (found.noise_deg * rows.lever_mm) ** 2
-    total = np.kron(found.own_mm**2 / 2.0 * (near + of_motion) * same, np.eye(n)) + np.diag(noise.ravel())
-    H, C, A = (x.reshape(noise.size, -1) for x in (rows.by_constant, rows.by_common, rows.by_amplitude[..., where]))
+    n, count = rows.values_mm.shape[1], len(rows.values_mm)
+    L = rows.by_angle.reshape(count * n, -1)
+    total = rows.noise_mm**2 * np.diag(np.tile(rows.places, count)).astype(float)
+    total += found.noise_deg**2 * np.kron(np.eye(count), np.ones((n, n))) * (L @ L.T)
+    H, C, A = (x.reshape(count * n, -1) for x in (rows.by_constant, rows.by_common, rows.by_amplitude[..., where]))
     total += found.people**2 * np.kron(same, np.ones((n, n))) * (H @ H.T) + C @ C.T
     between = np.kron(found.between_shoulders**2 * same + (0.0 if mean_is_known else 1.0), np.ones((n, n)))
     return total + between * (A @ np.diag(candidates.scale[where] ** 2) @ A.T)
 
 
 def test_the_evidence_is_the_density_of_the_positions_with_all_else_integrated_out():
-    """Without what all have in common along the elevation, whose few curves lose a share."""
+    """Without what is smooth, whose few curves lose a share."""
     rows, candidates, shoulders = parts(laid_out(both, noise_mm=1.0))
-    found, where = TYPICAL._replace(common_mm=1e-9), candidates.where(("sc_translation", "ac_translation"))
+    found, where = NOT_SMOOTH, candidates.where(("sc_translation", "ac_translation"))
     mean, scale = candidates.mean[where], candidates.scale[where]
     given = (
         position_evidence(rows, shoulders, found)
@@ -190,11 +199,61 @@ def test_the_evidence_is_the_density_of_the_positions_with_all_else_integrated_o
     np.testing.assert_allclose(given.amplitude, expected, rtol=1e-5, atol=1e-7)
 
 
+def near_of(one: np.ndarray, length: float) -> np.ndarray:
+    """Matern 3/2."""
+    d = np.sqrt(3.0) * np.abs(one[:, None] - one) / length
+    return (1.0 + d) * np.exp(-d)
+
+
+@pytest.mark.parametrize("length", [30.0, 60.0])
+def test_curves_hold_most_of_what_is_smooth(length):
+    """Of the variance of a course less than a tenth is lost, and nothing is added."""
+    _, _, shoulders = parts(laid_out())
+    (elevation, along), first = shoulders.course_deg, shoulders.rows_of(0)
+    near, near_along = near_of(elevation, length), near_of(along, length)
+    own = (near * (1.0 + near_along * (shoulders.motion[:, None] == shoulders.motion)))[np.ix_(first, first)] / 2.0
+    found = own_position_curves(shoulders, first, length), common_position_curves(shoulders, length)
+    for curves, covariance in zip(found, (own, near), strict=True):
+        lost = covariance - curves @ curves.T
+        assert np.trace(lost) < 0.1 * len(lost)
+        assert np.linalg.eigvalsh(lost)[0] > -0.1
+
+
+def test_curves_are_of_their_sizes_in_every_coordinate_and_every_angle():
+    """What the sizes add to the covariance of a shoulder: that of the curves, through the levers of the angles."""
+    rows, candidates, shoulders = parts(laid_out())
+    none, one = np.zeros(0, int), shoulders.rows_of(0)
+    rows = replace(rows, by_amplitude=rows.by_amplitude[..., none], by_common=rows.by_common[..., none])
+    smooth = NOT_SMOOTH._replace(own_mm=2.0, own_turn_deg=3.0, common_mm=1.5, common_turn_deg=0.7)
+    total, n = dense(rows, shoulders, candidates, none, smooth), rows.values_mm.shape[1]
+    (at,) = np.nonzero(np.repeat(shoulders.subject == 0, n))
+    total, L = total[np.ix_(at, at)], rows.by_angle[one].reshape(len(at), -1)
+    curves = own_position_curves(shoulders, one, 40.0), common_position_curves(shoulders, 40.0)[one]
+    for curve, of_places, of_turns in zip(curves, (2.0, 1.5), (3.0, 0.7), strict=True):
+        total += of_places**2 * np.kron(curve @ curve.T, np.eye(n))
+        total += of_turns**2 * np.kron(curve @ curve.T, np.ones((n, n))) * (L @ L.T)
+    values = rows.values_mm[one].ravel()
+    density = -0.5 * (np.linalg.slogdet(total).logabsdet + values @ np.linalg.solve(total, values))
+    evidence = position_evidence(rows, shoulders, smooth).of(np.array([0]))
+    given = evidence.given(none, np.zeros(0), np.zeros(0), np.zeros(0))
+    assert given.log_evidence == pytest.approx(density, rel=1e-9)
+
+
+def test_landmarks_that_a_cluster_carries_do_not_show_what_turns_the_frame():
+    rows, candidates, _ = parts(laid_out())
+    where = candidates.where(("scapula_landmark_bias",))
+    others = np.setdiff1d(np.arange(len(candidates.scale)), where)
+    carried = rows.carried(candidates)
+    assert np.abs(rows.by_amplitude[:, 6:, where]).max() > 1.0
+    np.testing.assert_array_equal(carried.by_amplitude[..., where], 0.0)
+    np.testing.assert_array_equal(carried.by_amplitude[..., others], rows.by_amplitude[..., others])
+
+
 def test_what_was_not_measured_is_no_row():
     rows, candidates, shoulders = parts(laid_out(both, noise_mm=1.0))
     hidden = rows.measured.copy()
     hidden[shoulders.subject == 1, 3:6] = False
-    where, found = candidates.where(("ac_translation",)), TYPICAL._replace(common_mm=1e-9)
+    where, found = candidates.where(("ac_translation",)), NOT_SMOOTH
     some = replace(rows, measured=hidden)
     given = position_evidence(some, shoulders, found).only(where)
     value = given.given(np.arange(len(where)), np.zeros(len(where)), candidates.mean[where], candidates.scale[where])
@@ -255,7 +314,7 @@ def test_what_landmarks_would_tell_of_amplitudes_is_known_before_they_are_measur
     _, candidates, shoulders = parts(laid_out())
     model = laid_out().joint.model
     rows = planned_rows(MODEL, model.sets.girdle, candidates, shoulders, ("SC", "AC"))
-    where, found = candidates.where(("ac_translation",)), TYPICAL._replace(common_mm=1e-9)
+    where, found = candidates.where(("ac_translation",)), NOT_SMOOTH
     evidence = position_evidence(rows, shoulders, found).only(where)
     precision = evidence.of_amplitudes(candidates.mean[where], candidates.scale[where])[:-1, :-1]
     total = dense(rows, shoulders, candidates, where, found, mean_is_known=True)

@@ -13,9 +13,10 @@ near_motion is 0 between kinds of motion; where elevation hardly changes along a
 stands beside it. So what is left over says little more in a further posture of a motion, or in a further shoulder,
 where it is alike there.
 
-So too of every coordinate of a measured landmark (``fit.position_rows``), which has besides its noise, mm,
+So too of every coordinate of a measured landmark (``fit.position_rows``), and of every measured angle about what the
+landmarks show, which have besides their noise
 
-    own_mm^2 (near_motion + near) / 2 [same shoulder] + common_mm^2 near
+    own^2 (near_motion + near) / 2 [same shoulder] + common^2 near,   own and common in mm and in degrees
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -45,6 +46,10 @@ class Discrepancy(NamedTuple):
     """SD of a coordinate of a landmark about its place in its bone, along the motions of a shoulder."""
     common_mm: float
     """What all shoulders have in common of it."""
+    own_turn_deg: float
+    """SD of a measured angle about what its landmarks show, along the motions of a shoulder, beside its noise."""
+    common_turn_deg: float
+    """What all shoulders have in common of it."""
     people: float
     """Scale of how persons differ in where landmarks are in their bones (``models.person.own_bones``)."""
 
@@ -60,32 +65,36 @@ class Discrepancy(NamedTuple):
         return self.between_shoulders / self.noise_deg
 
 
-TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5, 1.0)
+TYPICAL = Discrepancy(1.0, 0.5, 0.5, 0.5, 0.5, 40.0, 0.3, 1.0, 0.5, 0.5, 0.5, 1.0)
 """Before any data: the medians of log-normal priors."""
 
-LOG_SD = np.array([0.5, 1.4, 1.4, 1.4, 1.4, 0.5, 1.0, 1.0, 1.0, 0.7])
+LOG_SD = np.array([0.5, 1.4, 1.4, 1.4, 1.4, 0.5, 1.0, 1.0, 1.0, 1.4, 1.4, 0.7])
 """SDs of their logarithms: a factor of 4, of 2.7 between shoulders, and of 1.6 for the length and the noise: that of
 measured angles is between half a degree (bone pins) and two (palpation). With less the modes of measured motions lie in
 long, narrow valleys, and where the steps end depends on where they begin."""
 
-_COMMON, _OWN = ("common_motion_deg", "common_deg", "common_mm"), ("of_motion_deg", "of_shoulder_deg", "own_mm")
+_COMMON = ("common_motion_deg", "common_deg", "common_mm", "common_turn_deg")
+_OWN = ("of_motion_deg", "of_shoulder_deg", "own_mm", "own_turn_deg")
 
 NOTHING_OF: Mapping[str, tuple[str, ...]] = MappingProxyType({"noise": _COMMON + _OWN, "own": _COMMON, "common": ()})
 """What may be left beside the causes, and what there is then none of: noise alone; what shoulders do each in its own
 way, as bones of their own let them; and what all do alike."""
 
-OF_POSITIONS = 3
+OF_POSITIONS = 5
 """So many of these, the last, are of positions."""
 
 _STEP_DEG = 5.0
 """Between the points that carry what shoulders have in common."""
 
 _LEAST_VARIANCE = 1e-2
-"""Of a curve that shoulders have in common, of the largest. Without those below it, 2 % of the common variance is lost,
-3 % at worst (measured and simulated motions, length 22 to 40 deg)."""
+"""Of a curve that shoulders have in common, of the largest, at the typical length. Without those below it, 1 % of the
+common variance is lost, 5 % at a length of 22 deg."""
 
 _LEAST_OF_FEW = 5e-2
-"""So too for positions, whose coordinates have three to five curves each: 5 % of the common variance is lost."""
+"""So too for positions, of which every coordinate and every angle has curves: 8 % is lost."""
+
+_NOTHING = 1e-12
+"""Of the largest variance: rounding."""
 
 
 _UNKNOWN = 2
@@ -128,12 +137,12 @@ def whitening(
 ) -> Whitening:
     """Factor the covariance of all rows, or of those that are seen."""
     seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
-    curves = _curves(shoulders, lambda one, other: _common(one, other, discrepancy), _LEAST_VARIANCE)
+    curves = _curves(shoulders, _common, discrepancy, _LEAST_VARIANCE)
     rows, roots, common, log_determinants = [], [], [], []
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
         own = own[seen[own]]
-        near, of_motion = _alike(shoulders, own, discrepancy)
+        near, of_motion = _alike(shoulders, own, discrepancy.length_deg)
         covariance = discrepancy.of_motion_deg**2 * of_motion + discrepancy.of_shoulder_deg**2 * near
         root = np.linalg.cholesky(covariance + discrepancy.noise_deg**2 * np.eye(len(own)))
         inverse = np.linalg.inv(root)
@@ -144,50 +153,53 @@ def whitening(
     return Whitening(tuple(rows), tuple(roots), tuple(common), np.array(log_determinants))
 
 
-def position_whitening(
-    shoulders: Shoulders,
-    discrepancy: Discrepancy,
-    own: Int[np.ndarray, " own"],
-    variance_mm2: Float[np.ndarray, "own n"],
-    measured: Bool[np.ndarray, "own n"],
-) -> tuple[Float[np.ndarray, "n own own"], float]:
-    """Factor the covariance L L' of each coordinate of one shoulder's rows, whose noise has ``variance_mm2``: L^-1, and
-    the log determinant of all; a cell that was not measured is apart, with the variance 1."""
-    near, of_motion = _alike(shoulders, own, discrepancy)
-    smooth = discrepancy.own_mm**2 / 2.0 * (of_motion + near)
-    known = measured.T
-    covariance = np.where(known[:, :, None] & known[:, None, :], smooth, 0.0)
-    covariance += np.where(known, variance_mm2.T, 1.0)[:, None] * np.eye(len(own))
-    root = np.linalg.cholesky(covariance)
-    log_determinant = 2.0 * float(np.log(np.einsum("nii->ni", root)).sum())
-    return np.linalg.inv(root), log_determinant
+def own_position_curves(
+    shoulders: Shoulders, own: Int[np.ndarray, " own"], length_deg: float
+) -> Float[np.ndarray, "own curves"]:
+    """Give the curves, of SD 1, that a coordinate of a landmark and a measured angle have in one shoulder."""
+    typical, covariance = (np.mean(_alike(shoulders, own, one), axis=0) for one in (TYPICAL.length_deg, length_deg))
+    values, vectors = _largest(covariance, typical, _LEAST_VARIANCE)
+    return vectors * np.sqrt(values)
 
 
-def position_curves(shoulders: Shoulders, discrepancy: Discrepancy) -> Float[np.ndarray, "rows curves"]:
-    """Give the curves that coordinates of landmarks have in common, along the elevation."""
-    length = discrepancy.length_deg
-    return discrepancy.common_mm * _curves(shoulders, lambda one, other: _near(one[0], other[0], length), _LEAST_OF_FEW)
+def common_position_curves(shoulders: Shoulders, length_deg: float) -> Float[np.ndarray, "rows curves"]:
+    """Give those that they have in common in all shoulders, along the elevation."""
+    at = TYPICAL._replace(length_deg=length_deg)
+    return _curves(shoulders, lambda one, other, at: _near(one[0], other[0], at.length_deg), at, _LEAST_OF_FEW)
 
 
 def _alike(
-    shoulders: Shoulders, own: Int[np.ndarray, " own"], discrepancy: Discrepancy
+    shoulders: Shoulders, own: Int[np.ndarray, " own"], length_deg: float
 ) -> tuple[Float[np.ndarray, "own own"], Float[np.ndarray, "own own"]]:
     """Compute near and near_motion of rows of one shoulder."""
-    (elevation, along), length = shoulders.course_deg[:, own], discrepancy.length_deg
-    near = _near(elevation, elevation, length)
-    of_motion = near * _near(along, along, length) * _same(shoulders.motion[own], shoulders.motion[own])
+    elevation, along = shoulders.course_deg[:, own]
+    near = _near(elevation, elevation, length_deg)
+    of_motion = near * _near(along, along, length_deg) * _same(shoulders.motion[own], shoulders.motion[own])
     return near, of_motion
 
 
-def _curves(shoulders: Shoulders, common: Callable, least: float) -> Float[np.ndarray, "rows curves"]:
+def _curves(
+    shoulders: Shoulders, common: Callable, discrepancy: Discrepancy, least: float
+) -> Float[np.ndarray, "rows curves"]:
     """Give curves whose sum, with independent factors of SD 1, has the common covariance, by way of points between
     which it is interpolated; without those of less than ``least`` of the largest variance."""
     elevation, along = shoulders.course_deg
     every = np.stack([elevation, along, shoulders.motion])
     points = np.unique(np.round(every / [[_STEP_DEG], [_STEP_DEG], [1.0]]), axis=1) * [[_STEP_DEG], [_STEP_DEG], [1.0]]
-    values, vectors = np.linalg.eigh(common(points, points))
-    kept = values > max(least * values.max(), 0.0)
-    return common(every, points) @ vectors[:, kept] / np.sqrt(values[kept])
+    typical, covariance = (common(points, points, one) for one in (TYPICAL, discrepancy))
+    values, vectors = _largest(covariance, typical, least)
+    return common(every, points, discrepancy) @ vectors / np.sqrt(values)
+
+
+def _largest(
+    covariance: Float[np.ndarray, "n n"], typical: Float[np.ndarray, "n n"], least: float
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "n k"]]:
+    """Find as many of the largest eigenvalues of a covariance, and its eigenvectors, as the typical one has of at least
+    that part of its largest: their number does not jump where the length changes, so that the evidence is smooth."""
+    count = int(np.count_nonzero((of_typical := np.linalg.eigvalsh(typical)) > least * of_typical[-1]))
+    values, vectors = np.linalg.eigh(covariance)
+    first = max(len(values) - count, int(np.count_nonzero(values <= _NOTHING * max(values[-1], _NOTHING))))
+    return values[first:], vectors[:, first:]
 
 
 def _common(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import solve_triangular
 
 
 class Given(NamedTuple):
@@ -151,7 +152,8 @@ def _integrated(total: Float[np.ndarray, "*draws m m"]) -> tuple[np.ndarray, np.
 
 def without(matrix: Float[np.ndarray, "*shoulders n n"], first: int) -> tuple[np.ndarray, np.ndarray]:
     """Eliminate the first variables of a quadratic: the Schur complement, and half the log determinant of theirs."""
-    root = np.linalg.cholesky(matrix[..., :first, :first])
-    across = np.linalg.solve(root, matrix[..., :first, first:])
+    root, beside = np.linalg.cholesky(matrix[..., :first, :first]), matrix[..., :first, first:]
+    flat = zip(root.reshape(-1, first, first), beside.reshape(-1, *beside.shape[-2:]), strict=True)
+    across = np.reshape([solve_triangular(*one, lower=True, check_finite=False) for one in flat], beside.shape)
     half_log = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
     return matrix[..., first:, first:] - np.swapaxes(across, -1, -2) @ across, half_log

@@ -1,6 +1,8 @@
 """What is believed of y, theta, the amplitudes and measured positions: a linear Gaussian model (``fit.evidence``)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -8,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from adapt.diagnosis.fit.discrepancy import Discrepancy, Whitening, whitening
 from adapt.diagnosis.fit.evidence import Evidence, without
 from adapt.diagnosis.fit.joint_fit import JointFit, Model
-from adapt.diagnosis.fit.positions.position_evidence import position_evidence
+from adapt.diagnosis.fit.positions.position_evidence import Grams, position_grams
 from models.adapted_parameters import ADAPTED
 from models.girdle import CONSTRAINTS
 
@@ -27,14 +29,23 @@ class Likelihood:
     """What measured positions say of all amplitudes."""
 
     @staticmethod
-    def of(joint: JointFit, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None) -> "Likelihood":
-        """Factor what no cause explains, of all rows or of those that are seen."""
+    def of(
+        joint: JointFit,
+        discrepancy: Discrepancy,
+        seen: Bool[np.ndarray, " rows"] | None = None,
+        grams: Callable[[float, float], Grams] | None = None,
+    ) -> "Likelihood":
+        """Factor what no cause explains, of all rows or of those that are seen; ``grams`` keeps what positions need."""
         rows, shoulders = joint.positions, joint.shoulders
+        positions = None
+        if rows:
+            grams = grams or partial(position_grams, rows, shoulders, seen=seen)
+            positions = grams(discrepancy.noise_deg, discrepancy.length_deg).evidence(discrepancy)
         return Likelihood(
             joint.model,
             whitening(shoulders, discrepancy, seen),
             discrepancy.between_shoulders,
-            position_evidence(rows, shoulders, discrepancy, seen) if rows else None,
+            positions,
         )
 
     @property

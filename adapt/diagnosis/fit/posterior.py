@@ -6,7 +6,7 @@ linear (Laplace), and there each shoulder has its own.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from adapt.diagnosis.fit.discrepancy import LOG_SD, OF_POSITIONS, TYPICAL, Discr
 from adapt.diagnosis.fit.evidence import Evidence
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.likelihood import Likelihood
+from adapt.diagnosis.fit.positions.position_evidence import position_grams
 from adapt.engine.batching import where_problems
 from adapt.solvers.projection.bounded_step import lowest
 from adapt.solvers.projection.damped_steps import STUCK, Damping, Steps, until_ended
@@ -109,8 +110,11 @@ def likeliest(joint: JointFit, at: Posterior, none: Sequence[str] = (), start: D
         logs[free] = z
         return Discrepancy(*np.exp(np.log(TYPICAL) + LOG_SD * logs).tolist())._replace(**dict.fromkeys(none, 0.0))
 
+    # differences change noise or length in two of their steps
+    grams = lru_cache(maxsize=2)(partial(position_grams, few.positions, few.shoulders)) if few.positions else None
+
     def cost(z: Float[np.ndarray, " numbers"]) -> float:
-        evidence = Likelihood.of(few, of(z)).evidence(at.theta_mm, at.y, Z, own, at.amplitude)
+        evidence = Likelihood.of(few, of(z), grams=grams).evidence(at.theta_mm, at.y, Z, own, at.amplitude)
         return 0.5 * float((z**2).sum()) - evidence.given(own, at.amplitude, mean, scale).log_evidence
 
     begin = np.log(np.array(start)[free] / np.array(TYPICAL)[free]) / LOG_SD[free]

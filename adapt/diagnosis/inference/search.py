@@ -18,12 +18,12 @@ from jaxtyping import Float
 
 from adapt.diagnosis.fit.candidates import Hypothesis, lay_out, without
 from adapt.diagnosis.fit.discrepancy import NOTHING_OF, TYPICAL, Belief, Discrepancy, log_weights
-from adapt.diagnosis.fit.evidence import Given
+from adapt.diagnosis.fit.evidence import Evidence, Given
 from adapt.diagnosis.fit.joint_fit import JointFit, Linearised, Model, everybody, linearise
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.positions.measured_sizes import measured_sizes
 from adapt.diagnosis.fit.positions.position_evidence import shown_sizes
-from adapt.diagnosis.fit.positions.position_rows import position_rows
+from adapt.diagnosis.fit.positions.position_rows import TURN_THE_SCAPULA_FRAME, position_rows
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
 from adapt.diagnosis.fit.prediction import unseen_amplitudes, unseen_gaps_deg
 from adapt.diagnosis.fit.shoulders import Shoulders
@@ -234,7 +234,9 @@ class Search:
         were left, as large as what is not smooth along the motions; and again with what the best set leaves."""
         first = self.fit(self.known, None)
         smooth = likeliest(self.joint, first.posterior)
-        self._believe([Belief("noise", smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0)))])
+        noise = smooth._replace(**dict.fromkeys(NOTHING_OF["noise"], 0.0))
+        self._place_landmarks(first, noise)
+        self._believe([Belief("noise", noise)])
         learnt = None
         for _ in range(_PASSES):
             self.beam()
@@ -246,11 +248,35 @@ class Search:
                 self._learn(self.best, smooth)
         return self
 
+    def _place_landmarks(self, first: Node, discrepancy: Discrepancy) -> None:
+        """Take the landmarks of the scapula for carried by its marker, and not on the bone, where a cause that turns
+        the measured frame in the bone explains more so."""
+        candidates, rows = self.joint.candidates, self.joint.positions
+        turning = [one.name for one in candidates.effects if one.cause in TURN_THE_SCAPULA_FRAME]
+        if rows is None or not turning:
+            return
+        values = []
+        joints = self.joint, replace(self.joint, positions=rows.carried(candidates))
+        for joint in joints:
+            at = replace(first.posterior, by_belief=(self._linear(Likelihood.of(joint, discrepancy), first.posterior),))
+            sets = [candidates.ordered((*first.hypothesis, name)) for name in turning]
+            values.append(max(self._value(at, one) for one in sets))
+        self.joint = joints[int(np.argmax(values))]
+        self.likelihoods.clear()
+
+    def _linear(self, likelihood: Likelihood, at: Posterior) -> Evidence:
+        """Compute the evidence of all candidates in the linear model around a mode."""
+        candidates = self.joint.candidates
+        here = candidates.among_all(at.hypothesis, at.amplitude)
+        return likelihood.evidence(at.theta_mm, at.y, at.Z, np.arange(len(candidates.scale)), here)
+
     def _learn(self, best: Node, smooth: Discrepancy) -> None:
         """Estimate what the best set leaves to each belief, and fit the best sets anew with them; where nothing is
         named ``smooth`` is left."""
+        before = {one.left: one.discrepancy for one in reversed(self.beliefs)}
         beliefs = [
-            Belief(left, likeliest(self.joint, best.posterior, none, smooth)) for left, none in NOTHING_OF.items()
+            Belief(left, likeliest(self.joint, best.posterior, none, before.get(left, smooth)))
+            for left, none in NOTHING_OF.items()
         ]
         if best.hypothesis != self.known:
             beliefs.append(Belief("common", smooth))
@@ -270,10 +296,8 @@ class Search:
 
     def _most_probable(self, node: Node) -> Discrepancy:
         """Find the belief that is most probable with a set."""
-        candidates, at = self.joint.candidates, node.posterior
-        every = np.arange(len(candidates.scale))
-        linear = at.theta_mm, at.y, at.Z, every, candidates.among_all(at.hypothesis, at.amplitude)
-        by_belief = tuple(self._with(one.discrepancy).evidence(*linear) for one in self.beliefs)
+        at = node.posterior
+        by_belief = tuple(self._linear(self._with(one.discrepancy), at) for one in self.beliefs)
         found = self._by_belief(replace(at, by_belief=by_belief), node.hypothesis, self.times[:0])[:, 0]
         return self.beliefs[int(np.argmax(found))].discrepancy
 
@@ -358,6 +382,11 @@ class Search:
         """Share of the variance that is smooth along the motions, where nothing is named, that the best set leaves."""
         best, *nothing = (one.discrepancy.smooth_deg2 for one in self.beliefs if one.left == "common")
         return best / nothing[0] if nothing else 1.0
+
+    @property
+    def shared_turn_deg(self) -> float:
+        """What all shoulders have in common of how angles contradict landmarks, beside the best set."""
+        return next((one.discrepancy.common_turn_deg for one in self.beliefs if one.left == "common"), 0.0)
 
     @property
     def usable(self) -> list[Node]:

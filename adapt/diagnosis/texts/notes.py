@@ -17,6 +17,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
         *(f"The motion file says of its angles that {name} is active." for name in diagnosis.declared_effects),
         *([_AXIAL] if diagnosis.axial_is_computed else []),
         *(f"{name} is probable and not named: {why}." for name, why in diagnosis.verdict.not_named.items()),
+        *([f"Positions: {diagnosis.positions.note}."] if diagnosis.positions.note else []),
         *_landmark_sizes(diagnosis),
         *_limits(diagnosis),
         *_sampled(diagnosis),

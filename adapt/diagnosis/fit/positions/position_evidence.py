@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
-from adapt.diagnosis.fit.discrepancy import Discrepancy, position_curves, position_whitening
+from adapt.diagnosis.fit.discrepancy import Discrepancy, common_position_curves, own_position_curves
 from adapt.diagnosis.fit.evidence import Evidence, Given, without
 from adapt.diagnosis.fit.positions.position_rows import PositionRows
 from adapt.diagnosis.fit.shoulders import Shoulders
@@ -17,40 +17,93 @@ def position_evidence(
     rows: PositionRows, shoulders: Shoulders, discrepancy: Discrepancy, seen: Bool[np.ndarray, " rows"] | None = None
 ) -> Evidence:
     """Give log p(positions, z) of each shoulder in z = (h, b, a_s, 1): of all rows, or of those that are seen."""
+    return position_grams(rows, shoulders, discrepancy.noise_deg, discrepancy.length_deg, seen).evidence(discrepancy)
+
+
+class Grams(NamedTuple):
+    """X' N^-1 X of shoulders, N the noise of their coordinates: all that does not go by the sizes of curves."""
+
+    of_shoulders: tuple["Gram", ...]
+    amplitudes: int
+
+    def evidence(self, discrepancy: Discrepancy) -> Evidence:
+        """Give log p(positions, z) of each shoulder in z = (h, b, a_s, 1)."""
+        sizes = np.array([1.0, *(getattr(discrepancy, name) for name in _SIZES)])
+        matrices, constants = [], []
+        for gram in self.of_shoulders:
+            size = sizes[gram.size]
+            kept = np.flatnonzero(size)
+            matrix = size[kept, None] * gram.matrix[kept[:, None], kept] * size[kept]
+            first = int(np.count_nonzero(size[: gram.of_person]))
+            matrix[:first, :first] += np.eye(first)
+            rest, half_log = without(matrix, first)
+            matrices.append(rest)
+            constants.append(-0.5 * gram.log_determinant - half_log)
+        shared = len(matrices[0]) - self.amplitudes - 1
+        return Evidence(np.array(matrices), np.array(constants), shared, discrepancy.between_shoulders)
+
+
+class Gram(NamedTuple):
+    """That of one shoulder: of its constants and curves; what all have in common, and its curves; amplitudes and 1."""
+
+    matrix: Float[np.ndarray, "z z"]
+    size: Int[np.ndarray, " z"]
+    """Which of 1 and ``_SIZES`` each goes by."""
+    of_person: int
+    """How many are the person's, the first."""
+    log_determinant: float
+    """Of N."""
+
+
+_SIZES = ("people", "own_mm", "own_turn_deg", "common_mm", "common_turn_deg")
+"""Of constants, and of curves."""
+
+
+def position_grams(
+    rows: PositionRows,
+    shoulders: Shoulders,
+    noise_deg: float,
+    length_deg: float,
+    seen: Bool[np.ndarray, " rows"] | None = None,
+) -> Grams:
+    """Make all rows white, or those that are seen."""
     seen = np.ones(len(shoulders.subject), bool) if seen is None else seen
-    matrices, constants, curves = [], [], position_curves(shoulders, discrepancy)
+    found, common = [], common_position_curves(shoulders, length_deg)
     for subject in range(len(shoulders.subjects)):
         own = shoulders.rows_of(subject)
         own = own[seen[own]]
-        white, log_determinant = _white(rows, shoulders, discrepancy, own, curves[own])
-        constant = rows.by_constant.shape[2]
-        matrix = white.T @ white
-        matrix[:constant, :constant] += np.eye(constant)
-        rest, half_log = without(matrix, constant)
-        matrices.append(rest)
-        constants.append(-0.5 * log_determinant - half_log)
-    shared = matrices[0].shape[0] - rows.by_amplitude.shape[2] - 1
-    return Evidence(np.array(matrices), np.array(constants), shared, discrepancy.between_shoulders)
+        of_person = [rows.by_constant[own], *_of_curve(rows, own, own_position_curves(shoulders, own, length_deg))]
+        of_all = [rows.by_common[own], *_of_curve(rows, own, common[own])]
+        last = [rows.by_amplitude[own], rows.values_mm[own, :, None]]
+        every = [*of_person, *of_all, *last]
+        white, log_determinant = _white(rows, noise_deg, own, np.concatenate(every, axis=2))
+        size = np.repeat([1, 2, 3, 0, 4, 5, 0, 0], [one.shape[2] for one in every])
+        found.append(Gram(white.T @ white, size, sum(one.shape[2] for one in of_person), log_determinant))
+    return Grams(tuple(found), rows.by_amplitude.shape[2])
+
+
+def _of_curve(
+    rows: PositionRows, own: Int[np.ndarray, " own"], curves: Float[np.ndarray, "own curves"]
+) -> list[Float[np.ndarray, "own n k"]]:
+    """Lay out curves of every coordinate, and of every angle."""
+    n, count = rows.values_mm.shape[1], len(own)
+    of_places = np.einsum("rk,nm->rnmk", curves, np.eye(n)).reshape(count, n, -1)
+    of_turns = np.einsum("rk,rni->rnik", curves, rows.by_angle[own]).reshape(count, n, -1)
+    return [of_places, of_turns]
 
 
 def _white(
-    rows: PositionRows,
-    shoulders: Shoulders,
-    discrepancy: Discrepancy,
-    own: Int[np.ndarray, " own"],
-    curves: Float[np.ndarray, "own curves"],
+    rows: PositionRows, noise_deg: float, own: Int[np.ndarray, " own"], columns: Float[np.ndarray, "own n z"]
 ) -> tuple[Float[np.ndarray, "numbers z"], float]:
-    """Make the coordinates of a shoulder white: slopes in u, h, b and a, and the values."""
-    measured, n = rows.measured[own], rows.values_mm.shape[1]
-    variance = rows.places * rows.noise_mm**2 + (discrepancy.noise_deg * rows.lever_mm[own]) ** 2
-    inverse_root, log_determinant = position_whitening(shoulders, discrepancy, own, variance, measured)
-    of_curves = np.einsum("rb,nk->rnkb", curves, np.eye(n)).reshape(len(own), n, -1)
-    shared, values = [rows.by_common[own], of_curves], rows.values_mm[own, :, None]
-    columns = np.concatenate(
-        [discrepancy.people * rows.by_constant[own], *shared, rows.by_amplitude[own], values], axis=2
-    )
-    white = inverse_root @ np.swapaxes(np.where(measured[..., None], columns, 0.0), 0, 1)
-    return white.reshape(-1, columns.shape[2]), log_determinant
+    """Make the coordinates of each posture white, and give the log determinant of their noise; a cell that was not
+    measured is apart, with the variance 1."""
+    known = rows.measured[own]
+    by_angle = np.where(known[..., None], noise_deg * rows.by_angle[own], 0.0)
+    covariance = by_angle @ np.swapaxes(by_angle, 1, 2)
+    covariance += np.where(known, rows.places * rows.noise_mm**2, 1.0)[..., None] * np.eye(known.shape[1])
+    root = np.linalg.cholesky(covariance)
+    white = np.linalg.inv(root) @ np.where(known[..., None], columns, 0.0)
+    return white.reshape(-1, columns.shape[2]), 2.0 * float(np.log(np.einsum("rnn->rn", root)).sum())
 
 
 def given_by_positions(positions: Evidence, candidates: Candidates, hypothesis: Hypothesis) -> Given:

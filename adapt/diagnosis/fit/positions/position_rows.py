@@ -36,6 +36,11 @@ from motions.rotations import DEG
 _CARRIERS: Mapping[str, tuple[str, ...]] = {"SC": (), "AC": ("SC",), **dict.fromkeys(("TS", "AI", "AA"), ("AC", "SC"))}
 """The landmarks that carry each, the next one first."""
 
+_OF_SCAPULA = ("TS", "AI", "AA")
+
+TURN_THE_SCAPULA_FRAME = ("skin_artefact", "scapula_landmark_bias")
+"""Causes that turn the measured frame of the scapula in the bone."""
+
 _STEP = 1e-3
 """Of a strength (mm, deg) or an angle (deg), for central differences: their error is some 1e-7 of the slope."""
 
@@ -84,14 +89,23 @@ class PositionRows:
     """Those that were measured, three coordinates each."""
     places: Int[np.ndarray, " n"]
     """How many places a coordinate is made of, each with its noise."""
-    lever_mm: Float[np.ndarray, "rows n"]
-    """What a degree of noise in each measured angle does; an angle that was not measured has more."""
+    by_angle: Float[np.ndarray, "rows n 6"]
+    """What a degree of noise in each measured angle does, mm; an angle that was not measured has more."""
     noise_mm: float
     """SD of a coordinate of one place."""
 
     def amplitudes(self, where: Int[np.ndarray, " own"]) -> "PositionRows":
         """Take some of the amplitudes."""
         return replace(self, by_amplitude=self.by_amplitude[..., where])
+
+    def carried(self, candidates: Candidates) -> "PositionRows":
+        """Take the landmarks of the scapula to go with the frame that was measured, as a cluster on the skin carries
+        them: what turns that frame in the bone does not show in them."""
+        turning = [one.name for one in candidates.effects if one.cause in TURN_THE_SCAPULA_FRAME]
+        of_scapula = np.repeat([name in _OF_SCAPULA for name in self.landmarks], 3)
+        by_amplitude = self.by_amplitude.copy()
+        by_amplitude[:, np.flatnonzero(of_scapula)[:, None], candidates.where(turning)] = 0.0
+        return replace(self, by_amplitude=by_amplitude)
 
     def beside_angles_of_them(
         self, angles: Float[np.ndarray, "6 rows"], ac_is_on_the_bone: bool = True
@@ -124,7 +138,7 @@ class PositionRows:
             by_common=_OPEN * turned @ self.by_constant,
             landmarks=self.landmarks,
             places=self.places[kept],
-            lever_mm=np.zeros((count, len(kept))),
+            by_angle=np.zeros((count, len(kept), len(angles))),
             noise_mm=self.noise_mm,
         )
 
@@ -170,7 +184,7 @@ def _laid_out(
         by_common=by_constant @ common,
         landmarks=tuple(measured),
         places=np.repeat([1 + bool(_carrier(name, measured)) for name in measured], 3),
-        lever_mm=seen.lever_mm(angles, shoulders.measured),
+        by_angle=seen.by_angle(angles, shoulders.measured),
         noise_mm=noise_mm,
     )
 
@@ -232,13 +246,12 @@ class Seen:
                 found.append((there - back) / (2.0 * _STEP))
         return np.stack(found, axis=-1)
 
-    def lever_mm(
+    def by_angle(
         self, angles: Float[np.ndarray, "6 rows"], measured: Bool[np.ndarray, "6 rows"]
-    ) -> Float[np.ndarray, "rows n"]:
-        """Compute the SD of c by a degree of noise in every measured angle."""
-        variance = 0.0
+    ) -> Float[np.ndarray, "rows n 6"]:
+        """Compute the slopes in a degree of noise in every measured angle."""
+        found = []
         for known, step in zip(measured, _STEP / DEG * np.eye(6), strict=True):
             there, back = (self.from_carriers(angles + one[:, None]) for one in (step, -step))
-            of_degree = (there - back) / (2.0 * _STEP)
-            variance += (of_degree * np.where(known, 1.0, _UNMEASURED_DEG)[:, None]) ** 2
-        return np.sqrt(variance)
+            found.append((there - back) / (2.0 * _STEP) * np.where(known, 1.0, _UNMEASURED_DEG)[:, None])
+        return np.stack(found, axis=-1)
