@@ -25,13 +25,20 @@ os.environ["XLA_FLAGS"] = (
 if version("jaxlib").startswith("0.10."):  # a later one has no others, and ends a process that names them
     os.environ["XLA_FLAGS"] += " --xla_cpu_use_fusion_emitters=false"
 
+# Processes that tests start read it: threads of several processes wait for each other, and a search for causes takes
+# eight times as long.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
 # The C library reads it when a test process starts: with eight heaps a core a third of the memory is holes.
 os.environ["MALLOC_ARENA_MAX"] = "2"
 
 import jax  # noqa: E402
 import pytest  # noqa: E402
+from threadpoolctl import threadpool_limits  # noqa: E402
 
 import motions  # noqa: E402, F401  (switches JAX to double precision before any test makes an array)
+
+threadpool_limits(1, "blas")  # and in this one, whose NumPy is there already
 
 TESTS = Path(__file__).parent
 

@@ -4,16 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracles import bones
+from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 from small_worlds import CANDIDATES, searched, simulated
 
 from adapt.diagnosis import diagnose
 from adapt.diagnosis.fit.discrepancy import NOTHING_OF, Belief
 from adapt.diagnosis.fit.likelihood import Likelihood
-from adapt.diagnosis.inference.selection import standing
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.search import Search, search_of
+from adapt.diagnosis.inference.selection import angles_contradict_landmarks, standing
 from adapt.diagnosis.inference.weights import weigh
 from models import load_model
 from models.effects import EFFECTS
+from models.effects.effect import cause_of
+from motions.table import Motions
 
 BIAS = "scapula_landmark_bias"
 
@@ -64,11 +70,51 @@ def test_what_was_measured_stands_and_constants_where_little_is_left():
     common = next(one.discrepancy for one in searched(BIAS).beliefs if one.left == "common")
     nothing = Belief("common", common._replace(common_deg=3.0))
 
-    def after(best_deg: float, seen: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    def after(best_deg: float, seen: frozenset[str] = frozenset(), probable: float = 0.9) -> tuple[str, ...]:
         best = Belief("common", common._replace(common_deg=best_deg))
         search = replace(searched(BIAS), beliefs=(best, nothing), known=("clavicle_axial_estimate",))
-        return standing(search, named, seen)
+        return standing(search, named, seen, dict.fromkeys(map(cause_of, named), probable))
 
     assert after(0.5) == (BIAS, "clavicle_axial_estimate")
+    assert after(0.5, probable=0.7) == ("clavicle_axial_estimate",)
     assert after(2.9) == ("clavicle_axial_estimate",)
     assert after(2.9, frozenset({"ac_translation"})) == ("ac_translation:posture", "clavicle_axial_estimate")
+
+
+def with_landmarks(motions: Motions, angles_deg: np.ndarray) -> Search:
+    """Lay out a search with SC, AC, TS and AI of R2 at these angles, to a millimetre."""
+    base, shake = bones(load_model("R2").girdle), np.random.default_rng(2)
+    R_C, R_S = (Rotation.from_euler("YZX", one, degrees=True).as_matrix() for one in np.split(angles_deg, 2, 1))
+    SC = np.tile(base.sc_mm, (len(angles_deg), 1))
+    AC = SC + R_C @ base.ac_mm
+    places = {"SC": SC, "AC": AC, "TS": AC + R_S @ base.ts_mm, "AI": AC + R_S @ base.ai_mm}
+    seen = {name: place + shake.standard_normal(place.shape) for name, place in places.items()}
+    shoulders, _ = usable(replace(motions, landmarks_mm=seen))
+    candidates = [EFFECTS[name] for name in CANDIDATES]
+    return search_of(load_model("R2"), shoulders, candidates, position_noise_mm=1.0)
+
+
+def test_angles_that_are_too_large_contradict_the_landmarks_and_nothing_stands():
+    """The protraction of the clavicle a third too large: no frame is turned so, and no joint is measured to move."""
+    motions = simulated().motions
+    wrong = motions.angles_deg * np.array([1.35, 1.0, 1.0, 1.0, 1.0, 1.0])
+    search = with_landmarks(replace(motions, angles_deg=wrong), motions.angles_deg).run()
+    assert weigh(search).unexplained > 0.9
+    assert angles_contradict_landmarks(search)
+    assert standing(search, search.best.hypothesis, set(CANDIDATES), {}) == ()
+
+
+@pytest.mark.parametrize("carried", [True, False], ids=["carried", "on the bone"])
+def test_whether_a_marker_carries_the_landmarks_of_the_scapula_is_told_by_what_turns_its_frame(carried):
+    """The frame is turned in the bone by 8 degrees: landmarks turn with it, or stay."""
+    motions, turned = simulated().motions, Rotation.from_rotvec([8.0, 0.0, 0.0], degrees=True)
+    measured = motions.angles_deg.copy()
+    of_scapula = Rotation.from_euler("YZX", measured[:, 3:], degrees=True) * turned
+    measured[:, 3:] = of_scapula.as_euler("YZX", degrees=True)
+    search = with_landmarks(replace(motions, angles_deg=measured), measured if carried else motions.angles_deg).run()
+    rows, candidates = search.joint.positions, search.joint.candidates
+    assert rows is not None
+    assert bool(np.all(rows.by_amplitude[..., candidates.where([BIAS])] == 0.0)) == carried
+    assert BIAS in search.best.hypothesis
+    assert not angles_contradict_landmarks(search)
+    assert weigh(search).unexplained < 0.5

@@ -97,16 +97,19 @@ def probable(named: Hypothesis, inclusion: Mapping[str, float], causes: Mapping[
     return tuple(name for name in named if inclusion[causes[name]] >= LEAST_INCLUSION)
 
 
-def standing(search: Search, named: Hypothesis, seen: Collection[str]) -> Hypothesis:
+def standing(search: Search, named: Hypothesis, seen: Collection[str], inclusion: Mapping[str, float]) -> Hypothesis:
     """Keep what stands though all persons do something alike that no cause explains: what is known and what was
-    ``seen``; and, where the best set leaves less than half, what is not a movement, of which angles tell which
-    constraint gives way and not what moves. Where angles contradict the landmarks, only what is known."""
+    ``seen``; and, where the best set leaves less than half, what is probably at work whatever else is, and is not a
+    movement, of which angles tell which constraint gives way and not what moves. Where angles contradict the landmarks,
+    only what is known."""
     known = set(map(cause_of, search.known))
     if angles_contradict_landmarks(search):
         return tuple(name for name in named if cause_of(name) in known)
     little = search.left_over_share <= _MOST_LEFT_OVER
     sure = {*seen, *known}
-    return tuple(name for name in named if cause_of(name) in sure or (little and cause_of(name) not in MOVES))
+    if little:
+        sure |= {cause for cause, p in inclusion.items() if p >= LEAST_PROBABILITY and cause not in MOVES}
+    return tuple(name for name in named if cause_of(name) in sure)
 
 
 def angles_contradict_landmarks(search: Search) -> bool:
