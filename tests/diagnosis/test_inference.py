@@ -158,7 +158,7 @@ def test_draws_have_mean_and_spread_of_the_posteriors_of_all_sets_with_the_cause
     for node in within:
         given = search.given(node.posterior, node.hypothesis)
         (own,) = (own for one, own in search.joint.candidates.slices(node.hypothesis) if one.name == BIAS)
-        for times in search.times:
+        for times in resampled_persons(search.joint.shoulders.person, 2.0):
             amplitude, root = given.amplitude_of(times)
             means.append(amplitude[own])
             variances.append(np.diag(np.linalg.inv(root @ root.T))[own])
@@ -300,6 +300,17 @@ def test_persons_are_drawn_with_both_shoulders_and_count_as_much_as_they_are_man
     assert times.min() > 0.0
     assert times.std() == pytest.approx(np.sqrt(0.5), abs=0.1)  # 150 numbers
     np.testing.assert_allclose(resampled_persons(np.zeros(2, int)), 1.0)
+    np.testing.assert_allclose(resampled_persons(np.zeros(2, int), 2.0), 1.0)
+
+
+def test_of_twice_as_many_persons_a_size_spreads_as_the_mean_of_those_that_were_measured():
+    """The posterior of the mean of 2 n persons has s^2 / 2 n; and what differs between draws is that again."""
+    persons, values = 8, np.random.default_rng(1).standard_normal(8)
+    times = resampled_persons(np.arange(persons), 2.0)
+    np.testing.assert_allclose(times.sum(axis=1), 2.0 * persons)
+    between = (times @ values / times.sum(axis=1)).var()
+    within = values.var() / times.sum(axis=1).mean()
+    assert between + within == pytest.approx(values.var() / persons, rel=0.25)
 
 
 def test_probabilities_are_the_mean_over_the_draws():

@@ -10,6 +10,7 @@ from adapt.diagnosis.fit.candidates import Candidates, Hypothesis
 from adapt.diagnosis.fit.evidence import Given
 from adapt.diagnosis.fit.positions.measured_sizes import MeasuredSize
 from adapt.diagnosis.fit.positions.position_evidence import Shown, shown_sizes
+from adapt.diagnosis.inference.intervals import resampled_persons
 from adapt.diagnosis.inference.search import Search
 from adapt.diagnosis.inference.weights import probabilities_of_draws
 from adapt.diagnosis.result import CauseAmplitude, Interval
@@ -19,6 +20,11 @@ from models.effects.amplitudes import rounded
 from models.effects.course import root_mean_square
 
 _DRAWS, _SEED = 400, 5
+
+_AS_MANY = 2.0
+"""A size is of twice as many persons, drawn anew. Its spread has both what one draw leaves open and what differs
+between draws: of so many, each is half of what it is of the persons that were measured, where the model is right
+(Huggins & Miller 2019, Robust inference and model criticism using bagged posteriors, arXiv 1912.07104)."""
 
 
 def amplitudes(search: Search, hypothesis: Hypothesis, seen: Collection[str]) -> dict[str, CauseAmplitude]:
@@ -58,7 +64,7 @@ def draws_of(search: Search, name: str) -> Float[np.ndarray, "draws own"]:
             continue
         given = search.given(node.posterior, node.hypothesis)
         (own,) = (place for effect, place in candidates.slices(node.hypothesis) if effect.name == name)
-        for times, count in zip(search.times, of_persons, strict=True):
+        for times, count in zip(_persons(search), of_persons, strict=True):
             if count:
                 found.append(_drawn(given, times, count, generator)[:, own])
     return np.concatenate(found)
@@ -69,9 +75,13 @@ def draws_shown(search: Search, shown: Shown, name: str) -> Float[np.ndarray, "d
     generator, candidates = np.random.default_rng(_SEED), search.joint.candidates
     (own,) = (place for effect, place in candidates.slices(shown.names) if effect.name == name)
     found = []
-    for times in search.times:
+    for times in _persons(search):
         found.append(_drawn(shown.given, times, _DRAWS // len(search.times), generator)[:, own])
     return np.concatenate(found)
+
+
+def _persons(search: Search) -> Float[np.ndarray, "draws subjects"]:
+    return resampled_persons(search.joint.shoulders.person, _AS_MANY)
 
 
 def _drawn(given: Given, times, count: int, generator: np.random.Generator) -> Float[np.ndarray, "count own"]:

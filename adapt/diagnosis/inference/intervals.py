@@ -58,9 +58,12 @@ def known_mean(gaps: Float[np.ndarray, "n some"]) -> Float[np.ndarray, " n"]:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def resampled_persons(person: Int[np.ndarray, " subjects"]) -> Float[np.ndarray, "draws subjects"]:
-    """Draw how much the shoulders of each person count: 1 on average, and all persons as much as they are many. One
-    person always counts 1."""
+def resampled_persons(
+    person: Int[np.ndarray, " subjects"], as_many: float = 1.0
+) -> Float[np.ndarray, "draws subjects"]:
+    """Draw how much the shoulders of each person count: ``as_many`` on average, and all persons that times as much as
+    they are many, each draw alike as if so many times as many had been drawn. One person always counts 1."""
     persons = int(person.max()) + 1
-    weights = np.random.default_rng(_BAGS_SEED).dirichlet(np.ones(persons), _BAGS)
-    return persons * weights[:, person]
+    as_many = as_many if persons > 1 else 1.0
+    weights = np.random.default_rng(_BAGS_SEED).dirichlet(np.full(persons, as_many), _BAGS)
+    return as_many * persons * weights[:, person]
