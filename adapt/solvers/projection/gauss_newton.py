@@ -50,6 +50,7 @@ class End(NamedTuple):
     amplitude: Float[np.ndarray, "own groups"]
     E: Float[np.ndarray, " parts"]
     nearest: Nearest
+    """With slopes in the amplitudes in place of channels."""
     slope: Float[np.ndarray, "adapted parts"]
     """dE/dtheta, 0 where a bound holds it."""
     steps: Int[np.ndarray, " groups"]
@@ -128,8 +129,10 @@ class Objective:
         return parts.nearest(theta, strengths, start, there)
 
     def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
-        """Evaluate it: nearest postures, E of every part, and D with its slopes."""
+        """Evaluate it: nearest postures, with slopes in the amplitudes in place of channels, E of every part, and D with
+        its slopes."""
         parts, near = self.parts, self.nearest(theta, a, start, there)
+        near = near._replace(by_channel=self.by_amplitude(near))  # fewer, of which steps make copies
         thorax = parts.thorax(theta)
         E = thorax[0] + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
         return near, np.where(np.isfinite(E), E, np.inf), thorax
@@ -143,7 +146,7 @@ class Objective:
         self, near: Nearest, thorax: ThoraxTerms
     ) -> tuple[Float[np.ndarray, "n parts"], Float[np.ndarray, "n n parts"]]:
         """Compute the gradient of E of every part in theta and the amplitudes, and its Gauss-Newton matrix."""
-        every = np.concatenate([near.by_theta, self.by_amplitude(near), near.y[:, None]], axis=1)
+        every = np.concatenate([near.by_theta, near.by_channel, near.y[:, None]], axis=1)
         products = self.parts.products(np.sqrt(2.0 * self.parts.weights) * every)
         gradient, matrix = products[:-1, -1], products[:-1, :-1]
         _, of_points, curvature = thorax
