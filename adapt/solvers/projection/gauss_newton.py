@@ -129,8 +129,8 @@ class Objective:
         return parts.nearest(theta, strengths, start, there)
 
     def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
-        """Evaluate it: nearest postures, with slopes in the amplitudes in place of channels, E of every part, and D with
-        its slopes."""
+        """Evaluate it: nearest postures, with slopes in the amplitudes in place of channels, E of every part, and D
+        with its slopes."""
         parts, near = self.parts, self.nearest(theta, a, start, there)
         near = near._replace(by_channel=self.by_amplitude(near))  # fewer, of which steps make copies
         thorax = parts.thorax(theta)
