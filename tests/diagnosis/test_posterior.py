@@ -17,7 +17,7 @@ from models.effects import EFFECTS
 BIAS = "scapula_landmark_bias"
 N = len(ADAPTED)
 
-FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4, 0.7, 0.6, 0.8)
+FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4, 0.7, 0.6, 0.3, 0.2, 0.8)
 
 INTERPOLATED = 0.02
 """Share of the common variance that is lost between the points that carry it, and with the smallest curves."""
