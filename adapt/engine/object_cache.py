@@ -17,7 +17,8 @@ _DIGEST = hashlib.sha256
 
 _ROOT = Path(__file__).parents[2]
 
-_PACKAGES = ("motions", "models", "adapt")
+_PACKAGES = ("motions", "models", "adapt/engine", "adapt/solvers")
+"""What compiled texts are made of: the rooms above import these, and not the other way."""
 
 
 def machine_folder() -> Path:
@@ -47,7 +48,7 @@ def object_code(name: str, text: Callable[[], str]) -> bytes:
 
 @cache
 def _key() -> str:
-    """Return one word for all that the code depends on: the project's text, JAX, the compiler, the processor.
+    """Return one word for all that the code depends on: the text of ``_PACKAGES``, JAX, the compiler, the processor.
 
     JAX's derivatives may differ between its versions in the order of their operations.
     """

@@ -8,6 +8,8 @@ A cause acts alike on all shoulders, but not the same: v_s are N(0, 1). The disc
 ``fit.discrepancy``; what shoulders have in common of it is curves with factors b ~ N(0, 1).
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -15,26 +17,46 @@ from jaxtyping import Float, Int
 from scipy.linalg import solve_triangular
 
 
-class Given(NamedTuple):
-    """A set of causes, in the linear model."""
+@dataclass(frozen=True)
+class Given:
+    """A set of causes, in the linear model: what is asked of it is computed."""
 
-    log_evidence: float
-    amplitude: Float[np.ndarray, " own"]
-    """a, where its posterior is highest."""
-    of_all: Float[np.ndarray, " every"]
-    """h, b, x (``Evidence.given``) and 1 there."""
     of_own: tuple[Float[np.ndarray, "subjects own own"], Float[np.ndarray, "subjects own every"]]
-    """Of every shoulder, the matrix of e_s, and that of e_s with of_all."""
+    """Of every shoulder, the matrix of e_s, and that of e_s with h, b, x (``Evidence.given``) and 1."""
     mean: Float[np.ndarray, " own"]
     scale: Float[np.ndarray, " own"]
     """Of the prior of a."""
     here: Float[np.ndarray, " own"]
     sd: Float[np.ndarray, " own"]
     """Of a_s about a."""
-    rest: Float[np.ndarray, "subjects m m"]
-    """Of every shoulder, in of_all, with e_s integrated out."""
+    before: Float[np.ndarray, "subjects m m"]
+    """Of every shoulder, in h, b, x and 1, where e_s is 0."""
+    across: Float[np.ndarray, "subjects own m"]
+    """What e_s takes of it is the square of this."""
     constants: Float[np.ndarray, " subjects"]
-    """What does not go by of_all, of the log evidence of every shoulder."""
+    """What does not go by h, b and x, of the log evidence of every shoulder."""
+
+    @cached_property
+    def rest(self) -> Float[np.ndarray, "subjects m m"]:
+        """Integrate e_s out of every shoulder."""
+        return self.before - np.swapaxes(self.across, 1, 2) @ self.across
+
+    @cached_property
+    def _of_all(self) -> tuple[np.ndarray, np.ndarray]:
+        """L of all shoulders, and the logarithm of the integral over h, b and x."""
+        flat = self.across.reshape(-1, self.across.shape[2])
+        return _integrated(self.before.sum(axis=0) - flat.T @ flat)
+
+    @property
+    def log_evidence(self) -> float:
+        """Of all shoulders."""
+        return float(self.constants.sum() + self._of_all[1])
+
+    @cached_property
+    def amplitude(self) -> Float[np.ndarray, " own"]:
+        """Find a where its posterior is highest."""
+        z = highest(self._of_all[0])
+        return self.mean + self.scale * z[len(z) - len(self.scale) :]
 
     def resampled(self, times: Float[np.ndarray, "draws subjects"]) -> Float[np.ndarray, " draws"]:
         """Compute the log evidence of shoulders that count so much each."""
@@ -53,7 +75,7 @@ class Given(NamedTuple):
     def of_shoulders(self) -> Float[np.ndarray, "subjects own"]:
         """Give a_s, where their posterior is highest."""
         H, W = self.of_own
-        e = -np.linalg.solve(H, (W @ self.of_all)[..., None])[..., 0]
+        e = -np.linalg.solve(H, (W @ np.append(highest(self._of_all[0]), 1.0))[..., None])[..., 0]
         return self.here + self.sd * e
 
 
@@ -70,12 +92,12 @@ class Evidence(NamedTuple):
     def with_positions(self, other: "Evidence", here: Float[np.ndarray, " every"]) -> "Evidence":
         """Add what positions say, which is in a_s and not in a_s - here."""
         f, k = other.shared, len(here)
-        shift = np.eye(f + k + 1)
-        shift[f:-1, -1] = here
-        n = self.shared + f
+        n, shifted = self.shared + f, other.matrix.copy()
+        shifted[..., -1] += other.matrix[..., f:-1] @ here
+        shifted[:, -1] += here @ shifted[:, f:-1]
         angles, both, last = slice(self.shared), slice(self.shared, None), slice(n, None)
         matrix = np.zeros((len(self.matrix), n + k + 1, n + k + 1))
-        matrix[:, both, both] = shift.T @ other.matrix @ shift
+        matrix[:, both, both] = shifted
         matrix[:, angles, angles] = self.matrix[:, angles, angles]
         matrix[:, angles, last] = self.matrix[:, angles, both]
         matrix[:, last, angles] = self.matrix[:, both, angles]
@@ -123,19 +145,14 @@ class Evidence(NamedTuple):
         W[..., :f] = sd[:, None] * self.matrix[:, own, :f]
         W[..., f:n] = -np.eye(k) / self.between
         W[..., n] = sd * self.matrix[:, own, -1] + m
-        rest = np.zeros((len(H), n + 1, n + 1))
-        rest[:, :f, :f], rest[:, :f, n], rest[:, n, :f] = self.matrix[:, :f, :f], *(2 * [self.matrix[:, :f, -1]])
-        rest[:, f:n, f:n] = np.eye(k) / self.between**2
-        rest[:, f:n, n] = rest[:, n, f:n] = -m / self.between
-        rest[:, n, n] = self.matrix[:, -1, -1] + m @ m
+        before = np.zeros((len(H), n + 1, n + 1))
+        before[:, :f, :f], before[:, :f, n], before[:, n, :f] = self.matrix[:, :f, :f], *(2 * [self.matrix[:, :f, -1]])
+        before[:, f:n, f:n] = np.eye(k) / self.between**2
+        before[:, f:n, n] = before[:, n, f:n] = -m / self.between
+        before[:, n, n] = self.matrix[:, -1, -1] + m @ m
         root = np.linalg.cholesky(H)
-        across = np.linalg.solve(root, W)
-        rest -= np.swapaxes(across, 1, 2) @ across
         constants = self.constants - np.log(np.einsum("sii->si", root)).sum(axis=1)
-        of_all, log_integral = _integrated(rest.sum(axis=0))
-        z = highest(of_all)
-        log_evidence, a = float(constants.sum() + log_integral), mean + scale * z[f:]
-        return Given(log_evidence, a, np.append(z, 1.0), (H, W), mean, scale, here, sd, rest, constants)
+        return Given((H, W), mean, scale, here, sd, before, np.linalg.solve(root, W), constants)
 
 
 def highest(root: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " n"]:

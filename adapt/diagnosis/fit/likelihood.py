@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -58,37 +59,64 @@ class Likelihood:
         """SD of each person about its set."""
         return self.model.sets.person_sd_mm.T
 
-    def columns(
-        self,
-        subject: int,
-        slopes: Float[np.ndarray, "groups own 3 n"],
-    ) -> Float[np.ndarray, "groups k m"]:
-        """Lay out the slopes of what is white of a shoulder (``values``): in theta; in h and b; the others."""
-        groups, own, _, n = slopes.shape
-        curves, sd, end = self.whitening.curves[subject], self.sd_mm[subject], _N + self.shared
-        white = (self.whitening.inverse_root[subject] @ slopes.reshape(groups, own, _C * n)).reshape(slopes.shape)
-        found = np.zeros((groups, own * _C + _N, n + self.shared))
-        rows = found[:, : own * _C].reshape(groups, own, _C, n + self.shared)
-        rows[..., :_N], rows[..., end:] = white[..., :_N], white[..., _N:]
-        for k, place in enumerate(np.split(np.arange(2 * _N, end), _C)):
-            rows[:, :, k, place] = curves
-        prior = found[:, own * _C :]
-        prior[..., :_N], prior[..., _N : 2 * _N] = np.diag(1.0 / sd), -np.eye(_N)
-        return found
+    @cached_property
+    def _whitened(self) -> "_SideBySide":
+        """Lay the shoulders out side by side."""
+        white, most = self.whitening, max(map(len, self.whitening.rows))
+        ends = np.cumsum([len(own) for own in white.rows])
+        place, root = np.zeros((len(ends), most), int), np.zeros((len(ends), most, most))
+        curves = np.zeros((len(ends), most, white.curves[0].shape[1]))
+        for subject, (end, own) in enumerate(zip(ends, white.inverse_root, strict=True)):
+            some = slice(len(own))
+            place[subject], place[subject, some] = end - len(own), np.arange(end - len(own), end)
+            root[subject, some, some], curves[subject, some] = own, white.curves[subject]
+        return _SideBySide(place, root, curves)
 
     def values(
         self,
-        subject: int,
-        y: Float[np.ndarray, "groups own 3"],
-        theta_mm: Float[np.ndarray, "groups adapted"],
+        y: Float[np.ndarray, "groups rows 3"],
+        theta_mm: Float[np.ndarray, "groups subjects adapted"],
         f: Float[np.ndarray, "groups factors"],
-    ) -> Float[np.ndarray, "groups k"]:
-        """Compute what is white of a shoulder at f = (h, b): its rows, and theta less what persons have in common."""
-        h, b = np.split(f, [_N], axis=1)
-        common = self.whitening.curves[subject] @ np.swapaxes(b.reshape(len(b), _C, -1), 1, 2)
-        rows = self.whitening.inverse_root[subject] @ y + common
-        prior = (theta_mm - self.model.theta_mm[subject]) / self.sd_mm[subject] - h
-        return np.concatenate([rows.reshape(len(b), _C * rows.shape[1]), prior], axis=1)
+    ) -> tuple[Float[np.ndarray, "groups subjects own 3"], Float[np.ndarray, "groups subjects adapted"]]:
+        """Compute what is white of every shoulder at f = (h, b): its rows, one shoulder's after the other, and theta
+        less what persons have in common."""
+        at, (h, b) = self._whitened, np.split(f[:, None], [_N], axis=2)
+        common = at.curves @ np.swapaxes(b.reshape(len(f), 1, _C, -1), 2, 3)
+        return at.root @ y[:, at.place] + common, (theta_mm - self.model.theta_mm) / self.sd_mm - h
+
+    def quadratic(
+        self,
+        y: Float[np.ndarray, "groups rows 3"],
+        slopes: Float[np.ndarray, "groups rows 3 n"],
+        theta_mm: Float[np.ndarray, "groups subjects adapted"],
+        f: Float[np.ndarray, "groups factors"],
+    ) -> Float[np.ndarray, "groups subjects m m"]:
+        """Compute M of -2 log p = z'Mz of every shoulder in what is added to theta, h, b and the others that y has
+        ``slopes`` in, theta first, and 1."""
+        at, (white, prior) = self._whitened, self.values(y, theta_mm, f)
+        (groups, subjects, most, _), n, end = white.shape, slopes.shape[3], _N + self.shared
+        own = slopes[:, at.place].reshape(groups, subjects, most, -1)
+        own = np.concatenate([(at.root @ own).reshape(*white.shape, n), white[..., None]], axis=4)
+        flat = own.reshape(groups, subjects, most * _C, n + 1)
+        across = np.swapaxes(at.curves, 1, 2)
+        M = np.zeros((groups, subjects, self.shared + n + 1, self.shared + n + 1))
+        which = np.append(np.arange(_N), np.arange(end, end + n + 1 - _N))
+        M[:, :, which[:, None], which] = np.swapaxes(flat, 2, 3) @ flat
+        of_curves = (across @ own.reshape(groups, subjects, most, -1)).reshape(groups, subjects, -1, _C, n + 1)
+        for k, place in enumerate(np.split(np.arange(2 * _N, end), _C)):
+            M[:, :, place[:, None], place] = across @ at.curves
+            M[:, :, place[:, None], which] = of_curves[..., k, :]
+            M[:, :, which[:, None], place] = np.swapaxes(of_curves[..., k, :], 2, 3)
+        return M + self._of_prior(prior, M.shape[-1])
+
+    def _of_prior(
+        self, prior: Float[np.ndarray, "groups subjects adapted"], m: int
+    ) -> Float[np.ndarray, "groups subjects m m"]:
+        """M of theta about what persons have in common, h."""
+        columns = np.zeros((*prior.shape, m))
+        columns[..., :_N], columns[..., _N : 2 * _N] = np.eye(_N) / self.sd_mm[:, :, None], -np.eye(_N)
+        columns[..., -1] = prior
+        return np.swapaxes(columns, 2, 3) @ columns
 
     def evidence(
         self,
@@ -100,13 +128,18 @@ class Likelihood:
     ) -> Evidence:
         """Integrate theta of every shoulder out; Z is dy in theta and in the amplitudes ``where``, which are ``here``
         in it."""
-        constants = -0.5 * self.whitening.log_determinants - np.log(self.sd_mm).sum(axis=1)
-        found = []
-        for subject, rows in enumerate(self.whitening.rows):
-            values = self.values(subject, y[None, rows], theta_mm[None, subject], np.zeros((1, self.shared)))
-            (columns,) = np.concatenate([self.columns(subject, Z[None, rows]), values[..., None]], axis=2)
-            rest, log_root = without(columns.T @ columns, _N)
-            found.append(rest)
-            constants[subject] -= log_root
-        of_angles = Evidence(np.array(found), constants, self.shared, self.between)
+        rows, none = np.concatenate(self.whitening.rows), np.zeros((1, self.shared))
+        (M,) = self.quadratic(y[None, rows], Z[None, rows], theta_mm[None], none)
+        matrix, half_log = without(M, _N)
+        constants = -0.5 * self.whitening.log_determinants - np.log(self.sd_mm).sum(axis=1) - half_log
+        of_angles = Evidence(matrix, constants, self.shared, self.between)
         return of_angles.with_positions(self.positions.only(where), here) if self.positions else of_angles
+
+
+class _SideBySide(NamedTuple):
+    """What makes rows white, of all shoulders: those with fewer rows than others have some of 0 at last."""
+
+    place: Int[np.ndarray, "subjects own"]
+    """Of each row, among those of all; of one of 0 that of the first."""
+    root: Float[np.ndarray, "subjects own own"]
+    curves: Float[np.ndarray, "subjects own curves"]

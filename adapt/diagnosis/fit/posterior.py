@@ -197,9 +197,8 @@ def _at(
     total = (((at.a - shared.mean) / shared.scale) ** 2).sum(axis=0) + (at.f**2).sum(axis=0)
     total += np.bincount(parts.group[parts.part], cost_of_open_chains(near), len(total))
     total += np.einsum("ig,ijg,jg->g", _and_1(at.a), at.by_positions, _and_1(at.a))
-    y, thetas = _rows_first(near.y[:, None], at)[..., 0], _by_group(theta, at)
-    for subject, rows in enumerate(_places(likelihood)):
-        total += (likelihood.values(subject, y[:, rows], thetas[:, subject], at.f.T) ** 2).sum(axis=1)
+    white = likelihood.values(_rows_first(near.y[:, None], at)[..., 0], _by_group(theta, at), at.f.T)
+    total += sum((one**2).reshape(len(total), -1).sum(axis=1) for one in white)
     return near, np.where(np.isfinite(total), total, np.inf)
 
 
@@ -209,25 +208,12 @@ def _and_1(a: Float[np.ndarray, "own groups"]) -> Float[np.ndarray, "own+1 group
 
 def _quadratic(likelihood: Likelihood, objective: Objective, steps: Steps) -> tuple[np.ndarray, np.ndarray]:
     """Gradient and matrix of half of -2 log p of every part in theta, f and a, but for the priors of these."""
-    gradients, matrices, (near, theta, at) = [], [], steps
+    near, theta, at = steps
     slopes = np.concatenate([near.by_theta, objective.by_amplitude(near)], axis=1)
-    Z, y, thetas = _rows_first(slopes, at), _rows_first(near.y[:, None], at)[..., 0], _by_group(theta, at)
-    for subject, rows in enumerate(_places(likelihood)):
-        columns = likelihood.columns(subject, Z[:, rows])
-        values = likelihood.values(subject, y[:, rows], thetas[:, subject], at.f.T)
-        across = np.swapaxes(columns, 1, 2)
-        gradients.append((across @ values[..., None])[..., 0])
-        matrices.append(across @ columns)
-    n = gradients[0].shape[1]
-    gradient, matrix = np.stack(gradients, axis=1).reshape(-1, n), np.stack(matrices, axis=1).reshape(-1, n, n)
-    return gradient.T, np.moveaxis(matrix, 0, -1)
-
-
-def _places(likelihood: Likelihood) -> list[slice]:
-    """Where the rows of each shoulder are within a group."""
-    rows = likelihood.whitening.rows
-    ends = np.cumsum([len(own) for own in rows])
-    return [slice(end - len(own), end) for end, own in zip(ends, rows, strict=True)]
+    y = _rows_first(near.y[:, None], at)[..., 0]
+    M = likelihood.quadratic(y, _rows_first(slopes, at), _by_group(theta, at), at.f.T)
+    every = np.moveaxis(M.reshape(-1, *M.shape[2:]), 0, -1)
+    return every[:-1, -1], every[:-1, :-1]
 
 
 def _rows_first(x: Float[np.ndarray, "3 n every"], at: _OfGroups) -> Float[np.ndarray, "groups rows 3 n"]:

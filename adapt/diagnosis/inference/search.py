@@ -171,9 +171,9 @@ class Search:
         persons, and of those that count so much."""
         candidates = self.joint.candidates
         where, here = candidates.where(hypothesis), candidates.among_all(posterior.hypothesis, posterior.amplitude)
-        every = np.concatenate([np.ones((1, self.times.shape[1])), times])
         believed = candidates.mean[where], candidates.scale[where]
-        found = [one.given(where, here[where], *believed).resampled(every) for one in posterior.by_belief]
+        each = [one.given(where, here[where], *believed) for one in posterior.by_belief]
+        found = [np.append(one.log_evidence, one.resampled(times) if len(times) else []) for one in each]
         return np.array(found) + len(hypothesis) * self.log_odds + log_weights(self.beliefs, self.log_odds)[:, None]
 
     def by_belief(self, near: Node, hypothesis: Hypothesis) -> Float[np.ndarray, "beliefs draws"]:

@@ -50,6 +50,7 @@ class End(NamedTuple):
     amplitude: Float[np.ndarray, "own groups"]
     E: Float[np.ndarray, " parts"]
     nearest: Nearest
+    """With slopes in the amplitudes in place of channels."""
     slope: Float[np.ndarray, "adapted parts"]
     """dE/dtheta, 0 where a bound holds it."""
     steps: Int[np.ndarray, " groups"]
@@ -101,14 +102,17 @@ class Objective:
     shared: Shared
 
     @cached_property
-    def used(self) -> Int[np.ndarray, " used"]:
-        """The channels that the amplitudes act in."""
-        return np.flatnonzero(self.shared.columns.any(axis=(0, 2)))
+    def used(self) -> Int[np.ndarray, "used rows"]:
+        """The channels that the amplitudes of each group act in; some more where another group has more."""
+        group = self.parts.group[self.parts.part]
+        starts = np.searchsorted(group, np.arange(self.shared.mean.shape[1]))
+        acts = np.logical_or.reduceat(self.shared.columns.any(axis=0), starts, axis=1)
+        return np.argsort(~acts, axis=0, kind="stable")[: acts.sum(axis=0).max(initial=0), group]
 
     @cached_property
     def columns(self) -> Float[np.ndarray, "own used rows"]:
         """Strength in these channels of an amplitude of 1."""
-        return self.shared.columns[:, self.used]
+        return np.take_along_axis(self.shared.columns, self.used[None], 1)
 
     def of(self, groups: Bool[np.ndarray, " groups"]) -> "Objective":
         """Take some groups."""
@@ -119,13 +123,16 @@ class Objective:
         """Find the nearest postures of all rows."""
         parts, strengths = self.parts, self.parts.strengths
         if len(self.used):
+            own = np.einsum("kr,kcr->cr", a[:, parts.group[parts.part]], self.columns)
             strengths = strengths.copy()
-            strengths[self.used] += np.einsum("kr,kcr->cr", a[:, parts.group[parts.part]], self.columns)
+            np.put_along_axis(strengths, self.used, np.take_along_axis(strengths, self.used, 0) + own, 0)
         return parts.nearest(theta, strengths, start, there)
 
     def at(self, theta, a, start, there=THERE) -> tuple[Nearest, Float[np.ndarray, " parts"], ThoraxTerms]:
-        """Evaluate it: nearest postures, E of every part, and D with its slopes."""
+        """Evaluate it: nearest postures, with slopes in the amplitudes in place of channels, E of every part, and D
+        with its slopes."""
         parts, near = self.parts, self.nearest(theta, a, start, there)
+        near = near._replace(by_channel=self.by_amplitude(near))  # fewer, of which steps make copies
         thorax = parts.thorax(theta)
         E = thorax[0] + parts.sums(parts.weights * (near.y**2).sum(axis=0) + cost_of_open_chains(near))
         return near, np.where(np.isfinite(E), E, np.inf), thorax
@@ -139,7 +146,7 @@ class Objective:
         self, near: Nearest, thorax: ThoraxTerms
     ) -> tuple[Float[np.ndarray, "n parts"], Float[np.ndarray, "n n parts"]]:
         """Compute the gradient of E of every part in theta and the amplitudes, and its Gauss-Newton matrix."""
-        every = np.concatenate([near.by_theta, self.by_amplitude(near), near.y[:, None]], axis=1)
+        every = np.concatenate([near.by_theta, near.by_channel, near.y[:, None]], axis=1)
         products = self.parts.products(np.sqrt(2.0 * self.parts.weights) * every)
         gradient, matrix = products[:-1, -1], products[:-1, :-1]
         _, of_points, curvature = thorax
@@ -149,7 +156,7 @@ class Objective:
 
     def by_amplitude(self, near: Nearest) -> Float[np.ndarray, "3 own rows"]:
         """Give dy in the amplitudes."""
-        return np.einsum("icr,kcr->ikr", near.by_channel[:, self.used], self.columns)
+        return np.einsum("icr,kcr->ikr", np.take_along_axis(near.by_channel, self.used[None], 1), self.columns)
 
     def step(
         self, gradient, matrix, theta, a, damping: Float[np.ndarray, " groups"]
