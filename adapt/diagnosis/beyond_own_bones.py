@@ -164,11 +164,6 @@ class OwnBonesNull:
         for k, one in enumerate(missing):
             self.found[one, named] = every.of(np.arange(k * count, (k + 1) * count))
 
-    def _predict_every_set(self, of: Hypothesis, named: Hypothesis) -> None:
-        """Predict with all sets of a few causes: the hardest fits go on alone, and of all sets at once together."""
-        if len(of) <= _FEW:
-            self.predict([one for count in range(len(of) + 1) for one in combinations(of, count)], named)
-
     def unseen(self, hypothesis: Hypothesis, named: Hypothesis) -> HeldOut:
         """Give what is held out with a set of causes."""
         self.predict([hypothesis], named)
@@ -181,7 +176,6 @@ class OwnBonesNull:
     def beyond(self, named: Hypothesis, floor_deg: float) -> Hypothesis:
         """Keep the causes that take a share of what own bones leave; noise alone leaves ``floor_deg``."""
         chosen = tuple(name for name in named if not self.is_constant(name) or self.common(name, named) >= SURE)
-        self._predict_every_set(chosen, named)
         while held := [name for name in chosen if self.is_held(name)]:
             self.predict([chosen, *(without(chosen, name) for name in held)], named)
             gaps = {name: self._mean(without(chosen, name), named) for name in held}
@@ -211,7 +205,8 @@ class OwnBonesNull:
     def ladder(self, chosen: Hypothesis, named: Hypothesis) -> list[Rung]:
         """Add causes one by one, the one that takes most of the unseen gap first; they were chosen of ``named``."""
         sets, order = [chosen], []
-        self._predict_every_set(chosen, named)
+        if len(chosen) <= _FEW:  # all at once takes less time than a few one after the other
+            self.predict([one for count in range(len(chosen) + 1) for one in combinations(chosen, count)], named)
         while sets[-1]:
             self.predict([without(sets[-1], name) for name in sets[-1]], named)
             dropped = min(sets[-1], key=lambda name: self._mean(without(sets[-1], name), named))
