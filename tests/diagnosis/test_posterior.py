@@ -17,7 +17,7 @@ from models.effects import EFFECTS
 BIAS = "scapula_landmark_bias"
 N = len(ADAPTED)
 
-FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4, 0.7, 0.6, 0.2, 0.4, 0.8)
+FEW = Discrepancy(0.6, 0.5, 0.8, 0.4, 0.9, 35.0, 0.4, 0.7, 0.6, 0.3, 0.2, 0.8)
 
 INTERPOLATED = 0.02
 """Share of the common variance that is lost between the points that carry it, and with the smallest curves."""
@@ -120,16 +120,29 @@ def test_a_shoulder_that_is_drawn_twice_counts_as_two_alike():
         np.testing.assert_allclose(root, root_of(expected), rtol=1e-9)
 
 
-def test_what_is_white_is_linear_in_what_shoulders_share():
+def test_the_quadratic_is_what_is_white_squared_a_step_away():
+    """Linear in the parameters, in what shoulders share and in the others."""
     joint = joint_fit()
     generator = np.random.default_rng(6)
-    likelihood = Likelihood.of(joint, FEW)
-    count = len(joint.shoulders.rows_of(1))
-    y, theta = generator.standard_normal((2, count, 3)), joint.model.theta_mm[1] + generator.standard_normal((2, N))
+    seen = (joint.shoulders.subject != 1) | (np.arange(len(joint.shoulders.subject)) % 3 > 0)  # of one fewer rows
+    likelihood = Likelihood.of(joint, FEW, seen)
+    rows, subjects, n = int(seen.sum()), len(joint.shoulders.subjects), N + 2
+    y, slopes = generator.standard_normal((2, rows, 3)), generator.standard_normal((2, rows, 3, n))
+    theta = joint.model.theta_mm + generator.standard_normal((2, subjects, N))
     f = generator.standard_normal((2, likelihood.shared))
-    columns = likelihood.columns(1, np.zeros((2, count, 3, N)))
-    expected = likelihood.values(1, y, theta, 0.0 * f) + (columns[..., N:] @ f[..., None])[..., 0]
-    np.testing.assert_allclose(likelihood.values(1, y, theta, f), expected, rtol=1e-12, atol=1e-12)
+    own = np.split(y, np.cumsum([len(one) for one in likelihood.whitening.rows])[:-1], axis=1)
+    squares = [
+        ((root @ one) ** 2).sum(axis=(1, 2)) for root, one in zip(likelihood.whitening.inverse_root, own, strict=True)
+    ]
+    white, _ = likelihood.values(y, theta, 0.0 * f)
+    np.testing.assert_allclose((white**2).sum(axis=(2, 3)), np.transpose(squares), rtol=1e-12)
+    M = likelihood.quadratic(y, slopes, theta, f)
+    step = generator.standard_normal(likelihood.shared + n)
+    of_f, own = step[N : N + likelihood.shared], np.delete(step, np.s_[N : N + likelihood.shared])
+    white, prior = likelihood.values(y + slopes @ own, theta + step[:N], f + of_f)
+    z = np.append(step, 1.0)
+    expected = (white**2).sum(axis=(2, 3)) + (prior**2).sum(axis=2)
+    np.testing.assert_allclose(np.einsum("i,gsij,j->gs", z, M, z), expected, rtol=1e-10)
 
 
 def test_at_the_mode_the_linear_model_stays_where_it_is():
