@@ -7,12 +7,16 @@ import pytest
 from scipy.linalg import block_diag
 from small_worlds import joint_fit, root_of, searched
 
-from adapt.diagnosis.fit.discrepancy import Discrepancy, whitening
+from adapt.diagnosis.fit.discrepancy import TYPICAL, Discrepancy, whitening
 from adapt.diagnosis.fit.joint_fit import JointFit
 from adapt.diagnosis.fit.likelihood import Likelihood
 from adapt.diagnosis.fit.posterior import Posterior, likeliest, modes
+from adapt.diagnosis.fit.shoulders import usable
+from adapt.diagnosis.inference.search import search_of
+from models import load_model
 from models.adapted_parameters import ADAPTED, PERSON_SD_MM
 from models.effects import EFFECTS
+from motions.rhythm_subjects import shipped_subjects
 
 BIAS = "scapula_landmark_bias"
 N = len(ADAPTED)
@@ -208,3 +212,16 @@ def test_neighbouring_postures_tell_little_of_what_is_smooth():
     ones = [inverse @ np.ones(len(rows)) for rows, inverse in zip(white.rows, white.inverse_root, strict=True)]
     numbers = sum(float(one @ one) for one in ones) / (len(shoulders.subjects) * len(shoulders.kinds))
     assert 0.9 < numbers < 3.0
+
+
+def test_the_last_digit_of_the_start_does_not_decide_where_the_mode_is():
+    """Of shipped subjects, whose chains R2 closes badly: the first steps would open some, and end anywhere."""
+    shoulders, _ = usable(shipped_subjects())
+    search = search_of(load_model("R2"), shoulders, [EFFECTS["ac_offset"]])
+    likelihood, start = Likelihood.of(search.joint, TYPICAL), search.without_causes.theta_mm
+    found = [
+        modes(search.joint, likelihood, [("ac_offset",)], [theta], [np.zeros(5)])[0]
+        for theta in (start, start * (1.0 + 1e-15))
+    ]
+    np.testing.assert_allclose(found[1].amplitude, found[0].amplitude, rtol=1e-6)
+    np.testing.assert_allclose(found[1].theta_mm, found[0].theta_mm, atol=1e-6)

@@ -21,7 +21,7 @@ from adapt.diagnosis.fit.positions.position_evidence import position_grams
 from adapt.engine.batching import where_problems
 from adapt.solvers.projection.bounded_step import lowest
 from adapt.solvers.projection.damped_steps import STUCK, Damping, Steps, until_ended
-from adapt.solvers.projection.gauss_newton import Objective, cost_of_open_chains
+from adapt.solvers.projection.gauss_newton import Objective, cost_of_open_chains, newly_open
 from adapt.solvers.projection.nearest_posture import Nearest
 from models.adapted_parameters import ADAPTED
 
@@ -176,7 +176,8 @@ def _stepped(likelihood: Likelihood, objective: Objective, steps: Steps) -> Step
     dtheta, d = lowest(gradient, matrix, parts.group, prior_gradient, prior_matrix, (lower - theta, upper - theta))
     tried = now._replace(f=now.f + d[:factors], a=now.a + d[factors:])
     there, total = _at(likelihood, objective, theta + dtheta, tried, near.angles)
-    better = now.going & (total <= now.total)
+    opened = np.bincount(parts.group[parts.part], newly_open(near, there), len(total)) > 0
+    better = now.going & (total <= now.total) & ~opened
     damping = _DAMPING.after(now.damping, better)
     ended = better & (now.total - total < _ENOUGH) & (now.damping < STUCK)
     taken = better[parts.group]

@@ -66,6 +66,12 @@ def cost_of_open_chains(near: Nearest) -> Float[np.ndarray, " rows"]:
     return np.where(near.open_mm > _OPEN_MM, _OPEN_COST * np.minimum(near.open_mm, 1.0) ** 2, 0.0)
 
 
+def newly_open(before: Nearest, after: Nearest) -> Bool[np.ndarray, " rows"]:
+    """Tell which postures a step leaves with a chain that cannot close, and whose was closed. There a projection ends
+    anywhere, by the last digit of where it began: with such steps the same data have other minima on other machines."""
+    return (before.open_mm <= _OPEN_MM) & (after.open_mm > _OPEN_MM)
+
+
 class _OfParts(NamedTuple):
     theta: Float[np.ndarray, "adapted parts"]
     E: Float[np.ndarray, " parts"]
