@@ -198,6 +198,13 @@ class Proposal:
     separation_now: float
     separation_then: float
     """Expected log evidence, nats, of the first name over the second."""
+    apart_deg: float
+    """How far what the two say is apart in these postures, root mean square of an angle: what is gained by knowing."""
+
+    @property
+    def probabilities(self) -> tuple[float, float]:
+        """Expected probability of the right one of the two, now and then."""
+        return 1.0 / (1.0 + math.exp(-self.separation_now)), 1.0 / (1.0 + math.exp(-self.separation_then))
 
 
 PositionUse = Literal["use", "check", "ignore"]

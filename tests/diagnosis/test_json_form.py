@@ -77,7 +77,7 @@ def assert_contract(found: Mapping[str, Any]) -> None:
     assert shares == sorted(shares, reverse=True)
     assert set(found["parameters"]) == set(ADAPTED)
     assert all(len(group) > 1 for group in found["indistinguishable"])
-    proposal = {"what", "between", "separation_now", "separation_then"}
+    proposal = {"what", "between", "separation_now", "separation_then", "apart_deg"}
     assert all(set(one) == proposal for one in found["next_measurement"])
     assert set(found["noise"]) == {"angle_deg", "source", "freedom"}
     assert isinstance(found["axial_is_computed"], bool)

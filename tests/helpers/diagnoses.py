@@ -107,8 +107,8 @@ def cell(angle: str, low: float, mean_absolute: float, share: float) -> Cell:
 
 
 PROPOSALS = [
-    Proposal("positions of AC beside the angles", ("ac_translation", "conoid_strain"), 0.5, 12.0),
-    Proposal("twice as many subjects (12)", ("ac_translation", "conoid_strain"), 0.5, 1.2),
+    Proposal("positions of AC beside the angles", ("ac_translation", "conoid_strain"), 0.5, 12.0, 0.4),
+    Proposal("twice as many subjects (12)", ("ac_translation", "conoid_strain"), 0.5, 1.2, 0.4),
 ]
 
 _RHYTHM = simulate_subjects(6, seed=0)

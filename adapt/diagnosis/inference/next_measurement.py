@@ -14,6 +14,7 @@ from adapt.diagnosis.inference.alternatives import similarity
 from adapt.diagnosis.inference.search import Node, Search
 from adapt.diagnosis.result import Proposal
 from models.person.family import AnyModel
+from motions.table import ANGLES
 
 _SAME = 0.95
 """Canonical correlation squared from which two candidates do the same to the data."""
@@ -65,18 +66,20 @@ def propose(search: Search, model: AnyModel, named: Node, causes: Sequence[tuple
         if other is None:
             continue
         evidence = _evidence(search, named, other)
-        now = float(evidence.sum())
-        found.append(Proposal("twice as many persons", (names[0], names[1]), now, _TWICE * now))
+        now, between = float(evidence.sum()), (names[0], names[1])
+        apart = named.posterior.y - other.posterior.y
+        apart_deg = float(np.sqrt((apart**2).sum(axis=1).mean() / len(ANGLES)))
+        found.append(Proposal("twice as many persons", between, now, _TWICE * now, apart_deg))
         by_kind = np.bincount(shoulders.motion, evidence, len(shoulders.kinds))
         if len(shoulders.kinds) > 1:
             best = int(by_kind.argmax())
             what = f"{shoulders.kinds[best]} of twice as many persons"
-            found.append(Proposal(what, (names[0], names[1]), now, now + float(by_kind[best])))
+            found.append(Proposal(what, between, now, now + float(by_kind[best]), apart_deg))
         if search.joint.positions is None:
             for landmarks in _LANDMARKS:
                 what = f"positions of {' '.join(landmarks)}, to {PALPATED_MM:g} mm"
                 more = _by_landmarks(search, model, named, other, landmarks)
-                found.append(Proposal(what, (names[0], names[1]), now, now + more))
+                found.append(Proposal(what, between, now, now + more, apart_deg))
     return sorted(found, key=lambda one: -one.separation_then)
 
 

@@ -12,6 +12,7 @@ from adapt.diagnosis.texts.wording import (
     gap_text,
     listed,
     number,
+    percent_text,
     unseen_text,
     with_unit,
 )
@@ -153,5 +154,6 @@ def _proposal(one: Proposal, persons: int) -> str:
     what = one.what.replace("twice as many persons", f"{2 * persons} persons in place of {persons}")
     if what.startswith("positions of "):
         what = what.replace("positions of ", "positions of landmarks in every posture, ", 1) + " (girdle convert)"
-    odds = f"{number(one.separation_now)} -> {number(one.separation_then)} nats"
-    return f"{what}: tells {one.between[0]} from {one.between[1]} (expected evidence {odds})"
+    now, then = (percent_text(p) for p in one.probabilities)
+    apart = f"they are {gap_text(one.apart_deg)} deg apart; told right in {now} of cases, then in {then}"
+    return f"{what}: tells {one.between[0]} from {one.between[1]} ({apart})"
