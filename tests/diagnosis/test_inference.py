@@ -113,12 +113,10 @@ def test_the_gaps_of_the_tables_of_several_sets_are_those_of_a_diagnosis_alone()
     np.testing.assert_array_equal(found.adapted.theta_mm, alone.adapted.theta_mm)
 
 
-@pytest.mark.parametrize("between", [0.7, 0.0])
-def test_what_a_fold_has_seen_is_adapted_as_girdle_adapt_does(between):
-    """With sizes of its own about the amplitudes, and with these as they are."""
-    search, mean = searched(BIAS), (3.0, -4.0, 5.0)
-    personal = PersonalSize(mean, tuple(between * np.array(EFFECTS[BIAS].prior.scale)))
-    effects = {BIAS: personal if between else mean}
+def test_what_a_fold_has_seen_is_adapted_as_girdle_adapt_does():
+    """With sizes of its own about the amplitudes."""
+    search, mean, between = searched(BIAS), (3.0, -4.0, 5.0), 0.7
+    effects = {BIAS: PersonalSize(mean, tuple(between * np.array(EFFECTS[BIAS].prior.scale)))}
     amplitude = np.tile([mean], (len(search.folds.each), 1))
     theta_mm = search.mode((BIAS,)).theta_mm
     (gaps,) = unseen_gaps_deg(search.joint, search.folds, [(BIAS,)], [theta_mm], [amplitude], between)

@@ -178,15 +178,11 @@ class JointFit:
         between_per_deg: float,
     ) -> End:
         """Adapt every part, which is a group of its own, as `girdle adapt --effect` does, from these parameters: with
-        sizes of the person, about these amplitudes by so much of their prior SD (``projection.subjects.fit_sizes``); by
-        0, with these as they are."""
+        sizes of the person, about these amplitudes by so much of their prior SD (``projection.subjects.fit_sizes``)."""
         shared, per_sd = self._shared(hypotheses), np.sqrt(weight_of_sizes(self._parts))
         mean = np.zeros(shared.mean.shape)
         for group, amplitude in enumerate(amplitudes):
             mean[: len(amplitude), group] = amplitude
-        if between_per_deg == 0.0:
-            parts = replace(self._parts, strengths=self._strengths(hypotheses, amplitudes))
-            return self._without_amplitudes(parts, theta_mm)._replace(amplitude=mean)
         about_mean = Shared(shared.columns, between_per_deg * shared.scale / per_sd, mean)
         return _minimum(self._parts, about_mean, theta_mm, mean)
 

@@ -62,8 +62,7 @@ def unseen_gaps_deg(
     between_per_deg: float,
 ) -> list[Float[np.ndarray, "folds 6"]]:
     """Adapt the shoulder of every fold with each hypothesis, from its parameters (``JointFit.adapt``): mean
-    |simulated - measured| of its rows, NaN of an angle that was not measured. With ``between_per_deg`` 0 the amplitudes
-    stay as they are."""
+    |simulated - measured| of its rows, NaN of an angle that was not measured."""
     every, shoulders = folds.each * len(hypotheses), joint.shoulders
     seen = tuple(Part(fold.subject, number, fold.fitted) for number, fold in enumerate(every))
     unseen = tuple(part._replace(rows=fold.tested) for part, fold in zip(seen, every, strict=True))
