@@ -65,3 +65,34 @@ TABLE_5_1 = np.array(
         [-6.0, -1.3, -3.3, -3.6, -1.2, 0.0],
     ]
 )
+
+TABLE_4_6 = {
+    "Origo Teres Major": (5.0, 0.9, 5.8),
+    "Origo Teres Minor": (1.9, 1.5, 4.0),
+    "Origo Infraspinatus": (10.4, 8.1, 18.3),
+    "Origo Subscapularis": (3.9, 3.1, 7.6),
+}
+"""MDP, its SD, DMP."""
+
+TABLE_4_7 = {
+    "Insertion Teres Major": (8.7, 1.8, 7.2, 10.8),
+    "Insertion Teres Minor": (9.3, 3.5, 7.3, 13.2),
+    "Insertion Infraspinatus": (23.4, 2.2, 21.2, 26.1),
+    "Insertion Subscapularis": (14.9, 3.8, 8.9, 19.6),
+    "Origo Deltoid (Scapular part)": (21.2, 15.4, 3.8, 47.3),
+    "Origo Deltoid (Clavicular part)": (7.6, 6.2, 3.0, 16.8),
+}
+"""MD, its SD, MinD, MaxD."""
+
+LINES_OF_DISSECTION = dict(zip(TABLE_4_7, (4, 3, 6, 11, 11, 4), strict=True))
+"""Parts that the same cadaver's muscles were divided into, each measured as one point: the lines of DAS3."""
+
+TABLE_4_8 = {"Teres Major": (101.1, 96.4), "Teres Minor": (34.4, 29.8), "Infraspinatus": (112.1, 113.0)}
+"""Volume from MRI and by weighing, cm3."""
+
+MASSES_KG = {
+    "Teres Major": (0.02643, 0.01549, 0.03481, 0.01971),
+    "Teres Minor": (0.00714, 0.01221, 0.01041),
+    "Infraspinatus": (0.01961, 0.02245, 0.01488, 0.01631, 0.02414, 0.01564),
+}
+"""Of the lines of the same cadaver: das3.osim (repository dasproject/DAS3), muscle masses of its metabolic probe."""

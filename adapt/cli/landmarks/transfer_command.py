@@ -14,7 +14,7 @@ from adapt.cli.terminal.print_tables import folding_table
 from adapt.output.run_files import inputs_record, results_folder, transaction, write_run, write_table
 from adapt.tables.attachment_tables import distances_table, points_table
 from models.person.attachments import ATTACHMENT_SD_MM
-from models.person.transfer.carried_attachments import Bone, Carried, carry_attachments
+from models.person.transfer.carried_attachments import Bone, Carried, carry_attachments, lay_on_same_bone
 from models.person.transfer.contour_distances import LINE, PLANE, POINT, SHAPES
 from models.person.transfer.mesh import read_mesh
 from motions import InputError
@@ -48,13 +48,19 @@ def transfer(
         Optional,
         typer.Option(help="Attachments measured on the target, as ATTACHMENTS.csv.", show_default=False),
     ] = None,
+    same_bone: Annotated[
+        bool,
+        typer.Option("--same-bone", help="Both are of one bone, measured twice: moved rigidly, without scaling."),
+    ] = False,
     surface_unit: SurfaceUnit = "mm",
 ) -> None:
     """Carry attachments from bone to bone, by landmarks or by surfaces (Chapter 5); compare them with measured ones.
 
     Give --from-landmarks and --to-landmarks, three and more; or --from-surface and --to-surface, with landmarks beside
     them where there are any. Landmarks and attachments of a bone are in the frame of its surface; both bones are of one
-    side. Surfaces need the extra `surface` of the package.
+    side. Surfaces need the extra `surface` of the package. With --same-bone a bone measured twice is compared with
+    itself (Tables 4.6 and 4.7), and with its surface, --to-surface (Appendix C): moved by landmarks of both, or in one
+    frame already where none are given.
 
     Writes attachments.csv (the points on the target: attachment, shape, x_mm, y_mm, z_mm), distances.csv (one row an
     attachment: to the target's surface, mean and SD; with --measured the smallest, mean and largest distance of the
@@ -64,7 +70,7 @@ def transfer(
     files = [attachments, from_landmarks, to_landmarks, from_surface, to_surface, measured]
     given, shapes = _attachments(attachments)
     source, target = _bone(from_landmarks, from_surface, unit_mm), _bone(to_landmarks, to_surface, unit_mm)
-    carried = _carried(attachments, given, source, target)
+    carried = _carried(attachments, given, source, target, same_bone)
     known = {} if measured is None else _measured(measured, given, attachments)
     try:
         distances = distances_table(carried.points_mm, shapes, known, target.mesh)
@@ -73,8 +79,9 @@ def transfer(
     with results_folder(out) as folder, transaction(folder) as part:
         write_table(points_table(carried.points_mm, shapes), part / "attachments.csv")
         write_table(distances, part / "distances.csv")
-        write_run(part, "transfer", inputs_record([path for path in files if path], []), {"surface_unit": surface_unit})
-    _print_carried(console, carried, distances)
+        options = {"surface_unit": surface_unit, "same_bone": same_bone}
+        write_run(part, "transfer", inputs_record([path for path in files if path], []), options)
+    _print_carried(console, carried, distances, same_bone)
 
 
 def _bone(landmarks: Path | None, surface: Path | None, unit_mm: float) -> Bone:
@@ -95,15 +102,29 @@ def _attachments(path: Path) -> tuple[dict[str, NamedPoints], dict[str, str]]:
     return given, {name: one.shape or (POINT if one.points_mm.shape[1] == 1 else LINE) for name, one in given.items()}
 
 
-def _carried(path: Path, given: dict[str, NamedPoints], source: Bone, target: Bone) -> Carried:
+def _carried(path: Path, given: dict[str, NamedPoints], source: Bone, target: Bone, same_bone: bool) -> Carried:
+    points = {name: one.points_mm for name, one in given.items()}
+    if same_bone:
+        return _laid(path, points, source, target)
     if (source.mesh is None) != (target.mesh is None):
         lacking = "--from-surface" if source.mesh is None else "--to-surface"
         raise InputError(lacking, None, "one bone has a surface, the other none", "Give both, or landmarks alone")
     try:
-        return carry_attachments({name: one.points_mm for name, one in given.items()}, source, target)
+        return carry_attachments(points, source, target)
     except ValueError as error:
         remedy = "Give three landmarks of both bones (--from-landmarks, --to-landmarks), or both surfaces"
         raise InputError(str(path), None, f"these attachments cannot be carried: {error}", remedy) from error
+
+
+def _laid(path: Path, points: dict[str, np.ndarray], source: Bone, target: Bone) -> Carried:
+    if source.mesh is not None:
+        cause = "with --same-bone there is one bone, and its surface is in the frame of --to-landmarks and --measured"
+        raise InputError("--from-surface", None, cause, "Give it as --to-surface")
+    try:
+        return lay_on_same_bone(points, source, target)
+    except ValueError as error:
+        remedy = "Give three landmarks of both (--from-landmarks, --to-landmarks), or none if both are in one frame"
+        raise InputError(str(path), None, f"these attachments cannot be moved: {error}", remedy) from error
 
 
 def _measured(path: Path, given: dict[str, NamedPoints], source: Path) -> dict[str, np.ndarray]:
@@ -114,7 +135,7 @@ def _measured(path: Path, given: dict[str, NamedPoints], source: Path) -> dict[s
     return found
 
 
-def _print_carried(console: Console, carried: Carried, distances: pd.DataFrame) -> None:
+def _print_carried(console: Console, carried: Carried, distances: pd.DataFrame, same_bone: bool) -> None:
     console.print(f"Carried {carried.how}", soft_wrap=True)
     columns = {"surface_mm": "to surface", "least_mm": "least", "mean_mm": "mean", "most_mm": "most"}
     table = folding_table("Distances, mm; from measured ones, type of Table 5.3", ("attachment", "shape"), ("points",))
@@ -126,6 +147,6 @@ def _print_carried(console: Console, carried: Carried, distances: pd.DataFrame) 
         kind = row["type"] if isinstance(row["type"], str) else ""
         table.add_row(row["attachment"], row["shape"], str(row["points"]), *cells, kind)
     console.print(table)
-    if not any(isinstance(kind, str) for kind in distances["type"]):
+    if not same_bone and not any(isinstance(kind, str) for kind in distances["type"]):
         said = f"An attachment carried from another bone is assumed to be {ATTACHMENT_SD_MM:g} mm (SD a coordinate) off"
         console.print(f"{said} (Tables 4.6 and 4.7: 4 to 21 mm)", soft_wrap=True)

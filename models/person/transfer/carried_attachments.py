@@ -9,6 +9,7 @@ from jaxtyping import Float
 from models.person.transfer.bone_surfaces import carried_points
 from models.person.transfer.landmark_map import landmark_map
 from models.person.transfer.mesh import Mesh
+from motions.landmarks.clusters.rigid_fit import FEWEST, fit_rigid
 
 Points = Float[np.ndarray, "3 points"]
 
@@ -38,8 +39,7 @@ def carry_attachments(attachments: Mapping[str, Points], source: Bone, target: B
     By the surfaces where both bones have one, held at the landmarks that both have; else by the landmarks alone.
     ValueError where neither carries them.
     """
-    common = [name for name in source.landmarks_mm if name in target.landmarks_mm]
-    pairs = [np.array([bone.landmarks_mm[name] for name in common]).reshape(-1, 3).T for bone in (source, target)]
+    common, pairs = _in_common(source, target)
     every = np.concatenate(list(attachments.values()), axis=1)
     if source.mesh is not None and target.mesh is not None:
         clouds = source.mesh.spread(SPREAD_POINTS), target.mesh.spread(SPREAD_POINTS)
@@ -53,3 +53,25 @@ def carry_attachments(attachments: Mapping[str, Points], source: Bone, target: B
         found, how = by.of(every), f"by the landmarks {', '.join(common)} ({kind}; rms {by.residual_mm:.1f} mm)"
     ends = np.cumsum([points.shape[1] for points in attachments.values()])[:-1]
     return Carried(dict(zip(attachments, np.split(found, ends, axis=1), strict=True)), how)
+
+
+def lay_on_same_bone(attachments: Mapping[str, Points], source: Bone, target: Bone) -> Carried:
+    """Bring one measurement of a bone to another of the same bone, without scaling (Tables 4.6, 4.7, Appendix C).
+
+    By the rigid motion of the landmarks that both have (least squares); of measurements without landmarks, which are in
+    one frame, as they are. ValueError for one or two landmarks, or for landmarks on a line.
+    """
+    common, (one, other) = _in_common(source, target)
+    if not (source.landmarks_mm or target.landmarks_mm):
+        return Carried(dict(attachments), "by nothing: both measurements are in one frame of the bone")
+    fit = fit_rigid(one.T, other.T[..., None])
+    if np.isnan(fit.residual_mm[0]):
+        raise ValueError(f"{len(common)} landmarks of both measurements, and a rigid motion needs {FEWEST} off a line")
+    moved = {name: fit.pose.carry(points) for name, points in attachments.items()}
+    return Carried(moved, f"rigidly by the landmarks {', '.join(common)} (rms {fit.residual_mm[0]:.1f} mm)")
+
+
+def _in_common(source: Bone, target: Bone) -> tuple[list[str], list[Points]]:
+    """The names of the landmarks that both have, and their places."""
+    common = [name for name in source.landmarks_mm if name in target.landmarks_mm]
+    return common, [np.array([bone.landmarks_mm[name] for name in common]).reshape(-1, 3).T for bone in (source, target)]
