@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from models.ellipsoid import distance_and_normal
-from models.girdle import Girdle, constraint_residuals_mm, landmarks
+from models.girdle import Girdle, constraint_residuals_mm, landmarks, refuse_degrees
 from models.nearest_root import nearest_root
 from motions.arrays import Array
 from motions.rhythm import REST_DEG
@@ -67,7 +67,11 @@ class Driven(NamedTuple):
 
 
 def free_coordinates_mm(girdle: Girdle, angles: Float[Array, " 6 *batch"]) -> Float[Array, " 3 *batch"]:
-    """Compute AC_y, AC_z and TS_x, mm, thorax frame, of six angles in radians: the inverse of :func:`drive`."""
+    """Compute AC_y, AC_z and TS_x, mm, thorax frame, of six angles in radians: the inverse of :func:`drive`.
+
+    ValueError if an angle is above a full turn, as degrees are.
+    """
+    refuse_degrees(angles)
     angles = jnp.asarray(angles)
     at = landmarks(_over_batch(girdle, angles.ndim - 1), angles)
     return jnp.stack([at.AC[1], at.AC[2], at.TS[0]])
@@ -82,7 +86,10 @@ def drive(
 
     Elementwise over postures; the girdle has the same batch or none. Differentiable in coordinates and girdle, forward
     and reverse, any number of times; the slope of a posture that is not ``ok`` is 0. (Thesis 6.2.3; Eq. 6.2 for A1-A3.)
+    ValueError if an angle of ``start`` is above a full turn, as degrees are.
     """
+    if start is not None:
+        refuse_degrees(start)
     coordinates = jnp.asarray(coordinates_mm)
     batch = coordinates.shape[1:]
     start = jnp.broadcast_to(_rest(len(batch)) if start is None else jnp.asarray(start), (6, *batch))

@@ -23,6 +23,12 @@ CONSTRAINT_NAMES = {"A1": "A1: TS to the ellipsoid", "A2": "A2: AI to the ellips
 CONSTRAINTS = tuple(CONSTRAINT_NAMES)
 
 
+def refuse_degrees(angles: Float[Array, " 6 *batch"]) -> None:
+    """Raise a ValueError if an angle is above a full turn, as degrees are; ``jit`` cannot see that."""
+    if not isinstance(angles, Tracer) and np.max(np.abs(np.nan_to_num(angles)), initial=0.0) > 2.0 * np.pi:
+        raise ValueError("angles are in radians: give np.deg2rad(motions.angles_deg).T")
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Girdle:
@@ -57,8 +63,7 @@ class Girdle:
         One girdle takes any batch of angles, ``(6, *batch)``. ValueError if an angle is above a full turn, as degrees
         are; ``jit`` cannot see that.
         """
-        if not isinstance(angles, Tracer) and np.max(np.abs(np.nan_to_num(angles)), initial=0.0) > 2.0 * np.pi:
-            raise ValueError("angles are in radians: give np.deg2rad(motions.angles_deg).T")
+        refuse_degrees(angles)
         more = np.ndim(angles) - np.ndim(self.sc_mm)
         return constraint_residuals_mm(self.over_axes(more) if more > 0 else self, angles)
 

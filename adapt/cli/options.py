@@ -109,12 +109,12 @@ KnownEffects = Annotated[
     list[str],
     typer.Option(
         OPTION,
-        metavar="NAME=A,B,C[~D,E,F]|measured",
+        metavar="NAME=A,B,C",
         help="An effect known to be active in every subject, by the size of each of its directions (see `girdle "
         f"effects`), of one that grows with elevation that at {FULL_ELEVATION_DEG:g} degrees: "
-        "scapula_landmark_bias=0,12,0. With ~2,2,2 behind it the size of each subject is adapted too, about this mean: "
-        "one that is 2 off counts as a degree in one angle of one posture. sc_translation=measured and "
-        "ac_translation=measured: as the positions in the motion file say. Repeatable; always in float64.",
+        "thorax_tilt=0,5,0. With ~2,2,2 behind it the size of each subject is adapted too, about this mean: "
+        "one that is 2 off counts as a degree in one angle of one posture. =measured, of "
+        "sc_translation and ac_translation: as the positions in the motion file say. Repeatable; always in float64.",
         show_default=False,
     ),
 ]

@@ -511,11 +511,13 @@ def test_effects_are_listed_with_what_a_caller_gives_of_them():
     lines = dict(line.split(maxsplit=1) for line in ended.out.splitlines())
     assert list(lines) == list(EFFECTS)
     option = "--effect scapulothoracic_gap=TS,AI in mm, at 150 degrees of elevation"
+    assert lines["skin_artefact"].endswith("size 4.5 deg; --effect skin_artefact=SHARE in parts of the measured lag")
     assert lines["scapulothoracic_gap"].endswith(f"; size 2 / 3 mm; {option}")
     for name, effect in EFFECTS.items():
         places = ["0" for _ in lines[name].partition(f"--effect {name}=")[2].partition(" in ")[0].split(",")]
-        assert f"{effect.size_unit}; --effect" in lines[name]
-        assert effect.unit in lines[name]
+        size_unit, unit = ("", "in no unit") if effect.unit == "1" else (f" {effect.size_unit}", effect.unit)
+        assert f"{size_unit}; --effect" in lines[name]
+        assert unit in lines[name]
         read_amplitudes([f"{name}={','.join(places)}"])  # as many numbers as it takes
 
 

@@ -211,3 +211,11 @@ def test_a_posture_out_of_reach_leaves_the_slopes_in_a_shared_girdle_as_they_are
     found, expected = slope(theta, far), slope(theta, coordinates) - slope(theta, middle) / 3.0
     assert np.abs(expected).max() > 0.0
     np.testing.assert_allclose(found, expected, rtol=SLOPES)
+
+
+def test_degrees_are_refused():
+    girdle, angles_deg = load_model("R2").girdle, np.asarray(REST_DEG)
+    with pytest.raises(ValueError, match="in radians"):
+        free_coordinates_mm(girdle, angles_deg)
+    with pytest.raises(ValueError, match="in radians"):
+        drive(girdle, np.zeros(3), start=angles_deg)

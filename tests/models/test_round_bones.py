@@ -157,39 +157,70 @@ def arms(name: str):
     return model, lines, angles, ARMS_DEG / DEG
 
 
-@pytest.mark.skipif(sys.version_info >= (3, 14), reason="opensim has no wheel for this Python")
+def problems_on_the_humerus(name: str, turned: np.ndarray) -> tuple[list, list[tuple[int, int]], np.ndarray]:
+    """Every line with a contour on the humerus whose ends lie outside it: what OpenSim is asked, which line and
+    posture each is, and our lengths. ``turned``: added to the three angles of the arm, rad."""
+    model, lines, angles, humerus = arms(name)
+    humerus = humerus + turned
+    found = pulls(lines, model.girdle, angles, humerus)
+    ends = line_points_mm(lines, model.girdle, angles, 3, humerus)[[0, -1]]
+    GH = np.asarray(ends[-1][:, lines.of("deltoid_scapular")][:, 0])  # an end on the humerus, from which GH follows
+    R = humerus_rotation(humerus)
+    first = int(np.flatnonzero(lines.of("deltoid_scapular"))[0])
+    GH = GH - rotate(R, lines.end_mm[:, first, None])
+    problems, places = [], []
+    for k in np.flatnonzero([contour not in ("", "thorax") for contour in lines.contour]).tolist():
+        contour = published_lines()["contour"][lines.contour[k]]
+        size = float(lines.humerus_size)
+        along_z = to_z(np.array(contour["axis"]))
+        for p in np.flatnonzero(found.depth_mm[k] == 0.0).tolist():
+            in_humerus = R[:, :, p].T @ (ends[:, :, k, p] - GH[:, p]).T - size * np.array(contour["centre_mm"])[:, None]
+            start, end = (along_z @ in_humerus).T / 1000.0
+            length = [size * 0.12] if any(contour["axis"]) else []
+            problems.append([start.tolist(), end.tolist(), [size * contour["radius_mm"] / 1000.0, *length]])
+            places.append((k, p))
+    return problems, places, np.array([found.length_mm[place] for place in places])
+
+
+def opensim_mm(problems: list, folder: Path) -> np.ndarray:
+    """OpenSim's lengths."""
+    file = folder / "problems.json"
+    file.write_text(json.dumps(problems))
+    helper = Path(__file__).parents[1] / "helpers" / "wrapped_in_opensim.py"
+    done = subprocess.run([sys.executable, str(helper), str(file)], capture_output=True, text=True, check=True)
+    return 1000.0 * np.array(json.loads(done.stdout))
+
+
+without_opensim = pytest.mark.skipif(sys.version_info >= (3, 14), reason="opensim has no wheel for this Python")
+
+
+@without_opensim
 def test_opensim_goes_round_head_and_shaft_as_long(tmp_path: Path):
     """Every line with a contour on the humerus of two sets, five postures of the arm.
 
     OpenSim goes straight from a point inside; of such there is one line, whose origin is next to the head."""
-    problems, ours = [], []
-    for name in ("R2", "breteler_dissection"):
-        model, lines, angles, humerus = arms(name)
-        found = pulls(lines, model.girdle, angles, humerus)
-        ends = line_points_mm(lines, model.girdle, angles, 3, humerus)[[0, -1]]
-        GH = np.asarray(ends[-1][:, lines.of("deltoid_scapular")][:, 0])  # an end on the humerus, from which GH follows
-        R = humerus_rotation(humerus)
-        first = int(np.flatnonzero(lines.of("deltoid_scapular"))[0])
-        GH = GH - rotate(R, lines.end_mm[:, first, None])
-        for k in np.flatnonzero([contour not in ("", "thorax") for contour in lines.contour]):
-            contour = published_lines()["contour"][lines.contour[k]]
-            size = float(lines.humerus_size)
-            along_z = to_z(np.array(contour["axis"]))
-            for p in np.flatnonzero(found.depth_mm[k] == 0.0):
-                in_humerus = (
-                    R[:, :, p].T @ (ends[:, :, k, p] - GH[:, p]).T - size * np.array(contour["centre_mm"])[:, None]
-                )
-                start, end = (along_z @ in_humerus).T / 1000.0
-                length = [size * 0.12] if any(contour["axis"]) else []
-                problems.append([start.tolist(), end.tolist(), [size * contour["radius_mm"] / 1000.0, *length]])
-                ours.append(found.length_mm[k, p])
-    file = tmp_path / "problems.json"
-    file.write_text(json.dumps(problems))
-    helper = Path(__file__).parents[1] / "helpers" / "wrapped_in_opensim.py"
-    done = subprocess.run([sys.executable, str(helper), str(file)], capture_output=True, text=True, check=True)
-    theirs = 1000.0 * np.array(json.loads(done.stdout))
-    assert len(ours) > 2 * 5 * 57 - 1
-    np.testing.assert_allclose(ours, theirs, atol=OPENSIM_MM)
+    parts = [problems_on_the_humerus(name, np.zeros((3, 1))) for name in ("R2", "breteler_dissection")]
+    theirs = opensim_mm([problem for problems, _, _ in parts for problem in problems], tmp_path)
+    assert len(theirs) > 2 * 5 * 57 - 1
+    np.testing.assert_allclose(np.concatenate([ours for _, _, ours in parts]), theirs, atol=OPENSIM_MM)
+
+
+@without_opensim
+def test_arms_about_gh_are_those_of_opensims_paths(tmp_path: Path):
+    """-dL/dphi of OpenSim's lengths, the arm turned by 0.01 rad either way, against our arms, in every angle of the arm.
+
+    Every seventh line and posture: OpenSim takes a tenth of a second for each."""
+    model, lines, angles, humerus = arms("R2")
+    found, h = pulls(lines, model.girdle, angles, humerus), 0.01
+    for k in range(3):
+        step = h * np.eye(3)[:, [k]]
+        (more, places, _), (less, others, _) = (problems_on_the_humerus("R2", sign * step) for sign in (1.0, -1.0))
+        assert places == others
+        some, count = places[k::7], len(places[k::7])
+        lengths = opensim_mm([*more[k::7], *less[k::7]], tmp_path)
+        theirs = -(lengths[:count] - lengths[count:]) / (2.0 * h)
+        ours = np.einsum("xp,xlp->lp", euler_axis(humerus, k), found.about_gh_mm)
+        np.testing.assert_allclose([ours[place] for place in some], theirs, atol=OPENSIM_MM)
 
 
 def to_z(axis: np.ndarray) -> np.ndarray:

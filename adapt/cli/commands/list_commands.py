@@ -17,6 +17,9 @@ from motions import write_motions
 
 NO_EFFECT = "none"
 
+NO_UNIT = "1"
+"""Of an effect that has none."""
+
 
 def list_models() -> None:
     """List the parameter sets, one line each."""
@@ -69,7 +72,8 @@ def list_effects() -> None:
     for one in EFFECTS.values():
         scale = " / ".join(f"{value:.2g}" for value in one.prior.scale)
         option = f"{OPTION} {one.name}={_places(one)} in {_unit(one)}"
-        console.print(f"{one.name:28} {one.what}; size {scale} {one.size_unit}; {option}", soft_wrap=True)
+        size = scale if one.size_unit == NO_UNIT else f"{scale} {one.size_unit}"
+        console.print(f"{one.name:28} {one.what}; size {size}; {option}", soft_wrap=True)
 
 
 def _places(effect: Effect) -> str:
@@ -78,6 +82,10 @@ def _places(effect: Effect) -> str:
 
 
 def _unit(effect: Effect) -> str:
-    """The unit of an amplitude; of an effect over elevation, where it holds."""
+    """The unit of an amplitude in words; of an effect over elevation, where it holds."""
     over = isinstance(effect.course, OverElevation)
+    if effect.unit == NO_UNIT:
+        return "no unit"
+    if effect.unit.startswith("of "):
+        return f"parts {effect.unit}"
     return f"{effect.unit}, at {FULL_ELEVATION_DEG:g} degrees of elevation" if over else effect.unit

@@ -74,4 +74,6 @@ def lay_on_same_bone(attachments: Mapping[str, Points], source: Bone, target: Bo
 def _in_common(source: Bone, target: Bone) -> tuple[list[str], list[Points]]:
     """The names of the landmarks that both have, and their places."""
     common = [name for name in source.landmarks_mm if name in target.landmarks_mm]
-    return common, [np.array([bone.landmarks_mm[name] for name in common]).reshape(-1, 3).T for bone in (source, target)]
+    return common, [
+        np.array([bone.landmarks_mm[name] for name in common]).reshape(-1, 3).T for bone in (source, target)
+    ]

@@ -11,6 +11,7 @@ numbers within their ranges that come closest to the printed means, and what the
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,14 +19,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import typer
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.optimize import lsq_linear
 
-from adapt.cli import app as cli
 from adapt.differentiable import adapt_subject, fit_posture
+from adapt.solvers import status
 from adapt.solvers.adaptation import adapt_batch
 from adapt.solvers.posture_fits import fit_batch
-from adapt.solvers.problems import Problems, problems_of
+from adapt.solvers.problems import problems_of
 from adapt.solvers.rows import PostureRows, posture_rows
 from adapt.trust.thesis import printed
 from models import ParameterSet, load_model
@@ -33,7 +34,7 @@ from models.girdle import COUNT_OF_NUMBERS, NUMBERS, Girdle
 from motions import Motions
 from motions.landmarks.girdle_angles import CLAVICLE_X
 from motions.rotations import DEG
-from scripts.completion import POINT_AZIMUTHS_DEG
+from scripts.completion import POINT_AZIMUTHS_DEG, POINT_HEIGHTS_MM
 from scripts.reporting import check_known, markdown
 from scripts.research.thesis.outcomes import ABDUCTION, ADAPTED_TO, FLEXION, persons
 
@@ -83,29 +84,30 @@ NUMBERS_MOVED = unpublished()
 REACH = np.array([one.reach for one in NUMBERS_MOVED])
 
 
-def moved(model: ParameterSet, angles, step) -> tuple[Girdle, jax.Array, jax.Array]:
-    """Move every number by its step (of NUMBERS_MOVED): the girdle, the thorax points, the measured angles (6, p)."""
-    shifts, others = jnp.zeros(COUNT_OF_NUMBERS), dict[str, jax.Array]()
-    for one, by in zip(NUMBERS_MOVED, step, strict=True):
-        if one.place is None:
-            others[one.name] = by
-        else:
-            shifts = shifts.at[one.place].add(by)
-    girdle = Girdle.of_numbers(jnp.asarray(model.girdle.numbers_mm) + shifts)
-    points = points_at(model.girdle, others[POINTS_AROUND], others[POINTS_UP])
-    return girdle, points, jnp.asarray(angles).at[CLAVICLE_X].add(others[AXIAL_ZERO] / float(DEG))
+def moved(model_girdle: Girdle, step) -> tuple[Girdle, jax.Array]:
+    """Move every number by its step (of NUMBERS_MOVED): the girdle and the thorax points."""
+    shifts = jnp.zeros(COUNT_OF_NUMBERS)
+    for k, one in enumerate(NUMBERS_MOVED):
+        if one.place is not None:
+            shifts = shifts.at[one.place].add(step[k])
+    girdle = Girdle.of_numbers(jnp.asarray(model_girdle.numbers_mm) + shifts)
+    around, up = (step[place] for place in (-3, -2))
+    return girdle, points_at(model_girdle, around, up)
+
+
+def turned(angles, step) -> jax.Array:
+    """Measure the axial rotation of the clavicle from another zero; rad."""
+    return jnp.asarray(angles).at[CLAVICLE_X].add(step[-1] / float(DEG))
 
 
 def points_at(girdle: Girdle, around_deg, up_mm) -> jax.Array:
     """Place the points of the rule (``scripts.completion.thorax_points_mm``) elsewhere on the set's own ellipsoid."""
-    (_, M_y, M_z), (A_x, A_y, A_z) = np.asarray(girdle.centre_mm), np.asarray(girdle.semi_axes_mm)
-    azimuth, y = (grid.ravel() for grid in np.meshgrid(np.radians(POINT_AZIMUTHS_DEG), HEIGHTS_MM))
+    _, M_y, M_z = girdle.centre_mm
+    A_x, A_y, A_z = girdle.semi_axes_mm
+    azimuth, y = (grid.ravel() for grid in np.meshgrid(np.radians(POINT_AZIMUTHS_DEG), POINT_HEIGHTS_MM))
     azimuth, y = azimuth + around_deg / float(DEG), y + up_mm
     width = jnp.sqrt(1.0 - ((y - M_y) / A_y) ** 2)
     return jnp.stack([A_x * width * jnp.cos(azimuth), y, M_z + A_z * width * jnp.sin(azimuth)])
-
-
-HEIGHTS_MM = np.linspace(-20.0, -200.0, 8)
 
 
 @dataclass(frozen=True)
@@ -113,10 +115,12 @@ class Data:
     """Persons with both motions, and mean motions; postures with all six angles."""
 
     rows: PostureRows
-    abduction: np.ndarray
-    """(postures, subjects): those that the gaps are of."""
-    mean_motions: Mapping[str, list[np.ndarray]]
-    """By motion: the angles of each mean motion, (6, postures), rad."""
+    abduction: Bool[np.ndarray, "postures subjects"]
+    """Those that the gaps are of."""
+    angles: Float[np.ndarray, "6 fits"]
+    """Of every posture that is fitted with the sets as they are, rad: abduction of the persons, both mean motions."""
+    shares: Float[np.ndarray, "3 fits"]
+    """Of each in a mean gap: Table 3.4, Table 3.5, Tables 6.1 and 6.2."""
 
 
 def prepare(motions: Motions, means: Sequence[str]) -> Data:
@@ -126,47 +130,43 @@ def prepare(motions: Motions, means: Sequence[str]) -> Data:
     both = [name for name in motions.subjects if {*ADAPTED_TO} <= {*motions.motion[motions.subject == name]}]
     rest = motions.select(np.isin(motions.subject, both) & ~is_mean)
     rows = posture_rows(rest)
-    group = {
-        motion: [
-            motions.angles_deg[(motions.subject == name) & (motions.motion == motion)].T / float(DEG) for name in means
-        ]
-        for motion in ADAPTED_TO
-    }
-    return Data(rows, rows.counted & rows.packed(rest.motion == ABDUCTION), group)
+    groups = [is_mean & (motions.motion == ABDUCTION), is_mean & (motions.motion == FLEXION)]
+    groups.append(np.isin(motions.subject, both) & ~is_mean & (motions.motion == ABDUCTION))
+    kept = np.any(groups, axis=0)
+    shares = np.stack([_shares(group, motions.subject)[kept] for group in groups])
+    return Data(rows, rows.counted & rows.packed(rest.motion == ABDUCTION), motions.angles_deg[kept].T / DEG, shares)
 
 
-def mean_gap(fitted, angles, counted) -> jax.Array:
-    """Mean |simulated - measured| of each angle over the postures that count, degrees."""
-    off = jnp.where(counted, jnp.abs(fitted - angles), 0.0) * DEG
-    return off.sum(axis=1) / counted.sum()
+def _shares(group: np.ndarray, subject: np.ndarray) -> np.ndarray:
+    """Equal for each subject of the group, and for each of its postures."""
+    names = np.unique(subject[group])
+    counts = [np.where(group & (subject == name), 1.0 / (group & (subject == name)).sum(), 0.0) for name in names]
+    return np.sum(counts, axis=0) / len(names)
 
 
-def of_means(model: ParameterSet, data: Data, step) -> jax.Array:
-    """Compute the cells of Tables 3.4 and 3.5, means over the mean motions: (2 motions x 6 angles,)."""
-    cells = []
-    for motion in (ABDUCTION, FLEXION):
-        parts = []
-        for angles in data.mean_motions[motion]:
-            girdle, _, there = moved(model, angles, step)
-            parts.append(mean_gap(fit_posture(girdle, there).angles, there, np.ones(angles.shape[1], bool)))
-        cells.append(jnp.mean(jnp.stack(parts), axis=0))
-    return jnp.concatenate(cells)
+@jax.jit
+def fitted(model_girdle: Girdle, angles, start, step) -> jax.Array:
+    """Compute the closest closed postures, the numbers moved by ``step``."""
+    girdle, _ = moved(model_girdle, step)
+    return fit_posture(girdle, turned(angles, step), start=start).angles
 
 
-def of_subject(model: ParameterSet, angles, measured, abduction, theta_mm, step) -> jax.Array:
-    """Compute a subject's cells: six gaps before, six after, six adapted parameters (mm).
+def adapted(model_girdle: Girdle, bounds_mm, angles, measured, theta_mm, step) -> tuple[jax.Array, jax.Array]:
+    """Compute postures and parameters (mm) of a subject, adapted with the numbers moved by ``step``.
 
     theta_mm: of the compiled adaptation, from which the search starts; its minimum is the same.
     """
-    girdle, points, there = moved(model, angles, step)
-    before = fit_posture(girdle, there, measured).angles
-    found = adapt_subject(girdle, points, model.bounds_mm, there, measured, start=theta_mm)
-    gaps = [mean_gap(fitted, there, abduction) for fitted in (before, found.postures.angles)]
-    return jnp.concatenate([*gaps, found.theta_mm])
+    girdle, points = moved(model_girdle, step)
+    found = adapt_subject(girdle, points, bounds_mm, turned(angles, step), measured, start=theta_mm)
+    return found.postures.angles, found.theta_mm
 
 
-FAST = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
-"""A third of the compilation; each subject is run once."""
+def gaps_and_slopes(found, slopes, angles, shares) -> tuple[np.ndarray, np.ndarray]:
+    """Compute mean |simulated - measured| of each angle, deg, and its slopes; ``shares`` of the postures."""
+    off, change = np.asarray(found) - angles, np.array(slopes)
+    change[CLAVICLE_X, :, -1] -= 1.0 / DEG  # the measured angle itself
+    gaps = (np.abs(off) * shares).sum(axis=1) * DEG
+    return gaps, np.einsum("ap,apn->an", np.sign(off) * shares, change) * DEG
 
 
 @dataclass(frozen=True)
@@ -180,72 +180,62 @@ class Cells:
 
 PARTS = dict(zip(TABLES, (slice(0, 12), slice(12, 18), slice(18, 24), slice(24, 30)), strict=True))
 
+FAST = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
+"""A third of the compilation; each subject is run once."""
+
+
+@cache
+def _with_slopes(function, count: int):
+    """The function and its derivative in its last argument, compiled once for all sets and subjects."""
+    return jax.jit(lambda *args: (function(*args), jax.jacfwd(function, count - 1)(*args)), compiler_options=FAST)
+
 
 def by_derivatives(model: ParameterSet, data: Data, progress: Callable[[str], None]) -> Cells:
     """Compute all cells of a set with their derivatives in every number that is not printed."""
-    problems = problems_of(data.rows, [model])
+    problems, rest = problems_of(data.rows, [model]), jnp.zeros(len(REACH))
+    girdle = jax.tree.map(jnp.asarray, model.girdle)
+    progress(f"{model.name}: as it is")
+    start = _posture_angles(model.girdle, data.angles)
+    found, slopes = _with_slopes(fitted, 4)(girdle, data.angles, start, rest)
+    parts = [gaps_and_slopes(found, slopes, data.angles, shares) for shares in data.shares]
+    after = []
     theta = adapt_batch(problems).theta_mm
-    rest = jnp.zeros(len(REACH))
-
-    def both(function):
-        return jax.jit(lambda *args: (function(*args, rest), jax.jacfwd(function, len(args))(*args, rest)),
-                       compiler_options=FAST)  # fmt: skip
-
-    subject = both(lambda *args: of_subject(model, *args))
-    found = []
     for k, name in enumerate(data.rows.subjects):
-        progress(f"{model.name}, {name}")
-        parts = (np.asarray(x)[..., k] for x in (problems.angles, problems.measured, data.abduction, theta))
-        found.append(subject(*parts))
-    progress(f"{model.name}, mean motions")
-    means = both(lambda step: of_means(model, data, step))()
-    value, slope = (
-        np.concatenate([np.asarray(mean), np.mean([np.asarray(one[part]) for one in found], axis=0)])
-        for part, mean in enumerate(means)
-    )
+        progress(f"{model.name}: {name}, adapted")
+        angles, measured = (np.asarray(x)[..., k] for x in (problems.angles, problems.measured))
+        both = _with_slopes(adapted, 6)(girdle, jnp.asarray(model.bounds_mm), angles, measured, theta[:, k], rest)
+        (found, theta_mm), (slopes, of_theta) = both
+        share = data.abduction[:, k] / data.abduction[:, k].sum()
+        gaps = gaps_and_slopes(found, slopes, angles, share)
+        after.append([np.concatenate(pair) for pair in zip(gaps, (theta_mm, of_theta), strict=True)])
+    mean = [np.mean([one[k] for one in after], axis=0) for k in range(2)]
+    value, slope = (np.concatenate([*(part[k] for part in parts), mean[k]]) for k in range(2))
     return Cells(value, slope * REACH)
 
 
-def by_fits(model: ParameterSet, data: Data, steps: Float[np.ndarray, "cases numbers"]) -> Float[np.ndarray, "cases 30"]:
-    """Compute the cells with the compiled fits, the numbers moved by each row of ``steps``; NaN where one did not end."""
-    return np.array([_fitted(model, data, step) for step in steps])
+def by_fits(
+    model: ParameterSet, data: Data, steps: Float[np.ndarray, "cases numbers"]
+) -> Float[np.ndarray, "cases 30"]:
+    """Compute the cells with the compiled fits, the numbers moved by each row of ``steps``."""
+    return np.array([_by_fits(model, data, step) for step in steps])
 
 
-def _fitted(model: ParameterSet, data: Data, step: np.ndarray) -> np.ndarray:
-    girdle, points, _ = moved(model, np.zeros((6, 1)), step)
-    other = replace(model, girdle=jax.tree.map(np.asarray, girdle), points_mm=np.asarray(points))
-    problems = problems_of(data.rows, [other])
-    turned = np.array(problems.angles)
-    turned[CLAVICLE_X] += step[-1] / float(DEG)
-    problems = replace(problems, angles=turned)
-    adapted = adapt_batch(problems)
-    before = _before(problems, np.asarray(other.girdle.adapted_mm))
-    gaps = [
-        np.mean([mean_gap(at[..., k], turned[..., k], data.abduction[:, k]) for k in range(turned.shape[2])], axis=0)
-        for at in (before, adapted.angles)
-    ]
-    means = [
-        np.mean([_mean_motion(other.girdle, angles, step) for angles in data.mean_motions[motion]], axis=0)
-        for motion in (ABDUCTION, FLEXION)
-    ]
-    return np.concatenate([*means, *gaps, adapted.theta_mm.mean(axis=1)])
+def _by_fits(model: ParameterSet, data: Data, step: np.ndarray) -> np.ndarray:
+    girdle, points = (jax.tree.map(np.asarray, part) for part in moved(model.girdle, step))
+    problems = problems_of(data.rows, [replace(model, girdle=girdle, points_mm=points)])
+    problems = replace(problems, angles=np.asarray(turned(problems.angles, step)))
+    found = adapt_batch(problems)
+    there = np.asarray(turned(data.angles, step))
+    off = np.abs(_posture_angles(girdle, there) - there) * DEG
+    shares = data.abduction / data.abduction.sum(axis=0) / data.abduction.shape[1]
+    after = np.where(data.abduction, np.abs(found.angles - problems.angles), 0.0) * DEG
+    before = [(off * share).sum(axis=1) for share in data.shares]
+    return np.concatenate([*before, (after * shares).sum(axis=(1, 2)), found.theta_mm.mean(axis=1)])
 
 
-def _mean_motion(girdle: Girdle, angles: np.ndarray, step: np.ndarray) -> np.ndarray:
-    turned = np.array(angles)
-    turned[CLAVICLE_X] += step[-1] / float(DEG)
-    count = turned.shape[1]
-    fits = fit_batch(girdle.repeated(count), turned, np.ones(turned.shape, bool))
-    return np.asarray(mean_gap(fits.angles, turned, np.ones(count, bool)))
-
-
-def _before(problems: Problems, own_mm: np.ndarray) -> np.ndarray:
-    posture, problem = np.nonzero(problems.counted)
-    theta = np.repeat(own_mm[:, None], problems.counted.shape[1], axis=1)
-    angles, measured = (np.asarray(x)[:, posture, problem] for x in (problems.angles, problems.measured))
-    found = np.zeros(problems.angles.shape)
-    found[:, posture, problem] = fit_batch(problems.girdles_at(theta, posture, problem), angles, measured).angles
-    return found
+def _posture_angles(girdle: Girdle, angles: np.ndarray) -> np.ndarray:
+    fits = fit_batch(girdle.repeated(angles.shape[1]), angles, np.ones(angles.shape, bool))
+    return np.where(fits.status == status.OK, fits.angles, np.nan)
 
 
 def printed_cells(name: str) -> Float[np.ndarray, " 30"]:
@@ -261,14 +251,14 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 
-def decide_table(cells: Mapping[str, Cells], fitted: Mapping[str, np.ndarray]) -> str:
+def decide_table(cells: Mapping[str, Cells], anew: Mapping[str, np.ndarray]) -> str:
     """A line a number: rms change of the cells of each table over its range, linear, and when fitted anew."""
     lines = []
     for k, one in enumerate(NUMBERS_MOVED):
         row = []
         for part in PARTS.values():
             linear = rms(np.stack([found.slope[part, k] for found in cells.values()]))
-            changed = [fitted[name][[2 * k + 1, 2 * k + 2]][:, part] - fitted[name][0, part] for name in cells]
+            changed = [anew[name][[2 * k + 1, 2 * k + 2]][:, part] - anew[name][0, part] for name in cells]
             row.append(f"{linear:.1f} ({rms(np.stack(changed)):.1f})")
         lines.append([one.name, f"{one.reach:g} {one.unit}", *row])
     lines.sort(key=lambda row: -sum(float(cell.split()[0]) for cell in row[2:5]))
@@ -282,7 +272,7 @@ def closest_steps(found: Cells, name: str) -> Float[np.ndarray, " numbers"]:
     return lsq_linear(found.slope[gaps], off, bounds=(-1.0, 1.0)).x
 
 
-def reach_table(cells: Mapping[str, Cells], closest: Mapping[str, np.ndarray], own: Mapping[str, np.ndarray]) -> str:
+def reach_table(cells: Mapping[str, Cells], closest: Mapping[str, np.ndarray]) -> str:
     """A line a set and table: how far the cells are from the printed ones, as shipped and with the closest numbers
     (linear; fitted anew), and how many no number within its range reaches, were each cell alone."""
     lines = []
@@ -291,8 +281,8 @@ def reach_table(cells: Mapping[str, Cells], closest: Mapping[str, np.ndarray], o
         for table, part in PARTS.items():
             off = target[part] - found.value[part]
             beyond = np.abs(off) > np.abs(found.slope[part]).sum(axis=1)
-            linear, anew = off - found.slope[part] @ steps, target[part] - closest[name][part]
-            cell = [f"{rms(x):.1f}" for x in (off, linear, anew)]
+            linear, again = off - found.slope[part] @ steps, target[part] - closest[name][part]
+            cell = [f"{rms(x):.1f}" for x in (off, linear, again)]
             lines.append([name, table, *cell, f"{beyond.sum()} of {len(off)}"])
     return markdown(["set", "Tables", "as shipped", "closest, linear", "fitted anew", "out of reach"], lines)
 
@@ -326,18 +316,16 @@ def study(
     motions = persons(files, ())
     check_known(mean, motions.subjects, "subject")
     data, models = prepare(motions, mean), [load_model(name) for name in model]
-    say = cli.console.print if False else (lambda text: typer.echo(text, err=True))
-    cells = {one.name: by_derivatives(one, data, say) for one in models}
+    cells = {one.name: by_derivatives(one, data, partial(typer.echo, err=True)) for one in models}
     ends = np.vstack([np.zeros(len(REACH)), *(s * row for row in np.diag(REACH) for s in (-1.0, 1.0))])
-    fitted, closest = dict[str, np.ndarray](), dict[str, np.ndarray]()
+    anew, closest = dict[str, np.ndarray](), dict[str, np.ndarray]()
     for one in models:
-        say(f"{one.name}: fitted anew")
         steps = closest_steps(cells[one.name], one.name)
         every = by_fits(one, data, np.vstack([ends, steps * REACH]))
-        fitted[one.name], closest[one.name] = every[:-1], every[-1]
+        anew[one.name], closest[one.name] = every[:-1], every[-1]
         typer.echo(f"{one.name}: " + ", ".join(f"{n.name} {x:+.1f}" for n, x in zip(NUMBERS_MOVED, steps * REACH)))
         typer.echo(f"largest difference of the two engines: {np.abs(cells[one.name].value - every[0]).max():.1e}")
-    for table in (decide_table(cells, fitted), reach_table(cells, closest, fitted), cells_table(cells)):
+    for table in (decide_table(cells, anew), reach_table(cells, closest), cells_table(cells)):
         typer.echo("\n" + table)
 
 
