@@ -9,7 +9,7 @@ MEANS ?= --mean mean_ludewig2009 --mean mean_oki2012
 # Where it is set, every process compiles all that it imports anew: three seconds each, and the tests start hundreds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion questions thesis speed studies fuzz mutants rooms frames docs clean
+.PHONY: adapt test quick lint types units lock blind recovery heldout sets tables completion unpublished questions thesis speed studies fuzz mutants rooms frames docs clean
 
 adapt: .venv/runtime ## adapt the ten shipped (simulated) subjects with R2, R4 and R6
 	$(BIN)/girdle adapt motions/data/simulated_subjects.csv --model R2 --model R4 --model R6 --out out/adapt
@@ -61,6 +61,9 @@ sets: .venv/runtime ## what depends on the cadaver; of measured motions
 
 completion: .venv/runtime ## how what is not printed of R2, R4 and R6 is best placed: two minutes; of measured motions
 	$(BIN)/python scripts/research/thesis/study_completion.py $(MOTIONS) $(MEANS)
+
+unpublished: .venv/runtime ## which unpublished number decides the thesis's tables: minutes; of measured motions
+	$(BIN)/python scripts/research/thesis/study_unpublished.py $(MOTIONS) $(MEANS)
 
 tables: .venv/runtime ## the thesis's tables beside ours, and which reading of E is the thesis's: minutes; of measured motions
 	$(BIN)/girdle compare $(MOTIONS) $(MEANS) --model R2 --model R4 --model R6 --out out/compare

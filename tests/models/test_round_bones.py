@@ -207,7 +207,7 @@ def test_opensim_goes_round_head_and_shaft_as_long(tmp_path: Path):
 
 @without_opensim
 def test_arms_about_gh_are_those_of_opensims_paths(tmp_path: Path):
-    """-dL/dphi of OpenSim's lengths, the arm turned by 0.01 rad either way, against our arms, in every angle of the arm.
+    """-dL/dphi of OpenSim's lengths, the arm turned by 0.01 rad either way, against ours, in every angle of the arm.
 
     Every seventh line and posture: OpenSim takes a tenth of a second for each."""
     model, lines, angles, humerus = arms("R2")

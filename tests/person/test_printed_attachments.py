@@ -1,4 +1,4 @@
-"""Tables 4.6-4.8, Appendix C and D: what of their printed numbers can be recomputed without the unpublished contours."""
+"""Tables 4.6-4.8, Appendices C and D: what of the printed numbers needs none of the unpublished contours."""
 
 import re
 from collections import Counter

@@ -1,0 +1,63 @@
+"""The study of unpublished numbers: each moves what its name says, and slopes are those of the compiled fits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models import load_model
+from models.girdle import NUMBERS
+from motions import read_motions
+from scripts.completion import thorax_points_mm
+from scripts.research.thesis import study_unpublished as study
+from scripts.research.thesis.outcomes import ABDUCTION, FLEXION
+from scripts.rooms import ROOT
+
+
+@pytest.fixture(scope="module")
+def data() -> study.Data:
+    """Two shipped (simulated) subjects and a third as a mean motion, their motions named as the study's."""
+    every = read_motions(ROOT / "motions" / "data" / "simulated_subjects.csv")
+    names = {"abduction": ABDUCTION, "forward_flexion": FLEXION}
+    every = replace(every, motion=np.array([names[name] for name in every.motion.tolist()]))
+    every = every.select(np.isin(every.subject, every.subjects[:3]))
+    return study.prepare(every, every.subjects[2:3])
+
+
+def test_a_number_moves_alone():
+    girdle = load_model("R2").girdle
+    for k, one in enumerate(study.NUMBERS_MOVED):
+        moved, points = study.moved(girdle, np.eye(len(study.REACH))[k] * 2.0)
+        change = np.asarray(moved.numbers_mm) - np.asarray(girdle.numbers_mm)
+        assert change.nonzero()[0].tolist() == ([] if one.place is None else [one.place])
+        on_rule = thorax_points_mm(girdle.centre_mm, girdle.semi_axes_mm)
+        assert np.allclose(points, on_rule, atol=1e-9) == (not one.name.startswith("thorax points"))
+    assert [one.name for one in study.NUMBERS_MOVED[:3]] == ["SC, x", "SC, y", "SC, z"]
+    assert study.NUMBERS_MOVED[0].place == NUMBERS["sc_mm"].start
+
+
+def test_shares_are_those_of_means_over_subjects_and_postures(data):
+    assert data.shares.sum(axis=1) == pytest.approx([1.0, 1.0, 1.0])
+    assert len(np.unique(data.shares[2][data.shares[2] > 0.0])) <= 2
+
+
+def test_gaps_and_slopes_by_hand():
+    """Two postures, shares 1/4 and 3/4, off by 2 and -4 degrees, which grow by 1 and 3 degrees a step."""
+    angles, off = np.zeros((6, 2)), np.zeros((6, 2))
+    off[0] = np.radians([2.0, -4.0])
+    slopes = np.zeros((6, 2, len(study.REACH)))
+    slopes[0, :, 0] = np.radians([1.0, 3.0])
+    gaps, changes = study.gaps_and_slopes(off, slopes, angles, np.array([0.25, 0.75]))
+    assert gaps[0] == pytest.approx(0.25 * 2.0 + 0.75 * 4.0)
+    assert changes[0, 0] == pytest.approx(0.25 * 1.0 - 0.75 * 3.0)
+
+
+def test_slopes_of_the_fits_are_those_of_the_other_engine(data):
+    """Of the sets as they are, by derivatives and by differences of the compiled fits."""
+    model = load_model("R2")
+    by_differences = study.differences(model, data, np.zeros(len(study.REACH)))
+    start = study.posture_angles(model.girdle, data.angles)
+    found, slopes = study.with_slopes(study.fitted, 4)(model.girdle, data.angles, start, np.zeros(len(study.REACH)))
+    parts = [study.gaps_and_slopes(found, slopes, data.angles, shares) for shares in data.shares]
+    by_derivatives = np.concatenate([slope for _, slope in parts]) * study.REACH
+    np.testing.assert_allclose(by_derivatives, by_differences[:18], atol=0.02)
