@@ -73,7 +73,8 @@ def _not_without_motions(weight: float) -> float:
 
 
 Weight = Annotated[
-    float, typer.Option(min=0.0, callback=_not_without_motions, help="w of E = D + w mean(J), thesis Eq. 6.5.")
+    float,
+    typer.Option(min=0.0, metavar="W", callback=_not_without_motions, help="w of E = D + w mean(J), thesis Eq. 6.5."),
 ]
 
 Objective = Annotated[

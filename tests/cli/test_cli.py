@@ -14,6 +14,7 @@ import pytest
 from command import Ended, girdle, refused, shipped_lines, written
 from pages import data_of
 
+from adapt.cli.entry import WORDS
 from adapt.output.written_files import LIST
 from adapt.report.bone_positions import POINTS
 from adapt.solvers import status
@@ -502,6 +503,15 @@ def test_the_installed_command_exits_with_2_and_one_line(tmp_path):
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     refused(Ended(ended.returncode, ended.stdout, ended.stderr), "no.csv", "does not exist", "Check its name")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_no_word_of_a_help_is_cut_at_80_columns(monkeypatch):
+    """Rich cuts what it cannot fold, as the name of an option, with an ellipsis."""
+    monkeypatch.setenv("COLUMNS", "80")
+    for command in {line.split("\t")[0]: None for line in WORDS.read_text(encoding="utf-8").splitlines()}:
+        said = girdle(command, "--help").out
+        assert "--help" in said, command
+        assert "\N{HORIZONTAL ELLIPSIS}" not in said, command
 
 
 def test_effects_are_listed_with_what_a_caller_gives_of_them():

@@ -108,6 +108,7 @@ def adapt(
         int | None,
         typer.Option(
             min=1,
+            metavar="SUBJECTS",
             help=f"Subjects worked on at a time; results do not depend on it. Default: {LANES} by number of models.",
             show_default=False,
         ),
