@@ -202,7 +202,7 @@ def by_derivatives(model: ParameterSet, data: Data, progress: Callable[[str], No
     theta = adapt_batch(problems).theta_mm
     for k, name in enumerate(data.rows.subjects):
         progress(f"{model.name}: {name}, adapted")
-        angles, measured = (np.asarray(x)[..., k] for x in (problems.angles, problems.measured))
+        angles, measured = (np.asarray(x)[..., k] for x in (problems.angles, problems.measured & problems.counted))
         both = with_slopes(adapted, 6)(girdle, jnp.asarray(model.bounds_mm), angles, measured, theta[:, k], rest)
         (found, theta_mm), (slopes, of_theta) = both
         share = data.abduction[:, k] / data.abduction[:, k].sum()
