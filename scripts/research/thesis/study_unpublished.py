@@ -4,9 +4,10 @@
         --mean mean_ludewig2009 --mean mean_oki2012
 
 Derivatives of the cells of Tables 3.4, 3.5 and 6.1-6.5 in each number that the thesis does not print, through the fits
-and the adaptation (``adapt.differentiable``), times the range that the set states. Beside them the change when the
-number is moved by its range, up and down, and everything is fitted and adapted anew (the compiled fits). Then the
-numbers within their ranges that come closest to the printed means, and what they leave. Prints Markdown.
+and the adaptation, times the range that the set states: those of ``adapt.differentiable``, or with --differences of the
+compiled fits. Beside them the change when the number is moved by its range, up and down, and everything is fitted and
+adapted anew. Then the numbers within their ranges that come closest to the printed means, and what they leave.
+Prints Markdown.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -290,6 +291,11 @@ def closest_steps(model: ParameterSet, found: Cells, data: Data) -> Float[np.nda
     return at
 
 
+def _shipped(model: ParameterSet, data: Data) -> Cells:
+    at = np.zeros(len(REACH))
+    return Cells(by_fits(model, data, at[None])[0], differences(model, data, at))
+
+
 def differences(model: ParameterSet, data: Data, at: np.ndarray) -> Float[np.ndarray, "30 numbers"]:
     """Compute the slopes of all cells in a range of each number by central differences of the compiled fits."""
     ends = [(at + sign * _DIFFERENCE * one) * REACH for one in np.eye(len(REACH)) for sign in (1.0, -1.0)]
@@ -335,12 +341,16 @@ def study(
     files: Annotated[list[Path], typer.Argument(metavar="MOTIONS.csv...")],
     mean: Annotated[list[str], typer.Option(help="Subjects that are mean motions: Tables 3.4 and 3.5.")],
     model: Annotated[list[str] | None, typer.Option(help="Sets; default: R2, R4, R6.")] = None,
+    by_differences: Annotated[
+        bool, typer.Option("--differences", help="Slopes by differences of the compiled fits: a minute, not an hour.")
+    ] = False,
 ) -> None:
     """Print which unpublished number decides the tables, and what numbers within their ranges can reach."""
     motions = persons(files, ())
     check_known(mean, motions.subjects, "subject")
     data, models = prepare(motions, mean), [load_model(name) for name in model or printed.SETS]
-    cells = {one.name: by_derivatives(one, data, partial(typer.echo, err=True)) for one in models}
+    say = partial(typer.echo, err=True)
+    cells = {one.name: _shipped(one, data) if by_differences else by_derivatives(one, data, say) for one in models}
     ends = np.vstack([np.zeros(len(REACH)), *(s * row for row in np.diag(REACH) for s in (-1.0, 1.0))])
     anew, closest = dict[str, np.ndarray](), dict[str, np.ndarray]()
     for one in models:
