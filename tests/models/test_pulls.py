@@ -108,16 +108,18 @@ def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
     def lengths(q):
         return lengths_mm(lines, model.girdle, q[:, None])[:, 0]
 
-    arms = few_runs(lambda q: -jax.jacfwd(lengths)(q))
+    derivatives = few_runs(lambda q: (lengths(q), -jax.jacfwd(lengths)(q), -jax.hessian(lengths)(q)))
+    length, arms, slopes = derivatives(q)
     found = pulls(lines, model.girdle, np.asarray(q)[:, None])
-    np.testing.assert_allclose(few_runs(lengths)(q), found.length_mm[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(length, found.length_mm[:, 0], rtol=1e-12)
     assert (found.depth_mm > 0.0).any()
     np.testing.assert_allclose(
-        arms(q), arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
+        arms, arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
     )
     h = 1e-5
-    difference = np.stack([(arms(q + h * unit) - arms(q - h * unit)) / (2 * h) for unit in np.eye(6)], axis=-1)
-    np.testing.assert_allclose(-few_runs(jax.hessian(lengths))(q), difference, atol=SLOPE)
+    beside = [[derivatives(q + sign * h * unit)[1] for sign in (1.0, -1.0)] for unit in np.eye(6)]
+    difference = np.stack([(more - less) / (2 * h) for more, less in beside], axis=-1)
+    np.testing.assert_allclose(slopes, difference, atol=SLOPE)
 
 
 def test_the_points_of_the_lines_go_from_end_to_end_as_far_as_the_lines_are_long():
