@@ -1,10 +1,12 @@
 """Moment arms: slopes of the lengths, by angle, about the joints and in the chain's free directions."""
 
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from programs import few_runs
+from programs import few_runs, one_run
 
 from models import load_model
 from models.drive import drive, free_coordinates_mm
@@ -33,12 +35,13 @@ SETS = ("R2", "R4", "R6")
 """Those that are closed at rest."""
 
 
+@cache
 def postures(name: str):
     """Closed postures about rest, and their free coordinates."""
     model = load_model(name)
     rest = np.asarray(free_coordinates_mm(model.girdle, REST_DEG / DEG))
     offsets = np.array([[0.0, 6.0, -5.0, 3.0, 8.0], [0.0, -4.0, 3.0, 6.0, -7.0], [0.0, 3.0, -2.0, 4.0, 2.0]])
-    driven = quick_drive(model.girdle, rest[:, None] + offsets)
+    driven = one_run(drive)(model.girdle, rest[:, None] + offsets)
     good = np.flatnonzero(driven.words == "ok")[:3]
     assert len(good) == 3
     return model, np.asarray(driven.angles)[:, good], rest[:, None] + offsets[:, good]
