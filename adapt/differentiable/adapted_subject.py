@@ -146,9 +146,9 @@ def _descended(problem: Problem, bounds: Array | None, theta: Array) -> tuple[Ar
     return theta, x, jnp.where(longest <= _SETTLED, _value(theta, problem, x)[0], jnp.inf)
 
 
-@jax.custom_jvp
-def _adapted(problem: Problem, bounds: Array | None, starts: Array | None) -> tuple[Array, Array]:
-    """theta and x of the lowest optimum from all starts."""
+def _lowest(problem: Problem, bounds: Array | None, starts: Array | None) -> tuple[Array, Array]:
+    """theta and x of the lowest optimum from all starts, without a derivative."""
+    problem, bounds, starts = jax.lax.stop_gradient((problem, bounds, starts))
     starts = problem.starts(bounds) if starts is None else starts
     theta, x, E = jax.lax.map(partial(_descended, problem, bounds), starts)
     return jax.tree.map(lambda of: jnp.where(jnp.isfinite(jnp.min(E)), of[jnp.argmin(E)], jnp.nan), (theta, x))
@@ -158,21 +158,27 @@ def _free(theta: Array, bounds: Array | None) -> Array:
     return jnp.ones_like(theta, bool) if bounds is None else ~((theta <= bounds[0]) | (theta >= bounds[1]))
 
 
-@_adapted.defjvp
-def _adapted_jvp(primals, tangents):
-    (problem, bounds, _), (moved, moved_bounds, _) = primals, tangents
-    theta, x = _adapted(*primals)
+@jax.custom_jvp
+def _following(problem: Problem, bounds: Array | None, theta: Array, x: Array) -> Array:
+    """Return the optimum theta, with postures x, as it is; it follows where the problem and its bounds move."""
+    return theta
+
+
+@_following.defjvp
+def _following_jvp(primals, tangents):
+    (problem, bounds, theta, x), (moved, moved_bounds, *_) = primals, tangents
     H = jax.jacfwd(lambda theta: _slope(theta, problem, x))(theta)
     _, slope_moved = jax.jvp(lambda problem: _slope(theta, problem, x), (problem,), (moved,))
     free = _free(theta, bounds)
     with_bound = 0.0 if bounds is None else jnp.where(theta <= bounds[0], *moved_bounds)
     step = solve(jnp.where(free[:, None], H, jnp.eye(len(theta))), jnp.where(free, -slope_moved, with_bound))
-    return (theta, x), (step, jnp.zeros_like(x))
+    return theta, step
 
 
 @jax.jit
 def _subject(problem: Problem, bounds: Array | None, starts: Array | None) -> AdaptedSubject:
-    theta, x = _adapted(problem, bounds, starts)
+    theta, x = _lowest(problem, bounds, starts)
+    theta = _following(problem, bounds, theta, x)
     E, fits = _value(theta, problem, x)
     girdle, adapted = problem.girdle_at(theta), problem.own is None
     of_six = theta if adapted else girdle.adapted_mm

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-pytest.importorskip("nicegui", reason="nicegui, of the extra app, is not installed")
+pytest.importorskip("starlette", reason="starlette, which nicegui of the extra app brings, is not installed")
 
 from adapt.cli.local_page.own_origin import HEADERS, OwnOrigin, is_foreign
 

@@ -43,7 +43,8 @@ print(json.dumps({"devices": len(jax.devices()), "used": len(used), "off": float
 
 def test_two_devices_share_the_problems_and_change_nothing():
     """JAX is told that the CPU is two devices; in a process of its own, because it asks that only once."""
-    environment = os.environ | {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_PLATFORMS": "cpu"}
+    flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count=2"
+    environment = os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
     command = [sys.executable, "-c", PROGRAM]
     ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr

@@ -1,6 +1,7 @@
 """Data flows one way through the rooms, every folder can be taken in at a glance, and a file's name says what it is."""
 
 import graphlib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,6 @@ import pytest
 from scripts import draw_rooms, rooms
 
 FILES = rooms.source_files()
-IMPORTS = tuple(rooms.imports(FILES))
-CROSSINGS = rooms.crossings(IMPORTS)
 
 MOST_ENTRIES = 12
 """Of a folder: what a reader takes in at once."""
@@ -51,6 +50,16 @@ WITHOUT_PANDAS = ("models", "adapt.engine", "adapt.solvers", "adapt.diagnosis")
 NEVER_AT_RUN_TIME = ("casadi", "hypothesis", "jaxopt", "opensim", "pytest", "scripts", "tests")
 
 
+@cache
+def imports() -> tuple[rooms.Import, ...]:
+    return tuple(rooms.imports(FILES))
+
+
+@cache
+def every_crossing() -> dict:
+    return rooms.crossings(imports())
+
+
 def folders() -> list[Path]:
     below = (path for package in rooms.PACKAGES for path in sorted((rooms.ROOT / package).rglob("*")))
     return [rooms.ROOT / package for package in rooms.PACKAGES] + [
@@ -59,7 +68,7 @@ def folders() -> list[Path]:
 
 
 def crossings_within(order) -> dict:
-    return rooms.crossings(IMPORTS, lambda module: rooms.folder(module, order))
+    return rooms.crossings(imports(), lambda module: rooms.folder(module, order))
 
 
 def described(found) -> list[str]:
@@ -75,7 +84,7 @@ def backward(found, order) -> dict:
 
 
 def test_a_room_imports_only_those_before_it():
-    assert not backward(CROSSINGS, rooms.ORDER)
+    assert not backward(every_crossing(), rooms.ORDER)
 
 
 @pytest.mark.parametrize("order", rooms.WITHIN, ids=lambda names: names[0].rpartition(".")[0])
@@ -84,13 +93,13 @@ def test_a_folder_inside_a_room_imports_only_those_before_it(order):
 
 
 def test_nothing_but_python_dash_m_imports_the_command_line():
-    importers = {ends[0] for ends in CROSSINGS if ends[1] == "adapt.cli"}
+    importers = {ends[0] for ends in every_crossing() if ends[1] == "adapt.cli"}
     assert importers == {"adapt.__main__"}
 
 
 def test_no_module_imports_itself_by_way_of_others():
     graph: dict[str, set[str]] = {module: set() for module in FILES}
-    for one in IMPORTS:
+    for one in imports():
         if one.imported in FILES and one.imported != one.importer:
             graph[one.importer].add(one.imported)
     graphlib.TopologicalSorter(graph).prepare()  # raises CycleError, which names the circle
@@ -98,18 +107,18 @@ def test_no_module_imports_itself_by_way_of_others():
 
 @pytest.mark.parametrize("package", ONLY_IN)
 def test_a_package_of_others_stays_in_its_room(package):
-    importers = [one for one in IMPORTS if one.imported.partition(".")[0] == package]
+    importers = [one for one in imports() if one.imported.partition(".")[0] == package]
     assert importers, f"nothing imports {package} any more: delete it here and in pyproject.toml"
     assert not described(one for one in importers if rooms.room(one.importer) not in ONLY_IN[package])
 
 
 def test_pandas_stays_at_the_edge():
-    found = (one for one in IMPORTS if one.imported.partition(".")[0] == "pandas")
+    found = (one for one in imports() if one.imported.partition(".")[0] == "pandas")
     assert not described(one for one in found if rooms.room(one.importer) in WITHOUT_PANDAS)
 
 
 def test_the_library_imports_no_oracle_script_or_test():
-    assert not described(one for one in IMPORTS if one.imported.partition(".")[0] in NEVER_AT_RUN_TIME)
+    assert not described(one for one in imports() if one.imported.partition(".")[0] in NEVER_AT_RUN_TIME)
 
 
 @pytest.mark.parametrize("folder", folders(), ids=lambda path: str(path.relative_to(rooms.ROOT)))
@@ -130,9 +139,8 @@ def test_a_basename_is_one_modules():
 
 
 def test_the_drawing_shows_the_imports_of_today():
-    assert draw_rooms.arrows_in(draw_rooms.DRAWING.read_text(encoding="utf-8")) == set(draw_rooms.arrows(CROSSINGS)), (
-        "run `make rooms`"
-    )
+    drawn = draw_rooms.arrows_in(draw_rooms.DRAWING.read_text(encoding="utf-8"))
+    assert drawn == set(draw_rooms.arrows(every_crossing())), "run `make rooms`"
 
 
 SOURCES = {

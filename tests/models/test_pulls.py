@@ -1,10 +1,12 @@
 """Moment arms: slopes of the lengths, by angle, about the joints and in the chain's free directions."""
 
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from programs import few_runs
+from programs import few_runs, one_run
 
 from models import load_model
 from models.drive import drive, free_coordinates_mm
@@ -33,12 +35,13 @@ SETS = ("R2", "R4", "R6")
 """Those that are closed at rest."""
 
 
+@cache
 def postures(name: str):
     """Closed postures about rest, and their free coordinates."""
     model = load_model(name)
     rest = np.asarray(free_coordinates_mm(model.girdle, REST_DEG / DEG))
     offsets = np.array([[0.0, 6.0, -5.0, 3.0, 8.0], [0.0, -4.0, 3.0, 6.0, -7.0], [0.0, 3.0, -2.0, 4.0, 2.0]])
-    driven = quick_drive(model.girdle, rest[:, None] + offsets)
+    driven = one_run(drive)(model.girdle, rest[:, None] + offsets)
     good = np.flatnonzero(driven.words == "ok")[:3]
     assert len(good) == 3
     return model, np.asarray(driven.angles)[:, good], rest[:, None] + offsets[:, good]
@@ -108,16 +111,18 @@ def test_slopes_of_the_arms_are_second_derivatives_of_the_length():
     def lengths(q):
         return lengths_mm(lines, model.girdle, q[:, None])[:, 0]
 
-    arms = few_runs(lambda q: -jax.jacfwd(lengths)(q))
+    derivatives = few_runs(lambda q: (lengths(q), -jax.jacfwd(lengths)(q), -jax.hessian(lengths)(q)))
+    length, arms, slopes = derivatives(q)
     found = pulls(lines, model.girdle, np.asarray(q)[:, None])
-    np.testing.assert_allclose(few_runs(lengths)(q), found.length_mm[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(length, found.length_mm[:, 0], rtol=1e-12)
     assert (found.depth_mm > 0.0).any()
     np.testing.assert_allclose(
-        arms(q), arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
+        arms, arms_by_angle_mm(lines, found, model.girdle, np.asarray(q)[:, None])[..., 0].T, atol=1e-9
     )
     h = 1e-5
-    difference = np.stack([(arms(q + h * unit) - arms(q - h * unit)) / (2 * h) for unit in np.eye(6)], axis=-1)
-    np.testing.assert_allclose(-few_runs(jax.hessian(lengths))(q), difference, atol=SLOPE)
+    beside = [[derivatives(q + sign * h * unit)[1] for sign in (1.0, -1.0)] for unit in np.eye(6)]
+    difference = np.stack([(more - less) / (2 * h) for more, less in beside], axis=-1)
+    np.testing.assert_allclose(slopes, difference, atol=SLOPE)
 
 
 def test_the_points_of_the_lines_go_from_end_to_end_as_far_as_the_lines_are_long():

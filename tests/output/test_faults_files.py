@@ -3,6 +3,7 @@
 import errno
 import itertools
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -52,12 +53,20 @@ def other(tmp_path) -> Path:
     return written(tmp_path, [line.replace("simulated0", "other") for line in shipped_lines(4)], "other.csv")
 
 
+@pytest.fixture(scope="module")
+def went_well(tmp_path_factory) -> Path:
+    """The folder of a run that went well, to be copied."""
+    folder = tmp_path_factory.mktemp("went_well")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts, "adapt_subjects", quick_adaptations)
+        assert girdle("adapt", written(folder, shipped_lines(2)), "--out", folder / "out").status == 0
+    return folder / "out"
+
+
 @pytest.fixture
-def earlier(quick, motion, tmp_path) -> Path:
-    """The folder of a run that went well."""
-    folder = tmp_path / "out"
-    assert girdle("adapt", motion, "--out", folder).status == 0
-    return folder
+def earlier(quick, went_well, tmp_path) -> Path:
+    """A folder with the files of an earlier run."""
+    return shutil.copytree(went_well, tmp_path / "out")
 
 
 @pytest.fixture

@@ -1,11 +1,12 @@
 """Derivatives of the objective: differences, both directions, the second order, and ``vmap`` and ``jit`` in any
 order with them."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from nested import values_and_slopes
 from programs import few_runs
 
 from adapt.differentiable import objective
@@ -28,8 +29,7 @@ SUBJECT = jnp.asarray(simulate_subjects(1, seed=3, noise_deg=3.0).angles_deg.T /
 THETA = GIRDLE.adapted_mm + jnp.array([3.0, -2.0, 1.0, -4.0, 2.0, 0.5])
 
 
-def E(theta, angles, start):
-    """From one start, which is less to compile; ``values_and_slopes`` finds its own."""
+def E(theta, angles, start=None):
     return objective(theta, GIRDLE, POINTS, angles, start=start)
 
 
@@ -53,36 +53,43 @@ def differences(of_steps) -> np.ndarray:
     return (np.asarray(of_steps)[1:7] - np.asarray(of_steps)[7:]) / 2e-3
 
 
-@pytest.fixture(scope="module")
-def stepped():
-    """E and its slope at STEPS: jit of vmap of grad."""
-    count = len(STEPS)
-    same = jax.tree.map(lambda x: jnp.repeat(x[None], count, axis=0), (GIRDLE, POINTS, SUBJECT))
-    values, slopes = values_and_slopes(THETA + STEPS, *same)
-    return np.asarray(values), np.asarray(slopes)
+class Derivatives(NamedTuple):
+    """At each of STEPS."""
+
+    values: np.ndarray
+    slopes: np.ndarray
+    """dE/dtheta in reverse."""
+    forward_slopes: np.ndarray
+    hessians: np.ndarray
+    """d2E/dtheta2, forward over reverse."""
 
 
 @pytest.fixture(scope="module")
-def in_forward_mode():
-    """dE/dtheta in forward mode, and d2E/dtheta2 forward over reverse, in one program."""
-    slope, hessian = few_runs(jax.jacfwd(jax.value_and_grad(E)))(THETA, SUBJECT, fitted())
-    return np.asarray(slope), np.asarray(hessian)
+def stepped() -> Derivatives:
+    """Jit of vmap of both directions: one program, as most of its time is compilation."""
+
+    def derivatives(theta, angles):
+        both = jax.value_and_grad(E)
+        further, found = jax.jacfwd(lambda theta: (both(theta, angles),) * 2, has_aux=True)(theta)
+        return Derivatives(*found, *further)
+
+    found = few_runs(jax.vmap(derivatives, in_axes=(0, None)))(THETA + STEPS, SUBJECT)
+    return jax.tree.map(np.asarray, found)
 
 
-def test_nested_gradient_by_differences_and_in_forward_mode(stepped, in_forward_mode):
-    values, slopes = stepped
-    assert_close(slopes[0], differences(values), FD_TOLERANCE)
-    assert_close(in_forward_mode[0], slopes[0], EXACT)
+def test_nested_gradient_by_differences_and_in_forward_mode(stepped):
+    assert_close(stepped.slopes[0], differences(stepped.values), FD_TOLERANCE)
+    assert_close(stepped.forward_slopes[0], stepped.slopes[0], EXACT)
 
 
-def test_nested_hessian_by_differences_and_symmetric(stepped, in_forward_mode):
-    hessian = in_forward_mode[1]
-    assert_close(hessian, differences(stepped[1]), FD_TOLERANCE)
+def test_nested_hessian_by_differences_and_symmetric(stepped):
+    hessian = stepped.hessians[0]
+    assert_close(hessian, differences(stepped.slopes), FD_TOLERANCE)
     assert_close(hessian, hessian.T, EXACT)
 
 
 def test_grad_of_vmap_of_jit_is_vmap_of_grad(stepped):
-    """Two subjects, the second with the postures in another order: twice the slope of one."""
+    """Two subjects, the second with the postures in another order: twice the slope of one. From one start."""
     angles, start = (jnp.stack([x, x[:, ::-1]]) for x in (SUBJECT, fitted()))
     of_sum = few_runs(jax.grad(lambda t: jnp.sum(jax.vmap(jax.jit(E), in_axes=(None, 0, 0))(t, angles, start))))
-    assert_close(of_sum(THETA), 2.0 * stepped[1][0], EXACT)
+    assert_close(of_sum(THETA), 2.0 * stepped.slopes[0], EXACT)
