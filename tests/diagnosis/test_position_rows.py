@@ -99,7 +99,7 @@ def test_the_rows_are_what_a_hand_computes():
     rows, candidates, _ = parts(laid_out(both))
     left = rows.values_mm + rows.by_amplitude @ amplitudes(candidates, sc_translation=SC_MM, ac_translation=AC_MM)
     np.testing.assert_allclose(left, 0.0, atol=EXACT_MM)
-    assert rows.places.tolist() == [1] * 3 + [2] * 9
+    np.testing.assert_array_equal(rows.of_noise[0], np.kron(SEEN, np.eye(3)))
 
 
 def test_a_constant_of_the_person_is_in_the_constants():
@@ -157,6 +157,9 @@ def test_the_noise_of_angles_turns_the_scapula_as_one_bone():
     )
 
 
+SEEN = np.array([[1, -1, 0, 0], [-1, 2, -1, -1], [0, -1, 2, 1], [0, -1, 1, 2]], float)
+"""Covariance of SC, AC - SC, TS - AC and AI - AC where that of each place is 1."""
+
 NOT_SMOOTH = TYPICAL._replace(own_mm=0.0, common_mm=0.0, own_turn_deg=0.0, common_turn_deg=0.0)
 
 
@@ -172,7 +175,7 @@ def dense(
     same = shoulders.subject[:, None] == shoulders.subject
     n, count = rows.values_mm.shape[1], len(rows.values_mm)
     L = rows.by_angle.reshape(count * n, -1)
-    total = rows.noise_mm**2 * np.diag(np.tile(rows.places, count)).astype(float)
+    total = rows.noise_mm**2 * np.kron(np.eye(count), np.kron(SEEN[: n // 3, : n // 3], np.eye(3)))
     total += found.noise_deg**2 * np.kron(np.eye(count), np.ones((n, n))) * (L @ L.T)
     H, C, A = (x.reshape(count * n, -1) for x in (rows.by_constant, rows.by_common, rows.by_amplitude[..., where]))
     total += found.people**2 * np.kron(same, np.ones((n, n))) * (H @ H.T) + C @ C.T
@@ -290,7 +293,7 @@ def test_of_angles_that_are_of_the_same_landmarks_the_path_of_sc_and_the_length_
     np.testing.assert_allclose(left.values_mm[:, 3], -f * AC_MM[0], atol=EXACT_MM)  # x of the clavicle is its axis
     across = candidates.where(("ac_translation",))[3:]  # three terms each of along, up, back
     np.testing.assert_allclose(left.by_amplitude[:, 3, across], 0.0, atol=EXACT_MM)
-    assert left.places.tolist() == [1, 1, 1, 2]
+    np.testing.assert_allclose(np.diagonal(left.of_noise, axis1=1, axis2=2), [[1.0, 1.0, 1.0, 2.0]] * len(f))
     on_skin = rows.beside_angles_of_them(shoulders.angles, ac_is_on_the_bone=False)
     assert on_skin is not None
     np.testing.assert_array_equal(on_skin.values_mm, left.values_mm[:, :3])

@@ -100,7 +100,8 @@ def _white(
     known = rows.measured[own]
     by_angle = np.where(known[..., None], noise_deg * rows.by_angle[own], 0.0)
     covariance = by_angle @ np.swapaxes(by_angle, 1, 2)
-    covariance += np.where(known, rows.places * rows.noise_mm**2, 1.0)[..., None] * np.eye(known.shape[1])
+    both = known[..., None] & known[:, None]
+    covariance += np.where(both, rows.noise_mm**2 * rows.of_noise[own], np.eye(known.shape[1]))
     root = np.linalg.cholesky(covariance)
     white = np.linalg.inv(root) @ np.where(known[..., None], columns, 0.0)
     return white.reshape(-1, columns.shape[2]), 2.0 * float(np.log(np.einsum("rnn->rn", root)).sum())

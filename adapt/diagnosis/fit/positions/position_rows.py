@@ -87,8 +87,9 @@ class PositionRows:
     """H C."""
     landmarks: tuple[str, ...]
     """Those that were measured, three coordinates each."""
-    places: Int[np.ndarray, " n"]
-    """How many places a coordinate is made of, each with its noise."""
+    of_noise: Float[np.ndarray, "rows n n"]
+    """Covariance of the coordinates where each coordinate of a place has noise of SD 1: a place is in that of its
+    landmark, and in those of all that it carries."""
     by_angle: Float[np.ndarray, "rows n 6"]
     """What a degree of noise in each measured angle does, mm; an angle that was not measured has more."""
     noise_mm: float
@@ -137,7 +138,7 @@ class PositionRows:
             by_constant=_OPEN * turned @ self.by_constant,
             by_common=_OPEN * turned @ self.by_constant,
             landmarks=self.landmarks,
-            places=self.places[kept],
+            of_noise=turned @ self.of_noise @ np.swapaxes(turned, 1, 2),
             by_angle=np.zeros((count, len(kept), len(angles))),
             noise_mm=self.noise_mm,
         )
@@ -183,7 +184,7 @@ def _laid_out(
         by_constant=by_constant @ root,
         by_common=by_constant @ common,
         landmarks=tuple(measured),
-        places=np.repeat([1 + bool(_carrier(name, measured)) for name in measured], 3),
+        of_noise=np.broadcast_to(_of_noise(tuple(measured)), (len(known), *2 * known.shape[1:])),
         by_angle=seen.by_angle(angles, shoulders.measured),
         noise_mm=noise_mm,
     )
@@ -198,6 +199,16 @@ def _are_candidates(candidates: Candidates, count: int) -> Bool[np.ndarray, " si
 
 def _carrier(name: str, measured: Sequence[str] | Places) -> str | None:
     return next((one for one in _CARRIERS[name] if one in measured), None)
+
+
+def _of_noise(names: Sequence[str]) -> Float[np.ndarray, "n n"]:
+    """Compute T T', T what each place does to the coordinates, which are seen from their carriers."""
+    T = np.eye(len(names))
+    for name in names:
+        carrier = _carrier(name, names)
+        if carrier is not None:
+            T[names.index(name), names.index(carrier)] = -1.0
+    return np.kron(T @ T.T, np.eye(3))
 
 
 def _from_carriers(places: Places) -> dict[str, Float[np.ndarray, "3 *any"]]:
