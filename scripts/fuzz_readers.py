@@ -1,6 +1,7 @@
 """Thousands of broken files through every reader: each is read or refused in one line, and never is there more.
 
-``python scripts/fuzz_readers.py --inputs 2000 --seed 1`` makes that many of each kind: random bytes, pieces of the
+``python scripts/fuzz_readers.py --inputs 2000 --seed 1`` makes that many of each kind (a tenth of .c3d and of surfaces,
+each of which starts a process): random bytes, pieces of the
 format in no order, and valid files that were changed in a few places. A reader fails if it raises anything but an
 InputError, warns, takes longer than LONGEST_S, ends its process, or explains itself in more than one printable line.
 Failures are kept in --keep. Prints a table; exit status 1 if anything failed.
@@ -11,7 +12,7 @@ import sys
 import tempfile
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -51,7 +52,7 @@ from scripts import valid_files as valid
 LONGEST_S = 20.0
 """A reader of files of a few kilobytes that takes longer hangs, on however busy a machine."""
 
-READ, REFUSED = "read", "refused"
+READ, REFUSED, FAILED = "read", "refused", "failed"
 
 _TOKENS = [
     *(b"nan", b"inf", b"-inf", b"1e999", b"-1e308", b"1e-320", b"-0", b"+", b"0x10", b"1_000", b"9" * 400, b"9" * 5000),
@@ -68,6 +69,8 @@ class Kind:
     ending: str
     read: Callable[[Path], object]
     valid: bytes
+    in_child: bool = False
+    """Whether each file starts a process: a tenth as many are tried."""
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
@@ -102,7 +105,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "second static trial": Kind(".trc", _calibrated_beside(folder), valid.trc(valid.CLUSTER_MM)),
         "mot": Kind(".mot", any_motions, valid.mot(folder)),
         "mot, commas": Kind(".mot", any_motions, valid.mot(folder).replace(b"\t", b",")),
-        "c3d": Kind(".c3d", any_motions, valid.c3d(folder)),
+        "c3d": Kind(".c3d", any_motions, valid.c3d(folder), in_child=True),
         "run.json": Kind(".json", record, valid.run_json(folder)),
         "list of a run": Kind(".sha256", _renamed(folder, LIST, last_written), valid.LIST),
         "diagnosis.json": Kind(".json", _renamed(folder, "diagnosis.json", _known_effects), valid.DIAGNOSIS),
@@ -111,11 +114,11 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "contour volumes": Kind(".csv", _contours_in_discs(folder), valid.CIRCLED),
         "image": Kind(".png", lambda path: read_slices([path], 1.0, 2.0), valid.png()),
         "dicom": Kind(".dcm", lambda path: read_slices([path]), valid.dicom()),
-        "stl": Kind(".stl", _surface, valid.stl()),
-        "stl, text": Kind(".stl", _surface, valid.stl_text()),
-        "ply": Kind(".ply", _surface, valid.ply()),
-        "ply, binary": Kind(".ply", _surface, valid.ply_binary()),
-        "vtp": Kind(".vtp", _surface, valid.vtp()),
+        "stl": Kind(".stl", _surface, valid.stl(), in_child=True),
+        "stl, text": Kind(".stl", _surface, valid.stl_text(), in_child=True),
+        "ply": Kind(".ply", _surface, valid.ply(), in_child=True),
+        "ply, binary": Kind(".ply", _surface, valid.ply_binary(), in_child=True),
+        "vtp": Kind(".vtp", _surface, valid.vtp(), in_child=True),
         "attachments": Kind(".csv", lambda path: read_named_points(path, "attachment"), valid.ATTACHMENTS),
         "points to check": Kind(".csv", _checked, valid.points_csv()),
         "landmarks to check": Kind(".csv", _checked, valid.landmark_csv()),
@@ -287,43 +290,51 @@ def file_number(kind: Kind, seed: int, number: int) -> bytes:
     return broken(kind, Generator(PCG64([seed, number])))
 
 
-def _work(name: str, seed: int, numbers: range, pipe: Connection) -> None:
+Task = tuple[str, int]
+"""A kind and the number of a file."""
+
+
+def _work(tasks: list[Task], seed: int, pipe: Connection) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        kind = kinds(Path(folder))[name]
-        outcome(kind, kind.valid, Path(folder))  # what is compiled for the first valid file is no hang
-        for number in numbers:
-            pipe.send(outcome(kind, file_number(kind, seed, number), Path(folder)))
+        every = kinds(Path(folder))
+        for name in dict.fromkeys(name for name, _ in tasks):
+            outcome(
+                every[name], every[name].valid, Path(folder)
+            )  # what is compiled for the first valid file is no hang
+            for number in (number for other, number in tasks if other == name):
+                pipe.send(outcome(every[name], file_number(every[name], seed, number), Path(folder)))
 
 
-def outcomes(name: str, seed: int, inputs: int) -> list[str]:
+def outcomes(tasks: list[Task], seed: int) -> Iterator[str]:
     """Of every input in turn, read in a process of its own, which is replaced where it hangs or dies."""
-    found: list[str] = []
+    done = 0
     context = multiprocessing.get_context("spawn")
-    while len(found) < inputs:
+    while done < len(tasks):
         ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_work, args=(name, seed, range(len(found), inputs), theirs))
+        process = context.Process(target=_work, args=(tasks[done:], seed, theirs))
         process.start()
         theirs.close()
-        patience_s = 10 * LONGEST_S  # for its start
-        while len(found) < inputs:
+        patience_s, lost = 10 * LONGEST_S, False  # for its start
+        while done < len(tasks) and not lost:
             try:
-                found.append(ours.recv() if ours.poll(patience_s) else "hangs")
+                said = ours.recv() if ours.poll(patience_s) else "hangs"
             except EOFError:
                 process.join()
-                found.append(f"ends its process with status {process.exitcode}")
-            if found[-1].startswith(("hangs", "ends its process")):
-                break
-            patience_s = LONGEST_S
+                said = f"ends its process with status {process.exitcode}"
+            done, patience_s = done + 1, LONGEST_S
+            lost = said.startswith(("hangs", "ends its process"))
+            yield said
         process.kill()
         process.join()
-    return found
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
 def main(
-    inputs: Annotated[int, typer.Option(min=1, help="How many of each kind of file.")] = 2000,
+    inputs: Annotated[
+        int, typer.Option(min=1, help="How many of each kind of file; a tenth where each starts a process.")
+    ] = 2000,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same files.")] = 1,
     keep: Annotated[Path, typer.Option(help="Folder for the files that a reader failed on.")] = Path("out/fuzz"),
 ) -> None:
@@ -333,21 +344,22 @@ def main(
         for name, kind in every.items():
             said = outcome(kind, kind.valid, Path(folder))
             assert said == READ, f"the valid file of {name} is not read: {said}"
-    table = Table("file", *(f"[right]{word}" for word in ("tried", READ, REFUSED, "failed")))
+    counts = {name: Counter[str]() for name in every}
     failed: list[str] = []
-    total: Counter[str] = Counter()
-    for name in track(every, "reading", console=Console(stderr=True)):
-        found = outcomes(name, seed, inputs)
-        count = Counter(word if word in (READ, REFUSED) else "failed" for word in found)
-        total += count
-        table.add_row(name, *(f"{number}" for number in (len(found), count[READ], count[REFUSED], count["failed"])))
-        for number, said in enumerate(found):
-            if said not in (READ, REFUSED):
-                keep.mkdir(parents=True, exist_ok=True)
-                path = keep / f"{name.replace(' ', '_')}_{seed}_{number}{every[name].ending}"
-                path.write_bytes(file_number(every[name], seed, number))
-                failed.append(f"{path}: {said}")
-    table.add_row("all", *(f"{number}" for number in (total.total(), total[READ], total[REFUSED], total["failed"])))
+    few = -(-inputs // 10)
+    tasks = [(name, k) for name, kind in every.items() for k in range(few if kind.in_child else inputs)]
+    found = track(outcomes(tasks, seed), "reading", len(tasks), console=Console(stderr=True))
+    for (name, number), said in zip(tasks, found, strict=True):
+        counts[name][said if said in (READ, REFUSED) else FAILED] += 1
+        if said not in (READ, REFUSED):
+            keep.mkdir(parents=True, exist_ok=True)
+            path = keep / f"{name.replace(' ', '_')}_{seed}_{number}{every[name].ending}"
+            path.write_bytes(file_number(every[name], seed, number))
+            failed.append(f"{path}: {said}")
+    counts["all"] = sum(counts.values(), Counter[str]())
+    table = Table("file", *(f"[right]{word}" for word in ("tried", READ, REFUSED, FAILED)))
+    for name, count in counts.items():
+        table.add_row(name, *(f"{number}" for number in (count.total(), count[READ], count[REFUSED], count[FAILED])))
     Console().print(table)
     for line in failed:
         print(line)
