@@ -283,7 +283,7 @@ def test_exchanged_columns_of_the_clavicle_are_no_two_wrong_signs():
     turned = course().angles_deg.copy()
     turned[:, :2] = turned[:, 1::-1]
     (said,) = warned(replace(course(), angles_deg=turned))
-    assert "clavicle_z_deg is as clavicle_y_deg is in people, and the other way round" in said
+    assert "clavicle_y_deg is as clavicle_z_deg is in people, and the other way round" in said
 
 
 @pytest.mark.parametrize("overhead", [130.0, 180.0])
