@@ -32,6 +32,11 @@ LEAST_LOG_ODDS = -1.5
 sound angle gets below it in 1.5 % of people or less. Twice that where only one of both terms was measured."""
 
 
+SURE_LOG_ODDS = -6.0
+"""400 to 1. Above it tipping may have the sign that it has: cadavers whose girdle closes only with a scapula that is
+tipped by 4 +- 4 degrees backward (breteler_mri) cannot be told from people whose sign was turned round."""
+
+
 @dataclass(frozen=True)
 class Usual:
     """An angle at rest and its course over 60 degrees of elevation, degrees: means and SDs of people.
@@ -105,6 +110,7 @@ class WrongSign:
 
     angle: str
     said: str
+    log_odds: float
 
 
 @dataclass(frozen=True)
@@ -182,7 +188,9 @@ def wrong_signs(motions: Motions) -> list[WrongSign]:
     half = (np.isnan(by_rest) != np.isnan(by_course)) & (_REST != 0.0) & (_COURSE != 0.0)
     log_odds = np.nan_to_num(by_rest) + np.nan_to_num(by_course)
     wrong = np.flatnonzero(log_odds < LEAST_LOG_ODDS * np.where(half, 2.0, 1.0))
-    return [WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k])) for k in wrong]
+    return [
+        WrongSign(ANGLES[k], _said(ANGLES[k], USUAL[ANGLES[k]], rest[k], course[k]), float(log_odds[k])) for k in wrong
+    ]
 
 
 def _rest_and_course(motions: Motions) -> tuple[Float[np.ndarray, "6"], Float[np.ndarray, "6"]]:
@@ -259,4 +267,5 @@ def likely_convention(found: list[WrongSign]) -> str:
         return f"It looks like ISB's beta: z = -beta; {turn}"
     if isb:
         return f"z looks like ISB's beta (z = -beta); {turn}"
-    return turn[0].upper() + turn[1:]
+    weak = angles == ["scapula_x"] and found[0].log_odds > SURE_LOG_ODDS
+    return turn[0].upper() + turn[1:] + (". A scapula that hardly tips looks alike" if weak else "")

@@ -247,6 +247,15 @@ def test_a_sign_turned_round_is_named_alone(angle):
     assert not warned(course())
 
 
+def test_of_a_scapula_that_hardly_tips_no_more_is_said_than_is_known():
+    angles = course().angles_deg.copy()
+    angles[:, ANGLES.index("scapula_x")] = 4.0
+    (said,) = warned(replace(course(), angles_deg=angles))
+    assert said.endswith("check which angle it is. A scapula that hardly tips looks alike.")
+    (said,) = warned(course(scapula_x=-1.0))
+    assert "looks alike" not in said
+
+
 def test_isb_is_recognised_and_a_small_motion_says_nothing():
     (said,) = warned(course(clavicle_z=-1.0, scapula_z=-1.0))
     assert "falls by 21 degrees over 60 degrees of elevation" in said
