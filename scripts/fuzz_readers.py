@@ -49,8 +49,9 @@ from motions.landmarks.sampled_postures import Labels
 from motions.motion_csv.reading import read_motions
 from scripts import valid_files as valid
 
-LONGEST_S = 20.0
-"""A reader of files of a few kilobytes that takes longer hangs, on however busy a machine."""
+LONGEST_S = 90.0
+"""A reader of files of a few kilobytes that takes longer hangs, on however busy a machine; one that starts a process
+gives up before (``motions.formats.child_reader``)."""
 
 READ, REFUSED, FAILED = "read", "refused", "failed"
 

@@ -27,7 +27,7 @@ _STL_HEADER, _STL_FACET = 84, 50
 _INFLATED = 1000
 """Numbers that a byte of a compressed file may hold; a header that states more is not believed."""
 
-_PATIENCE_S, _BYTES_A_SECOND = 20.0, 1e6
+_PATIENCE_S, _BYTES_A_SECOND = 60.0, 1e6
 """How long vtk is waited for: it takes less than a second a MB after a start of half a second."""
 
 _DENSE = 20_000
