@@ -51,7 +51,7 @@ from scripts import valid_files as valid
 
 LONGEST_S = 90.0
 """A reader of files of a few kilobytes that takes longer hangs, on however busy a machine; one that starts a process
-gives up before (``motions.formats.child_reader``)."""
+gives up before (``motions.files.read_by_child``)."""
 
 READ, REFUSED, FAILED = "read", "refused", "failed"
 

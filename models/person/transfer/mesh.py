@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from motions.errors import InputError
-from motions.files import read_bytes
-from motions.formats.child_reader import read_by_child
+from motions.files import read_by_child, read_bytes
 
 Points = Float[np.ndarray, "3 points"]
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from motions.errors import InputError
-from motions.files import unreadable
-from motions.formats.child_reader import read_by_child
+from motions.files import read_by_child, unreadable
 from motions.formats.gaps import zeros_as_gaps
 from motions.landmarks.markers import Markers
 
