@@ -60,7 +60,7 @@ def _each(motions: Motions) -> Iterator[Motions]:
         yield motions.take(rows)
 
 
-def judged(people: Iterable[Motions]) -> dict[str, object]:
+def judged(people: Iterable[Motions]) -> dict[str, int]:
     """Count those with a warning, and of each angle turned round those without."""
     count, warned, turned, missed = 0, 0, 0, dict.fromkeys(ANGLES, 0)
     for one in people:
