@@ -231,6 +231,8 @@ def _curve(path: Path, sign: float) -> _Curve:
         raise InputError(str(path), None, "the file has not two columns", "Check it out again")
     table = numbers(np.array(rows), range(1, len(rows) + 1), str(path))
     table = table[np.isfinite(table).all(axis=1)]
+    if not len(table):
+        raise InputError(str(path), None, "no row of the file has both numbers", "Check it out again")
     return _Curve(table[:, 0], sign * table[:, 1])
 
 

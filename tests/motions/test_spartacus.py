@@ -186,3 +186,13 @@ def test_a_column_that_is_missing_is_named(tmp_path, table):
     path.write_text(path.read_text().replace("dataset_id", "number", 1))
     with pytest.raises(InputError, match="line 1: there is not one column dataset_id"):
         read_spartacus(folder, LABELS)
+
+
+def test_a_curve_without_a_whole_row_is_named(tmp_path):
+    """Found by fuzzing."""
+    authors = "Ludewig et al."
+    where = data(tmp_path, 11, authors)
+    folder = checkout(tmp_path, [study(11, authors)], joints(11, authors))
+    (where / "SC_elevation.csv").write_text("20,nan\n40,\n")
+    with pytest.raises(InputError, match="no row of the file has both numbers"):
+        read_spartacus(folder, LABELS)
